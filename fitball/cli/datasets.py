@@ -1,0 +1,229 @@
+"""`fitball datasets`: list the bundled tables, show one, check a file of one's own."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import TYPE_CHECKING, Any
+
+from fitball.errors import FitballError, TableError
+
+if TYPE_CHECKING:
+    from fitball.data.scene import Scene
+    from fitball.data.table import ImpactTable
+
+_EXAMPLES = """examples:
+  fitball datasets list
+  fitball datasets show wang_zero_spin.csv
+  fitball datasets check my_impacts.csv
+  fitball datasets check my_impacts.csv --json
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the verb `datasets` with its actions."""
+    parser = subparsers.add_parser(
+        "datasets",
+        help="list, show and check impact tables",
+        description="List the tables that come with fitball, show one, or check a file and name every fault.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    _add_action(actions, "list", "names of the bundled tables", "fitball datasets list")
+    show = _add_action(
+        actions,
+        "show",
+        "a table as it was read, and what is known about it",
+        "fitball datasets show wang_all",
+    )
+    show.add_argument("data", metavar="NAME", help="a path, or the name of a bundled table")
+    check = _add_action(
+        actions, "check", "every fault of a table and of its scene", "fitball datasets check my_impacts.csv"
+    )
+    check.add_argument("data", metavar="FILE", help="a path, or the name of a bundled table")
+    check.add_argument(
+        "--config", metavar="FILE.toml", help="the scene, instead of the TOML file beside the table"
+    )
+    check.add_argument("--quiet", action="store_true", help="print faults only")
+
+
+def _add_action(
+    actions: argparse._SubParsersAction[argparse.ArgumentParser], name: str, text: str, example: str
+) -> argparse.ArgumentParser:
+    parser = actions.add_parser(
+        name,
+        help=text,
+        description=text[0].upper() + text[1:] + ".",
+        epilog=f"example:\n  {example}\n",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON for other programs")
+    return parser
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do what was asked. Returns 0, or 2 when `check` found faults; raises FitballError otherwise."""
+    actions = {"list": _list, "show": _show, "check": _check}
+    return actions[args.action](args)
+
+
+def _list(args: argparse.Namespace) -> int:
+    from fitball.data.bundled import bundled_tables
+
+    tables = bundled_tables()
+    if args.json:
+        _print_json(
+            [{"name": item.name, "path": str(item.path), "description": item.description} for item in tables]
+        )
+    else:
+        width = max((len(item.name) for item in tables), default=0)
+        for item in tables:
+            print(f"{item.name:<{width}}  {item.description}")
+    return 0
+
+
+def _show(args: argparse.Namespace) -> int:
+    from fitball.data.read import load_table
+    from fitball.data.scene import load_scene
+
+    table, scene = load_table(args.data), load_scene(args.data)
+    if args.json:
+        _print_json(_as_json(table, scene))
+        return 0
+    print(f"{table.name}: {scene.description or table.source}")
+    for line in (scene.citation, f"file {table.source}", f"SHA-256 {table.digest}"):
+        if line:
+            print(line)
+    print()
+    _print_columns(table)
+    for heading, lines in (
+        ("known", _known(scene)),
+        ("assumed", scene.assumed),
+        ("notices", tuple(str(notice) for notice in table.notices)),
+    ):
+        if lines:
+            print(f"\n{heading}:")
+            for line in lines:
+                print(f"  - {line}")
+    return 0
+
+
+def _check(args: argparse.Namespace) -> int:
+    from fitball.data.read import load_table
+    from fitball.data.scene import load_scene
+
+    errors: list[FitballError] = []
+    table: ImpactTable | None = None
+    try:
+        table = load_table(args.data)
+    except TableError as error:
+        errors.append(error)
+    try:
+        load_scene(args.data, args.config)
+    except TableError:
+        if not errors:
+            raise
+    except FitballError as error:
+        errors.append(error)
+    notices = table.notices if table is not None else ()
+    if args.json:
+        _print_json(
+            {
+                "source": args.data,
+                "ok": not errors,
+                "faults": [fault for error in errors for fault in _faults(error)],
+                "notices": [
+                    {"message": item.message, "row": item.row, "columns": item.columns} for item in notices
+                ],
+            }
+        )
+    else:
+        for found in errors:
+            print(found)
+        if table is not None and not args.quiet:
+            print(f"{table.source}: {len(table)} impacts{', no fault' if not errors else ''}")
+            for notice in notices:
+                print(f"  - {notice}")
+    return 2 if errors else 0
+
+
+def _faults(error: FitballError) -> list[dict[str, Any]]:
+    if isinstance(error, TableError):
+        return [
+            {
+                "file": error.source,
+                "message": item.message,
+                "row": item.row,
+                "line": item.line,
+                "column": item.column,
+            }
+            for item in error.faults
+        ]
+    return [{"file": None, "message": str(error), "row": None, "line": None, "column": None}]
+
+
+def _columns(table: ImpactTable) -> dict[str, Any]:
+    """Name with SI unit -> values, incident first."""
+    from fitball.data.table import REBOUND_UNITS
+
+    units = {"v_x1": "m/s", "v_y1": "m/s", "omega_1": "rad/s", **REBOUND_UNITS}
+    columns = {name: getattr(table.impacts, name) for name in table.incident_columns}
+    columns |= {item.name: item.values for item in (*table.measurements, *table.redundant)}
+    return {f"{name} [{units[name]}]": values for name, values in columns.items()}
+
+
+def _print_columns(table: ImpactTable) -> None:
+    """The table, aligned; in SI units but for angles, which people read in degrees."""
+    from fitball.data.units import UNITS
+
+    cells = {"id": list(table.ids)}
+    for name, values in _columns(table).items():
+        angle = name.endswith(" [rad]")
+        shown = UNITS["deg"].from_si(values) if angle else values
+        cells[name.replace("[rad]", "[deg]") if angle else name] = [f"{value:.6g}" for value in shown]
+    widths = {name: max(len(name), *(len(cell) for cell in column)) for name, column in cells.items()}
+    print("  ".join(f"{name:>{widths[name]}}" for name in cells))
+    for index in range(len(table)):
+        print("  ".join(f"{column[index]:>{widths[name]}}" for name, column in cells.items()))
+
+
+def _known(scene: Scene) -> tuple[str, ...]:
+    ball = scene.ball
+    lines = [
+        f"ball: {1e3 * ball.mass:g} g, radius {1e3 * ball.radius:g} mm, I/(M R^2) = {ball.inertia_ratio:.4g}",
+        f"model: {scene.model}",
+    ]
+    if scene.surface:
+        lines.append(f"surface: {scene.surface}")
+    if scene.mu is not None:
+        value, sd = scene.mu
+        lines.append(f"friction coefficient {value:g}" + ("" if sd is None else f" +- {sd:g}"))
+    if scene.contact_time is not None:
+        value, spread = scene.contact_time
+        lines.append(f"contact time {1e3 * value:g} +- {1e3 * spread:g} ms")
+    return tuple(lines)
+
+
+def _as_json(table: ImpactTable, scene: Scene) -> dict[str, Any]:
+    return {
+        "name": table.name,
+        "source": table.source,
+        "digest": table.digest,
+        "description": scene.description,
+        "citation": scene.citation,
+        "ids": table.ids,
+        "columns": {name: values.tolist() for name, values in _columns(table).items()},
+        "measurements": [item.name for item in table.measurements],
+        "redundant": [item.name for item in table.redundant],
+        "labels": dict(table.labels),
+        "notices": [
+            {"message": item.message, "row": item.row, "columns": item.columns} for item in table.notices
+        ],
+        "known": _known(scene),
+        "assumed": scene.assumed,
+    }
+
+
+def _print_json(content: object) -> None:
+    print(json.dumps(content, indent=2, ensure_ascii=False))

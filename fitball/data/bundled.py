@@ -1,0 +1,63 @@
+"""The tables that come with the package, and how a name becomes a file."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+from fitball.errors import Fault, TableError, suggestion
+
+
+@dataclass(frozen=True)
+class BundledTable:
+    """A table of the package: `name` as users write it, `path`, and a one-line `description`."""
+
+    name: str
+    path: Path
+    description: str
+
+
+def bundled_folder() -> Path:
+    """Where the bundled tables are: inside the installed package, or beside it in a checkout."""
+    data_room = Path(str(files(__name__.rpartition(".")[0])))
+    installed = data_room.parent / "_datasets"
+    return installed if installed.is_dir() else data_room.parents[1] / "datasets"
+
+
+def bundled_names() -> tuple[str, ...]:
+    """File names of the bundled tables, sorted."""
+    return tuple(sorted(path.name for path in bundled_folder().glob("*.csv")))
+
+
+def bundled_tables() -> tuple[BundledTable, ...]:
+    """All bundled tables; the description is that of the scene beside the table."""
+    folder = bundled_folder()
+    tables = []
+    for name in bundled_names():
+        scene = tomllib.loads((folder / name).with_suffix(".toml").read_text(encoding="utf-8"))
+        tables.append(BundledTable(name, folder / name, scene["source"]["description"]))
+    return tuple(tables)
+
+
+def resolve_table(source: str | os.PathLike[str]) -> Path:
+    """The file that `source`, a path or the name of a bundled table (`.csv` may be left out), means.
+
+    A path that exists wins. Raises TableError when there is neither.
+    """
+    path = Path(source)
+    if path.is_file():
+        return path
+    names = bundled_names()
+    wanted = str(source)
+    for name in (wanted, f"{wanted}.csv"):
+        if name in names:
+            return bundled_folder() / name
+    if path.is_dir():
+        raise TableError(wanted, [Fault("is a folder; expected a CSV or Parquet file")])
+    hint = suggestion(wanted.removesuffix(".csv"), [name.removesuffix(".csv") for name in names])
+    near = f"; {hint}" if hint.startswith("did") else ""
+    message = f"no such file, and no bundled table of that name{near} (bundled: {', '.join(names)})"
+    raise TableError(wanted, [Fault(message)])

@@ -1,0 +1,107 @@
+"""Checks of the numbers: one sign, ranges, and parts no larger than their whole."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.data.columns import SD_SUFFIX
+from fitball.data.number_column import NumberColumn
+from fitball.data.raw import RawRow
+from fitball.data.table import Notice
+from fitball.errors import Fault
+
+BoolArray = NDArray[np.bool_]
+
+# Angles and the normal rebound speed are printed negative by tables that count along one fixed axis.
+_SIGN_IS_CONVENTION = ("v_y2", "theta_2", "theta_1")
+_POSITIVE = {
+    "v_y1": "a positive speed towards the court",
+    "v_1": "a positive speed",
+    "v_y2": "a positive speed away from the court",
+    "v_2": "a positive speed",
+    "contact_time": "a positive time",
+}
+_ANGLES = ("theta_1", "theta_2")
+
+
+def one_sign(
+    columns: Mapping[str, NumberColumn], rows: tuple[RawRow, ...], faults: list[Fault], notices: list[Notice]
+) -> dict[str, NumberColumn]:
+    """The columns with `v_y2`, `theta_2` and `theta_1` counted positive.
+
+    A column that is negative throughout is turned once, with a notice; mixed signs are a fault of the
+    rows in the minority.
+    """
+    turned = dict(columns)
+    for name in _SIGN_IS_CONVENTION:
+        column = columns.get(name)
+        if column is None:
+            continue
+        negative, positive = column.values < 0.0, column.values > 0.0
+        if negative.any() and positive.any():
+            odd, word = (negative, "positive") if negative.sum() <= positive.sum() else (positive, "negative")
+            for index in np.flatnonzero(odd):
+                row = rows[index]
+                message = (
+                    f"read {column.shown(column.values[index])}, but other rows are {word}; "
+                    "expected one sign throughout: is it misprinted?"
+                )
+                faults.append(Fault(message, row=row.number, line=row.line, column=name))
+            # The odd rows are reported; the magnitude lets the other checks go on without repeating it.
+            turned[name] = replace(column, values=np.abs(column.values))
+        elif negative.any():
+            turned[name] = replace(column, values=-column.values)
+            notices.append(
+                Notice(f"{name} is negative in every row and was turned positive", columns=(name,))
+            )
+    return turned
+
+
+def check_ranges(columns: Mapping[str, NumberColumn], rows: tuple[RawRow, ...], faults: list[Fault]) -> None:
+    """Add a fault for every speed, time or sd that is not positive, every angle outside 0 to 180 deg."""
+    for name, column in columns.items():
+        expected = "a positive standard deviation" if name.endswith(SD_SUFFIX) else _POSITIVE.get(name)
+        if expected:
+            _report(column, column.values <= 0.0, f"expected {expected}", rows, faults)
+        if name in _ANGLES:
+            outside = (column.values <= 0.0) | (column.values >= pi)
+            _report(
+                column,
+                outside,
+                "expected an angle to the court between 0 and 180 deg: check the unit",
+                rows,
+                faults,
+            )
+
+
+def check_pairs(columns: Mapping[str, NumberColumn], rows: tuple[RawRow, ...], faults: list[Fault]) -> None:
+    """Add a fault where one rebound component and one polar column contradict each other.
+
+    With both components, or both polar columns, the comparison of redundant columns sees to it.
+    """
+    x, y, speed, angle = (columns.get(name) for name in ("v_x2", "v_y2", "v_2", "theta_2"))
+    part = x or y
+    if part is None or (x is not None and y is not None):
+        return
+    if speed is not None and angle is None:
+        too_fast = np.abs(part.values) > speed.values + part.half_width + speed.half_width
+        _report(part, too_fast, "expected at most the rebound speed v_2: check the units", rows, faults)
+    if angle is not None and speed is None and x is not None:
+        backward = (np.abs(x.values) > x.half_width) & (np.abs(angle.values - pi / 2) > angle.half_width)
+        against = backward & (x.values * np.cos(angle.values) < 0.0)
+        message = "expected a positive v_x2 where theta_2 is below 90 deg and a negative one above"
+        _report(x, against, message, rows, faults)
+
+
+def _report(
+    column: NumberColumn, bad: BoolArray, expected: str, rows: tuple[RawRow, ...], faults: list[Fault]
+) -> None:
+    for index in np.flatnonzero(bad):
+        row = rows[index]
+        message = f"read {column.shown(column.values[index])}; {expected}"
+        faults.append(Fault(message, row=row.number, line=row.line, column=column.name))

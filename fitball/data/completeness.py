@@ -1,0 +1,87 @@
+"""Whether a table has the columns that an impact needs, before any number is looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from fitball.data.columns import REBOUND, SD_SUFFIX, Header
+from fitball.data.redundancy import independent
+from fitball.data.table import Notice
+from fitball.errors import Fault
+
+_INCIDENT_FORMS = "v_x1 and v_y1, or v_1 and theta_1, or v_y1 alone for a drop test"
+_TANGENTIAL = ("v_x2", "v_2", "theta_2", "omega_2")
+
+
+def knows_incident(names: Iterable[str]) -> bool:
+    """Whether the columns determine the incident velocity (v_y1 alone does: a drop test)."""
+    return independent(names, "1") in (("v_x1", "v_y1"), ("v_1", "theta_1"), ("v_y1",))
+
+
+def check_columns(header: Header, line: int | None, faults: list[Fault], notices: list[Notice]) -> None:
+    """Add a fault for every column that is missing, and a notice for what is assumed or ignored."""
+    present = header.numbers
+    read = ", ".join([*header.numbers, *header.texts])
+    incident = independent(present, "1")
+    if len(incident) < 2 and incident != ("v_y1",):
+        faults.append(Fault(f"{_incident_gap(incident)} (columns read: {read})", line=line))
+    elif not knows_incident(present):
+        faults.append(
+            Fault(
+                f"{' and '.join(incident)} do not make an incident velocity; expected {_INCIDENT_FORMS}",
+                line=line,
+            )
+        )
+    elif incident == ("v_y1",):
+        faults.extend(_tangential_without_incident(present, line))
+    if not any(name in present for name in REBOUND):
+        message = f"no rebound column; expected at least one of {', '.join(REBOUND)} (columns read: {read})"
+        faults.append(Fault(message, line=line))
+    faults.extend(_lonely_sds(present, line))
+    if "omega_2" in present and "omega_1" not in present:
+        notices.append(Notice("no column omega_1: incident spin taken as 0", columns=("omega_1",)))
+    if header.extras:
+        notices.append(
+            Notice(f"columns kept and not used: {', '.join(header.extras)}", columns=header.extras)
+        )
+
+
+def _incident_gap(incident: tuple[str, ...]) -> str:
+    if incident == ("v_x1",):
+        return "column v_y1 is missing; expected the speed towards the court beside v_x1"
+    if incident == ("v_1",):
+        return "column theta_1 is missing; expected the angle beside v_1 (for a drop test rename v_1 to v_y1)"
+    if incident == ("theta_1",):
+        return "column v_1 is missing; expected the speed beside theta_1"
+    return f"no incident velocity; expected {_INCIDENT_FORMS}"
+
+
+def _tangential_without_incident(present: Iterable[str], line: int | None) -> list[Fault]:
+    message = (
+        "a rebound along the court without its incident motion; expected a column v_x1 "
+        "(write zeros if the ball was dropped; a rebound speed straight up is v_y2)"
+    )
+    return [Fault(message, line=line, column=name) for name in _TANGENTIAL if name in present]
+
+
+def _lonely_sds(present: Iterable[str], line: int | None) -> list[Fault]:
+    names = set(present)
+    faults = [
+        Fault(
+            f"a standard deviation of '{base}', but there is no column '{base}'; add it or delete this one",
+            None,
+            line,
+            name,
+        )
+        for name in present
+        if name.endswith(SD_SUFFIX) and (base := name.removesuffix(SD_SUFFIX)) not in names
+    ]
+    if independent(names - {name for name in names if name.endswith(SD_SUFFIX)}, "1") == ("v_1", "theta_1"):
+        stated = names & {"v_1_sd", "theta_1_sd"}
+        if len(stated) == 1:
+            missing = ({"v_1_sd", "theta_1_sd"} - stated).pop()
+            message = (
+                f"column '{missing}' is missing; the incident components need the sd of both speed and angle"
+            )
+            faults.append(Fault(message, None, line, stated.pop()))
+    return faults

@@ -1,0 +1,78 @@
+"""From cells as text to arrays in SI, with the half-width that the printed digits leave open."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from decimal import Decimal
+from math import isfinite
+
+import numpy as np
+
+from fitball.data.columns import NUMBERS, SD_SUFFIX, Column
+from fitball.data.raw import RawRow
+from fitball.data.units import DEFAULT_UNIT, Unit
+from fitball.errors import Fault
+from fitball.values import FloatArray
+
+# Stricter than float(): no "1_000", no "nan" or "inf", no digits of other scripts.
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_ABSENT = ("", "nan", "na", "n/a", "null", "none", "-", "--", "<na>")
+_INFINITE = ("inf", "infinity", "∞")
+
+
+@dataclass(frozen=True)
+class NumberColumn:
+    """A column of numbers. `values` (impacts,) in SI, NaN where a cell had a fault; `half_width` [SI] is
+    half a unit of the last printed decimal; `unit` as in the file; `decimals` as printed."""
+
+    name: str
+    values: FloatArray
+    half_width: float
+    unit: Unit
+    decimals: int
+
+    def shown(self, value: float) -> str:
+        """An SI value as the file would print it."""
+        return f"{self.unit.from_si(float(value)):.{self.decimals}f} {self.unit.symbol}"
+
+
+def read_column(column: Column, rows: tuple[RawRow, ...], faults: list[Fault]) -> NumberColumn:
+    """The numbers of one column; all NaN when its unit was not understood (that fault is reported already),
+    so that no later check draws conclusions from them.
+
+    The half-width follows from the cell printed to most decimals, because spreadsheets drop trailing
+    zeros: a `6` between `6.47` and `7.25` was measured as 6.00.
+    """
+    numbers = [_read_cell(row, column, faults) for row in rows]
+    unit = column.unit or DEFAULT_UNIT[NUMBERS[column.name]]
+    exponents = [int(number.as_tuple().exponent) for number in numbers if number is not None]
+    exponent = min(exponents, default=0)
+    trusted = [float("nan") if item is None or column.unit is None else float(item) for item in numbers]
+    values = unit.to_si(np.array(trusted, dtype=np.float64))
+    half_width = unit.to_si(0.5 * 10.0**exponent)
+    return NumberColumn(column.name, values, half_width, unit, max(0, -exponent))
+
+
+def _read_cell(row: RawRow, column: Column, faults: list[Fault]) -> Decimal | None:
+    text = row.cells[column.index]
+    if _NUMBER.fullmatch(text) and isfinite(float(text)):
+        return Decimal(text)
+    faults.append(Fault(_explain(text, column.name), row=row.number, line=row.line, column=column.name))
+    return None
+
+
+def _explain(text: str, name: str) -> str:
+    what = "a standard deviation" if name.endswith(SD_SUFFIX) else "a number"
+    lower = text.lower()
+    if lower in _ABSENT:
+        return (
+            f"read {repr(text) if text else 'an empty cell'}; expected {what}: measure it, or delete the row"
+        )
+    if lower.lstrip("+-") in _INFINITE or _NUMBER.fullmatch(text):
+        return f"read '{text}', which is not finite; expected {what}"
+    if re.fullmatch(r"[+-]?[0-9]+,[0-9]+", text):
+        return f"read '{text}', a decimal comma; expected a decimal point: write '{text.replace(',', '.')}'"
+    if text[0] in "\u2212\u2013" and _NUMBER.fullmatch(text[1:]):
+        return f"read '{text}' with a typographic minus; expected a hyphen: write '-{text[1:]}'"
+    return f"read '{text}'; expected {what} such as 11.73 (units belong in the header)"

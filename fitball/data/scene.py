@@ -1,0 +1,141 @@
+"""What is known about the scene of a table: ball, surface, noise, model; and what is assumed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fitball.data.bundled import resolve_table
+from fitball.data.frozen import FrozenMapping
+from fitball.data.scene_file import Quantity, SceneFile, read_scene_file
+from fitball.errors import ParameterError, SceneError
+from fitball.values import WANG_INERTIA_RATIO, WANG_MASS, WANG_RADIUS, Ball
+
+NOMINAL_VELOCITY_SD = 0.25
+NOMINAL_SPIN_SD = 10.0
+DEFAULT_MODEL = "two-mass"
+
+# What is taken, and said, when a scene is silent.
+_NO_FILE = "there is no scene file: nothing is known but the table"
+_BALL_WORDS = {
+    "mass": f"a ball of mass {1e3 * WANG_MASS:g} g (the ITF allows 56.0 to 59.4 g)",
+    "radius": f"a ball of radius {1e3 * WANG_RADIUS:g} mm (the ITF allows 32.7 to 34.3 mm)",
+    "inertia_ratio": f"a ball with I/(M R^2) = {WANG_INERTIA_RATIO:g}, that of a tennis ball's thick shell",
+}
+_NO_MU = "nothing is known of the friction coefficient: its prior is wide"
+_NO_CONTACT_TIME = "the contact time is not known: the stiffness k_y rests on its prior"
+_NO_VELOCITY_SD = (
+    f"the noise of the velocities is not known: it is fitted, and expected around {NOMINAL_VELOCITY_SD:g} m/s"
+)
+_NO_SPIN_SD = (
+    f"the noise of the spins is not known: it is fitted, and expected around {NOMINAL_SPIN_SD:g} rad/s"
+)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is known about a table besides its numbers; SI units, one standard deviation where an sd is named.
+
+    `source` is the scene file (None: there is none). `ball_sd` has some of the keys mass, radius and
+    inertia_ratio. `mu` is (value, sd or None), `contact_time` (value, sd), None when unknown.
+    `velocity_sd`, `spin_sd`, `contact_time_sd` are known measurement noise, not to be fitted;
+    the nominal ones are orders of magnitude. `priors` are texts such as `normal(0.55, 0.05)` by parameter.
+    `assumed` says in sentences what was taken because nothing was said.
+    """
+
+    source: str | None = None
+    ball: Ball = field(default_factory=Ball)
+    ball_sd: Mapping[str, float] = field(default_factory=FrozenMapping)
+    surface: str | None = None
+    mu: tuple[float, float | None] | None = None
+    contact_time: tuple[float, float] | None = None
+    velocity_sd: float | None = None
+    spin_sd: float | None = None
+    contact_time_sd: float | None = None
+    nominal_velocity_sd: float = NOMINAL_VELOCITY_SD
+    nominal_spin_sd: float = NOMINAL_SPIN_SD
+    model: str = DEFAULT_MODEL
+    closures: Mapping[str, str] = field(default_factory=FrozenMapping)
+    priors: Mapping[str, str] = field(default_factory=FrozenMapping)
+    fix: Mapping[str, float] = field(default_factory=FrozenMapping)
+    assumed: tuple[str, ...] = ()
+    description: str = ""
+    citation: str = ""
+
+
+def load_scene(table_source: str | os.PathLike[str], config: str | os.PathLike[str] | None = None) -> Scene:
+    """The scene of a table: from `config`, else from the TOML file beside the table, else assumed throughout.
+
+    Raises SceneError with every fault of the file, TableError when the table does not exist.
+    """
+    if config is not None:
+        return _make_scene(read_scene_file(Path(config)))
+    beside = resolve_table(table_source).with_suffix(".toml")
+    return _make_scene(read_scene_file(beside) if beside.is_file() else None)
+
+
+def _make_scene(file: SceneFile | None) -> Scene:
+    known = file or SceneFile(None, {})
+    ball, ball_sd = _ball(known)
+    mu, time, time_sd = (
+        known.quantity(key) for key in ("surface.mu", "contact_time.value", "contact_time.sd")
+    )
+    velocity_sd, spin_sd = known.number("measurement.velocity_sd"), known.number("measurement.spin_sd")
+    nominal_velocity, nominal_spin = (
+        known.number("measurement.nominal_velocity_sd"),
+        known.number("measurement.nominal_spin_sd"),
+    )
+    silences = {
+        _NO_FILE: file is None,
+        **{f"assumed {words}": not _says(known, name) for name, words in _BALL_WORDS.items()},
+        _NO_MU: mu is None,
+        _NO_CONTACT_TIME: time is None,
+        _NO_VELOCITY_SD: velocity_sd is None and nominal_velocity is None,
+        _NO_SPIN_SD: spin_sd is None and nominal_spin is None,
+    }
+    return Scene(
+        source=known.source,
+        ball=ball,
+        ball_sd=FrozenMapping(ball_sd),
+        surface=known.text("surface.name"),
+        mu=None if mu is None else (mu.value, mu.sd),
+        contact_time=None if time is None or time_sd is None else (time.value, time_sd.value),
+        velocity_sd=velocity_sd,
+        spin_sd=spin_sd,
+        contact_time_sd=known.number("measurement.contact_time_sd"),
+        nominal_velocity_sd=NOMINAL_VELOCITY_SD if nominal_velocity is None else nominal_velocity,
+        nominal_spin_sd=NOMINAL_SPIN_SD if nominal_spin is None else nominal_spin,
+        model=known.text("model.name") or DEFAULT_MODEL,
+        closures=FrozenMapping(known.texts("model.closures")),
+        priors=FrozenMapping(known.texts("priors")),
+        fix=FrozenMapping(known.numbers("fix")),
+        assumed=tuple(sentence for sentence, silent in silences.items() if silent),
+        description=known.text("source.description") or "",
+        citation=known.text("source.citation") or "",
+    )
+
+
+def _says(known: SceneFile, name: str) -> bool:
+    if name == "inertia_ratio" and known.quantity("ball.inertia") is not None:
+        return True
+    return known.quantity(f"ball.{name}") is not None
+
+
+def _ball(known: SceneFile) -> tuple[Ball, dict[str, float]]:
+    """The ball and the stated sds; an sd of the inertia becomes one of the ratio, M and R being as stated."""
+    mass = known.quantity("ball.mass") or Quantity(WANG_MASS)
+    radius = known.quantity("ball.radius") or Quantity(WANG_RADIUS)
+    unit = mass.value * radius.value**2
+    inertia = known.quantity("ball.inertia")
+    ratio = known.quantity("ball.inertia_ratio") or Quantity(WANG_INERTIA_RATIO)
+    if inertia is not None:
+        ratio = Quantity(inertia.value / unit, None if inertia.sd is None else inertia.sd / unit)
+    moment = ratio.value * unit if inertia is None else inertia.value
+    try:
+        ball = Ball(mass.value, radius.value, moment)
+    except ParameterError as error:
+        raise SceneError(f"{known.source}: [ball]: {error}") from None
+    stated = {"mass": mass.sd, "radius": radius.sd, "inertia_ratio": ratio.sd}
+    return ball, {name: sd for name, sd in stated.items() if sd is not None}

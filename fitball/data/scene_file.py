@@ -1,0 +1,224 @@
+"""From a scene file (TOML) to checked values by dotted key; every fault of the file at once.
+
+`scene.schema.json` beside this file says the same to editors and other programs.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from math import isfinite
+from pathlib import Path
+
+from fitball.errors import SceneError, suggestion
+
+
+class Kind(Enum):
+    """What a key may hold, in the words of a fault message."""
+
+    TEXT = "a text in quotes"
+    POSITIVE = "a positive number"
+    QUANTITY = "a positive number, or { value = ..., sd = ... } with both positive"
+    FREE_TEXTS = "a section of names and texts"
+    FREE_NUMBERS = "a section of names and numbers"
+    FREE_PRIORS = 'a section of names and priors such as "normal(0.55, 0.05)"'
+
+
+FREE = (Kind.FREE_TEXTS, Kind.FREE_NUMBERS, Kind.FREE_PRIORS)
+
+# Every key a scene may have. A section is a mapping; sections of the kinds FREE_* take any name.
+KEYS: Mapping[str, Kind | Mapping[str, Kind]] = {
+    "source": {"description": Kind.TEXT, "citation": Kind.TEXT},
+    "ball": {
+        "mass": Kind.QUANTITY,
+        "radius": Kind.QUANTITY,
+        "inertia": Kind.QUANTITY,
+        "inertia_ratio": Kind.QUANTITY,
+    },
+    "surface": {"name": Kind.TEXT, "mu": Kind.QUANTITY},
+    "contact_time": {"value": Kind.POSITIVE, "sd": Kind.POSITIVE},
+    "measurement": {
+        "velocity_sd": Kind.POSITIVE,
+        "spin_sd": Kind.POSITIVE,
+        "contact_time_sd": Kind.POSITIVE,
+        "nominal_velocity_sd": Kind.POSITIVE,
+        "nominal_spin_sd": Kind.POSITIVE,
+    },
+    "model": {"name": Kind.TEXT, "closures": Kind.FREE_TEXTS},
+    "priors": Kind.FREE_PRIORS,
+    "fix": Kind.FREE_NUMBERS,
+}
+
+# Pairs that say the same thing twice.
+_EXCLUSIVE = (
+    ("ball.inertia", "ball.inertia_ratio"),
+    ("measurement.velocity_sd", "measurement.nominal_velocity_sd"),
+    ("measurement.spin_sd", "measurement.nominal_spin_sd"),
+)
+_NUMBER = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
+_PRIOR = re.compile(rf"\s*[A-Za-z_][A-Za-z0-9_]*\s*\(\s*{_NUMBER}\s*(,\s*{_NUMBER}\s*)*\)\s*")
+_FREE_FORM = {
+    Kind.FREE_TEXTS: re.compile(r".*\S.*", re.DOTALL),
+    Kind.FREE_PRIORS: _PRIOR,
+    Kind.FREE_NUMBERS: re.compile(r"(?!)"),  # no text is a number
+}
+_FREE_ENTRY = {
+    Kind.FREE_TEXTS: "a text in quotes",
+    Kind.FREE_NUMBERS: "a finite number",
+    Kind.FREE_PRIORS: 'a word and numbers in brackets, such as "normal(0.55, 0.05)"',
+}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number with its standard deviation, when one was stated; SI units."""
+
+    value: float
+    sd: float | None = None
+
+
+Value = str | float | Quantity | Mapping[str, str] | Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class SceneFile:
+    """The checked content of a scene file by dotted key, such as `ball.mass`; absent keys give None or {}."""
+
+    source: str | None
+    values: Mapping[str, Value]
+
+    def text(self, key: str) -> str | None:
+        value = self.values.get(key)
+        return value if isinstance(value, str) else None
+
+    def number(self, key: str) -> float | None:
+        value = self.values.get(key)
+        return value if isinstance(value, float) else None
+
+    def quantity(self, key: str) -> Quantity | None:
+        value = self.values.get(key)
+        if isinstance(value, float):
+            return Quantity(value)
+        return value if isinstance(value, Quantity) else None
+
+    def texts(self, key: str) -> dict[str, str]:
+        value = self.values.get(key)
+        return {k: v for k, v in value.items() if isinstance(v, str)} if isinstance(value, Mapping) else {}
+
+    def numbers(self, key: str) -> dict[str, float]:
+        value = self.values.get(key)
+        return {k: v for k, v in value.items() if isinstance(v, float)} if isinstance(value, Mapping) else {}
+
+
+def read_scene_file(path: Path) -> SceneFile:
+    """Read and check a scene file. Raises SceneError that lists every fault."""
+    try:
+        tree = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise SceneError(f"{path}: cannot be opened: {reason}; expected a scene file (TOML)") from None
+    except UnicodeDecodeError as error:
+        raise SceneError(f"{path}: byte {error.start} is not UTF-8; expected TOML, which is UTF-8") from None
+    except ValueError as error:  # TOMLDecodeError, or an integer of thousands of digits
+        raise SceneError(f"{path}: not TOML: {error}; mend that place") from None
+    faults: list[str] = []
+    values: dict[str, Value] = {}
+    for section, content in tree.items():
+        if section in KEYS:
+            _read(section, content, KEYS[section], values, faults)
+        else:
+            faults.append(_unknown(f"[{section}]", section, KEYS))
+    faults += [
+        f"{one} and {other} are both given; expected one of them, since they say the same"
+        for one, other in _EXCLUSIVE
+        if one in values and other in values
+    ]
+    contact = tree.get("contact_time")
+    if isinstance(contact, dict) and ("value" in contact) != ("sd" in contact):
+        faults.append("[contact_time]: expected both value and sd")
+    if faults:
+        count = f"{len(faults)} fault{'s' if len(faults) != 1 else ''}"
+        raise SceneError("\n".join([f"{path}: {count}", *(f"  - {fault}" for fault in faults)]))
+    return SceneFile(str(path), values)
+
+
+def _unknown(where: str, name: str, known: Mapping[str, object]) -> str:
+    return f"{where}: unknown key; {suggestion(name, known)}"
+
+
+def _read(
+    key: str, content: object, kind: Kind | Mapping[str, Kind], values: dict[str, Value], faults: list[str]
+) -> None:
+    if not isinstance(kind, Kind):
+        if not isinstance(content, dict):
+            faults.append(f"{key} = {content!r}: expected a section [{key}] with keys {', '.join(kind)}")
+            return
+        for name, value in content.items():
+            if name in kind:
+                _read(f"{key}.{name}", value, kind[name], values, faults)
+            else:
+                faults.append(_unknown(f"{key}.{name}", name, kind))
+        return
+    if kind in FREE:
+        _read_free(key, content, kind, values, faults)
+        return
+    value = _checked(content, kind)
+    if value is None:
+        faults.append(f"{key} = {_shown(content)}: expected {kind.value}")
+    else:
+        values[key] = value
+
+
+def _read_free(key: str, content: object, kind: Kind, values: dict[str, Value], faults: list[str]) -> None:
+    if not isinstance(content, dict):
+        faults.append(f"{key} = {_shown(content)}: expected {kind.value}")
+        return
+    texts: dict[str, str] = {}
+    numbers: dict[str, float] = {}
+    for name, value in content.items():
+        number = _number(value)
+        if kind is Kind.FREE_NUMBERS and number is not None:
+            numbers[name] = number
+        elif isinstance(value, str) and _FREE_FORM[kind].fullmatch(value):
+            texts[name] = value
+        else:
+            faults.append(f"{key}.{name} = {_shown(value)}: expected {_FREE_ENTRY[kind]}")
+    values[key] = numbers if kind is Kind.FREE_NUMBERS else texts
+
+
+def _checked(content: object, kind: Kind) -> str | float | Quantity | None:
+    """The value when it is of its kind, else None."""
+    if kind is Kind.TEXT:
+        return content if isinstance(content, str) and content.strip() else None
+    number = _number(content)
+    if number is not None:
+        return number if number > 0.0 else None
+    if kind is Kind.QUANTITY and isinstance(content, dict) and set(content) == {"value", "sd"}:
+        value, sd = _number(content["value"]), _number(content["sd"])
+        if value is not None and sd is not None and value > 0.0 and sd > 0.0:
+            return Quantity(value, sd)
+    return None
+
+
+def _number(content: object) -> float | None:
+    if isinstance(content, bool) or not isinstance(content, int | float):
+        return None
+    try:
+        number = float(content)
+    except OverflowError:  # TOML integers have no upper bound
+        return None
+    return number if isfinite(number) else None
+
+
+def _shown(content: object) -> str:
+    """A TOML value as it could stand in the file."""
+    if isinstance(content, bool):
+        return "true" if content else "false"
+    if isinstance(content, str):
+        return f'"{content}"'
+    if isinstance(content, dict):
+        return "{ " + ", ".join(f"{name} = {_shown(value)}" for name, value in content.items()) + " }"
+    return str(content)

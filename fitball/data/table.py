@@ -1,0 +1,81 @@
+"""The frozen impact table: what was measured, in SI units, each quantity counted once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fitball.values import FloatArray, Impacts
+
+# Rebound quantities a table may hold, with the SI unit they are kept in (angles in radians).
+REBOUND_UNITS: Mapping[str, str] = {
+    "v_x2": "m/s",
+    "v_y2": "m/s",
+    "omega_2": "rad/s",
+    "v_2": "m/s",
+    "theta_2": "rad",
+    "contact_time": "s",
+}
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One rebound column: `name`, `values` (impacts,) in SI, and `sd` (impacts,) when it was stated."""
+
+    name: str
+    values: FloatArray
+    sd: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class Notice:
+    """Something a reader of the table should know and that did not stop the reading."""
+
+    message: str
+    row: int | None = None
+    columns: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return f"row {self.row}: {self.message}" if self.row is not None else self.message
+
+
+@dataclass(frozen=True)
+class ImpactTable:
+    """A table of measured impacts.
+
+    `measurements` are independent and enter a likelihood, each once; `redundant` repeat them in other
+    words (speed and angle beside components) and were only checked. `impacts` holds zeros where the
+    table has no such column; `incident_columns` names those that it has. `digest` is the SHA-256 of
+    the file's bytes.
+    """
+
+    name: str
+    source: str
+    digest: str
+    ids: tuple[str, ...]
+    impacts: Impacts
+    incident_columns: tuple[str, ...]
+    incident_sd: Mapping[str, FloatArray]
+    measurements: tuple[Measurement, ...]
+    redundant: tuple[Measurement, ...]
+    labels: Mapping[str, tuple[str, ...]]
+    units: Mapping[str, str]
+    notices: tuple[Notice, ...]
+
+    def __len__(self) -> int:
+        return len(self.impacts)
+
+    def measurement(self, name: str) -> Measurement | None:
+        """The independent measurement called `name`, or None when the table has none."""
+        return next((item for item in self.measurements if item.name == name), None)
+
+    @property
+    def has_tangential(self) -> bool:
+        """Whether the table says anything about motion along the court."""
+        rebound = {item.name for item in self.measurements}
+        return "v_x1" in self.incident_columns and bool(rebound & {"v_x2", "v_2", "theta_2", "omega_2"})
+
+    @property
+    def has_spin(self) -> bool:
+        """Whether rebound spin was measured (or incident spin set), so that torsion can show."""
+        return "omega_1" in self.incident_columns or self.measurement("omega_2") is not None

@@ -1,0 +1,117 @@
+"""Units of measurement: the one place where a number in some unit becomes a number in SI.
+
+Factors are the exact definitions (international mile, foot, inch and nautical mile; 180 degrees = pi
+radians), kept as numerator and denominator so that 5 ms is exactly 0.005 s.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from math import pi
+from typing import TypeVar
+
+from fitball.errors import UnitError, suggestion
+from fitball.values import FloatArray
+
+Number = TypeVar("Number", float, FloatArray)
+
+
+class Dimension(Enum):
+    """What a unit measures."""
+
+    SPEED = "speed"
+    SPIN = "spin"
+    ANGLE = "angle"
+    TIME = "time"
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One unit: 1 `symbol` = `numerator / denominator` of the SI unit (m/s, rad/s, rad, s)."""
+
+    symbol: str
+    dimension: Dimension
+    numerator: float
+    denominator: float = 1.0
+
+    def to_si(self, value: Number) -> Number:
+        """`value` in this unit -> in SI."""
+        return value * self.numerator / self.denominator
+
+    def from_si(self, value: Number) -> Number:
+        """`value` in SI -> in this unit."""
+        return value * self.denominator / self.numerator
+
+
+_UNITS = (
+    Unit("m/s", Dimension.SPEED, 1.0),
+    Unit("cm/s", Dimension.SPEED, 1.0, 100.0),
+    Unit("mm/s", Dimension.SPEED, 1.0, 1000.0),
+    Unit("km/h", Dimension.SPEED, 5.0, 18.0),
+    Unit("mph", Dimension.SPEED, 1397.0, 3125.0),  # 0.44704 m/s
+    Unit("ft/s", Dimension.SPEED, 381.0, 1250.0),  # 0.3048 m/s
+    Unit("in/s", Dimension.SPEED, 127.0, 5000.0),  # 0.0254 m/s
+    Unit("kn", Dimension.SPEED, 463.0, 900.0),  # 1852 m in 3600 s
+    Unit("rad/s", Dimension.SPIN, 1.0),
+    Unit("deg/s", Dimension.SPIN, pi, 180.0),
+    Unit("rev/s", Dimension.SPIN, 2.0 * pi),
+    Unit("rpm", Dimension.SPIN, pi, 30.0),
+    Unit("deg", Dimension.ANGLE, pi, 180.0),
+    Unit("rad", Dimension.ANGLE, 1.0),
+    Unit("mrad", Dimension.ANGLE, 1.0, 1000.0),
+    Unit("s", Dimension.TIME, 1.0),
+    Unit("ms", Dimension.TIME, 1.0, 1.0e3),
+    Unit("us", Dimension.TIME, 1.0, 1.0e6),
+)
+
+UNITS = {unit.symbol: unit for unit in _UNITS}
+
+# Other spellings of the same units: both code points that print as the Greek letter mu, and words.
+_SPELLINGS = {
+    "\u00b5s": "us",
+    "\u03bcs": "us",
+    "\u00b0": "deg",
+    "\u00b0/s": "deg/s",
+    "degrees": "deg",
+    "rev/min": "rpm",
+    "kph": "km/h",
+    "mi/h": "mph",
+}
+
+# The unit of a number that stands without one.
+DEFAULT_UNIT = {
+    Dimension.SPEED: UNITS["m/s"],
+    Dimension.SPIN: UNITS["rad/s"],
+    Dimension.ANGLE: UNITS["deg"],
+    Dimension.TIME: UNITS["s"],
+}
+
+
+def symbols(dimension: Dimension) -> tuple[str, ...]:
+    """The units known for a dimension, by their main spelling."""
+    return tuple(unit.symbol for unit in _UNITS if unit.dimension is dimension)
+
+
+def parse_unit(text: str | None, dimension: Dimension) -> Unit:
+    """The unit that `text` (without brackets) names; the default of the dimension when it is None.
+
+    Raises UnitError when the unit is unknown or measures something else; the message names the known ones.
+    """
+    if text is None:
+        return DEFAULT_UNIT[dimension]
+    spelling = text.strip()
+    unit = UNITS.get(_SPELLINGS.get(spelling, spelling))
+    known = ", ".join(symbols(dimension))
+    if unit is None:
+        hint = suggestion(spelling.lower(), symbols(dimension))
+        near = f" {hint}" if hint.startswith("did") else ""
+        raise UnitError(
+            f"read unit '[{spelling}]', which is unknown;{near} units of {dimension.value}: {known}"
+        )
+    if unit.dimension is not dimension:
+        raise UnitError(
+            f"read unit '[{spelling}]', which measures {unit.dimension.value}; "
+            f"expected a unit of {dimension.value}: {known}"
+        )
+    return unit

@@ -1,0 +1,83 @@
+"""What can go wrong, named so that a caller can tell one fault from another.
+
+Every error a user can cause is a `FitballError`: the command line prints its message without a
+traceback and exits with 2. The message says what was read, where, what was expected and what to do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+
+class FitballError(Exception):
+    """Base of all errors that a user, not a programmer, has to mend."""
+
+
+class ModelError(FitballError):
+    """An unknown model or closure, or a combination that does not exist."""
+
+
+class ParameterError(FitballError):
+    """A parameter value or prior that is unknown, out of bounds or impossible for the model."""
+
+
+class UnitError(FitballError):
+    """A unit that is not known, or that measures something else than the quantity it stands beside."""
+
+
+class SceneError(FitballError):
+    """A scene file (TOML) that cannot be used."""
+
+
+class ResultFolderError(FitballError):
+    """A result folder that cannot be written, read or resumed."""
+
+
+class FitError(FitballError):
+    """A fit that cannot be made from what was given."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault of an input file.
+
+    `row` counts data rows from 1 (the header is not a row), `line` counts lines of the file from 1;
+    either is None where the fault belongs to no single row.
+    """
+
+    message: str
+    row: int | None = None
+    line: int | None = None
+    column: str | None = None
+
+    def __str__(self) -> str:
+        where = []
+        if self.row is not None:
+            where.append(f"row {self.row}" + (f" (line {self.line})" if self.line is not None else ""))
+        elif self.line is not None:
+            where.append(f"line {self.line}")
+        if self.column is not None:
+            where.append(f"column '{self.column}'")
+        return f"{', '.join(where)}: {self.message}" if where else self.message
+
+
+class TableError(FitballError):
+    """An impact table that cannot be used; carries every fault found, not only the first."""
+
+    def __init__(self, source: str, faults: Iterable[Fault]) -> None:
+        self.source = source
+        self.faults = tuple(faults)
+        count = len(self.faults)
+        head = f"{source}: {count} fault{'s' if count != 1 else ''}"
+        super().__init__("\n".join([head, *(f"  - {fault}" for fault in self.faults)]))
+
+
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """Words that name the nearest known spelling, or list all known ones when none is near."""
+    choices = sorted(known)
+    near = get_close_matches(name, choices, n=1, cutoff=0.6)
+    if near:
+        return f"did you mean '{near[0]}'?"
+    return "known: " + ", ".join(choices)

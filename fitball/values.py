@@ -1,0 +1,106 @@
+"""The two values every room speaks of: a ball and the state in which balls arrive.
+
+They stand here, beside `errors`, because tables and scenes (`data`) and solvers (`models`) are
+strangers to each other and both need them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fitball.errors import ParameterError
+
+FloatArray = NDArray[np.float64]
+
+# Wang's balls as the thesis describes them: 0.127 lb and 1.3 in (Jafri 2004, Appendix B); the
+# inertia from its bifilar test (Table 8), I/(M R^2) = 0.56, agrees with thick-shell theory.
+WANG_MASS = 0.0576
+WANG_RADIUS = 0.03302
+WANG_INERTIA_RATIO = 0.56
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A tennis ball: `mass` [kg], outer `radius` [m], central moment of `inertia` [kg m^2].
+
+    Raises ParameterError for values that are not positive and finite, or an inertia above that of
+    a ring of the same mass and radius.
+    """
+
+    mass: float = WANG_MASS
+    radius: float = WANG_RADIUS
+    inertia: float = WANG_INERTIA_RATIO * WANG_MASS * WANG_RADIUS**2
+
+    def __post_init__(self) -> None:
+        for name in ("mass", "radius", "inertia"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0.0):
+                raise ParameterError(
+                    f"ball {name} = {value!r}: expected a positive, finite number (SI units)"
+                )
+        if self.inertia > self.mass * self.radius**2:
+            raise ParameterError(
+                f"ball inertia = {self.inertia:g} kg m^2 exceeds M R^2 = {self.mass * self.radius**2:g}: "
+                "no body of that mass and radius has it; check the units (SI)"
+            )
+
+    @property
+    def inertia_ratio(self) -> float:
+        """I/(M R^2), dimensionless."""
+        return self.inertia / (self.mass * self.radius**2)
+
+
+@dataclass(frozen=True)
+class Impacts:
+    """Incident states, one entry an impact, all of shape (impacts,).
+
+    `v_x1` [m/s] along the court, `v_y1` [m/s] towards the court (positive), `omega_1` [rad/s] with
+    topspin positive. `cor` is each impact's own measured coefficient of restitution, needed only by
+    the closure `cor="measured"`. Raises ParameterError on NaN, on unequal lengths, on `v_y1 <= 0`.
+    """
+
+    v_x1: FloatArray
+    v_y1: FloatArray
+    omega_1: FloatArray
+    cor: FloatArray | None = field(default=None)
+
+    def __post_init__(self) -> None:
+        names = ["v_x1", "v_y1", "omega_1"] + (["cor"] if self.cor is not None else [])
+        for name in names:
+            array = np.array(getattr(self, name), dtype=np.float64, ndmin=1)
+            if array.ndim != 1:
+                raise ParameterError(f"{name} has shape {array.shape}: expected one value an impact")
+            bad = np.flatnonzero(~np.isfinite(array))
+            if bad.size:
+                raise ParameterError(f"{name}[{bad[0]}] = {array[bad[0]]}: expected finite numbers")
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        lengths = {name: getattr(self, name).shape[0] for name in names}
+        if len(set(lengths.values())) != 1:
+            raise ParameterError(f"incident columns differ in length: {lengths}")
+        slow = np.flatnonzero(self.v_y1 <= 0.0)
+        if slow.size:
+            raise ParameterError(
+                f"v_y1[{slow[0]}] = {self.v_y1[slow[0]]}: expected a positive speed towards the court"
+            )
+
+    def __len__(self) -> int:
+        return int(self.v_x1.shape[0])
+
+
+def impacts(
+    v_x1: ArrayLike, v_y1: ArrayLike, omega_1: ArrayLike = 0.0, cor: ArrayLike | None = None
+) -> Impacts:
+    """Make impacts from numbers or arrays in SI units (m/s, m/s, rad/s); single numbers are broadcast.
+
+    Raises ParameterError as `Impacts` does, and when the shapes cannot be broadcast to one length.
+    """
+    given = [v_x1, v_y1, omega_1] + ([cor] if cor is not None else [])
+    try:
+        arrays = np.broadcast_arrays(*[np.asarray(value, dtype=np.float64) for value in given])
+    except ValueError as error:
+        raise ParameterError(f"impacts: {error}") from None
+    return Impacts(*[np.array(array, dtype=np.float64, ndmin=1) for array in arrays])

@@ -1,0 +1,329 @@
+"""Bad tables: each ends in a TableError that names row, line, column, what was read and what to do."""
+
+from pathlib import Path
+
+import pandas
+import pytest
+
+from fitball.data.read import load_table
+from fitball.errors import Fault, FitballError, TableError
+
+GOOD = "v_x1 [m/s],v_y1 [m/s],omega_1 [rad/s],v_x2 [m/s],v_y2 [m/s],omega_2 [rad/s]\n"
+ROW = "15.62,4.81,-5.34,11.09,4.22,239.1\n"
+
+
+def faults_of(tmp_path: Path, text: str | bytes, name: str = "t.csv") -> tuple[Fault, ...]:
+    path = tmp_path / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(TableError) as caught:
+        load_table(path)
+    assert str(path) in str(caught.value)
+    for fault in caught.value.faults:
+        assert str(fault) in str(caught.value)
+    return caught.value.faults
+
+
+def only(tmp_path: Path, text: str | bytes) -> Fault:
+    faults = faults_of(tmp_path, text)
+    assert len(faults) == 1, faults
+    return faults[0]
+
+
+def with_header(header: str) -> str:
+    return f"{header}\n{ROW}{ROW}"
+
+
+@pytest.mark.parametrize(
+    ("column", "misspelt", "hint"),
+    [
+        ("v_y1 [m/s]", "vy1 [m/s]", "v_y1"),
+        ("v_y1 [m/s]", "V_Y1 [m/s]", "v_y1"),
+        ("omega_2 [rad/s]", "omga_2 [rad/s]", "omega_2"),
+        ("omega_1 [rad/s]", "omega1", "omega_1"),
+        ("v_x2 [m/s]", "v_x_2", "v_x2"),
+    ],
+)
+def test_misspelt_column_is_a_fault_with_the_nearest_name(
+    tmp_path: Path, column: str, misspelt: str, hint: str
+) -> None:
+    fault = only(tmp_path, GOOD.replace(column, misspelt) + ROW + ROW)
+    assert fault.column == misspelt.split(" ")[0]
+    assert fault.line == 1
+    assert f"did you mean '{hint}'" in fault.message
+
+
+@pytest.mark.parametrize(
+    ("header", "expected"),
+    [
+        ("v_x1,v_x2,v_y2", "column v_y1 is missing"),
+        ("v_1,v_x2,v_y2", "column theta_1 is missing"),
+        ("theta_1,v_2,v_y2", "column v_1 is missing"),
+        ("speed,v_2,v_y2", "no incident velocity; expected v_x1 and v_y1"),
+        ("v_y1,v_1,v_y2", "v_y1 and v_1 do not make an incident velocity"),
+        ("v_x1,v_y1,speed", "no rebound column; expected at least one of v_x2, v_y2"),
+        ("v_y1,v_y2,v_x2", "without its incident motion"),
+    ],
+)
+def test_missing_column(tmp_path: Path, header: str, expected: str) -> None:
+    fault = only(tmp_path, f"{header}\n8,5,3\n8,5,3\n")
+    assert expected in fault.message
+    assert fault.row is None and fault.line == 1
+
+
+def test_unknown_unit_names_the_known_ones_and_spares_the_numbers(tmp_path: Path) -> None:
+    fault = only(
+        tmp_path, GOOD.replace("v_x1 [m/s]", "v_x1 [furlong/h]") + "99999," + ROW.split(",", 1)[1] + ROW
+    )
+    assert fault.column == "v_x1"
+    assert "furlong/h" in fault.message and "km/h" in fault.message
+
+
+def test_unit_of_the_wrong_dimension(tmp_path: Path) -> None:
+    fault = only(tmp_path, GOOD.replace("omega_2 [rad/s]", "omega_2 [km/h]") + ROW + ROW)
+    assert fault.column == "omega_2"
+    assert "measures speed; expected a unit of spin" in fault.message
+
+
+@pytest.mark.parametrize(
+    ("header", "expected"),
+    [
+        ("v_y1 (m/s),v_y2", "write 'v_y1 [m/s]'"),
+        ("v_y1 [m/s,v_y2", "brackets do not match"),
+        ("v_y1,v_y2,v_y2", "another column is 'v_y2' already"),
+        ("v_y1,v_y2 [m/s],v_y2 [km/h]", "another column is 'v_y2' already"),
+        ("v_y1,v_y2,mass_sd", "'mass' is no column that can have a standard deviation"),
+        ("v_y1,v_y2,omega_2_sd", "there is no column 'omega_2'"),
+    ],
+)
+def test_header_faults(tmp_path: Path, header: str, expected: str) -> None:
+    count = header.count(",")
+    row = ",".join(["5", "4", "4"][: count + 1])
+    fault = only(tmp_path, f"# comment\n{header}\n{row}\n{row}\n")
+    assert expected in fault.message
+    assert fault.line == 2
+
+
+@pytest.mark.parametrize(
+    ("cell", "expected"),
+    [
+        ("fast", "read 'fast'; expected a number"),
+        ("11.73 m/s", "units belong in the header"),
+        ("1_000", "read '1_000'; expected a number"),
+        ("0x1F", "read '0x1F'; expected a number"),
+        ("", "read an empty cell"),
+        ("NaN", "read 'NaN'; expected a number"),
+        ("n/a", "read 'n/a'"),
+        ("inf", "not finite"),
+        ("-Infinity", "not finite"),
+        ("1e999", "not finite"),
+        ('"11,73"', "decimal comma; expected a decimal point: write '11.73'"),
+        ("\u221211.73", "typographic minus"),
+        ("\u0661\u0662", "expected a number"),
+    ],
+)
+def test_text_in_a_number(tmp_path: Path, cell: str, expected: str) -> None:
+    fault = only(
+        tmp_path,
+        f"{GOOD}\n# this and a blank line shift lines, not rows\n{ROW}15.6,4.8,0,{cell},4.2,239\n",
+    )
+    assert (fault.row, fault.line, fault.column) == (2, 5, "v_x2")
+    assert expected in fault.message
+
+
+def test_line_numbers_survive_quoted_line_breaks(tmp_path: Path) -> None:
+    text = 'note,v_y1,v_y2\n"one\n# two\n\nthree",5,4\nx,5,oops\n'
+    fault = only(tmp_path, text)
+    assert (fault.row, fault.line) == (2, 6)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "expected"),
+    [
+        ("v_y1", "-5", "a positive speed towards the court"),
+        ("v_y1", "0", "a positive speed towards the court"),
+        ("v_y2", "0", "a positive speed away from the court"),
+        ("v_y2", "-4", "expected one sign throughout"),
+        ("v_y2", "5.01", "coefficient of restitution 1.002"),
+        ("v_x2", "16", "more energy than it came with"),
+        ("omega_2", "415", "more energy than it came with"),
+        ("omega_2", "2283", "more energy than it came with"),
+        ("contact_time", "0", "a positive time"),
+        ("v_y2_sd", "0", "a positive standard deviation"),
+        ("v_y2_sd", "-1", "a positive standard deviation"),
+    ],
+)
+def test_impossible_number(tmp_path: Path, column: str, value: str, expected: str) -> None:
+    names = ["v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2", "contact_time", "v_y2_sd"]
+    good = dict(zip(names, ["12", "5", "0", "9", "4", "200", "0.005", "0.1"], strict=True))
+    row, bad = ",".join(good.values()), ",".join((good | {column: value}).values())
+    fault = only(tmp_path, f"{','.join(names)}\n{row}\n{row}\n{bad}\n{row}\n")
+    assert (fault.row, fault.line, fault.column) == (3, 4, column)
+    assert expected in fault.message
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "column", "expected"),
+    [
+        ("v_1,theta_1,v_2,theta_2", "17,17,16,40", "v_2", "coefficient of restitution"),
+        ("v_1,theta_1,v_2", "17,17,17.5", "v_2", "more energy"),
+        ("v_1,theta_1,v_2", "-17,17,12", "v_1", "a positive speed"),
+        ("v_1,theta_1,v_2", "17,17,0", "v_2", "a positive speed"),
+        ("v_1,theta_1 [rad],v_2", "17,17.13,12", "theta_1", "between 0 and 180 deg: check the unit"),
+        ("v_x1,v_y1,v_x2,v_2", "12,5,9.0,8.0", "v_x2", "at most the rebound speed"),
+        ("v_x1,v_y1,v_x2,theta_2", "12,5,-9,30", "v_x2", "a positive v_x2 where theta_2 is below 90"),
+        ("v_y1,v_y2", "5,5.5", "v_y2", "coefficient of restitution 1.1"),
+    ],
+)
+def test_impossible_in_other_columns(
+    tmp_path: Path, header: str, row: str, column: str, expected: str
+) -> None:
+    faults = faults_of(tmp_path, f"{header}\n{row}\n{row}\n")
+    assert [(fault.row, fault.column) for fault in faults] == [(1, column), (2, column)]
+    assert expected in faults[0].message
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "column"),
+    [
+        ("v_x1,v_y1,v_1 [km/h],v_y2", "12,5,13,4", "v_1"),
+        ("v_x1,v_y1,v_x2,v_y2,theta_2", "12,5,9,4,50", "theta_2"),
+        ("v_x1,v_y1,v_x2,v_2,theta_2", "12,5,4,9,24", "v_x2"),
+    ],
+)
+def test_gross_disagreement_of_redundant_columns(tmp_path: Path, header: str, row: str, column: str) -> None:
+    faults = faults_of(tmp_path, f"{header}\n{row}\n{row}\n")
+    assert [fault.column for fault in faults] == [column, column]
+    assert "check the units" in faults[0].message and " give " in faults[0].message
+
+
+def test_incident_angle_of_mixed_sign_points_at_the_odd_row(tmp_path: Path) -> None:
+    fault = only(tmp_path, "v_1,theta_1,v_y2\n10,-30,4\n10,40,4\n10,-50,4\n")
+    assert (fault.row, fault.column) == (2, "theta_1")
+
+
+def test_one_row_only(tmp_path: Path) -> None:
+    fault = only(tmp_path, GOOD + ROW)
+    assert fault.row == 1 and "one row only; expected at least 2 impacts" in fault.message
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [
+        (b"", "the file is empty"),
+        (b" \n\n", "the file is empty"),
+        (b"# only words\n", "only blank and comment lines"),
+        (GOOD.encode(), "a header and no rows"),
+    ],
+)
+def test_nothing_in_it(tmp_path: Path, data: bytes, expected: str) -> None:
+    assert expected in only(tmp_path, data).message
+
+
+def test_wrong_encoding_names_byte_and_line(tmp_path: Path) -> None:
+    fault = only(tmp_path, "surface,v_y1,v_y2\nplain,5,4\nrasé,5,4\n".encode("latin-1"))
+    assert fault.line == 3
+    assert "byte 0xe9 at offset 31" in fault.message and "UTF-8" in fault.message
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le"])
+def test_utf_16(tmp_path: Path, encoding: str) -> None:
+    assert "UTF-16" in only(tmp_path, (GOOD + ROW).encode(encoding)).message
+
+
+def test_semicolons_and_decimal_commas(tmp_path: Path) -> None:
+    text = (GOOD + ROW + ROW).replace(",", ";").replace(".", ",")
+    fault = only(tmp_path, text)
+    assert fault.line == 1
+    for words in ("semicolons (';')", "expected commas", "line 2: '15,62'", "expected decimal points"):
+        assert words in fault.message
+
+
+@pytest.mark.parametrize(("delimiter", "word"), [(";", "semicolons"), ("\t", "tabs"), ("|", "vertical bars")])
+def test_other_delimiters(tmp_path: Path, delimiter: str, word: str) -> None:
+    fault = only(tmp_path, (GOOD + ROW + ROW).replace(",", delimiter))
+    assert word in fault.message and "decimal commas" not in fault.message
+
+
+def test_ragged_and_empty_rows(tmp_path: Path) -> None:
+    faults = faults_of(tmp_path, f"{GOOD}{ROW}1,2\n{ROW.strip()},7\n,,,,,\n{ROW}")
+    assert [(fault.row, fault.line) for fault in faults] == [(2, 3), (3, 4), (4, 5)]
+    assert "read 2 cells, expected 6" in faults[0].message
+    assert "decimal commas?" in faults[1].message
+    assert "every cell is empty" in faults[2].message
+
+
+def test_open_quote(tmp_path: Path) -> None:
+    fault = only(tmp_path, f'{GOOD}{ROW}"15,4.81\n')
+    assert fault.line == 3 and "double quotes" in fault.message
+
+
+def test_ids_name_one_impact_each(tmp_path: Path) -> None:
+    faults = faults_of(tmp_path, "id,v_y1,v_y2\na,5,4\na,5,4\n,5,4\n")
+    assert [(fault.row, fault.column) for fault in faults] == [(2, "id"), (3, "id")]
+
+
+def test_half_an_incident_sd(tmp_path: Path) -> None:
+    fault = only(tmp_path, "v_1,v_1_sd,theta_1,v_y2\n10,0.1,30,4\n10,0.1,30,4\n")
+    assert "column 'theta_1_sd' is missing" in fault.message
+
+
+def test_all_faults_of_a_file_at_once(tmp_path: Path) -> None:
+    text = (
+        "vx1,v_y1 [m/h],omega_1,v_x2,v_y2,omega_2,v_2_sd\n"
+        "15,5,0,fast,4,200,1\n"
+        "15,5,0,10,,200,1\n"
+        "15,5,0,10\n"
+        "15,5,0,10,4,inf,-1\n"
+    )
+    faults = faults_of(tmp_path, text)
+    assert [(fault.row, fault.line, fault.column) for fault in faults] == [
+        (None, 1, "vx1"),
+        (None, 1, "v_y1"),
+        (None, 1, "v_2_sd"),
+        (1, 2, "v_x2"),
+        (2, 3, "v_y2"),
+        (3, 4, None),
+        (4, 5, "omega_2"),
+        (4, 5, "v_2_sd"),
+    ]
+
+
+def test_what_cannot_be_opened(tmp_path: Path) -> None:
+    (tmp_path / "t.xlsx").write_bytes(b"PK")
+    with pytest.raises(TableError, match="save it as 'CSV UTF-8'"):
+        load_table(tmp_path / "t.xlsx")
+    with pytest.raises(TableError, match="no such file"):
+        load_table(tmp_path / "absent.csv")
+
+
+def test_parquet_reads_like_csv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    frame = pandas.DataFrame({"v_y1 [km/h]": [36.0, 54.0], "v_y2": [7, 8], "surface": ["a", "b"]})
+    monkeypatch.setattr(pandas, "read_parquet", lambda _: frame)
+    (tmp_path / "t.parquet").write_bytes(b"PAR1")
+    table = load_table(tmp_path / "t.parquet")
+    assert table.impacts.v_y1.tolist() == [10.0, 15.0]
+    assert table.labels["surface"] == ("a", "b")
+    frame.loc[1, "v_y1 [km/h]"] = float("nan")
+    with pytest.raises(TableError) as caught:
+        load_table(tmp_path / "t.parquet")
+    (fault,) = caught.value.faults
+    assert (fault.row, fault.line, fault.column) == (2, None, "v_y1")
+
+
+@pytest.mark.parametrize(
+    ("error", "expected"),
+    [
+        (ImportError("pyarrow"), "needs the package 'pyarrow'"),
+        (ValueError("magic bytes"), "not a Parquet file"),
+    ],
+)
+def test_parquet_that_cannot_be_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, expected: str
+) -> None:
+    def fail(_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(pandas, "read_parquet", fail)
+    (tmp_path / "t.parquet").write_bytes(b"PAR1")
+    with pytest.raises(FitballError, match=expected):
+        load_table(tmp_path / "t.parquet")

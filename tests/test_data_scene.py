@@ -1,0 +1,241 @@
+"""Scenes: what a file says, what is assumed without it, and every way to get it wrong."""
+
+import dataclasses
+import json
+import pickle
+import tomllib
+from collections.abc import Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from fitball.data.bundled import bundled_tables
+from fitball.data.scene import Scene, load_scene
+from fitball.data.scene_file import FREE, KEYS, Kind
+from fitball.errors import SceneError, TableError
+
+SCHEMA: dict[str, Any] = json.loads(
+    files("fitball.data").joinpath("scene.schema.json").read_text(encoding="utf-8")
+)
+TABLE = "v_y1,v_y2\n4,3\n7,5\n"
+FULL = """
+[source]
+description = "drops on clay"
+citation = "nobody (2000)"
+[ball]
+mass = { value = 0.058, sd = 0.0005 }
+radius = 0.033
+inertia = { value = 3.5e-5, sd = 1e-6 }
+[surface]
+name = "clay"
+mu = { value = 0.7, sd = 0.1 }
+[contact_time]
+value = 5e-3
+sd = 1e-3
+[measurement]
+velocity_sd = 0.1
+nominal_spin_sd = 5
+contact_time_sd = 2e-4
+[model]
+name = "brody"
+closures = { normal = "total" }
+[priors]
+mu = "normal(0.7, 0.1)"
+k_y = " loguniform ( 1e3 , 1e5 ) "
+[fix]
+eps_slope = 0
+"""
+
+
+def scene_of(tmp_path: Path, text: str) -> Scene:
+    (tmp_path / "t.csv").write_text(TABLE)
+    (tmp_path / "t.toml").write_text(text)
+    return load_scene(tmp_path / "t.csv")
+
+
+def refused(tmp_path: Path, text: str) -> str:
+    with pytest.raises(SceneError) as caught:
+        scene_of(tmp_path, text)
+    assert str(tmp_path / "t.toml") in str(caught.value)
+    return str(caught.value)
+
+
+def test_everything_that_can_be_said(tmp_path: Path) -> None:
+    scene = scene_of(tmp_path, FULL)
+    unit = 0.058 * 0.033**2
+    assert scene.source == str(tmp_path / "t.toml")
+    assert (scene.ball.mass, scene.ball.radius, scene.ball.inertia) == (0.058, 0.033, 3.5e-5)
+    assert scene.ball_sd == {"mass": 0.0005, "inertia_ratio": 1e-6 / unit}
+    assert (scene.surface, scene.mu, scene.contact_time) == ("clay", (0.7, 0.1), (5e-3, 1e-3))
+    assert (scene.velocity_sd, scene.spin_sd, scene.contact_time_sd) == (0.1, None, 2e-4)
+    assert (scene.nominal_velocity_sd, scene.nominal_spin_sd) == (0.25, 5.0)
+    assert (scene.model, scene.closures) == ("brody", {"normal": "total"})
+    assert scene.priors["mu"] == "normal(0.7, 0.1)" and set(scene.priors) == {"mu", "k_y"}
+    assert scene.fix == {"eps_slope": 0.0}
+    assert (scene.description, scene.citation) == ("drops on clay", "nobody (2000)")
+    assert scene.assumed == ()
+
+
+def test_without_a_file_every_assumption_is_a_sentence(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text(TABLE)
+    scene = load_scene(tmp_path / "t.csv")
+    assert scene == dataclasses.replace(Scene(), assumed=scene.assumed)
+    for word in ("no scene file", "57.6 g", "33.02 mm", "I/(M R^2) = 0.56", "friction", "contact time"):
+        assert sum(word in sentence for sentence in scene.assumed) == 1, word
+    assert any("0.25 m/s" in sentence for sentence in scene.assumed)
+    assert any("10 rad/s" in sentence for sentence in scene.assumed)
+
+
+def test_assumptions_vanish_one_by_one(tmp_path: Path) -> None:
+    empty = set(scene_of(tmp_path, "").assumed)
+    cases = {
+        "[ball]\nmass = 0.057": "mass",
+        "[ball]\nradius = 0.034": "radius",
+        "[ball]\ninertia = 3e-5": "I/(M R^2)",
+        "[ball]\ninertia_ratio = 0.55": "I/(M R^2)",
+        "[surface]\nmu = 0.5": "friction",
+        "[contact_time]\nvalue = 0.005\nsd = 0.001": "contact time",
+        "[measurement]\nvelocity_sd = 0.1": "velocities",
+        "[measurement]\nnominal_spin_sd = 4": "spins",
+    }
+    for text, word in cases.items():
+        (gone,) = empty - set(scene_of(tmp_path, text).assumed)
+        assert word in gone
+
+
+def test_a_plain_number_has_no_spread(tmp_path: Path) -> None:
+    assert scene_of(tmp_path, "[surface]\nmu = 0.5").mu == (0.5, None)
+    assert scene_of(tmp_path, "[ball]\ninertia_ratio = 0.55").ball.inertia_ratio == pytest.approx(
+        0.55, rel=1e-15
+    )
+
+
+def test_config_goes_before_the_file_beside_the_table(tmp_path: Path) -> None:
+    (tmp_path / "other.toml").write_text('[model]\nname = "brody"')
+    assert load_scene("wang_all", tmp_path / "other.toml").model == "brody"
+    with pytest.raises(SceneError, match="cannot be opened"):
+        load_scene("wang_all", tmp_path / "absent.toml")
+    with pytest.raises(TableError, match="no such file"):
+        load_scene(tmp_path / "absent.csv")
+
+
+# Faults that the schema refuses as well as the reader.
+IN_SCHEMA = [
+    ("[bal]\nmass = 1", ("[bal]: unknown key", "'ball'")),
+    ("[ball]\nmas = 1", ("ball.mas: unknown key", "'mass'")),
+    ("[model]\nclosure = {}", ("model.closure: unknown key", "'closures'")),
+    ("speed = 3", ("[speed]: unknown key", "known: ball, contact_time")),
+    ("ball = 3", ("ball = 3: expected a section [ball]",)),
+    ("[ball]\nmass = -1", ("ball.mass = -1: expected a positive number",)),
+    ("[ball]\nmass = true", ("ball.mass = true",)),
+    ('[ball]\nmass = "57 g"', ('ball.mass = "57 g"',)),
+    ("[ball]\nmass = { value = 0.057 }", ("ball.mass = { value = 0.057 }",)),
+    ("[ball]\nmass = { value = 0.057, sd = 0 }", ("with both positive",)),
+    ("[ball]\nmass = { value = 0.057, sd = 0.1, unit = 1 }", ("ball.mass",)),
+    ("[ball]\ninertia = 3e-5\ninertia_ratio = 0.5", ("ball.inertia and ball.inertia_ratio are both given",)),
+    ("[measurement]\nspin_sd = 1\nnominal_spin_sd = 1", ("both given",)),
+    ("[measurement]\nvelocity_sd = 1\nnominal_velocity_sd = 1", ("both given",)),
+    ("[measurement]\nvelocity_sd = 0.0", ("measurement.velocity_sd = 0.0",)),
+    ("[contact_time]\nvalue = 0.005", ("expected both value and sd",)),
+    ("[priors]\nmu = 0.5", ("priors.mu = 0.5", "normal(0.55, 0.05)")),
+    ('[priors]\nmu = "normal 0.5"', ("priors.mu",)),
+    ('[priors]\nmu = "normal()"', ("priors.mu",)),
+    ('[priors]\nmu = "normal(0.5, x)"', ("priors.mu",)),
+    ('[fix]\nmu = "0.5"', ('fix.mu = "0.5": expected a finite number',)),
+    ("[model]\nname = 3", ("model.name = 3: expected a text",)),
+    ("[model]\nclosures = { normal = 3 }", ("model.closures.normal = 3",)),
+    ("priors = 3", ("priors = 3: expected a section of names",)),
+]
+# Faults beyond a schema: no TOML, no finite number, a ball that cannot be.
+BEYOND_SCHEMA = [
+    ("[ball]\nmass = nan", ("ball.mass = nan",)),
+    ("[ball]\nmass = 1" + 400 * "0", ("expected a positive number",)),
+    ("[ball]\ninertia = 1", ("[ball]", "exceeds M R^2")),
+    ("[fix]\nmu = inf", ("fix.mu = inf",)),
+    ("[ball]\nmass = \n", ("not TOML", "line 2")),
+]
+
+
+@pytest.mark.parametrize(("text", "words"), IN_SCHEMA + BEYOND_SCHEMA)
+def test_faults(tmp_path: Path, text: str, words: tuple[str, ...]) -> None:
+    message = refused(tmp_path, text)
+    for word in words:
+        assert word in message
+
+
+def test_all_faults_of_a_file_at_once(tmp_path: Path) -> None:
+    message = refused(
+        tmp_path, "[ball]\nmas = 1\nradius = 0\n[fix]\nmu = true\n[contact_time]\nsd = 1\n[sorce]\n"
+    )
+    assert "5 faults" in message
+    for word in ("ball.mas", "ball.radius", "fix.mu", "[contact_time]", "'source'"):
+        assert word in message
+
+
+def test_not_utf_8(tmp_path: Path) -> None:
+    (tmp_path / "t.toml").write_bytes(b"# caf\xe9\n")
+    with pytest.raises(SceneError, match="byte 5 is not UTF-8"):
+        load_scene("wang_all", tmp_path / "t.toml")
+
+
+@pytest.mark.parametrize("item", bundled_tables(), ids=lambda item: item.name)
+def test_bundled_scenes(item: Any) -> None:
+    jsonschema.validate(tomllib.loads(item.path.with_suffix(".toml").read_text(encoding="utf-8")), SCHEMA)
+    scene = load_scene(item.path)
+    assert (scene.ball.mass, scene.ball.radius) == (0.0576, 0.03302)
+    assert scene.ball.inertia_ratio == pytest.approx(0.56, rel=1e-15)
+    assert scene.ball_sd == {}
+    assert (scene.mu, scene.contact_time) == ((0.55, 0.05), (5.0e-3, 0.5e-3))
+    assert (scene.velocity_sd, scene.spin_sd) == (None, None)
+    assert (scene.nominal_velocity_sd, scene.nominal_spin_sd) == (0.25, 10.0)
+    assert scene.model == "two-mass"
+    assert scene.assumed == ()
+    assert "Wang" in scene.citation and "Texas A&M" in scene.citation
+
+
+def keys_of(known: Mapping[str, Any]) -> dict[str, Any]:
+    """KEYS as nested names; a section of free names is `None`."""
+    return {
+        name: keys_of(kind) if isinstance(kind, Mapping) else (None if kind in FREE else kind)
+        for name, kind in known.items()
+    }
+
+
+def schema_keys(node: Mapping[str, Any]) -> dict[str, Any]:
+    kinds = {"#/$defs/text": Kind.TEXT, "#/$defs/positive": Kind.POSITIVE, "#/$defs/quantity": Kind.QUANTITY}
+    names: dict[str, Any] = {}
+    for name, child in node["properties"].items():
+        if "$ref" in child:
+            names[name] = kinds[child["$ref"]]
+        elif isinstance(child["additionalProperties"], Mapping):
+            names[name] = None
+        else:
+            assert child["additionalProperties"] is False
+            names[name] = schema_keys(child)
+    return names
+
+
+def test_schema_and_reader_know_the_same_keys() -> None:
+    jsonschema.Draft202012Validator.check_schema(SCHEMA)
+    assert SCHEMA["additionalProperties"] is False
+    assert schema_keys(SCHEMA) == keys_of(KEYS)
+
+
+def test_schema_and_reader_refuse_the_same_files(tmp_path: Path) -> None:
+    validator = jsonschema.Draft202012Validator(SCHEMA)
+    assert validator.is_valid(tomllib.loads(FULL))
+    for text, _ in IN_SCHEMA:
+        refused(tmp_path, text)
+        assert not validator.is_valid(tomllib.loads(text)), text
+
+
+def test_scenes_are_frozen_and_travel_between_processes() -> None:
+    scene = load_scene("wang_all")
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        scene.model = "brody"  # type: ignore[misc]
+    with pytest.raises(TypeError):
+        scene.priors["mu"] = ""  # type: ignore[index]
+    assert pickle.loads(pickle.dumps(scene)) == scene

@@ -1,0 +1,102 @@
+"""Units: exact factors, round trips, and refusals that name what is known."""
+
+from fractions import Fraction
+from math import pi
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fitball.data.units import DEFAULT_UNIT, UNITS, Dimension, parse_unit, symbols
+from fitball.errors import UnitError
+
+# International definitions: inch 25.4 mm, foot 12 in, mile 5280 ft, nautical mile 1852 m, 360 deg a turn.
+EXACT = {
+    "m/s": Fraction(1),
+    "cm/s": Fraction(1, 100),
+    "mm/s": Fraction(1, 1000),
+    "km/h": Fraction(1000, 3600),
+    "mph": Fraction(254, 10000) * 12 * 5280 / 3600,
+    "ft/s": Fraction(254, 10000) * 12,
+    "in/s": Fraction(254, 10000),
+    "kn": Fraction(1852, 3600),
+    "rad": Fraction(1),
+    "mrad": Fraction(1, 1000),
+    "rad/s": Fraction(1),
+    "s": Fraction(1),
+    "ms": Fraction(1, 1000),
+    "us": Fraction(1, 1000000),
+}
+TURNS = {
+    "deg": Fraction(1, 360),
+    "deg/s": Fraction(1, 360),
+    "rev/s": Fraction(1),
+    "rpm": Fraction(1, 60),
+}
+
+
+def test_factors_are_the_definitions() -> None:
+    assert set(EXACT) | set(TURNS) == set(UNITS)
+    for symbol, factor in EXACT.items():
+        assert Fraction(UNITS[symbol].numerator) / Fraction(UNITS[symbol].denominator) == factor, symbol
+    for symbol, turn in TURNS.items():
+        unit = UNITS[symbol]
+        assert Fraction(unit.numerator) / Fraction(unit.denominator) == Fraction(pi) * 2 * turn, symbol
+
+
+def test_round_decimals_stay_round() -> None:
+    assert UNITS["ms"].to_si(5.0) == 0.005
+    assert UNITS["km/h"].to_si(36.0) == 10.0
+    assert UNITS["deg"].to_si(180.0) == pi
+
+
+@given(st.sampled_from(sorted(UNITS)), st.floats(-1e6, 1e6).filter(lambda x: x == 0.0 or abs(x) > 1e-6))
+def test_round_trip(symbol: str, value: float) -> None:
+    unit = UNITS[symbol]
+    # Two products and two quotients, each correctly rounded: 4 half-ulps.
+    assert unit.from_si(unit.to_si(value)) == pytest.approx(value, rel=4 * 2.0**-53, abs=0.0)
+    assert unit.to_si(np.array([value]))[0] == unit.to_si(value)
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "symbol"),
+    [
+        (" km/h ", Dimension.SPEED, "km/h"),
+        ("kph", Dimension.SPEED, "km/h"),
+        ("\u00b5s", Dimension.TIME, "us"),
+        ("\u03bcs", Dimension.TIME, "us"),
+        ("\u00b0", Dimension.ANGLE, "deg"),
+        ("rev/min", Dimension.SPIN, "rpm"),
+    ],
+)
+def test_spellings(text: str, dimension: Dimension, symbol: str) -> None:
+    assert parse_unit(text, dimension) is UNITS[symbol]
+
+
+def test_no_bracket_means_the_default() -> None:
+    assert {d: parse_unit(None, d).symbol for d in Dimension} == {
+        Dimension.SPEED: "m/s",
+        Dimension.SPIN: "rad/s",
+        Dimension.ANGLE: "deg",
+        Dimension.TIME: "s",
+    }
+    assert set(DEFAULT_UNIT) == set(Dimension)
+
+
+@pytest.mark.parametrize("text", ["furlong/h", "", "RPM", "m / s", "K"])
+def test_unknown_unit_names_the_known_ones(text: str) -> None:
+    with pytest.raises(UnitError) as caught:
+        parse_unit(text, Dimension.SPIN)
+    for symbol in symbols(Dimension.SPIN):
+        assert symbol in str(caught.value)
+
+
+def test_near_unit_is_suggested() -> None:
+    with pytest.raises(UnitError, match="did you mean 'rpm'"):
+        parse_unit("RPM", Dimension.SPIN)
+
+
+def test_wrong_dimension_says_what_the_unit_measures() -> None:
+    with pytest.raises(UnitError, match=r"'\[rpm\]', which measures spin; expected a unit of speed: m/s"):
+        parse_unit("rpm", Dimension.SPEED)
