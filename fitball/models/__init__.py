@@ -1,0 +1,1 @@
+"""Bounce models: parameters and incident states in, rebounds out."""

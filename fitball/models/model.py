@@ -1,0 +1,128 @@
+"""What every bounce model has in common: a name, a ball, parameters, and `rebound`."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fitball.errors import ModelError, ParameterError, suggestion
+from fitball.models.specs import BALL_PARAMETERS, SPECS, ParameterSpec
+from fitball.models.types import STATUS_REASON, Rebound, Status
+from fitball.values import Ball, FloatArray, Impacts
+
+
+@dataclass(frozen=True)
+class Model(ABC):
+    """A bounce model with its ball; subclasses say which parameters it has and evaluate it.
+
+    `options` are the named choices it was composed of, as text.
+    """
+
+    name: str
+    ball: Ball
+    options: Mapping[str, str]
+    parameters: tuple[ParameterSpec, ...]
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters `rebound` needs, in order."""
+        return tuple(spec.name for spec in self.parameters)
+
+    @property
+    @abstractmethod
+    def has_time(self) -> bool:
+        """Whether the model has a time axis, and so a contact time."""
+
+    @property
+    def needs_cor(self) -> bool:
+        """Whether each impact must bring its own measured coefficient of restitution."""
+        return self.options.get("cor") == "measured"
+
+    @abstractmethod
+    def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts) -> Rebound:
+        """Rebounds, (draws, impacts), for `values` (draws, names) without validation.
+
+        `names` are those of `parameters`, with any of the ball's own parameters beside them. What cannot be
+        evaluated is NaN and marked by its status.
+        """
+
+    @final
+    def rebound(self, parameters: Mapping[str, ArrayLike], impacts: Impacts) -> Rebound:
+        """Rebounds for named parameter values in SI units.
+
+        Numbers give arrays of shape (impacts,); arrays of `n` draws, broadcast against each other, give
+        (n, impacts). Raises ParameterError for unknown, missing, non-finite or out-of-bounds values, and, for
+        a single parameter set, when an impact cannot be evaluated; in a batch such impacts are NaN and
+        marked in `status`.
+        """
+        names, values, single = self._checked(parameters)
+        if self.needs_cor and impacts.cor is None:
+            raise ModelError("closure cor = 'measured' needs each impact's own `cor`: pass impacts(..., cor=...)")
+        found = self.evaluate(names, values, impacts)
+        if not single:
+            return found
+        failed = np.flatnonzero(found.status[0])
+        if failed.size:
+            first = int(failed[0])
+            reason = STATUS_REASON[Status(int(found.status[0, first]))]
+            raise ParameterError(
+                f"model {self.name}: impact {first + 1} (v_y1 = {impacts.v_y1[first]:g} m/s) cannot be "
+                f"evaluated: {reason}"
+            )
+        return Rebound(
+            found.v_x2[0],
+            found.v_y2[0],
+            found.omega_2[0],
+            found.contact_time[0],
+            found.regime[0],
+            found.status[0],
+        )
+
+    def _checked(self, parameters: Mapping[str, ArrayLike]) -> tuple[tuple[str, ...], FloatArray, bool]:
+        needed = self.parameter_names
+        allowed = (*needed, *BALL_PARAMETERS)
+        for name in parameters:
+            if name not in allowed:
+                raise ParameterError(f"model {self.name} has no parameter '{name}': {suggestion(name, allowed)}")
+        missing = [name for name in needed if name not in parameters]
+        if missing:
+            raise ParameterError(f"model {self.name} needs a value of {', '.join(missing)}")
+        names = tuple(parameters)
+        columns = [np.asarray(parameters[name], dtype=np.float64) for name in names]
+        for name, column in zip(names, columns, strict=True):
+            spec = SPECS[name]
+            if column.ndim > 1:
+                raise ParameterError(f"{name} has shape {column.shape}: expected a number or one value a draw")
+            bad = ~((column >= spec.lower) & (column <= spec.upper))
+            if np.any(bad):
+                value = column[bad][0] if column.ndim else column
+                raise ParameterError(
+                    f"{name} = {float(value):g} {spec.unit}".rstrip()
+                    + f": expected a value within [{spec.lower:g}, {spec.upper:g}]"
+                )
+        try:
+            values = np.stack(np.broadcast_arrays(*columns), axis=-1)
+        except ValueError:
+            lengths = {name: column.shape for name, column in zip(names, columns, strict=True)}
+            raise ParameterError(f"parameters differ in number of draws: {lengths}") from None
+        return names, np.atleast_2d(values), values.ndim == 1
+
+
+def ball_columns(ball: Ball, names: Sequence[str], values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Mass, radius, inertia, each (draws,), where any of them may be among the sampled `names`."""
+
+    def column(name: str, default: float) -> FloatArray:
+        if name in names:
+            return values[:, list(names).index(name)]
+        return np.full(values.shape[0], default)
+
+    mass = column("ball_mass", ball.mass)
+    radius = column("ball_radius", ball.radius)
+    if {"ball_mass", "ball_radius", "inertia_ratio"}.isdisjoint(names):
+        return mass, radius, np.full(values.shape[0], ball.inertia)
+    return mass, radius, column("inertia_ratio", ball.inertia_ratio) * mass * radius**2

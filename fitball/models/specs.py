@@ -1,0 +1,138 @@
+"""Every parameter a model can have: its unit, bounds, default prior and meaning, in one table.
+
+Priors are written `NAME(numbers)` and are truncated by the bounds; `inference.priors` gives them meaning.
+They are wide: a scene narrows what it knows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """A model parameter: `unit` (SI, empty when dimensionless), closed bounds, default prior, meaning.
+
+    `label` is its symbol in figures (mathtext).
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    prior: str
+    meaning: str
+    label: str
+
+
+_ALL = (
+    ParameterSpec(
+        "mass_ratio", "", 0.3, 1.0, "uniform(0.3, 1)", "mass of the core over mass of the ball", r"$M_1/M$"
+    ),
+    ParameterSpec(
+        "k_y",
+        "N/m",
+        1.0e2,
+        1.0e7,
+        "lognormal(2.0e4, 1.0)",
+        "vertical stiffness between core and shell",
+        r"$K_y$",
+    ),
+    ParameterSpec(
+        "k_theta",
+        "N m/rad",
+        1.0e-2,
+        1.0e6,
+        "lognormal(30, 1.5)",
+        "torsional stiffness between core and shell",
+        r"$K_\theta$",
+    ),
+    ParameterSpec(
+        "mu",
+        "",
+        0.0,
+        5.0,
+        "lognormal(0.6, 0.4)",
+        "coefficient of sliding friction of ball on court",
+        r"$\mu$",
+    ),
+    ParameterSpec(
+        "eps_10",
+        "m",
+        -0.033,
+        0.033,
+        "normal(0, 0.005)",
+        "distance of the normal force ahead of the centre at 10 m/s",
+        r"$\varepsilon_{10}$",
+    ),
+    ParameterSpec(
+        "eps_slope",
+        "m/(m/s)",
+        -0.01,
+        0.01,
+        "normal(0, 0.001)",
+        "change of that distance per vertical speed",
+        r"$\varepsilon'$",
+    ),
+    ParameterSpec(
+        "cor_10",
+        "",
+        0.0,
+        1.0,
+        "normal(0.75, 0.15)",
+        "coefficient of restitution at 10 m/s",
+        r"$\mathrm{COR}_{10}$",
+    ),
+    ParameterSpec(
+        "cor_slope",
+        "1/(m/s)",
+        -0.1,
+        0.1,
+        "normal(0, 0.02)",
+        "change of the coefficient of restitution per vertical speed",
+        r"$\mathrm{COR}'$",
+    ),
+    ParameterSpec(
+        "zeta_theta",
+        "",
+        0.0,
+        10.0,
+        "lognormal(0.5, 1.0)",
+        "torsional damping ratio while sliding",
+        r"$\zeta_\theta$",
+    ),
+    ParameterSpec(
+        "inertia_split",
+        "",
+        1.0e-6,
+        1.0 - 1.0e-6,
+        "uniform(0.1, 0.98)",
+        "moment of inertia of the core over that of the ball",
+        r"$I_1/I$",
+    ),
+    ParameterSpec(
+        "e_x",
+        "",
+        -1.0,
+        1.0,
+        "normal(0, 0.5)",
+        "tangential coefficient of restitution at the contact point while gripping",
+        r"$e_x$",
+    ),
+    ParameterSpec(
+        "offset",
+        "m",
+        -0.033,
+        0.033,
+        "normal(0, 0.005)",
+        "distance of the normal force ahead of the centre",
+        r"$D$",
+    ),
+    ParameterSpec("ball_mass", "kg", 0.01, 0.2, "normal(0.0576, 0.001)", "mass of the ball", r"$M$"),
+    ParameterSpec("ball_radius", "m", 0.01, 0.1, "normal(0.03302, 0.0005)", "outer radius of the ball", r"$R$"),
+    ParameterSpec("inertia_ratio", "", 0.05, 1.0, "normal(0.56, 0.015)", "moment of inertia over M R^2", r"$I/MR^2$"),
+)
+
+SPECS: Mapping[str, ParameterSpec] = {spec.name: spec for spec in _ALL}
+BALL_PARAMETERS = ("ball_mass", "ball_radius", "inertia_ratio")

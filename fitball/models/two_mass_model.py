@@ -1,0 +1,100 @@
+"""The face of the two-mass compositions: arrays and names on this side, kernels on the other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.models import bounce
+from fitball.models.model import Model, ball_columns
+from fitball.models.types import Closures, Rebound
+from fitball.values import FloatArray, Impacts
+
+NORMAL_CODES = {
+    "inner": bounce.NORMAL_INNER,
+    "momentum": bounce.NORMAL_MOMENTUM,
+    "total": bounce.NORMAL_TOTAL,
+}
+TORSION_CODES = {
+    "matched": bounce.TORSION_MATCHED,
+    "free": bounce.TORSION_FREE,
+    "rigid": bounce.TORSION_RIGID,
+}
+COR_CODES = {"line": bounce.COR_LINE, "mean": bounce.COR_MEAN, "measured": bounce.COR_MEASURED}
+
+
+def two_mass_parameters(closures: Closures, tangential: bool) -> tuple[str, ...]:
+    """Names of the parameters a composition has; without tangential motion only the vertical ones.
+
+    Without tangential motion and with `normal = total` the mass ratio acts nowhere and is left out.
+    """
+    rigid = closures.torsion == "rigid"
+    wanted = {
+        "mass_ratio": closures.normal != "total" or (tangential and not rigid and closures.inertia == "tied"),
+        "k_y": True,
+        "k_theta": tangential and not rigid,
+        "mu": tangential,
+        "eps_10": tangential,
+        "eps_slope": tangential,
+        "cor_10": closures.cor != "measured",
+        "cor_slope": closures.cor == "line",
+        "zeta_theta": tangential and closures.torsion == "free",
+        "inertia_split": tangential and not rigid and closures.inertia == "table",
+    }
+    return tuple(name for name, present in wanted.items() if present)
+
+
+@dataclass(frozen=True)
+class TwoMassModel(Model):
+    """A two-mass ball composed of `closures`.
+
+    With `tangential` false only the vertical motion is solved: `v_x2` and `omega_2` repeat the incident
+    values and cost nothing.
+    """
+
+    closures: Closures = field(kw_only=True)
+    tangential: bool = field(default=True, kw_only=True)
+
+    @property
+    def has_time(self) -> bool:
+        """The two-mass ball has a contact time."""
+        return True
+
+    @cached_property
+    def codes(self) -> NDArray[np.int64]:
+        """The closures as the kernel reads them."""
+        chosen = self.closures
+        return np.array(
+            [
+                chosen.release == "zero_force",
+                NORMAL_CODES[chosen.normal],
+                chosen.offset == "contact",
+                chosen.spin == "shell",
+                chosen.inertia == "tied",
+                TORSION_CODES[chosen.torsion],
+                COR_CODES[chosen.cor],
+                self.tangential,
+            ],
+            dtype=np.int64,
+        )
+
+    def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts) -> Rebound:
+        """See `Model.evaluate`."""
+        draws, count = values.shape[0], len(impacts)
+        rows = np.zeros((draws, len(bounce.COLUMNS)))
+        for column, name in enumerate(bounce.COLUMNS):
+            if name in names:
+                rows[:, column] = values[:, list(names).index(name)]
+        if "mass_ratio" not in names:
+            rows[:, 0] = 1.0
+        rows[:, 10], rows[:, 11], rows[:, 12] = ball_columns(self.ball, names, values)
+        out = np.empty((4, draws, count))
+        regime = np.empty((draws, count), dtype=np.int64)
+        status = np.empty((draws, count), dtype=np.int8)
+        cor = impacts.cor if impacts.cor is not None else np.full(count, np.nan)
+        bounce.bounce_batch(rows, self.codes, impacts.v_x1, impacts.v_y1, impacts.omega_1, cor, out, regime, status)
+        return Rebound(out[0], out[1], out[2], out[3], regime, status)

@@ -1,0 +1,119 @@
+"""What a bounce model is made of (closures) and what it returns (rebound, regimes)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from enum import IntEnum
+from typing import Literal, get_args, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.errors import ModelError, suggestion
+from fitball.values import FloatArray
+
+Release = Literal["zero_displacement", "zero_force"]
+Normal = Literal["inner", "momentum", "total"]
+Offset = Literal["grip", "contact"]
+Spin = Literal["shell", "mean"]
+Inertia = Literal["table", "tied"]
+Torsion = Literal["matched", "free", "rigid"]
+Cor = Literal["measured", "mean", "line"]
+
+
+@dataclass(frozen=True)
+class Closures:
+    """The named options that compose a two-mass model; one value each.
+
+    `torsion = "rigid"` is the limit of infinite torsional stiffness: it is what is left of the model
+    when no spin was measured, and costs no transition search.
+    """
+
+    release: Release
+    normal: Normal
+    offset: Offset
+    spin: Spin
+    inertia: Inertia
+    torsion: Torsion
+    cor: Cor
+
+    def __post_init__(self) -> None:
+        hints = get_type_hints(type(self))
+        for item in fields(self):
+            value, known = getattr(self, item.name), get_args(hints[item.name])
+            if value not in known:
+                raise ModelError(f"closure {item.name} = {value!r}: {suggestion(str(value), known)}")
+
+
+class Phase(IntEnum):
+    """What the contact point does; the digits of a packed regime sequence."""
+
+    SLIDE_FORWARD = 1
+    SLIDE_BACKWARD = 2
+    GRIP = 3
+    HOLD = 4
+    FREE = 5
+
+
+class Status(IntEnum):
+    """Outcome of one impact; everything but OK leaves NaN in that impact's outputs, with this reason."""
+
+    OK = 0
+    COR_OUT_OF_RANGE = 1
+    COR_EXCEEDS_MASS_RATIO = 2
+    TORSION_TOO_SOFT = 3
+    TOO_MANY_PHASES = 4
+
+
+STATUS_REASON = {
+    Status.OK: "",
+    Status.COR_OUT_OF_RANGE: "the coefficient of restitution leaves (0, 1] at this impact speed",
+    Status.COR_EXCEEDS_MASS_RATIO: (
+        "the coefficient of restitution exceeds mass_ratio: with normal = momentum the core cannot return that fast"
+    ),
+    Status.TORSION_TOO_SOFT: (
+        "k_theta is too small for torsion = matched: the undamped torsional frequency lies below the vertical one"
+    ),
+    Status.TOO_MANY_PHASES: "the contact point changed between slip and grip more often than the solver follows",
+}
+
+PHASE_SYMBOL = {
+    Phase.SLIDE_FORWARD: "slide",
+    Phase.SLIDE_BACKWARD: "slide back",
+    Phase.GRIP: "grip",
+    Phase.HOLD: "hold",
+    Phase.FREE: "free",
+}
+PHASE_BITS = 3
+MAX_PACKED_PHASES = 20
+
+
+def unpack_regime(code: int) -> tuple[Phase, ...]:
+    """The phase sequence behind a packed code, first phase first (at most MAX_PACKED_PHASES)."""
+    phases = []
+    while code:
+        phases.append(Phase(code & 7))
+        code >>= PHASE_BITS
+    return tuple(phases)
+
+
+def regime_name(code: int) -> str:
+    """A packed phase sequence in words, such as `slide-grip-slide back`."""
+    return "-".join(PHASE_SYMBOL[phase] for phase in unpack_regime(int(code)))
+
+
+@dataclass(frozen=True)
+class Rebound:
+    """Rebound states, each array of shape (impacts,) or (draws, impacts).
+
+    `v_x2`, `v_y2` [m/s] (`v_y2 > 0` away from the court), `omega_2` [rad/s], `contact_time` [s] (NaN
+    for models without a time axis), `regime` packed phase sequences (see `regime_name`), `status`
+    values of `Status`.
+    """
+
+    v_x2: FloatArray
+    v_y2: FloatArray
+    omega_2: FloatArray
+    contact_time: FloatArray
+    regime: NDArray[np.int64]
+    status: NDArray[np.int8]
