@@ -93,7 +93,7 @@ def bounce(
         e_force = math.exp(-sigma * t_force)
         v_x2, omega_2, regime = rigid_contact(
             mass, radius, inertia, mu, eps, eps_in_slide,
-            landing + riding_mass * v_y * (1.0 + e_force), t_contact > t_force, v_x, omega,
+            landing, landing + riding_mass * v_y * (1.0 + e_force), t_contact > t_force, v_x, omega,
         )  # fmt: skip
         return OK, v_x2, cor * v_y, omega_2, t_contact, regime
     split = tied_inertia_split(mass_ratio) if codes[4] == 1 else row[9]

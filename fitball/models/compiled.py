@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import ParamSpec, TypeVar, cast
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+
+def _kernel_sources() -> tuple[tuple[str, float, int], ...]:
+    """Name, modification time and size of every file kernels may live in."""
+    files = sorted(Path(__file__).parent.glob("*.py"))
+    return tuple((file.name, file.stat().st_mtime, file.stat().st_size) for file in files)
+
+
+SOURCES = _kernel_sources()
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
@@ -17,4 +27,19 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     `error_model="numpy"` lets a division by zero give an infinity instead of an exception, so that a
     batch is never stopped by one impact; every kernel marks such an impact by its status.
     """
-    return cast("Callable[P, R]", numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+    dispatcher = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    _depend_on_all_kernels(dispatcher)
+    return cast("Callable[P, R]", dispatcher)
+
+
+def _depend_on_all_kernels(dispatcher: Any) -> None:
+    """Let the cache of one kernel expire when any of them changes.
+
+    Numba stamps a cached function with its own file only, and so would go on running an old copy of a kernel it
+    calls in another file. Where its cache is not built as expected it is left out: slow to start, never stale.
+    """
+    index = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    if hasattr(index, "_source_stamp"):
+        index._source_stamp = SOURCES
+    else:
+        dispatcher._cache = numba.core.caching.NullCache()

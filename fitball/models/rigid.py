@@ -19,12 +19,16 @@ def rigid_contact(
     mu: float,
     eps: float,
     eps_in_slide: bool,
+    landing: float,
     impulse: float,
     free_at_end: bool,
     v_x: float,
     omega: float,
 ) -> tuple[float, float, int]:
-    """Return `(v_x2, omega_2, regime)` after a normal impulse [N s] that includes the landing impulse."""
+    """Return `(v_x2, omega_2, regime)` after a normal impulse [N s], of which `landing` comes all at once.
+
+    Slip that ends within the landing impulse takes no time and is no phase of the contact.
+    """
     compliance = 1.0 / mass + radius * radius / inertia
     need = radius * eps / (inertia * compliance)
     slip = v_x - radius * omega
@@ -36,7 +40,7 @@ def rigid_contact(
     acting = impulse if eps_in_slide else impulse - slipped - held
     regime = 0
     count = 0
-    if slipped > 0.0 and (abs(slip) > 0.0 or abs(onward) < 0.5):
+    if slipped > landing and (abs(slip) > 0.0 or abs(onward) < 0.5):
         regime = append_phase(regime, count, slide_phase(direction))
         count += 1
     if onward * direction < 0.0 or (onward > 0.5 and count == 0):

@@ -37,6 +37,9 @@ TOO_MANY_PHASES = int(Status.TOO_MANY_PHASES)
 # under a microsecond, so the bound only stops a contact that will not settle.
 MAX_PHASES = 4096
 
+# Share of what is left of the contact below which a zero that follows another at the start may be the work of
+# cancellation: it is looked for again in a series.
+TOO_SOON = 1e-3
 # Rows of the scratch array: contact function, twist, force, poles, then the stack of `first_zero`.
 ROW_FUNCTION, ROW_TWIST, ROW_FORCE, ROW_POLES, ROW_STACK, ROWS = 0, 1, 2, 3, 4, 10
 
@@ -56,6 +59,7 @@ def twist_motion(
     force_rate: float,
     poles: FloatArray,
     span: float,
+    careful: bool,
     twist: FloatArray,
     drive: FloatArray,
 ) -> tuple[int, float]:
@@ -63,12 +67,13 @@ def twist_motion(
 
     Returns `(n, length)`. With `n = 0`, `twist[:4]` holds the coefficients in the basis of both pole pairs and
     `length` is `span`. Near resonance `twist[:n]` holds a Taylor series in `t/length`, `drive[:n]` that of the
-    force, and `length` may be shorter than `span`: the phase is then solved in pieces.
+    force, and `length` may be shorter than `span`: the phase is then solved in pieces. `careful` asks for the
+    series, which loses nothing to cancellation just after the start.
     """
     a, w2, b = poles[TORSION], poles[TORSION + 1], poles[TORSION + 2]
     sigma, w2_force, b_force = poles[VERTICAL], poles[VERTICAL + 1], poles[VERTICAL + 2]
     span2 = span * span
-    if resultant(a, w2, sigma, w2_force) * span2 * span2 > NEAR_RESONANCE:
+    if not careful and resultant(a, w2, sigma, w2_force) * span2 * span2 > NEAR_RESONANCE:
         twist[0], twist[1], twist[2], twist[3] = forced_response(
             a, w2, sigma, w2_force, kappa, force, force_rate + sigma * force, th, rate
         )
@@ -145,6 +150,17 @@ def compose(
     out[4] += on_force * (force_rate + sigma * force) - on_impulse * (sigma * momentum - force)
     prepare(out, poles, length)
     return 0.0
+
+
+@compiled
+def pin(function: FloatArray, n: int, order: int) -> int:
+    """Let the function be exactly zero at the start of its phase when `order` zeros are known to be there.
+
+    The rounding of its constant would otherwise outweigh it for a while. Returns `order`.
+    """
+    if order > 0:
+        function[0] = 0.0 if n > 0 else -(function[1] + function[3])
+    return order
 
 
 @compiled
@@ -259,6 +275,7 @@ def two_mass_contact(
     broke = False
     entered = 0.0
     moved = False
+    careful = False
     start = 0.0
     regime = 0
     count = 0
@@ -298,8 +315,9 @@ def two_mass_contact(
         if gripping or holding:
             set_torsion(poles, stiffness, damping, relative_grip, w2_grip)
             acting = eps if gripping else 0.0
-            n, length = twist_motion(th, rate, acting / gyration, force, force_rate, poles, span, twist, drive)
+            n, length = twist_motion(th, rate, acting / gyration, force, force_rate, poles, span, careful, twist, drive)
             t_event = NO_ZERO
+            doubtful = False
             event_side = 0.0
             now = lever * (stiffness * th + damping * rate - acting * force)
             near = 1.0 if now >= 0.0 else -1.0
@@ -312,9 +330,10 @@ def two_mass_contact(
                 )  # fmt: skip
                 at_edge = abs(mu * force - side * now) <= TIE * (mu * force + abs(now))
                 order = 1 if at_edge or (gripping and entered * side > 0.0) else 0
-                t = first_zero(function, poles, n, length, bound, order, end, stack)
+                t = first_zero(function, poles, n, length, bound, pin(function, n, order), end, stack)
                 if t >= 0.0:
                     t_event, event_side, end = t, side, t
+                    doubtful = doubtful or (order > 0 and t < TOO_SOON * span)
             resumed = False
             if holding:
                 bound = compose(
@@ -322,9 +341,14 @@ def two_mass_contact(
                     -mu - entered * lever * eps, 0.0,
                     force, force_rate, momentum, poles, twist, drive, n, length, function,
                 )  # fmt: skip
-                t = first_zero(function, poles, n, length, bound, 1 if broke else 0, end, stack)
+                order = 1 if broke else 0
+                t = first_zero(function, poles, n, length, bound, pin(function, n, order), end, stack)
                 if t >= 0.0:
                     t_event, resumed = t, True
+                    doubtful = doubtful or (order > 0 and t < TOO_SOON * span)
+            if doubtful and n == 0:
+                careful = True
+                continue
             broke = False
             elapsed = length if t_event < 0.0 else t_event
             finished = t_event < 0.0 and length >= span
@@ -354,7 +378,7 @@ def two_mass_contact(
             set_torsion(poles, stiffness, damping, relative_slide, w2_slide)
             spinning_up = direction * mu * radius - eps_slide
             n, length = twist_motion(
-                th, rate, -spinning_up / inertia_shell, force, force_rate, poles, span, twist, drive
+                th, rate, -spinning_up / inertia_shell, force, force_rate, poles, span, careful, twist, drive
             )
             t_event = NO_ZERO
             if mu > 0.0:
@@ -366,7 +390,10 @@ def two_mass_contact(
                     -mu / mass - direction * radius * spinning_up / inertia,
                     force, force_rate, momentum, poles, twist, drive, n, length, function,
                 )  # fmt: skip
-                t_event = first_zero(function, poles, n, length, bound, order, length, stack)
+                t_event = first_zero(function, poles, n, length, bound, pin(function, n, order), length, stack)
+                if n == 0 and order > 0 and 0.0 <= t_event < TOO_SOON * span:
+                    careful = True
+                    continue
             elapsed = length if t_event < 0.0 else t_event
             finished = t_event < 0.0 and length >= span
             c, s, _envelope = damped_pair(sigma, w2_force, omega2, poles[VERTICAL + 3], start + elapsed)
@@ -384,6 +411,7 @@ def two_mass_contact(
                 w1 = (spin_sum - inertia_shell * w2) / inertia_core
             order = 0
 
+        careful = False
         start += elapsed
         moved = moved or elapsed > 0.0
         if finished or t_event >= 0.0:
