@@ -38,9 +38,7 @@ class Ball:
         for name in ("mass", "radius", "inertia"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
-                raise ParameterError(
-                    f"ball {name} = {value!r}: expected a positive, finite number (SI units)"
-                )
+                raise ParameterError(f"ball {name} = {value!r}: expected a positive, finite number (SI units)")
         if self.inertia > self.mass * self.radius**2:
             raise ParameterError(
                 f"ball inertia = {self.inertia:g} kg m^2 exceeds M R^2 = {self.mass * self.radius**2:g}: "
@@ -91,9 +89,7 @@ class Impacts:
         return int(self.v_x1.shape[0])
 
 
-def impacts(
-    v_x1: ArrayLike, v_y1: ArrayLike, omega_1: ArrayLike = 0.0, cor: ArrayLike | None = None
-) -> Impacts:
+def impacts(v_x1: ArrayLike, v_y1: ArrayLike, omega_1: ArrayLike = 0.0, cor: ArrayLike | None = None) -> Impacts:
     """Make impacts from numbers or arrays in SI units (m/s, m/s, rad/s); single numbers are broadcast.
 
     Raises ParameterError as `Impacts` does, and when the shapes cannot be broadcast to one length.

@@ -80,9 +80,7 @@ def test_check_of_a_good_table(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out == ""
 
 
-def test_check_lists_every_fault_of_table_and_scene(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_lists_every_fault_of_table_and_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "t.csv").write_text(BAD)
     (tmp_path / "t.toml").write_text("[ball]\nmas = 1\n")
     assert call("check", str(tmp_path / "t.csv")) == 2
@@ -144,8 +142,7 @@ def test_parser_imports_nothing_heavy() -> None:
 
 def test_reading_a_csv_does_not_import_pandas() -> None:
     code = (
-        "import sys; from fitball.data.read import load_table; load_table('wang_all');"
-        "print('pandas' in sys.modules)"
+        "import sys; from fitball.data.read import load_table; load_table('wang_all');print('pandas' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

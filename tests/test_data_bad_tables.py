@@ -71,9 +71,7 @@ def test_missing_column(tmp_path: Path, header: str, expected: str) -> None:
 
 
 def test_unknown_unit_names_the_known_ones_and_spares_the_numbers(tmp_path: Path) -> None:
-    fault = only(
-        tmp_path, GOOD.replace("v_x1 [m/s]", "v_x1 [furlong/h]") + "99999," + ROW.split(",", 1)[1] + ROW
-    )
+    fault = only(tmp_path, GOOD.replace("v_x1 [m/s]", "v_x1 [furlong/h]") + "99999," + ROW.split(",", 1)[1] + ROW)
     assert fault.column == "v_x1"
     assert "furlong/h" in fault.message and "km/h" in fault.message
 
@@ -174,9 +172,7 @@ def test_impossible_number(tmp_path: Path, column: str, value: str, expected: st
         ("v_y1,v_y2", "5,5.5", "v_y2", "coefficient of restitution 1.1"),
     ],
 )
-def test_impossible_in_other_columns(
-    tmp_path: Path, header: str, row: str, column: str, expected: str
-) -> None:
+def test_impossible_in_other_columns(tmp_path: Path, header: str, row: str, column: str, expected: str) -> None:
     faults = faults_of(tmp_path, f"{header}\n{row}\n{row}\n")
     assert [(fault.row, fault.column) for fault in faults] == [(1, column), (2, column)]
     assert expected in faults[0].message

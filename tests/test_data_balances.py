@@ -85,9 +85,7 @@ def test_balances_recover_the_impulses_that_made_a_bounce(tmp_path: Path) -> Non
     rows, truth = [], []
     for _ in range(20):
         cor, e_x, eps = rng.uniform(0.5, 0.8), rng.uniform(-0.3, 0.3), rng.uniform(-1e-3, 3e-3)
-        rows.append(
-            rigid_bounce(rng.uniform(8, 16), rng.uniform(6, 12), rng.uniform(-200, 100), cor, e_x, eps, ball)
-        )
+        rows.append(rigid_bounce(rng.uniform(8, 16), rng.uniform(6, 12), rng.uniform(-200, 100), cor, e_x, eps, ball))
         truth.append((cor, e_x, eps))
     got = made(tmp_path, FULL, rows, dataclasses.replace(Scene(), ball=ball))
     cor, e_x, eps = np.array(truth).T
@@ -221,9 +219,7 @@ def test_what_was_not_measured_is_absent_with_a_reason(tmp_path: Path, columns: 
 
 
 def test_steep_angles_beside_one_component_do_not_break(tmp_path: Path) -> None:
-    got = made(
-        tmp_path, "v_x1,v_y1,omega_1,v_x2,theta_2,omega_2", [(1, 10, 0, 0.0, 90, 20), (2, 10, 0, 1.0, 80, 20)]
-    )
+    got = made(tmp_path, "v_x1,v_y1,omega_1,v_x2,theta_2,omega_2", [(1, 10, 0, 0.0, 90, 20), (2, 10, 0, 1.0, 80, 20)])
     assert got.cor.reasons[1] == ""
     assert got.cor.reasons[0] != "" or got.cor.sd[0] > 1e6
 

@@ -107,9 +107,7 @@ def test_measured_restitution_is_the_printed_one(spin: str) -> None:
 
 def test_every_bundled_table_has_one_line_of_description() -> None:
     assert [item.name for item in bundled_tables()] == list(bundled_names())
-    assert {"wang_all.csv", "wang_backspin.csv", "wang_topspin.csv", "wang_zero_spin.csv"} <= set(
-        bundled_names()
-    )
+    assert {"wang_all.csv", "wang_backspin.csv", "wang_topspin.csv", "wang_zero_spin.csv"} <= set(bundled_names())
     for item in bundled_tables():
         assert item.path.is_file()
         assert item.description and "\n" not in item.description
@@ -131,9 +129,7 @@ def test_a_path_that_exists_wins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert len(load_table("wang_all")) == 21
 
 
-def test_a_folder_of_the_same_name_does_not_hide_a_table(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_of_the_same_name_does_not_hide_a_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "wang_all").mkdir()
     monkeypatch.chdir(tmp_path)
     assert len(load_table("wang_all")) == 21

@@ -17,9 +17,7 @@ from fitball.data.scene import Scene, load_scene
 from fitball.data.scene_file import FREE, KEYS, Kind
 from fitball.errors import SceneError, TableError
 
-SCHEMA: dict[str, Any] = json.loads(
-    files("fitball.data").joinpath("scene.schema.json").read_text(encoding="utf-8")
-)
+SCHEMA: dict[str, Any] = json.loads(files("fitball.data").joinpath("scene.schema.json").read_text(encoding="utf-8"))
 TABLE = "v_y1,v_y2\n4,3\n7,5\n"
 FULL = """
 [source]
@@ -108,9 +106,7 @@ def test_assumptions_vanish_one_by_one(tmp_path: Path) -> None:
 
 def test_a_plain_number_has_no_spread(tmp_path: Path) -> None:
     assert scene_of(tmp_path, "[surface]\nmu = 0.5").mu == (0.5, None)
-    assert scene_of(tmp_path, "[ball]\ninertia_ratio = 0.55").ball.inertia_ratio == pytest.approx(
-        0.55, rel=1e-15
-    )
+    assert scene_of(tmp_path, "[ball]\ninertia_ratio = 0.55").ball.inertia_ratio == pytest.approx(0.55, rel=1e-15)
 
 
 def test_config_goes_before_the_file_beside_the_table(tmp_path: Path) -> None:
@@ -167,9 +163,7 @@ def test_faults(tmp_path: Path, text: str, words: tuple[str, ...]) -> None:
 
 
 def test_all_faults_of_a_file_at_once(tmp_path: Path) -> None:
-    message = refused(
-        tmp_path, "[ball]\nmas = 1\nradius = 0\n[fix]\nmu = true\n[contact_time]\nsd = 1\n[sorce]\n"
-    )
+    message = refused(tmp_path, "[ball]\nmas = 1\nradius = 0\n[fix]\nmu = true\n[contact_time]\nsd = 1\n[sorce]\n")
     assert "5 faults" in message
     for word in ("ball.mas", "ball.radius", "fix.mu", "[contact_time]", "'source'"):
         assert word in message

@@ -68,9 +68,7 @@ def test_scaling_all_speeds_scales_the_rebound(name, closures, wang_impacts, dra
     np.testing.assert_allclose(factor * one.omega_2[ok], other.omega_2[ok], rtol=1e-10, atol=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("name", "closures"), [item for item in MODELS if item[0] not in ("thesis-exact",)]
-)
+@pytest.mark.parametrize(("name", "closures"), [item for item in MODELS if item[0] not in ("thesis-exact",)])
 def test_energy_never_rises(name, closures, wang_impacts, draw_priors):
     """With the spin taken as the mean, all motion left after the twist has died out; no offset."""
     chosen = model(name, **closures)
@@ -186,3 +184,28 @@ def test_spin_of_a_drop_comes_from_the_offset_alone():
     expected = -2e-3 * normal / (ball.inertia + ball.mass * ball.radius**2)
     np.testing.assert_allclose(found.omega_2, expected, rtol=1e-13)
     np.testing.assert_allclose(found.v_x2, ball.radius * expected, rtol=1e-13)
+
+
+def test_a_grip_that_holds_to_the_end_ends_with_the_contact(wang_impacts):
+    """The twist has died out long before release: friction and its limit vanish together, without a second slip."""
+    parameters = {
+        "mass_ratio": 0.3549999758539091, "k_y": 77663.08836292337, "k_theta": 15586.265293157781,
+        "mu": 0.1010901235690645, "eps_10": 0.012340829370667807, "eps_slope": -0.0027860229277506445,
+        "cor_10": 0.7772245597385539, "cor_slope": -0.016788361283666106,
+    }  # fmt: skip
+    found = model("thesis-exact").rebound(parameters, wang_impacts)
+    assert np.all(np.isfinite(found.omega_2))
+    assert np.all(np.isfinite(found.v_x2))
+
+
+@pytest.mark.parametrize("name", ["two-mass", "thesis-exact"])
+def test_ok_means_finite(name, wang_impacts, draw_priors):
+    """No output is NaN without a status that says why, over many prior draws."""
+    chosen = model(name)
+    values = draw_priors(chosen, np.random.default_rng(77), 4000)
+    found = chosen.evaluate(chosen.parameter_names, values, wang_impacts)
+    ok = found.status == 0
+    for output in (found.v_x2, found.v_y2, found.omega_2, found.contact_time):
+        assert np.all(np.isfinite(output[ok]))
+        assert np.all(np.isnan(output[~ok]))
+    assert 0.2 < ok.mean() < 0.95

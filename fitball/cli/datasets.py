@@ -29,6 +29,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.set_defaults(run=run)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     _add_action(actions, "list", "names of the bundled tables", "fitball datasets list")
     show = _add_action(
@@ -42,9 +43,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         actions, "check", "every fault of a table and of its scene", "fitball datasets check my_impacts.csv"
     )
     check.add_argument("data", metavar="FILE", help="a path, or the name of a bundled table")
-    check.add_argument(
-        "--config", metavar="FILE.toml", help="the scene, instead of the TOML file beside the table"
-    )
+    check.add_argument("--config", metavar="FILE.toml", help="the scene, instead of the TOML file beside the table")
     check.add_argument("--quiet", action="store_true", help="print faults only")
 
 
@@ -73,9 +72,7 @@ def _list(args: argparse.Namespace) -> int:
 
     tables = bundled_tables()
     if args.json:
-        _print_json(
-            [{"name": item.name, "path": str(item.path), "description": item.description} for item in tables]
-        )
+        _print_json([{"name": item.name, "path": str(item.path), "description": item.description} for item in tables])
     else:
         width = max((len(item.name) for item in tables), default=0)
         for item in tables:
@@ -133,9 +130,7 @@ def _check(args: argparse.Namespace) -> int:
                 "source": args.data,
                 "ok": not errors,
                 "faults": [fault for error in errors for fault in _faults(error)],
-                "notices": [
-                    {"message": item.message, "row": item.row, "columns": item.columns} for item in notices
-                ],
+                "notices": [{"message": item.message, "row": item.row, "columns": item.columns} for item in notices],
             }
         )
     else:
@@ -217,9 +212,7 @@ def _as_json(table: ImpactTable, scene: Scene) -> dict[str, Any]:
         "measurements": [item.name for item in table.measurements],
         "redundant": [item.name for item in table.redundant],
         "labels": dict(table.labels),
-        "notices": [
-            {"message": item.message, "row": item.row, "columns": item.columns} for item in table.notices
-        ],
+        "notices": [{"message": item.message, "row": item.row, "columns": item.columns} for item in table.notices],
         "known": _known(scene),
         "assumed": scene.assumed,
     }

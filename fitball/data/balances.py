@@ -73,9 +73,7 @@ class Balances:
             bracket = f" [{balance.unit}]" if balance.unit else ""
             for name, column in ((balance.name, balance.values), (f"{balance.name}_sd", balance.sd)):
                 row[name + bracket] = "" if balance.reasons[index] else f"{column[index]:.6g}"
-        remarks = [
-            f"{balance.name}: {balance.reasons[index]}" for balance in self.all if balance.reasons[index]
-        ]
+        remarks = [f"{balance.name}: {balance.reasons[index]}" for balance in self.all if balance.reasons[index]]
         row["remark"] = "; ".join(remarks)
         return row
 
@@ -233,9 +231,7 @@ def _finish(name: str, quantity: Quantity, count: int) -> Balance:
         return Balance(name, unit, meaning, nothing, nothing, (quantity,) * count)
     sd = quantity.sd
     finite = np.isfinite(quantity.value) & np.isfinite(sd)
-    reasons = tuple(
-        "" if good else _NOT_FINITE.get(name, "the known columns do not determine it") for good in finite
-    )
+    reasons = tuple("" if good else _NOT_FINITE.get(name, "the known columns do not determine it") for good in finite)
     nan = np.float64("nan")
     return Balance(
         name,

@@ -56,9 +56,7 @@ def one_sign(
             turned[name] = replace(column, values=np.abs(column.values))
         elif negative.any():
             turned[name] = replace(column, values=-column.values)
-            notices.append(
-                Notice(f"{name} is negative in every row and was turned positive", columns=(name,))
-            )
+            notices.append(Notice(f"{name} is negative in every row and was turned positive", columns=(name,)))
     return turned
 
 

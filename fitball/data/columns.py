@@ -132,9 +132,7 @@ def _explain_unknown(name: str, taken: set[str], line: int | None, faults: list[
     """The known column that an unknown name stands for; None for a column of the user's own."""
     near = _nearest(name, taken)
     if near is not None:
-        message = (
-            f"unknown column; did you mean '{near}'? Rename it (a column of your own needs another name)"
-        )
+        message = f"unknown column; did you mean '{near}'? Rename it (a column of your own needs another name)"
         faults.append(Fault(message, line=line, column=name))
     elif name.endswith(SD_SUFFIX):
         message = (

@@ -41,9 +41,7 @@ def check_columns(header: Header, line: int | None, faults: list[Fault], notices
     if "omega_2" in present and "omega_1" not in present:
         notices.append(Notice("no column omega_1: incident spin taken as 0", columns=("omega_1",)))
     if header.extras:
-        notices.append(
-            Notice(f"columns kept and not used: {', '.join(header.extras)}", columns=header.extras)
-        )
+        notices.append(Notice(f"columns kept and not used: {', '.join(header.extras)}", columns=header.extras))
 
 
 def _incident_gap(incident: tuple[str, ...]) -> str:
@@ -80,8 +78,6 @@ def _lonely_sds(present: Iterable[str], line: int | None) -> list[Fault]:
         stated = names & {"v_1_sd", "theta_1_sd"}
         if len(stated) == 1:
             missing = ({"v_1_sd", "theta_1_sd"} - stated).pop()
-            message = (
-                f"column '{missing}' is missing; the incident components need the sd of both speed and angle"
-            )
+            message = f"column '{missing}' is missing; the incident components need the sd of both speed and angle"
             faults.append(Fault(message, None, line, stated.pop()))
     return faults

@@ -24,7 +24,8 @@ _INFINITE = ("inf", "infinity", "∞")
 @dataclass(frozen=True)
 class NumberColumn:
     """A column of numbers. `values` (impacts,) in SI, NaN where a cell had a fault; `half_width` [SI] is
-    half a unit of the last printed decimal; `unit` as in the file; `decimals` as printed."""
+    half a unit of the last printed decimal; `unit` as in the file; `decimals` as printed.
+    """
 
     name: str
     values: FloatArray
@@ -66,9 +67,7 @@ def _explain(text: str, name: str) -> str:
     what = "a standard deviation" if name.endswith(SD_SUFFIX) else "a number"
     lower = text.lower()
     if lower in _ABSENT:
-        return (
-            f"read {repr(text) if text else 'an empty cell'}; expected {what}: measure it, or delete the row"
-        )
+        return f"read {repr(text) if text else 'an empty cell'}; expected {what}: measure it, or delete the row"
     if lower.lstrip("+-") in _INFINITE or _NUMBER.fullmatch(text):
         return f"read '{text}', which is not finite; expected {what}"
     if re.fullmatch(r"[+-]?[0-9]+,[0-9]+", text):

@@ -65,16 +65,12 @@ def read_raw(path: Path) -> RawTable:
     """
     source = str(path)
     if path.suffix.lower() in SPREADSHEET_SUFFIXES:
-        raise _single(
-            source, f"read a spreadsheet ({path.suffix}); expected CSV or Parquet: save it as 'CSV UTF-8'"
-        )
+        raise _single(source, f"read a spreadsheet ({path.suffix}); expected CSV or Parquet: save it as 'CSV UTF-8'")
     try:
         data = path.read_bytes()
     except OSError as error:
         reason = error.strerror or type(error).__name__
-        raise _single(
-            source, f"cannot be opened: {reason}; expected a readable CSV or Parquet file"
-        ) from None
+        raise _single(source, f"cannot be opened: {reason}; expected a readable CSV or Parquet file") from None
     if not data.strip():
         raise _single(source, "the file is empty; expected a header line and at least two rows")
     if path.suffix.lower() in PARQUET_SUFFIXES:
@@ -124,14 +120,11 @@ def _read_csv(source: str, data: bytes) -> RawTable:
     except csv.Error as error:
         raise _single(
             source,
-            f"the record that starts here is not CSV ({error}); "
-            "expected double quotes in pairs, around whole cells",
+            f"the record that starts here is not CSV ({error}); expected double quotes in pairs, around whole cells",
             feed.record_start,
         ) from None
     if not records:
-        raise _single(
-            source, "only blank and comment lines were read; expected a header line and at least two rows"
-        )
+        raise _single(source, "only blank and comment lines were read; expected a header line and at least two rows")
     header_line, header = records[0]
     faults: list[Fault] = []
     rows = []
@@ -164,9 +157,7 @@ def _refuse_other_delimiters(source: str, text: str, header_line: int) -> None:
     for number, line in enumerate(lines[header_line:], start=header_line + 1):
         decimal = _DECIMAL_COMMA.search(line)
         if decimal and not line.lstrip().startswith("#"):
-            message += (
-                f", and numbers have decimal commas (line {number}: '{decimal[0]}'); expected decimal points"
-            )
+            message += f", and numbers have decimal commas (line {number}: '{decimal[0]}'); expected decimal points"
             break
     message += ": replace the decimal signs first, then the delimiters, or export as comma-separated CSV"
     raise _single(source, message, header_line)

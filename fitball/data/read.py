@@ -58,14 +58,10 @@ def _check_count(raw: RawTable, faults: list[Fault]) -> None:
     count = len(raw.rows) + sum(fault.row is not None for fault in raw.faults)
     if count == 0:
         faults.append(
-            Fault(
-                f"read a header and no rows; expected at least {LEAST_IMPACTS} impacts", line=raw.header_line
-            )
+            Fault(f"read a header and no rows; expected at least {LEAST_IMPACTS} impacts", line=raw.header_line)
         )
     elif count < LEAST_IMPACTS:
-        message = (
-            f"read one row only; expected at least {LEAST_IMPACTS} impacts: one impact cannot fix any scatter"
-        )
+        message = f"read one row only; expected at least {LEAST_IMPACTS} impacts: one impact cannot fix any scatter"
         faults.append(Fault(message, row=1, line=raw.rows[0].line if raw.rows else raw.faults[0].line))
 
 
@@ -77,9 +73,7 @@ def _ids(header: Header, rows: tuple[RawRow, ...], faults: list[Fault]) -> tuple
     for row in rows:
         text = row.cells[index]
         if not text:
-            faults.append(
-                Fault("read an empty cell; expected a name for the impact", row.number, row.line, "id")
-            )
+            faults.append(Fault("read an empty cell; expected a name for the impact", row.number, row.line, "id"))
         elif text in first:
             message = f"read '{text}', which names row {first[text]} already; expected a name of its own"
             faults.append(Fault(message, row.number, row.line, "id"))

@@ -26,7 +26,8 @@ GROSS = 0.2
 @dataclass(frozen=True)
 class _Expected:
     """What other columns say of one column: `values`, the `rounding` half-width they carry, the `scale` of a
-    relative difference (all (impacts,), SI), and which columns they are."""
+    relative difference (all (impacts,), SI), and which columns they are.
+    """
 
     values: FloatArray
     rounding: FloatArray
@@ -105,9 +106,7 @@ def _compare(
         here, there = read.shown(read.values[index]), read.shown(expected.values[index])
         seen = f"read {here}, but {first} and {second} give {there}"
         if excess[index] > GROSS * expected.scale[index]:
-            message = (
-                f"{seen}; expected agreement: check the units and the row, or delete the redundant column"
-            )
+            message = f"{seen}; expected agreement: check the units and the row, or delete the redundant column"
             faults.append(Fault(message, row=row.number, line=row.line, column=read.name))
         else:
             message = f"{read.name}: {seen}; {first} and {second} are used"

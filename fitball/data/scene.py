@@ -29,9 +29,7 @@ _NO_CONTACT_TIME = "the contact time is not known: the stiffness k_y rests on it
 _NO_VELOCITY_SD = (
     f"the noise of the velocities is not known: it is fitted, and expected around {NOMINAL_VELOCITY_SD:g} m/s"
 )
-_NO_SPIN_SD = (
-    f"the noise of the spins is not known: it is fitted, and expected around {NOMINAL_SPIN_SD:g} rad/s"
-)
+_NO_SPIN_SD = f"the noise of the spins is not known: it is fitted, and expected around {NOMINAL_SPIN_SD:g} rad/s"
 
 
 @dataclass(frozen=True)
@@ -79,9 +77,7 @@ def load_scene(table_source: str | os.PathLike[str], config: str | os.PathLike[s
 def _make_scene(file: SceneFile | None) -> Scene:
     known = file or SceneFile(None, {})
     ball, ball_sd = _ball(known)
-    mu, time, time_sd = (
-        known.quantity(key) for key in ("surface.mu", "contact_time.value", "contact_time.sd")
-    )
+    mu, time, time_sd = (known.quantity(key) for key in ("surface.mu", "contact_time.value", "contact_time.sd"))
     velocity_sd, spin_sd = known.number("measurement.velocity_sd"), known.number("measurement.spin_sd")
     nominal_velocity, nominal_spin = (
         known.number("measurement.nominal_velocity_sd"),

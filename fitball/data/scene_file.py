@@ -91,24 +91,29 @@ class SceneFile:
     values: Mapping[str, Value]
 
     def text(self, key: str) -> str | None:
+        """The string at `key`, or None."""
         value = self.values.get(key)
         return value if isinstance(value, str) else None
 
     def number(self, key: str) -> float | None:
+        """The number at `key`, or None."""
         value = self.values.get(key)
         return value if isinstance(value, float) else None
 
     def quantity(self, key: str) -> Quantity | None:
+        """The number with its sd at `key`, or None."""
         value = self.values.get(key)
         if isinstance(value, float):
             return Quantity(value)
         return value if isinstance(value, Quantity) else None
 
     def texts(self, key: str) -> dict[str, str]:
+        """The strings of a table at `key`."""
         value = self.values.get(key)
         return {k: v for k, v in value.items() if isinstance(v, str)} if isinstance(value, Mapping) else {}
 
     def numbers(self, key: str) -> dict[str, float]:
+        """The numbers of a table at `key`."""
         value = self.values.get(key)
         return {k: v for k, v in value.items() if isinstance(v, float)} if isinstance(value, Mapping) else {}
 

@@ -106,9 +106,7 @@ def parse_unit(text: str | None, dimension: Dimension) -> Unit:
     if unit is None:
         hint = suggestion(spelling.lower(), symbols(dimension))
         near = f" {hint}" if hint.startswith("did") else ""
-        raise UnitError(
-            f"read unit '[{spelling}]', which is unknown;{near} units of {dimension.value}: {known}"
-        )
+        raise UnitError(f"read unit '[{spelling}]', which is unknown;{near} units of {dimension.value}: {known}")
     if unit.dimension is not dimension:
         raise UnitError(
             f"read unit '[{spelling}]', which measures {unit.dimension.value}; "

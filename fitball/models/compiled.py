@@ -38,7 +38,7 @@ def _depend_on_all_kernels(dispatcher: Any) -> None:
     Numba stamps a cached function with its own file only, and so would go on running an old copy of a kernel it
     calls in another file. Where its cache is not built as expected it is left out: slow to start, never stale.
     """
-    index = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if hasattr(index, "_source_stamp"):
         index._source_stamp = SOURCES
     else:

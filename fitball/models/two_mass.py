@@ -40,6 +40,9 @@ MAX_PHASES = 4096
 # Share of what is left of the contact below which a zero that follows another at the start may be the work of
 # cancellation: it is looked for again in a series.
 TOO_SOON = 1e-3
+# At the end of the contact the normal force and with it both sides of the cone vanish: a zero this near to it is
+# the end itself, to the rounding of the times.
+AT_END = 1.0 - 1e-13
 # Rows of the scratch array: contact function, twist, force, poles, then the stack of `first_zero`.
 ROW_FUNCTION, ROW_TWIST, ROW_FORCE, ROW_POLES, ROW_STACK, ROWS = 0, 1, 2, 3, 4, 10
 
@@ -315,7 +318,9 @@ def two_mass_contact(
         if gripping or holding:
             set_torsion(poles, stiffness, damping, relative_grip, w2_grip)
             acting = eps if gripping else 0.0
-            n, length = twist_motion(th, rate, acting / gyration, force, force_rate, poles, span, careful, twist, drive)
+            n, length = twist_motion(
+                th, rate, acting / gyration, force, force_rate, poles, span, careful, twist, drive
+            )
             t_event = NO_ZERO
             doubtful = False
             event_side = 0.0
@@ -331,7 +336,7 @@ def two_mass_contact(
                 at_edge = abs(mu * force - side * now) <= TIE * (mu * force + abs(now))
                 order = 1 if at_edge or (gripping and entered * side > 0.0) else 0
                 t = first_zero(function, poles, n, length, bound, pin(function, n, order), end, stack)
-                if t >= 0.0:
+                if 0.0 <= t < AT_END * span:
                     t_event, event_side, end = t, side, t
                     doubtful = doubtful or (order > 0 and t < TOO_SOON * span)
             resumed = False
@@ -343,7 +348,7 @@ def two_mass_contact(
                 )  # fmt: skip
                 order = 1 if broke else 0
                 t = first_zero(function, poles, n, length, bound, pin(function, n, order), end, stack)
-                if t >= 0.0:
+                if 0.0 <= t < AT_END * span:
                     t_event, resumed = t, True
                     doubtful = doubtful or (order > 0 and t < TOO_SOON * span)
             if doubtful and n == 0:
@@ -391,6 +396,8 @@ def two_mass_contact(
                     force, force_rate, momentum, poles, twist, drive, n, length, function,
                 )  # fmt: skip
                 t_event = first_zero(function, poles, n, length, bound, pin(function, n, order), length, stack)
+                if t_event >= AT_END * span:
+                    t_event = NO_ZERO
                 if n == 0 and order > 0 and 0.0 <= t_event < TOO_SOON * span:
                     careful = True
                     continue

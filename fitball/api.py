@@ -1,0 +1,70 @@
+"""The road from table to fit for Python users: `calibrate` and `load_fit`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+from fitball.data.read import load_table
+from fitball.data.scene import Scene, load_scene
+from fitball.data.table import ImpactTable
+from fitball.inference.calibrate import MAX_STEPS, Effort, run
+from fitball.inference.problem import Choices, build_problem
+from fitball.inference.results import Fit
+from fitball.report.export import SavedFit, read_fit
+from fitball.report.folder import prepare, write_all
+
+
+@dataclass(frozen=True)
+class Calibration(Fit):
+    """A fit that knows how to save itself."""
+
+    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+        """Write the result folder (see `report.folder`); refuses one that holds an older result.
+
+        Raises ResultFolderError.
+        """
+        path = Path(folder)
+        prepare(path, overwrite=overwrite, resume=False)
+        write_all(self, path)
+        return path
+
+
+def calibrate(
+    table: ImpactTable | str | os.PathLike[str],
+    model: str | None = None,
+    *,
+    scene: Scene | None = None,
+    closures: Mapping[str, str] | None = None,
+    priors: Mapping[str, str] | None = None,
+    fix: Mapping[str, float] | None = None,
+    seed: int = 1,
+    point_only: bool = False,
+    walkers: int | None = None,
+    max_steps: int = MAX_STEPS,
+    cores: int | None = None,
+) -> Calibration:
+    """Fit `model` (default: the scene's) to a table, or to the path or bundled name of one.
+
+    The scene defaults to the TOML file beside the table. `priors` are texts such as `normal(0.55, 0.05)`, `fix`
+    holds values in SI. Raises subclasses of FitballError for everything a caller can mend.
+    """
+    loaded = table if isinstance(table, ImpactTable) else load_table(table)
+    known = scene if scene is not None else load_scene(loaded.source)
+    problem = build_problem(loaded, known, Choices(model, closures or {}, priors or {}, fix or {}))
+    effort = Effort(
+        seed=seed,
+        point_only=point_only,
+        walkers=walkers,
+        max_steps=max_steps,
+        cores=(os.cpu_count() or 1) if cores is None else cores,
+    )
+    fit = run(problem, effort)
+    return Calibration(**{item.name: getattr(fit, item.name) for item in fields(Fit)})
+
+
+def load_fit(path: str | os.PathLike[str]) -> SavedFit:
+    """Read a `fit.json` (or the folder that holds one). Raises ResultFolderError."""
+    return read_fit(Path(path))

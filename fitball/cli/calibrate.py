@@ -1,0 +1,161 @@
+"""`fitball calibrate DATA`: validate, balance, fit, sample, diagnose, draw, report, export."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from fitball.cli.progress import ProgressLine
+from fitball.errors import ParameterError
+
+if TYPE_CHECKING:
+    from fitball.inference.calibrate import Effort
+
+T = TypeVar("T")
+
+HELP = "fit a model to a table of impacts: parameters, uncertainty, verdicts, figures, exported files"
+EXAMPLE = """examples:
+  fitball calibrate wang_zero_spin.csv
+  fitball calibrate my_balls.csv --model grip-slip --out results/my_balls
+  fitball calibrate wang_all.csv --fix eps_slope=0 --prior "mu=normal(0.6, 0.1)" --seed 7
+
+Results go to fits/<table>/<model>/ below the current folder unless --out names another."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the verb to the command line."""
+    parser = subparsers.add_parser(
+        "calibrate",
+        help=HELP,
+        description=HELP[0].upper() + HELP[1:] + ".",
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("data", metavar="DATA", help="a table (CSV or Parquet), or the name of a bundled one")
+    parser.add_argument("--model", metavar="NAME", help="two-mass (default), thesis-exact, grip-slip or brody")
+    parser.add_argument(
+        "--closure", metavar="NAME=OPTION", action="append", default=[], help="replace a closure, e.g. normal=total"
+    )
+    parser.add_argument("--config", metavar="FILE.toml", help="scene file (default: the .toml beside DATA)")
+    parser.add_argument(
+        "--fix", metavar="NAME=VALUE", action="append", default=[], help="hold a parameter (SI units)"
+    )
+    parser.add_argument(
+        "--prior", metavar="NAME=DIST(...)", action="append", default=[], help='e.g. "mu=normal(0.6, 0.1)"'
+    )
+    parser.add_argument("--point-only", action="store_true", help="no posterior: the best values only")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of all random numbers (default 1)")
+    parser.add_argument("--out", metavar="DIR", help="result folder")
+    parser.add_argument("--resume", action="store_true", help="go on with an interrupted or unconverged run")
+    parser.add_argument("--overwrite", action="store_true", help="replace an older result in the folder")
+    parser.add_argument("--max-steps", type=int, metavar="N", help="steps of each ensemble at most (default 20000)")
+    parser.add_argument("--walkers", type=int, metavar="N", help="walkers of each ensemble (default 4 a parameter)")
+    parser.add_argument("--cores", type=int, metavar="N", help="threads (default: all)")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+    parser.add_argument("--quiet", action="store_true", help="no progress, no table: only errors and files")
+    parser.set_defaults(run=run)
+
+
+def pairs(option: str, given: Sequence[str], convert: Callable[[str], T]) -> dict[str, T]:
+    """Read repeated NAME=VALUE options. Raises ParameterError for a missing `=`, a bad value, a name said twice."""
+    found: dict[str, T] = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        name = name.strip()
+        if not equals or not name or not value.strip():
+            raise ParameterError(f"{option} {text}: expected NAME=VALUE")
+        if name in found:
+            raise ParameterError(f"{option}: {name} is given twice")
+        try:
+            found[name] = convert(value.strip())
+        except ValueError:
+            raise ParameterError(f"{option} {text}: read '{value.strip()}', expected a number") from None
+    return found
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it; returns the exit code."""
+    progress = ProgressLine(args.quiet)
+    progress("loading", None)
+    from fitball.data.read import load_table
+    from fitball.data.scene import load_scene
+    from fitball.inference.calibrate import fingerprint
+    from fitball.inference.calibrate import run as fit_problem
+    from fitball.inference.chain_file import ChainFile
+    from fitball.inference.problem import Choices, build_problem
+    from fitball.inference.results import RunStatus
+    from fitball.inference.sampling import SamplingInterrupted
+    from fitball.report.folder import CHAIN_NAME, prepare, write_all
+    from fitball.report.terminal import render, render_json
+
+    if args.resume and args.overwrite:
+        raise ParameterError("--resume goes on with the old result and --overwrite discards it: choose one")
+    table = load_table(args.data)
+    scene = load_scene(args.data, args.config)
+    choices = Choices(
+        model=args.model,
+        closures=pairs("--closure", args.closure, str),
+        priors=pairs("--prior", args.prior, str),
+        fix=pairs("--fix", args.fix, float),
+    )
+    problem = build_problem(table, scene, choices)
+    effort = make_effort(args)
+    mark = fingerprint(problem, effort)
+    folder = Path(args.out) if args.out else default_folder(table.name, problem.model.name, choices.closures)
+    prepare(folder, overwrite=args.overwrite, resume=args.resume)
+    if not args.quiet:
+        progress.finish()
+        for line in (*map(str, table.notices), *problem.notes):
+            print(f"note: {line}", file=sys.stderr)
+    chain = None if args.point_only else ChainFile(folder / CHAIN_NAME, mark)
+    resume = args.resume and chain is not None and chain.path.exists()
+    if args.resume and not resume:
+        print(f"note: {folder} holds no chain to resume: starting anew", file=sys.stderr)
+    try:
+        fit = fit_problem(problem, effort, chain, resume, progress)
+        progress("figures and files", None)
+        write_all(fit, folder)
+    except (KeyboardInterrupt, SamplingInterrupted):
+        progress.finish()
+        kept = chain is not None and chain.path.exists()
+        print(_farewell(folder, kept), file=sys.stderr)
+        return 130
+    progress.finish()
+    if args.json:
+        print(render_json(fit, folder))
+    elif not args.quiet:
+        print(render(fit, folder))
+    else:
+        print(folder)
+    return 1 if fit.status is RunStatus.NOT_CONVERGED else 0
+
+
+def make_effort(args: argparse.Namespace) -> Effort:
+    """The effort the options ask for; threads default to the machine's."""
+    from fitball.inference.calibrate import MAX_STEPS, Effort
+
+    return Effort(
+        seed=args.seed,
+        point_only=args.point_only,
+        walkers=args.walkers,
+        max_steps=MAX_STEPS if args.max_steps is None else args.max_steps,
+        cores=(os.cpu_count() or 1) if args.cores is None else args.cores,
+    )
+
+
+def default_folder(table: str, model: str, closures: Mapping[str, str]) -> Path:
+    """fits/<table>/<model>/, the changed closures named behind the model."""
+    variant = "".join(f"+{name}={closures[name]}" for name in sorted(closures))
+    return Path("fits") / table / (model + variant)
+
+
+def _farewell(folder: Path, kept: bool) -> str:
+    if not kept:
+        return "Interrupted before sampling: nothing to keep."
+    command = [item for item in sys.argv[1:] if item not in ("--resume", "--overwrite")]
+    return f"Interrupted. The chain is kept in {folder}; to go on:\n  fitball {shlex.join([*command, '--resume'])}"

@@ -1,0 +1,70 @@
+"""The entry of the command line: which verb, and what its end means.
+
+Exit codes: 0 done; 1 the run finished but its own checks failed; 2 bad input or usage; 130 interrupted. Verb modules
+import what is heavy inside functions, so that `fitball --help` is quick.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from typing import Protocol
+
+from fitball.cli import calibrate, datasets
+from fitball.errors import FitballError, suggestion
+from fitball.version import __version__
+
+DESCRIPTION = "fitball: what the bounce of a tennis ball says about the ball and the court."
+EPILOG = """examples:
+  fitball calibrate wang_zero_spin.csv     fit the two-mass ball to a bundled table
+  fitball datasets check my_balls.csv      every fault of a table, with row and column
+  fitball VERB --help                      what a verb does, with an example"""
+
+
+class Verb(Protocol):
+    """A module of the command line."""
+
+    def add_parser(self, subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+        """Add the verb; its parser must set `run`."""
+
+
+VERBS: tuple[Verb, ...] = (calibrate, datasets)
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """The whole command line."""
+    parser = argparse.ArgumentParser(
+        prog="fitball", description=DESCRIPTION, epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--version", action="version", version=f"fitball {__version__}")
+    subparsers = parser.add_subparsers(dest="verb", metavar="VERB", title="verbs")
+    for verb in VERBS:
+        verb.add_parser(subparsers)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; returns its exit code."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    parser = make_parser()
+    known = next(action for action in parser._actions if isinstance(action, argparse._SubParsersAction)).choices
+    if words and not words[0].startswith("-") and words[0] not in known:
+        print(f"fitball: unknown verb '{words[0]}': {suggestion(words[0], known)}", file=sys.stderr)
+        return 2
+    args = parser.parse_args(words)
+    if args.verb is None:
+        parser.print_help()
+        return 2
+    try:
+        return int(args.run(args))
+    except FitballError as error:
+        print(f"fitball: {error}", file=sys.stderr)
+        return 2
+    except BrokenPipeError:
+        # The reader of our output has left; there is nobody to tell.
+        sys.stderr.close()
+        return 0
+    except KeyboardInterrupt:
+        print("fitball: interrupted", file=sys.stderr)
+        return 130

@@ -1,0 +1,1 @@
+"""Where tables meet models: priors, fits, posteriors, verdicts."""

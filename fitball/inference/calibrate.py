@@ -1,0 +1,320 @@
+"""The whole road from a table to a fit: point fit, posterior, diagnosis, prediction."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fitball.data.balances import scene_balances
+from fitball.errors import ParameterError
+from fitball.inference.chain_file import ChainFile
+from fitball.inference.fitted import FittedModel
+from fitball.inference.golden import golden
+from fitball.inference.identifiability import Judgement, judge
+from fitball.inference.least_squares import least_squares
+from fitball.inference.maximum import maximum_posterior
+from fitball.inference.posterior import Problem
+from fitball.inference.predictive import predictive, thinned
+from fitball.inference.reference import reference_draws
+from fitball.inference.results import (
+    Diagnostics,
+    Estimate,
+    Fit,
+    LeastSquares,
+    PointFit,
+    Posterior,
+    RunStatus,
+    Timing,
+    Verdict,
+)
+from fitball.inference.sampling import ENSEMBLES, Progress, Sampled, Settings, default_walkers, sample
+from fitball.inference.starts import STARTS, starting_points
+from fitball.models.two_mass_model import TwoMassModel
+from fitball.values import FloatArray
+from fitball.version import __version__
+
+MAX_STEPS = 20_000
+KEPT_DRAWS = 400
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much to spend: `walkers` of each ensemble (None: four a parameter), steps at most, threads, seed."""
+
+    seed: int = 1
+    point_only: bool = False
+    walkers: int | None = None
+    ensembles: int = ENSEMBLES
+    max_steps: int = MAX_STEPS
+    cores: int = 2
+
+    def settings(self, problem: Problem) -> Settings:
+        """Sampler settings for a problem. Raises ParameterError for numbers that cannot work."""
+        walkers = default_walkers(problem.dimension) if self.walkers is None else self.walkers
+        least = max(4, 2 * problem.dimension)
+        if walkers < least or walkers % 2:
+            raise ParameterError(
+                f"walkers = {walkers}: an ensemble over {problem.dimension} free parameters needs an even number "
+                f"of at least {least}"
+            )
+        if self.max_steps < 100:
+            raise ParameterError(f"max_steps = {self.max_steps}: at least 100 are needed to diagnose anything")
+        if self.cores < 1:
+            raise ParameterError(f"cores = {self.cores}: expected at least 1")
+        if self.ensembles < 2:
+            raise ParameterError(f"ensembles = {self.ensembles}: at least 2 are needed to compare")
+        if self.seed < 0:
+            raise ParameterError(f"seed = {self.seed}: expected a number not below 0")
+        return Settings(walkers, self.ensembles, self.max_steps, self.cores, self.seed)
+
+
+@dataclass
+class Stopwatch:
+    """Wall time by stage."""
+
+    timings: list[Timing] = field(default_factory=list)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Time what happens inside."""
+        begun = time.perf_counter()
+        yield
+        self.timings.append(Timing(name, time.perf_counter() - begun))
+
+
+def fingerprint(problem: Problem, effort: Effort) -> str:
+    """SHA-256 over all that must be equal for two runs to make the same chain (steps and threads may differ)."""
+    settings = effort.settings(problem)
+    content = {
+        "version": __version__,
+        "table": problem.table.digest,
+        "model": [problem.model.name, dict(problem.model.options)],
+        "ball": [problem.model.ball.mass, problem.model.ball.radius, problem.model.ball.inertia],
+        "parameters": [[item.name, item.prior.text, item.fixed] for item in problem.parameters],
+        "contact_time": problem.contact_time,
+        "noise": [[channel.name, channel.noise] for channel in problem.channels],
+        "sampler": [settings.walkers, settings.ensembles, settings.seed],
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def run(
+    problem: Problem,
+    effort: Effort,
+    chain_file: ChainFile | None = None,
+    resume: bool = False,
+    report: Callable[[str, Progress | None], None] = lambda _stage, _progress: None,
+) -> Fit:
+    """Fit a problem.
+
+    `report` is told the stage and, while sampling, the progress. Raises FitError, ParameterError, and
+    `sampling.Interrupted` on Ctrl-C with the chain kept.
+    """
+    settings = effort.settings(problem)
+    seeds = np.random.SeedSequence(effort.seed).spawn(3)
+    watch = Stopwatch()
+    report("point fit", None)
+    with watch.stage("point fit"):
+        starts = starting_points(problem, np.random.default_rng(seeds[0]), STARTS)
+        squares = least_squares(problem, starts)
+        point = maximum_posterior(problem, starts)
+    if effort.point_only:
+        return _assemble(problem, effort, squares, point, None, None, watch)
+    with watch.stage("sampling"):
+        optima = np.array([[optimum[name] for name in problem.free_names] for optimum in point.optima])
+        sampled = sample(
+            problem,
+            problem.to_coordinates(optima),
+            settings,
+            chain_file,
+            resume,
+            lambda progress: report("sampling", progress),
+        )
+    report("diagnosis", None)
+    with watch.stage("diagnosis"):
+        shape = sampled.kept.shape
+        posterior = Posterior(
+            problem.free_names,
+            problem.to_values(sampled.kept.reshape(-1, shape[-1])).reshape(shape),
+            sampled.log_posterior[:, sampled.warm_up :],
+            reference_draws(problem, np.random.default_rng(seeds[1])),
+        )
+    return _assemble(problem, effort, squares, point, sampled, posterior, watch)
+
+
+def _assemble(
+    problem: Problem,
+    effort: Effort,
+    squares: LeastSquares,
+    point: PointFit,
+    sampled: Sampled | None,
+    posterior: Posterior | None,
+    watch: Stopwatch,
+) -> Fit:
+    covariance = correlation = None
+    judgements: Mapping[str, Judgement] = {}
+    prediction = diagnostics = None
+    with watch.stage("verdicts and prediction"):
+        if posterior is not None and sampled is not None:
+            covariance = np.atleast_2d(np.cov(posterior.draws, rowvar=False))
+            correlation = np.atleast_2d(np.corrcoef(posterior.draws, rowvar=False))
+            judgements = judge(problem, point, posterior, correlation)
+            rng = np.random.default_rng(np.random.SeedSequence(effort.seed).spawn(3)[2])
+            prediction = predictive(problem, point, posterior, rng)
+            diagnostics = _diagnostics(sampled, effort)
+        estimates = tuple(
+            _estimate(problem, k, point, posterior, sampled, judgements) for k in range(len(problem.parameters))
+        )
+        fitted = _fitted(problem, point, posterior)
+    status = RunStatus.POINT_ONLY
+    if diagnostics is not None:
+        status = RunStatus.CONVERGED if diagnostics.converged else RunStatus.NOT_CONVERGED
+    return Fit(
+        problem=problem,
+        balances=scene_balances(problem.table, problem.scene),
+        least_squares=squares,
+        point=point,
+        posterior=posterior,
+        estimates=estimates,
+        covariance=covariance,
+        correlation=correlation,
+        diagnostics=diagnostics,
+        predictive=prediction,
+        fitted=fitted,
+        golden=golden(fitted, problem.impacts),
+        status=status,
+        verdict=_sentence(status, diagnostics, estimates),
+        seed=effort.seed,
+        timings=tuple(watch.timings),
+    )
+
+
+def _diagnostics(sampled: Sampled, effort: Effort) -> Diagnostics:
+    ensembles, steps, walkers, _ = sampled.chains.shape
+    found = sampled.convergence
+    complaints = []
+    for name, r_hat in found.r_hat.items():
+        least = min(found.ess_bulk[name], found.ess_tail[name])
+        if not r_hat < 1.01:
+            complaints.append(f"{name}: the ensembles disagree, R-hat {r_hat:.3f} (wanted below 1.01)")
+        if not least >= 1000.0:
+            complaints.append(f"{name}: effective sample size {least:.0f} (wanted 1000)")
+    return Diagnostics(
+        ensembles=ensembles,
+        walkers=walkers,
+        warm_up=sampled.warm_up,
+        steps=steps,
+        max_steps=effort.max_steps,
+        acceptance=sampled.acceptance,
+        min_ess_bulk=min(found.ess_bulk.values()),
+        min_ess_tail=min(found.ess_tail.values()),
+        max_r_hat=found.max_r_hat,
+        ess_bulk=found.ess_bulk,
+        ess_tail=found.ess_tail,
+        r_hat=found.r_hat,
+        evaluations=ensembles * steps * walkers,
+        converged=sampled.converged,
+        complaints=tuple(complaints),
+    )
+
+
+def _estimate(
+    problem: Problem,
+    row: int,
+    point: PointFit,
+    posterior: Posterior | None,
+    sampled: Sampled | None,
+    judgements: Mapping[str, Judgement],
+) -> Estimate:
+    item = problem.parameters[row]
+    levels: list[float | None] = [None] * 7
+    reference: list[float | None] = [None, None]
+    sd = ess_bulk = ess_tail = r_hat = None
+    if item.free and posterior is not None and sampled is not None:
+        column = posterior.names.index(item.name)
+        draws = posterior.draws[:, column]
+        levels = [float(x) for x in np.quantile(draws, (0.5, 0.025, 0.05, 0.16, 0.84, 0.95, 0.975))]
+        reference = [float(x) for x in np.quantile(posterior.reference[:, column], (0.025, 0.975))]
+        sd = float(np.std(draws, ddof=1))
+        found = sampled.convergence
+        ess_bulk, ess_tail, r_hat = (
+            found.ess_bulk[item.name],
+            found.ess_tail[item.name],
+            found.r_hat[item.name],
+        )
+    if item.name in judgements:
+        judged = judgements[item.name]
+    elif item.free:
+        judged = Judgement(None, Verdict.NOT_JUDGED, "a point fit cannot tell: run without --point-only")
+    else:
+        judged = Judgement(None, Verdict.FIXED, f"held at its value: {item.fixed_because}")
+    return Estimate(
+        name=item.name,
+        unit=item.spec.unit,
+        label=item.spec.label,
+        meaning=item.spec.meaning,
+        prior=item.prior.text,
+        point=point.values[item.name],
+        median=levels[0],
+        sd=sd,
+        q025=levels[1],
+        q05=levels[2],
+        q16=levels[3],
+        q84=levels[4],
+        q95=levels[5],
+        q975=levels[6],
+        contraction=judged.contraction,
+        verdict=judged.verdict,
+        reason=judged.reason,
+        ess_bulk=ess_bulk,
+        ess_tail=ess_tail,
+        r_hat=r_hat,
+        reference_q025=reference[0],
+        reference_q975=reference[1],
+    )
+
+
+def _fitted(problem: Problem, point: PointFit, posterior: Posterior | None) -> FittedModel:
+    names = tuple(item.name for item in problem.parameters)
+    draws: FloatArray = np.empty((0, len(names)))
+    if posterior is not None:
+        columns = problem.all_values(thinned(posterior, KEPT_DRAWS))
+        draws = np.stack([columns[name] for name in names], axis=1)
+    tangential = problem.model.tangential if isinstance(problem.model, TwoMassModel) else problem.table.has_tangential
+    return FittedModel(
+        model_name=problem.model.name,
+        options=dict(problem.model.options),
+        ball=problem.model.ball,
+        tangential=tangential,
+        names=names,
+        point=np.array([point.values[name] for name in names]),
+        draws=draws,
+    )
+
+
+def _sentence(status: RunStatus, diagnostics: Diagnostics | None, estimates: tuple[Estimate, ...]) -> str:
+    if diagnostics is None:
+        return "Point fit only: no uncertainty was computed."
+    head = (
+        f"Converged: every parameter has an effective sample size of at least "
+        f"{min(diagnostics.min_ess_bulk, diagnostics.min_ess_tail):.0f} and R-hat of at most "
+        f"{diagnostics.max_r_hat:.3f}."
+        if status is RunStatus.CONVERGED
+        else f"Not converged after {diagnostics.steps} steps: " + "; ".join(diagnostics.complaints) + "."
+    )
+    parts = []
+    for verdict, words in (
+        (Verdict.IDENTIFIED, "The table identifies"),
+        (Verdict.ONE_SIDED, "It bounds from one side only"),
+        (Verdict.PRIOR_DOMINATED, "It does not tell"),
+    ):
+        names = [item.name for item in estimates if item.verdict is verdict]
+        if names:
+            parts.append(f"{words} {', '.join(names)}.")
+    return " ".join([head, *parts])

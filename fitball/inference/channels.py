@@ -1,0 +1,73 @@
+"""Measured columns as the likelihood sees them: what a model predicts for each, and with which noise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitball.data.table import ImpactTable
+from fitball.models.types import Rebound
+from fitball.values import FloatArray
+
+NOISE_OF: Mapping[str, str] = {
+    "v_x2": "velocity_sd",
+    "v_y2": "velocity_sd",
+    "v_2": "velocity_sd",
+    "theta_2": "velocity_sd",
+    "omega_2": "spin_sd",
+    "contact_time": "contact_time_sd",
+}
+PREDICTED: Mapping[str, Callable[[Rebound], FloatArray]] = {
+    "v_x2": lambda rebound: rebound.v_x2,
+    "v_y2": lambda rebound: rebound.v_y2,
+    "v_2": lambda rebound: np.hypot(rebound.v_x2, rebound.v_y2),
+    "theta_2": lambda rebound: np.arctan2(rebound.v_y2, rebound.v_x2),
+    "omega_2": lambda rebound: rebound.omega_2,
+    "contact_time": lambda rebound: rebound.contact_time,
+}
+TANGENTIAL = ("v_x2", "theta_2", "omega_2")
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One measured column: `observed` (impacts,), its stated `sd` (impacts,) or the noise parameter it uses."""
+
+    name: str
+    observed: FloatArray
+    sd: FloatArray | None
+    noise: str | None
+
+    def predict(self, rebound: Rebound) -> FloatArray:
+        """What the model says, (draws, impacts) or (impacts,)."""
+        return PREDICTED[self.name](rebound)
+
+    def spread(self, noise: FloatArray | float, rebound: Rebound) -> FloatArray:
+        """Standard deviation, broadcastable to (draws, impacts); `noise` is (draws, 1) or a number.
+
+        The noise of a velocity component turns an angle by that noise over the rebound speed.
+        """
+        if self.sd is not None:
+            return self.sd
+        if self.name == "theta_2":
+            return noise / np.hypot(rebound.v_x2, rebound.v_y2)
+        return np.asarray(noise, dtype=np.float64)
+
+
+def build_channels(
+    table: ImpactTable, tangential: bool, has_time: bool, needs_cor: bool
+) -> tuple[tuple[Channel, ...], list[str]]:
+    """Channels the model can answer for, and a sentence for each column it cannot."""
+    channels, notes = [], []
+    for item in table.measurements:
+        if item.name in TANGENTIAL and not tangential:
+            notes.append(f"{item.name} is not used: without v_x1 only the vertical motion is fitted")
+        elif item.name == "contact_time" and not has_time:
+            notes.append("contact_time is not used: this model has no time axis")
+        elif item.name in ("v_y2", "v_2") and needs_cor:
+            notes.append(f"{item.name} is not scored: the measured coefficient of restitution is an input")
+        else:
+            noise = NOISE_OF[item.name] if item.sd is None else None
+            channels.append(Channel(item.name, item.values, item.sd, noise))
+    return tuple(channels), notes

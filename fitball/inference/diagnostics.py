@@ -1,0 +1,60 @@
+"""Convergence of several ensembles, by ArviZ's statistics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from arviz_stats.base.array import array_stats
+
+from fitball.values import FloatArray
+
+TARGET_ESS = 1000.0
+TARGET_R_HAT = 1.01
+# Quantiles whose effective sample size is the "tail" one.
+TAILS = (0.05, 0.95)
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """Effective sample sizes (bulk, tail) and rank-normalised nested R-hat by parameter name."""
+
+    ess_bulk: Mapping[str, float]
+    ess_tail: Mapping[str, float]
+    r_hat: Mapping[str, float]
+
+    @property
+    def min_ess(self) -> float:
+        """The smallest effective sample size of all."""
+        return min(*self.ess_bulk.values(), *self.ess_tail.values())
+
+    @property
+    def max_r_hat(self) -> float:
+        """The largest R-hat of all."""
+        return max(self.r_hat.values())
+
+    @property
+    def reached(self) -> bool:
+        """Whether every parameter has what it needs."""
+        return self.min_ess >= TARGET_ESS and self.max_r_hat < TARGET_R_HAT
+
+
+def convergence(names: tuple[str, ...], coordinates: FloatArray) -> Convergence:
+    """Diagnose chains (ensembles, steps, walkers, free).
+
+    Walkers are the chains of the effective sample size; ensembles are the superchains of R-hat (Margossian et al.
+    2024), because walkers of one ensemble are not independent starts.
+    """
+    ensembles, steps, walkers, _ = coordinates.shape
+    chains = coordinates.transpose(0, 2, 1, 3).reshape(ensembles * walkers, steps, -1)
+    owner = np.repeat(np.arange(ensembles), walkers)
+    bulk, tail, r_hat = {}, {}, {}
+    for k, name in enumerate(names):
+        column = np.ascontiguousarray(chains[:, :, k])
+        bulk[name] = float(array_stats.ess(column, chain_axis=0, draw_axis=1, method="bulk"))
+        tail[name] = float(array_stats.ess(column, chain_axis=0, draw_axis=1, method="tail", prob=TAILS))
+        r_hat[name] = float(
+            array_stats.rhat_nested(column, superchain_ids=owner, chain_axis=0, draw_axis=1, method="rank")
+        )
+    return Convergence(bulk, tail, r_hat)

@@ -1,0 +1,65 @@
+"""A calibrated model: all it takes to predict new impacts, in memory or read back from `fit.json`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitball.inference.parameters import NOISE_SPECS
+from fitball.models.registry import model
+from fitball.models.types import Rebound
+from fitball.values import Ball, FloatArray, Impacts
+
+QUANTILES: Mapping[str, float] = {"q025": 0.025, "q16": 0.16, "median": 0.5, "q84": 0.84, "q975": 0.975}
+OUTPUTS = ("v_x2", "v_y2", "omega_2", "contact_time")
+
+
+@dataclass(frozen=True)
+class FittedModel:
+    """A model with its point estimate and a thinned set of posterior draws.
+
+    `names` are all parameters (noise included), `point` their values, (names,), `draws` (draws, names) in SI, empty
+    (0, names) for a point fit. `tangential` is false for a drop test.
+    """
+
+    model_name: str
+    options: Mapping[str, str]
+    ball: Ball
+    tangential: bool
+    names: tuple[str, ...]
+    point: FloatArray
+    draws: FloatArray
+
+    def rebound(self, impacts: Impacts, values: FloatArray | None = None) -> Rebound:
+        """Rebounds (draws, impacts) at `values` (draws, names), by default at the point estimate (1, impacts)."""
+        chosen = model(self.model_name, ball=self.ball, tangential=self.tangential, **self.options)
+        rows = self.point[None, :] if values is None else values
+        kept = [k for k, name in enumerate(self.names) if name not in NOISE_SPECS]
+        return chosen.evaluate([self.names[k] for k in kept], np.ascontiguousarray(rows[:, kept]), impacts)
+
+    def predict(self, impacts: Impacts) -> Mapping[str, FloatArray]:
+        """Noise-free predictions at new impacts.
+
+        Returns arrays (impacts,) named `v_x2`, `v_y2`, `omega_2`, `contact_time` at the point estimate and, when
+        there are posterior draws, `v_x2_median`, `v_x2_q025`, `v_x2_q16`, `v_x2_q84`, `v_x2_q975` and so on.
+        Draws that cannot be evaluated at an impact are left out of that impact's quantiles; their share
+        is `failed`.
+        """
+        at_point = self.rebound(impacts)
+        result = {name: getattr(at_point, name)[0] for name in OUTPUTS}
+        if self.draws.shape[0] == 0:
+            return result
+        spread = self.rebound(impacts, self.draws)
+        failed = spread.status != 0
+        result["failed"] = failed.mean(axis=0)
+        for name in OUTPUTS:
+            array = getattr(spread, name)
+            known = ~np.all(np.isnan(array), axis=0)
+            levels = np.full((len(QUANTILES), len(impacts)), np.nan)
+            if np.any(known):
+                levels[:, known] = np.nanquantile(array[:, known], list(QUANTILES.values()), axis=0)
+            for row, label in enumerate(QUANTILES):
+                result[f"{name}_{label}"] = levels[row]
+        return result

@@ -1,0 +1,175 @@
+"""One weighting of one problem as lmfit sees it; the only file that imports lmfit.
+
+Coordinates are those of the priors. Jacobians are central differences, all columns in one batch of the kernel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import lmfit
+import numpy as np
+
+from fitball.inference.parameters import NOISE_SPECS
+from fitball.inference.posterior import Problem
+from fitball.inference.residuals import IMPOSSIBLE, Weighting, residuals
+from fitball.models.specs import SPECS
+from fitball.values import FloatArray
+
+# Two optima whose standardised parameters differ by less than this are one.
+SAME_OPTIMUM = 1e-2
+# Cube root of the rounding error: the step at which central differences lose as much to it as to curvature.
+DIFFERENCE = 6e-6
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """A minimum: its chi-square and the fitted coordinates, (fitted,)."""
+
+    chi_square: float
+    at: FloatArray
+
+
+class Minimiser:
+    """One weighting of one problem in lmfit's terms, over the free parameters that are not noise.
+
+    Under momentum balance the core cannot return faster than it came, `mass_ratio >= COR` at every impact: a wall
+    that moves with the restitution and on which the best fit often lies. There the mass ratio is fitted as the
+    fraction of the way from that wall to its upper bound, so that the wall is a bound lmfit knows.
+    """
+
+    def __init__(self, problem: Problem, weighting: Weighting) -> None:
+        self.problem = problem
+        self.weighting = weighting
+        self.columns = [k for k, item in enumerate(problem.free) if item.name not in NOISE_SPECS]
+        names = problem.free_names
+        walled = problem.model.options.get("normal") == "momentum" and "mass_ratio" in names
+        self.walled = names.index("mass_ratio") if walled else None
+        self.evaluations = 0
+
+    def wall(self, values: FloatArray) -> FloatArray:
+        """Lowest possible mass ratio (draws,) for the restitution in `values` (draws, free)."""
+        columns = self.problem.all_values(values)
+        speeds = self.problem.impacts.v_y1
+        lines = [columns["cor_10"]]
+        if "cor_slope" in columns:
+            lines = [columns["cor_10"] + columns["cor_slope"] * (end - 10.0) for end in (speeds.min(), speeds.max())]
+        elif self.problem.impacts.cor is not None:
+            lines = [np.full(values.shape[0], self.problem.impacts.cor.max())]
+        # A hair above the wall, so that rounding does not put the restitution of the core above 1.
+        wall: FloatArray = np.maximum(np.max(lines, axis=0) * (1.0 + 1e-12), SPECS["mass_ratio"].lower)
+        return wall
+
+    def to_fitted(self, values: FloatArray) -> FloatArray:
+        """Coordinates (draws, fitted) of free values (draws, free)."""
+        coordinates = self.problem.to_coordinates(values)
+        if self.walled is not None:
+            wall = self.wall(values)
+            room = np.maximum(SPECS["mass_ratio"].upper - wall, 1e-6)
+            coordinates[:, self.walled] = (values[:, self.walled] - wall) / room
+        return coordinates[:, self.columns]
+
+    def values(self, coordinates: FloatArray) -> FloatArray:
+        """Free values (draws, free) for coordinates (draws, fitted) of the parameters fitted here."""
+        full = np.empty((coordinates.shape[0], self.problem.dimension))
+        full[:, self.columns] = coordinates
+        for k, item in enumerate(self.problem.free):
+            if k not in self.columns:
+                full[:, k] = item.prior.coordinate(np.array([self.weighting.noise[item.name]]))
+        values = self.problem.to_values(full)
+        if self.walled is not None:
+            wall = self.wall(values)
+            values[:, self.walled] = wall + (SPECS["mass_ratio"].upper - wall) * full[:, self.walled]
+        return values
+
+    def at(self, coordinates: FloatArray) -> FloatArray:
+        """Residuals (draws, residuals)."""
+        self.evaluations += coordinates.shape[0]
+        return residuals(self.problem, self.values(coordinates), self.weighting)
+
+    def parameters(self, start: FloatArray) -> lmfit.Parameters:
+        """Lmfit's parameters at a start (fitted,) in coordinates."""
+        made = lmfit.Parameters()
+        for k, value, low, high in zip(self.columns, start, *self.limits(), strict=True):
+            made.add(self.problem.free[k].name, value=float(value), min=low, max=high)
+        return made
+
+    def residual(self, parameters: lmfit.Parameters) -> FloatArray:
+        """What lmfit minimises."""
+        found = self.at(np.array([[item.value for item in parameters.values()]]))
+        row: FloatArray = found[0]
+        return row
+
+    def jacobian(self, parameters: lmfit.Parameters) -> FloatArray:
+        """Central differences (residuals, fitted), one-sided at a bound."""
+        x = np.array([item.value for item in parameters.values()])
+        low = np.array([item.min for item in parameters.values()])
+        high = np.array([item.max for item in parameters.values()])
+        step = DIFFERENCE * np.maximum(np.abs(x), self.scale())
+        up, down = np.minimum(x + step, high), np.maximum(x - step, low)
+        batch = np.concatenate([x + np.diag(up - x), x - np.diag(x - down)])
+        found = self.at(batch)
+        slopes: FloatArray = (found[: x.size] - found[x.size :]) / (up - down)[:, None]
+        return slopes.T
+
+    def limits(self) -> tuple[FloatArray, FloatArray]:
+        """Bounds of the fitted coordinates, (fitted,) each."""
+        ends = [(0.0, 1.0) if k == self.walled else self.problem.free[k].prior.ends for k in self.columns]
+        low, high = np.array(ends).T
+        return low, high
+
+    def scale(self) -> FloatArray:
+        """A typical size of each coordinate, so that a value of zero has a step too."""
+        scale = self.problem.prior.width[self.columns]
+        if self.walled is not None:
+            scale[self.columns.index(self.walled)] = 1.0
+        return scale
+
+    def run(self, start: FloatArray) -> Minimum:
+        """Levenberg-Marquardt from `start` (fitted,)."""
+        result = lmfit.minimize(
+            self.residual,
+            self.parameters(start),
+            method="leastsq",
+            Dfun=self.jacobian,
+            ftol=1e-9,
+            xtol=1e-7,
+            max_nfev=200,
+        )
+        return Minimum(float(result.chisqr), np.array([item.value for item in result.params.values()]))
+
+
+def minima(problem: Problem, weighting: Weighting, starts: FloatArray) -> tuple[list[Minimum], int]:
+    """Minima reached from each start (starts, free), best first, equal ones once; and the evaluations spent."""
+    minimiser = Minimiser(problem, weighting)
+    low, high = minimiser.limits()
+    fitted = np.minimum(np.maximum(minimiser.to_fitted(starts), low), high)
+    found = sorted((minimiser.run(start) for start in fitted), key=lambda item: item.chi_square)
+    distinct: list[Minimum] = []
+    for item in found:
+        apart = [np.max(np.abs(item.at - other.at) / minimiser.scale()) > SAME_OPTIMUM for other in distinct]
+        if all(apart) and item.chi_square < IMPOSSIBLE**2:
+            distinct.append(item)
+    return distinct, minimiser.evaluations
+
+
+def simplex(cost: Callable[[FloatArray], float], dimension: int, size: float, tolerance: float) -> FloatArray:
+    """Nelder and Mead's simplex from the origin: the lowest point found, (dimension,)."""
+    parameters = lmfit.Parameters()
+    for k in range(dimension):
+        parameters.add(f"x{k}", value=0.0)
+    corners = np.vstack([np.zeros(dimension), size * np.eye(dimension)])
+    result = lmfit.Minimizer(
+        lambda given: cost(np.array([item.value for item in given.values()])), parameters
+    ).scalar_minimize(
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": corners,
+            "adaptive": True,
+            "maxfev": 1200,
+            "xatol": 1.0,
+            "fatol": tolerance,
+        },
+    )
+    return np.array([item.value for item in result.params.values()])

@@ -1,0 +1,79 @@
+"""Which parameters a fit has: free with a prior, or fixed at a value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from fitball.errors import ParameterError, suggestion
+from fitball.inference.priors import Prior, parse_prior
+from fitball.models.specs import SPECS, ParameterSpec
+
+# Noise of the measurement, one standard deviation, common to all rows that state none of their own.
+NOISE_SPECS: Mapping[str, ParameterSpec] = {
+    "velocity_sd": ParameterSpec(
+        "velocity_sd",
+        "m/s",
+        1e-4,
+        10.0,
+        "lognormal(0.25, 0.7)",
+        "noise of each velocity component",
+        r"$\sigma_v$",
+    ),
+    "spin_sd": ParameterSpec(
+        "spin_sd", "rad/s", 1e-2, 1e3, "lognormal(10, 0.7)", "noise of the spin", r"$\sigma_\omega$"
+    ),
+    "contact_time_sd": ParameterSpec(
+        "contact_time_sd", "s", 1e-6, 1e-2, "lognormal(2e-4, 0.7)", "noise of the contact time", r"$\sigma_t$"
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of a fit: its spec, its prior, and the value it is fixed at (None when free)."""
+
+    spec: ParameterSpec
+    prior: Prior
+    fixed: float | None
+    fixed_because: str = ""
+
+    @property
+    def name(self) -> str:
+        """The name of the parameter."""
+        return self.spec.name
+
+    @property
+    def free(self) -> bool:
+        """Whether the data may move it."""
+        return self.fixed is None
+
+
+def build_parameters(
+    names: Sequence[str],
+    priors: Mapping[str, str],
+    fixed: Mapping[str, tuple[float, str]],
+    ball_names: Sequence[str] = (),
+) -> tuple[Parameter, ...]:
+    """Parameters called `names`, with overridden `priors`, and `fixed` name -> (value, why).
+
+    Raises ParameterError for a name that is not among them, a value outside its bounds, or a bad prior.
+    """
+    everything = (*names, *ball_names)
+    for kind, given in (("prior", priors), ("fixed value", fixed)):
+        for name in given:
+            if name not in everything:
+                raise ParameterError(f"{kind} for unknown parameter '{name}': {suggestion(name, everything)}")
+    built = []
+    for name in everything:
+        spec = NOISE_SPECS.get(name) or SPECS[name]
+        prior = parse_prior(name, priors.get(name, spec.prior), spec.lower, spec.upper, spec.unit)
+        value, why = fixed.get(name, (None, ""))
+        if value is not None and not spec.lower <= value <= spec.upper:
+            raise ParameterError(
+                f"fixed value {name} = {value:g}"
+                + (f" {spec.unit}" if spec.unit else "")
+                + f" lies outside its bounds [{spec.lower:g}, {spec.upper:g}]"
+            )
+        built.append(Parameter(spec, prior, value, why))
+    return tuple(built)

@@ -1,0 +1,112 @@
+"""What the posterior says of the measurements: at the table's impacts, and along curves for figures."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+
+import numpy as np
+
+from fitball.data.table import REBOUND_UNITS
+from fitball.inference.posterior import Problem
+from fitball.inference.results import ChannelPrediction, Curve, PointFit, Posterior, Predictive
+from fitball.models.types import Rebound, regime_name
+from fitball.values import FloatArray, Impacts
+
+DRAWS = 1500
+CURVE_DRAWS = 600
+CURVE_POINTS = 61
+BANDS = (0.025, 0.16, 0.5, 0.84, 0.975)
+
+
+def thinned(posterior: Posterior, count: int) -> FloatArray:
+    """About `count` draws (draws, free), evenly spaced over ensembles, steps and walkers."""
+    draws = posterior.draws
+    rows: FloatArray = draws[np.linspace(0, draws.shape[0] - 1, min(count, draws.shape[0])).astype(int)]
+    return rows
+
+
+def predictive(problem: Problem, point: PointFit, posterior: Posterior, rng: np.random.Generator) -> Predictive:
+    """Quantiles of each channel at each impact, with and without noise; regimes; curves."""
+    values = thinned(posterior, DRAWS)
+    rebound = problem.rebound(values)
+    columns = problem.all_values(values)
+    channels = []
+    for channel in problem.channels:
+        noise = columns[channel.noise][:, None] if channel.noise is not None else 0.0
+        predicted = channel.predict(rebound)
+        spread = np.broadcast_to(channel.spread(noise, rebound), predicted.shape)
+        data = predicted + spread * rng.standard_normal(predicted.shape)
+        low, mid_low, median, mid_high, high = np.quantile(predicted, BANDS, axis=0)
+        channels.append(
+            ChannelPrediction(
+                name=channel.name,
+                unit=REBOUND_UNITS[channel.name],
+                observed=channel.observed,
+                sd=np.median(spread, axis=0),
+                point=channel.predict(point.rebound)[0],
+                median=median,
+                mean_q025=low,
+                mean_q16=mid_low,
+                mean_q84=mid_high,
+                mean_q975=high,
+                data_q025=np.quantile(data, BANDS[0], axis=0),
+                data_q975=np.quantile(data, BANDS[-1], axis=0),
+            )
+        )
+    return Predictive(tuple(channels), regime_shares(rebound), curves(problem, thinned(posterior, CURVE_DRAWS)))
+
+
+def regime_shares(rebound: Rebound) -> tuple[Mapping[str, float], ...]:
+    """For each impact the phase sequences that occur among the draws, most probable first."""
+    draws = rebound.regime.shape[0]
+    return tuple(
+        {regime_name(int(code)): count / draws for code, count in Counter(column.tolist()).most_common()}
+        for column in rebound.regime.T
+    )
+
+
+def curves(problem: Problem, values: FloatArray) -> dict[str, Curve]:
+    """Noise-free predictions along incidence angle for each group of at least two impacts.
+
+    Between measured impacts speed, angle and spin are interpolated; a drop test is drawn along its speed.
+    """
+    labels = problem.table.labels.get("group")
+    groups = sorted(set(labels)) if labels else [""]
+    result = {}
+    for group in groups:
+        rows = [k for k in range(len(problem.table)) if labels is None or labels[k] == group]
+        if len(rows) >= 2:
+            result[group] = _curve(problem, values, np.array(rows))
+    return result
+
+
+def _curve(problem: Problem, values: FloatArray, rows: FloatArray) -> Curve:
+    v_x1, v_y1 = problem.impacts.v_x1[rows], problem.impacts.v_y1[rows]
+    theta, speed = np.arctan2(v_y1, v_x1), np.hypot(v_x1, v_y1)
+    along = theta if problem.table.has_tangential else v_y1
+    order = np.argsort(along, kind="stable")
+    grid = np.linspace(along.min(), along.max(), CURVE_POINTS)
+
+    def between(column: FloatArray) -> FloatArray:
+        return np.interp(grid, along[order], column[order])
+
+    angle, fast = between(theta), between(speed)
+    cor = None if problem.impacts.cor is None else between(problem.impacts.cor[rows])
+    impacts = Impacts(fast * np.cos(angle), fast * np.sin(angle), between(problem.impacts.omega_1[rows]), cor)
+    rebound = problem.rebound(values, impacts)
+    outputs = {
+        "v_x2": rebound.v_x2,
+        "v_y2": rebound.v_y2,
+        "omega_2": rebound.omega_2,
+        "theta_2": np.arctan2(rebound.v_y2, rebound.v_x2),
+    }
+    return Curve(angle, impacts, {name: _bands(array) for name, array in outputs.items()})
+
+
+def _bands(array: FloatArray) -> FloatArray:
+    """Quantiles (5, points); draws that the model cannot evaluate there are left out, NaN where none is left."""
+    result = np.full((len(BANDS), array.shape[1]), np.nan)
+    known = ~np.all(np.isnan(array), axis=0)
+    result[:, known] = np.nanquantile(array[:, known], BANDS, axis=0)
+    return result

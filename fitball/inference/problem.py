@@ -1,0 +1,143 @@
+"""From table and scene to a problem: which model, which parameters, what is known; nothing is computed yet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from fitball.data.scene import Scene
+from fitball.data.table import ImpactTable
+from fitball.errors import FitError
+from fitball.inference.channels import Channel, build_channels
+from fitball.inference.parameters import build_parameters
+from fitball.inference.posterior import Problem
+from fitball.models.model import Model
+from fitball.models.registry import ALGEBRAIC, model
+from fitball.models.specs import BALL_PARAMETERS
+from fitball.values import Impacts
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What the user asked for beyond the scene; everything here wins over it."""
+
+    model: str | None = None
+    closures: Mapping[str, str] = field(default_factory=dict)
+    priors: Mapping[str, str] = field(default_factory=dict)
+    fix: Mapping[str, float] = field(default_factory=dict)
+
+
+def build_problem(table: ImpactTable, scene: Scene, choices: Choices) -> Problem:
+    """Spend parameters only on what the table can show, and say what was left out.
+
+    Raises FitError when the model can answer for no column of the table, and what `model` and
+    `build_parameters` raise.
+    """
+    name = choices.model or scene.model
+    closures = {**(scene.closures if name == scene.model else {}), **choices.closures}
+    chosen, fixed, notes = _compose(table, scene, name, closures)
+    channels, unused = build_channels(table, table.has_tangential, chosen.has_time, chosen.needs_cor)
+    notes += unused
+    if not channels:
+        raise FitError(f"{table.source}: model {name} predicts none of the measured columns")
+    if table.incident_sd:
+        stated = ", ".join(f"{column}_sd" for column in table.incident_sd)
+        notes.append(f"{stated}: uncertainty of incident columns is kept with the table but not used in this fit")
+    contact_time = scene.contact_time if chosen.has_time else None
+    timed = contact_time is not None or any(channel.name == "contact_time" for channel in channels)
+    if "k_y" in chosen.parameter_names and "k_theta" not in chosen.parameter_names and not timed:
+        fixed["k_y"] = (2.0e4, "it acts on the contact time only, and none is known")
+    priors = _scene_priors(scene, fixed)
+    noise = _noise(channels, scene, priors, fixed)
+    ball_names = tuple(item for item in BALL_PARAMETERS if item.removeprefix("ball_") in scene.ball_sd)
+    names = (*chosen.parameter_names, *noise)
+    known = {*names, *ball_names}
+    fixed = {key: value for key, value in fixed.items() if key in known}
+    priors = {key: value for key, value in priors.items() if key in known}
+    priors |= {key: value for key, value in scene.priors.items() if name == scene.model or key in known}
+    scene_fix = {key: value for key, value in scene.fix.items() if name == scene.model or key in known}
+    for key in {**scene.priors, **choices.priors}:
+        fixed.pop(key, None)
+    fixed |= {key: (value, "fixed by the scene") for key, value in scene_fix.items()}
+    fixed |= {key: (value, "fixed on request") for key, value in choices.fix.items()}
+    parameters = build_parameters(names, {**priors, **choices.priors}, fixed, ball_names)
+    return Problem(
+        table=table,
+        scene=scene,
+        model=chosen,
+        parameters=parameters,
+        channels=channels,
+        impacts=_impacts_with_cor(table, chosen),
+        contact_time=contact_time,
+        notes=(*scene.assumed, *notes),
+    )
+
+
+def _compose(
+    table: ImpactTable, scene: Scene, name: str, closures: Mapping[str, str]
+) -> tuple[Model, dict[str, tuple[float, str]], list[str]]:
+    """The model reduced to what the table shows, parameters that act nowhere, and why."""
+    reduced = dict(closures)
+    fixed: dict[str, tuple[float, str]] = {}
+    notes = []
+    if not table.has_tangential:
+        notes.append("no motion along the court was measured: only the vertical motion is fitted")
+        if name not in ALGEBRAIC:
+            reduced.setdefault("normal", "total")
+    elif not table.has_spin:
+        notes.append(
+            "no spin was measured: incident spin is taken as zero, shell and core turn as one, "
+            "and the offset is held at zero"
+        )
+        if name not in ALGEBRAIC:
+            reduced.setdefault("torsion", "rigid")
+            reduced.setdefault("normal", "total")
+        for parameter in ("eps_10", "eps_slope", "offset"):
+            fixed[parameter] = (0.0, "it shows in the spin, which was not measured")
+    elif "omega_1" not in table.incident_columns:
+        notes.append("no column omega_1: the incident spin is taken as zero")
+    return model(name, ball=scene.ball, tangential=table.has_tangential, **reduced), fixed, notes
+
+
+def _scene_priors(scene: Scene, fixed: dict[str, tuple[float, str]]) -> dict[str, str]:
+    priors = {}
+    if scene.mu is not None:
+        value, sd = scene.mu
+        if sd is None:
+            fixed["mu"] = (value, "known from the scene")
+        else:
+            priors["mu"] = f"normal({value:.10g}, {sd:.10g})"
+    balls = {"mass": scene.ball.mass, "radius": scene.ball.radius, "inertia_ratio": scene.ball.inertia_ratio}
+    for key, sd in scene.ball_sd.items():
+        name = key if key == "inertia_ratio" else f"ball_{key}"
+        priors[name] = f"normal({balls[key]:.10g}, {sd:.10g})"
+    return priors
+
+
+def _noise(
+    channels: tuple[Channel, ...], scene: Scene, priors: dict[str, str], fixed: dict[str, tuple[float, str]]
+) -> tuple[str, ...]:
+    """Noise parameters the channels use; a sd known to the scene fixes one, a nominal one centres its prior."""
+    used = tuple(dict.fromkeys(channel.noise for channel in channels if channel.noise is not None))
+    known = {
+        "velocity_sd": scene.velocity_sd,
+        "spin_sd": scene.spin_sd,
+        "contact_time_sd": scene.contact_time_sd,
+    }
+    nominal = {"velocity_sd": scene.nominal_velocity_sd, "spin_sd": scene.nominal_spin_sd}
+    for name in used:
+        value = known[name]
+        if value is not None:
+            fixed[name] = (value, "known from the scene")
+        elif name in nominal:
+            priors[name] = f"lognormal({nominal[name]:.10g}, 0.7)"
+    return used
+
+
+def _impacts_with_cor(table: ImpactTable, chosen: Model) -> Impacts:
+    if not chosen.needs_cor:
+        return table.impacts
+    rebound = table.measurement("v_y2")
+    if rebound is None:
+        raise FitError(f"{table.source}: closure cor = 'measured' needs a column v_y2")
+    return replace(table.impacts, cor=rebound.values / table.impacts.v_y1)

@@ -1,0 +1,31 @@
+"""Draws from all that was known before the table: priors, what the model can evaluate, what the scene says."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitball.inference.posterior import Problem
+from fitball.inference.starts import prior_draws
+from fitball.values import FloatArray
+
+BATCH = 4000
+WANTED = 1500
+# Batches after which fewer accepted draws must do; scenes that know much accept few prior draws.
+MOST_BATCHES = 12
+
+
+def reference_draws(problem: Problem, rng: np.random.Generator) -> FloatArray:
+    """Independent draws (draws, free) in SI by rejection from the priors, at most WANTED."""
+    accepted: list[FloatArray] = []
+    # The scene's knowledge is a normal density: its peak bounds it.
+    value_sd = problem.contact_time
+    peak = 0.0 if value_sd is None else -0.5 * float(np.log(2.0 * np.pi)) - float(np.log(value_sd[1]))
+    for _ in range(MOST_BATCHES):
+        values = prior_draws(problem, rng, BATCH)
+        rebound = problem.rebound(values)
+        possible = ~np.any(rebound.status, axis=1)
+        chance = np.where(possible, np.exp(problem.log_knowledge(rebound) - peak), 0.0)
+        accepted.append(values[rng.uniform(size=BATCH) < chance])
+        if sum(map(len, accepted)) >= WANTED:
+            break
+    return np.concatenate(accepted)[:WANTED]

@@ -1,0 +1,69 @@
+"""Weighted residuals of a problem for given noise, batched over draws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitball.inference.parameters import NOISE_SPECS
+from fitball.inference.posterior import Problem
+from fitball.values import FloatArray
+
+# Residual [sd] that stands for a parameter set the model cannot evaluate; it only has to be worse than any fit.
+IMPOSSIBLE = 1e3
+
+
+@dataclass(frozen=True)
+class Weighting:
+    """Standard deviations for a least-squares problem: noise parameters held at `noise`; `penalised` adds the
+    priors as residuals, which makes the minimum that of the posterior for that noise.
+    """
+
+    noise: Mapping[str, float]
+    penalised: bool
+
+
+def residuals(problem: Problem, values: FloatArray, weighting: Weighting) -> FloatArray:
+    """Weighted residuals (draws, residuals) at free values (draws, free); the scene's contact time is one."""
+    rebound = problem.rebound(values)
+    rows = []
+    for channel in problem.channels:
+        noise = weighting.noise[channel.noise] if channel.noise is not None else 0.0
+        rows.append((channel.predict(rebound) - channel.observed) / channel.spread(noise, rebound))
+    if problem.contact_time is not None:
+        value, sd = problem.contact_time
+        rows.append((rebound.contact_time.mean(axis=1, keepdims=True) - value) / sd)
+    if weighting.penalised:
+        coordinates = problem.to_coordinates(values)
+        for column, item in enumerate(problem.free):
+            if item.prior.normal and item.name not in NOISE_SPECS:
+                rows.append(((coordinates[:, column] - item.prior.a) / item.prior.b)[:, None])
+    stacked = np.concatenate(rows, axis=1)
+    impossible = np.any(rebound.status, axis=1)
+    stacked[impossible] = IMPOSSIBLE
+    return stacked
+
+
+def root_mean_squares(problem: Problem, values: FloatArray) -> dict[str, float]:
+    """Unweighted root mean square residual of each channel at free values (free,)."""
+    rebound = problem.rebound(values[None, :])
+    return {
+        channel.name: float(np.sqrt(np.mean((channel.predict(rebound)[0] - channel.observed) ** 2)))
+        for channel in problem.channels
+    }
+
+
+def default_noise(problem: Problem) -> dict[str, float]:
+    """Noise parameters at their fixed or nominal (prior median) size."""
+    return {
+        item.name: item.fixed if item.fixed is not None else float(item.prior.quantile(np.array([0.5]))[0])
+        for item in problem.parameters
+        if item.name in NOISE_SPECS
+    }
+
+
+def named_values(problem: Problem, values: FloatArray) -> dict[str, float]:
+    """All parameters by name at free values (free,)."""
+    return {name: float(column[0]) for name, column in problem.all_values(values[None, :]).items()}

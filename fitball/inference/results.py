@@ -1,0 +1,240 @@
+"""What a fit found: frozen values, no computing. Everything a report, a file or a caller reads is here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from fitball.data.balances import Balances
+from fitball.inference.fitted import FittedModel
+from fitball.inference.posterior import Problem
+from fitball.models.types import Rebound
+from fitball.values import FloatArray, Impacts
+
+
+class Verdict(StrEnum):
+    """What the data say about one parameter."""
+
+    IDENTIFIED = "identified"
+    ONE_SIDED = "one-sided"
+    PRIOR_DOMINATED = "prior-dominated"
+    FIXED = "fixed"
+    NOT_JUDGED = "not judged"
+
+
+class RunStatus(StrEnum):
+    """How a run ended."""
+
+    CONVERGED = "converged"
+    NOT_CONVERGED = "not converged"
+    POINT_ONLY = "point only"
+    INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True)
+class LeastSquares:
+    """Weighted least squares: no prior but the bounds, noise at its stated or nominal size.
+
+    `values` holds every parameter by name in SI; `stderr` a number, or None with the cause in
+    `missing`. `rms` is the root mean square residual of each channel, in its unit.
+    """
+
+    values: Mapping[str, float]
+    stderr: Mapping[str, float | None]
+    missing: Mapping[str, str]
+    chi_square: float
+    degrees_of_freedom: int
+    rms: Mapping[str, float]
+    starts: int
+    optima: tuple[Mapping[str, float], ...]
+    optima_chi_square: tuple[float, ...]
+    evaluations: int
+
+
+@dataclass(frozen=True)
+class PointFit:
+    """The maximum of the posterior density, with respect to the coordinates of the priors.
+
+    `values` holds every parameter by name in SI; `log_posterior` is the density there, up to the evidence.
+    """
+
+    values: Mapping[str, float]
+    log_posterior: float
+    log_likelihood: float
+    rms: Mapping[str, float]
+    rebound: Rebound
+    optima: tuple[Mapping[str, float], ...]
+    optima_log_posterior: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter: quantiles of its posterior in SI, its prior and what the data say of it.
+
+    Quantities that do not exist (a fixed parameter, a run without posterior) are None. `contraction` is
+    1 - posterior variance / prior variance, both in the coordinate of the prior, where "prior"
+    includes what the scene knows.
+    """
+
+    name: str
+    unit: str
+    label: str
+    meaning: str
+    prior: str
+    point: float
+    median: float | None
+    sd: float | None
+    q025: float | None
+    q05: float | None
+    q16: float | None
+    q84: float | None
+    q95: float | None
+    q975: float | None
+    contraction: float | None
+    verdict: Verdict
+    reason: str
+    ess_bulk: float | None
+    ess_tail: float | None
+    r_hat: float | None
+    reference_q025: float | None
+    reference_q975: float | None
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Draws kept for inference.
+
+    `values` is (ensembles, steps, walkers, free parameters) in SI, `log_posterior` is aligned with it,
+    (ensembles, steps, walkers); `reference` (draws, free parameters) are draws from all that was known before
+    the table.
+    """
+
+    names: tuple[str, ...]
+    values: FloatArray
+    log_posterior: FloatArray
+    reference: FloatArray
+
+    @property
+    def draws(self) -> FloatArray:
+        """All draws, (draws, free parameters)."""
+        return self.values.reshape(-1, self.values.shape[-1])
+
+
+@dataclass(frozen=True)
+class Diagnostics:
+    """How the sampler did. `warm_up` steps precede those kept; `r_hat` is rank-normalised and nested
+    (ensembles over walkers).
+    """
+
+    ensembles: int
+    walkers: int
+    warm_up: int
+    steps: int
+    max_steps: int
+    acceptance: tuple[float, ...]
+    min_ess_bulk: float
+    min_ess_tail: float
+    max_r_hat: float
+    ess_bulk: Mapping[str, float]
+    ess_tail: Mapping[str, float]
+    r_hat: Mapping[str, float]
+    evaluations: int
+    converged: bool
+    complaints: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ChannelPrediction:
+    """Posterior prediction of one measured column at the table's impacts, all (impacts,) in SI.
+
+    `mean_*` are quantiles of the noise-free rebound (parameter uncertainty alone), `data_*` of a new
+    measurement (with noise). `sd` is the measurement noise at the posterior median.
+    """
+
+    name: str
+    unit: str
+    observed: FloatArray
+    sd: FloatArray
+    point: FloatArray
+    median: FloatArray
+    mean_q025: FloatArray
+    mean_q16: FloatArray
+    mean_q84: FloatArray
+    mean_q975: FloatArray
+    data_q025: FloatArray
+    data_q975: FloatArray
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Noise-free predictions along incidence angle for one group: `theta_1` [rad] (points,), the impacts
+    interpolated between those measured, and per output name (v_x2, v_y2, omega_2, theta_2 [rad]) rows
+    of quantiles (2.5, 16, 50, 84, 97.5 %) of shape (5, points).
+    """
+
+    theta_1: FloatArray
+    impacts: Impacts
+    outputs: Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class Predictive:
+    """Predictions of every channel, the regime sequences of each impact with their posterior probability, and a
+    band over incidence angle for figures.
+
+    `regimes[i]` maps a sequence in words to its probability at impact i. `curves` maps a group label ("" when
+    the table has no groups) to predictions along that group's incidence angles.
+    """
+
+    channels: tuple[ChannelPrediction, ...]
+    regimes: tuple[Mapping[str, float], ...]
+    curves: Mapping[str, Curve]
+
+
+@dataclass(frozen=True)
+class Golden:
+    """Impacts with their rebounds at the point estimate, for whoever ports the model elsewhere."""
+
+    parameters: Mapping[str, float]
+    impacts: Impacts
+    rebound: Rebound
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Wall time of a stage [s]."""
+
+    stage: str
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """All that one calibration found."""
+
+    problem: Problem
+    balances: Balances
+    least_squares: LeastSquares
+    point: PointFit
+    posterior: Posterior | None
+    estimates: tuple[Estimate, ...]
+    covariance: FloatArray | None
+    correlation: FloatArray | None
+    diagnostics: Diagnostics | None
+    predictive: Predictive | None
+    fitted: FittedModel
+    golden: Golden
+    status: RunStatus
+    verdict: str
+    seed: int
+    timings: tuple[Timing, ...]
+
+    @property
+    def parameters(self) -> Mapping[str, Estimate]:
+        """Estimates by parameter name."""
+        return {item.name: item for item in self.estimates}
+
+    def predict(self, impacts: Impacts) -> Mapping[str, FloatArray]:
+        """See `FittedModel.predict`."""
+        return self.fitted.predict(impacts)

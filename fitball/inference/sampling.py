@@ -1,0 +1,266 @@
+"""Posterior sampling with emcee: independent ensembles, run in blocks until they agree.
+
+Ensembles warm up with moves that need no tuning; then an independence proposal fitted to the warm-up of all of
+them is added and frozen (see `moves`), and only the steps after that are used. Every ensemble has its own random
+generator, so the result does not depend on how many threads advance them, nor on interruptions.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import repeat
+
+import emcee
+import numpy as np
+
+from fitball.errors import FitError
+from fitball.inference.chain_file import ChainFile, EnsembleChain
+from fitball.inference.diagnostics import TARGET_ESS, Convergence, convergence
+from fitball.inference.moves import Moves, StudentProposal, production_moves, warm_up_moves
+from fitball.inference.posterior import Problem
+from fitball.values import FloatArray
+
+ENSEMBLES = 4
+# Steps never used for inference, of which the second half teaches the proposal; on long runs the first quarter
+# is dropped instead.
+WARM_UP = 400
+FIRST_CHECK = 700
+BLOCK = 100
+# Candidates for the start of one ensemble, and the power of the posterior they are resampled with: starts are
+# spread wider than the posterior, as R-hat needs.
+POOL = 3000
+TEMPERING = 0.3
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to sample: numbers of walkers (per ensemble), of ensembles, of steps at most, of threads."""
+
+    walkers: int
+    ensembles: int
+    max_steps: int
+    cores: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a user sees while sampling; `convergence` is None before the first check."""
+
+    step: int
+    next_check: int
+    convergence: Convergence | None
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Chains of all ensembles in coordinates, (ensembles, steps, walkers, free), warm-up included."""
+
+    chains: FloatArray
+    log_posterior: FloatArray
+    acceptance: tuple[float, ...]
+    warm_up: int
+    convergence: Convergence
+    converged: bool
+
+    @property
+    def kept(self) -> FloatArray:
+        """Coordinates after warm-up."""
+        return self.chains[:, self.warm_up :]
+
+
+class SamplingInterrupted(Exception):
+    """The user stopped the run; the chain so far is on disk when there is a chain file."""
+
+    def __init__(self, step: int) -> None:
+        self.step = step
+        super().__init__(f"interrupted at step {step}")
+
+
+def default_walkers(dimension: int) -> int:
+    """Walkers an ensemble has when nobody says: four for each parameter, an even number of at least 16."""
+    return max(16, 4 * dimension)
+
+
+def warm_up_length(steps: int) -> int:
+    """Steps to drop of a run of `steps`."""
+    return max(WARM_UP, steps // 4) if 2 * steps >= 3 * WARM_UP else steps // 2
+
+
+class Ensemble:
+    """One emcee sampler with its own random generator, started around the optima or from a stored chain."""
+
+    def __init__(self, problem: Problem, walkers: int, seeds: np.random.SeedSequence) -> None:
+        self.problem = problem
+        self.walkers = walkers
+        self.sampler = self._make(warm_up_moves(), emcee.backends.Backend())
+        # emcee draws from a RandomState; it is seeded from the same tree as every other generator here.
+        legacy = np.random.RandomState(np.random.MT19937(seeds))
+        self.sampler.random_state = legacy.get_state()
+        self.state: emcee.State | None = None
+
+    def _make(self, moves: Moves, backend: emcee.backends.Backend) -> emcee.EnsembleSampler:
+        return emcee.EnsembleSampler(
+            self.walkers,
+            self.problem.dimension,
+            self.problem.log_posterior,
+            vectorize=True,
+            moves=moves,
+            backend=backend,
+        )
+
+    def use(self, moves: Moves) -> None:
+        """Go on with other moves, same chain, same random generator."""
+        random_state = self.sampler.random_state
+        self.sampler = self._make(moves, self.sampler.backend)
+        self.sampler.random_state = random_state
+
+    @property
+    def steps(self) -> int:
+        """Steps made so far."""
+        return int(self.sampler.backend.iteration)
+
+    def start(self, positions: FloatArray) -> None:
+        """Begin at positions (walkers, free)."""
+        self.state = emcee.State(positions)
+
+    def restore(self, stored: EnsembleChain) -> None:
+        """Go on from a stored chain."""
+        backend = self.sampler.backend
+        steps, walkers, dimension = stored.chain.shape
+        backend.reset(walkers, dimension)
+        backend.chain, backend.log_prob = stored.chain.copy(), stored.log_posterior.copy()
+        backend.accepted, backend.iteration = stored.accepted.copy(), steps
+        backend.random_state = stored.random_state
+        if steps:
+            self.state = emcee.State(
+                stored.chain[-1], log_prob=stored.log_posterior[-1], random_state=stored.random_state
+            )
+
+    def advance_to(self, step: int, stop: threading.Event) -> None:
+        """Go on until `step` steps have been made, or until `stop` is set."""
+        steps = step - self.steps
+        if steps <= 0 or stop.is_set():
+            return
+        for state in self.sampler.sample(self.state, iterations=steps, skip_initial_state_check=True):
+            self.state = state
+            if stop.is_set():
+                break
+
+    def stored(self) -> EnsembleChain:
+        """What the chain file keeps."""
+        backend = self.sampler.backend
+        return EnsembleChain(
+            backend.get_chain().copy(),
+            backend.get_log_prob().copy(),
+            np.array(backend.accepted),
+            tuple(self.sampler.random_state),
+        )
+
+
+def starting_positions(
+    problem: Problem, optima: FloatArray, first: int, walkers: int, rng: np.random.Generator
+) -> FloatArray:
+    """Positions (walkers, free) drawn around the optima (optima, free), all in coordinates and inside the prior.
+
+    Half of the candidates surround the optimum number `first`, half any of them, at distances from a hundredth of
+    the prior's width to all of it; they are resampled by a power of their posterior density. Raises FitError when
+    too few candidates are possible.
+    """
+    for _ in range(10):
+        centre = np.where(rng.uniform(size=POOL) < 0.5, first % len(optima), rng.integers(len(optima), size=POOL))
+        reach = np.exp(rng.uniform(math.log(0.01), 0.0, size=(POOL, 1)))
+        pool = optima[centre] + problem.prior.width * reach * rng.standard_normal((POOL, problem.dimension))
+        density = problem.log_posterior(pool)
+        weight = np.exp(TEMPERING * (density - density.max()))
+        if np.count_nonzero(weight) >= 2 * walkers:
+            return pool[rng.choice(POOL, walkers, replace=False, p=weight / weight.sum())]
+    raise FitError("too few starting points of finite posterior density around the optima: loosen the priors")
+
+
+def sample(
+    problem: Problem,
+    optima: FloatArray,
+    settings: Settings,
+    chain_file: ChainFile | None,
+    resume: bool,
+    report: Callable[[Progress], None],
+) -> Sampled:
+    """Run the ensembles until `Convergence.reached`, or for `settings.max_steps`.
+
+    Checks fall on steps that depend on the chains alone, so a resumed run stops where an uninterrupted one does.
+    Raises SamplingInterrupted on Ctrl-C, after writing the chain.
+    """
+    roots = np.random.SeedSequence(settings.seed).spawn(2 * settings.ensembles)
+    ensembles = [Ensemble(problem, settings.walkers, roots[k]) for k in range(settings.ensembles)]
+    if resume and chain_file is not None:
+        for ensemble, stored in zip(ensembles, chain_file.read(), strict=True):
+            ensemble.restore(stored)
+    for k, ensemble in enumerate(ensembles):
+        if ensemble.state is None:
+            rng = np.random.default_rng(roots[settings.ensembles + k])
+            ensemble.start(starting_positions(problem, optima, k, settings.walkers, rng))
+    check = min(FIRST_CHECK, settings.max_steps)
+    found: Convergence | None = None
+    _advance_to(problem, ensembles, min(WARM_UP, settings.max_steps), check, found, settings, chain_file, report)
+    warm = np.stack([item.sampler.get_chain()[WARM_UP // 2 : WARM_UP] for item in ensembles])
+    if settings.max_steps > WARM_UP:
+        proposal = StudentProposal.fit(warm.reshape(-1, problem.dimension))
+        for item in ensembles:
+            item.use(production_moves(proposal))
+    while True:
+        _advance_to(problem, ensembles, check, check, found, settings, chain_file, report)
+        chains = np.stack([item.sampler.get_chain()[:check] for item in ensembles])
+        warm_up = warm_up_length(check)
+        found = convergence(problem.free_names, chains[:, warm_up:])
+        report(Progress(check, check, found))
+        if found.reached or check >= settings.max_steps:
+            break
+        check = min(next_check(check, found), settings.max_steps)
+    scores = np.stack([item.sampler.get_log_prob()[:check] for item in ensembles])
+    acceptance = tuple(float(np.mean(item.sampler.acceptance_fraction)) for item in ensembles)
+    return Sampled(chains, scores, acceptance, warm_up, found, found.reached)
+
+
+def next_check(step: int, found: Convergence) -> int:
+    """The step at which the effective sample size should suffice, between 1.15 and 2 times the present one."""
+    kept = step - warm_up_length(step)
+    wanted = step + kept * (1.1 * TARGET_ESS / max(found.min_ess, 1.0) - 1.0)
+    bounded = min(max(wanted, 1.15 * step), 2.0 * step)
+    return math.ceil(bounded / BLOCK) * BLOCK
+
+
+def _advance_to(
+    problem: Problem,
+    ensembles: Sequence[Ensemble],
+    goal: int,
+    check: int,
+    found: Convergence | None,
+    settings: Settings,
+    chain_file: ChainFile | None,
+    report: Callable[[Progress], None],
+) -> None:
+    """Bring every ensemble to step `goal`, a block at a time; on Ctrl-C write what there is and stop."""
+    stop = threading.Event()
+    with ThreadPoolExecutor(max_workers=max(1, settings.cores)) as pool:
+        try:
+            while (step := min(item.steps for item in ensembles)) < goal:
+                following = min(step - step % BLOCK + BLOCK, goal)
+                list(pool.map(Ensemble.advance_to, ensembles, repeat(following), repeat(stop)))
+                report(Progress(following, check, found))
+        except KeyboardInterrupt:
+            stop.set()
+            pool.shutdown(wait=True)
+            _write(problem, ensembles, chain_file)
+            raise SamplingInterrupted(min(item.steps for item in ensembles)) from None
+    _write(problem, ensembles, chain_file)
+
+
+def _write(problem: Problem, ensembles: Sequence[Ensemble], chain_file: ChainFile | None) -> None:
+    if chain_file is not None:
+        logs = [item.prior.log for item in problem.free]
+        chain_file.write([item.stored() for item in ensembles], problem.free_names, logs)

@@ -1,0 +1,1 @@
+"""What a person sees of a fit: rounded numbers, figures, pages, exported files."""

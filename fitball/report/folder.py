@@ -1,0 +1,81 @@
+"""The result folder: may it be written, and the writing of it, `fit.json` last."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from fitball.errors import ResultFolderError
+from fitball.inference.results import Fit
+from fitball.report.export import FIT_NAME, fit_text
+from fitball.report.figure_corner import corner_figure
+from fitball.report.figures import predictive_figure, residual_figure, trace_figure
+from fitball.report.files import write_text, write_whole
+from fitball.report.html import page
+from fitball.report.netcdf import write_netcdf
+from fitball.report.run_file import run_text
+from fitball.report.tables import csv_text, prediction_rows, regime_rows, summary_rows
+
+CHAIN_NAME = "posterior.h5"
+DPI = 150
+
+
+def prepare(folder: Path, *, overwrite: bool, resume: bool) -> None:
+    """Make the folder, or refuse.
+
+    Raises ResultFolderError when it cannot be made or written, or when it holds an older result and neither
+    `overwrite` nor `resume` was asked for. With `overwrite` an old chain and `fit.json` are removed first, so
+    that no mixture of two results can remain.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise ResultFolderError(f"{folder}: is a file; name a folder with --out")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ResultFolderError(f"{folder}: cannot be made: {error.strerror}; name another with --out") from None
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise ResultFolderError(f"{folder}: not writable; name another with --out")
+    older = [name for name in (FIT_NAME, CHAIN_NAME) if (folder / name).exists()]
+    if not older or resume:
+        return
+    if not overwrite:
+        raise ResultFolderError(
+            f"{folder}: holds {' and '.join(older)} of an older run; use --resume to go on with it, --overwrite to "
+            "replace it, or --out to write elsewhere"
+        )
+    for name in older:
+        (folder / name).unlink()
+
+
+def write_all(fit: Fit, folder: Path) -> None:
+    """Write every file of a result, each whole or not at all. Raises ResultFolderError."""
+    (folder / FIT_NAME).unlink(missing_ok=True)
+    posterior = fit.posterior
+    figures: dict[str, Callable[[], Figure]] = {
+        "predictive": lambda: predictive_figure(fit),
+        "residuals": lambda: residual_figure(fit),
+    }
+    if posterior is not None:
+        figures["corner"] = lambda: corner_figure(fit, posterior)
+        figures["trace"] = lambda: trace_figure(fit, posterior)
+        write_netcdf(fit, posterior, folder / "posterior.nc")
+        write_text(folder / "regimes.csv", csv_text(regime_rows(fit)))
+    for name, draw in figures.items():
+        figure = draw()
+        write_whole(folder / f"{name}.png", partial(save_png, figure))
+    write_text(folder / "summary.csv", csv_text(summary_rows(fit)))
+    write_text(folder / "predictions.csv", csv_text(prediction_rows(fit)))
+    write_text(folder / "balances.csv", csv_text(fit.balances.rows()))
+    write_text(folder / "run.toml", run_text(fit))
+    images = {name: (folder / f"{name}.png").read_bytes() for name in figures}
+    write_text(folder / "report.html", page(fit, images))
+    write_text(folder / FIT_NAME, fit_text(fit))
+
+
+def save_png(figure: Figure, place: Path) -> None:
+    """Save without the version stamp, so that equal figures are equal files."""
+    figure.savefig(place, format="png", dpi=DPI, metadata={"Software": None})

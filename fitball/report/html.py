@@ -1,0 +1,51 @@
+"""`report.html`: one page that needs nothing but itself."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from fitball.inference.results import Fit
+from fitball.report.summary import diagnosis_lines, notes, parameter_rows, prediction_table, thesis_rows
+from fitball.version import __version__
+
+CAPTIONS = {
+    "corner": "Posterior of all pairs of parameters, with the prior on the diagonal and the point estimate.",
+    "predictive": "Measured rebounds with error bars against the posterior prediction, along incidence angle.",
+    "residuals": "Standardised residuals along incidence angle and against normal quantiles.",
+    "trace": "Walkers of every ensemble after warm-up, and the marginals ensemble by ensemble.",
+}
+
+
+def page(fit: Fit, images: Mapping[str, bytes]) -> str:
+    """The page as text; `images` are PNG files by figure name."""
+    environment = Environment(
+        loader=PackageLoader("fitball.report", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    figures = {
+        name: {"data": base64.b64encode(images[name]).decode("ascii"), "caption": CAPTIONS[name]}
+        for name in CAPTIONS
+        if name in images
+    }
+    balances = fit.balances.rows()
+    return environment.get_template("report.html.j2").render(
+        fit=fit,
+        table=fit.problem.table,
+        scene=fit.problem.scene,
+        model=fit.problem.model,
+        version=__version__,
+        parameters=parameter_rows(fit),
+        thesis=thesis_rows(fit),
+        predictions=prediction_table(fit),
+        balances=balances,
+        balance_heads=list(balances[0]),
+        diagnosis=diagnosis_lines(fit),
+        notes=notes(fit),
+        figures=figures,
+    )

@@ -1,0 +1,40 @@
+"""Numbers as a person should see them: rounded to what their uncertainty supports (PDG rule)."""
+
+from __future__ import annotations
+
+import math
+
+from uncertainties.formatting import PDG_precision
+
+MOST_DECIMALS = 9
+
+
+def decimals(sd: float) -> int:
+    """Decimals that a standard deviation supports (negative: tens, hundreds); at most MOST_DECIMALS.
+
+    One or two significant digits of the sd are kept, by the rule of the Particle Data Group.
+    """
+    if not (math.isfinite(sd) and sd > 0.0):
+        return 3
+    digits, rounded = PDG_precision(sd)
+    return min(int(digits) - 1 - math.floor(math.log10(rounded)), MOST_DECIMALS)
+
+
+def fixed(value: float | None, places: int) -> str:
+    """A number with that many decimals; powers of ten are not used; a dash where there is none."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    text = f"{round(value, places):.{max(places, 0)}f}"
+    return text.removeprefix("-") if float(text) == 0.0 else text
+
+
+def interval(low: float | None, high: float | None, places: int) -> str:
+    """Two ends with the same decimals."""
+    return f"[{fixed(low, places)}, {fixed(high, places)}]"
+
+
+def significant(value: float | None, digits: int = 3) -> str:
+    """A number without uncertainty to a few significant digits."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    return f"{value:.{digits}g}"

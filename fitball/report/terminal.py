@@ -1,0 +1,96 @@
+"""A fit on a terminal: plain text in columns, and the same as JSON for machines."""
+
+from __future__ import annotations
+
+import json
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+
+from fitball.inference.results import Fit
+from fitball.report.summary import diagnosis_lines, notes, parameter_rows, prediction_table, thesis_rows
+
+WIDTH = 100
+
+
+def columns(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
+    """Rows of cells as lines: the first `left` columns flush left, the others right."""
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        cells = [
+            cell.ljust(width) if k < left else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        lines.append("  ".join(cells).rstrip())
+    return lines
+
+
+def render(fit: Fit, folder: Path) -> str:
+    """The end of a calibration as a person reads it."""
+    table = fit.problem.table
+    head = f"{fit.problem.model.name} fitted to {table.name} ({len(table)} impacts)"
+    parts = [head, "=" * len(head), *textwrap.wrap(fit.verdict, WIDTH), ""]
+    rows = parameter_rows(fit)
+    heads = ["parameter", "unit", "median", "68 %", "95 %", "point", "prior (SI)", "verdict"]
+    body = [
+        [row.name, row.unit, row.median, row.interval_68, row.interval_95, row.point, row.prior, row.verdict]
+        for row in rows
+    ]
+    parts += columns([heads, *body], left=2)
+    parts += ["", "Point: maximum of the posterior density. In the thesis's units:", ""]
+    thesis = thesis_rows(fit)
+    if thesis:
+        lines = [[row.name, row.unit, row.median, row.interval_68, row.interval_95, row.point] for row in thesis]
+        parts += columns([heads[:6], *lines], left=2)
+        parts.append("")
+    parts.append("What the table says of each parameter:")
+    for row in rows:
+        parts += textwrap.wrap(
+            f"{row.name}: {row.verdict}; {row.reason}", WIDTH, initial_indent="  ", subsequent_indent="      "
+        )
+    parts += ["", "Measured | predicted (median +- half of the 68 % interval, without noise):", ""]
+    predictions = prediction_table(fit)
+    top = ["impact", "theta_1 [deg]", *predictions.heads, "contact"]
+    cells = [
+        [row.id, row.theta_1, *(f"{measured} | {predicted}" for measured, predicted in row.cells), row.regime]
+        for row in predictions.rows
+    ]
+    parts += columns([top, *cells])
+    parts.append("")
+    for line in diagnosis_lines(fit):
+        parts += textwrap.wrap(line, WIDTH, subsequent_indent="  ")
+    times = ", ".join(f"{item.stage} {item.seconds:.1f} s" for item in fit.timings)
+    parts += ["", f"Time: {times}.", f"Results: {folder}"]
+    parts += [f"  {item.name}" for item in sorted(folder.iterdir())] if folder.is_dir() else []
+    return "\n".join(parts)
+
+
+def render_json(fit: Fit, folder: Path) -> str:
+    """The summary for machines: everything but draws; the full parameter set is in `fit.json`."""
+    content = {
+        "status": fit.status,
+        "verdict": fit.verdict,
+        "model": fit.problem.model.name,
+        "table": fit.problem.table.name,
+        "folder": str(folder),
+        "parameters": {
+            item.name: {
+                "unit": item.unit,
+                "median": item.median,
+                "sd": item.sd,
+                "q025": item.q025,
+                "q16": item.q16,
+                "q84": item.q84,
+                "q975": item.q975,
+                "point": item.point,
+                "verdict": item.verdict,
+                "reason": item.reason,
+            }
+            for item in fit.estimates
+        },
+        "rms": dict(fit.point.rms),
+        "notes": notes(fit),
+        "seconds": {item.stage: item.seconds for item in fit.timings},
+    }
+    return json.dumps(content, indent=2, allow_nan=False)

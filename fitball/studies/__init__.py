@@ -1,0 +1,1 @@
+"""Studies built on the rooms above: Chapter V, speed against error, calibration checks."""

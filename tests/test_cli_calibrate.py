@@ -1,0 +1,217 @@
+"""The command line as a user meets it: results, exit codes, and every fault in words."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fitball.cli.main import main
+
+GOOD = """id,v_x1 [m/s],v_y1 [m/s],omega_1 [rpm],v_x2 [m/s],v_y2 [m/s],omega_2 [rpm]
+a,16.0,5.0,0,11.5,4.1,2400
+b,15.0,7.5,50,8.9,6.0,2700
+c,13.0,10.0,0,7.6,7.6,2500
+d,10.0,13.0,-30,5.6,9.5,1900
+e,6.0,15.0,10,2.9,10.6,1000
+"""
+QUICK = ["--model", "grip-slip", "--max-steps", "100"]
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "balls.csv").write_text(GOOD, encoding="utf-8")
+    return tmp_path
+
+
+def test_a_users_own_table(here, capsys):
+    code = main(["calibrate", "balls.csv", "--model", "grip-slip", "--seed", "3"])
+    out, err = capsys.readouterr()
+    assert code == 0, err
+    assert "grip-slip fitted to balls (5 impacts)" in out
+    assert "Converged" in out
+    assert "there is no scene file" in err
+    folder = here / "fits" / "balls" / "grip-slip"
+    for name in (
+        "fit.json", "posterior.h5", "posterior.nc", "summary.csv", "corner.png", "trace.png", "predictive.png",
+        "residuals.png", "report.html", "run.toml",
+    ):  # fmt: skip
+        assert (folder / name).stat().st_size > 0
+    assert json.loads((folder / "fit.json").read_text(encoding="utf-8"))["status"] == "converged"
+    assert main(["calibrate", "balls.csv", "--model", "grip-slip"]) == 2
+    assert "--overwrite" in capsys.readouterr().err
+
+
+def test_too_few_steps_end_with_one(here, capsys):
+    assert main(["calibrate", "balls.csv", *QUICK, "--quiet"]) == 1
+    content = json.loads((here / "fits/balls/grip-slip/fit.json").read_text(encoding="utf-8"))
+    assert content["status"] == "not converged"
+    capsys.readouterr()
+    # More steps, from where it stopped.
+    assert main(["calibrate", "balls.csv", "--model", "grip-slip", "--resume", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["status"] == "converged"
+
+
+def test_point_only(here, capsys):
+    assert main(["calibrate", "balls.csv", "--point-only", "--out", "point"]) == 0
+    assert "Point fit only" in capsys.readouterr().out
+    assert not (here / "point" / "posterior.h5").exists()
+    assert (here / "point" / "fit.json").exists()
+
+
+def test_a_drop_test_fits_the_vertical_motion_and_nothing_else(here, capsys):
+    rows = "\n".join(f"{v},{v * (0.86 - 0.012 * v):.3f}" for v in (3.0, 5.0, 7.0, 9.0, 11.0))
+    (here / "drop.csv").write_text(f"v_y1,v_y2\n{rows}\n", encoding="utf-8")
+    assert main(["calibrate", "drop.csv", "--json"]) == 0
+    captured = capsys.readouterr()
+    found = json.loads(captured.out)["parameters"]
+    assert set(found) == {"k_y", "cor_10", "cor_slope", "velocity_sd"}
+    assert found["k_y"]["verdict"] == "fixed"
+    assert found["cor_10"]["median"] == pytest.approx(0.74, abs=0.02)
+    assert "only the vertical motion is fitted" in captured.err
+
+
+def test_a_table_without_spin_does_not_fit_torsion(here, capsys):
+    text = "\n".join(",".join(line.split(",")[k] for k in (0, 1, 2, 4, 5)) for line in GOOD.splitlines())
+    (here / "nospin.csv").write_text(text + "\n", encoding="utf-8")
+    assert main(["calibrate", "nospin.csv", "--json", "--out", "o"]) == 0
+    captured = capsys.readouterr()
+    found = json.loads(captured.out)["parameters"]
+    assert "k_theta" not in found
+    assert found["eps_10"]["verdict"] == "fixed"
+    assert "no spin was measured" in captured.err
+
+
+TABLES = {
+    "missing column": ("v_x1,v_y1,v_x2\n", "v_x1,v_x2\n15,11\n14,9\n", ["v_y1"]),
+    "misspelt column": (None, GOOD.replace("omega_2", "omgea_2"), ["omgea_2", "omega_2"]),
+    "unknown unit": (None, GOOD.replace("omega_1 [rpm]", "omega_1 [rpn]"), ["omega_1", "rpn"]),
+    "text in a number": (None, GOOD.replace("8.9", "fast"), ["row 2", "v_x2", "fast"]),
+    "NaN": (None, GOOD.replace("8.9", "nan"), ["row 2", "v_x2", "nan"]),
+    "negative v_y1": (None, GOOD.replace(",7.5,", ",-7.5,"), ["row 2", "v_y1", "-7.5"]),
+    "rebound faster": (None, GOOD.replace(",11.5,", ",31.5,"), ["row 1"]),
+    "COR above 1": (None, GOOD.replace(",6.0,", ",7.9,"), ["row 2", "v_y2"]),
+    "one row": (None, "\n".join(GOOD.splitlines()[:2]) + "\n", ["one", "2"]),
+    "no rebound": (None, "v_x1,v_y1,omega_1\n15,5,0\n14,6,0\n", ["rebound"]),
+    "empty": (None, "", ["empty"]),
+    "semicolons": (None, GOOD.replace(",", ";").replace(".", ","), [";"]),
+    "duplicate header": (None, GOOD.replace("v_x2 [m/s]", "v_x1 [km/h]"), ["v_x1"]),
+}
+
+
+@pytest.mark.parametrize("case", TABLES)
+def test_a_bad_table_ends_with_two_and_words(here, capsys, case):
+    _, text, words = TABLES[case]
+    (here / "bad.csv").write_text(text, encoding="utf-8")
+    assert main(["calibrate", "bad.csv"]) == 2
+    err = capsys.readouterr().err
+    assert "bad.csv" in err
+    assert "Traceback" not in err
+    for word in words:
+        assert word in err, err
+    assert not (here / "fits").exists()
+
+
+def test_all_faults_at_once(here, capsys):
+    text = GOOD.replace("8.9", "fast").replace(",10.0,7.6", ",-10.0,7.6").replace("1900", "nan")
+    (here / "bad.csv").write_text(text, encoding="utf-8")
+    assert main(["calibrate", "bad.csv"]) == 2
+    err = capsys.readouterr().err
+    assert "row 2" in err
+    assert "row 4" in err
+
+
+def test_wrong_encoding(here, capsys):
+    (here / "bad.csv").write_bytes(GOOD.replace("a,16", "ä,16").encode("latin-1"))
+    assert main(["calibrate", "bad.csv"]) == 2
+    assert "UTF-8" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--model", "two-maas"], ["unknown model 'two-maas'", "did you mean 'two-mass'"]),
+        (["--closure", "normal=totall"], ["normal", "did you mean 'total'"]),
+        (["--closure", "nrmal=total"], ["unknown closure", "did you mean 'normal'"]),
+        (["--fix", "k_thta=20"], ["k_thta", "did you mean 'k_theta'"]),
+        (["--fix", "mu=9"], ["mu = 9", "outside its bounds [0, 5]"]),
+        (["--fix", "mu=much"], ["expected a number"]),
+        (["--fix", "mu"], ["expected NAME=VALUE"]),
+        (["--fix", "mu=0.5", "--fix", "mu=0.6"], ["given twice"]),
+        (["--prior", "mu=normal(50, 1)"], ["no mass within the bounds"]),
+        (["--prior", "mu=gauss(0.5, 1)"], ["unknown family"]),
+        (["--prior", "nu=normal(0.5, 1)"], ["unknown parameter 'nu'", "did you mean 'mu'"]),
+        (["--walkers", "7"], ["walkers = 7"]),
+        (["--max-steps", "3"], ["max_steps = 3"]),
+        (["--cores", "0"], ["cores = 0"]),
+        (["--seed", "-1"], ["seed = -1"]),
+        (["--config", "nowhere.toml"], ["nowhere.toml"]),
+        (["--resume", "--overwrite"], ["--resume", "--overwrite"]),
+    ],
+)
+def test_bad_options_end_with_two_and_words(here, capsys, options, words):
+    assert main(["calibrate", "balls.csv", *options]) == 2
+    err = capsys.readouterr().err
+    for word in words:
+        assert word in err, err
+    assert not (here / "fits").exists()
+
+
+def test_unknown_scene_key(here, capsys):
+    (here / "balls.toml").write_text("[ball]\nmas = 0.057\n", encoding="utf-8")
+    assert main(["calibrate", "balls.csv"]) == 2
+    err = capsys.readouterr().err
+    assert "mas" in err
+    assert "mass" in err
+
+
+def test_unknown_table_and_verb(here, capsys):
+    assert main(["calibrate", "wang_zero_spn.csv"]) == 2
+    assert "wang_zero_spin" in capsys.readouterr().err
+    assert main(["calibrat"]) == 2
+    assert "did you mean 'calibrate'" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write anywhere")
+def test_folder_not_writable(here, capsys):
+    (here / "closed").mkdir(mode=0o500)
+    assert main(["calibrate", "balls.csv", "--out", "closed/x"]) == 2
+    assert "closed" in capsys.readouterr().err
+
+
+def test_out_is_a_file(here, capsys):
+    assert main(["calibrate", "balls.csv", "--out", "balls.csv"]) == 2
+    assert "is a file" in capsys.readouterr().err
+
+
+def test_ctrl_c_keeps_the_chain_and_resume_gives_the_same_bytes(here):
+    """The real thing: a process, a signal, exit 130, and the same result as without."""
+    env = dict(os.environ, PYTHONPATH=str(Path(__file__).resolve().parent.parent))
+    command = [sys.executable, "-m", "fitball", "calibrate", "balls.csv", "--model", "grip-slip", "--walkers", "60"]
+    process = subprocess.Popen(
+        [*command, "--out", "a"], cwd=here, env=env, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    seen = []
+    for line in process.stderr:
+        seen.append(line)
+        if line.startswith("sampling"):
+            break
+    process.send_signal(signal.SIGINT)
+    _, rest = process.communicate(timeout=60)
+    assert process.returncode == 130, "".join(seen) + rest
+    assert "--resume" in rest
+    assert (here / "a" / "posterior.h5").exists()
+    assert not (here / "a" / "fit.json").exists()
+    for out, more in (("a", ["--resume"]), ("b", [])):
+        done = subprocess.run(
+            [*command, "--out", out, "--quiet", *more], cwd=here, env=env, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+    for name in ("fit.json", "posterior.h5", "posterior.nc", "summary.csv", "corner.png", "run.toml"):
+        assert (here / "a" / name).read_bytes() == (here / "b" / name).read_bytes(), name

@@ -1,0 +1,117 @@
+"""The rules of the house that a machine can check."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numba
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+HEAVY = ("numba", "scipy", "pandas", "matplotlib", "lmfit", "emcee", "h5py")
+
+
+def python(code, *, cwd=ROOT, env=None):
+    return subprocess.run([sys.executable, "-c", code], cwd=cwd, env=env, capture_output=True, text=True, check=False)
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys\nfrom fitball.cli.main import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
+        f"print('HEAVY', [name for name in {HEAVY!r} if name in sys.modules])"
+    )
+    done = python(code)
+    assert "HEAVY []" in done.stdout, done.stdout + done.stderr
+
+
+def test_public_names_resolve():
+    import fitball
+
+    for name in fitball.__all__:
+        assert getattr(fitball, name) is not None
+    with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
+        fitball.nothing
+
+
+def test_layers():
+    done = subprocess.run(
+        [str(Path(sys.executable).with_name("lint-imports"))], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout
+
+
+def test_prior_table_in_the_readme_is_current():
+    sys.path.insert(0, str(ROOT / "scripts"))
+    try:
+        from prior_table import updated
+    finally:
+        sys.path.pop(0)
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert updated(text) == text
+
+
+def test_wheel_carries_tables_scenes_schemas_and_template(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--disable-pip-version-check",
+         "--wheel-dir", str(tmp_path), str(ROOT)],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    (wheel,) = tmp_path.glob("*.whl")
+    names = set(zipfile.ZipFile(wheel).namelist())
+    for needed in (
+        "fitball/_datasets/wang_zero_spin.csv",
+        "fitball/_datasets/wang_all.toml",
+        "fitball/data/scene.schema.json",
+        "fitball/report/fit.schema.json",
+        "fitball/report/templates/report.html.j2",
+    ):
+        assert needed in names
+    # Installed elsewhere, without the checkout, the bundled tables are found.
+    place = tmp_path / "installed"
+    zipfile.ZipFile(wheel).extractall(place)
+    code = (
+        "import sys\nsys.path.insert(0, '.')\nimport fitball\n"
+        "print(fitball.__file__, len(fitball.load_table('wang_all.csv')))"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", code], cwd=place, capture_output=True, text=True, check=False, env={"PATH": ""}
+    )
+    assert str(place) in found.stdout, found.stderr
+    assert found.stdout.strip().endswith(" 21")
+
+
+def test_no_path_of_a_machine_in_the_project():
+    forbidden = re.compile(r"/(home|root|tmp|work)/[a-z]")
+    for folder in ("fitball", "datasets", "scripts", "tests"):
+        for file in (ROOT / folder).rglob("*"):
+            if file.suffix in (".py", ".toml", ".csv", ".md", ".json", ".j2") and file != Path(__file__):
+                assert not forbidden.search(file.read_text(encoding="utf-8")), file
+
+
+def test_the_compile_cache_expires_when_a_called_kernel_changes(tmp_path):
+    """Numba's own stamp covers the caller's file only; ours covers every kernel."""
+    import shutil
+
+    shutil.copytree(ROOT / "fitball", tmp_path / "fitball", ignore=shutil.ignore_patterns("__pycache__"))
+    code = (
+        "import sys\nsys.path.insert(0, '.')\nfrom fitball.models.rigid import rigid_contact\n"
+        "print(15.0 - rigid_contact(0.06, 0.033, 3e-5, 0.5, 0.0, True, 0.0, 0.5, False, 15.0, 0.0)[0])"
+    )
+    env = {"PATH": "", "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "NUMBA_NUM_THREADS": "1"}
+    first = python(code, cwd=tmp_path, env=env)
+    callee = tmp_path / "fitball" / "models" / "landing.py"
+    text = callee.read_text(encoding="utf-8")
+    line = "return direction * mu * impulse, impulse, 0.0, 0.0"
+    assert line in text
+    callee.write_text(text.replace(line, line.replace("mu *", "0.5 * mu *")), encoding="utf-8")
+    second = python(code, cwd=tmp_path, env=env)
+    assert float(first.stdout) == pytest.approx(2.0 * float(second.stdout)), first.stderr + second.stderr
+    other = python("import fitball.models.bounce as b; print(len(b.bounce_batch._cache._cache_file._source_stamp))")
+    assert int(other.stdout) > 10
+    assert numba.__version__

@@ -1,0 +1,273 @@
+"""Files, figures' numbers and pages of a fit."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from html.parser import HTMLParser
+from importlib.resources import files
+
+import h5py
+import jsonschema
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+import fitball
+from fitball.errors import ResultFolderError
+from fitball.report import arrays
+from fitball.report.export import fit_text
+from fitball.report.folder import prepare, write_all
+from fitball.report.rounding import decimals, fixed
+from fitball.report.summary import parameter_rows, prediction_table, thesis_rows
+from fitball.report.terminal import render, render_json
+from fitball.report.units import THESIS
+
+
+@pytest.fixture(scope="module")
+def fit():
+    return fitball.calibrate("wang_all.csv", model="grip-slip", seed=4, cores=2)
+
+
+@pytest.fixture(scope="module")
+def two_mass():
+    """The default model, quickly: too few steps to converge, all there is to show."""
+    return fitball.calibrate("wang_zero_spin.csv", seed=4, cores=2, max_steps=600)
+
+
+@pytest.fixture(scope="module")
+def folder(fit, tmp_path_factory):
+    return fit.save(tmp_path_factory.mktemp("results") / "wang_all" / "grip-slip")
+
+
+def test_fit_json_follows_its_schema(fit, two_mass):
+    schema = json.loads((files("fitball.report") / "fit.schema.json").read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator.check_schema(schema)
+    for item in (fit, two_mass, fitball.calibrate("wang_zero_spin.csv", point_only=True)):
+        jsonschema.validate(json.loads(fit_text(item)), schema)
+    broken = json.loads(fit_text(fit))
+    broken["parameters"]["mu"]["verdict"] = "certain"
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(broken, schema)
+
+
+def test_a_saved_fit_predicts_the_same_bytes(fit, folder):
+    saved = fitball.load_fit(folder / "fit.json")
+    new = fitball.impacts([10.0, 20.0], [5.0, 12.0], [-50.0, 200.0])
+    before, after = fit.predict(new), saved.predict(new)
+    assert before.keys() == after.keys()
+    for name in before:
+        assert before[name].tobytes() == after[name].tobytes()
+    assert saved.parameters["mu"].median == fit.parameters["mu"].median
+    assert saved.status == fit.status
+    assert fitball.load_fit(folder).verdict == fit.verdict
+
+
+def test_golden_impacts_hold_to_the_last_digit(two_mass, tmp_path):
+    saved = fitball.load_fit(two_mass.save(tmp_path / "golden"))
+    golden = saved.golden
+    assert len(golden.impacts) >= 10
+    model = fitball.model(two_mass.problem.model.name)
+    parameters = {name: golden.parameters[name] for name in model.parameter_names}
+    found = model.rebound(parameters, golden.impacts)
+    for name in ("v_x2", "v_y2", "omega_2", "contact_time"):
+        assert getattr(found, name).tobytes() == getattr(golden.rebound, name).tobytes()
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("{", "not a readable"),
+        ("[]", "not a fit.json"),
+        ('{"kind": "fitball fit", "schema_version": 99}', "schema_version 99"),
+        ('{"kind": "fitball fit", "schema_version": 1}', "damaged"),
+    ],
+)
+def test_a_file_that_is_no_fit_is_refused(tmp_path, content, said):
+    place = tmp_path / "fit.json"
+    place.write_text(content, encoding="utf-8")
+    with pytest.raises(ResultFolderError, match=re.escape(said)):
+        fitball.load_fit(place)
+    with pytest.raises(ResultFolderError, match="no such file"):
+        fitball.load_fit(tmp_path / "elsewhere.json")
+
+
+def test_the_same_fit_gives_the_same_files(fit, folder, tmp_path):
+    again = fit.save(tmp_path / "again")
+    names = sorted(item.name for item in folder.iterdir())
+    assert names == sorted(item.name for item in again.iterdir())
+    assert not [name for name in names if "partial" in name]
+    for name in names:
+        assert (folder / name).read_bytes() == (again / name).read_bytes(), name
+
+
+def test_folder_is_refused_or_replaced(fit, folder, tmp_path):
+    with pytest.raises(ResultFolderError, match="--overwrite"):
+        prepare(folder, overwrite=False, resume=False)
+    prepare(folder, overwrite=False, resume=True)
+    file = tmp_path / "file"
+    file.write_text("x", encoding="utf-8")
+    with pytest.raises(ResultFolderError, match="is a file"):
+        prepare(file, overwrite=False, resume=False)
+    with pytest.raises(ResultFolderError, match="cannot be made"):
+        prepare(file / "below", overwrite=False, resume=False)
+
+
+def test_an_interrupted_writing_leaves_no_fit_json(fit, tmp_path, monkeypatch):
+    place = fit.save(tmp_path / "whole")
+    assert (place / "fit.json").exists()
+
+    def stop(_fit, _images):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("fitball.report.folder.page", stop)
+    with pytest.raises(KeyboardInterrupt):
+        write_all(fit, place)
+    assert not (place / "fit.json").exists()
+    assert not [item for item in place.iterdir() if "partial" in item.name]
+
+
+def test_tables_can_be_read_by_others(fit, folder):
+    summary = pd.read_csv(folder / "summary.csv").set_index("parameter")
+    assert summary.loc["mu", "median"] == fit.parameters["mu"].median
+    predictions = pd.read_csv(folder / "predictions.csv")
+    assert len(predictions) == 3 * 21
+    inside = (predictions.measured > predictions.data_q025) & (predictions.measured < predictions.data_q975)
+    assert 0.85 < inside.mean() <= 1.0
+    regimes = pd.read_csv(folder / "regimes.csv")
+    np.testing.assert_allclose(regimes.groupby("id").probability.sum(), 1.0, atol=1e-4)
+    with xr.open_datatree(folder / "posterior.nc", engine="h5netcdf") as tree:
+        kept = fit.posterior.values
+        assert tree["posterior"]["mu"].shape == (kept.shape[0] * kept.shape[2], kept.shape[1])
+        np.testing.assert_array_equal(
+            tree["posterior"]["mu"].values[0], kept[0, :, 0, fit.posterior.names.index("mu")]
+        )
+        assert set(tree.children) == {"posterior", "sample_stats", "prior", "observed_data"}
+    repeat = tomllib.loads((folder / "run.toml").read_text(encoding="utf-8"))
+    assert repeat["fitball"]["seed"] == 4
+    assert repeat["priors"]["mu"] == "normal(0.55, 0.05)"
+    assert repeat["table"]["sha256"] == fit.problem.table.digest
+
+
+def test_thesis_units():
+    # Table 9 of the thesis: 80 lb/in and 1000 lb in/rad.
+    assert 80.0 / THESIS["k_y"].factor == pytest.approx(14010.1, rel=1e-5)
+    assert 1000.0 / THESIS["k_theta"].factor == pytest.approx(112.985, rel=1e-5)
+
+
+def test_the_offset_line_is_quoted_at_zero_too(two_mass):
+    rows = {row.name: row for row in thesis_rows(two_mass)}
+    values = two_mass.point.values
+    expected = (values["eps_10"] - 10.0 * values["eps_slope"]) / 0.0254
+    assert float(rows["C2"].point) == pytest.approx(expected, abs=0.006)
+    assert float(rows["C1 = eps_slope"].point) == pytest.approx(values["eps_slope"] / 0.0254, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("value", "sd", "text"),
+    [
+        (0.55449, 0.0234, "0.554"),
+        (19210.0, 4200.0, "19000"),
+        (-0.01272, 0.0032, "-0.0127"),
+        (3.14159, 0.96, "3.1"),
+        (1234.5, 355.0, "1200"),
+        (-0.0001, 0.5, "0.0"),
+    ],
+)
+def test_rounding_follows_the_particle_data_group(value, sd, text):
+    assert fixed(value, decimals(sd)) == text
+
+
+def test_no_number_is_longer_than_it_deserves(fit, two_mass, tmp_path):
+    for item in (fit, two_mass):
+        text = render(item, tmp_path)
+        assert not re.search(r"\d\.\d{6,}", text)
+        for name in item.parameters:
+            assert name in text
+    assert json.loads(render_json(fit, tmp_path))["parameters"]["mu"]["verdict"] == "identified"
+
+
+def test_rows_say_what_the_estimates_say(two_mass):
+    for row, item in zip(parameter_rows(two_mass), two_mass.estimates, strict=True):
+        assert row.verdict == item.verdict
+        assert row.reason == item.reason
+        assert row.reason
+    table = prediction_table(two_mass)
+    assert [head.split(" ")[0] for head in table.heads] == ["v_x2", "v_y2", "omega_2"]
+    measured = float(table.rows[0].cells[0][0])
+    assert measured == pytest.approx(two_mass.problem.table.measurement("v_x2").values[0], abs=0.06)
+
+
+def test_corner_shows_the_prior_as_it_is(fit):
+    data = arrays.corner_data(fit, fit.posterior)
+    names = fit.posterior.names
+    k = names.index("mu")
+    edges, density = data.prior[k]
+    from scipy.stats import norm
+
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    np.testing.assert_allclose(density, norm.pdf(middle, 0.55, 0.05), rtol=1e-6)
+    assert data.labels[names.index("offset")].endswith("[mm]")
+    low, high = data.ranges[k]
+    assert low < data.point[k] < high
+
+
+def test_prior_density_of_a_log_prior_is_per_value(fit):
+    data = arrays.corner_data(fit, fit.posterior)
+    k = fit.posterior.names.index("velocity_sd")
+    edges, density = data.prior[k]
+    from scipy.stats import lognorm
+
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    np.testing.assert_allclose(density, lognorm.pdf(middle, 0.7, scale=0.25), rtol=1e-3)
+
+
+def test_residuals_and_points_are_the_measurements(fit):
+    residuals = {item.name: item for item in arrays.residual_data(fit)}
+    channel = next(item for item in fit.predictive.channels if item.name == "omega_2")
+    np.testing.assert_allclose(residuals["omega_2"].values * channel.sd + channel.median, channel.observed)
+    points = arrays.measured_points(fit)
+    table = fit.problem.table
+    angle = np.degrees(np.arctan2(table.measurement("v_y2").values, table.measurement("v_x2").values))
+    np.testing.assert_allclose(points["theta_2"].values, angle)
+    # The noise of a component turns the angle by that noise over the speed.
+    speed = np.hypot(table.measurement("v_x2").values, table.measurement("v_y2").values)
+    np.testing.assert_allclose(np.radians(points["theta_2"].sd), channel_sd(fit, "v_x2") / speed, rtol=1e-6)
+    assert set(points["v_x2"].groups) == set(table.labels["group"])
+
+
+def channel_sd(fit, name):
+    return next(item for item in fit.predictive.channels if item.name == name).sd
+
+
+class _Page(HTMLParser):
+    def __init__(self):
+        super().__init__()
+        self.images, self.links = [], []
+
+    def handle_starttag(self, tag, attrs):
+        found = dict(attrs)
+        if tag == "img":
+            self.images.append(found)
+        self.links += [value for key, value in found.items() if key in ("src", "href")]
+
+
+def test_the_page_needs_nothing_but_itself(fit, folder):
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    page = _Page()
+    page.feed(text)
+    assert len(page.images) == 4
+    assert all(image["alt"] for image in page.images)
+    assert all(link.startswith("data:image/png;base64,") for link in page.links)
+    assert "http" not in text.replace("http-equiv", "")
+    for item in fit.estimates:
+        assert item.name in text
+        assert item.verdict in text
+
+
+def test_the_chain_survives_saving_beside_it(two_mass, tmp_path):
+    place = two_mass.save(tmp_path / "a")
+    with h5py.File(place / "posterior.nc") as file:
+        assert "posterior" in file
