@@ -146,7 +146,7 @@ def test_wrong_encoding(here, capsys):
         (["--fix", "mu=0.5", "--fix", "mu=0.6"], ["given twice"]),
         (["--prior", "mu=normal(50, 1)"], ["no mass within the bounds"]),
         (["--prior", "mu=gauss(0.5, 1)"], ["unknown family"]),
-        (["--prior", "nu=normal(0.5, 1)"], ["unknown parameter 'nu'", "did you mean 'mu'"]),
+        (["--prior", "mass_rato=normal(0.8, 1)"], ["unknown parameter 'mass_rato'", "did you mean 'mass_ratio'"]),
         (["--walkers", "7"], ["walkers = 7"]),
         (["--max-steps", "3"], ["max_steps = 3"]),
         (["--cores", "0"], ["cores = 0"]),

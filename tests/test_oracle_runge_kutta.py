@@ -1,0 +1,216 @@
+"""The oracle against a Runge-Kutta integration in SI units, with all events left to scipy.
+
+Written from the equations of motion alone: it shares no line, no units and no formula for release or
+damping with the oracle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from fitball.models.oracle import oracle_rebound
+from fitball.models.types import Closures, Phase, unpack_regime
+from fitball.values import Ball, Impacts, impacts
+
+BALL = Ball()
+DEFAULT = Closures("zero_force", "momentum", "contact", "mean", "tied", "matched", "line")
+AS_THE_THESIS = Closures("zero_displacement", "inner", "grip", "shell", "tied", "matched", "line")
+PARAMETERS = {
+    "mass_ratio": 0.8,
+    "k_y": 4e4,
+    "k_theta": 60.0,
+    "mu": 0.55,
+    "eps_10": 2e-3,
+    "eps_slope": 1e-4,
+    "cor_10": 0.75,
+    "cor_slope": -0.01,
+    "zeta_theta": 0.3,
+    "inertia_split": 0.5,
+}
+
+
+def runge_kutta(
+    closures: Closures, p: dict[str, float], at: Impacts, core_return: float, contact_time: float
+) -> tuple[float, float, float, tuple[Phase, ...]]:
+    """v_x2, omega_2, the core's final speed over v_y1, and the phases."""
+    mass, radius, inertia = BALL.mass, BALL.radius, BALL.inertia
+    v_y1, m = float(at.v_y1[0]), p["mass_ratio"]
+    riding = mass if closures.normal == "total" else m * mass
+    solid, thin = 0.4 * 0.97**2 * m, 2 / 3 * (1 - m)
+    core = inertia * (p["inertia_split"] if closures.inertia == "table" else solid / (solid + thin))
+    shell = inertia - core
+    loss = math.log(core_return)
+    omega_y = math.sqrt(p["k_y"] / riding)
+    # Either release closure decays as exp(-zeta omega_y t_c), which gives zeta from t_c without its formula.
+    zeta = -loss / (omega_y * contact_time)
+    c_y = 2 * riding * zeta * omega_y
+    compliance = 1 / core + 1 / shell
+    natural = math.sqrt(p["k_theta"] * compliance)
+    ratio = omega_y * math.sqrt(1 - zeta**2) / natural
+    zeta_theta = p["zeta_theta"] if closures.torsion == "free" else math.sqrt(1 - ratio**2)
+    c_theta = 2 * zeta_theta * natural / compliance
+    eps = p["eps_10"] + p["eps_slope"] * (v_y1 - 10)
+    mu, in_slide = p["mu"], closures.offset == "contact"
+    rolling = shell + mass * radius**2
+
+    def forces(z: Any) -> tuple[float, float]:
+        return p["k_y"] * z[0] + c_y * z[1], p["k_theta"] * z[5] + c_theta * (z[3] - z[4])
+
+    def needed(z: Any, offset: float) -> float:
+        force, torque = forces(z)
+        return mass * radius * (torque - offset * force) / rolling
+
+    def motion(phase: Phase) -> Callable[[float, Any], list[float]]:
+        def rates(_: float, z: Any) -> list[float]:
+            force, torque = forces(z)
+            ground, friction, lever = force, 0.0, 0.0
+            if phase is Phase.FREE:
+                ground = 0.0
+            elif phase is Phase.GRIP:
+                friction, lever = needed(z, eps), eps
+            elif phase is Phase.HOLD:
+                friction = needed(z, 0.0)
+            else:
+                friction = -mu * force if phase is Phase.SLIDE_FORWARD else mu * force
+                lever = eps if in_slide else 0.0
+            turn = (torque - radius * friction - lever * ground) / shell
+            return [z[1], -force / riding, friction / mass, -torque / core, turn, z[3] - z[4]]
+
+        return rates
+
+    def falling(function: Callable[[Any], float]) -> Any:
+        def event(_: float, z: Any) -> float:
+            return function(z)
+
+        event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]
+        return event
+
+    def endings(phase: Phase) -> list[Any]:
+        offset = eps if phase is Phase.GRIP else 0.0
+        cone = [falling(lambda z, s=s: mu * forces(z)[0] - s * needed(z, offset)) for s in (1, -1)]
+        if phase is Phase.GRIP:
+            return cone
+        if phase is Phase.HOLD:
+            return [*cone, falling(lambda z: abs(needed(z, eps)) - mu * forces(z)[0])]
+        sign = 1 if phase is Phase.SLIDE_FORWARD else -1
+        return [falling(lambda z: sign * (z[2] - radius * z[4]))]
+
+    def at_rest(z: Any, broken: Phase | None, ending: int) -> Phase:
+        limit = mu * forces(z)[0]
+        if broken is Phase.HOLD and ending == 2:
+            return Phase.GRIP
+        if broken is not Phase.GRIP and broken is not Phase.HOLD and abs(needed(z, eps)) <= limit:
+            return Phase.GRIP
+        if broken is not Phase.HOLD and not in_slide and abs(needed(z, 0.0)) <= limit:
+            return Phase.HOLD
+        return Phase.SLIDE_BACKWARD if needed(z, eps if in_slide else 0.0) > 0 else Phase.SLIDE_FORWARD
+
+    z = np.array([0.0, v_y1, at.v_x1[0], at.omega_1[0], at.omega_1[0], 0.0])
+    if closures.normal == "momentum":
+        _land(z, (1 - m) * mass * v_y1, mu, eps, in_slide, shell)
+    slip, time, phases = z[2] - radius * z[4], 0.0, list[Phase]()
+    phase = Phase.SLIDE_FORWARD if slip > 0 else Phase.SLIDE_BACKWARD
+    if abs(slip) < 1e-12 * v_y1:
+        phase = at_rest(z, None, 0)
+
+    def advance(phase: Phase, events: list[Any]) -> Any:
+        phases.append(phase)
+        step = contact_time / 100
+        return solve_ivp(
+            motion(phase),
+            (time, 2 * contact_time),
+            z,
+            "DOP853",
+            events=events,
+            rtol=1e-13,
+            atol=1e-16,
+            max_step=step,
+        )
+
+    lifted = falling(lambda z: forces(z)[0])
+    for _ in range(20):
+        run = advance(phase, [lifted, *endings(phase)])
+        z, time = run.y[:, -1], run.t[-1]
+        if run.t_events[0].size:
+            break
+        ending = next(place for place, times in enumerate(run.t_events[1:]) if times.size)
+        phase = at_rest(z, phase, ending)
+    else:
+        pytest.fail(f"no end of phases: {phases}")
+    if closures.release == "zero_displacement":
+        run = advance(Phase.FREE, [falling(lambda z: z[0])])
+        z, time = run.y[:, -1], run.t[-1]
+    assert time == pytest.approx(contact_time, rel=1e-10)
+    turn = z[4] if closures.spin == "shell" else (core * z[3] + shell * z[4]) / inertia
+    return float(z[2]), float(turn), float(-z[1] / v_y1), tuple(phases)
+
+
+def _land(z: Any, impulse: float, mu: float, eps: float, in_slide: bool, shell: float) -> None:
+    """Landing impulse in two pieces, parted where the slip is used up; each by trial and clipping."""
+    radius, mass = BALL.radius, BALL.mass
+    yielding = 1 / mass + radius**2 / shell
+    slip = z[2] - radius * z[4]
+    rate = -mu * yielding + (math.copysign(eps, slip * eps) * radius / shell if in_slide else 0.0)
+    first = min(impulse, abs(slip / rate)) if rate < 0 else impulse
+    for piece in (first, impulse - first):
+        lever = eps
+        friction = -(z[2] - radius * z[4] + radius * lever * piece / shell) / yielding
+        if abs(friction) > mu * piece and not in_slide:
+            lever = 0.0
+            friction = -(z[2] - radius * z[4]) / yielding
+        friction = min(max(friction, -mu * piece), mu * piece)
+        z[2] += friction / mass
+        z[4] -= (radius * friction + lever * piece) / shell
+
+
+RUNGE_KUTTA_CASES = [
+    (DEFAULT, {}, (20.0, 5.0, 0.0)),
+    (DEFAULT, {}, (15.0, 10.0, 100.0)),
+    (DEFAULT, {"mu": 0.3, "k_theta": 150.0}, (1.0, 15.0, 300.0)),
+    (DEFAULT, {"eps_10": -4e-3}, (-3.0, 20.0, 50.0)),
+    (replace(DEFAULT, torsion="free", spin="shell"), {"zeta_theta": 0.05, "mu": 0.2}, (4.0, 12.0, -40.0)),
+    (AS_THE_THESIS, {}, (15.0, 10.0, 100.0)),
+    (AS_THE_THESIS, {"k_theta": 150.0, "mu": 0.3}, (-5.0, 18.0, 20.0)),
+    (replace(AS_THE_THESIS, torsion="free"), {}, (1.0, 15.0, 300.0)),
+    (replace(AS_THE_THESIS, torsion="free"), {"eps_10": -2e-3}, (0.5, 20.0, -200.0)),
+    (replace(AS_THE_THESIS, normal="total", inertia="table"), {"k_theta": 200.0}, (8.0, 10.0, 0.0)),
+    (replace(DEFAULT, normal="total", offset="grip", torsion="free"), {"eps_10": 8e-3}, (2.0, 10.0, -90.0)),
+    (replace(DEFAULT, offset="grip", torsion="free"), {"eps_10": 6e-3, "mu": 0.4}, (3.0, 12.0, 10.0)),
+    (replace(DEFAULT, normal="inner", torsion="free"), {"zeta_theta": 1.5}, (0.0, 10.0, 0.0)),
+    (replace(DEFAULT, offset="grip", torsion="free"), {"eps_10": 3e-3}, (0.4, 12.0, 10.0)),
+    (replace(DEFAULT, torsion="free"), {"eps_10": 0.012, "mu": 0.2}, (-0.1, 12.0, 1.0)),
+]
+
+
+@pytest.mark.parametrize(("closures", "changes", "incident"), RUNGE_KUTTA_CASES)
+def test_agrees_with_runge_kutta(
+    closures: Closures, changes: dict[str, float], incident: tuple[float, float, float]
+) -> None:
+    parameters, at = PARAMETERS | changes, impacts(*incident)
+    rebound = oracle_rebound(closures, BALL, parameters, at)
+    cor = rebound.v_y2[0] / at.v_y1[0]
+    core_return = cor / parameters["mass_ratio"] if closures.normal == "momentum" else cor
+    v_x2, omega_2, returned, phases = runge_kutta(closures, parameters, at, core_return, rebound.contact_time[0])
+    assert unpack_regime(int(rebound.regime[0])) == phases
+    assert returned == pytest.approx(core_return, rel=1e-10)
+    assert rebound.v_x2[0] == pytest.approx(v_x2, rel=1e-10, abs=1e-10)
+    assert rebound.omega_2[0] == pytest.approx(omega_2, rel=1e-10, abs=1e-9)
+
+
+def test_runge_kutta_cases_reach_every_regime() -> None:
+    seen = [
+        unpack_regime(int(oracle_rebound(closures, BALL, PARAMETERS | changes, impacts(*incident)).regime[0]))
+        for closures, changes, incident in RUNGE_KUTTA_CASES
+    ]
+    assert {phase for phases in seen for phase in phases} == set(Phase)
+    assert any(phases[:3] == (Phase.SLIDE_FORWARD, Phase.GRIP, Phase.SLIDE_BACKWARD) for phases in seen)
+    assert any(pair == (Phase.GRIP, Phase.HOLD) for phases in seen for pair in pairwise(phases))
+    assert any(pair == (Phase.HOLD, Phase.GRIP) for phases in seen for pair in pairwise(phases))
