@@ -16,8 +16,11 @@ import pytest
 import xarray as xr
 
 import fitball
+from fitball.data.balances import scene_balances
+from fitball.data.scene import load_scene
 from fitball.errors import ResultFolderError
 from fitball.report import arrays
+from fitball.report.balance_table import balance_table
 from fitball.report.export import fit_text
 from fitball.report.folder import prepare, write_all
 from fitball.report.rounding import decimals, fixed
@@ -271,3 +274,13 @@ def test_the_chain_survives_saving_beside_it(two_mass, tmp_path):
     place = two_mass.save(tmp_path / "a")
     with h5py.File(place / "posterior.nc") as file:
         assert "posterior" in file
+
+
+def test_balances_are_shown_with_what_their_uncertainty_supports():
+    table, scene = fitball.load_table("wang_zero_spin.csv"), load_scene("wang_zero_spin.csv")
+    shown = balance_table(scene_balances(table, scene))
+    assert shown.heads == ("impact", "mu_bar", "e_x", "offset [mm]", "cor", "energy_lost [J]", "energy_fraction")
+    # By hand from Table 1 of Jafri (2004): (15.62 - 11.09) / (4.81 + 4.22) and 4.22 / 4.81.
+    assert shown.rows[0][1] == "0.502 +- 0.031"
+    assert shown.rows[0][4] == "0.88 +- 0.05"
+    assert len(shown.legend) == 6

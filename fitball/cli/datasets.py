@@ -81,8 +81,11 @@ def _list(args: argparse.Namespace) -> int:
 
 
 def _show(args: argparse.Namespace) -> int:
+    from fitball.data.balances import scene_balances
     from fitball.data.read import load_table
     from fitball.data.scene import load_scene
+    from fitball.report.balance_table import balance_table
+    from fitball.report.terminal import columns
 
     table, scene = load_table(args.data), load_scene(args.data)
     if args.json:
@@ -94,6 +97,10 @@ def _show(args: argparse.Namespace) -> int:
             print(line)
     print()
     _print_columns(table)
+    balances = balance_table(scene_balances(table, scene))
+    print("\nmodel-free, from the measurements alone:")
+    for line in (*columns([balances.heads, *balances.rows]), *(f"  {item}" for item in balances.legend)):
+        print(line)
     for heading, lines in (
         ("known", _known(scene)),
         ("assumed", scene.assumed),

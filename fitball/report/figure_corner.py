@@ -12,6 +12,8 @@ from fitball.report.arrays import HISTOGRAM_BINS, corner_data
 from fitball.report.figures import COLOURS, new_figure
 
 PANEL = 1.55
+# Inches of room for tick and axis labels; corner's own margins cut them off when there are many panels.
+LABEL_MARGIN = 1.0
 
 
 def corner_figure(fit: Fit, posterior: Posterior) -> Figure:
@@ -37,6 +39,8 @@ def corner_figure(fit: Fit, posterior: Posterior) -> Figure:
         labelpad=0.12 if count > 3 else 0.02,
         hist_kwargs={"density": True},
     )
+    margin = LABEL_MARGIN / side
+    figure.subplots_adjust(left=margin, bottom=margin, right=0.985, top=0.985)
     axes = np.array(figure.axes).reshape(count, count)
     for k in range(count):
         edges, density = data.prior[k]

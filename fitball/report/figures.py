@@ -77,9 +77,7 @@ def _draw_predictive(axis: Axes, fit: Fit, name: str, styles: dict[str, tuple[st
             axis.fill_between(along, bands[1], bands[3], color=colour, alpha=0.3, linewidth=0)
             axis.plot(along, bands[2], color=colour, linewidth=1.3)
         mine = np.array([item == group for item in points.groups])
-        label = f"{group} spin, measured" if group in ("zero", "top", "back", "topspin", "backspin") else "measured"
-        if group and label == "measured":
-            label = f"{group}, measured"
+        label = f"measured: {group}" if group else "measured"
         axis.errorbar(
             points.along[mine],
             points.values[mine],

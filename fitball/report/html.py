@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from fitball.inference.results import Fit
+from fitball.report.balance_table import balance_table
 from fitball.report.summary import diagnosis_lines, notes, parameter_rows, prediction_table, thesis_rows
 from fitball.version import __version__
 
@@ -33,7 +34,6 @@ def page(fit: Fit, images: Mapping[str, bytes]) -> str:
         for name in CAPTIONS
         if name in images
     }
-    balances = fit.balances.rows()
     return environment.get_template("report.html.j2").render(
         fit=fit,
         table=fit.problem.table,
@@ -43,8 +43,7 @@ def page(fit: Fit, images: Mapping[str, bytes]) -> str:
         parameters=parameter_rows(fit),
         thesis=thesis_rows(fit),
         predictions=prediction_table(fit),
-        balances=balances,
-        balance_heads=list(balances[0]),
+        balances=balance_table(fit.balances),
         diagnosis=diagnosis_lines(fit),
         notes=notes(fit),
         figures=figures,

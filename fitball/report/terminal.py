@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fitball.inference.results import Fit
+from fitball.report.balance_table import balance_table
 from fitball.report.summary import diagnosis_lines, notes, parameter_rows, prediction_table, thesis_rows
 
 WIDTH = 100
@@ -24,6 +25,10 @@ def columns(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
         ]
         lines.append("  ".join(cells).rstrip())
     return lines
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent="  ", subsequent_indent="      ")
 
 
 def render(fit: Fit, folder: Path) -> str:
@@ -46,9 +51,7 @@ def render(fit: Fit, folder: Path) -> str:
         parts.append("")
     parts.append("What the table says of each parameter:")
     for row in rows:
-        parts += textwrap.wrap(
-            f"{row.name}: {row.verdict}; {row.reason}", WIDTH, initial_indent="  ", subsequent_indent="      "
-        )
+        parts += _wrapped(f"{row.name}: {row.verdict}; {row.reason}")
     parts += ["", "Measured | predicted (median +- half of the 68 % interval, without noise):", ""]
     predictions = prediction_table(fit)
     top = ["impact", "theta_1 [deg]", *predictions.heads, "contact"]
@@ -57,6 +60,10 @@ def render(fit: Fit, folder: Path) -> str:
         for row in predictions.rows
     ]
     parts += columns([top, *cells])
+    balances = balance_table(fit.balances)
+    parts += ["", "Model-free, from the measurements alone:", "", *columns([balances.heads, *balances.rows])]
+    for item in balances.legend:
+        parts += _wrapped(item)
     parts.append("")
     for line in diagnosis_lines(fit):
         parts += textwrap.wrap(line, WIDTH, subsequent_indent="  ")
