@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 from typing import Protocol
 
-from fitball.cli import calibrate, datasets
+from fitball.cli import calibrate, datasets, rederive
 from fitball.errors import FitballError, suggestion
 from fitball.version import __version__
 
@@ -29,7 +29,7 @@ class Verb(Protocol):
         """Add the verb; its parser must set `run`."""
 
 
-VERBS: tuple[Verb, ...] = (calibrate, datasets)
+VERBS: tuple[Verb, ...] = (calibrate, datasets, rederive)
 
 
 def make_parser() -> argparse.ArgumentParser:

@@ -12,9 +12,14 @@ from fitball.inference.channels import Channel, build_channels
 from fitball.inference.parameters import build_parameters
 from fitball.inference.posterior import Problem
 from fitball.models.model import Model
-from fitball.models.registry import ALGEBRAIC, model
+from fitball.models.registry import ALGEBRAIC, THESIS, model
 from fitball.models.specs import BALL_PARAMETERS
 from fitball.values import Impacts
+
+REPRODUCTION_ONLY = (
+    "model thesis repeats a printed computation with its slips: it breaks the ball's own balances, reproduces print, "
+    "and is no rival of the other models"
+)
 
 
 @dataclass(frozen=True)
@@ -69,7 +74,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices) -> Problem
         channels=channels,
         impacts=_impacts_with_cor(table, chosen),
         contact_time=contact_time,
-        notes=(*scene.assumed, *notes),
+        notes=(*scene.assumed, *notes, *([REPRODUCTION_ONLY] if name == THESIS else [])),
     )
 
 

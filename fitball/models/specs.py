@@ -112,6 +112,15 @@ _ALL = (
         r"$I_1/I$",
     ),
     ParameterSpec(
+        "c_y",
+        "N s/m",
+        0.0,
+        1.0e4,
+        "lognormal(3, 1.0)",
+        "vertical damping between core and shell",
+        r"$C_y$",
+    ),
+    ParameterSpec(
         "e_x",
         "",
         -1.0,

@@ -19,6 +19,16 @@ Spin = Literal["shell", "mean"]
 Inertia = Literal["table", "tied"]
 Torsion = Literal["matched", "free", "rigid"]
 Cor = Literal["measured", "mean", "line"]
+Damping = Literal["given", "chapter_three", "chapter_five"]
+
+
+def check_options(closures: Closures | ThesisClosures) -> None:
+    """Raise ModelError for a closure that has no such option."""
+    hints = get_type_hints(type(closures))
+    for item in fields(closures):
+        value, known = getattr(closures, item.name), get_args(hints[item.name])
+        if value not in known:
+            raise ModelError(f"closure {item.name} = {value!r}: {suggestion(str(value), known)}")
 
 
 @dataclass(frozen=True)
@@ -38,11 +48,22 @@ class Closures:
     cor: Cor
 
     def __post_init__(self) -> None:
-        hints = get_type_hints(type(self))
-        for item in fields(self):
-            value, known = getattr(self, item.name), get_args(hints[item.name])
-            if value not in known:
-                raise ModelError(f"closure {item.name} = {value!r}: {suggestion(str(value), known)}")
+        check_options(self)
+
+
+@dataclass(frozen=True)
+class ThesisClosures:
+    """The choices within the thesis's own computation.
+
+    `damping`: `c_y` is given, or follows from the restitution as in Chapter III or as in Chapter V.
+    """
+
+    damping: Damping
+    inertia: Inertia
+    cor: Cor
+
+    def __post_init__(self) -> None:
+        check_options(self)
 
 
 class Phase(IntEnum):
@@ -63,6 +84,8 @@ class Status(IntEnum):
     COR_EXCEEDS_MASS_RATIO = 2
     TORSION_TOO_SOFT = 3
     TOO_MANY_PHASES = 4
+    DAMPING_OUT_OF_RANGE = 5
+    RESONANCE = 6
 
 
 STATUS_REASON = {
@@ -74,6 +97,10 @@ STATUS_REASON = {
     Status.TORSION_TOO_SOFT: (
         "k_theta is too small for torsion = matched: the undamped torsional frequency lies below the vertical one"
     ),
+    Status.DAMPING_OUT_OF_RANGE: (
+        "the vertical damping is beyond critical, or its formula asks for a restitution outside (0, 1]"
+    ),
+    Status.RESONANCE: "the joint resonates with the vertical motion, where the particular solution does not exist",
     Status.TOO_MANY_PHASES: "the contact point changed between slip and grip more often than the solver follows",
 }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 from fitball.inference.results import Fit
 from fitball.report.balance_table import balance_table
@@ -20,31 +20,41 @@ CAPTIONS = {
 }
 
 
-def page(fit: Fit, images: Mapping[str, bytes]) -> str:
-    """The page as text; `images` are PNG files by figure name."""
+def render_template(package: str, template: str, **context: object) -> str:
+    """A page from `template`, looked for in the templates of `package`, then among those of the reports."""
     environment = Environment(
-        loader=PackageLoader("fitball.report", "templates"),
+        loader=ChoiceLoader([PackageLoader(package), PackageLoader("fitball.report")]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    figures = {
-        name: {"data": base64.b64encode(images[name]).decode("ascii"), "caption": CAPTIONS[name]}
-        for name in CAPTIONS
+    return environment.get_template(template).render(version=__version__, **context)
+
+
+def embedded(images: Mapping[str, bytes], captions: Mapping[str, str]) -> dict[str, dict[str, str]]:
+    """PNG files as text to embed, with their captions, in the order of `captions`."""
+    return {
+        name: {"data": base64.b64encode(images[name]).decode("ascii"), "caption": captions[name]}
+        for name in captions
         if name in images
     }
-    return environment.get_template("report.html.j2").render(
+
+
+def page(fit: Fit, images: Mapping[str, bytes]) -> str:
+    """The page as text; `images` are PNG files by figure name."""
+    return render_template(
+        "fitball.report",
+        "report.html.j2",
         fit=fit,
         table=fit.problem.table,
         scene=fit.problem.scene,
         model=fit.problem.model,
-        version=__version__,
         parameters=parameter_rows(fit),
         thesis=thesis_rows(fit),
         predictions=prediction_table(fit),
         balances=balance_table(fit.balances),
         diagnosis=diagnosis_lines(fit),
         notes=notes(fit),
-        figures=figures,
+        figures=embedded(images, CAPTIONS),
     )
