@@ -83,25 +83,28 @@ def worst_error(rows: pd.DataFrame) -> FloatArray:
 
 def shares(rows: pd.DataFrame) -> pd.DataFrame:
     """Rows within each limit, by output, and for `v_x2` and `omega_2` together."""
-    errors = {name: rows[f"{name}_error"].abs().to_numpy() for name in COLUMNS}
-    errors = {"v_x2 and omega_2": worst_error(rows), **errors}
+    errors = {"v_x2 and omega_2": worst_error(rows)}
+    errors |= {name: rows[f"{name}_error"].abs().to_numpy() for name in COLUMNS}
     return pd.DataFrame(
-        [{"output": name, "rows": len(rows), **{f"within {limit} %": int(np.sum(error <= limit)) for limit in LIMITS}}
-         for name, error in errors.items()]
-    )  # fmt: skip
+        [
+            {
+                "output": name,
+                "rows": len(rows),
+                **{f"within {limit} %": int(np.sum(error <= limit)) for limit in LIMITS},
+            }
+            for name, error in errors.items()
+        ]
+    )
 
 
 def shares_by_case(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows within each limit in `v_x2` and `omega_2` together, by case of Appendix C."""
-    error = pd.Series(worst_error(rows), index=rows.index)
-    return pd.DataFrame(
-        [
-            {"case": case, "mass_ratio": group["mass_ratio"].iloc[0], "k_y [lb/in]": group["k_y [lb/in]"].iloc[0],
-             "rows": len(group),
-             **{f"within {limit} %": int((error[group.index] <= limit).sum()) for limit in LIMITS}}
-            for case, group in rows.groupby("case")
-        ]
-    )  # fmt: skip
+    """`shares` for each of the seven sets."""
+    parts = []
+    for case, group in rows.groupby("case"):
+        part = shares(group)
+        part.insert(0, "set", f"{case}: {group['mass_ratio'].iloc[0]}, {group['k_y [lb/in]'].mode().iloc[0]} lb/in")
+        parts.append(part)
+    return pd.concat(parts, ignore_index=True)
 
 
 def reproduce() -> AppendixC:
