@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 
 from fitball.models.compiled import compiled
-from fitball.models.oscillator import damped_pair, series_value
+from fitball.models.oscillator import damped_pair, series_value, shift_pair
 from fitball.values import FloatArray
 
 # Layout of a function's coefficient array.
@@ -25,6 +25,9 @@ TORSION, VERTICAL, POLES = 0, 4, 8
 # Halvings after which an undecided interval is narrower than the rounding of its ends.
 DEPTH = 56
 NO_ZERO = -1.0
+# `(C, S, envelope)` of the torsional pair, then of the vertical pair.
+Basis = tuple[float, float, float, float, float, float]
+AT_START: Basis = (1.0, 0.0, 1.0, 1.0, 0.0, 1.0)
 
 
 @compiled
@@ -61,15 +64,34 @@ def prepare_series(c: FloatArray, n: int, h: float) -> float:
 
 
 @compiled
+def basis_at(poles: FloatArray, t: float) -> Basis:
+    """`(C, S, envelope)` of the torsional and of the vertical pair at time `t`."""
+    p, q, e = damped_pair(poles[0], poles[1], poles[2], poles[3], t)
+    r, s, g = damped_pair(poles[4], poles[5], poles[6], poles[7], t)
+    return p, q, e, r, s, g
+
+
+@compiled
+def shifted(poles: FloatArray, basis: Basis, t: float) -> Basis:
+    """The basis a short time `t` (of either sign) later, by the addition theorem; envelopes are left as they are."""
+    p, q, e, r, s, g = basis
+    c, d = shift_pair(poles[0], poles[1], poles[2], poles[3], t)
+    u, v = shift_pair(poles[4], poles[5], poles[6], poles[7], t)
+    return p * c - poles[1] * q * d, q * c + p * d, e, r * u - poles[5] * s * v, s * u + r * v, g
+
+
+@compiled
 def evaluate(
-    c: FloatArray, poles: FloatArray, n: int, h: float, series_bound: float, t: float
+    c: FloatArray, basis: Basis, n: int, h: float, series_bound: float, t: float
 ) -> tuple[float, float, float, float]:
-    """Value, slope, curvature at `t`, and a bound of |f''''| from `t` on. `n > 0` means a series."""
+    """Value, slope, curvature at `t`, where the basis is `basis`, and a bound of the fourth derivative from `t` on.
+
+    `n > 0` means a series in `t/h`, which does not need the basis.
+    """
     if n > 0:
         f, d, dd = series_value(c, n, t / h)
         return f, d / h, dd / (h * h), series_bound
-    p, q, e = damped_pair(poles[0], poles[1], poles[2], poles[3], t)
-    r, s, g = damped_pair(poles[4], poles[5], poles[6], poles[7], t)
+    p, q, e, r, s, g = basis
     return (
         c[0] + c[1] * p + c[2] * q + c[3] * r + c[4] * s,
         c[5] * p + c[6] * q + c[7] * r + c[8] * s,
@@ -114,8 +136,11 @@ def polish(
     right: float,
     f1: float,
     d1: float,
-) -> float:
-    """The zero between `left` (f > 0) and `right` (f <= 0), to rounding: Halley, kept in the bracket."""
+) -> tuple[float, Basis]:
+    """The zero between `left` (f > 0) and `right` (f <= 0), to rounding: Halley, kept in the bracket.
+
+    Returns it with the basis there (a series has none).
+    """
     h = right - left
     # First guess: the zero of the Hermite cubic, by Newton from the secant.
     x = f0 / (f0 - f1)
@@ -129,8 +154,9 @@ def polish(
     if not 0.0 < x < 1.0:
         x = f0 / (f0 - f1)
     t = left + x * h
+    basis = AT_START if n > 0 else basis_at(poles, t)
     for _ in range(60):
-        f, d, dd, _bound = evaluate(c, poles, n, scale, 0.0, t)
+        f, d, dd, _bound = evaluate(c, basis, n, scale, 0.0, t)
         if f > 0.0:
             left = t
         else:
@@ -141,10 +167,12 @@ def polish(
             following = 0.5 * (left + right)
             step = following - t
         t = following
+        if n == 0:
+            basis = shifted(poles, basis, step)
         # Halley's error is the cube of the step, in units of an interval on which f is nearly a cubic.
         if abs(step) <= 1e-6 * h or right - left <= 2.3e-16 * right:
             break
-    return t
+    return t, basis
 
 
 @compiled
@@ -156,24 +184,26 @@ def first_zero(
     series_bound: float,
     order: int,
     end: float,
+    end_basis: Basis,
     stack: FloatArray,
-) -> float:
+) -> tuple[float, Basis]:
     """First time in (0, end] at which f, positive just after 0, falls to zero; NO_ZERO if there is none.
 
-    `order` zeros are known to sit at 0 itself (0: f(0) > 0; 1: f' > 0 there; 2: f'' > 0). `stack` is
-    scratch of shape (DEPTH, 4).
+    Returns it with the basis there. `order` zeros are known to sit at 0 itself (0: f(0) > 0; 1: f' > 0 there;
+    2: f'' > 0). `end_basis` is the basis at `end`, which a series does not need. `stack` is scratch of shape
+    (DEPTH, 4).
     """
     left = 0.0
-    f0, d0, _dd, m0 = evaluate(c, poles, n, scale, series_bound, 0.0)
+    f0, d0, _dd, m0 = evaluate(c, AT_START, n, scale, series_bound, 0.0)
     if order > 0:
         f0 = 0.0
     elif f0 <= 0.0:
-        return 0.0
+        return 0.0, AT_START
     if order > 1:
         d0 = 0.0
     depth = 0
     right = end
-    f1, d1, _dd, m1 = evaluate(c, poles, n, scale, series_bound, right)
+    f1, d1, _dd, m1 = evaluate(c, end_basis, n, scale, series_bound, right)
     while True:
         h = right - left
         error = m0 * h * h * h * h
@@ -185,15 +215,16 @@ def first_zero(
             # Narrower than rounding can resolve: what the right end shows is all there is to know.
             crossed = f1 <= 0.0 and order == 0
             if crossed:
-                return right
+                return right, AT_START if n > 0 else basis_at(poles, right)
         else:
             stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3] = right, f1, d1, m1
             depth += 1
             right = left + 0.5 * h
-            f1, d1, _dd, m1 = evaluate(c, poles, n, scale, series_bound, right)
+            middle = AT_START if n > 0 else basis_at(poles, right)
+            f1, d1, _dd, m1 = evaluate(c, middle, n, scale, series_bound, right)
             continue
         if depth == 0:
-            return NO_ZERO
+            return NO_ZERO, end_basis
         left, f0, d0, m0, order = right, f1, d1, m1, 0
         depth -= 1
         right, f1, d1, m1 = stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3]

@@ -13,7 +13,17 @@ import math
 import numpy as np
 
 from fitball.models.compiled import compiled
-from fitball.models.events import NO_ZERO, TORSION, VERTICAL, first_zero, prepare, prepare_series
+from fitball.models.events import (
+    AT_START,
+    NO_ZERO,
+    TORSION,
+    VERTICAL,
+    Basis,
+    basis_at,
+    first_zero,
+    prepare,
+    prepare_series,
+)
 from fitball.models.landing import friction_impulse
 from fitball.models.oscillator import (
     NEAR_RESONANCE,
@@ -93,13 +103,14 @@ def twist_motion(
 
 
 @compiled
-def twist_at(twist: FloatArray, poles: FloatArray, n: int, length: float, t: float) -> tuple[float, float]:
-    """Twist and its rate at time `t` of the phase."""
+def twist_at(
+    twist: FloatArray, poles: FloatArray, n: int, length: float, t: float, basis: Basis
+) -> tuple[float, float]:
+    """Twist and its rate at time `t` of the phase, where the basis is `basis` (not needed by a series)."""
     if n > 0:
         th, rate, _ = series_value(twist, n, t / length)
         return th, rate / length
-    p, q, _ = damped_pair(poles[0], poles[1], poles[2], poles[3], t)
-    r, s, _ = damped_pair(poles[4], poles[5], poles[6], poles[7], t)
+    p, q, _e, r, s, _g = basis
     a, w2, sigma, w2_force = poles[0], poles[1], poles[4], poles[5]
     th = twist[0] * p + twist[1] * q + twist[2] * r + twist[3] * s
     rate = (
@@ -109,6 +120,18 @@ def twist_at(twist: FloatArray, poles: FloatArray, n: int, length: float, t: flo
         - (w2_force * twist[2] + sigma * twist[3]) * s
     )
     return th, rate
+
+
+@compiled
+def vertical_after(
+    poles: FloatArray, n: int, y: float, y_rate: float, elapsed: float, basis: Basis
+) -> tuple[float, float]:
+    """Displacement and velocity of the core `elapsed` after they were `y`, `y_rate`."""
+    sigma, b = poles[VERTICAL], poles[VERTICAL + 2]
+    r, s = basis[3], basis[4]
+    if n > 0:
+        r, s, _envelope = damped_pair(sigma, poles[VERTICAL + 1], b, poles[VERTICAL + 3], elapsed)
+    return y * r + (y_rate + sigma * y) * s, y_rate * r - (sigma * y_rate + b * y) * s
 
 
 @compiled
@@ -280,14 +303,13 @@ def two_mass_contact(
     moved = False
     careful = False
     start = 0.0
+    y = 0.0
+    y_rate = v_y
     regime = 0
     count = 0
     spin_sum = inertia_core * w1 + inertia_shell * w2
 
     for _ in range(MAX_PHASES):
-        c, s, _envelope = damped_pair(sigma, w2_force, omega2, poles[VERTICAL + 3], start)
-        y = v_y * s
-        y_rate = v_y * (c - sigma * s)
         y_accel = -2.0 * sigma * y_rate - omega2 * y
         force = -riding_mass * y_accel
         force_rate = riding_mass * (omega2 * y_rate + 2.0 * sigma * y_accel)
@@ -321,6 +343,7 @@ def two_mass_contact(
             n, length = twist_motion(
                 th, rate, acting / gyration, force, force_rate, poles, span, careful, twist, drive
             )
+            at_end = AT_START if n > 0 else basis_at(poles, length)
             t_event = NO_ZERO
             doubtful = False
             event_side = 0.0
@@ -335,9 +358,9 @@ def two_mass_contact(
                 )  # fmt: skip
                 at_edge = abs(mu * force - side * now) <= TIE * (mu * force + abs(now))
                 order = 1 if at_edge or (gripping and entered * side > 0.0) else 0
-                t = first_zero(function, poles, n, length, bound, pin(function, n, order), end, stack)
+                t, there = first_zero(function, poles, n, length, bound, pin(function, n, order), end, at_end, stack)
                 if 0.0 <= t < AT_END * span:
-                    t_event, event_side, end = t, side, t
+                    t_event, event_side, end, at_end = t, side, t, there
                     doubtful = doubtful or (order > 0 and t < TOO_SOON * span)
             resumed = False
             if holding:
@@ -347,9 +370,9 @@ def two_mass_contact(
                     force, force_rate, momentum, poles, twist, drive, n, length, function,
                 )  # fmt: skip
                 order = 1 if broke else 0
-                t = first_zero(function, poles, n, length, bound, pin(function, n, order), end, stack)
+                t, there = first_zero(function, poles, n, length, bound, pin(function, n, order), end, at_end, stack)
                 if 0.0 <= t < AT_END * span:
-                    t_event, resumed = t, True
+                    t_event, resumed, at_end = t, True, there
                     doubtful = doubtful or (order > 0 and t < TOO_SOON * span)
             if doubtful and n == 0:
                 careful = True
@@ -357,9 +380,9 @@ def two_mass_contact(
             broke = False
             elapsed = length if t_event < 0.0 else t_event
             finished = t_event < 0.0 and length >= span
-            c, s, _envelope = damped_pair(sigma, w2_force, omega2, poles[VERTICAL + 3], start + elapsed)
-            impulse = momentum - riding_mass * v_y * (c - sigma * s)
-            th, rate_end = twist_at(twist, poles, n, length, elapsed)
+            y, y_rate = vertical_after(poles, n, y, y_rate, elapsed, at_end)
+            impulse = momentum - riding_mass * y_rate
+            th, rate_end = twist_at(twist, poles, n, length, elapsed, at_end)
             total = inertia_core * w1 + gyration * w2 - acting * impulse
             w2 = (total - inertia_core * rate_end) / (inertia_core + gyration)
             w1 = w2 + rate_end
@@ -385,6 +408,7 @@ def two_mass_contact(
             n, length = twist_motion(
                 th, rate, -spinning_up / inertia_shell, force, force_rate, poles, span, careful, twist, drive
             )
+            at_end = AT_START if n > 0 else basis_at(poles, length)
             t_event = NO_ZERO
             if mu > 0.0:
                 bound = compose(
@@ -395,20 +419,24 @@ def two_mass_contact(
                     -mu / mass - direction * radius * spinning_up / inertia,
                     force, force_rate, momentum, poles, twist, drive, n, length, function,
                 )  # fmt: skip
-                t_event = first_zero(function, poles, n, length, bound, pin(function, n, order), length, stack)
+                t_event, there = first_zero(
+                    function, poles, n, length, bound, pin(function, n, order), length, at_end, stack
+                )
                 if t_event >= AT_END * span:
                     t_event = NO_ZERO
+                elif t_event >= 0.0:
+                    at_end = there
                 if n == 0 and order > 0 and 0.0 <= t_event < TOO_SOON * span:
                     careful = True
                     continue
             elapsed = length if t_event < 0.0 else t_event
             finished = t_event < 0.0 and length >= span
-            c, s, _envelope = damped_pair(sigma, w2_force, omega2, poles[VERTICAL + 3], start + elapsed)
-            impulse = momentum - riding_mass * v_y * (c - sigma * s)
+            y, y_rate = vertical_after(poles, n, y, y_rate, elapsed, at_end)
+            impulse = momentum - riding_mass * y_rate
             v_x -= direction * mu / mass * impulse
             spin_sum += spinning_up * impulse
             if shell_spin or not finished:
-                th, rate_end = twist_at(twist, poles, n, length, elapsed)
+                th, rate_end = twist_at(twist, poles, n, length, elapsed, at_end)
                 w2 = (spin_sum - inertia_core * rate_end) / inertia
                 w1 = w2 + rate_end
             phase = slide_phase(direction)
