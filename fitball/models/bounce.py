@@ -11,10 +11,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.models.compiled import compiled
+from fitball.models.compiled import compiled, compiled_allocating
 from fitball.models.contact import vertical_contact
 from fitball.models.rigid import rigid_contact
-from fitball.models.two_mass import make_scratch, two_mass_contact
+from fitball.models.two_mass import Scratch, make_scratch, two_mass_contact
 from fitball.models.types import Status
 from fitball.values import FloatArray
 
@@ -61,7 +61,7 @@ def bounce(
     v_y: float,
     omega: float,
     cor_measured: float,
-    scratch: FloatArray,
+    scratch: Scratch,
 ) -> tuple[int, float, float, float, float, int]:
     """Return `(status, v_x2, v_y2, omega_2, contact_time, regime)` of one impact.
 
@@ -120,7 +120,7 @@ def bounce(
     return OK, v_x2, cor * v_y, omega_2, t_contact, regime
 
 
-@compiled
+@compiled_allocating
 def bounce_batch(
     rows: FloatArray,
     codes: NDArray[np.int64],
@@ -135,9 +135,10 @@ def bounce_batch(
     """Fill `out` (4, draws, impacts) with v_x2, v_y2, omega_2, contact_time, and regimes and statuses."""
     scratch = make_scratch()
     for i in range(rows.shape[0]):
+        row = rows[i]
         for j in range(v_x1.shape[0]):
             found, v_x2, v_y2, omega_2, time, phases = bounce(
-                rows[i], codes, v_x1[j], v_y1[j], omega_1[j], cor[j], scratch
+                row, codes, v_x1[j], v_y1[j], omega_1[j], cor[j], scratch
             )
             out[0, i, j] = v_x2
             out[1, i, j] = v_y2

@@ -5,9 +5,9 @@ A contact function (slip, or the margin of the friction cone) is
     f(t) = c0 + A1 C(t) + A2 S(t) + B1 C_f(t) + B2 S_f(t)
 
 with the torsional and the vertical pole pair of `oscillator`, or near resonance a polynomial. Between
-two times the cubic through both values and slopes is off by at most `max|f''''| h^4/384`, and
-the fourth derivative is bounded in closed form; so an interval is either proved free of zeros, proved to
-hold exactly one, or halved.
+two times the quintic through values, slopes and curvatures at both is off by at most `max|f6| h^6/46080`, its slope
+by `max|f6| h^5 sqrt(5)/30000` (Birkhoff and Priver 1967), and the sixth derivative `f6` is bounded in closed form;
+so an interval is either proved free of zeros, proved to hold exactly one, or halved.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ AT_START: Basis = (1.0, 0.0, 1.0, 1.0, 0.0, 1.0)
 
 
 @compiled
-def fourth_derivative_bound(a: float, w2: float, b: float, c: float, s: float, span: float) -> float:
-    """Bound of |d^4/dt^4 (c C + s S)| over its envelope, for times up to `span`."""
+def sixth_derivative_bound(a: float, w2: float, b: float, c: float, s: float, span: float) -> float:
+    """Bound of |d^6/dt^6 (c C + s S)| over its envelope, for times up to `span`."""
     if w2 * span * span > 1.0:
-        return b * b * math.sqrt(c * c + s * s / w2)
-    for _ in range(4):
+        return b * b * b * math.sqrt(c * c + s * s / w2)
+    for _ in range(6):
         c, s = s - a * c, -w2 * c - a * s
     return abs(c) + abs(s) * span
 
@@ -46,7 +46,7 @@ def prepare(c: FloatArray, poles: FloatArray, span: float) -> None:
     for pair in range(2):
         a, w2, b = poles[4 * pair], poles[4 * pair + 1], poles[4 * pair + 2]
         cc, ss = c[1 + 2 * pair], c[2 + 2 * pair]
-        c[BOUND + pair] = fourth_derivative_bound(a, w2, b, cc, ss, span)
+        c[BOUND + pair] = sixth_derivative_bound(a, w2, b, cc, ss, span)
         cc, ss = ss - a * cc, -w2 * cc - a * ss
         c[SLOPE + 2 * pair] = cc
         c[SLOPE + 2 * pair + 1] = ss
@@ -56,11 +56,11 @@ def prepare(c: FloatArray, poles: FloatArray, span: float) -> None:
 
 @compiled
 def prepare_series(c: FloatArray, n: int, h: float) -> float:
-    """Bound of the fourth time derivative of a polynomial in `t/h` on [0, h]."""
+    """Bound of the sixth time derivative of a polynomial in `t/h` on [0, h]."""
     bound = 0.0
-    for k in range(4, n):
-        bound += abs(c[k]) * (k * (k - 1.0) * (k - 2.0) * (k - 3.0))
-    return bound / h**4
+    for k in range(6, n):
+        bound += abs(c[k]) * (k * (k - 1.0) * (k - 2.0) * (k - 3.0) * (k - 4.0) * (k - 5.0))
+    return bound / h**6
 
 
 @compiled
@@ -84,7 +84,7 @@ def shifted(poles: FloatArray, basis: Basis, t: float) -> Basis:
 def evaluate(
     c: FloatArray, basis: Basis, n: int, h: float, series_bound: float, t: float
 ) -> tuple[float, float, float, float]:
-    """Value, slope, curvature at `t`, where the basis is `basis`, and a bound of the fourth derivative from `t` on.
+    """Value, slope, curvature at `t`, where the basis is `basis`, and a bound of the sixth derivative from `t` on.
 
     `n > 0` means a series in `t/h`, which does not need the basis.
     """
@@ -101,59 +101,68 @@ def evaluate(
 
 
 @compiled
-def zero_free(order: int, f0: float, d0: float, f1: float, d1: float, h: float, error: float) -> bool:
-    """Whether f > 0 on the interval is proved; `order` counts the zeros known to sit at its left end.
-
-    Bernstein coefficients bound the Hermite cubic from below; `error` is max|f''''| h^4. The interpolation
-    error `x^2 (1-x)^2 error/24` is divided by the same power of `x` as the cubic.
-    """
-    b1 = f0 + d0 * h / 3.0
-    b2 = f1 - d1 * h / 3.0
-    if order == 0:
-        return min(min(f0, b1), min(b2, f1)) > error / 384.0
-    if order == 1:
-        return min(3.0 * b1, min(1.5 * b2, f1)) > error / 162.0
-    return min(3.0 * b2, f1) > error / 24.0
+def bernstein(
+    f0: float, d0: float, s0: float, f1: float, d1: float, s1: float, h: float
+) -> tuple[float, float, float, float]:
+    """Inner Bernstein coefficients of the quintic through values, slopes and curvatures at both ends."""
+    d0, d1 = 0.2 * h * d0, 0.2 * h * d1
+    s0, s1 = 0.05 * h * h * s0, 0.05 * h * h * s1
+    return f0 + d0, f0 + 2.0 * d0 + s0, f1 - 2.0 * d1 + s1, f1 - d1
 
 
 @compiled
-def falls_once(f0: float, d0: float, f1: float, d1: float, h: float, error: float) -> bool:
+def zero_free(order: int, b0: float, b1: float, b2: float, b3: float, b4: float, b5: float, error: float) -> bool:
+    """Whether f > 0 on the interval is proved; `order` counts the zeros known to sit at its left end.
+
+    Bernstein coefficients bound the quintic from below; `error` is max|f6| h^6. The interpolation error
+    `x^3 (1-x)^3 error/720` is divided by the same power of `x` as the quintic.
+    """
+    if order == 0:
+        return min(min(b0, min(b1, b2)), min(b3, min(b4, b5))) > error * (1.0 / 46080.0)
+    if order == 1:
+        return min(min(5.0 * b1, 2.5 * b2), min(5.0 / 3.0 * b3, min(1.25 * b4, b5))) > error * (1.0 / 20833.0)
+    return min(min(10.0 * b2, 10.0 / 3.0 * b3), min(5.0 / 3.0 * b4, b5)) > error * (1.0 / 6826.0)
+
+
+@compiled
+def falls_once(b0: float, b1: float, b2: float, b3: float, b4: float, b5: float, error: float) -> bool:
     """Whether f decreases throughout the interval is proved: then a sign change means one zero."""
-    b0, b1, b2, b3 = f0, f0 + d0 * h / 3.0, f1 - d1 * h / 3.0, f1
-    # The slope of the cubic is off by at most sqrt(3)/216 max|f''''| h^3.
-    return 3.0 * max(b1 - b0, max(b2 - b1, b3 - b2)) < -error * 0.0080188
+    steepest = max(max(b1 - b0, b2 - b1), max(b3 - b2, max(b4 - b3, b5 - b4)))
+    return 5.0 * steepest < -error * 7.4536e-5
+
+
+@compiled
+def guess(b0: float, b1: float, b2: float, b3: float, b4: float, b5: float) -> float:
+    """Where the falling quintic with these Bernstein coefficients is about zero, within (0, 1)."""
+    # Inverse interpolation: the cubic in the value that has the quintic's ends and slopes, at value zero.
+    fall = 1.0 / (b0 - b5)
+    u = b0 * fall
+    g0 = 1.0 / (5.0 * (b0 - b1) * fall)
+    g1 = 1.0 / (5.0 * (b4 - b5) * fall)
+    x = u * (g0 + u * (3.0 - 2.0 * g0 - g1 + u * (g0 + g1 - 2.0)))
+    if not 0.0 < x < 1.0:
+        x = u
+    # One step of Halley on the quintic itself, by de Casteljau.
+    y = 1.0 - x
+    c0, c1, c2, c3, c4 = y * b0 + x * b1, y * b1 + x * b2, y * b2 + x * b3, y * b3 + x * b4, y * b4 + x * b5
+    c0, c1, c2, c3 = y * c0 + x * c1, y * c1 + x * c2, y * c2 + x * c3, y * c3 + x * c4
+    c0, c1, c2 = y * c0 + x * c1, y * c1 + x * c2, y * c2 + x * c3
+    f = y * (y * c0 + x * c1) + x * (y * c1 + x * c2)
+    d = 5.0 * (y * (c1 - c0) + x * (c2 - c1))
+    dd = 20.0 * (c2 - 2.0 * c1 + c0)
+    better = x - f * d / (d * d - 0.5 * f * dd)
+    return better if 0.0 < better < 1.0 else x
 
 
 @compiled
 def polish(
-    c: FloatArray,
-    poles: FloatArray,
-    n: int,
-    scale: float,
-    left: float,
-    f0: float,
-    d0: float,
-    right: float,
-    f1: float,
-    d1: float,
+    c: FloatArray, poles: FloatArray, n: int, scale: float, left: float, right: float, t: float
 ) -> tuple[float, Basis]:
-    """The zero between `left` (f > 0) and `right` (f <= 0), to rounding: Halley, kept in the bracket.
+    """The zero between `left` (f > 0) and `right` (f <= 0), to rounding: Halley from `t`, kept in the bracket.
 
     Returns it with the basis there (a series has none).
     """
     h = right - left
-    # First guess: the zero of the Hermite cubic, by Newton from the secant.
-    x = f0 / (f0 - f1)
-    c2 = 3.0 * (f1 - f0) - (2.0 * d0 + d1) * h
-    c3 = 2.0 * (f0 - f1) + (d0 + d1) * h
-    for _ in range(3):
-        slope = d0 * h + x * (2.0 * c2 + 3.0 * x * c3)
-        if slope >= 0.0:
-            break
-        x -= (f0 + x * (d0 * h + x * (c2 + x * c3))) / slope
-    if not 0.0 < x < 1.0:
-        x = f0 / (f0 - f1)
-    t = left + x * h
     basis = AT_START if n > 0 else basis_at(poles, t)
     for _ in range(60):
         f, d, dd, _bound = evaluate(c, basis, n, scale, 0.0, t)
@@ -191,10 +200,10 @@ def first_zero(
 
     Returns it with the basis there. `order` zeros are known to sit at 0 itself (0: f(0) > 0; 1: f' > 0 there;
     2: f'' > 0). `end_basis` is the basis at `end`, which a series does not need. `stack` is scratch of shape
-    (DEPTH, 4).
+    (DEPTH, 5).
     """
     left = 0.0
-    f0, d0, _dd, m0 = evaluate(c, AT_START, n, scale, series_bound, 0.0)
+    f0, d0, s0, m0 = evaluate(c, AT_START, n, scale, series_bound, 0.0)
     if order > 0:
         f0 = 0.0
     elif f0 <= 0.0:
@@ -203,28 +212,33 @@ def first_zero(
         d0 = 0.0
     depth = 0
     right = end
-    f1, d1, _dd, m1 = evaluate(c, end_basis, n, scale, series_bound, right)
+    f1, d1, s1, m1 = evaluate(c, end_basis, n, scale, series_bound, right)
     while True:
         h = right - left
-        error = m0 * h * h * h * h
-        if zero_free(order, f0, d0, f1, d1, h, error):
+        h2 = h * h
+        error = m0 * h2 * h2 * h2
+        b1, b2, b3, b4 = bernstein(f0, d0, s0, f1, d1, s1, h)
+        if zero_free(order, f0, b1, b2, b3, b4, f1, error):
             crossed = False
-        elif order == 0 and f1 <= 0.0 and falls_once(f0, d0, f1, d1, h, error):
-            return polish(c, poles, n, scale, left, f0, d0, right, f1, d1)
+        elif order == 0 and f1 <= 0.0 and falls_once(f0, b1, b2, b3, b4, f1, error):
+            t = left + h * guess(f0, b1, b2, b3, b4, f1)
+            return polish(c, poles, n, scale, left, right, t)
         elif depth >= DEPTH - 1 or h <= 4.5e-16 * right:
             # Narrower than rounding can resolve: what the right end shows is all there is to know.
             crossed = f1 <= 0.0 and order == 0
             if crossed:
                 return right, AT_START if n > 0 else basis_at(poles, right)
         else:
-            stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3] = right, f1, d1, m1
+            stack[depth, 0], stack[depth, 1], stack[depth, 2] = right, f1, d1
+            stack[depth, 3], stack[depth, 4] = s1, m1
             depth += 1
             right = left + 0.5 * h
             middle = AT_START if n > 0 else basis_at(poles, right)
-            f1, d1, _dd, m1 = evaluate(c, middle, n, scale, series_bound, right)
+            f1, d1, s1, m1 = evaluate(c, middle, n, scale, series_bound, right)
             continue
         if depth == 0:
             return NO_ZERO, end_basis
-        left, f0, d0, m0, order = right, f1, d1, m1, 0
+        left, f0, d0, s0, m0, order = right, f1, d1, s1, m1, 0
         depth -= 1
-        right, f1, d1, m1 = stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3]
+        right, f1, d1 = stack[depth, 0], stack[depth, 1], stack[depth, 2]
+        s1, m1 = stack[depth, 3], stack[depth, 4]

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.models.compiled import compiled
+from fitball.models.compiled import compiled, compiled_allocating
 from fitball.models.phases import GRIP, append_phase, slide_phase
 from fitball.models.types import Status
 from fitball.values import FloatArray
@@ -212,7 +212,7 @@ def thesis_bounce(
     return OK, radius * omega_2, v_y2, omega_2, t_c, append_phase(regime, 1, GRIP)
 
 
-@compiled
+@compiled_allocating
 def thesis_batch(
     rows: FloatArray,
     eps: FloatArray,

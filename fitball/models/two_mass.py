@@ -12,10 +12,13 @@ import math
 
 import numpy as np
 
-from fitball.models.compiled import compiled
+from fitball.models.compiled import compiled, compiled_allocating
 from fitball.models.events import (
     AT_START,
+    DEPTH,
     NO_ZERO,
+    POLES,
+    SIZE,
     TORSION,
     VERTICAL,
     Basis,
@@ -53,14 +56,20 @@ TOO_SOON = 1e-3
 # At the end of the contact the normal force and with it both sides of the cone vanish: a zero this near to it is
 # the end itself, to the rounding of the times.
 AT_END = 1.0 - 1e-13
-# Rows of the scratch array: contact function, twist, force, poles, then the stack of `first_zero`.
-ROW_FUNCTION, ROW_TWIST, ROW_FORCE, ROW_POLES, ROW_STACK, ROWS = 0, 1, 2, 3, 4, 10
+# Scratch of one thread: contact function, twist, force, poles, and the stack of `first_zero`.
+Scratch = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 
-@compiled
-def make_scratch() -> FloatArray:
+@compiled_allocating
+def make_scratch() -> Scratch:
     """Scratch for one thread."""
-    return np.zeros((ROWS, SERIES_LENGTH))
+    return (
+        np.zeros(max(SERIES_LENGTH, SIZE)),
+        np.zeros(SERIES_LENGTH),
+        np.zeros(SERIES_LENGTH),
+        np.zeros(POLES),
+        np.zeros((DEPTH, 5)),
+    )
 
 
 @compiled
@@ -154,7 +163,7 @@ def compose(
     """Write `constant + on_twist th + on_rate th' + on_force F + on_impulse int F dt` into `out`.
 
     `momentum` is that of the core at the start of the phase, towards the court; the impulse is what it has
-    lost since. Returns the bound of the fourth derivative where the function is a series.
+    lost since. Returns the bound of the sixth derivative where the function is a series.
     """
     if n > 0:
         for k in range(n):
@@ -251,7 +260,7 @@ def two_mass_contact(
     v_x: float,
     v_y: float,
     omega: float,
-    scratch: FloatArray,
+    scratch: Scratch,
 ) -> tuple[int, float, float, int]:
     """Follow one contact; returns `(status, v_x2, omega_2, regime)`.
 
@@ -260,9 +269,7 @@ def two_mass_contact(
     [kg] on the vertical spring; `landing_impulse` [N s] that stops the shell; `omega2, sigma, w2_force`
     the vertical motion; `t_force`, `t_contact` [s] end of compression and release.
     """
-    function = scratch[ROW_FUNCTION]
-    twist, drive, poles = scratch[ROW_TWIST], scratch[ROW_FORCE], scratch[ROW_POLES]
-    stack = scratch[ROW_STACK:].reshape(-1, 4)
+    function, twist, drive, poles, stack = scratch
     inertia = inertia_core + inertia_shell
     gyration = inertia_shell + mass * radius * radius
     compliance = 1.0 / mass + radius * radius / inertia_shell
