@@ -37,12 +37,13 @@ def compiled_allocating(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _compile(function: Callable[..., Any], options: dict[str, bool]) -> Any:
+    njit: Any = numba.njit
     common = {"cache": True, "nogil": True, "error_model": "numpy"}
     try:
-        dispatcher = numba.njit(**common, **options)(function)
+        dispatcher = njit(**common, **options)(function)
     except KeyError:
         # The option is numba's own affair; a numba without it counts references, which costs time only.
-        dispatcher = numba.njit(**common)(function)
+        dispatcher = njit(**common)(function)
     _depend_on_all_kernels(dispatcher)
     return dispatcher
 
