@@ -7,7 +7,7 @@ import json
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,8 +17,7 @@ from fitball.inference.chain_file import ChainFile
 from fitball.inference.fitted import FittedModel
 from fitball.inference.golden import golden
 from fitball.inference.identifiability import Judgement, judge
-from fitball.inference.least_squares import least_squares
-from fitball.inference.maximum import maximum_posterior
+from fitball.inference.point import point_fit
 from fitball.inference.posterior import Problem
 from fitball.inference.predictive import predictive, thinned
 from fitball.inference.reference import reference_draws
@@ -34,7 +33,6 @@ from fitball.inference.results import (
     Verdict,
 )
 from fitball.inference.sampling import ENSEMBLES, Progress, Sampled, Settings, default_walkers, sample
-from fitball.inference.starts import STARTS, starting_points
 from fitball.models.two_mass_model import TwoMassModel
 from fitball.values import FloatArray
 from fitball.version import __version__
@@ -121,9 +119,7 @@ def run(
     watch = Stopwatch()
     report("point fit", None)
     with watch.stage("point fit"):
-        starts = starting_points(problem, np.random.default_rng(seeds[0]), STARTS)
-        squares = least_squares(problem, starts)
-        point = maximum_posterior(problem, starts)
+        squares, point = point_fit(replace(problem, threads=settings.cores), np.random.default_rng(seeds[0]))
     if effort.point_only:
         return _assemble(problem, effort, squares, point, None, None, watch)
     with watch.stage("sampling"):

@@ -23,6 +23,8 @@ WORTH_KEEPING = 12.0
 ALTERNATED = 30.0
 # Change of the log posterior over a whole simplex below which it has settled: a hundredth of a sd or less.
 SETTLED = 1e-5
+# Rows up to which the simplex polishes the maximum.
+CLIMBED = 200
 
 
 @dataclass(frozen=True)
@@ -35,13 +37,14 @@ class Candidate:
     noise: Mapping[str, float]
 
 
-def maximum_posterior(problem: Problem, starts: FloatArray) -> PointFit:
+def maximum_posterior(problem: Problem, starts: FloatArray, noise: Mapping[str, float] | None = None) -> PointFit:
     """The highest of the posterior's maxima reached from the starts, with the others worth knowing.
 
     Levenberg-Marquardt on residuals and priors for given noise, in turn with the best noise for those residuals, then
-    a simplex on the posterior itself, which knows every bound. Raises FitError as `least_squares` does.
+    a simplex on the posterior itself, which knows every bound; on large tables, where bounds and priors no longer
+    bend it, the simplex is left out. `noise` is the first guess. Raises FitError as `least_squares` does.
     """
-    noise = default_noise(problem)
+    noise = {**default_noise(problem), **(noise or {})}
     distinct, _ = minima(problem, Weighting(noise, penalised=True), starts)
     first = [_with_best_noise(problem, item.at, noise, rounds=1) for item in distinct]
     top = max((item.score for item in first), default=-math.inf)
@@ -51,7 +54,8 @@ def maximum_posterior(problem: Problem, starts: FloatArray) -> PointFit:
     candidates = sorted((item for item in candidates if math.isfinite(item.score)), key=lambda item: -item.score)
     if not candidates:
         raise FitError(f"model {problem.model.name}: no start led to parameters of finite posterior density")
-    best = _climb(problem, candidates[0].coordinates)
+    top_point = candidates[0].coordinates
+    best = _climb(problem, top_point) if len(problem.impacts) <= CLIMBED else top_point
     others = [item for item in candidates[1:] if item.score > candidates[0].score - WORTH_KEEPING]
     kept = [best, *(item.coordinates for item in others)]
     scores = problem.log_posterior(np.array(kept))

@@ -17,6 +17,7 @@ from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.inference.channels import Channel
 from fitball.inference.joint_prior import JointPrior
+from fitball.inference.parallel import LARGE_BATCH, evaluate_in_parts
 from fitball.inference.parameters import NOISE_SPECS, Parameter
 from fitball.models.model import Model
 from fitball.models.types import Rebound
@@ -30,7 +31,7 @@ class Problem:
     """A table, a model and priors: all that defines a posterior.
 
     `contact_time` is what the scene knows of the mean contact time of the table, (value, sd) [s], or None.
-    `notes` are the sentences that tell what was left out or assumed, and why.
+    `notes` are the sentences that tell what was left out or assumed, and why. `threads` share large batches.
     """
 
     table: ImpactTable
@@ -41,6 +42,7 @@ class Problem:
     impacts: Impacts
     contact_time: tuple[float, float] | None
     notes: tuple[str, ...]
+    threads: int = 1
 
     @cached_property
     def free(self) -> tuple[Parameter, ...]:
@@ -87,7 +89,10 @@ class Problem:
         """Rebounds (draws, impacts) for free values (draws, free), of the table's impacts by default."""
         columns = self.all_values(values)
         rows = np.stack([columns[name] for name in self.model_names], axis=1)
-        return self.model.evaluate(self.model_names, rows, self.impacts if impacts is None else impacts)
+        given = self.impacts if impacts is None else impacts
+        if rows.shape[0] * len(given) <= LARGE_BATCH:
+            return self.model.evaluate(self.model_names, rows, given)
+        return evaluate_in_parts(self.model, self.model_names, rows, given, self.threads)
 
     def log_prior(self, coordinates: FloatArray) -> FloatArray:
         """Log prior density (draws,)."""

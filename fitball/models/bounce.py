@@ -44,6 +44,7 @@ COR_LINE, COR_MEAN, COR_MEASURED = 0, 1, 2
 
 OK = int(Status.OK)
 TORSION_TOO_SOFT = int(Status.TORSION_TOO_SOFT)
+NO_INERTIA = int(Status.NO_INERTIA)
 
 
 @compiled
@@ -51,6 +52,13 @@ def tied_inertia_split(mass_ratio: float) -> float:
     """`I1/I` of a solid core in a thin shell (Eqs 67 and 69 with their fractions in the right order)."""
     core = 0.4 * CORE_RADIUS_RATIO * CORE_RADIUS_RATIO * mass_ratio
     return core / (core + 2.0 / 3.0 * (1.0 - mass_ratio))
+
+
+@compiled
+def tied_shell_share(mass_ratio: float) -> float:
+    """`1 - I1/I` of `tied_inertia_split`, to full precision where the shell is light."""
+    shell = 2.0 / 3.0 * (1.0 - mass_ratio)
+    return shell / (0.4 * CORE_RADIUS_RATIO * CORE_RADIUS_RATIO * mass_ratio + shell)
 
 
 @compiled
@@ -96,9 +104,11 @@ def bounce(
             landing, landing + riding_mass * v_y * (1.0 + e_force), t_contact > t_force, v_x, omega,
         )  # fmt: skip
         return OK, v_x2, cor * v_y, omega_2, t_contact, regime
-    split = tied_inertia_split(mass_ratio) if codes[4] == 1 else row[9]
-    inertia_core = split * inertia
-    inertia_shell = (1.0 - split) * inertia
+    tied = codes[4] == 1
+    inertia_core = inertia * (tied_inertia_split(mass_ratio) if tied else row[9])
+    inertia_shell = inertia * (tied_shell_share(mass_ratio) if tied else 1.0 - row[9])
+    if not (inertia_core > 0.0 and inertia_shell > 0.0):
+        return NO_INERTIA, math.nan, math.nan, math.nan, math.nan, 0
     compliance = 1.0 / inertia_core + 1.0 / inertia_shell
     natural2 = row[2] * compliance
     if torsion == TORSION_MATCHED:

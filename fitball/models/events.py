@@ -24,7 +24,12 @@ VALUE, SLOPE, CURVE, BOUND, SIZE = 0, 5, 9, 13, 15
 TORSION, VERTICAL, POLES = 0, 4, 8
 # Halvings after which an undecided interval is narrower than the rounding of its ends.
 DEPTH = 56
+# The row behind the stack of `first_zero` holds how many halvings are left to the contact. A ball of the field needs
+# some tens; a joint with a million oscillations in one contact would need seconds.
+HALVINGS, ALLOWANCE = DEPTH, 1.0e6
 NO_ZERO = -1.0
+# Decay over one step back beyond which the basis is computed afresh: undoing it amplifies rounding by its inverse.
+UNDONE = 0.5
 # `(C, S, envelope)` of the torsional pair, then of the vertical pair.
 Basis = tuple[float, float, float, float, float, float]
 AT_START: Basis = (1.0, 0.0, 1.0, 1.0, 0.0, 1.0)
@@ -177,7 +182,8 @@ def polish(
             step = following - t
         t = following
         if n == 0:
-            basis = shifted(poles, basis, step)
+            undoes = -step * max(poles[TORSION], poles[VERTICAL]) > UNDONE
+            basis = basis_at(poles, t) if undoes else shifted(poles, basis, step)
         # Halley's error is the cube of the step, in units of an interval on which f is nearly a cubic.
         if abs(step) <= 1e-6 * h or right - left <= 2.3e-16 * right:
             break
@@ -198,9 +204,9 @@ def first_zero(
 ) -> tuple[float, Basis]:
     """First time in (0, end] at which f, positive just after 0, falls to zero; NO_ZERO if there is none.
 
-    Returns it with the basis there. `order` zeros are known to sit at 0 itself (0: f(0) > 0; 1: f' > 0 there;
-    2: f'' > 0). `end_basis` is the basis at `end`, which a series does not need. `stack` is scratch of shape
-    (DEPTH, 5).
+    Returns it with the basis there; NaN if f overflows or the halvings allowed run out. `order` zeros are known to
+    sit at 0 itself (0: f(0) > 0; 1: f' > 0 there; 2: f'' > 0). `end_basis` is the basis at `end`, which a series does
+    not need. `stack` is scratch of shape (DEPTH + 1, 5).
     """
     left = 0.0
     f0, d0, s0, m0 = evaluate(c, AT_START, n, scale, series_bound, 0.0)
@@ -213,6 +219,8 @@ def first_zero(
     depth = 0
     right = end
     f1, d1, s1, m1 = evaluate(c, end_basis, n, scale, series_bound, right)
+    if not abs(f0) + abs(f1) + m0 < math.inf:
+        return math.nan, AT_START
     while True:
         h = right - left
         h2 = h * h
@@ -228,7 +236,10 @@ def first_zero(
             crossed = f1 <= 0.0 and order == 0
             if crossed:
                 return right, AT_START if n > 0 else basis_at(poles, right)
+        elif stack[HALVINGS, 0] <= 0.0:
+            return math.nan, AT_START
         else:
+            stack[HALVINGS, 0] -= 1.0
             stack[depth, 0], stack[depth, 1], stack[depth, 2] = right, f1, d1
             stack[depth, 3], stack[depth, 4] = s1, m1
             depth += 1

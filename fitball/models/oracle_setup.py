@@ -108,8 +108,7 @@ def arrange(
     frequency = kind.sqrt(read("k_y") / (riding * mass))
     core, shell, stiffness, damping = kind.number(0.0), inertia, kind.number(0.0), kind.number(0.0)
     if closures.torsion != "rigid":
-        core = inertia * _core_share(kind, closures, read)
-        shell = inertia - core
+        core, shell = (inertia * share for share in _shares_of_inertia(kind, closures, read))
         if not (core > 0 and shell > 0):
             raise ParameterError(
                 "core or shell is left without inertia: mass_ratio or inertia_split must lie in (0, 1)"
@@ -197,10 +196,11 @@ def _coefficient_of_restitution(
     return read("cor_10") + read("cor_slope") * above_ten
 
 
-def _core_share(kind: Arithmetic, closures: Closures, read: Callable[[str], Number]) -> Number:
-    """I1/I: given, or that of a solid core of radius 0.97 R inside a thin shell (Eqs 67 and 69)."""
+def _shares_of_inertia(kind: Arithmetic, closures: Closures, read: Callable[[str], Number]) -> tuple[Number, Number]:
+    """I1/I and I2/I: given, or those of a solid core of radius 0.97 R inside a thin shell (Eqs 67 and 69)."""
     if closures.inertia == "table":
-        return read("inertia_split")
+        return read("inertia_split"), 1 - read("inertia_split")
     mass_ratio = read("mass_ratio")
     solid = kind.number(2.0) / 5 * (kind.number(97.0) / 100) ** 2 * mass_ratio
-    return solid / (solid + kind.number(2.0) / 3 * (1 - mass_ratio))
+    thin = kind.number(2.0) / 3 * (1 - mass_ratio)
+    return solid / (solid + thin), thin / (solid + thin)

@@ -43,7 +43,7 @@ _ALL = (
         "k_theta",
         "N m/rad",
         1.0e-2,
-        1.0e6,
+        1.0e8,
         "lognormal(30, 1.5)",
         "torsional stiffness between core and shell",
         r"$K_\theta$",

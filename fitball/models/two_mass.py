@@ -14,8 +14,10 @@ import numpy as np
 
 from fitball.models.compiled import compiled, compiled_allocating
 from fitball.models.events import (
+    ALLOWANCE,
     AT_START,
     DEPTH,
+    HALVINGS,
     NO_ZERO,
     POLES,
     SIZE,
@@ -46,6 +48,7 @@ from fitball.values import FloatArray
 
 OK = int(Status.OK)
 TOO_MANY_PHASES = int(Status.TOO_MANY_PHASES)
+TOO_RAPID = int(Status.TOO_RAPID)
 # A lightly damped torsional spring can break and renew the grip at each of its periods; each costs well
 # under a microsecond, so the bound only stops a contact that will not settle.
 MAX_PHASES = 4096
@@ -68,7 +71,7 @@ def make_scratch() -> Scratch:
         np.zeros(SERIES_LENGTH),
         np.zeros(SERIES_LENGTH),
         np.zeros(POLES),
-        np.zeros((DEPTH, 5)),
+        np.zeros((DEPTH + 1, 5)),
     )
 
 
@@ -315,6 +318,7 @@ def two_mass_contact(
     regime = 0
     count = 0
     spin_sum = inertia_core * w1 + inertia_shell * w2
+    stack[HALVINGS, 0] = ALLOWANCE
 
     for _ in range(MAX_PHASES):
         y_accel = -2.0 * sigma * y_rate - omega2 * y
@@ -352,6 +356,7 @@ def two_mass_contact(
             )
             at_end = AT_START if n > 0 else basis_at(poles, length)
             t_event = NO_ZERO
+            lost = False
             doubtful = False
             event_side = 0.0
             now = lever * (stiffness * th + damping * rate - acting * force)
@@ -366,6 +371,7 @@ def two_mass_contact(
                 at_edge = abs(mu * force - side * now) <= TIE * (mu * force + abs(now))
                 order = 1 if at_edge or (gripping and entered * side > 0.0) else 0
                 t, there = first_zero(function, poles, n, length, bound, pin(function, n, order), end, at_end, stack)
+                lost = lost or math.isnan(t)
                 if 0.0 <= t < AT_END * span:
                     t_event, event_side, end, at_end = t, side, t, there
                     doubtful = doubtful or (order > 0 and t < TOO_SOON * span)
@@ -378,9 +384,12 @@ def two_mass_contact(
                 )  # fmt: skip
                 order = 1 if broke else 0
                 t, there = first_zero(function, poles, n, length, bound, pin(function, n, order), end, at_end, stack)
+                lost = lost or math.isnan(t)
                 if 0.0 <= t < AT_END * span:
                     t_event, resumed, at_end = t, True, there
                     doubtful = doubtful or (order > 0 and t < TOO_SOON * span)
+            if lost:
+                return TOO_RAPID, math.nan, math.nan, regime
             if doubtful and n == 0:
                 careful = True
                 continue
@@ -429,6 +438,8 @@ def two_mass_contact(
                 t_event, there = first_zero(
                     function, poles, n, length, bound, pin(function, n, order), length, at_end, stack
                 )
+                if math.isnan(t_event):
+                    return TOO_RAPID, math.nan, math.nan, regime
                 if t_event >= AT_END * span:
                     t_event = NO_ZERO
                 elif t_event >= 0.0:

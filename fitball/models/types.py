@@ -86,6 +86,8 @@ class Status(IntEnum):
     TOO_MANY_PHASES = 4
     DAMPING_OUT_OF_RANGE = 5
     RESONANCE = 6
+    NO_INERTIA = 7
+    TOO_RAPID = 8
 
 
 STATUS_REASON = {
@@ -101,6 +103,14 @@ STATUS_REASON = {
         "the vertical damping is beyond critical, or its formula asks for a restitution outside (0, 1]"
     ),
     Status.RESONANCE: "the joint resonates with the vertical motion, where the particular solution does not exist",
+    Status.NO_INERTIA: (
+        "core or shell is left without inertia, as with mass_ratio = 1 and inertia = tied; use inertia = table or "
+        "torsion = rigid"
+    ),
+    Status.TOO_RAPID: (
+        "core and shell swing against each other too fast for one contact to be followed: use torsion = rigid, or "
+        "a mass_ratio further from 1"
+    ),
     Status.TOO_MANY_PHASES: "the contact point changed between slip and grip more often than the solver follows",
 }
 

@@ -1,0 +1,56 @@
+"""`fitball bench`: speed against error, measured here and now."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from pathlib import Path
+
+DEFAULT_FOLDER = Path("fits") / "bench"
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the verb `bench`."""
+    parser = subparsers.add_parser(
+        "bench",
+        help="speed against error, and where time goes",
+        description="Measure time an impact against error for the closed form and for what one would write without "
+        "it, cold starts, the stages of a calibration, and growth with rows and draws. Writes CSV files, a figure "
+        "and a summary.",
+        epilog="example:\n  fitball bench --quick\n",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--quick", action="store_true", help="a minute instead of some")
+    parser.add_argument("--out", metavar="DIR", help=f"where to write (default: {DEFAULT_FOLDER})")
+    parser.add_argument("--cores", type=int, help="threads (default: all)")
+    parser.add_argument("--json", action="store_true", help="print JSON for other programs")
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it; returns the exit code."""
+    from fitball.studies.bench import FULL, QUICK, measure
+    from fitball.studies.bench_page import summary, write
+
+    def report(stage: str) -> None:
+        if not args.quiet:
+            print(f"{stage} ...", file=sys.stderr)
+
+    folder = Path(args.out) if args.out else DEFAULT_FOLDER
+    found = measure(
+        QUICK if args.quick else FULL, (os.cpu_count() or 1) if args.cores is None else args.cores, report
+    )
+    write(found, folder)
+    if args.json:
+        frames = {
+            name: json.loads(getattr(found, name).to_json(orient="records"))
+            for name in ("precision", "batches", "growth", "start_up", "stages")
+        }
+        print(json.dumps({"machine": found.machine, **frames}, indent=2))
+    else:
+        print("\n".join(summary(found)))
+        print(f"Results: {folder}")
+    return 0

@@ -1,0 +1,46 @@
+"""The point fits of a problem: least squares and the maximum of the posterior, from many starts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fitball.inference.least_squares import least_squares
+from fitball.inference.maximum import maximum_posterior
+from fitball.inference.parameters import NOISE_SPECS
+from fitball.inference.posterior import Problem
+from fitball.inference.results import LeastSquares, PointFit
+from fitball.inference.starts import STARTS, starting_points
+from fitball.inference.subsample import thinned_problem
+from fitball.values import FloatArray
+
+# Rows on which a large table's optima are searched; they move by less than a standard deviation of these rows after.
+SEARCHED = 100
+GROWTH = 16
+
+
+def point_fit(problem: Problem, rng: np.random.Generator) -> tuple[LeastSquares, PointFit]:
+    """Least squares and the maximum of the posterior.
+
+    Tables of many rows are searched on a sample spread over incidence, from every start; its best optima are then
+    followed on samples that grow to the whole table. Raises FitError as both fits do.
+    """
+    first = thinned_problem(problem, SEARCHED) if len(problem.impacts) > 2 * SEARCHED else problem
+    starts = starting_points(first, rng, STARTS)
+    squares, point = least_squares(first, starts), maximum_posterior(first, starts)
+    if first is problem:
+        return squares, point
+    sizes = [SEARCHED * GROWTH**k for k in range(1, 8) if len(problem.impacts) > 2 * SEARCHED * GROWTH**k]
+    for level in (*(thinned_problem(problem, size) for size in sizes), problem):
+        followed = 1 if level is problem else 2
+        found = least_squares(level, _starts(problem, squares.optima[:followed]))
+        squares = replace(found, starts=len(starts))
+        noise = {name: value for name, value in point.values.items() if name in NOISE_SPECS}
+        point = maximum_posterior(level, _starts(problem, point.optima[:followed]), noise)
+    return squares, point
+
+
+def _starts(problem: Problem, optima: Sequence[Mapping[str, float]]) -> FloatArray:
+    return np.array([[optimum[name] for name in problem.free_names] for optimum in optima])

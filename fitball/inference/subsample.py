@@ -1,0 +1,41 @@
+"""Part of a problem, for searches that need not see every row of a large table."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fitball.inference.posterior import Problem
+from fitball.values import Impacts
+
+
+def thinned_problem(problem: Problem, rows: int) -> Problem:
+    """The same problem on about `rows` impacts, spread evenly over incidence angle; the problem itself if smaller."""
+    count = len(problem.impacts)
+    if count <= rows:
+        return problem
+    given = problem.impacts
+    order = np.argsort(np.arctan2(given.v_y1, given.v_x1), kind="stable")
+    kept = np.sort(order[np.linspace(0, count - 1, rows).round().astype(np.int64)])
+    impacts = Impacts(
+        given.v_x1[kept], given.v_y1[kept], given.omega_1[kept], None if given.cor is None else given.cor[kept]
+    )
+    channels = tuple(
+        replace(item, observed=item.observed[kept], sd=None if item.sd is None else item.sd[kept])
+        for item in problem.channels
+    )
+    table = replace(
+        problem.table,
+        impacts=Impacts(impacts.v_x1, impacts.v_y1, impacts.omega_1),
+        ids=tuple(problem.table.ids[k] for k in kept),
+        incident_sd={name: column[kept] for name, column in problem.table.incident_sd.items()},
+        measurements=tuple(
+            replace(item, values=item.values[kept], sd=None if item.sd is None else item.sd[kept])
+            for item in problem.table.measurements
+        ),
+        redundant=(),
+        labels={name: tuple(column[k] for k in kept) for name, column in problem.table.labels.items()},
+        notices=(),
+    )
+    return replace(problem, table=table, impacts=impacts, channels=channels)

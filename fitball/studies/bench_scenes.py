@@ -1,0 +1,80 @@
+"""Impacts on which solvers are compared, with answers to fifty digits (the hard set: to sixteen)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitball.data.read import load_table
+from fitball.models.oracle import oracle_rebound, oracle_rebound_mp
+from fitball.models.registry import model
+from fitball.models.two_mass_model import TwoMassModel
+from fitball.studies.hard_cases import BASE, hard_cases
+from fitball.values import FloatArray, Impacts, impacts
+
+# The hard set holds joints that take minutes at fifty digits; there the double-precision oracle answers, which agrees
+# with fifty digits to 1e-15 wherever both have been run.
+HARD = "hard"
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Impacts of one kind with one parameter set each (rows, parameters), and the exact `v_x2`, `omega_2`."""
+
+    name: str
+    names: tuple[str, ...]
+    values: FloatArray
+    impacts: Impacts
+    v_x2: FloatArray
+    omega_2: FloatArray
+
+    @property
+    def speed(self) -> FloatArray:
+        """Incident speed of the ball's surface, at most, (impacts,): what errors are relative to."""
+        spin = default_model().ball.radius * np.abs(self.impacts.omega_1)
+        return np.asarray(np.hypot(self.impacts.v_x1, self.impacts.v_y1) + spin)
+
+
+def default_model() -> TwoMassModel:
+    """The default model."""
+    chosen = model("two-mass")
+    assert isinstance(chosen, TwoMassModel)
+    return chosen
+
+
+def scenes() -> tuple[Scene, ...]:
+    """Sliding throughout, slide-grip-slide, grip from the start, Wang's 21, and the hard set of the default model."""
+    chosen = default_model()
+    names = chosen.parameter_names
+    base = np.array([BASE[name] for name in names])
+    wang = load_table("wang_all.csv").impacts
+    hard = [case for case in hard_cases() if not case.closures and "mass_ratio 1" not in case.name]
+    return (
+        _scene("sliding", names, base,
+               impacts([16.0, 17.0, 25.0, 30.0], [4.0, 4.5, 4.0, 6.0], [0.0, -150.0, 0.0, 1e2])),
+        _scene("slide-grip-slide", names, base,
+               impacts([12.0, 9.0, 14.0, 10.0], [13.0, 15.0, 12.0, 10.0], [0.0, 100.0, 140.0, -100.0])),
+        _scene("grip from the start", names, base,
+               impacts([5.0, 4.0, 3.0, 6.0], [16.0, 15.0, 12.0, 14.0], [145.0, 120.0, 90.0, 180.0])),
+        _scene("Wang's 21", names, base, wang),
+        _scene(
+            HARD,
+            names,
+            np.array([[case.parameters[name] for name in names] for case in hard]),
+            impacts(*np.array([case.impact for case in hard]).T),
+        ),
+    )  # fmt: skip
+
+
+def _scene(name: str, names: tuple[str, ...], values: FloatArray, given: Impacts) -> Scene:
+    chosen = default_model()
+    rows = np.broadcast_to(values, (len(given), len(names))).copy()
+    v_x2, omega_2 = np.empty((2, len(given)))
+    for k in range(len(given)):
+        parameters = dict(zip(names, rows[k].tolist(), strict=True))
+        one = impacts(given.v_x1[k], given.v_y1[k], given.omega_1[k])
+        solve = oracle_rebound if name == HARD else oracle_rebound_mp
+        exact = solve(chosen.closures, chosen.ball, parameters, one)
+        v_x2[k], omega_2[k] = exact.v_x2[0], exact.omega_2[0]
+    return Scene(name, names, rows, given, v_x2, omega_2)
