@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 from pathlib import Path
+
+from fitball.cli.options import add_cores
 
 DEFAULT_FOLDER = Path("fits") / "bench"
 
@@ -24,7 +25,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("--quick", action="store_true", help="a minute instead of some")
     parser.add_argument("--out", metavar="DIR", help=f"where to write (default: {DEFAULT_FOLDER})")
-    parser.add_argument("--cores", type=int, help="threads (default: all)")
+    add_cores(parser)
     parser.add_argument("--json", action="store_true", help="print JSON for other programs")
     parser.add_argument("--quiet", action="store_true", help="no progress")
     parser.set_defaults(run=run)
@@ -40,9 +41,7 @@ def run(args: argparse.Namespace) -> int:
             print(f"{stage} ...", file=sys.stderr)
 
     folder = Path(args.out) if args.out else DEFAULT_FOLDER
-    found = measure(
-        QUICK if args.quick else FULL, (os.cpu_count() or 1) if args.cores is None else args.cores, report
-    )
+    found = measure(QUICK if args.quick else FULL, args.cores, report)
     write(found, folder)
     if args.json:
         frames = {

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import os
 import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from fitball.cli.options import add_cores, count
 from fitball.cli.progress import ProgressLine
 from fitball.errors import ParameterError
 
@@ -53,9 +53,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--out", metavar="DIR", help="result folder")
     parser.add_argument("--resume", action="store_true", help="go on with an interrupted or unconverged run")
     parser.add_argument("--overwrite", action="store_true", help="replace an older result in the folder")
-    parser.add_argument("--max-steps", type=int, metavar="N", help="steps of each ensemble at most (default 20000)")
-    parser.add_argument("--walkers", type=int, metavar="N", help="walkers of each ensemble (default 4 a parameter)")
-    parser.add_argument("--cores", type=int, metavar="N", help="threads (default: all)")
+    parser.add_argument("--max-steps", type=count, metavar="N", help="steps of each ensemble at most (default 20000)")
+    parser.add_argument("--walkers", type=count, metavar="N", help="walkers of each ensemble (default 4 a parameter)")
+    add_cores(parser)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.add_argument("--quiet", action="store_true", help="no progress, no table: only errors and files")
     parser.set_defaults(run=run)
@@ -136,7 +136,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def make_effort(args: argparse.Namespace) -> Effort:
-    """The effort the options ask for; threads default to the machine's."""
+    """The effort the options ask for."""
     from fitball.inference.calibrate import MAX_STEPS, Effort
 
     return Effort(
@@ -144,7 +144,7 @@ def make_effort(args: argparse.Namespace) -> Effort:
         point_only=args.point_only,
         walkers=args.walkers,
         max_steps=MAX_STEPS if args.max_steps is None else args.max_steps,
-        cores=(os.cpu_count() or 1) if args.cores is None else args.cores,
+        cores=args.cores,
     )
 
 

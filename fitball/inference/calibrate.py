@@ -14,6 +14,7 @@ import numpy as np
 from fitball.data.balances import scene_balances
 from fitball.errors import ParameterError
 from fitball.inference.chain_file import ChainFile
+from fitball.inference.error_budget import error_budget
 from fitball.inference.fitted import FittedModel
 from fitball.inference.golden import golden
 from fitball.inference.identifiability import Judgement, judge
@@ -168,6 +169,8 @@ def _assemble(
             _estimate(problem, k, point, posterior, sampled, judgements) for k in range(len(problem.parameters))
         )
         fitted = _fitted(problem, point, posterior)
+        chosen = golden(fitted, problem.impacts)
+        budget = error_budget(problem, fitted, point, prediction, chosen)
     status = RunStatus.POINT_ONLY
     if diagnostics is not None:
         status = RunStatus.CONVERGED if diagnostics.converged else RunStatus.NOT_CONVERGED
@@ -183,7 +186,8 @@ def _assemble(
         diagnostics=diagnostics,
         predictive=prediction,
         fitted=fitted,
-        golden=golden(fitted, problem.impacts),
+        golden=chosen,
+        error_budget=budget,
         status=status,
         verdict=_sentence(status, diagnostics, estimates),
         seed=effort.seed,

@@ -23,8 +23,8 @@ WORTH_KEEPING = 12.0
 ALTERNATED = 30.0
 # Change of the log posterior over a whole simplex below which it has settled: a hundredth of a sd or less.
 SETTLED = 1e-5
-# Rows up to which the simplex polishes the maximum.
-CLIMBED = 200
+# Rows up to which the simplex polishes the maximum: it costs some thousand densities.
+CLIMBED = 1000
 
 
 @dataclass(frozen=True)

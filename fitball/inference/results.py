@@ -202,6 +202,35 @@ class Golden:
 
 
 @dataclass(frozen=True)
+class BudgetLine:
+    """Errors of one measured column in its SI unit: of the arithmetic (largest), of the measurement (median sd), and
+    half of the 68 % interval of the noise-free prediction (median; None without a posterior).
+    """
+
+    numerical: float
+    measurement: float
+    posterior: float | None
+
+
+@dataclass(frozen=True)
+class ErrorBudget:
+    """Numerical error beside the others, by column; `reference` says what `impacts` rebounds were compared with."""
+
+    impacts: int
+    reference: str
+    lines: Mapping[str, BudgetLine]
+
+    @property
+    def share(self) -> float:
+        """Largest numerical error as a share of the smaller of measurement and posterior width."""
+        shares = [
+            line.numerical / min(line.measurement, line.posterior if line.posterior else line.measurement)
+            for line in self.lines.values()
+        ]
+        return max(shares)
+
+
+@dataclass(frozen=True)
 class Timing:
     """Wall time of a stage [s]."""
 
@@ -225,6 +254,7 @@ class Fit:
     predictive: Predictive | None
     fitted: FittedModel
     golden: Golden
+    error_budget: ErrorBudget
     status: RunStatus
     verdict: str
     seed: int

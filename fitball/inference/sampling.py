@@ -246,7 +246,7 @@ def _advance_to(
 ) -> None:
     """Bring every ensemble to step `goal`, a block at a time; on Ctrl-C write what there is and stop."""
     stop = threading.Event()
-    with ThreadPoolExecutor(max_workers=max(1, settings.cores)) as pool:
+    with ThreadPoolExecutor(max_workers=settings.cores) as pool:
         try:
             while (step := min(item.steps for item in ensembles)) < goal:
                 following = min(step - step % BLOCK + BLOCK, goal)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -65,6 +65,7 @@ def fit_content(fit: Fit) -> dict[str, Any]:
         "versions": {"fitball": __version__, "python": platform.python_version()}
         | {name: version(name) for name in PACKAGES},
         "seed": fit.seed,
+        "error_budget": asdict(fit.error_budget) | {"share": fit.error_budget.share},
         "golden": _golden(fit.golden),
         "fitted": {
             "tangential": fit.fitted.tangential,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitball.inference.results import Estimate, Fit, RunStatus
+from fitball.inference.results import ErrorBudget, Estimate, Fit, RunStatus
 from fitball.report.rounding import decimals, fixed, interval, significant
 from fitball.report.units import THESIS, Scale, handy
 from fitball.values import FloatArray
@@ -189,11 +189,27 @@ def diagnosis_lines(fit: Fit) -> tuple[str, ...]:
             f"sample size {found.min_ess_bulk:.0f} (bulk), {found.min_ess_tail:.0f} (tail), "
             f"largest R-hat {found.max_r_hat:.4f}."
         )
+    lines.append(_budget_line(fit.error_budget))
     for name, cause in squares.missing.items():
         lines.append(f"No standard error of {name} by least squares: {cause}.")
     if fit.status is RunStatus.NOT_CONVERGED:
         lines.append("NOT CONVERGED: intervals and verdicts may change. Use --resume with more --max-steps.")
     return tuple(lines)
+
+
+def _budget_line(budget: ErrorBudget) -> str:
+    def text(name: str, value: float) -> str:
+        unit = handy(name, _unit(name))
+        return f"{value * unit.factor:.1e} {unit.unit}"
+
+    parts = []
+    for name, line in budget.lines.items():
+        width = "" if line.posterior is None else f", prediction {text(name, line.posterior)}"
+        parts.append(f"{name} {text(name, line.numerical)} (measurement {text(name, line.measurement)}{width})")
+    return (
+        f"Error budget: numerical error at most {budget.share:.0e} of the others, over {budget.impacts} impacts "
+        f"against {budget.reference}: " + ", ".join(parts) + "."
+    )
 
 
 def _unit(name: str) -> str:

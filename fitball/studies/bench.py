@@ -9,10 +9,11 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import repeat
+from multiprocessing import get_context
 
 import numpy as np
 import pandas as pd
@@ -66,7 +67,9 @@ class Bench:
 def measure(pace: Pace, cores: int, report: Callable[[str], None]) -> Bench:
     """Measure everything; minutes at full pace."""
     report("exact answers")
-    found = scenes()
+    # Started afresh, not forked: threads and locks of this process do not come along.
+    with ProcessPoolExecutor(cores, get_context("spawn")) as pool:
+        found = scenes(pool)
     report("speed against error")
     precision = pd.DataFrame(list(work_precision(found, pace)))
     report("batches and threads")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,8 +45,11 @@ def default_model() -> TwoMassModel:
     return chosen
 
 
-def scenes() -> tuple[Scene, ...]:
-    """Sliding throughout, slide-grip-slide, grip from the start, Wang's 21, and the hard set of the default model."""
+def scenes(pool: Executor) -> tuple[Scene, ...]:
+    """Sliding throughout, slide-grip-slide, grip from the start, Wang's 21, and the hard set of the default model.
+
+    `pool` shares the exact answers, half a second an impact.
+    """
     chosen = default_model()
     names = chosen.parameter_names
     base = np.array([BASE[name] for name in names])
@@ -52,29 +57,38 @@ def scenes() -> tuple[Scene, ...]:
     hard = [case for case in hard_cases() if not case.closures and "mass_ratio 1" not in case.name]
     return (
         _scene("sliding", names, base,
-               impacts([16.0, 17.0, 25.0, 30.0], [4.0, 4.5, 4.0, 6.0], [0.0, -150.0, 0.0, 1e2])),
+               impacts([16.0, 17.0, 25.0, 30.0], [4.0, 4.5, 4.0, 6.0], [0.0, -150.0, 0.0, 1e2]), pool),
         _scene("slide-grip-slide", names, base,
-               impacts([12.0, 9.0, 14.0, 10.0], [13.0, 15.0, 12.0, 10.0], [0.0, 100.0, 140.0, -100.0])),
+               impacts([12.0, 9.0, 14.0, 10.0], [13.0, 15.0, 12.0, 10.0], [0.0, 100.0, 140.0, -100.0]), pool),
         _scene("grip from the start", names, base,
-               impacts([5.0, 4.0, 3.0, 6.0], [16.0, 15.0, 12.0, 14.0], [145.0, 120.0, 90.0, 180.0])),
-        _scene("Wang's 21", names, base, wang),
+               impacts([5.0, 4.0, 3.0, 6.0], [16.0, 15.0, 12.0, 14.0], [145.0, 120.0, 90.0, 180.0]), pool),
+        _scene("Wang's 21", names, base, wang, pool),
         _scene(
             HARD,
             names,
             np.array([[case.parameters[name] for name in names] for case in hard]),
             impacts(*np.array([case.impact for case in hard]).T),
+            pool,
         ),
     )  # fmt: skip
 
 
-def _scene(name: str, names: tuple[str, ...], values: FloatArray, given: Impacts) -> Scene:
-    chosen = default_model()
+def _scene(name: str, names: tuple[str, ...], values: FloatArray, given: Impacts, pool: Executor) -> Scene:
     rows = np.broadcast_to(values, (len(given), len(names))).copy()
-    v_x2, omega_2 = np.empty((2, len(given)))
-    for k in range(len(given)):
-        parameters = dict(zip(names, rows[k].tolist(), strict=True))
-        one = impacts(given.v_x1[k], given.v_y1[k], given.omega_1[k])
-        solve = oracle_rebound if name == HARD else oracle_rebound_mp
-        exact = solve(chosen.closures, chosen.ball, parameters, one)
-        v_x2[k], omega_2[k] = exact.v_x2[0], exact.omega_2[0]
+    singles = [impacts(given.v_x1[k], given.v_y1[k], given.omega_1[k]) for k in range(len(given))]
+    parameters = [dict(zip(names, row.tolist(), strict=True)) for row in rows]
+    exact = list(pool.map(_exact_to_sixteen if name == HARD else _exact_to_fifty, parameters, singles))
+    v_x2, omega_2 = np.array(exact).T
     return Scene(name, names, rows, given, v_x2, omega_2)
+
+
+def _exact_to_fifty(parameters: Mapping[str, float], one: Impacts) -> tuple[float, float]:
+    chosen = default_model()
+    exact = oracle_rebound_mp(chosen.closures, chosen.ball, parameters, one)
+    return float(exact.v_x2[0]), float(exact.omega_2[0])
+
+
+def _exact_to_sixteen(parameters: Mapping[str, float], one: Impacts) -> tuple[float, float]:
+    chosen = default_model()
+    exact = oracle_rebound(chosen.closures, chosen.ball, parameters, one)
+    return float(exact.v_x2[0]), float(exact.omega_2[0])

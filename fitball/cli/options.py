@@ -1,0 +1,24 @@
+"""Options that several verbs share."""
+
+from __future__ import annotations
+
+import argparse
+import os
+
+
+def count(text: str) -> int:
+    """A whole number of at least one, as the type of an option."""
+    try:
+        value = int(text)
+    except ValueError:
+        value = 0
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"read '{text}', expected a whole number, 1 or more")
+    return value
+
+
+def add_cores(parser: argparse.ArgumentParser) -> None:
+    """Add `--cores`; without it all the machine has."""
+    parser.add_argument(
+        "--cores", type=count, metavar="N", default=os.cpu_count() or 1, help="threads (default: all)"
+    )
