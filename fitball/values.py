@@ -88,6 +88,11 @@ class Impacts:
     def __len__(self) -> int:
         return int(self.v_x1.shape[0])
 
+    def take(self, rows: NDArray[np.int64]) -> Impacts:
+        """The impacts with these row numbers."""
+        cor = None if self.cor is None else self.cor[rows]
+        return Impacts(self.v_x1[rows], self.v_y1[rows], self.omega_1[rows], cor)
+
 
 def impacts(v_x1: ArrayLike, v_y1: ArrayLike, omega_1: ArrayLike = 0.0, cor: ArrayLike | None = None) -> Impacts:
     """Make impacts from numbers or arrays in SI units (m/s, m/s, rad/s); single numbers are broadcast.

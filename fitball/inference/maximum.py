@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,21 +37,34 @@ class Candidate:
     noise: Mapping[str, float]
 
 
-def maximum_posterior(problem: Problem, starts: FloatArray, noise: Mapping[str, float] | None = None) -> PointFit:
+def maximum_posterior(problem: Problem, starts: FloatArray) -> PointFit:
     """The highest of the posterior's maxima reached from the starts, with the others worth knowing.
 
     Levenberg-Marquardt on residuals and priors for given noise, in turn with the best noise for those residuals, then
-    a simplex on the posterior itself, which knows every bound; on large tables, where bounds and priors no longer
-    bend it, the simplex is left out. `noise` is the first guess. Raises FitError as `least_squares` does.
+    a simplex on the posterior itself, which knows every bound. Raises FitError as `least_squares` does.
     """
-    noise = {**default_noise(problem), **(noise or {})}
+    noise = default_noise(problem)
     distinct, _ = minima(problem, Weighting(noise, penalised=True), starts)
     first = [_with_best_noise(problem, item.at, noise, rounds=1) for item in distinct]
     top = max((item.score for item in first), default=-math.inf)
     candidates = [
         _with_best_noise(problem, item.at, item.noise, rounds=8) for item in first if item.score > top - ALTERNATED
     ]
-    candidates = sorted((item for item in candidates if math.isfinite(item.score)), key=lambda item: -item.score)
+    return _best_of(problem, candidates)
+
+
+def follow_maximum(problem: Problem, starts: FloatArray, noise: Mapping[str, float]) -> PointFit:
+    """As `maximum_posterior`, from starts (starts, free) and noise that are already near: large tables end here.
+
+    The simplex is left out where it would cost too much. Raises FitError as `least_squares` does.
+    """
+    known = {**default_noise(problem), **noise}
+    fitted = Minimiser(problem, Weighting(known, penalised=True)).to_fitted(starts)
+    return _best_of(problem, [_with_best_noise(problem, at, known, rounds=8) for at in fitted])
+
+
+def _best_of(problem: Problem, found: Sequence[Candidate]) -> PointFit:
+    candidates = sorted((item for item in found if math.isfinite(item.score)), key=lambda item: -item.score)
     if not candidates:
         raise FitError(f"model {problem.model.name}: no start led to parameters of finite posterior density")
     top_point = candidates[0].coordinates

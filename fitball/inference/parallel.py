@@ -1,4 +1,4 @@
-"""Large batches of rebounds, draw by draw on several threads; the kernels hold no interpreter lock."""
+"""Large batches of rebounds on several threads, by draws or by impacts; the kernels hold no interpreter lock."""
 
 from __future__ import annotations
 
@@ -19,10 +19,17 @@ LARGE_BATCH = 100_000
 def evaluate_in_parts(
     model: Model, names: Sequence[str], rows: FloatArray, impacts: Impacts, threads: int
 ) -> Rebound:
-    """`model.evaluate`, the draws shared among threads; the same numbers whatever their count."""
-    if threads == 1 or rows.shape[0] == 1:
+    """`model.evaluate`, the work shared among threads; the same numbers whatever their count."""
+    if threads == 1:
         return model.evaluate(names, rows, impacts)
-    parts = np.array_split(rows, min(rows.shape[0], 4 * threads))
+    if rows.shape[0] >= threads:
+        parts = [(part, impacts) for part in np.array_split(rows, min(rows.shape[0], 4 * threads))]
+        axis = 0
+    else:
+        parts = [(rows, impacts.take(part)) for part in np.array_split(np.arange(len(impacts)), 4 * threads)]
+        axis = 1
     with ThreadPoolExecutor(threads) as pool:
-        found = list(pool.map(lambda part: model.evaluate(names, part, impacts), parts))
-    return Rebound(*(np.concatenate([getattr(item, field.name) for item in found]) for field in fields(Rebound)))
+        found = list(pool.map(lambda part: model.evaluate(names, *part), parts))
+    return Rebound(
+        *(np.concatenate([getattr(item, field.name) for item in found], axis=axis) for field in fields(Rebound))
+    )

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from fitball.inference.least_squares import least_squares
-from fitball.inference.maximum import maximum_posterior
+from fitball.inference.maximum import follow_maximum, maximum_posterior
 from fitball.inference.parameters import NOISE_SPECS
 from fitball.inference.posterior import Problem
 from fitball.inference.results import LeastSquares, PointFit
@@ -18,7 +18,8 @@ from fitball.values import FloatArray
 
 # Rows on which a large table's optima are searched; they move by less than a standard deviation of these rows after.
 SEARCHED = 100
-GROWTH = 16
+# Each further sample is so many times as large: the optimum of the one is then within some sd of that of the next.
+GROWTH = 40
 
 
 def point_fit(problem: Problem, rng: np.random.Generator) -> tuple[LeastSquares, PointFit]:
@@ -32,13 +33,14 @@ def point_fit(problem: Problem, rng: np.random.Generator) -> tuple[LeastSquares,
     squares, point = least_squares(first, starts), maximum_posterior(first, starts)
     if first is problem:
         return squares, point
-    sizes = [SEARCHED * GROWTH**k for k in range(1, 8) if len(problem.impacts) > 2 * SEARCHED * GROWTH**k]
+    sizes = [SEARCHED * GROWTH**k for k in range(1, 6) if len(problem.impacts) > 2 * SEARCHED * GROWTH**k]
     for level in (*(thinned_problem(problem, size) for size in sizes), problem):
-        followed = 1 if level is problem else 2
+        # Two optima are carried on until a sample of more rows has decided between them.
+        followed = 1 if level is problem and sizes else 2
         found = least_squares(level, _starts(problem, squares.optima[:followed]))
         squares = replace(found, starts=len(starts))
         noise = {name: value for name, value in point.values.items() if name in NOISE_SPECS}
-        point = maximum_posterior(level, _starts(problem, point.optima[:followed]), noise)
+        point = follow_maximum(level, _starts(problem, point.optima[:followed]), noise)
     return squares, point
 
 

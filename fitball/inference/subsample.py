@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from fitball.inference.posterior import Problem
-from fitball.values import Impacts
 
 
 def thinned_problem(problem: Problem, rows: int) -> Problem:
@@ -18,16 +17,14 @@ def thinned_problem(problem: Problem, rows: int) -> Problem:
     given = problem.impacts
     order = np.argsort(np.arctan2(given.v_y1, given.v_x1), kind="stable")
     kept = np.sort(order[np.linspace(0, count - 1, rows).round().astype(np.int64)])
-    impacts = Impacts(
-        given.v_x1[kept], given.v_y1[kept], given.omega_1[kept], None if given.cor is None else given.cor[kept]
-    )
+    impacts = given.take(kept)
     channels = tuple(
         replace(item, observed=item.observed[kept], sd=None if item.sd is None else item.sd[kept])
         for item in problem.channels
     )
     table = replace(
         problem.table,
-        impacts=Impacts(impacts.v_x1, impacts.v_y1, impacts.omega_1),
+        impacts=problem.table.impacts.take(kept),
         ids=tuple(problem.table.ids[k] for k in kept),
         incident_sd={name: column[kept] for name, column in problem.table.incident_sd.items()},
         measurements=tuple(
