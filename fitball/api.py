@@ -40,6 +40,9 @@ def calibrate(
     closures: Mapping[str, str] | None = None,
     priors: Mapping[str, str] | None = None,
     fix: Mapping[str, float] | None = None,
+    noise: str | None = None,
+    pool: Mapping[str, str] | None = None,
+    offsets: str | None = None,
     seed: int = 1,
     point_only: bool = False,
     walkers: int | None = None,
@@ -49,11 +52,14 @@ def calibrate(
     """Fit `model` (default: the scene's) to a table, or to the path or bundled name of one.
 
     The scene defaults to the TOML file beside the table. `priors` are texts such as `normal(0.55, 0.05)`, `fix`
-    holds values in SI. Raises subclasses of FitballError for everything a caller can mend.
+    holds values in SI. `noise` is "normal" or "student-t"; `pool` maps parameters to the label column over whose
+    levels they differ (pooled in part), `offsets` names the label column whose groups may be biased. Raises
+    subclasses of FitballError for everything a caller can mend.
     """
     loaded = table if isinstance(table, ImpactTable) else load_table(table)
     known = scene if scene is not None else load_scene(loaded.source)
-    problem = build_problem(loaded, known, Choices(model, closures or {}, priors or {}, fix or {}))
+    choices = Choices(model, closures or {}, priors or {}, fix or {}, noise, pool or {}, offsets)
+    problem = build_problem(loaded, known, choices)
     effort = Effort(
         seed=seed,
         point_only=point_only,

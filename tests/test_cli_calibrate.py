@@ -149,7 +149,6 @@ def test_wrong_encoding(here, capsys):
         (["--prior", "mass_rato=normal(0.8, 1)"], ["unknown parameter 'mass_rato'", "did you mean 'mass_ratio'"]),
         (["--walkers", "7"], ["walkers = 7"]),
         (["--max-steps", "3"], ["max_steps = 3"]),
-        (["--cores", "0"], ["cores = 0"]),
         (["--seed", "-1"], ["seed = -1"]),
         (["--config", "nowhere.toml"], ["nowhere.toml"]),
         (["--resume", "--overwrite"], ["--resume", "--overwrite"]),

@@ -6,10 +6,11 @@ import argparse
 import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from fitball.cli.options import add_cores, count
+from fitball.cli.options import add_cores, add_structure, count
 from fitball.cli.progress import ProgressLine
 from fitball.errors import ParameterError
 
@@ -36,7 +37,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         epilog=EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("data", metavar="DATA", help="a table (CSV or Parquet), or the name of a bundled one")
+    parser.add_argument(
+        "data", nargs="+", metavar="DATA", help="a table (CSV or Parquet), or the name of a bundled one"
+    )
     parser.add_argument("--model", metavar="NAME", help="two-mass (default), thesis-exact, grip-slip or brody")
     parser.add_argument(
         "--closure", metavar="NAME=OPTION", action="append", default=[], help="replace a closure, e.g. normal=total"
@@ -48,6 +51,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--prior", metavar="NAME=DIST(...)", action="append", default=[], help='e.g. "mu=normal(0.6, 0.1)"'
     )
+    add_structure(parser)
     parser.add_argument("--point-only", action="store_true", help="no posterior: the best values only")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of all random numbers (default 1)")
     parser.add_argument("--out", metavar="DIR", help="result folder")
@@ -82,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     """Do it; returns the exit code."""
     progress = ProgressLine(args.quiet)
     progress("loading", None)
-    from fitball.data.read import load_table
+    from fitball.data.join import load_tables
     from fitball.data.scene import load_scene
     from fitball.inference.calibrate import fingerprint
     from fitball.inference.calibrate import run as fit_problem
@@ -95,15 +99,21 @@ def run(args: argparse.Namespace) -> int:
 
     if args.resume and args.overwrite:
         raise ParameterError("--resume goes on with the old result and --overwrite discards it: choose one")
-    table = load_table(args.data)
-    scene = load_scene(args.data, args.config)
+    table = load_tables(args.data)
+    scene = load_scene(args.data[0], args.config)
     choices = Choices(
         model=args.model,
         closures=pairs("--closure", args.closure, str),
         priors=pairs("--prior", args.prior, str),
         fix=pairs("--fix", args.fix, float),
+        noise=args.noise,
+        pool=pairs("--pool", args.pool, str),
+        offsets=args.offsets,
     )
     problem = build_problem(table, scene, choices)
+    if len(args.data) > 1:
+        told = f"the scene of {args.config or args.data[0]} is taken for all tables"
+        problem = replace(problem, notes=(told, *problem.notes))
     effort = make_effort(args)
     mark = fingerprint(problem, effort)
     folder = Path(args.out) if args.out else default_folder(table.name, problem.model.name, choices.closures)

@@ -22,3 +22,15 @@ def add_cores(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--cores", type=count, metavar="N", default=os.cpu_count() or 1, help="threads (default: all)"
     )
+
+
+def add_structure(parser: argparse.ArgumentParser) -> None:
+    """Add what a likelihood may have beyond independent normal noise."""
+    parser.add_argument("--noise", metavar="KIND", help="normal (default), or student-t, which allows outliers")
+    parser.add_argument(
+        "--pool", metavar="NAME=COLUMN", action="append", default=[],
+        help="let a parameter differ between surfaces, balls or tables, pooled in part, e.g. mu=surface",
+    )  # fmt: skip
+    parser.add_argument(
+        "--offsets", metavar="COLUMN", help="fit a bias of each measured column to each group, e.g. group"
+    )

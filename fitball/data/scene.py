@@ -40,7 +40,9 @@ class Scene:
     inertia_ratio. `mu` is (value, sd or None), `contact_time` (value, sd), None when unknown.
     `velocity_sd`, `spin_sd`, `contact_time_sd` are known measurement noise, not to be fitted;
     the nominal ones are orders of magnitude. `priors` are texts such as `normal(0.55, 0.05)` by parameter.
-    `assumed` says in sentences what was taken because nothing was said.
+    `distribution` is that of the noise; `pool` maps parameters to the label column over whose levels they differ,
+    `offsets` is the label column whose groups may be biased. `assumed` says in sentences what was taken because
+    nothing was said.
     """
 
     source: str | None = None
@@ -58,6 +60,9 @@ class Scene:
     closures: Mapping[str, str] = field(default_factory=FrozenMapping)
     priors: Mapping[str, str] = field(default_factory=FrozenMapping)
     fix: Mapping[str, float] = field(default_factory=FrozenMapping)
+    distribution: str = "normal"
+    pool: Mapping[str, str] = field(default_factory=FrozenMapping)
+    offsets: str | None = None
     assumed: tuple[str, ...] = ()
     description: str = ""
     citation: str = ""
@@ -107,6 +112,9 @@ def _make_scene(file: SceneFile | None) -> Scene:
         closures=FrozenMapping(known.texts("model.closures")),
         priors=FrozenMapping(known.texts("priors")),
         fix=FrozenMapping(known.numbers("fix")),
+        distribution=known.text("measurement.distribution") or "normal",
+        pool=FrozenMapping(known.texts("pool")),
+        offsets=known.text("measurement.offsets"),
         assumed=tuple(sentence for sentence, silent in silences.items() if silent),
         description=known.text("source.description") or "",
         citation=known.text("source.citation") or "",

@@ -46,10 +46,13 @@ KEYS: Mapping[str, Kind | Mapping[str, Kind]] = {
         "contact_time_sd": Kind.POSITIVE,
         "nominal_velocity_sd": Kind.POSITIVE,
         "nominal_spin_sd": Kind.POSITIVE,
+        "distribution": Kind.TEXT,
+        "offsets": Kind.TEXT,
     },
     "model": {"name": Kind.TEXT, "closures": Kind.FREE_TEXTS},
     "priors": Kind.FREE_PRIORS,
     "fix": Kind.FREE_NUMBERS,
+    "pool": Kind.FREE_TEXTS,
 }
 
 # Pairs that say the same thing twice.

@@ -18,6 +18,7 @@ from fitball.inference.error_budget import error_budget
 from fitball.inference.fitted import FittedModel
 from fitball.inference.golden import golden
 from fitball.inference.identifiability import Judgement, judge
+from fitball.inference.level_estimates import level_estimates
 from fitball.inference.point import point_fit
 from fitball.inference.posterior import Problem
 from fitball.inference.predictive import predictive, thinned
@@ -98,6 +99,8 @@ def fingerprint(problem: Problem, effort: Effort) -> str:
         "parameters": [[item.name, item.prior.text, item.fixed] for item in problem.parameters],
         "contact_time": problem.contact_time,
         "noise": [[channel.name, channel.noise] for channel in problem.channels],
+        "levels": [[item.parameter, item.column, item.index.tolist()] for item in problem.levels],
+        "offsets": None if problem.offsets is None else [problem.offsets.column, problem.offsets.index.tolist()],
         "sampler": [settings.walkers, settings.ensembles, settings.seed],
     }
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
@@ -188,6 +191,7 @@ def _assemble(
         fitted=fitted,
         golden=chosen,
         error_budget=budget,
+        levels=level_estimates(problem, point, posterior),
         status=status,
         verdict=_sentence(status, diagnostics, estimates),
         seed=effort.seed,

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.inference.parameters import NOISE_SPECS
 from fitball.models.registry import model
+from fitball.models.specs import SPECS
 from fitball.models.types import Rebound
 from fitball.values import Ball, FloatArray, Impacts
 
@@ -36,7 +36,7 @@ class FittedModel:
         """Rebounds (draws, impacts) at `values` (draws, names), by default at the point estimate (1, impacts)."""
         chosen = model(self.model_name, ball=self.ball, tangential=self.tangential, **self.options)
         rows = self.point[None, :] if values is None else values
-        kept = [k for k, name in enumerate(self.names) if name not in NOISE_SPECS]
+        kept = [k for k, name in enumerate(self.names) if name in SPECS]
         return chosen.evaluate([self.names[k] for k in kept], np.ascontiguousarray(rows[:, kept]), impacts)
 
     def predict(self, impacts: Impacts) -> Mapping[str, FloatArray]:

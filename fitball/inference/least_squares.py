@@ -49,7 +49,7 @@ def _standard_errors(
     """Linear standard errors in SI at the stated noise, and for each one that does not exist the cause."""
     parameters = minimiser.parameters(at)
     jacobian = minimiser.jacobian(parameters) * minimiser.scale()
-    names = list(parameters)
+    names = minimiser.names
     stderr: dict[str, float | None] = {item.name: None for item in problem.parameters}
     missing: dict[str, str] = {}
     for item in problem.parameters:
@@ -59,7 +59,7 @@ def _standard_errors(
             missing[item.name] = "least squares takes the noise as given; the posterior fits it"
     at_bound = [
         name
-        for name, item in parameters.items()
+        for name, item in zip(names, parameters.values(), strict=True)
         if min(item.value - item.min, item.max - item.value) < 1e-6 * max(1e-2, abs(item.value))
     ]
     for name in at_bound:

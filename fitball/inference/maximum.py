@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from fitball.errors import FitError
-from fitball.inference.channels import Channel
 from fitball.inference.minimiser import Minimiser, minima, simplex
-from fitball.inference.parameters import NOISE_SPECS
+from fitball.inference.parameters import NOISE_SPECS, TAILS
 from fitball.inference.posterior import Problem
+from fitball.inference.priors import Prior
 from fitball.inference.residuals import Weighting, default_noise, named_values, root_mean_squares
 from fitball.inference.results import PointFit
+from fitball.inference.scatter import log_density
 from fitball.values import FloatArray
 
 # Optima this far below the best (in log posterior) hold no mass worth starting an ensemble in.
@@ -105,24 +106,56 @@ def _with_best_noise(problem: Problem, at: FloatArray, noise: Mapping[str, float
 def _best_noise(problem: Problem, values: FloatArray, current: Mapping[str, float]) -> dict[str, float]:
     """Noise that maximises the posterior for the residuals at `values` (1, free), on a fine grid of the prior."""
     rebound = problem.rebound(values)
+    columns = problem.all_values(values)
+    units = {channel.name: channel.spread(1.0, rebound) for channel in problem.channels if channel.noise}
+    gaps = {channel.name: problem.deviation(columns, channel, rebound) for channel in problem.channels}
     best = dict(current)
     for item in problem.free:
-        if item.name not in NOISE_SPECS:
+        if item.name not in NOISE_SPECS or item.name == TAILS:
             continue
-        low, high = item.prior.ends
-        grid = np.linspace(low, high, 4001)
-        sd = item.prior.value(grid)
-        score = item.prior.log_density(grid)
-        for channel in (channel for channel in problem.channels if channel.noise == item.name):
-            score = score + _noise_score(channel, sd, channel.predict(rebound), channel.spread(1.0, rebound))
-        best[item.name] = float(sd[np.argmax(score)])
+        mine = [
+            (gaps[channel.name] / units[channel.name]).ravel()
+            for channel in problem.channels
+            if channel.noise == item.name
+        ]
+        best[item.name] = _best_scale(item.prior, np.concatenate(mine), best.get(TAILS))
+    tails = next((item for item in problem.free if item.name == TAILS), None)
+    if tails is not None:
+        z = [
+            gaps[channel.name] / channel.spread(best[channel.noise] if channel.noise else 0.0, rebound)
+            for channel in problem.channels
+        ]
+        best[TAILS] = _best_tails(tails.prior, np.concatenate([item.ravel() for item in z]))
     return best
 
 
-def _noise_score(channel: Channel, sd: FloatArray, predicted: FloatArray, unit_spread: FloatArray) -> FloatArray:
-    z2 = float(np.sum(((channel.observed - predicted) / unit_spread) ** 2))
-    score: FloatArray = -0.5 * z2 / sd**2 - channel.observed.size * np.log(sd)
-    return score
+def _best_scale(prior: Prior, gaps: FloatArray, tails: float | None) -> float:
+    """Scale at which deviations `gaps`, standardised for a scale of one, are most probable."""
+    if tails is None:
+        z2 = float(np.sum(gaps**2))
+
+        def score(scale: FloatArray) -> FloatArray:
+            return np.asarray(-0.5 * z2 / scale**2 - gaps.size * np.log(scale))
+
+        return _peak(prior, 4001, score)
+
+    def heavy(scale: FloatArray) -> FloatArray:
+        nu = np.array(tails)
+        return np.array([log_density(gaps / s, nu).sum() - gaps.size * np.log(s) for s in scale])
+
+    return _peak(prior, 401, heavy)
+
+
+def _best_tails(prior: Prior, z: FloatArray) -> float:
+    return _peak(prior, 401, lambda nu: np.array([log_density(z, np.array(x)).sum() for x in nu]))
+
+
+def _peak(prior: Prior, count: int, score: Callable[[FloatArray], FloatArray]) -> float:
+    """The value on an even grid of the prior's coordinate at which prior and `score` together are highest."""
+    low, high = prior.ends
+    grid = np.linspace(low, high, count)
+    values = prior.value(grid)
+    return float(values[np.argmax(score(values) + prior.log_density(grid))])
 
 
 def _climb(problem: Problem, start: FloatArray) -> FloatArray:

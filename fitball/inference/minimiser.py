@@ -48,6 +48,8 @@ class Minimiser:
         self.columns = [k for k, item in enumerate(problem.free) if item.name not in NOISE_SPECS]
         names = problem.free_names
         walled = problem.model.options.get("normal") == "momentum" and "mass_ratio" in names
+        # The wall of parameters that differ between levels is not one number.
+        walled = walled and not {"mass_ratio", "cor_10", "cor_slope"} & {item.parameter for item in problem.levels}
         self.walled = names.index("mass_ratio") if walled else None
         self.evaluations = 0
 
@@ -91,11 +93,17 @@ class Minimiser:
         self.evaluations += coordinates.shape[0]
         return residuals(self.problem, self.values(coordinates), self.weighting)
 
+    @property
+    def names(self) -> list[str]:
+        """Names of the fitted parameters."""
+        return [self.problem.free_names[k] for k in self.columns]
+
     def parameters(self, start: FloatArray) -> lmfit.Parameters:
         """Lmfit's parameters at a start (fitted,) in coordinates."""
         made = lmfit.Parameters()
         for k, value, low, high in zip(self.columns, start, *self.limits(), strict=True):
-            made.add(self.problem.free[k].name, value=float(value), min=low, max=high)
+            # Lmfit takes Python identifiers only; names such as mu_place[clay] are none.
+            made.add(f"x{k}", value=float(value), min=low, max=high)
         return made
 
     def residual(self, parameters: lmfit.Parameters) -> FloatArray:
@@ -141,7 +149,7 @@ class Minimiser:
         """
         many = len(self.problem.impacts) > ONE_SIDED
         # The covariance that lmfit derives on the way is not used, and has no root where a direction is flat.
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", divide="ignore"):
             result = lmfit.Minimizer(self.residual, self.parameters(start)).least_squares(
                 method="trf",
                 Dfun=self.jacobian,

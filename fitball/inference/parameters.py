@@ -10,7 +10,7 @@ from fitball.inference.priors import Prior, parse_prior
 from fitball.models.specs import SPECS, ParameterSpec
 
 # Noise of the measurement, one standard deviation, common to all rows that state none of their own.
-NOISE_SPECS: Mapping[str, ParameterSpec] = {
+_SD_SPECS: Mapping[str, ParameterSpec] = {
     "velocity_sd": ParameterSpec(
         "velocity_sd",
         "m/s",
@@ -25,6 +25,23 @@ NOISE_SPECS: Mapping[str, ParameterSpec] = {
     ),
     "contact_time_sd": ParameterSpec(
         "contact_time_sd", "s", 1e-6, 1e-2, "lognormal(2e-4, 0.7)", "noise of the contact time", r"$\sigma_t$"
+    ),
+}
+
+
+# With Student's t the noise parameters are its scales, and this says how heavy its tails are. Beyond a hundred nobody
+# can tell it from a normal distribution; below two it has no variance.
+TAILS = "degrees_of_freedom"
+NOISE_SPECS: Mapping[str, ParameterSpec] = {
+    **_SD_SPECS,
+    TAILS: ParameterSpec(
+        TAILS,
+        "",
+        2.0,
+        100.0,
+        "lognormal(8, 0.8)",
+        "degrees of freedom of the noise: few allow outliers",
+        r"$\nu$",
     ),
 }
 
@@ -54,19 +71,22 @@ def build_parameters(
     priors: Mapping[str, str],
     fixed: Mapping[str, tuple[float, str]],
     ball_names: Sequence[str] = (),
+    extra: Mapping[str, ParameterSpec] | None = None,
 ) -> tuple[Parameter, ...]:
     """Parameters called `names`, with overridden `priors`, and `fixed` name -> (value, why).
 
-    Raises ParameterError for a name that is not among them, a value outside its bounds, or a bad prior.
+    `extra` are further parameters that only this problem has, by name. Raises ParameterError for a name that is not
+    among them, a value outside its bounds, or a bad prior.
     """
-    everything = (*names, *ball_names)
+    others = extra or {}
+    everything = (*names, *ball_names, *others)
     for kind, given in (("prior", priors), ("fixed value", fixed)):
         for name in given:
             if name not in everything:
                 raise ParameterError(f"{kind} for unknown parameter '{name}': {suggestion(name, everything)}")
     built = []
     for name in everything:
-        spec = NOISE_SPECS.get(name) or SPECS[name]
+        spec = others.get(name) or NOISE_SPECS.get(name) or SPECS[name]
         prior = parse_prior(name, priors.get(name, spec.prior), spec.lower, spec.upper, spec.unit)
         value, why = fixed.get(name, (None, ""))
         if value is not None and not spec.lower <= value <= spec.upper:

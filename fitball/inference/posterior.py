@@ -7,8 +7,8 @@ SI for the others. Densities are with respect to coordinates.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -17,13 +17,15 @@ from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.inference.channels import Channel
 from fitball.inference.joint_prior import JointPrior
+from fitball.inference.levels import Levels
+from fitball.inference.offsets import GroupOffsets
 from fitball.inference.parallel import LARGE_BATCH, evaluate_in_parts
-from fitball.inference.parameters import NOISE_SPECS, Parameter
+from fitball.inference.parameters import TAILS, Parameter
+from fitball.inference.scatter import LOG_TAU, log_density
 from fitball.models.model import Model
-from fitball.models.types import Rebound
+from fitball.models.specs import SPECS
+from fitball.models.types import Rebound, Status
 from fitball.values import FloatArray, Impacts
-
-LOG_TAU = float(np.log(2.0 * np.pi))
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,8 @@ class Problem:
     """A table, a model and priors: all that defines a posterior.
 
     `contact_time` is what the scene knows of the mean contact time of the table, (value, sd) [s], or None.
-    `notes` are the sentences that tell what was left out or assumed, and why. `threads` share large batches.
+    `notes` are the sentences that tell what was left out or assumed, and why. `levels` are parameters that differ
+    between surfaces or balls, `offsets` biases of whole groups. `threads` share large batches.
     """
 
     table: ImpactTable
@@ -42,6 +45,8 @@ class Problem:
     impacts: Impacts
     contact_time: tuple[float, float] | None
     notes: tuple[str, ...]
+    levels: tuple[Levels, ...] = ()
+    offsets: GroupOffsets | None = None
     threads: int = 1
 
     @cached_property
@@ -57,7 +62,7 @@ class Problem:
     @cached_property
     def model_names(self) -> tuple[str, ...]:
         """Names of all parameters that the model itself takes."""
-        return tuple(item.name for item in self.parameters if item.name not in NOISE_SPECS)
+        return tuple(item.name for item in self.parameters if item.name in SPECS)
 
     @property
     def dimension(self) -> int:
@@ -85,14 +90,61 @@ class Problem:
                 columns[item.name] = np.full(values.shape[0], item.fixed)
         return columns
 
-    def rebound(self, values: FloatArray, impacts: Impacts | None = None) -> Rebound:
-        """Rebounds (draws, impacts) for free values (draws, free), of the table's impacts by default."""
+    @cached_property
+    def groups(self) -> tuple[str, ...] | None:
+        """The label of each impact by which figures tell impacts apart, None when there is none."""
+        labels = self.table.labels.get("group")
+        return self.table.labels[self.levels[0].column] if labels is None and self.levels else labels
+
+    def rebound(self, values: FloatArray, impacts: Impacts | None = None, like: int | None = None) -> Rebound:
+        """Rebounds (draws, impacts) for free values (draws, free), of the table's impacts by default.
+
+        Other `impacts` meet the surface and ball of the table's row `like`, by default a typical one.
+        """
         columns = self.all_values(values)
+        if not self.levels:
+            return self._evaluate(columns, self.impacts if impacts is None else impacts)
+        if impacts is None:
+            return self._by_level(columns)
+        if like is None:
+            return self._evaluate(columns, impacts)
+        return self._at_levels(columns, impacts, [item.labels[item.index[like]] for item in self.levels])
+
+    def _by_level(self, columns: Mapping[str, FloatArray]) -> Rebound:
+        keys = np.stack([item.index for item in self.levels])
+        distinct, which = np.unique(keys, axis=1, return_inverse=True)
+        found = []
+        order = []
+        for k, key in enumerate(distinct.T):
+            rows = np.flatnonzero(which.ravel() == k)
+            labels = [item.labels[place] for item, place in zip(self.levels, key, strict=True)]
+            found.append(self._at_levels(columns, self.impacts.take(rows), labels))
+            order.append(rows)
+        back = np.argsort(np.concatenate(order), kind="stable")
+        return Rebound(
+            *(
+                np.concatenate([getattr(item, field.name) for item in found], axis=1)[:, back]
+                for field in fields(Rebound)
+            )
+        )
+
+    def _at_levels(self, columns: Mapping[str, FloatArray], impacts: Impacts, labels: Sequence[str]) -> Rebound:
+        own = {item.parameter: item.value(columns, label) for item, label in zip(self.levels, labels, strict=True)}
+        rebound = self._evaluate({**columns, **own}, impacts)
+        for item in self.levels:
+            rebound.status[item.outside(own[item.parameter])] = Status.LEVEL_OUT_OF_BOUNDS
+        return rebound
+
+    def _evaluate(self, columns: Mapping[str, FloatArray], impacts: Impacts) -> Rebound:
         rows = np.stack([columns[name] for name in self.model_names], axis=1)
-        given = self.impacts if impacts is None else impacts
-        if rows.shape[0] * len(given) <= LARGE_BATCH:
-            return self.model.evaluate(self.model_names, rows, given)
-        return evaluate_in_parts(self.model, self.model_names, rows, given, self.threads)
+        if rows.shape[0] * len(impacts) <= LARGE_BATCH:
+            return self.model.evaluate(self.model_names, rows, impacts)
+        return evaluate_in_parts(self.model, self.model_names, rows, impacts, self.threads)
+
+    def deviation(self, columns: Mapping[str, FloatArray], channel: Channel, rebound: Rebound) -> FloatArray:
+        """Measured less predicted (draws, impacts), the bias of the impact's group taken off."""
+        found = channel.observed - channel.predict(rebound)
+        return found if self.offsets is None else found - self.offsets.offset(columns, channel.name)
 
     def log_prior(self, coordinates: FloatArray) -> FloatArray:
         """Log prior density (draws,)."""
@@ -109,12 +161,13 @@ class Problem:
     def log_likelihood_terms(self, values: FloatArray, rebound: Rebound) -> Mapping[str, FloatArray]:
         """Log density of each measurement, channel name -> (draws, impacts)."""
         columns = self.all_values(values)
+        tails = columns[TAILS][:, None] if TAILS in columns else None
         terms: dict[str, FloatArray] = {}
         for channel in self.channels:
             noise = columns[channel.noise][:, None] if channel.noise is not None else 0.0
             sd = channel.spread(noise, rebound)
-            z = (channel.observed - channel.predict(rebound)) / sd
-            terms[channel.name] = -0.5 * (z * z + LOG_TAU) - np.log(sd)
+            z = self.deviation(columns, channel, rebound) / sd
+            terms[channel.name] = log_density(z, tails) - np.log(sd)
         return terms
 
     def log_likelihood(self, values: FloatArray, rebound: Rebound) -> FloatArray:

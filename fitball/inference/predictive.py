@@ -6,10 +6,13 @@ from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitball.data.table import REBOUND_UNITS
+from fitball.inference.parameters import TAILS
 from fitball.inference.posterior import Problem
 from fitball.inference.results import ChannelPrediction, Curve, PointFit, Posterior, Predictive
+from fitball.inference.scatter import draw
 from fitball.models.types import Rebound, regime_name
 from fitball.values import FloatArray, Impacts
 
@@ -31,12 +34,15 @@ def predictive(problem: Problem, point: PointFit, posterior: Posterior, rng: np.
     values = thinned(posterior, DRAWS)
     rebound = problem.rebound(values)
     columns = problem.all_values(values)
+    tails = columns[TAILS][:, None] if TAILS in columns else None
     channels = []
     for channel in problem.channels:
         noise = columns[channel.noise][:, None] if channel.noise is not None else 0.0
         predicted = channel.predict(rebound)
         spread = np.broadcast_to(channel.spread(noise, rebound), predicted.shape)
-        data = predicted + spread * rng.standard_normal(predicted.shape)
+        data = predicted + spread * draw(rng, predicted.shape, tails)
+        if problem.offsets is not None:
+            data = data + problem.offsets.offset(columns, channel.name)
         low, mid_low, median, mid_high, high = np.quantile(predicted, BANDS, axis=0)
         channels.append(
             ChannelPrediction(
@@ -71,7 +77,7 @@ def curves(problem: Problem, values: FloatArray) -> dict[str, Curve]:
 
     Between measured impacts speed, angle and spin are interpolated; a drop test is drawn along its speed.
     """
-    labels = problem.table.labels.get("group")
+    labels = problem.groups
     groups = sorted(set(labels)) if labels else [""]
     result = {}
     for group in groups:
@@ -81,7 +87,7 @@ def curves(problem: Problem, values: FloatArray) -> dict[str, Curve]:
     return result
 
 
-def _curve(problem: Problem, values: FloatArray, rows: FloatArray) -> Curve:
+def _curve(problem: Problem, values: FloatArray, rows: NDArray[np.int64]) -> Curve:
     v_x1, v_y1 = problem.impacts.v_x1[rows], problem.impacts.v_y1[rows]
     theta, speed = np.arctan2(v_y1, v_x1), np.hypot(v_x1, v_y1)
     along = theta if problem.table.has_tangential else v_y1
@@ -94,7 +100,8 @@ def _curve(problem: Problem, values: FloatArray, rows: FloatArray) -> Curve:
     angle, fast = between(theta), between(speed)
     cor = None if problem.impacts.cor is None else between(problem.impacts.cor[rows])
     impacts = Impacts(fast * np.cos(angle), fast * np.sin(angle), between(problem.impacts.omega_1[rows]), cor)
-    rebound = problem.rebound(values, impacts)
+    alike = all(np.unique(item.index[rows]).size == 1 for item in problem.levels)
+    rebound = problem.rebound(values, impacts, int(rows[0]) if alike else None)
     outputs = {
         "v_x2": rebound.v_x2,
         "v_y2": rebound.v_y2,

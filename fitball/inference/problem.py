@@ -5,15 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
-from fitball.errors import FitError
+from fitball.errors import FitError, ParameterError, suggestion
 from fitball.inference.channels import Channel, build_channels
-from fitball.inference.parameters import build_parameters
+from fitball.inference.levels import Levels, build_levels
+from fitball.inference.offsets import GroupOffsets, build_offsets
+from fitball.inference.parameters import NOISE_SPECS, TAILS, build_parameters
 from fitball.inference.posterior import Problem
+from fitball.inference.priors import Prior, parse_prior
+from fitball.inference.scatter import DISTRIBUTIONS, STUDENT
 from fitball.models.model import Model
 from fitball.models.registry import ALGEBRAIC, THESIS, model
-from fitball.models.specs import BALL_PARAMETERS
+from fitball.models.specs import BALL_PARAMETERS, SPECS, ParameterSpec
 from fitball.values import Impacts
 
 REPRODUCTION_ONLY = (
@@ -24,12 +30,19 @@ REPRODUCTION_ONLY = (
 
 @dataclass(frozen=True)
 class Choices:
-    """What the user asked for beyond the scene; everything here wins over it."""
+    """What the user asked for beyond the scene; everything here wins over it.
+
+    `noise` is one of `scatter.DISTRIBUTIONS`, `pool` maps parameters to the label column over whose levels they
+    differ, `offsets` names the label column whose groups may be biased.
+    """
 
     model: str | None = None
     closures: Mapping[str, str] = field(default_factory=dict)
     priors: Mapping[str, str] = field(default_factory=dict)
     fix: Mapping[str, float] = field(default_factory=dict)
+    noise: str | None = None
+    pool: Mapping[str, str] = field(default_factory=dict)
+    offsets: str | None = None
 
 
 def build_problem(table: ImpactTable, scene: Scene, choices: Choices) -> Problem:
@@ -65,7 +78,10 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices) -> Problem
         fixed.pop(key, None)
     fixed |= {key: (value, "fixed by the scene") for key, value in scene_fix.items()}
     fixed |= {key: (value, "fixed on request") for key, value in choices.fix.items()}
-    parameters = build_parameters(names, {**priors, **choices.priors}, fixed, ball_names)
+    wanted = {**priors, **choices.priors}
+    levels, offsets, extra = _structure(table, scene, choices, chosen, channels, wanted)
+    parameters = build_parameters(names, wanted, fixed, ball_names, extra)
+    notes += [f"{item.parameter} is fitted to each {item.column} apart, pooled in part" for item in levels]
     return Problem(
         table=table,
         scene=scene,
@@ -75,7 +91,51 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices) -> Problem
         impacts=_impacts_with_cor(table, chosen),
         contact_time=contact_time,
         notes=(*scene.assumed, *notes, *([REPRODUCTION_ONLY] if name == THESIS else [])),
+        levels=levels,
+        offsets=offsets,
     )
+
+
+def _structure(
+    table: ImpactTable,
+    scene: Scene,
+    choices: Choices,
+    chosen: Model,
+    channels: tuple[Channel, ...],
+    priors: Mapping[str, str],
+) -> tuple[tuple[Levels, ...], GroupOffsets | None, dict[str, ParameterSpec]]:
+    """Levels, group offsets and heavy tails that scene or user ask for, and the parameters these bring."""
+    distribution = choices.noise or scene.distribution
+    if distribution not in DISTRIBUTIONS:
+        raise ParameterError(f"noise '{distribution}': {suggestion(distribution, DISTRIBUTIONS)}")
+    extra = {TAILS: NOISE_SPECS[TAILS]} if distribution == STUDENT else {}
+    pool = {**scene.pool, **choices.pool}
+    known = {name: _prior_of(name, priors) for name in pool if name in chosen.parameter_names}
+    levels = build_levels(
+        table,
+        pool,
+        chosen.parameter_names,
+        {name: prior.log for name, prior in known.items()},
+        {name: (prior.lower, prior.upper) for name, prior in known.items()},
+    )
+    for item in levels:
+        median = float(known[item.parameter].quantile(np.array([0.5]))[0])
+        extra |= item.specs(SPECS[item.parameter].unit, median)
+    column = choices.offsets or scene.offsets
+    offsets = None if column is None else build_offsets(table, column)
+    if offsets is not None:
+        nominal = {
+            "velocity_sd": scene.velocity_sd or scene.nominal_velocity_sd,
+            "spin_sd": scene.spin_sd or scene.nominal_spin_sd,
+            "contact_time_sd": scene.contact_time_sd or 2e-4,
+        }
+        extra |= offsets.specs(channels, nominal)
+    return levels, offsets, extra
+
+
+def _prior_of(name: str, priors: Mapping[str, str]) -> Prior:
+    spec = SPECS[name]
+    return parse_prior(name, priors.get(name, spec.prior), spec.lower, spec.upper, spec.unit)
 
 
 def _compose(

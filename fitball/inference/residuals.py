@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.inference.parameters import NOISE_SPECS
+from fitball.inference.parameters import NOISE_SPECS, TAILS
 from fitball.inference.posterior import Problem
+from fitball.inference.scatter import as_residual
 from fitball.values import FloatArray
 
 # Residual [sd] that stands for a parameter set the model cannot evaluate; it only has to be worse than any fit.
@@ -18,7 +19,7 @@ IMPOSSIBLE = 1e3
 @dataclass(frozen=True)
 class Weighting:
     """Standard deviations for a least-squares problem: noise parameters held at `noise`; `penalised` adds the
-    priors as residuals, which makes the minimum that of the posterior for that noise.
+    priors as residuals and heavy tails as they are, which makes the minimum that of the posterior for that noise.
     """
 
     noise: Mapping[str, float]
@@ -28,10 +29,13 @@ class Weighting:
 def residuals(problem: Problem, values: FloatArray, weighting: Weighting) -> FloatArray:
     """Weighted residuals (draws, residuals) at free values (draws, free); the scene's contact time is one."""
     rebound = problem.rebound(values)
+    columns = problem.all_values(values)
+    tails = weighting.noise.get(TAILS) if weighting.penalised else None
     rows = []
     for channel in problem.channels:
         noise = weighting.noise[channel.noise] if channel.noise is not None else 0.0
-        rows.append((channel.predict(rebound) - channel.observed) / channel.spread(noise, rebound))
+        z = problem.deviation(columns, channel, rebound) / channel.spread(noise, rebound)
+        rows.append(as_residual(-z, tails))
     if problem.contact_time is not None:
         value, sd = problem.contact_time
         rows.append((rebound.contact_time.mean(axis=1, keepdims=True) - value) / sd)

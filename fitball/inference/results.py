@@ -202,6 +202,24 @@ class Golden:
 
 
 @dataclass(frozen=True)
+class LevelEstimate:
+    """A parameter at one level (`label` of `column`, with so many `impacts`), in SI; None without a posterior."""
+
+    parameter: str
+    column: str
+    label: str
+    unit: str
+    impacts: int
+    point: float
+    median: float | None
+    sd: float | None
+    q025: float | None
+    q16: float | None
+    q84: float | None
+    q975: float | None
+
+
+@dataclass(frozen=True)
 class BudgetLine:
     """Errors of one measured column in its SI unit: of the arithmetic (largest), of the measurement (median sd), and
     half of the 68 % interval of the noise-free prediction (median; None without a posterior).
@@ -255,6 +273,7 @@ class Fit:
     fitted: FittedModel
     golden: Golden
     error_budget: ErrorBudget
+    levels: tuple[LevelEstimate, ...]
     status: RunStatus
     verdict: str
     seed: int

@@ -35,4 +35,11 @@ def thinned_problem(problem: Problem, rows: int) -> Problem:
         labels={name: tuple(column[k] for k in kept) for name, column in problem.table.labels.items()},
         notices=(),
     )
-    return replace(problem, table=table, impacts=impacts, channels=channels)
+    return replace(
+        problem,
+        table=table,
+        impacts=impacts,
+        channels=channels,
+        levels=tuple(item.take(kept) for item in problem.levels),
+        offsets=None if problem.offsets is None else problem.offsets.take(kept),
+    )

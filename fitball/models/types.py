@@ -88,6 +88,7 @@ class Status(IntEnum):
     RESONANCE = 6
     NO_INERTIA = 7
     TOO_RAPID = 8
+    LEVEL_OUT_OF_BOUNDS = 9
 
 
 STATUS_REASON = {
@@ -111,6 +112,7 @@ STATUS_REASON = {
         "core and shell swing against each other too fast for one contact to be followed: use torsion = rigid, or "
         "a mass_ratio further from 1"
     ),
+    Status.LEVEL_OUT_OF_BOUNDS: "a parameter that differs between surfaces or balls leaves its bounds on one of them",
     Status.TOO_MANY_PHASES: "the contact point changed between slip and grip more often than the solver follows",
 }
 

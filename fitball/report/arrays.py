@@ -122,7 +122,7 @@ def incidence(fit: Fit) -> tuple[str, FloatArray]:
 
 def group_of(fit: Fit) -> tuple[str, ...]:
     """The group of each impact, empty where the table has none."""
-    labels = fit.problem.table.labels.get("group")
+    labels = fit.problem.groups
     return labels if labels is not None else ("",) * len(fit.problem.table)
 
 

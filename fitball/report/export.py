@@ -65,6 +65,7 @@ def fit_content(fit: Fit) -> dict[str, Any]:
         "versions": {"fitball": __version__, "python": platform.python_version()}
         | {name: version(name) for name in PACKAGES},
         "seed": fit.seed,
+        "levels": [asdict(item) for item in fit.levels],
         "error_budget": asdict(fit.error_budget) | {"share": fit.error_budget.share},
         "golden": _golden(fit.golden),
         "fitted": {

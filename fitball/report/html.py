@@ -9,7 +9,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 from fitball.inference.results import Fit
 from fitball.report.balance_table import balance_table
-from fitball.report.summary import diagnosis_lines, notes, parameter_rows, prediction_table, thesis_rows
+from fitball.report.summary import diagnosis_lines, level_rows, notes, parameter_rows, prediction_table, thesis_rows
 from fitball.version import __version__
 
 CAPTIONS = {
@@ -52,6 +52,7 @@ def page(fit: Fit, images: Mapping[str, bytes]) -> str:
         model=fit.problem.model,
         parameters=parameter_rows(fit),
         thesis=thesis_rows(fit),
+        levels=level_rows(fit),
         predictions=prediction_table(fit),
         balances=balance_table(fit.balances),
         diagnosis=diagnosis_lines(fit),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 
+from fitball.inference.parameters import TAILS
 from fitball.inference.results import Fit
 from fitball.version import __version__
 
@@ -33,6 +34,11 @@ def run_text(fit: Fit) -> str:
         lines += _section("contact_time", {"value": problem.contact_time[0], "sd": problem.contact_time[1]})
     lines += _section("priors", {item.name: item.prior.text for item in problem.free})
     lines += _section("fix", {item.name: item.fixed for item in problem.parameters if item.fixed is not None})
+    lines += _section("pool", {item.parameter: item.column for item in problem.levels})
+    measurement = {"distribution": "student-t" if TAILS in fit.point.values else "normal"}
+    if problem.offsets is not None:
+        measurement["offsets"] = problem.offsets.column
+    lines += _section("measurement", measurement)
     if fit.diagnostics is not None:
         found = fit.diagnostics
         lines += _section(

@@ -79,6 +79,47 @@ def parameter_rows(fit: Fit) -> tuple[ParameterRow, ...]:
     return tuple(_row(item, handy(item.name, item.unit)) for item in fit.estimates)
 
 
+@dataclass(frozen=True)
+class LevelRow:
+    """One level of a parameter, rounded, as text."""
+
+    name: str
+    unit: str
+    impacts: str
+    median: str
+    interval_68: str
+    interval_95: str
+    point: str
+
+
+def level_rows(fit: Fit) -> tuple[LevelRow, ...]:
+    """What each surface, ball or table has of a parameter that differs between them; empty where none does."""
+    rows = []
+    for item in fit.levels:
+        scale = handy(item.parameter, item.unit)
+        name, count = f"{item.parameter}[{item.label}]", str(item.impacts)
+        if item.median is None or item.sd is None:
+            rows.append(LevelRow(name, scale.unit, count, "-", "-", "-", significant(item.point * scale.factor, 4)))
+            continue
+        places = decimals(item.sd * scale.factor)
+
+        def text(value: float | None, factor: float = scale.factor) -> float | None:
+            return None if value is None else value * factor
+
+        rows.append(
+            LevelRow(
+                name,
+                scale.unit,
+                count,
+                fixed(text(item.median), places),
+                interval(text(item.q16), text(item.q84), places),
+                interval(text(item.q025), text(item.q975), places),
+                fixed(text(item.point), places),
+            )
+        )
+    return tuple(rows)
+
+
 def thesis_rows(fit: Fit) -> tuple[ParameterRow, ...]:
     """The parameters that the thesis quotes in units of its own, in those, with `C1`, `C2` of its Eq. (51)."""
     rows = [_row(item, THESIS[item.name]) for item in fit.estimates if item.name in THESIS]

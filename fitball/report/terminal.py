@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fitball.inference.results import Fit
 from fitball.report.balance_table import balance_table
-from fitball.report.summary import diagnosis_lines, notes, parameter_rows, prediction_table, thesis_rows
+from fitball.report.summary import diagnosis_lines, level_rows, notes, parameter_rows, prediction_table, thesis_rows
 
 WIDTH = 100
 
@@ -49,6 +49,14 @@ def render(fit: Fit, folder: Path) -> str:
         lines = [[row.name, row.unit, row.median, row.interval_68, row.interval_95, row.point] for row in thesis]
         parts += columns([heads[:6], *lines], left=2)
         parts.append("")
+    levels = level_rows(fit)
+    if levels:
+        names = ["level", "unit", "impacts", "median", "68 %", "95 %", "point"]
+        lines = [
+            [row.name, row.unit, row.impacts, row.median, row.interval_68, row.interval_95, row.point]
+            for row in levels
+        ]
+        parts += ["Level by level, pooled in part:", "", *columns([names, *lines], left=2), ""]
     parts.append("What the table says of each parameter:")
     for row in rows:
         parts += _wrapped(f"{row.name}: {row.verdict}; {row.reason}")

@@ -1,0 +1,110 @@
+"""Several tables as one: rows one below the other, each labelled with the table it came from."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from hashlib import sha256
+
+import numpy as np
+
+from fitball.data.frozen import FrozenMapping
+from fitball.data.read import load_table
+from fitball.data.table import ImpactTable, Measurement, Notice
+from fitball.errors import Fault, TableError
+from fitball.values import FloatArray, Impacts
+
+ORIGIN = "table"
+
+
+def load_tables(sources: Sequence[str | os.PathLike[str]]) -> ImpactTable:
+    """One table, or several joined. Raises TableError for each as `load_table` does, and for tables that differ."""
+    return joined([load_table(source) for source in sources])
+
+
+def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
+    """The rows of all tables, with a label column `table` (names of files) when there are several.
+
+    Label columns that not all have are left empty where they are missing. Raises TableError when measured columns or
+    stated sds differ: an impact without a measurement cannot stand beside one that has it.
+    """
+    if len(tables) == 1:
+        return tables[0]
+    first = tables[0]
+    faults = [fault for other in tables[1:] for fault in _differences(first, other)]
+    names = [item.name for item in tables]
+    faults += [Fault(f"table {name} is given twice") for name in sorted({n for n in names if names.count(n) > 1})]
+    if faults:
+        raise TableError(" + ".join(item.source for item in tables), faults)
+
+    def stacked(columns: Sequence[FloatArray]) -> FloatArray:
+        found = np.concatenate(columns)
+        found.setflags(write=False)
+        return found
+
+    labels = {
+        name: tuple(text for item in tables for text in item.labels.get(name, ("",) * len(item)))
+        for name in dict.fromkeys(name for item in tables for name in item.labels)
+    }
+    labels[ORIGIN] = tuple(item.name for item in tables for _ in range(len(item)))
+    cor = [item.impacts.cor for item in tables if item.impacts.cor is not None]
+    return ImpactTable(
+        name="+".join(names),
+        source=" + ".join(item.source for item in tables),
+        digest=sha256("".join(item.digest for item in tables).encode()).hexdigest(),
+        ids=tuple(f"{item.name}:{name}" for item in tables for name in item.ids),
+        impacts=Impacts(
+            stacked([item.impacts.v_x1 for item in tables]),
+            stacked([item.impacts.v_y1 for item in tables]),
+            stacked([item.impacts.omega_1 for item in tables]),
+            stacked(cor) if len(cor) == len(tables) else None,
+        ),
+        incident_columns=first.incident_columns,
+        incident_sd=FrozenMapping(
+            {name: stacked([item.incident_sd[name] for item in tables]) for name in first.incident_sd}
+        ),
+        measurements=tuple(
+            _stacked_measurement([item.measurements[k] for item in tables], stacked)
+            for k in range(len(first.measurements))
+        ),
+        redundant=(),
+        labels=FrozenMapping(labels),
+        units=first.units,
+        notices=tuple(
+            Notice(f"{item.name}: {notice}", None, notice.columns) for item in tables for notice in item.notices
+        ),
+    )
+
+
+def _stacked_measurement(
+    columns: Sequence[Measurement], stacked: Callable[[Sequence[FloatArray]], FloatArray]
+) -> Measurement:
+    sds = [item.sd for item in columns if item.sd is not None]
+    return Measurement(columns[0].name, stacked([item.values for item in columns]), stacked(sds) if sds else None)
+
+
+def _differences(one: ImpactTable, other: ImpactTable) -> list[Fault]:
+    faults = []
+    for what, columns, others in (
+        ("incident columns", one.incident_columns, other.incident_columns),
+        ("stated sds of incident columns", tuple(one.incident_sd), tuple(other.incident_sd)),
+        (
+            "measured columns",
+            tuple(item.name for item in one.measurements),
+            tuple(item.name for item in other.measurements),
+        ),
+        (
+            "measured columns with a stated sd",
+            tuple(item.name for item in one.measurements if item.sd is not None),
+            tuple(item.name for item in other.measurements if item.sd is not None),
+        ),
+    ):
+        if columns != others:
+            faults.append(
+                Fault(
+                    f"{what} differ: {', '.join(columns) or 'none'} in {one.source}, "
+                    f"{', '.join(others) or 'none'} in {other.source}; expected the same in all tables that are "
+                    "fitted together"
+                )
+            )
+    return faults

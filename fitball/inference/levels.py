@@ -1,0 +1,116 @@
+"""Parameters that differ between surfaces, balls or tables: partial pooling over the levels of a label.
+
+The coordinate of the parameter (its logarithm for a log prior) at a level is that of the common value plus `spread`
+times a standard normal number: the form without centre, whose prior stays a product (Papaspiliopoulos, Roberts and
+Skoeld 2007). How far levels lie apart, `spread`, is itself fitted; so a level with few impacts leans on the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.data.table import ImpactTable
+from fitball.errors import FitError, ParameterError, suggestion
+from fitball.models.specs import BALL_PARAMETERS, ParameterSpec
+from fitball.values import FloatArray
+
+# Spread of a logarithm, and of a value as a share of its prior's median, that is still expected (half-normal prior).
+EXPECTED_SPREAD = 0.3
+
+
+@dataclass(frozen=True)
+class Levels:
+    """A parameter over the `labels` of a `column`; `index` (impacts,) says which label an impact has.
+
+    `log` is whether its coordinate is the logarithm; `bounds` are those of the parameter, in SI.
+    """
+
+    parameter: str
+    column: str
+    labels: tuple[str, ...]
+    index: NDArray[np.int64]
+    log: bool
+    bounds: tuple[float, float]
+
+    @property
+    def spread_name(self) -> str:
+        """Name of the parameter that says how far levels lie apart."""
+        return f"{self.parameter}_spread"
+
+    def place_name(self, label: str) -> str:
+        """Name of the parameter that says where a level lies, in spreads from the common value."""
+        return f"{self.parameter}_place[{label}]"
+
+    def value(self, columns: Mapping[str, FloatArray], label: str) -> FloatArray:
+        """The parameter (draws,) at a level, from the columns of all parameters."""
+        shift: FloatArray = columns[self.spread_name] * columns[self.place_name(label)]
+        common = columns[self.parameter]
+        return np.asarray(common * np.exp(shift) if self.log else common + shift)
+
+    def outside(self, values: FloatArray) -> NDArray[np.bool_]:
+        """Where values leave the bounds of the parameter."""
+        return np.asarray((values < self.bounds[0]) | (values > self.bounds[1]))
+
+    def take(self, rows: NDArray[np.int64]) -> Levels:
+        """The same levels for some of the impacts."""
+        return Levels(self.parameter, self.column, self.labels, self.index[rows], self.log, self.bounds)
+
+    def specs(self, unit: str, median: float) -> dict[str, ParameterSpec]:
+        """What the additional parameters are, by name; `median` is that of the parameter's prior."""
+        size = EXPECTED_SPREAD if self.log else EXPECTED_SPREAD * abs(median)
+        made = {
+            self.spread_name: ParameterSpec(
+                self.spread_name, "" if self.log else unit, 0.0, 20.0 * size, f"normal(0, {size:.6g})",
+                f"how far {self.parameter} differs between {self.column}s (one standard deviation"
+                + (" of its logarithm)" if self.log else ")"),
+                rf"$\tau_{{{_plain(self.parameter)}}}$",
+            )
+        }  # fmt: skip
+        for label in self.labels:
+            name = self.place_name(label)
+            made[name] = ParameterSpec(
+                name, "", -8.0, 8.0, "normal(0, 1)",
+                f"where {self.parameter} of {self.column} {label} lies, in spreads from the common value",
+                rf"$z_{{{_plain(label)}}}$",
+            )  # fmt: skip
+        return made
+
+
+def _plain(text: str) -> str:
+    """Letters and digits only, for a formula."""
+    return r"\mathrm{" + "".join(item for item in text if item.isalnum()) + "}"
+
+
+def labels_of(table: ImpactTable, column: str, asked_by: str) -> tuple[str, ...]:
+    """The label column of a table. Raises FitError that names those it has."""
+    if column not in table.labels:
+        known = ", ".join(table.labels) or "none"
+        raise FitError(f"{asked_by}: {table.source} has no label column '{column}' (label columns: {known})")
+    return table.labels[column]
+
+
+def build_levels(
+    table: ImpactTable, pool: Mapping[str, str], names: Sequence[str], logs: Mapping[str, bool],
+    bounds: Mapping[str, tuple[float, float]],
+) -> tuple[Levels, ...]:  # fmt: skip
+    """Levels for `pool` (parameter -> label column), in the order of `pool`.
+
+    `names` are the parameters of the model. Raises ParameterError for a parameter it has not, FitError for a column
+    the table has not or that holds one label only.
+    """
+    found = []
+    for name, column in pool.items():
+        asked = f"--pool {name}={column}"
+        if name not in names or name in BALL_PARAMETERS:
+            raise ParameterError(f"{asked}: no such model parameter; {suggestion(name, names)}")
+        labels = labels_of(table, column, asked)
+        distinct = tuple(dict.fromkeys(labels))
+        if len(distinct) < 2:
+            raise FitError(f"{asked}: column {column} of {table.source} holds one label only: {distinct[0]}")
+        index = np.array([distinct.index(label) for label in labels], dtype=np.int64)
+        found.append(Levels(name, column, distinct, index, logs[name], bounds[name]))
+    return tuple(found)

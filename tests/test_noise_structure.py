@@ -1,0 +1,260 @@
+"""Heavy tails, biased groups, parameters that differ between surfaces, and several tables fitted together."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from importlib.resources import files
+
+import jsonschema
+import numpy as np
+import pytest
+from scipy import stats
+
+import fitball
+from fitball.cli.main import main
+from fitball.data.join import joined, load_tables
+from fitball.data.read import load_table
+from fitball.data.scene import Scene, load_scene
+from fitball.errors import FitError, ParameterError, TableError
+from fitball.inference.problem import Choices, build_problem
+from fitball.inference.scatter import as_residual, draw, log_density
+from fitball.models.types import Status
+from fitball.report.export import fit_text
+
+RADIUS = fitball.Ball().radius
+
+
+def table_of(**columns):
+    """Wang's 21 impacts with measured columns replaced, and labels."""
+    table = load_table("wang_all.csv")
+    labels = columns.pop("labels", table.labels)
+    return replace(
+        table,
+        measurements=tuple(replace(item, values=columns.get(item.name, item.values)) for item in table.measurements),
+        redundant=(),
+        labels=labels,
+        notices=(),
+    )
+
+
+TRUE = {"mu": 0.55, "eps_10": 2e-3, "eps_slope": 0.0, "cor_10": 0.77, "cor_slope": -0.015, "e_x": 0.1, "offset": 0.0}
+
+
+def simulated(mu, seed, labels):
+    """Rebounds of the grip-slip ball with a friction coefficient an impact, and noise of 0.1 m/s and 4 rad/s."""
+    chosen = fitball.model("grip-slip")
+    impacts = load_table("wang_all.csv").impacts
+    rng = np.random.default_rng(seed)
+    rows = np.array([[TRUE[name] for name in chosen.parameter_names]] * 21)
+    rows[:, list(chosen.parameter_names).index("mu")] = mu
+    made = chosen.evaluate(chosen.parameter_names, rows, impacts)
+    at = np.arange(21)
+    return table_of(
+        v_x2=made.v_x2[at, at] + 0.1 * rng.standard_normal(21),
+        v_y2=made.v_y2[at, at] + 0.1 * rng.standard_normal(21),
+        omega_2=made.omega_2[at, at] + 4.0 * rng.standard_normal(21),
+        labels={"surface": labels},
+    )
+
+
+def problem_of(table, **choices):
+    return build_problem(table, Scene(), Choices(model="grip-slip", **choices))
+
+
+def test_students_t_is_scipys():
+    z = np.linspace(-9.0, 9.0, 41)
+    for nu in (2.0, 7.5, 100.0):
+        np.testing.assert_allclose(log_density(z, np.array(nu)), stats.t(nu).logpdf(z), rtol=1e-12)
+        squares = -2.0 * (stats.t(nu).logpdf(z) - stats.t(nu).logpdf(0.0))
+        np.testing.assert_allclose(as_residual(z, nu) ** 2, squares, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(log_density(z, None), stats.norm.logpdf(z), rtol=1e-12)
+    drawn = draw(np.random.default_rng(1), (20_000,), np.array(3.0))
+    assert stats.kstest(drawn, stats.t(3.0).cdf).pvalue > 0.01
+    assert stats.kstest(drawn, stats.norm.cdf).pvalue < 1e-6
+
+
+def test_the_likelihood_written_out():
+    """Student's t about the model of the impact's own surface plus the bias of its group."""
+    table = load_table("wang_all.csv")
+    labels = tuple("grass" if k % 3 == 0 else "clay" for k in range(21))
+    table = replace(table, labels={**table.labels, "surface": labels})
+    problem = problem_of(table, noise="student-t", pool={"mu": "surface"}, offsets="group")
+    rng = np.random.default_rng(4)
+    values = np.array([[item.prior.quantile(np.array([p]))[0] for item in problem.free]
+                       for p in rng.uniform(0.35, 0.65, 3)])  # fmt: skip
+    values += 0.02 * np.abs(values) * rng.standard_normal(values.shape)
+    columns = problem.all_values(values)
+    found = problem.log_likelihood(values, problem.rebound(values))
+    chosen = problem.model
+    for draw_number in range(3):
+        one = {name: column[draw_number] for name, column in columns.items()}
+        total = 0.0
+        for k in range(21):
+            place = one[f"mu_place[{labels[k]}]"] * one["mu_spread"]
+            prior = next(item.prior for item in problem.parameters if item.name == "mu")
+            own = {**one, "mu": one["mu"] * np.exp(place) if prior.log else one["mu"] + place}
+            impact = fitball.impacts(table.impacts.v_x1[k], table.impacts.v_y1[k], table.impacts.omega_1[k])
+            made = chosen.rebound({name: own[name] for name in chosen.parameter_names}, impact)
+            for name, noise in (("v_x2", "velocity_sd"), ("v_y2", "velocity_sd"), ("omega_2", "spin_sd")):
+                centre = getattr(made, name)[0] + one[f"{name}_offset[{table.labels['group'][k]}]"]
+                measured = table.measurement(name).values[k]
+                total += stats.t(one["degrees_of_freedom"], centre, one[noise]).logpdf(measured)
+        assert found[draw_number] == pytest.approx(total, rel=1e-10)
+
+
+def test_a_level_out_of_bounds_is_impossible_and_not_clamped():
+    table = replace(load_table("wang_all.csv"), labels={"surface": ("a",) * 10 + ("b",) * 11})
+    problem = problem_of(table, pool={"mu": "surface"}, priors={"mu": "normal(0.5, 0.1)"})
+    values = np.array([[item.prior.quantile(np.array([0.5]))[0] for item in problem.free]])
+    names = list(problem.free_names)
+    values[0, names.index("mu_spread")] = 0.3
+    values[0, names.index("mu_place[b]")] = -4.0
+    status = problem.rebound(values).status[0]
+    assert (status[:10] == Status.OK).all()
+    assert (status[10:] == Status.LEVEL_OUT_OF_BOUNDS).all()
+    assert problem.log_posterior(problem.to_coordinates(values))[0] == -np.inf
+
+
+@pytest.fixture(scope="module")
+def two_surfaces():
+    labels = ("clay",) * 11 + ("grass",) * 10
+    mu = np.where(np.array(labels) == "clay", 0.7, 0.4)
+    table = simulated(mu, 8, labels)
+    return table, fitball.calibrate(
+        table, "grip-slip", scene=Scene(), pool={"mu": "surface"}, seed=2, cores=2, max_steps=1000
+    )
+
+
+def test_surfaces_are_told_apart(two_surfaces):
+    _, fit = two_surfaces
+    found = {item.label: item for item in fit.levels}
+    assert found["clay"].impacts == 11
+    assert found["clay"].q025 < 0.7 < found["clay"].q975
+    assert found["grass"].q025 < 0.4 < found["grass"].q975
+    assert found["grass"].q975 < found["clay"].q025
+    assert fit.parameters["velocity_sd"].q975 < 0.2
+
+
+def test_one_friction_for_both_surfaces_does_not_fit(two_surfaces):
+    table, fit = two_surfaces
+    single = fitball.calibrate(table, "grip-slip", scene=Scene(), seed=2, point_only=True)
+    assert single.point.values["velocity_sd"] > 2.0 * fit.point.values["velocity_sd"]
+
+
+def test_levels_are_shown_and_kept(two_surfaces):
+    _, fit = two_surfaces
+    content = json.loads(fit_text(fit))
+    jsonschema.validate(content, json.loads((files("fitball.report") / "fit.schema.json").read_text("utf-8")))
+    assert [item["label"] for item in content["levels"]] == ["clay", "grass"]
+    curves = fit.predictive.curves
+    assert set(curves) == {"clay", "grass"}
+
+
+def test_an_outlier_moves_a_normal_fit_and_not_a_robust_one():
+    labels = ("hard",) * 21
+    table = simulated(0.55, 3, labels)
+    spoilt = table.measurement("v_y2").values.copy()
+    spoilt[4] += 3.0
+    broken = table_of(
+        v_x2=table.measurement("v_x2").values, v_y2=spoilt, omega_2=table.measurement("omega_2").values,
+        labels={"surface": labels},
+    )  # fmt: skip
+
+    def line(data, noise):
+        fit = fitball.calibrate(data, "grip-slip", scene=Scene(), noise=noise, seed=1, point_only=True)
+        return fit.point.values["cor_10"] + fit.point.values["cor_slope"] * (data.impacts.v_y1 - 10.0), fit
+
+    clean, _ = line(table, "normal")
+    normal, _ = line(broken, "normal")
+    robust, fit = line(broken, "student-t")
+    assert np.max(np.abs(normal - clean)) > 5.0 * np.max(np.abs(robust - clean))
+    assert fit.point.values["degrees_of_freedom"] < 6.0
+    assert fit.point.values["velocity_sd"] < 0.2
+
+
+def test_the_bias_of_a_group_is_an_offset_not_noise():
+    table = load_table("wang_all.csv")
+    groups = table.labels["group"]
+    made = simulated(0.55, 6, groups)
+    spins = made.measurement("omega_2").values + np.where(np.array(groups) == "backspin", 40.0, 0.0)
+    biased = table_of(
+        v_x2=made.measurement("v_x2").values, v_y2=made.measurement("v_y2").values, omega_2=spins,
+        labels={"group": groups},
+    )  # fmt: skip
+    hidden = fitball.calibrate(biased, "grip-slip", scene=Scene(), seed=1, point_only=True)
+    shown = fitball.calibrate(biased, "grip-slip", scene=Scene(), offsets="group", seed=1, point_only=True)
+    values = shown.point.values
+    gap = values["omega_2_offset[backspin]"] - 0.5 * (
+        values["omega_2_offset[zero]"] + values["omega_2_offset[topspin]"]
+    )
+    assert gap == pytest.approx(40.0, abs=12.0)
+    assert values["spin_sd"] < 0.6 * hidden.point.values["spin_sd"]
+
+
+def test_joined_tables_are_the_rows_of_both():
+    names = ("wang_zero_spin.csv", "wang_topspin.csv", "wang_backspin.csv")
+    together, whole = load_tables(names), load_table("wang_all.csv")
+    np.testing.assert_array_equal(together.impacts.v_x1, whole.impacts.v_x1)
+    for item in whole.measurements:
+        np.testing.assert_array_equal(together.measurement(item.name).values, item.values)
+    assert together.labels["table"] == ("wang_zero_spin",) * 7 + ("wang_topspin",) * 7 + ("wang_backspin",) * 7
+    assert len(together.notices) == sum(len(load_table(name).notices) for name in names)
+    assert together.digest != joined([load_table(name) for name in names[::-1]]).digest
+    assert load_tables(names[:1]).labels.keys() == load_table(names[0]).labels.keys()
+
+
+def test_tables_that_differ_are_not_joined(tmp_path):
+    (tmp_path / "a.csv").write_text("v_x1,v_y1,v_x2,v_y2\n10,5,7,4\n11,6,8,4.5\n", encoding="utf-8")
+    (tmp_path / "b.csv").write_text("v_x1,v_y1,v_x2,v_y2,omega_2\n10,5,7,4,200\n11,6,8,4.5,210\n", encoding="utf-8")
+    with pytest.raises(TableError, match=r"measured columns differ: v_x2, v_y2 in .*a\.csv, v_x2, v_y2, omega_2 in"):
+        load_tables([tmp_path / "a.csv", tmp_path / "b.csv"])
+    with pytest.raises(TableError, match="table a is given twice"):
+        load_tables([tmp_path / "a.csv", tmp_path / "a.csv"])
+
+
+@pytest.mark.parametrize(
+    ("choices", "error", "words"),
+    [
+        ({"noise": "studnt-t"}, ParameterError, "student-t"),
+        ({"pool": {"nu": "surface"}}, ParameterError, "no such model parameter"),
+        ({"pool": {"ball_mass": "surface"}}, ParameterError, "no such model parameter"),
+        ({"pool": {"mu": "court"}}, FitError, "no label column 'court'"),
+        ({"pool": {"mu": "surface"}}, FitError, "one label only"),
+        ({"offsets": "court"}, FitError, "no label column 'court'"),
+    ],
+)
+def test_impossible_structures_are_named(choices, error, words):
+    table = replace(load_table("wang_all.csv"), labels={"surface": ("acrylic",) * 21})
+    with pytest.raises(error, match=words):
+        problem_of(table, **choices)
+
+
+def test_the_command_line_and_the_scene_say_the_same(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    words = ["calibrate", "wang_all.csv", "--model", "grip-slip", "--point-only", "--quiet"]
+    assert main([*words, "--noise", "student-t", "--offsets", "group", "--pool", "mu=group", "--out", "a"]) == 0
+    (tmp_path / "scene.toml").write_text(
+        '[model]\nname = "grip-slip"\n[measurement]\ndistribution = "student-t"\noffsets = "group"\n'
+        '[pool]\nmu = "group"\n[surface]\nmu = { value = 0.55, sd = 0.05 }\n', encoding="utf-8",
+    )  # fmt: skip
+    assert main(["calibrate", "wang_all.csv", "--config", "scene.toml", "--point-only", "--quiet", "--out", "b"]) == 0
+    one, other = (json.loads((tmp_path / name / "fit.json").read_text("utf-8")) for name in "ab")
+    for name, item in one["parameters"].items():
+        assert other["parameters"][name]["point"] == item["point"]
+    run = (tmp_path / "a" / "run.toml").read_text("utf-8")
+    assert 'distribution" = "student-t"' in run
+    assert '"mu" = "group"' in run
+    capsys.readouterr()
+    assert main(["calibrate", "wang_all.csv", "--noise", "gaussian"]) == 2
+    assert "normal" in capsys.readouterr().err
+
+
+def test_several_tables_on_the_command_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    words = ["wang_zero_spin.csv", "wang_topspin.csv", "--model", "grip-slip", "--pool", "mu=table", "--point-only"]
+    assert main(["calibrate", *words]) == 0
+    out, err = capsys.readouterr()
+    assert "mu[wang_zero_spin]" in out
+    assert "the scene of wang_zero_spin.csv is taken for all tables" in err
+    assert load_scene("wang_zero_spin.csv").mu == load_scene("wang_topspin.csv").mu
