@@ -31,6 +31,11 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     return cast("Callable[P, R]", _compile(function, {"_nrt": False}))
 
 
+def inlined(function: Callable[P, R]) -> Callable[P, R]:
+    """As `compiled`, always expanded where it is called: for what is apart for order's sake, called once or twice."""
+    return cast("Callable[P, R]", _compile(function, {"_nrt": False, "forceinline": True}))
+
+
 def compiled_allocating(function: Callable[P, R]) -> Callable[P, R]:
     """As `compiled`, for kernels that make arrays."""
     return cast("Callable[P, R]", _compile(function, {}))

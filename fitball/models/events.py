@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 
 from fitball.models.compiled import compiled
+from fitball.models.dual import Number, NumberArray
 from fitball.models.oscillator import damped_pair, series_value, shift_pair
 from fitball.values import FloatArray
 
@@ -31,8 +32,8 @@ NO_ZERO = -1.0
 # Decay over one step back beyond which the basis is computed afresh: undoing it amplifies rounding by its inverse.
 UNDONE = 0.5
 # `(C, S, envelope)` of the torsional pair, then of the vertical pair.
-Basis = tuple[float, float, float, float, float, float]
-AT_START: Basis = (1.0, 0.0, 1.0, 1.0, 0.0, 1.0)
+Basis = tuple[Number, Number, Number, Number, Number, Number]
+AT_START: Basis[float] = (1.0, 0.0, 1.0, 1.0, 0.0, 1.0)
 
 
 @compiled
@@ -69,7 +70,7 @@ def prepare_series(c: FloatArray, n: int, h: float) -> float:
 
 
 @compiled
-def basis_at(poles: FloatArray, t: float) -> Basis:
+def basis_at(poles: NumberArray, t: Number) -> Basis[Number]:
     """`(C, S, envelope)` of the torsional and of the vertical pair at time `t`."""
     p, q, e = damped_pair(poles[0], poles[1], poles[2], poles[3], t)
     r, s, g = damped_pair(poles[4], poles[5], poles[6], poles[7], t)
@@ -77,7 +78,7 @@ def basis_at(poles: FloatArray, t: float) -> Basis:
 
 
 @compiled
-def shifted(poles: FloatArray, basis: Basis, t: float) -> Basis:
+def shifted(poles: FloatArray, basis: Basis[float], t: float) -> Basis[float]:
     """The basis a short time `t` (of either sign) later, by the addition theorem; envelopes are left as they are."""
     p, q, e, r, s, g = basis
     c, d = shift_pair(poles[0], poles[1], poles[2], poles[3], t)
@@ -87,7 +88,7 @@ def shifted(poles: FloatArray, basis: Basis, t: float) -> Basis:
 
 @compiled
 def evaluate(
-    c: FloatArray, basis: Basis, n: int, h: float, series_bound: float, t: float
+    c: FloatArray, basis: Basis[float], n: int, h: float, series_bound: float, t: float
 ) -> tuple[float, float, float, float]:
     """Value, slope, curvature at `t`, where the basis is `basis`, and a bound of the sixth derivative from `t` on.
 
@@ -162,7 +163,7 @@ def guess(b0: float, b1: float, b2: float, b3: float, b4: float, b5: float) -> f
 @compiled
 def polish(
     c: FloatArray, poles: FloatArray, n: int, scale: float, left: float, right: float, t: float
-) -> tuple[float, Basis]:
+) -> tuple[float, Basis[float]]:
     """The zero between `left` (f > 0) and `right` (f <= 0), to rounding: Halley from `t`, kept in the bracket.
 
     Returns it with the basis there (a series has none).
@@ -199,9 +200,9 @@ def first_zero(
     series_bound: float,
     order: int,
     end: float,
-    end_basis: Basis,
+    end_basis: Basis[float],
     stack: FloatArray,
-) -> tuple[float, Basis]:
+) -> tuple[float, Basis[float]]:
     """First time in (0, end] at which f, positive just after 0, falls to zero; NO_ZERO if there is none.
 
     Returns it with the basis there; NaN if f overflows or the halvings allowed run out. `order` zeros are known to

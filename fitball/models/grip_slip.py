@@ -8,10 +8,13 @@ that acts a distance `offset` ahead of the centre; the grip impulse is limited b
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from fitball.models.dual import STEP, NumberArray
+from fitball.models.jacobian import INPUTS, OUTPUTS, ReboundJacobian, moved_inputs
 from fitball.models.model import Model, ball_columns
 from fitball.models.types import Phase, Rebound, Status
 from fitball.values import FloatArray, Impacts
@@ -33,33 +36,54 @@ class GripSlipModel(Model):
 
     def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts) -> Rebound:
         """See `Model.evaluate`."""
-        index = {name: column for column, name in enumerate(names)}
-
-        def column(name: str) -> FloatArray:
-            return values[:, index[name], None] if name in index else np.zeros((values.shape[0], 1))
-
-        mass, radius, inertia = (item[:, None] for item in ball_columns(self.ball, names, values))
-        cor = column("cor_10") + column("cor_slope") * (impacts.v_y1 - ANCHOR_SPEED)
-        outside = ~((cor > 0.0) & (cor <= 1.0))
-        cor = np.where(outside, np.nan, cor)
-        normal_impulse = mass * (1.0 + cor) * impacts.v_y1
-        limit = column("mu") * normal_impulse
-        a = inertia / (mass * radius**2)
-        slip = impacts.v_x1 - radius * impacts.omega_1
-        shift = column("offset") * normal_impulse
-        grip = mass * a / (1.0 + a) * ((1.0 + column("e_x")) * slip + shift / (a * mass * radius))
-        impulse = np.clip(grip, -limit, limit)
-        regime = np.select(
-            [grip > limit, grip < -limit],
-            [int(Phase.SLIDE_FORWARD), int(Phase.SLIDE_BACKWARD)],
-            int(Phase.GRIP),
-        )
-        v_x2 = impacts.v_x1 - impulse / mass
+        found, regime, outside = self._bounce(names, values, impacts.v_x1, impacts.v_y1, impacts.omega_1)
         return Rebound(
-            v_x2=v_x2,
-            v_y2=cor * impacts.v_y1,
-            omega_2=impacts.omega_1 + (radius * impulse - shift) / inertia,
-            contact_time=np.full(v_x2.shape, np.nan),
+            *found,
+            contact_time=np.full(regime.shape, np.nan),
             regime=np.where(outside, 0, regime).astype(np.int64),
             status=np.where(outside, int(Status.COR_OUT_OF_RANGE), int(Status.OK)).astype(np.int8),
         )
+
+    def jacobian(
+        self, names: Sequence[str], values: FloatArray, impacts: Impacts, parameters: Sequence[str] | None = None
+    ) -> ReboundJacobian:
+        """See `Model.jacobian`."""
+        chosen = tuple(names) if parameters is None else tuple(parameters)
+        plain = replace(impacts, cor=None)
+        slopes = np.full((values.shape[0], len(impacts), len(OUTPUTS), len(INPUTS) + len(chosen)), np.nan)
+        for moved in moved_inputs(names, values, plain, chosen):
+            found, _regime, outside = self._bounce(names, moved.values, moved.v_x1, moved.v_y1, moved.omega_1)
+            for output, value in enumerate(found):
+                slopes[:, :, output, moved.place] = np.where(outside, np.nan, np.imag(value) / STEP)
+        return ReboundJacobian(
+            rebound=self.evaluate(names, values, impacts),
+            names=chosen,
+            inputs=slopes[..., : len(INPUTS)],
+            parameters=slopes[..., len(INPUTS) :],
+            cor=None,
+        )
+
+    def _bounce(
+        self, names: Sequence[str], values: NumberArray, v_x: NumberArray, v_y: NumberArray, omega: NumberArray
+    ) -> tuple[tuple[NumberArray, NumberArray, NumberArray], NDArray[np.int64], NDArray[np.bool_]]:
+        """`(v_x2, v_y2, omega_2)`, regime, and where the restitution is impossible, in the kind of number given."""
+        index = {name: column for column, name in enumerate(names)}
+
+        def column(name: str) -> NumberArray:
+            return values[:, index[name], None] if name in index else np.zeros((values.shape[0], 1))
+
+        mass, radius, inertia = (item[:, None] for item in ball_columns(self.ball, names, values))
+        cor = column("cor_10") + column("cor_slope") * (v_y - ANCHOR_SPEED)
+        outside = ~((cor.real > 0.0) & (cor.real <= 1.0))
+        cor = np.where(outside, np.nan, cor)
+        normal_impulse = mass * (1.0 + cor) * v_y
+        limit = column("mu") * normal_impulse
+        a = inertia / (mass * radius**2)
+        slip = v_x - radius * omega
+        shift = column("offset") * normal_impulse
+        grip = mass * a / (1.0 + a) * ((1.0 + column("e_x")) * slip + shift / (a * mass * radius))
+        beyond = [grip.real > limit.real, grip.real < -limit.real]
+        impulse = np.select(beyond, [limit, -limit], grip)
+        regime = np.select(beyond, [int(Phase.SLIDE_FORWARD), int(Phase.SLIDE_BACKWARD)], int(Phase.GRIP))
+        v_x2 = v_x - impulse / mass
+        return (v_x2, cor * v_y, omega + (radius * impulse - shift) / inertia), regime, outside

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fitball.errors import ModelError, ParameterError, suggestion
+from fitball.models.dual import NumberArray
+from fitball.models.jacobian import ReboundJacobian
 from fitball.models.specs import BALL_PARAMETERS, SPECS, ParameterSpec
 from fitball.models.types import STATUS_REASON, Rebound, Status
 from fitball.values import Ball, FloatArray, Impacts
@@ -49,6 +51,16 @@ class Model(ABC):
 
         `names` are those of `parameters`, with any of the ball's own parameters beside them. What cannot be
         evaluated is NaN and marked by its status.
+        """
+
+    @abstractmethod
+    def jacobian(
+        self, names: Sequence[str], values: FloatArray, impacts: Impacts, parameters: Sequence[str] | None = None
+    ) -> ReboundJacobian:
+        """Rebounds as `evaluate` gives them, with their exact derivatives; `names`, `values` (draws, names) as there.
+
+        `parameters` are those of `names` to differentiate with respect to: all by default, `()` for none, which
+        leaves the derivatives with respect to the incident state.
         """
 
     @final
@@ -113,10 +125,12 @@ class Model(ABC):
         return names, np.atleast_2d(values), values.ndim == 1
 
 
-def ball_columns(ball: Ball, names: Sequence[str], values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def ball_columns(
+    ball: Ball, names: Sequence[str], values: NumberArray
+) -> tuple[NumberArray, NumberArray, NumberArray]:
     """Mass, radius, inertia, each (draws,), where any of them may be among the sampled `names`."""
 
-    def column(name: str, default: float) -> FloatArray:
+    def column(name: str, default: float) -> NumberArray:
         if name in names:
             return values[:, list(names).index(name)]
         return np.full(values.shape[0], default)

@@ -14,10 +14,8 @@ pole of the other. There the partial fractions cancel, and a Taylor series (`ser
 
 from __future__ import annotations
 
-import math
-
 from fitball.models.compiled import compiled
-from fitball.values import FloatArray
+from fitball.models.dual import Number, NumberArray, cos, exp, sin
 
 # |w2| t^2 below which sin(wt)/w is summed as a series; five terms leave an error of 3e-18.
 SMALL_PHASE = 0.01
@@ -33,18 +31,18 @@ SERIES_LENGTH = 44
 
 
 @compiled
-def damped_pair(a: float, w2: float, b: float, w: float, t: float) -> tuple[float, float, float]:
+def damped_pair(a: Number, w2: Number, b: Number, w: Number, t: Number) -> tuple[Number, Number, Number]:
     """Return `(C, S, envelope)` at time `t`, where `envelope` bounds exp(-a t) times any cos or cosh."""
     x = w2 * t * t
-    if x > SMALL_PHASE:
-        envelope = math.exp(-a * t)
-        return envelope * math.cos(w * t), envelope * math.sin(w * t) / w, envelope
-    if x < -SMALL_PHASE:
+    if x.real > SMALL_PHASE:
+        envelope = exp(-a * t)
+        return envelope * cos(w * t), envelope * sin(w * t) / w, envelope
+    if x.real < -SMALL_PHASE:
         # a - w by way of the product of the poles, because the difference cancels when overdamped.
-        slow = math.exp(-b / (a + w) * t)
-        fast = math.exp(-(a + w) * t)
+        slow = exp(-b / (a + w) * t)
+        fast = exp(-(a + w) * t)
         return 0.5 * (slow + fast), 0.5 * (slow - fast) / w, slow
-    envelope = math.exp(-a * t)
+    envelope = exp(-a * t)
     cosine = 1.0 - x * (1.0 / 2 - x * (1.0 / 24 - x * (1.0 / 720 - x * (1.0 / 40320))))
     sine = 1.0 - x * (1.0 / 6 - x * (1.0 / 120 - x * (1.0 / 5040 - x * (1.0 / 362880))))
     # An overdamped pair in this branch grows by at most cosh(0.1) over its envelope.
@@ -75,16 +73,16 @@ def resultant(a: float, w2: float, sigma: float, w2_force: float) -> float:
 
 @compiled
 def forced_response(
-    a: float,
-    w2: float,
-    sigma: float,
-    w2_force: float,
-    kappa: float,
-    force_c: float,
-    force_s: float,
-    x0: float,
-    v0: float,
-) -> tuple[float, float, float, float]:
+    a: Number,
+    w2: Number,
+    sigma: Number,
+    w2_force: Number,
+    kappa: Number,
+    force_c: Number,
+    force_s: Number,
+    x0: Number,
+    v0: Number,
+) -> tuple[Number, Number, Number, Number]:
     """Solve `x'' + 2 a x' + b x = kappa (force_c C_f + force_s S_f)`, `x(0) = x0`, `x'(0) = v0`.
 
     Returns `(h_c, h_s, p_c, p_s)` with `x = h_c C + h_s S + p_c C_f + p_s S_f`, by partial fractions:
@@ -108,7 +106,7 @@ def series_length(reach: float) -> int:
 
 
 @compiled
-def series_free(c0: float, s0: float, sigma: float, omega2: float, h: float, n: int, out: FloatArray) -> None:
+def series_free(c0: Number, s0: Number, sigma: Number, omega2: Number, h: float, n: int, out: NumberArray) -> None:
     """Taylor coefficients in `t/h` of `c0 C + s0 S` for the pair with decay `sigma` and `b = omega2`."""
     out[0] = c0
     out[1] = (s0 - sigma * c0) * h
@@ -118,15 +116,15 @@ def series_free(c0: float, s0: float, sigma: float, omega2: float, h: float, n: 
 
 @compiled
 def series_response(
-    a: float,
-    b: float,
-    kappa: float,
-    force: FloatArray,
-    x0: float,
-    v0: float,
+    a: Number,
+    b: Number,
+    kappa: Number,
+    force: NumberArray,
+    x0: Number,
+    v0: Number,
     h: float,
     n: int,
-    out: FloatArray,
+    out: NumberArray,
 ) -> None:
     """Taylor coefficients in `t/h` of the response to `kappa * force`, itself given in that form."""
     out[0] = x0
@@ -137,11 +135,11 @@ def series_response(
 
 
 @compiled
-def series_value(c: FloatArray, n: int, x: float) -> tuple[float, float, float]:
+def series_value(c: NumberArray, n: int, x: Number) -> tuple[Number, Number, Number]:
     """Value and first two derivatives with respect to `x` of the polynomial with coefficients `c`."""
-    f = c[n - 1]
-    d = 0.0
-    dd = 0.0
+    f: Number = c[n - 1]
+    d = 0.0 * x
+    dd = 0.0 * x
     for k in range(n - 2, -1, -1):
         dd = dd * x + d
         d = d * x + f

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.models.compiled import compiled, compiled_allocating
+from fitball.models.dual import Number, log, sqrt
 from fitball.models.phases import GRIP, append_phase, slide_phase
 from fitball.models.types import Status
 from fitball.values import FloatArray
@@ -32,7 +33,9 @@ INERTIA_UNIT = 4.4482216152605 * 0.0254
 
 
 @compiled
-def thesis_damping(formula: int, c_y: float, core_mass: float, k_y: float, mass_ratio: float, cor: float) -> float:
+def thesis_damping(
+    formula: int, c_y: Number, core_mass: Number, k_y: Number, mass_ratio: Number, cor: Number
+) -> Number:
     """Decay rate `sigma = c_y/(2 M1)` of the vertical motion [1/s]; NaN where the formula has no solution.
 
     SLIP: by Eqs (5)-(7) the core leaves with `COR M/M1` of its speed, which exceeds 1 for nearly every impact.
@@ -41,12 +44,12 @@ def thesis_damping(formula: int, c_y: float, core_mass: float, k_y: float, mass_
     natural2 = k_y / core_mass
     if formula == DAMPING_GIVEN:
         sigma = 0.5 * c_y / core_mass
-        return sigma if sigma * sigma < natural2 else math.nan
+        return sigma if sigma.real * sigma.real < natural2.real else math.nan + 0.0 * sigma
     left = mass_ratio / cor if formula == DAMPING_CHAPTER_THREE else cor
-    if not 0.0 < left <= 1.0:
-        return math.nan
-    decrement = -math.log(left) / math.pi
-    return decrement * math.sqrt(natural2 / (1.0 + decrement * decrement))
+    if not 0.0 < left.real <= 1.0:
+        return math.nan + 0.0 * left
+    decrement = -log(left) / math.pi
+    return decrement * sqrt(natural2 / (1.0 + decrement * decrement))
 
 
 @compiled

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitball.models import thesis
+from fitball.models import thesis, thesis_jacobian
 from fitball.models.bounce import ANCHOR_SPEED, tied_inertia_split
+from fitball.models.dual import NumberArray
+from fitball.models.jacobian import INPUTS, OUTPUTS, ReboundJacobian, moved_inputs
 from fitball.models.model import Model, ball_columns
 from fitball.models.types import Rebound, ThesisClosures
 from fitball.values import FloatArray, Impacts
@@ -63,9 +65,9 @@ class ThesisModel(Model):
         """The two-mass ball has a contact time."""
         return True
 
-    def _rows(self, names: Sequence[str], values: FloatArray) -> tuple[FloatArray, dict[str, int]]:
+    def _rows(self, names: Sequence[str], values: NumberArray) -> tuple[NumberArray, dict[str, int]]:
         index = {name: column for column, name in enumerate(names)}
-        rows = np.zeros((values.shape[0], 10))
+        rows = np.zeros((values.shape[0], 10), dtype=values.dtype)
         for column, name in ((0, "mass_ratio"), (1, "k_y"), (2, "k_theta"), (3, "mu"), (5, "c_y")):
             if name in index:
                 rows[:, column] = values[:, index[name]]
@@ -74,28 +76,59 @@ class ThesisModel(Model):
         rows[:, 7], rows[:, 8], rows[:, 9] = ball_columns(self.ball, names, values)
         return rows, index
 
+    def _lines(
+        self, names: Sequence[str], values: NumberArray, v_y1: NumberArray, measured: NumberArray | None
+    ) -> tuple[NumberArray, NumberArray]:
+        """Offset and restitution, each (draws, impacts), in the kind of number given."""
+        index = {name: column for column, name in enumerate(names)}
+
+        def line(at_anchor: str, slope: str) -> NumberArray:
+            rate = values[:, index[slope], None] if slope in index else 0.0
+            return np.asarray(values[:, index[at_anchor], None] + rate * (v_y1 - ANCHOR_SPEED))
+
+        if measured is not None and self.closures.cor == "measured":
+            cor = np.ascontiguousarray(np.broadcast_to(measured, (values.shape[0], len(v_y1))))
+        else:
+            cor = line("cor_10", "cor_slope")
+        return line("eps_10", "eps_slope"), cor
+
     def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts) -> Rebound:
         """See `Model.evaluate`."""
         draws, count = values.shape[0], len(impacts)
-        rows, index = self._rows(names, values)
-        fast = impacts.v_y1 - ANCHOR_SPEED
-
-        def line(at_anchor: str, slope: str) -> FloatArray:
-            rate = values[:, index[slope], None] if slope in index else 0.0
-            return np.asarray(values[:, index[at_anchor], None] + rate * fast, dtype=np.float64)
-
-        if impacts.cor is not None and self.closures.cor == "measured":
-            cor = np.broadcast_to(impacts.cor, (draws, count))
-        else:
-            cor = line("cor_10", "cor_slope")
+        rows, _index = self._rows(names, values)
+        eps, cor = self._lines(names, values, impacts.v_y1, impacts.cor)
         out = np.empty((4, draws, count))
         regime = np.empty((draws, count), dtype=np.int64)
         status = np.empty((draws, count), dtype=np.int8)
         thesis.thesis_batch(
-            rows, line("eps_10", "eps_slope"), DAMPING_CODES[self.closures.damping], np.ascontiguousarray(cor),
+            rows, eps, DAMPING_CODES[self.closures.damping], cor,
             impacts.v_x1, impacts.v_y1, impacts.omega_1, out, regime, status,
         )  # fmt: skip
         return Rebound(out[0], out[1], out[2], out[3], regime, status)
+
+    def jacobian(
+        self, names: Sequence[str], values: FloatArray, impacts: Impacts, parameters: Sequence[str] | None = None
+    ) -> ReboundJacobian:
+        """See `Model.jacobian`."""
+        chosen = tuple(names) if parameters is None else tuple(parameters)
+        given = impacts if self.needs_cor else replace(impacts, cor=None)
+        first = len(INPUTS) + (given.cor is not None)
+        slopes = np.empty((first + len(chosen), values.shape[0], len(impacts), len(OUTPUTS)))
+        for moved in moved_inputs(names, values, given, chosen):
+            rows, _index = self._rows(names, moved.values)
+            eps, cor = self._lines(names, moved.values, moved.v_y1, moved.cor)
+            thesis_jacobian.thesis_slopes(
+                rows, DAMPING_CODES[self.closures.damping], eps, cor,
+                moved.v_x1, moved.v_y1, moved.omega_1, slopes[moved.place],
+            )  # fmt: skip
+        slopes = np.moveaxis(slopes, 0, -1)
+        return ReboundJacobian(
+            rebound=self.evaluate(names, values, impacts),
+            names=chosen,
+            inputs=slopes[..., : len(INPUTS)],
+            parameters=slopes[..., first:],
+            cor=slopes[..., len(INPUTS)] if given.cor is not None else None,
+        )
 
     def course(self, parameters: Mapping[str, float], impact: Impacts, times: FloatArray) -> ThesisCourse:
         """Velocities of one impact (the first) at `times` [s]; raises what `rebound` raises."""

@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from fitball.models.compiled import compiled, compiled_allocating
+from fitball.models.dual import Number, NumberArray, size, sqrt
 from fitball.models.events import (
     ALLOWANCE,
     AT_START,
@@ -29,7 +30,7 @@ from fitball.models.events import (
     prepare,
     prepare_series,
 )
-from fitball.models.landing import friction_impulse
+from fitball.models.landing import landed
 from fitball.models.oscillator import (
     NEAR_RESONANCE,
     SERIES_LENGTH,
@@ -59,6 +60,12 @@ TOO_SOON = 1e-3
 # At the end of the contact the normal force and with it both sides of the cone vanish: a zero this near to it is
 # the end itself, to the rounding of the times.
 AT_END = 1.0 - 1e-13
+# A contact is solved in pieces: phases, or near resonance parts of them. What a piece was, as a row of a record: its
+# phase, what ended it and to which side, how long it lasted [s], terms (0: no series) and scale [s] of its series.
+PIECE_PHASE, PIECE_ENDING, PIECE_SIDE, PIECE_TIME, PIECE_TERMS, PIECE_SCALE, PIECE_SIZE = range(7)
+# Endings: the series reached its length (or nothing at all, where an event comes at once), the normal force ended,
+# slip came to zero or friction to the edge of its cone, a hold gave way to grip.
+UNFINISHED, FORCE_ENDED, EVENT, RESUMED = range(4)
 # Scratch of one thread: contact function, twist, force, poles, and the stack of `first_zero`.
 Scratch = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
@@ -116,8 +123,8 @@ def twist_motion(
 
 @compiled
 def twist_at(
-    twist: FloatArray, poles: FloatArray, n: int, length: float, t: float, basis: Basis
-) -> tuple[float, float]:
+    twist: NumberArray, poles: NumberArray, n: int, length: float, t: Number, basis: Basis[Number]
+) -> tuple[Number, Number]:
     """Twist and its rate at time `t` of the phase, where the basis is `basis` (not needed by a series)."""
     if n > 0:
         th, rate, _ = series_value(twist, n, t / length)
@@ -136,8 +143,8 @@ def twist_at(
 
 @compiled
 def vertical_after(
-    poles: FloatArray, n: int, y: float, y_rate: float, elapsed: float, basis: Basis
-) -> tuple[float, float]:
+    poles: NumberArray, n: int, y: Number, y_rate: Number, elapsed: Number, basis: Basis[Number]
+) -> tuple[Number, Number]:
     """Displacement and velocity of the core `elapsed` after they were `y`, `y_rate`."""
     sigma, b = poles[VERTICAL], poles[VERTICAL + 2]
     r, s = basis[3], basis[4]
@@ -202,12 +209,12 @@ def pin(function: FloatArray, n: int, order: int) -> int:
 
 
 @compiled
-def set_torsion(poles: FloatArray, stiffness: float, damping: float, compliance: float, w2: float) -> None:
+def set_torsion(poles: NumberArray, stiffness: Number, damping: Number, compliance: Number, w2: Number) -> None:
     """Torsional poles for the relative compliance `1/I1 + 1/I_shell`; `w2` as given where it is known."""
     poles[TORSION] = 0.5 * damping * compliance
     poles[TORSION + 1] = w2
     poles[TORSION + 2] = stiffness * compliance
-    poles[TORSION + 3] = math.sqrt(abs(w2))
+    poles[TORSION + 3] = sqrt(size(w2))
 
 
 @compiled
@@ -222,21 +229,21 @@ def contrary(value: float, rate: float) -> float:
 
 @compiled
 def free_twist_rate(
-    poles: FloatArray,
-    stiffness: float,
-    damping: float,
-    compliance: float,
-    w2: float,
-    th: float,
-    rate: float,
-    t: float,
-) -> float:
+    poles: NumberArray,
+    stiffness: Number,
+    damping: Number,
+    compliance: Number,
+    w2: Number,
+    th: Number,
+    rate: Number,
+    t: Number,
+) -> Number:
     """Rate of the twist after `t` seconds without ground force."""
     set_torsion(poles, stiffness, damping, compliance, w2)
     a = poles[TORSION]
     p, q, _envelope = damped_pair(a, w2, poles[TORSION + 2], poles[TORSION + 3], t)
     swing = rate + a * th
-    after: float = rate * p - (w2 * th + a * swing) * q
+    after: Number = rate * p - (w2 * th + a * swing) * q
     return after
 
 
@@ -264,18 +271,19 @@ def two_mass_contact(
     v_y: float,
     omega: float,
     scratch: Scratch,
-) -> tuple[int, float, float, int]:
-    """Follow one contact; returns `(status, v_x2, omega_2, regime)`.
+    record: FloatArray | None,
+) -> tuple[int, float, float, int, int]:
+    """Follow one contact; returns `(status, v_x2, omega_2, regime, pieces)`.
 
     `stiffness`, `damping` [N m, N m s] of the torsional joint, `w2_slide` its damped frequency squared while
     sliding; `eps` offset of the normal force [m], acting during slip too if `eps_in_slide`; `riding_mass`
     [kg] on the vertical spring; `landing_impulse` [N s] that stops the shell; `omega2, sigma, w2_force`
-    the vertical motion; `t_force`, `t_contact` [s] end of compression and release.
+    the vertical motion; `t_force`, `t_contact` [s] end of compression and release. The pieces of the contact are
+    written into `record` (MAX_PHASES, PIECE_SIZE), unless that is None, and counted.
     """
     function, twist, drive, poles, stack = scratch
     inertia = inertia_core + inertia_shell
     gyration = inertia_shell + mass * radius * radius
-    compliance = 1.0 / mass + radius * radius / inertia_shell
     relative_slide = 1.0 / inertia_core + 1.0 / inertia_shell
     relative_grip = 1.0 / inertia_core + 1.0 / gyration
     decay_grip = 0.5 * damping * relative_grip
@@ -289,17 +297,10 @@ def two_mass_contact(
     w2 = omega
     th = 0.0
     gripped_at_landing = False
-    if landing_impulse > 0.0 and mu > 0.0:
-        need = radius * eps / (inertia_shell * compliance)
-        friction, slipped, held, _onward = friction_impulse(
-            v_x - radius * w2, landing_impulse, mu, need if eps_in_slide else 0.0, need, compliance
+    if landing_impulse > 0.0:
+        v_x, w2, gripped_at_landing = landed(
+            mass, radius, inertia_shell, mu, eps, eps_in_slide, landing_impulse, v_x, omega
         )
-        acting = landing_impulse if eps_in_slide else landing_impulse - slipped - held
-        v_x -= friction / mass
-        w2 += (radius * friction - eps * acting) / inertia_shell
-        gripped_at_landing = slipped < landing_impulse
-    elif landing_impulse > 0.0:
-        w2 -= eps_slide * landing_impulse / inertia_shell
 
     slip = v_x - radius * w2
     direction = 1.0 if slip > 0.0 else -1.0
@@ -317,6 +318,7 @@ def two_mass_contact(
     y_rate = v_y
     regime = 0
     count = 0
+    pieces = 0
     spin_sum = inertia_core * w1 + inertia_shell * w2
     stack[HALVINGS, 0] = ALLOWANCE
 
@@ -389,7 +391,7 @@ def two_mass_contact(
                     t_event, resumed, at_end = t, True, there
                     doubtful = doubtful or (order > 0 and t < TOO_SOON * span)
             if lost:
-                return TOO_RAPID, math.nan, math.nan, regime
+                return TOO_RAPID, math.nan, math.nan, regime, 0
             if doubtful and n == 0:
                 careful = True
                 continue
@@ -405,6 +407,7 @@ def two_mass_contact(
             v_x = radius * w2
             spin_sum = inertia_core * w1 + inertia_shell * w2
             phase = GRIP if gripping else HOLD
+            side = entered if resumed else event_side
             if t_event >= 0.0:
                 if resumed:
                     holding, gripping = False, True
@@ -439,7 +442,7 @@ def two_mass_contact(
                     function, poles, n, length, bound, pin(function, n, order), length, at_end, stack
                 )
                 if math.isnan(t_event):
-                    return TOO_RAPID, math.nan, math.nan, regime
+                    return TOO_RAPID, math.nan, math.nan, regime, 0
                 if t_event >= AT_END * span:
                     t_event = NO_ZERO
                 elif t_event >= 0.0:
@@ -458,12 +461,21 @@ def two_mass_contact(
                 w2 = (spin_sum - inertia_core * rate_end) / inertia
                 w1 = w2 + rate_end
             phase = slide_phase(direction)
+            side, resumed = direction, False
             if t_event >= 0.0:
                 deciding = True
                 w2 = v_x / radius
                 w1 = (spin_sum - inertia_shell * w2) / inertia_core
             order = 0
 
+        if record is not None:
+            record[pieces, PIECE_PHASE], record[pieces, PIECE_SIDE], record[pieces, PIECE_TIME] = phase, side, elapsed
+            record[pieces, PIECE_TERMS], record[pieces, PIECE_SCALE] = n, length
+            ending = FORCE_ENDED if finished else UNFINISHED
+            if t_event > 0.0:
+                ending = RESUMED if resumed else EVENT
+            record[pieces, PIECE_ENDING] = ending
+            pieces += 1
         careful = False
         start += elapsed
         moved = moved or elapsed > 0.0
@@ -476,9 +488,9 @@ def two_mass_contact(
             if t_contact > t_force:
                 regime = append_phase(regime, count, FREE)
             if not shell_spin:
-                return OK, v_x, spin_sum / inertia, regime
+                return OK, v_x, spin_sum / inertia, regime, pieces
             rate = free_twist_rate(
                 poles, stiffness, damping, relative_slide, w2_slide, th, w1 - w2, t_contact - t_force
             )
-            return OK, v_x, (spin_sum - inertia_core * rate) / inertia, regime
-    return TOO_MANY_PHASES, math.nan, math.nan, regime
+            return OK, v_x, (spin_sum - inertia_core * rate) / inertia, regime, pieces
+    return TOO_MANY_PHASES, math.nan, math.nan, regime, 0

@@ -9,7 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.models import bounce
+from fitball.models import bounce, bounce_jacobian
+from fitball.models.dual import NumberArray
+from fitball.models.jacobian import ReboundJacobian, seeds
 from fitball.models.model import Model, ball_columns
 from fitball.models.types import Closures, Rebound
 from fitball.values import FloatArray, Impacts
@@ -82,19 +84,56 @@ class TwoMassModel(Model):
             dtype=np.int64,
         )
 
-    def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts) -> Rebound:
-        """See `Model.evaluate`."""
-        draws, count = values.shape[0], len(impacts)
-        rows = np.zeros((draws, len(bounce.COLUMNS)))
+    def _rows(self, names: Sequence[str], values: NumberArray) -> NumberArray:
+        """The kernel's parameter rows, (draws, columns), in the kind of number of `values`."""
+        rows = np.zeros((values.shape[0], len(bounce.COLUMNS)), dtype=values.dtype)
         for column, name in enumerate(bounce.COLUMNS):
             if name in names:
                 rows[:, column] = values[:, list(names).index(name)]
         if "mass_ratio" not in names:
             rows[:, 0] = 1.0
         rows[:, 10], rows[:, 11], rows[:, 12] = ball_columns(self.ball, names, values)
+        return rows
+
+    def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts) -> Rebound:
+        """See `Model.evaluate`."""
+        draws, count = values.shape[0], len(impacts)
         out = np.empty((4, draws, count))
         regime = np.empty((draws, count), dtype=np.int64)
         status = np.empty((draws, count), dtype=np.int8)
         cor = impacts.cor if impacts.cor is not None else np.full(count, np.nan)
-        bounce.bounce_batch(rows, self.codes, impacts.v_x1, impacts.v_y1, impacts.omega_1, cor, out, regime, status)
+        bounce.bounce_batch(
+            self._rows(names, values),
+            self.codes,
+            impacts.v_x1,
+            impacts.v_y1,
+            impacts.omega_1,
+            cor,
+            out,
+            regime,
+            status,
+        )
         return Rebound(out[0], out[1], out[2], out[3], regime, status)
+
+    def jacobian(
+        self, names: Sequence[str], values: FloatArray, impacts: Impacts, parameters: Sequence[str] | None = None
+    ) -> ReboundJacobian:
+        """See `Model.jacobian`; some 10 us an impact for all parameters."""
+        draws, count = values.shape[0], len(impacts)
+        chosen = tuple(names) if parameters is None else tuple(parameters)
+        out = np.empty((4, draws, count))
+        slopes = np.empty((draws, count, 4, bounce_jacobian.INPUTS + len(chosen)))
+        regime = np.empty((draws, count), dtype=np.int64)
+        status = np.empty((draws, count), dtype=np.int8)
+        cor = impacts.cor if impacts.cor is not None else np.full(count, np.nan)
+        bounce_jacobian.jacobian_batch(
+            self._rows(names, values), seeds(self._rows, names, values, chosen), self.codes,
+            impacts.v_x1, impacts.v_y1, impacts.omega_1, cor, out, slopes, regime, status,
+        )  # fmt: skip
+        return ReboundJacobian(
+            rebound=Rebound(out[0], out[1], out[2], out[3], regime, status),
+            names=chosen,
+            inputs=slopes[..., : bounce_jacobian.COR],
+            parameters=slopes[..., bounce_jacobian.INPUTS :],
+            cor=slopes[..., bounce_jacobian.COR] if self.needs_cor else None,
+        )
