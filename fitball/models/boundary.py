@@ -32,9 +32,13 @@ def boundary_margin(
 
     `covariance` (impacts, 3, 3) or (3, 3) is that of `(v_x1, v_y1, omega_1)`; `names` and `values` (draws, names) as
     in `Model.evaluate`. The regime is looked at in steps along both directions of each principal axis of the
-    correlation; through the crossings `d` found there goes a plane, at the distance `1/sqrt(sum 1/d^2)`. Infinite
-    where no ray changes regime: a flat boundary is then farther than `reach`. What cannot be evaluated, or does not
-    approach the court, counts as another regime; an impact that cannot be evaluated itself gives NaN.
+    correlation, as far as a plane at distance `reach` is sure to be met; through the crossings `d` found there goes
+    a plane, at the distance `1/sqrt(sum 1/d^2)`. An axis without a crossing counts as crossed where the search ends,
+    so that the distance of a flat boundary is never overrated. Infinite where no ray changes regime. What cannot be
+    evaluated, or does not approach the court, counts as another regime; an impact that cannot be evaluated itself
+    gives NaN.
+    One kink changes no regime and goes unseen: that of zero incident slip which the landing impulse does not leave at
+    that, because the offset overcomes friction or acts while gripping only.
     Raises ParameterError for a covariance of another shape or not positive semidefinite. About 0.1 ms an impact.
     """
     factors = _factors(covariance, len(impacts))
@@ -94,12 +98,12 @@ def _margin(rays: _Rays, strides: int) -> FloatArray:
         middle = 0.5 * (near + far)
         beyond = rays.changed(middle)
         far, near = np.where(beyond, middle, far), np.where(beyond, near, middle)
-    crossing = np.where(crossed, 0.5 * (near + far), np.inf)
+    crossing = np.where(crossed, 0.5 * (near + far), np.where(rays.still, np.inf, strides * STRIDE))
     half = crossing.shape[1] // 2
     nearest = np.minimum(crossing[:, :half], crossing[:, half:])
-    total = np.sum(1.0 / nearest**2, axis=1)
-    margin = np.full(total.shape, np.inf)
-    np.divide(1.0, np.sqrt(total), out=margin, where=total > 0.0)
+    met = np.any(crossed, axis=1)
+    margin = np.full(met.shape, np.inf)
+    margin[met] = 1.0 / np.sqrt(np.sum(1.0 / nearest[met] ** 2, axis=1))
     margin[~rays.solved] = np.nan
     return margin
 

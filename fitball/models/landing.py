@@ -23,6 +23,8 @@ def friction_impulse(
     the direction (+1, -1, or 0) in which an overpowered contact slips on from zero slip.
     """
     friction = 0.0 * impulse
+    # Slip of zero has nothing to stop but what it may carry.
+    stopped = 0.0 * impulse
     left = impulse
     direction = 0.0
     if slip.real > 0.0:
@@ -38,12 +40,11 @@ def friction_impulse(
         friction = direction * mu * spent
         left = impulse - spent
     elif mu.real > 0.0:
-        # Without slip there is nothing to stop but the derivative it may carry.
-        friction = slip / compliance
+        stopped = slip / compliance
     if abs(drive_grip.real) <= mu.real:
-        return friction + drive_grip * left, impulse - left, 0.0, 0.0
+        return friction + stopped + drive_grip * left, impulse - left, 0.0, 0.0
     if abs(drive_slide.real) <= mu.real:
-        return friction, impulse - left, left, 0.0
+        return friction + stopped, impulse - left, left, 0.0
     # The offset overcomes friction: the contact slips on in the direction it drives.
     onward = 1.0 if drive_slide.real > 0.0 else -1.0
     return friction + onward * mu * left, impulse, 0.0, onward
