@@ -43,6 +43,7 @@ def calibrate(
     noise: str | None = None,
     pool: Mapping[str, str] | None = None,
     offsets: str | None = None,
+    incident_errors: bool = True,
     seed: int = 1,
     point_only: bool = False,
     walkers: int | None = None,
@@ -53,12 +54,13 @@ def calibrate(
 
     The scene defaults to the TOML file beside the table. `priors` are texts such as `normal(0.55, 0.05)`, `fix`
     holds values in SI. `noise` is "normal" or "student-t"; `pool` maps parameters to the label column over whose
-    levels they differ (pooled in part), `offsets` names the label column whose groups may be biased. Raises
+    levels they differ (pooled in part), `offsets` names the label column whose groups may be biased; without
+    `incident_errors` the incident state counts as exact. Raises
     subclasses of FitballError for everything a caller can mend.
     """
     loaded = table if isinstance(table, ImpactTable) else load_table(table)
     known = scene if scene is not None else load_scene(loaded.source)
-    choices = Choices(model, closures or {}, priors or {}, fix or {}, noise, pool or {}, offsets)
+    choices = Choices(model, closures or {}, priors or {}, fix or {}, noise, pool or {}, offsets, incident_errors)
     problem = build_problem(loaded, known, choices)
     effort = Effort(
         seed=seed,

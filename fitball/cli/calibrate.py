@@ -109,6 +109,7 @@ def run(args: argparse.Namespace) -> int:
         noise=args.noise,
         pool=pairs("--pool", args.pool, str),
         offsets=args.offsets,
+        incident_errors=not args.exact_incidence,
     )
     problem = build_problem(table, scene, choices)
     if len(args.data) > 1:

@@ -34,3 +34,6 @@ def add_structure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--offsets", metavar="COLUMN", help="fit a bias of each measured column to each group, e.g. group"
     )
+    parser.add_argument(
+        "--exact-incidence", action="store_true", help="take the incident state as exact even where its sd is stated"
+    )

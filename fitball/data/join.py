@@ -47,6 +47,7 @@ def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
         for name in dict.fromkeys(name for item in tables for name in item.labels)
     }
     labels[ORIGIN] = tuple(item.name for item in tables for _ in range(len(item)))
+    covariances = [item.incident_covariance for item in tables if item.incident_covariance is not None]
     cor = [item.impacts.cor for item in tables if item.impacts.cor is not None]
     return ImpactTable(
         name="+".join(names),
@@ -70,6 +71,7 @@ def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
         redundant=(),
         labels=FrozenMapping(labels),
         units=first.units,
+        incident_covariance=stacked(covariances) if len(covariances) == len(tables) else None,
         notices=tuple(
             Notice(f"{item.name}: {notice}", None, notice.columns) for item in tables for notice in item.notices
         ),

@@ -95,7 +95,7 @@ def _assemble(
     ids: tuple[str, ...],
     notices: list[Notice],
 ) -> ImpactTable:
-    impacts, incident_columns, incident_sd = _incident(columns, len(raw.rows))
+    impacts, incident_columns, incident_sd, covariance = _incident(columns, len(raw.rows))
     counted = {*independent(columns, "2"), "omega_2", "contact_time"}
     found = [*notices, *_unit_notices(columns), *_unused_sds(columns)]
     rebound = [_measurement(columns, name) for name in REBOUND if name in columns]
@@ -118,6 +118,7 @@ def _assemble(
         ),
         units=FrozenMapping({name: column.unit.symbol for name, column in columns.items()}),
         notices=tuple(sorted(found, key=lambda notice: notice.row or 0)),
+        incident_covariance=covariance,
     )
 
 
@@ -128,11 +129,11 @@ def _measurement(columns: Mapping[str, NumberColumn], name: str) -> Measurement:
 
 def _incident(
     columns: Mapping[str, NumberColumn], count: int
-) -> tuple[Impacts, tuple[str, ...], dict[str, FloatArray]]:
-    """Incident components, the names of those that are known, and the stated sd of each.
+) -> tuple[Impacts, tuple[str, ...], dict[str, FloatArray], FloatArray | None]:
+    """Incident components, the names of those that are known, the stated sd of each, and their covariance.
 
-    The sds of components that come from speed and angle are propagated linearly; the correlation that
-    this leaves between the two components is not kept.
+    The sds of components that come from speed and angle are propagated linearly, with the correlation that this
+    leaves between the two. The covariance (impacts, 3, 3) is None where no sd is stated.
     """
     known = {}
     for name in (*independent(columns, "1"), *(["omega_1"] if "omega_1" in columns else [])):
@@ -148,7 +149,16 @@ def _incident(
         values_of["v_x1"], values_of["v_y1"], values_of["omega_1"], _measured_cor(columns, values_of["v_y1"])
     )
     sds = {name: _frozen(item.sd) for name, item in present.items() if item.parts}
-    return impacts, tuple(present), sds
+    covariance = None
+    if sds:
+        parts = [present[name].parts if name in present else {} for name in state]
+        covariance = np.zeros((count, 3, 3))
+        for i, one in enumerate(parts):
+            for j, other in enumerate(parts):
+                for shared in one.keys() & other.keys():
+                    covariance[:, i, j] += one[shared] * other[shared]
+        covariance = _frozen(covariance)
+    return impacts, tuple(present), sds, covariance
 
 
 def _measured_cor(columns: Mapping[str, NumberColumn], v_y1: FloatArray) -> FloatArray | None:

@@ -45,7 +45,8 @@ class ImpactTable:
 
     `measurements` are independent and enter a likelihood, each once; `redundant` repeat them in other
     words (speed and angle beside components) and were only checked. `impacts` holds zeros where the
-    table has no such column; `incident_columns` names those that it has. `digest` is the SHA-256 of
+    table has no such column; `incident_columns` names those that it has. `incident_covariance` (impacts, 3, 3) is
+    that of `(v_x1, v_y1, omega_1)`, None where no uncertainty of them was stated. `digest` is the SHA-256 of
     the file's bytes.
     """
 
@@ -61,6 +62,7 @@ class ImpactTable:
     labels: Mapping[str, tuple[str, ...]]
     units: Mapping[str, str]
     notices: tuple[Notice, ...]
+    incident_covariance: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.impacts)

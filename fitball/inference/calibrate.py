@@ -101,6 +101,7 @@ def fingerprint(problem: Problem, effort: Effort) -> str:
         "noise": [[channel.name, channel.noise] for channel in problem.channels],
         "levels": [[item.parameter, item.column, item.index.tolist()] for item in problem.levels],
         "offsets": None if problem.offsets is None else [problem.offsets.column, problem.offsets.index.tolist()],
+        "incident": None if problem.incident is None else problem.incident.covariance.tolist(),
         "sampler": [settings.walkers, settings.ensembles, settings.seed],
     }
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

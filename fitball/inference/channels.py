@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitball.data.table import ImpactTable
 from fitball.models.types import Rebound
@@ -38,6 +39,10 @@ class Channel:
     observed: FloatArray
     sd: FloatArray | None
     noise: str | None
+
+    def take(self, rows: NDArray[np.int64]) -> Channel:
+        """The same column of some of the impacts."""
+        return Channel(self.name, self.observed[rows], None if self.sd is None else self.sd[rows], self.noise)
 
     def predict(self, rebound: Rebound) -> FloatArray:
         """What the model says, (draws, impacts) or (impacts,)."""

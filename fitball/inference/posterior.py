@@ -7,17 +7,20 @@ SI for the others. Densities are with respect to coordinates.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.inference.channels import Channel
+from fitball.inference.incident import IncidentErrors
 from fitball.inference.joint_prior import JointPrior
 from fitball.inference.levels import Levels
+from fitball.inference.marginal import marginal_terms
 from fitball.inference.offsets import GroupOffsets
 from fitball.inference.parallel import LARGE_BATCH, evaluate_in_parts
 from fitball.inference.parameters import TAILS, Parameter
@@ -34,7 +37,8 @@ class Problem:
 
     `contact_time` is what the scene knows of the mean contact time of the table, (value, sd) [s], or None.
     `notes` are the sentences that tell what was left out or assumed, and why. `levels` are parameters that differ
-    between surfaces or balls, `offsets` biases of whole groups. `threads` share large batches.
+    between surfaces or balls, `offsets` biases of whole groups, `incident` the errors of the
+    incident state. `threads` share large batches.
     """
 
     table: ImpactTable
@@ -47,6 +51,7 @@ class Problem:
     notes: tuple[str, ...]
     levels: tuple[Levels, ...] = ()
     offsets: GroupOffsets | None = None
+    incident: IncidentErrors | None = None
     threads: int = 1
 
     @cached_property
@@ -102,24 +107,23 @@ class Problem:
         Other `impacts` meet the surface and ball of the table's row `like`, by default a typical one.
         """
         columns = self.all_values(values)
-        if not self.levels:
-            return self._evaluate(columns, self.impacts if impacts is None else impacts)
         if impacts is None:
-            return self._by_level(columns)
-        if like is None:
+            return self.rebound_like(columns, self.impacts, np.arange(len(self.impacts)))
+        if like is None or not self.levels:
             return self._evaluate(columns, impacts)
-        return self._at_levels(columns, impacts, [item.labels[item.index[like]] for item in self.levels])
+        return self.rebound_like(columns, impacts, np.full(len(impacts), like))
 
-    def _by_level(self, columns: Mapping[str, FloatArray]) -> Rebound:
-        keys = np.stack([item.index for item in self.levels])
-        distinct, which = np.unique(keys, axis=1, return_inverse=True)
-        found = []
-        order = []
-        for k, key in enumerate(distinct.T):
-            rows = np.flatnonzero(which.ravel() == k)
-            labels = [item.labels[place] for item, place in zip(self.levels, key, strict=True)]
-            found.append(self._at_levels(columns, self.impacts.take(rows), labels))
-            order.append(rows)
+    def rebound_like(self, columns: Mapping[str, FloatArray], impacts: Impacts, rows: NDArray[np.int64]) -> Rebound:
+        """Rebounds (draws, impacts) of impacts that meet the surface and ball of the table's `rows` (impacts,)."""
+        if not self.levels:
+            return self._evaluate(columns, impacts)
+        found, order = [], []
+        for mine, own in self._blocks(columns, rows):
+            made = self._evaluate({**columns, **own}, impacts.take(mine))
+            for item in self.levels:
+                made.status[item.outside(own[item.parameter])] = Status.LEVEL_OUT_OF_BOUNDS
+            found.append(made)
+            order.append(mine)
         back = np.argsort(np.concatenate(order), kind="stable")
         return Rebound(
             *(
@@ -128,15 +132,35 @@ class Problem:
             )
         )
 
-    def _at_levels(self, columns: Mapping[str, FloatArray], impacts: Impacts, labels: Sequence[str]) -> Rebound:
-        own = {item.parameter: item.value(columns, label) for item, label in zip(self.levels, labels, strict=True)}
-        rebound = self._evaluate({**columns, **own}, impacts)
-        for item in self.levels:
-            rebound.status[item.outside(own[item.parameter])] = Status.LEVEL_OUT_OF_BOUNDS
-        return rebound
+    def slopes_like(self, columns: Mapping[str, FloatArray], impacts: Impacts, rows: NDArray[np.int64]) -> FloatArray:
+        """Derivatives (draws, impacts, outputs, 3) of such rebounds with respect to the incident state."""
+        found, order = [], []
+        for mine, own in self._blocks(columns, rows):
+            values = self._model_rows({**columns, **own})
+            found.append(self.model.jacobian(self.model_names, values, impacts.take(mine), ()).inputs)
+            order.append(mine)
+        back = np.argsort(np.concatenate(order), kind="stable")
+        return np.asarray(np.concatenate(found, axis=1)[:, back])
+
+    def _blocks(
+        self, columns: Mapping[str, FloatArray], rows: NDArray[np.int64]
+    ) -> Iterator[tuple[NDArray[np.int64], dict[str, FloatArray]]]:
+        """Places among `rows` that share all levels, with the parameters of those levels."""
+        if not self.levels:
+            yield np.arange(len(rows)), {}
+            return
+        keys = np.stack([item.index[rows] for item in self.levels])
+        distinct, which = np.unique(keys, axis=1, return_inverse=True)
+        for k, key in enumerate(distinct.T):
+            labels = [item.labels[place] for item, place in zip(self.levels, key, strict=True)]
+            own = {item.parameter: item.value(columns, name) for item, name in zip(self.levels, labels, strict=True)}
+            yield np.flatnonzero(which.ravel() == k), own
+
+    def _model_rows(self, columns: Mapping[str, FloatArray]) -> FloatArray:
+        return np.stack([columns[name] for name in self.model_names], axis=1)
 
     def _evaluate(self, columns: Mapping[str, FloatArray], impacts: Impacts) -> Rebound:
-        rows = np.stack([columns[name] for name in self.model_names], axis=1)
+        rows = self._model_rows(columns)
         if rows.shape[0] * len(impacts) <= LARGE_BATCH:
             return self.model.evaluate(self.model_names, rows, impacts)
         return evaluate_in_parts(self.model, self.model_names, rows, impacts, self.threads)
@@ -159,7 +183,12 @@ class Problem:
         return -0.5 * (z * z + LOG_TAU) - math.log(sd)
 
     def log_likelihood_terms(self, values: FloatArray, rebound: Rebound) -> Mapping[str, FloatArray]:
-        """Log density of each measurement, channel name -> (draws, impacts)."""
+        """Log density of each measurement, channel name -> (draws, impacts).
+
+        With incident errors the measurements of an impact depend on each other: each is given those before it.
+        """
+        if self.incident is not None:
+            return marginal_terms(self, self.incident, values, rebound)
         columns = self.all_values(values)
         tails = columns[TAILS][:, None] if TAILS in columns else None
         terms: dict[str, FloatArray] = {}

@@ -11,6 +11,7 @@ from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError, ParameterError, suggestion
 from fitball.inference.channels import Channel, build_channels
+from fitball.inference.incident import IncidentErrors
 from fitball.inference.levels import Levels, build_levels
 from fitball.inference.offsets import GroupOffsets, build_offsets
 from fitball.inference.parameters import NOISE_SPECS, TAILS, build_parameters
@@ -33,7 +34,8 @@ class Choices:
     """What the user asked for beyond the scene; everything here wins over it.
 
     `noise` is one of `scatter.DISTRIBUTIONS`, `pool` maps parameters to the label column over whose levels they
-    differ, `offsets` names the label column whose groups may be biased.
+    differ, `offsets` names the label column whose groups may be biased. Without `incident_errors` the incident state
+    counts as exact even where its sd is stated.
     """
 
     model: str | None = None
@@ -43,6 +45,7 @@ class Choices:
     noise: str | None = None
     pool: Mapping[str, str] = field(default_factory=dict)
     offsets: str | None = None
+    incident_errors: bool = True
 
 
 def build_problem(table: ImpactTable, scene: Scene, choices: Choices) -> Problem:
@@ -58,9 +61,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices) -> Problem
     notes += unused
     if not channels:
         raise FitError(f"{table.source}: model {name} predicts none of the measured columns")
-    if table.incident_sd:
-        stated = ", ".join(f"{column}_sd" for column in table.incident_sd)
-        notes.append(f"{stated}: uncertainty of incident columns is kept with the table but not used in this fit")
+    incident = _incident(table, choices, notes)
     contact_time = scene.contact_time if chosen.has_time else None
     timed = contact_time is not None or any(channel.name == "contact_time" for channel in channels)
     if "k_y" in chosen.parameter_names and "k_theta" not in chosen.parameter_names and not timed:
@@ -93,7 +94,21 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices) -> Problem
         notes=(*scene.assumed, *notes, *([REPRODUCTION_ONLY] if name == THESIS else [])),
         levels=levels,
         offsets=offsets,
+        incident=incident,
     )
+
+
+def _incident(table: ImpactTable, choices: Choices, notes: list[str]) -> IncidentErrors | None:
+    if table.incident_covariance is None:
+        return None
+    stated = ", ".join(f"{column}_sd" for column in table.incident_sd)
+    if not choices.incident_errors:
+        notes.append(f"{stated}: uncertainty of incident columns is ignored on request")
+        return None
+    notes.append(
+        f"{stated}: the incident state is taken as uncertain, marginalised to first order, finer near a kink"
+    )
+    return IncidentErrors(table.incident_covariance)
 
 
 def _structure(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitball.inference.marginal import standardised
 from fitball.inference.parameters import NOISE_SPECS, TAILS
 from fitball.inference.posterior import Problem
 from fitball.inference.scatter import as_residual
@@ -32,7 +33,12 @@ def residuals(problem: Problem, values: FloatArray, weighting: Weighting) -> Flo
     columns = problem.all_values(values)
     tails = weighting.noise.get(TAILS) if weighting.penalised else None
     rows = []
-    for channel in problem.channels:
+    if problem.incident is not None:
+        held = {**columns, **{name: np.full(values.shape[0], value) for name, value in weighting.noise.items()}}
+        every = np.arange(len(problem.impacts))
+        found, _ = standardised(problem, held, rebound, problem.impacts, every, problem.incident.covariance)
+        rows = [as_residual(-z, tails) for z in found]
+    for channel in problem.channels if problem.incident is None else ():
         noise = weighting.noise[channel.noise] if channel.noise is not None else 0.0
         z = problem.deviation(columns, channel, rebound) / channel.spread(noise, rebound)
         rows.append(as_residual(-z, tails))

@@ -34,12 +34,16 @@ def thinned_problem(problem: Problem, rows: int) -> Problem:
         redundant=(),
         labels={name: tuple(column[k] for k in kept) for name, column in problem.table.labels.items()},
         notices=(),
+        incident_covariance=(
+            None if problem.table.incident_covariance is None else problem.table.incident_covariance[kept]
+        ),
     )
     return replace(
         problem,
         table=table,
         impacts=impacts,
         channels=channels,
+        incident=None if problem.incident is None else problem.incident.take(kept),
         levels=tuple(item.take(kept) for item in problem.levels),
         offsets=None if problem.offsets is None else problem.offsets.take(kept),
     )

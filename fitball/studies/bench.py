@@ -229,6 +229,7 @@ def enlarged(table: ImpactTable, rows: int) -> ImpactTable:
         redundant=(),
         ids=tuple(str(k + 1) for k in range(rows)),
         labels={},
+        incident_covariance=None,
         digest=f"{table.digest[:16]} times {rows}",
     )
 
