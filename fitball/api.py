@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -11,10 +11,14 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable
 from fitball.inference.calibrate import MAX_STEPS, Effort, run
+from fitball.inference.channels import Channel
+from fitball.inference.new_impacts import DRAWS, NewPrediction, predict_new
+from fitball.inference.predictive import thinned
 from fitball.inference.problem import Choices, build_problem
 from fitball.inference.results import Fit
 from fitball.report.export import SavedFit, read_fit
 from fitball.report.folder import prepare, write_all
+from fitball.values import Impacts
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,12 @@ class Calibration(Fit):
         prepare(path, overwrite=overwrite, resume=False)
         write_all(self, path)
         return path
+
+    def predict_interval(self, impacts: Impacts, observed: Sequence[Channel] = (), *, seed: int = 1) -> NewPrediction:
+        """See `new_impacts.predict_new`: the same numbers as from the fit when it is saved and read back."""
+        found = self.posterior
+        fitted = self.fitted if found is None else self.fitted.with_draws(found.names, thinned(found, DRAWS))
+        return predict_new(fitted, impacts, observed, seed)
 
 
 def calibrate(

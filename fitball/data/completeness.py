@@ -18,8 +18,13 @@ def knows_incident(names: Iterable[str]) -> bool:
     return independent(names, "1") in (("v_x1", "v_y1"), ("v_1", "theta_1"), ("v_y1",))
 
 
-def check_columns(header: Header, line: int | None, faults: list[Fault], notices: list[Notice]) -> None:
-    """Add a fault for every column that is missing, and a notice for what is assumed or ignored."""
+def check_columns(
+    header: Header, line: int | None, faults: list[Fault], notices: list[Notice], rebound: bool = True
+) -> None:
+    """Add a fault for every column that is missing, and a notice for what is assumed or ignored.
+
+    Without `rebound` a table of incident columns alone is complete.
+    """
     present = header.numbers
     read = ", ".join([*header.numbers, *header.texts])
     incident = independent(present, "1")
@@ -34,7 +39,7 @@ def check_columns(header: Header, line: int | None, faults: list[Fault], notices
         )
     elif incident == ("v_y1",):
         faults.extend(_tangential_without_incident(present, line))
-    if not any(name in present for name in REBOUND):
+    if rebound and not any(name in present for name in REBOUND):
         message = f"no rebound column; expected at least one of {', '.join(REBOUND)} (columns read: {read})"
         faults.append(Fault(message, line=line))
     faults.extend(_lonely_sds(present, line))

@@ -27,10 +27,11 @@ from fitball.values import FloatArray, Impacts
 LEAST_IMPACTS = 2
 
 
-def load_table(source: str | os.PathLike[str]) -> ImpactTable:
+def load_table(source: str | os.PathLike[str], *, rebound: bool = True) -> ImpactTable:
     """Read an impact table from a CSV or Parquet file, or a bundled one by name.
 
-    A path that exists wins over a bundled name. Units convert here, once, to m/s, rad/s, rad and s.
+    A path that exists wins over a bundled name. Units convert here, once, to m/s, rad/s, rad and s. With
+    `rebound=False` the rebound columns may be missing and one row is enough: impacts to predict, not to fit.
     Raises TableError with every fault of the file: its row, line, column, what was read and what was
     expected.
     """
@@ -38,8 +39,8 @@ def load_table(source: str | os.PathLike[str]) -> ImpactTable:
     raw = read_raw(path)
     faults, notices = list(raw.faults), list[Notice]()
     header = read_header(raw.header, raw.header_line, faults)
-    check_columns(header, raw.header_line, faults, notices)
-    _check_count(raw, faults)
+    check_columns(header, raw.header_line, faults, notices, rebound)
+    _check_count(raw, faults, LEAST_IMPACTS if rebound else 1)
     columns = {name: read_column(column, raw.rows, faults) for name, column in header.numbers.items()}
     columns = one_sign(columns, raw.rows, faults, notices)
     check_ranges(columns, raw.rows, faults)
@@ -54,14 +55,17 @@ def load_table(source: str | os.PathLike[str]) -> ImpactTable:
     return _assemble(path, raw, header, columns, ids, notices)
 
 
-def _check_count(raw: RawTable, faults: list[Fault]) -> None:
+def _check_count(raw: RawTable, faults: list[Fault], least: int) -> None:
     count = len(raw.rows) + sum(fault.row is not None for fault in raw.faults)
     if count == 0:
         faults.append(
-            Fault(f"read a header and no rows; expected at least {LEAST_IMPACTS} impacts", line=raw.header_line)
+            Fault(
+                f"read a header and no rows; expected at least {least} impact{'s' if least > 1 else ''}",
+                line=raw.header_line,
+            )
         )
-    elif count < LEAST_IMPACTS:
-        message = f"read one row only; expected at least {LEAST_IMPACTS} impacts: one impact cannot fix any scatter"
+    elif count < least:
+        message = f"read one row only; expected at least {least} impacts: one impact cannot fix any scatter"
         faults.append(Fault(message, row=1, line=raw.rows[0].line if raw.rows else raw.faults[0].line))
 
 

@@ -300,6 +300,7 @@ def _fitted(problem: Problem, point: PointFit, posterior: Posterior | None) -> F
         names=names,
         point=np.array([point.values[name] for name in names]),
         draws=draws,
+        impacts=problem.table.impacts,
     )
 
 

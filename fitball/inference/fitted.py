@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
+from fitball.models.model import Model
 from fitball.models.registry import model
 from fitball.models.specs import SPECS
 from fitball.models.types import Rebound
@@ -21,7 +23,7 @@ class FittedModel:
     """A model with its point estimate and a thinned set of posterior draws.
 
     `names` are all parameters (noise included), `point` their values, (names,), `draws` (draws, names) in SI, empty
-    (0, names) for a point fit. `tangential` is false for a drop test.
+    (0, names) for a point fit. `tangential` is false for a drop test. `impacts` are those it was calibrated on.
     """
 
     model_name: str
@@ -31,13 +33,25 @@ class FittedModel:
     names: tuple[str, ...]
     point: FloatArray
     draws: FloatArray
+    impacts: Impacts
+
+    @cached_property
+    def model(self) -> Model:
+        """The model, composed anew."""
+        return model(self.model_name, ball=self.ball, tangential=self.tangential, **self.options)
 
     def rebound(self, impacts: Impacts, values: FloatArray | None = None) -> Rebound:
         """Rebounds (draws, impacts) at `values` (draws, names), by default at the point estimate (1, impacts)."""
-        chosen = model(self.model_name, ball=self.ball, tangential=self.tangential, **self.options)
         rows = self.point[None, :] if values is None else values
         kept = [k for k, name in enumerate(self.names) if name in SPECS]
-        return chosen.evaluate([self.names[k] for k in kept], np.ascontiguousarray(rows[:, kept]), impacts)
+        return self.model.evaluate([self.names[k] for k in kept], np.ascontiguousarray(rows[:, kept]), impacts)
+
+    def with_draws(self, names: Sequence[str], draws: FloatArray) -> FittedModel:
+        """The same model with other draws (draws, names) of its free parameters; the fixed ones keep their value."""
+        columns = dict(zip(names, draws.T, strict=True))
+        fixed = dict(zip(self.names, self.point, strict=True))
+        rows = [columns[name] if name in columns else np.full(draws.shape[0], fixed[name]) for name in self.names]
+        return replace(self, draws=np.stack(rows, axis=1))
 
     def predict(self, impacts: Impacts) -> Mapping[str, FloatArray]:
         """Noise-free predictions at new impacts.

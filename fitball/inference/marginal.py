@@ -38,6 +38,20 @@ def marginal_terms(
     return terms
 
 
+def incident_sds(problem: Problem, columns: Columns, rebound: Rebound) -> Mapping[str, FloatArray | float]:
+    """What the incident errors alone make each channel scatter by (draws, impacts), to first order; 0 without them."""
+    if problem.incident is None:
+        return {channel.name: 0.0 for channel in problem.channels}
+    slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
+    return {
+        channel.name: np.sqrt(
+            np.einsum("dik,ikl,dil->di", found, problem.incident.covariance, found, optimize=True).clip(0.0)
+        )
+        for channel in problem.channels
+        for found in (channel_slopes(channel, rebound, slopes),)
+    }
+
+
 def standardised(
     problem: Problem,
     columns: Columns,

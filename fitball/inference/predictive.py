@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.table import REBOUND_UNITS
+from fitball.inference.channels import Channel
+from fitball.inference.marginal import incident_sds
 from fitball.inference.parameters import TAILS
 from fitball.inference.posterior import Problem
 from fitball.inference.results import ChannelPrediction, Curve, PointFit, Posterior, Predictive
@@ -34,13 +36,10 @@ def predictive(problem: Problem, point: PointFit, posterior: Posterior, rng: np.
     values = thinned(posterior, DRAWS)
     rebound = problem.rebound(values)
     columns = problem.all_values(values)
-    tails = columns[TAILS][:, None] if TAILS in columns else None
+    by_incidence = incident_sds(problem, columns, rebound)
     channels = []
     for channel in problem.channels:
-        noise = columns[channel.noise][:, None] if channel.noise is not None else 0.0
-        predicted = channel.predict(rebound)
-        spread = np.broadcast_to(channel.spread(noise, rebound), predicted.shape)
-        data = predicted + spread * draw(rng, predicted.shape, tails)
+        predicted, spread, data = with_noise(channel, columns, rebound, rng, by_incidence[channel.name])
         if problem.offsets is not None:
             data = data + problem.offsets.offset(columns, channel.name)
         low, mid_low, median, mid_high, high = np.quantile(predicted, BANDS, axis=0)
@@ -63,13 +62,32 @@ def predictive(problem: Problem, point: PointFit, posterior: Posterior, rng: np.
     return Predictive(tuple(channels), regime_shares(rebound), curves(problem, thinned(posterior, CURVE_DRAWS)))
 
 
+def with_noise(
+    channel: Channel,
+    columns: Mapping[str, FloatArray],
+    rebound: Rebound,
+    rng: np.random.Generator,
+    incident_sd: FloatArray | float = 0.0,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """One channel draw by draw, each (draws, impacts): without noise, the sd of its noise, and a new measurement.
+
+    `columns` are the draws of each parameter by name, (draws,); `incident_sd` is what errors of the incident state add.
+    """
+    noise = columns[channel.noise][:, None] if channel.noise is not None else 0.0
+    predicted = channel.predict(rebound)
+    spread = np.hypot(np.broadcast_to(channel.spread(noise, rebound), predicted.shape), incident_sd)
+    tails = columns[TAILS][:, None] if TAILS in columns else None
+    return predicted, spread, predicted + spread * draw(rng, predicted.shape, tails)
+
+
 def regime_shares(rebound: Rebound) -> tuple[Mapping[str, float], ...]:
-    """For each impact the phase sequences that occur among the draws, most probable first."""
-    draws = rebound.regime.shape[0]
-    return tuple(
-        {regime_name(int(code)): count / draws for code, count in Counter(column.tolist()).most_common()}
-        for column in rebound.regime.T
-    )
+    """For each impact the phase sequences among the draws that can be evaluated there, most probable first."""
+    shares = []
+    for codes, status in zip(rebound.regime.T, rebound.status.T, strict=True):
+        solved = codes[status == 0]
+        counts = Counter(solved.tolist()).most_common()
+        shares.append({regime_name(int(code)): count / solved.size for code, count in counts})
+    return tuple(shares)
 
 
 def curves(problem: Problem, values: FloatArray) -> dict[str, Curve]:
@@ -108,10 +126,10 @@ def _curve(problem: Problem, values: FloatArray, rows: NDArray[np.int64]) -> Cur
         "omega_2": rebound.omega_2,
         "theta_2": np.arctan2(rebound.v_y2, rebound.v_x2),
     }
-    return Curve(angle, impacts, {name: _bands(array) for name, array in outputs.items()})
+    return Curve(angle, impacts, {name: bands(array) for name, array in outputs.items()})
 
 
-def _bands(array: FloatArray) -> FloatArray:
+def bands(array: FloatArray) -> FloatArray:
     """Quantiles (5, points); draws that the model cannot evaluate there are left out, NaN where none is left."""
     result = np.full((len(BANDS), array.shape[1]), np.nan)
     known = ~np.all(np.isnan(array), axis=0)

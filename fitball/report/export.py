@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -13,17 +13,22 @@ from typing import Any
 import numpy as np
 
 from fitball.errors import FitballError, ResultFolderError
+from fitball.inference.channels import Channel
 from fitball.inference.fitted import FittedModel
+from fitball.inference.new_impacts import DRAWS, NewPrediction, predict_new
 from fitball.inference.parameters import NOISE_SPECS
 from fitball.inference.results import Estimate, Fit, Golden, RunStatus, Verdict
 from fitball.models.types import Rebound
+from fitball.report.netcdf import saved_draws
 from fitball.report.units import THESIS
 from fitball.values import Ball, FloatArray, Impacts
 from fitball.version import __version__
 
 SCHEMA_VERSION = 1
 FIT_NAME = "fit.json"
+POSTERIOR_NAME = "posterior.nc"
 PACKAGES = ("numpy", "scipy", "numba", "lmfit", "emcee", "arviz-stats", "h5py")
+INCIDENT = ("v_x1", "v_y1", "omega_1")
 NUMBERS = ("point", "median", "sd", "q025", "q05", "q16", "q84", "q95", "q975")
 
 
@@ -73,6 +78,7 @@ def fit_content(fit: Fit) -> dict[str, Any]:
             "names": list(fit.fitted.names),
             "point": fit.fitted.point.tolist(),
             "draws": fit.fitted.draws.tolist(),
+            "impacts": {name: getattr(fit.fitted.impacts, name).tolist() for name in INCIDENT},
         },
     }
 
@@ -173,7 +179,7 @@ class SavedParameter:
 
 @dataclass(frozen=True)
 class SavedFit:
-    """A fit read back from `fit.json`; `content` is the file itself."""
+    """A fit read back from `fit.json`; `content` is the file itself, `place` where it is."""
 
     status: RunStatus
     verdict: str
@@ -181,6 +187,17 @@ class SavedFit:
     fitted: FittedModel
     golden: Golden
     content: Mapping[str, Any]
+    place: Path
+
+    def predict_interval(self, impacts: Impacts, observed: Sequence[Channel] = (), *, seed: int = 1) -> NewPrediction:
+        """See `new_impacts.predict_new`, with draws of the posterior saved beside `fit.json`.
+
+        Raises ResultFolderError when that is missing, damaged or of another fit.
+        """
+        point_only = self.status is RunStatus.POINT_ONLY
+        posterior = self.place.with_name(POSTERIOR_NAME)
+        fitted = self.fitted if point_only else saved_draws(self.fitted, posterior, DRAWS)
+        return predict_new(fitted, impacts, observed, seed)
 
     def predict(self, impacts: Impacts) -> Mapping[str, FloatArray]:
         """See `FittedModel.predict`: the same numbers as from the fit that was saved."""
@@ -206,12 +223,12 @@ def read_fit(path: Path) -> SavedFit:
             f"{place}: schema_version {content.get('schema_version')!r}; this fitball reads version {SCHEMA_VERSION}"
         )
     try:
-        return _from_content(content)
+        return _from_content(content, place)
     except (KeyError, TypeError, ValueError, FitballError) as error:
         raise ResultFolderError(f"{place}: damaged: {type(error).__name__}: {error}") from None
 
 
-def _from_content(content: Mapping[str, Any]) -> SavedFit:
+def _from_content(content: Mapping[str, Any], place: Path) -> SavedFit:
     fields = SavedParameter.__dataclass_fields__
     parameters = {
         name: SavedParameter(
@@ -229,6 +246,7 @@ def _from_content(content: Mapping[str, Any]) -> SavedFit:
         names=names,
         point=np.array(content["fitted"]["point"], dtype=np.float64),
         draws=np.array(content["fitted"]["draws"], dtype=np.float64).reshape(-1, len(names)),
+        impacts=Impacts(*(np.array(content["fitted"]["impacts"][name], dtype=np.float64) for name in INCIDENT)),
     )
     return SavedFit(
         status=RunStatus(content["status"]),
@@ -237,6 +255,7 @@ def _from_content(content: Mapping[str, Any]) -> SavedFit:
         fitted=fitted,
         golden=_read_golden(content["golden"]),
         content=content,
+        place=place,
     )
 
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from fitball.errors import ResultFolderError
 from fitball.inference.results import Fit
-from fitball.report.export import FIT_NAME, fit_text
+from fitball.report.export import FIT_NAME, POSTERIOR_NAME, fit_text
 from fitball.report.figure_corner import corner_figure
 from fitball.report.figures import predictive_figure, residual_figure, trace_figure
 from fitball.report.files import write_text, write_whole
@@ -62,7 +62,7 @@ def write_all(fit: Fit, folder: Path) -> None:
     if posterior is not None:
         figures["corner"] = lambda: corner_figure(fit, posterior)
         figures["trace"] = lambda: trace_figure(fit, posterior)
-        write_netcdf(fit, posterior, folder / "posterior.nc")
+        write_netcdf(fit, posterior, folder / POSTERIOR_NAME)
         write_text(folder / "regimes.csv", csv_text(regime_rows(fit)))
     for name, draw in figures.items():
         figure = draw()

@@ -1,0 +1,117 @@
+"""`fitball predict FIT DATA`: rebounds of new impacts from a fit, with intervals."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fitball.errors import ParameterError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from fitball.data.table import ImpactTable
+    from fitball.values import Impacts
+
+HELP = "predict rebounds of new impacts from a fit, with intervals"
+DESCRIPTION = """Predict rebounds of new impacts from a fit.
+
+Two kinds of interval: of the rebound itself, which the uncertain parameters leave open, and of a new
+measurement of it, which the noise widens. An impact unlike those the fit was made from is flagged. Rebound
+columns, where DATA has any, are compared with the prediction."""
+EXAMPLE = """examples:
+  fitball predict fits/wang_all/two-mass new_balls.csv
+  fitball predict fits/wang_all/two-mass --impact "v=38 mph, theta=18 deg, spin=950 rpm top"
+  fitball predict fits/wang_topspin/two-mass wang_backspin.csv --out predicted.csv"""
+
+POINT_ONLY = "a point fit has no posterior: values at the point estimate, without intervals"
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the verb to the command line."""
+    parser = subparsers.add_parser(
+        "predict",
+        help=HELP,
+        description=DESCRIPTION,
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("fit", metavar="FIT", help="a result folder of fitball calibrate, or its fit.json")
+    parser.add_argument("data", metavar="DATA", nargs="?", help="impacts: a table, or the name of a bundled one")
+    parser.add_argument(
+        "--impact",
+        metavar="TEXT",
+        action="append",
+        default=[],
+        help='one impact instead of DATA, e.g. "v=17, theta=18, spin=100" (default: m/s, deg, rad/s); repeatable',
+    )
+    parser.add_argument("--out", metavar="FILE.csv", help="write every number to a CSV file")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the simulated noise (default 1)")
+    parser.add_argument("--json", action="store_true", help="print JSON (SI units, angles in radians)")
+    parser.add_argument("--quiet", action="store_true", help="no table and no notes: only errors and files")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it; returns the exit code."""
+    if bool(args.impact) == (args.data is not None):
+        raise ParameterError("predict needs impacts: either DATA or --impact, one of them")
+    if args.seed < 0:
+        raise ParameterError(f"seed = {args.seed}: expected a number not below 0")
+    from fitball.api import load_fit
+    from fitball.inference.new_impacts import observed_channels
+    from fitball.inference.results import RunStatus
+    from fitball.inference.validation import impacts_seen, scores
+    from fitball.report.files import write_text
+    from fitball.report.new_impact_rows import prediction_csv_rows, prediction_json
+    from fitball.report.new_impact_text import render_prediction, render_scores
+    from fitball.report.tables import csv_text
+
+    saved = load_fit(args.fit)
+    impacts, ids, table = _impacts(args.data, args.impact)
+    channels, unused = observed_channels(saved.fitted, table) if table is not None else ((), ())
+    prediction = saved.predict_interval(impacts, channels, seed=args.seed)
+    judged = scores(prediction)
+    notes = [*([] if table is None else map(str, table.notices)), *unused]
+    if saved.status is RunStatus.POINT_ONLY:
+        notes.append(POINT_ONLY)
+    if saved.status is RunStatus.NOT_CONVERGED:
+        notes.append("the sampler of this fit did not converge: intervals may change")
+    unknown = [item.name for item in prediction.outputs if item.rebound is not None and item.measured is None]
+    # A contact time is seldom measured: nobody misses its noise.
+    silent = [name for name in unknown if name != "contact_time"]
+    if silent:
+        notes.append(f"the fit knows no noise of {', '.join(silent)}: no interval of a new measurement")
+    if args.out is not None:
+        write_text(Path(args.out), csv_text(prediction_csv_rows(prediction, ids)))
+    if not args.quiet:
+        for note in notes:
+            print(f"note: {note}", file=sys.stderr)
+    if args.json:
+        print(json.dumps(prediction_json(prediction, ids, judged, notes), indent=1, allow_nan=False))
+    elif not args.quiet:
+        print(render_prediction(prediction, ids))
+        if judged:
+            print("\n" + render_scores(judged, impacts_seen(saved.fitted, impacts), len(ids)))
+    if args.out is not None and not args.json:
+        print(args.out)
+    return 0
+
+
+def _impacts(data: str | None, texts: Sequence[str]) -> tuple[Impacts, tuple[str, ...], ImpactTable | None]:
+    """Impacts, their names, and the table they come from."""
+    import numpy as np
+
+    from fitball.data.impact_text import parse_impact
+    from fitball.data.read import load_table
+    from fitball.values import Impacts
+
+    if data is not None:
+        table = load_table(data, rebound=False)
+        return table.impacts, table.ids, table
+    parsed = [parse_impact(text) for text in texts]
+    joined = [np.concatenate([getattr(item, name) for item in parsed]) for name in ("v_x1", "v_y1", "omega_1")]
+    return Impacts(*joined), tuple(f"impact {k}" for k in range(1, len(parsed) + 1)), None

@@ -1,0 +1,97 @@
+"""One impact written in a line, such as `v=38 mph, theta=18 deg, spin=950 rpm top`."""
+
+from __future__ import annotations
+
+import re
+from math import cos, isfinite, pi, sin
+
+import numpy as np
+
+from fitball.data.units import Dimension, parse_unit
+from fitball.errors import ParameterError, UnitError, suggestion
+from fitball.values import Impacts
+
+# What a quantity may be called, and what it measures; the first name of each is that of the tables.
+_NAMES = {
+    "v_1": ("v_1", Dimension.SPEED),
+    "v": ("v_1", Dimension.SPEED),
+    "theta_1": ("theta_1", Dimension.ANGLE),
+    "theta": ("theta_1", Dimension.ANGLE),
+    "v_x1": ("v_x1", Dimension.SPEED),
+    "v_x": ("v_x1", Dimension.SPEED),
+    "v_y1": ("v_y1", Dimension.SPEED),
+    "v_y": ("v_y1", Dimension.SPEED),
+    "omega_1": ("omega_1", Dimension.SPIN),
+    "omega": ("omega_1", Dimension.SPIN),
+    "spin": ("omega_1", Dimension.SPIN),
+}
+_SENSES = {"top": 1.0, "topspin": 1.0, "back": -1.0, "backspin": -1.0}
+_VALUE = re.compile(r"^(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<rest>.*)$")
+_FORMS = "expected v and theta, or v_x and v_y, or v_y alone for a dropped ball; spin where there is any"
+
+
+def parse_impact(text: str) -> Impacts:
+    """One impact from NAME=VALUE UNIT items divided by commas.
+
+    Names: `v`, `theta`, `v_x`, `v_y`, `spin` or `omega`, or as in tables (`v_x1`, ...). Without a unit a number is in
+    m/s, degrees or rad/s. Spin is topspin when positive; `top` or `back` behind the unit says it in words, and
+    then the number has no sign. Spin left out is zero. Raises ParameterError that quotes the text.
+    """
+    try:
+        return _impact(_values(text))
+    except (ParameterError, UnitError) as error:
+        raise ParameterError(f"impact '{text}': {error}") from None
+
+
+def _values(text: str) -> dict[str, float]:
+    """Quantities by the tables' names, in SI."""
+    found: dict[str, float] = {}
+    for item in text.split(","):
+        key, equals, value = (part.strip() for part in item.partition("="))
+        if not equals or not key or not value:
+            raise ParameterError(f"read '{item.strip()}', expected NAME=VALUE UNIT, such as v=38 mph")
+        if key not in _NAMES:
+            raise ParameterError(f"unknown quantity '{key}': {suggestion(key, _NAMES)}")
+        name, dimension = _NAMES[key]
+        if name in found:
+            raise ParameterError(f"{key} is given twice")
+        found[name] = _number(key, value, dimension)
+    return found
+
+
+def _number(key: str, text: str, dimension: Dimension) -> float:
+    matched = _VALUE.match(text)
+    if matched is None:
+        raise ParameterError(f"{key}: read '{text}', expected a number and a unit")
+    number, words = float(matched["number"]), matched["rest"].split()
+    if not isfinite(number):
+        raise ParameterError(f"{key}: read '{text}', expected a finite number")
+    if dimension is Dimension.SPIN and words and words[-1].lower() in _SENSES:
+        if matched["number"].startswith(("-", "+")):
+            raise ParameterError(f"{key}: read '{text}', expected either a sign or a word for the sense of the spin")
+        number *= _SENSES[words.pop().lower()]
+    try:
+        unit = parse_unit(" ".join(words) or None, dimension)
+    except UnitError as error:
+        raise UnitError(f"{key}: {error}") from None
+    return unit.to_si(number)
+
+
+def _impact(found: dict[str, float]) -> Impacts:
+    """Components from what was given. Raises ParameterError for too little, too much or the impossible."""
+    velocity = frozenset(found) - {"omega_1"}
+    if velocity == {"v_1", "theta_1"}:
+        speed, angle = found["v_1"], found["theta_1"]
+        if not speed > 0.0:
+            raise ParameterError("expected a positive speed v")
+        if not 0.0 < angle < pi:
+            raise ParameterError("expected an angle theta to the court between 0 and 180 deg")
+        v_x1, v_y1 = speed * cos(angle), speed * sin(angle)
+    elif velocity in ({"v_x1", "v_y1"}, {"v_y1"}):
+        v_x1, v_y1 = found.get("v_x1", 0.0), found["v_y1"]
+        if not v_y1 > 0.0:
+            raise ParameterError("expected a positive speed v_y towards the court")
+    else:
+        given = ", ".join(sorted(velocity)) or "no velocity"
+        raise ParameterError(f"read {given}; {_FORMS}")
+    return Impacts(np.array([v_x1]), np.array([v_y1]), np.array([found.get("omega_1", 0.0)]))

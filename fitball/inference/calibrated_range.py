@@ -1,0 +1,108 @@
+"""Whether new impacts lie where a model was calibrated: in each quantity, and in their combination.
+
+The quantities are vertical speed, incidence angle and spin. The combination is judged among `v_x1`, `v_y1` and the
+surface speed `R omega_1`, all in m/s, by the distance to the convex hull of the calibrated impacts: the
+least-distance problem of Lawson and Hanson (1974, ch. 23), solved by non-negative least squares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from fitball.values import FloatArray, Impacts
+
+# Share of a quantity's size below which a difference is rounding of units (38 mph, 18 deg) and nothing else.
+ROUNDING = 1e-9
+# Distance to the hull, over the median calibrated speed, from which the combination counts as new. The speeds of one
+# launcher setting scatter by 3 % (standard deviation of Wang's 21 impacts); closer than twice that is scatter.
+SLACK = 0.05
+
+
+@dataclass(frozen=True)
+class CalibratedRange:
+    """New impacts against calibrated ones.
+
+    `limits` are the smallest and largest calibrated value by quantity (`v_y1` [m/s], `theta_1` [rad], `omega_1`
+    [rad/s]; `v_y1` alone for a drop test), `beyond` (impacts,) how far a new value lies above (positive) or below
+    (negative) them, zero inside. `hull_distance` (impacts,) [m/s] is None for a drop test; from `slack` [m/s] on it
+    counts. `lines` names the lines in `v_y1` (COR, eps) that the model extrapolates outside its limits.
+    """
+
+    limits: Mapping[str, tuple[float, float]]
+    beyond: Mapping[str, FloatArray]
+    hull_distance: FloatArray | None
+    slack: float
+    lines: tuple[str, ...]
+
+    @property
+    def new_combination(self) -> NDArray[np.bool_]:
+        """Whether an impact is further than `slack` from every mixture of calibrated impacts, (impacts,)."""
+        if self.hull_distance is None:
+            return np.zeros(self.beyond["v_y1"].shape, dtype=np.bool_)
+        return self.hull_distance > self.slack
+
+    @property
+    def outside(self) -> NDArray[np.bool_]:
+        """Whether an impact lies outside in any quantity or in their combination, (impacts,)."""
+        flags = [self.new_combination, *(np.abs(column) > 0.0 for column in self.beyond.values())]
+        outside: NDArray[np.bool_] = np.logical_or.reduce(flags)
+        return outside
+
+
+def calibrated_range(
+    calibrated: Impacts, new: Impacts, radius: float, tangential: bool, lines: tuple[str, ...]
+) -> CalibratedRange:
+    """Compare new impacts with the calibrated ones of a ball of that outer radius [m]."""
+    names = ("v_y1", "theta_1", "omega_1") if tangential else ("v_y1",)
+    limits, beyond = {}, {}
+    for name in names:
+        known = _quantity(calibrated, name)
+        limits[name] = (float(known.min()), float(known.max()))
+        beyond[name] = _beyond(_quantity(new, name), *limits[name])
+    if not tangential:
+        return CalibratedRange(limits, beyond, None, 0.0, lines)
+    speed = float(np.median(np.hypot(calibrated.v_x1, calibrated.v_y1)))
+    distance = hull_distances(_velocities(calibrated, radius), _velocities(new, radius))
+    return CalibratedRange(limits, beyond, distance, SLACK * speed, lines)
+
+
+def _quantity(impacts: Impacts, name: str) -> FloatArray:
+    if name == "theta_1":
+        angle: FloatArray = np.arctan2(impacts.v_y1, impacts.v_x1)
+        return angle
+    column: FloatArray = getattr(impacts, name)
+    return column
+
+
+def _beyond(values: FloatArray, low: float, high: float) -> FloatArray:
+    over = np.where(values > high, values - high, np.where(values < low, values - low, 0.0))
+    return np.where(np.abs(over) > ROUNDING * max(abs(low), abs(high)), over, 0.0)
+
+
+def _velocities(impacts: Impacts, radius: float) -> FloatArray:
+    """Points (impacts, 3) in m/s."""
+    return np.stack([impacts.v_x1, impacts.v_y1, radius * impacts.omega_1], axis=1)
+
+
+def hull_distances(points: FloatArray, places: FloatArray) -> FloatArray:
+    """Euclidean distance (places,) of `places` (places, dimensions) to the convex hull of `points`, in their unit."""
+    return np.array([_hull_distance(points - place) for place in places])
+
+
+def _hull_distance(points: FloatArray) -> float:
+    """Distance of the origin to the convex hull of `points` (points, dimensions).
+
+    The mixture w >= 0 that minimises |w' points|^2 + (sum(w) - 1)^2 is, but for its sum, the nearest point's.
+    """
+    # The hull of a single far point leaves the sum near zero: in units of the points' size it is at least a half.
+    size = float(np.linalg.norm(points, axis=1).max())
+    if not size > 0.0:
+        return 0.0
+    system = np.vstack([points.T / size, np.ones(points.shape[0])])
+    weights, _ = nnls(system, np.append(np.zeros(points.shape[1]), 1.0))
+    return float(np.linalg.norm(weights @ points) / weights.sum())

@@ -1,0 +1,368 @@
+"""Predictions of new impacts: against independent Monte Carlo, at the command line, and where they must warn."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import fitball
+from fitball.cli.main import main
+from fitball.data.impact_text import parse_impact
+from fitball.errors import ModelError, ParameterError, ResultFolderError
+from fitball.inference.calibrated_range import calibrated_range, hull_distances
+from fitball.inference.channels import Channel
+from fitball.inference.fitted import FittedModel
+from fitball.inference.new_impacts import BATCH, predict_new
+from fitball.inference.validation import impacts_seen, scores
+from fitball.report.netcdf import write_netcdf
+
+NAMES = ("mu", "e_x", "offset", "cor_10", "cor_slope", "velocity_sd", "spin_sd")
+BALL = fitball.Ball()
+CENTRE = np.array([0.6, 0.1, 2e-3, 0.75, -0.015, 0.4, 12.0])
+LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
+
+
+def fitted_grip_slip(draws=3000, spread=0.05, names=NAMES, **changes):
+    """A grip-slip model with draws around CENTRE, calibrated on a box of impacts."""
+    rng = np.random.default_rng(7)
+    values = CENTRE * (1.0 + spread * rng.standard_normal((draws, len(NAMES))))
+    kept = [NAMES.index(name) for name in names]
+    corners = np.array([[x, y, w] for x in (8.0, 16.0) for y in (5.0, 15.0) for w in (-100.0, 100.0)])
+    made = FittedModel("grip-slip", {}, BALL, True, names, CENTRE[kept], values[:, kept], fitball.impacts(*corners.T))
+    return replace(made, **changes)
+
+
+def bounce(values, v_x, v_y, omega):
+    """Cross (2002): the algebraic bounce written anew, one impact, many draws."""
+    mu, e_x, offset, cor_10, slope = values.T[:5]
+    mass, radius, inertia = BALL.mass, BALL.radius, BALL.inertia
+    cor = cor_10 + slope * (v_y - 10.0)
+    push = mass * (1.0 + cor) * v_y
+    # Grip: (1 + e_x) of the slip is undone by the impulse J and its torque, with the normal force ahead by offset.
+    reach = 1.0 / mass + radius**2 / inertia
+    impulse = ((1.0 + e_x) * (v_x - radius * omega) + radius * offset * push / inertia) / reach
+    impulse = np.minimum(np.maximum(impulse, -mu * push), mu * push)
+    return v_x - impulse / mass, cor * v_y, omega + (radius * impulse - offset * push) / inertia
+
+
+def test_intervals_against_direct_monte_carlo():
+    fitted = fitted_grip_slip(draws=40_000)
+    found = predict_new(fitted, fitball.impacts([12.0, 15.0], [9.0, 6.0], [20.0, -50.0]), seed=3)
+    rng = np.random.default_rng(99)
+    for k, impact in enumerate([(12.0, 9.0, 20.0), (15.0, 6.0, -50.0)]):
+        v_x, v_y, omega = bounce(fitted.draws, *impact)
+        truth = {
+            "v_x2": v_x,
+            "v_y2": v_y,
+            "omega_2": omega,
+            "v_2": np.hypot(v_x, v_y),
+            "theta_2": np.arctan(v_y / v_x),
+        }
+        sd = dict.fromkeys(truth, fitted.draws[:, 5]) | {"omega_2": fitted.draws[:, 6]}
+        sd["theta_2"] = sd["theta_2"] / truth["v_2"]
+        for name, values in truth.items():
+            item = found.output(name)
+            np.testing.assert_allclose(item.rebound[:, k], np.quantile(values, LEVELS), rtol=1e-10)
+            # Half a million independent measurements against forty thousand: the standard error of the difference
+            # is 0.014 sd at the ends of 95 %, less inside.
+            which = rng.integers(len(values), size=500_000)
+            measured = values[which] + sd[name][which] * rng.standard_normal(which.size)
+            errors = (item.measured[:, k] - np.quantile(measured, LEVELS)) / measured.std()
+            assert np.all(np.abs(errors) < 0.06), (name, errors)
+            assert item.sd[k] == pytest.approx(measured.std(), rel=0.02)
+            assert item.mean[k] == pytest.approx(measured.mean(), abs=0.03 * measured.std())
+
+
+def test_intervals_nest_and_noise_widens():
+    found = predict_new(fitted_grip_slip(), fitball.impacts([9.0, 12.0, 15.0], [6.0, 9.0, 14.0], [0.0, 90.0, -90.0]))
+    assert [item.name for item in found.outputs] == ["v_x2", "v_y2", "v_2", "theta_2", "omega_2"]
+    for item in found.outputs:
+        assert np.all(np.diff(item.rebound, axis=0) > 0.0)
+        assert np.all(np.diff(item.measured, axis=0) > 0.0)
+        for low, high in ((0, 4), (1, 3)):
+            assert np.all(item.measured[low] < item.rebound[low])
+            assert np.all(item.measured[high] > item.rebound[high])
+    assert all(sum(shares.values()) == pytest.approx(1.0) for shares in found.regimes)
+
+
+def test_seed_moves_the_noise_only_and_batches_do_not_matter():
+    fitted = fitted_grip_slip(draws=40)
+    rng = np.random.default_rng(0)
+    many = fitball.impacts(*(rng.uniform(low, high, BATCH + 3) for low, high in ((8, 16), (5, 15), (-100, 100))))
+    first, again, other = (predict_new(fitted, many, seed=seed) for seed in (1, 1, 2))
+    for a, b, c in zip(first.outputs, again.outputs, other.outputs, strict=True):
+        assert a.measured.tobytes() == b.measured.tobytes() != c.measured.tobytes()
+        assert a.rebound.tobytes() == c.rebound.tobytes()
+    last = fitball.impacts(*(getattr(many, name)[-1] for name in ("v_x1", "v_y1", "omega_1")))
+    alone = predict_new(fitted, last)
+    assert alone.output("v_x2").rebound[:, 0].tobytes() == first.output("v_x2").rebound[:, -1].tobytes()
+
+
+def test_without_draws_only_the_point():
+    found = predict_new(fitted_grip_slip(draws=0), fitball.impacts(12.0, 9.0, 20.0))
+    assert found.draws == 0
+    for item, value in zip(
+        (found.output(name) for name in ("v_x2", "v_y2", "omega_2")),
+        bounce(CENTRE[None], 12.0, 9.0, 20.0),
+        strict=True,
+    ):
+        assert item.point[0] == pytest.approx(value[0], rel=1e-12)
+        assert item.rebound is item.measured is item.sd is None
+
+
+def test_unknown_noise_gives_no_measurement_but_stated_noise_does():
+    fitted = fitted_grip_slip(names=NAMES[:6])
+    impacts = fitball.impacts([12.0, 13.0], 9.0, 20.0)
+    found = predict_new(fitted, impacts)
+    assert found.output("omega_2").measured is None
+    assert found.output("v_x2").measured is not None
+    stated = Channel("omega_2", np.array([200.0, 210.0]), np.array([1.0, 50.0]), None)
+    item = predict_new(fitted, impacts, [stated]).output("omega_2")
+    inner = item.rebound[4] - item.rebound[0]
+    outer = item.measured[4] - item.measured[0]
+    assert outer[0] < 1.2 * inner[0]
+    assert outer[1] > 150.0
+
+
+def test_draws_that_cannot_be_solved_are_told_with_the_reason():
+    fitted = fitted_grip_slip()
+    raised = fitted.draws.copy()
+    raised[: len(raised) // 4, 3] = 1.2
+    raised[:, 4] = -0.01
+    found = predict_new(replace(fitted, draws=raised), fitball.impacts([12.0, 12.0], [9.0, 100.0], 0.0))
+    (reason, share), = found.failures[0].items()  # fmt: skip
+    assert share == pytest.approx(0.25)
+    assert "coefficient of restitution leaves (0, 1]" in reason
+    v_y = bounce(raised[len(raised) // 4 :], 12.0, 9.0, 0.0)[1]
+    np.testing.assert_allclose(found.output("v_y2").rebound[:, 0], np.quantile(v_y, LEVELS), rtol=1e-10)
+    assert sum(found.regimes[0].values()) == pytest.approx(1.0)
+    # At 100 m/s the line has no restitution left for all but the raised quarter, which keeps 0.3.
+    assert sum(found.failures[1].values()) == pytest.approx(0.75)
+
+
+def test_hull_distance_of_a_cube_a_plane_and_a_point():
+    cube = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
+    places = np.array([[0.5, 0.5, 0.5], [2.0, 0.5, 0.5], [2.0, 2.0, 0.5], [-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
+    np.testing.assert_allclose(
+        hull_distances(cube, places), [0.0, 1.0, math.sqrt(2.0), math.sqrt(3.0), 0.0], atol=1e-12
+    )
+    flat = cube[cube[:, 2] == 0.0] * 1e3
+    np.testing.assert_allclose(hull_distances(flat, np.array([[500.0, 500.0, 7.0]])), [7.0], rtol=1e-9)
+    np.testing.assert_allclose(hull_distances(cube[:1], np.array([[3.0, 4.0, 0.0]])), [5.0], rtol=1e-9)
+
+
+def test_range_flags_say_which_quantity_and_by_how_much():
+    known = fitball.impacts([16.0, 12.0, 6.0], [5.0, 12.0, 16.0], [-100.0, 0.0, 100.0])
+    new = fitball.impacts(
+        [12.0, 12.0, 12.0, 12.0, 20.0], [12.0, 18.0, 12.0, 12.0, 5.0], [0.0, 0.0, 150.0, -130.0, 0.0]
+    )
+    found = calibrated_range(known, new, 0.033, True, ("COR",))
+    np.testing.assert_allclose(found.beyond["v_y1"], [0.0, 2.0, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(found.beyond["omega_1"], [0.0, 0.0, 50.0, -30.0, 0.0])
+    assert found.beyond["theta_1"][4] == pytest.approx(math.atan2(5.0, 20.0) - math.atan2(5.0, 16.0))
+    assert found.outside.tolist() == [False, True, True, True, True]
+    itself = calibrated_range(known, known, 0.033, True, ())
+    assert not itself.outside.any()
+    np.testing.assert_allclose(itself.hull_distance, 0.0, atol=1e-12)
+    # Every quantity within its limits, and yet new: half as fast at the middle angle.
+    slow = calibrated_range(known, fitball.impacts(6.0, 6.0, 0.0), 0.033, True, ())
+    assert all(column[0] == 0.0 for column in slow.beyond.values())
+    assert slow.new_combination[0]
+    assert slow.outside[0]
+    drop = calibrated_range(fitball.impacts(0.0, [3.0, 9.0]), fitball.impacts(0.0, [2.0, 5.0]), 0.033, False, ())
+    assert drop.hull_distance is None
+    assert drop.outside.tolist() == [True, False]
+
+
+def test_validation_counts_what_it_says():
+    fitted = fitted_grip_slip()
+    impacts = fitball.impacts(np.full(4, 12.0), 9.0, 20.0)
+    plain = predict_new(fitted, impacts)
+    mean, sd = plain.output("v_y2").mean, plain.output("v_y2").sd
+    observed = mean + sd * np.array([0.0, 0.5, -1.5, 3.0])
+    found = predict_new(fitted, impacts, [Channel("v_y2", observed, None, "velocity_sd")])
+    (score,) = scores(found)
+    assert (score.name, score.count, score.within_68, score.within_95) == ("v_y2", 4, 0.5, 0.75)
+    np.testing.assert_allclose(found.output("v_y2").z, [0.0, 0.5, -1.5, 3.0], atol=0.1)
+    assert score.rms_z == pytest.approx(math.sqrt((0.25 + 2.25 + 9.0) / 4), rel=0.05)
+    assert score.bias == pytest.approx(np.mean(observed - found.output("v_y2").rebound[2]))
+    assert impacts_seen(fitted, fitball.impacts([8.0, 9.0], [5.0, 5.0], [100.0, 100.0])) == 1
+
+
+def test_measured_restitution_needs_its_column():
+    fitted = FittedModel(
+        "two-mass", {"cor": "measured"}, BALL, True, ("mass_ratio",), np.array([0.9]), np.empty((0, 1)),
+        fitball.impacts(10.0, 10.0),
+    )  # fmt: skip
+    with pytest.raises(ModelError, match="column v_y2"):
+        predict_new(fitted, fitball.impacts(10.0, 10.0))
+
+
+@pytest.mark.parametrize(
+    ("text", "speed", "degrees", "spin"),
+    [
+        ("v=38 mph, theta=18 deg, spin=950 rpm top", 38 * 0.44704, 18.0, 950 * math.pi / 30),
+        ("v=61.2km/h,theta=0.3 rad,spin=950rpm back", 17.0, math.degrees(0.3), -950 * math.pi / 30),
+        ("v=17, theta=18, omega=-100", 17.0, 18.0, -100.0),
+        ("v_1=17 m/s, theta_1=18 deg", 17.0, 18.0, 0.0),
+        ("v_x=3, v_y=4, omega=2 rev/s topspin", 5.0, math.degrees(math.atan2(4, 3)), 4 * math.pi),
+        ("v_y=5 m/s", 5.0, 90.0, 0.0),
+        ("v_x1=-3, v_y1=4, omega_1=1e2", 5.0, math.degrees(math.atan2(4, -3)), 100.0),
+    ],
+)
+def test_an_impact_in_words(text, speed, degrees, spin):
+    found = parse_impact(text)
+    assert math.hypot(found.v_x1[0], found.v_y1[0]) == pytest.approx(speed, rel=1e-12)
+    assert math.degrees(math.atan2(found.v_y1[0], found.v_x1[0])) == pytest.approx(degrees, rel=1e-12)
+    assert found.omega_1[0] == pytest.approx(spin, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "expected NAME=VALUE UNIT"),
+        ("v=38 mph", "read v_1; expected v and theta"),
+        ("v=38 mhp, theta=18", "did you mean 'mph'"),
+        ("v=38 deg, theta=18", "measures angle"),
+        ("v=fast, theta=18", "read 'fast', expected a number"),
+        ("speed=38, theta=18", "unknown quantity 'speed'"),
+        ("v=38, theta=18, v=37", "given twice"),
+        ("v=38, theta=18, v_x=3", "expected v and theta"),
+        ("v=38, theta=0", "between 0 and 180 deg"),
+        ("v=-3, theta=10", "positive speed v"),
+        ("v_x=3, v_y=-2", "positive speed v_y"),
+        ("v=38, theta=18, spin=-9 rpm top", "either a sign or a word"),
+        ("v=38, theta=18, spin=9 rpm up", "unknown"),
+        ("v=1e999, theta=18", "finite"),
+        ("spin=100", "no velocity"),
+    ],
+)
+def test_a_bad_impact_is_quoted(text, words):
+    with pytest.raises(ParameterError) as caught:
+        parse_impact(text)
+    assert words in str(caught.value)
+    assert f"impact '{text}'" in str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def fit():
+    return fitball.calibrate("wang_all.csv", model="grip-slip", seed=4, cores=2, max_steps=100)
+
+
+@pytest.fixture(scope="module")
+def folder(fit, tmp_path_factory):
+    return fit.save(tmp_path_factory.mktemp("predict") / "fit")
+
+
+@pytest.fixture(scope="module")
+def point_folder(tmp_path_factory):
+    return fitball.calibrate("wang_all.csv", model="grip-slip", point_only=True).save(
+        tmp_path_factory.mktemp("p") / "f"
+    )
+
+
+IMPACT = ["--impact", "v=38 mph, theta=18 deg, spin=950 rpm top"]
+
+
+def test_a_saved_fit_predicts_what_the_fit_predicts(fit, folder):
+    new = fitball.impacts([15.0, 10.0], [6.0, 12.0], [0.0, 100.0])
+    before, after = fit.predict_interval(new, seed=5), fitball.load_fit(folder).predict_interval(new, seed=5)
+    assert before.draws == after.draws == 4000
+    for a, b in zip(before.outputs, after.outputs, strict=True):
+        for name in ("point", "rebound", "measured"):
+            assert getattr(a, name).tobytes() == getattr(b, name).tobytes()
+
+
+def test_predict_prints_json_and_csv(folder, tmp_path, capsys):
+    assert main(["predict", str(folder), *IMPACT]) == 0
+    out, err = capsys.readouterr()
+    assert "16.99 m/s at 18.0 deg" in out
+    assert "99.5 rad/s topspin" in out
+    assert "did not converge" in err
+    assert "outside" not in out
+    (tmp_path / "new.csv").write_text(
+        "id,v_1 [mph],theta_1,omega_1 [rpm]\na,38,18,950\nb,60,60,0\n", encoding="utf-8"
+    )
+    place = tmp_path / "out.csv"
+    assert main(["predict", str(folder), str(tmp_path / "new.csv"), "--out", str(place), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    frame = pd.read_csv(place)
+    assert [item["outside"] for item in found["impacts"]] == [False, True]
+    assert found["impacts"][1]["beyond"]["v_y1"] == pytest.approx(60 * 0.44704 * math.sin(math.radians(60)) - 16.39)
+    assert found["impacts"][1]["extrapolated"] == ["COR"]
+    assert found["validation"] == []
+    first = found["impacts"][0]["outputs"]
+    assert frame["v_x2_median [m/s]"][0] == first["v_x2"]["median"]
+    assert frame["theta_2_data_q975 [deg]"][0] == pytest.approx(math.degrees(first["theta_2"]["data_q975"]))
+    assert frame["outside"].tolist() == ["no", "yes"]
+    assert main(["predict", str(folder), *IMPACT, "--quiet", "--out", str(place)]) == 0
+    assert capsys.readouterr().out.strip() == str(place)
+
+
+def test_measured_columns_are_compared(folder, capsys):
+    assert main(["predict", str(folder), "wang_backspin.csv"]) == 0
+    out = capsys.readouterr().out
+    assert "no validation, 7 of 7 impacts are among those of the fit" in out
+    assert "within 95 %" in out
+    assert out.count("backspin-") >= 7
+
+
+def test_a_point_fit_has_no_intervals_and_says_so(point_folder, tmp_path, capsys):
+    place = tmp_path / "out.csv"
+    assert main(["predict", str(point_folder), "wang_zero_spin.csv", "--out", str(place)]) == 0
+    out, err = capsys.readouterr()
+    assert "no posterior" in err
+    assert "[" not in out.split("Measured against")[0].split("\n", 1)[1]
+    assert not [name for name in pd.read_csv(place).columns if "median" in name or "q025" in name]
+
+
+def test_draws_missing_damaged_or_of_another_fit_are_refused(folder, tmp_path, capsys):
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    (copy / "posterior.nc").unlink()
+    assert main(["predict", str(copy), *IMPACT]) == 2
+    assert "posterior.nc: there is no such file" in capsys.readouterr().err
+    (copy / "posterior.nc").write_bytes(b"not a netCDF file")
+    assert main(["predict", str(copy), *IMPACT]) == 2
+    assert "damaged" in capsys.readouterr().err
+    other = fitball.calibrate("wang_all.csv", model="grip-slip", seed=5, cores=2, max_steps=100)
+    write_netcdf(other, other.posterior, copy / "posterior.nc")
+    with pytest.raises(ResultFolderError, match="of another fit"):
+        fitball.load_fit(copy).predict_interval(fitball.impacts(15.0, 6.0))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "either DATA or --impact"),
+        (["wang_all.csv", *IMPACT], "either DATA or --impact"),
+        (["--impact", "v=38 mhp, theta=18"], "did you mean 'mph'"),
+        (["nowhere.csv"], "no such file"),
+        (["bad.csv"], "row 1 (line 2), column 'v_y1': read -3"),
+        (["wang_all.csv", "--seed", "-1"], "seed = -1"),
+        (["wang_all.csv", "--out", "nowhere/x.csv"], "cannot be written"),
+    ],
+)
+def test_bad_input_ends_with_two_and_words(folder, tmp_path, monkeypatch, capsys, words, said):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bad.csv").write_text("v_x1,v_y1\n10,-3\n", encoding="utf-8")
+    assert main(["predict", str(folder), *words]) == 2
+    out, err = capsys.readouterr()
+    assert said in err
+    assert "Traceback" not in err
+    assert not out
+    assert [item.name for item in tmp_path.iterdir()] == ["bad.csv"]
+
+
+def test_one_row_without_rebound_is_enough_to_predict_and_not_to_fit(folder, tmp_path, capsys):
+    (tmp_path / "one.csv").write_text("v_x1,v_y1\n10,8\n", encoding="utf-8")
+    assert main(["predict", str(folder), str(tmp_path / "one.csv")]) == 0
+    assert "v_x1 10.00" in capsys.readouterr().out
+    assert main(["calibrate", str(tmp_path / "one.csv")]) == 2
+    assert "no rebound column" in capsys.readouterr().err
