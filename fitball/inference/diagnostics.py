@@ -37,7 +37,11 @@ class Convergence:
     @property
     def reached(self) -> bool:
         """Whether every parameter has what it needs."""
-        return self.min_ess >= TARGET_ESS and self.max_r_hat < TARGET_R_HAT
+        return self.meets(TARGET_ESS, TARGET_R_HAT)
+
+    def meets(self, ess: float, r_hat: float) -> bool:
+        """Whether every parameter has that effective sample size and an R-hat below that."""
+        return self.min_ess >= ess and self.max_r_hat < r_hat
 
 
 def convergence(names: tuple[str, ...], coordinates: FloatArray) -> Convergence:

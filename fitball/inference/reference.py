@@ -14,18 +14,20 @@ WANTED = 1500
 MOST_BATCHES = 12
 
 
-def reference_draws(problem: Problem, rng: np.random.Generator) -> FloatArray:
-    """Independent draws (draws, free) in SI by rejection from the priors, at most WANTED."""
+def reference_draws(
+    problem: Problem, rng: np.random.Generator, wanted: int = WANTED, batch: int = BATCH
+) -> FloatArray:
+    """Independent draws (draws, free) in SI by rejection from the priors, at most `wanted`."""
     accepted: list[FloatArray] = []
     # The scene's knowledge is a normal density: its peak bounds it.
     value_sd = problem.contact_time
     peak = 0.0 if value_sd is None else -0.5 * float(np.log(2.0 * np.pi)) - float(np.log(value_sd[1]))
     for _ in range(MOST_BATCHES):
-        values = prior_draws(problem, rng, BATCH)
+        values = prior_draws(problem, rng, batch)
         rebound = problem.rebound(values)
         possible = ~np.any(rebound.status, axis=1)
         chance = np.where(possible, np.exp(problem.log_knowledge(rebound) - peak), 0.0)
-        accepted.append(values[rng.uniform(size=BATCH) < chance])
-        if sum(map(len, accepted)) >= WANTED:
+        accepted.append(values[rng.uniform(size=batch) < chance])
+        if sum(map(len, accepted)) >= wanted:
             break
-    return np.concatenate(accepted)[:WANTED]
+    return np.concatenate(accepted)[:wanted]

@@ -19,7 +19,7 @@ import numpy as np
 
 from fitball.errors import FitError
 from fitball.inference.chain_file import ChainFile, EnsembleChain
-from fitball.inference.diagnostics import TARGET_ESS, Convergence, convergence
+from fitball.inference.diagnostics import TARGET_ESS, TARGET_R_HAT, Convergence, convergence
 from fitball.inference.moves import Moves, StudentProposal, production_moves, warm_up_moves
 from fitball.inference.posterior import Problem
 from fitball.values import FloatArray
@@ -37,6 +37,16 @@ TEMPERING = 0.3
 
 
 @dataclass(frozen=True)
+class Schedule:
+    """When to look and when to stop: steps of warm-up, of the first check, and what every parameter must have."""
+
+    warm_up: int = WARM_UP
+    first_check: int = FIRST_CHECK
+    target_ess: float = TARGET_ESS
+    target_r_hat: float = TARGET_R_HAT
+
+
+@dataclass(frozen=True)
 class Settings:
     """How to sample: numbers of walkers (per ensemble), of ensembles, of steps at most, of threads."""
 
@@ -45,6 +55,7 @@ class Settings:
     max_steps: int
     cores: int
     seed: int
+    schedule: Schedule = Schedule()
 
 
 @dataclass(frozen=True)
@@ -86,9 +97,9 @@ def default_walkers(dimension: int) -> int:
     return max(16, 4 * dimension)
 
 
-def warm_up_length(steps: int) -> int:
-    """Steps to drop of a run of `steps`."""
-    return max(WARM_UP, steps // 4) if 2 * steps >= 3 * WARM_UP else steps // 2
+def warm_up_length(steps: int, least: int = WARM_UP) -> int:
+    """Steps to drop of a run of `steps`, where `least` teach the proposal."""
+    return max(least, steps // 4) if 2 * steps >= 3 * least else steps // 2
 
 
 class Ensemble:
@@ -190,7 +201,7 @@ def sample(
     resume: bool,
     report: Callable[[Progress], None],
 ) -> Sampled:
-    """Run the ensembles until `Convergence.reached`, or for `settings.max_steps`.
+    """Run the ensembles until `settings.schedule` is content, or for `settings.max_steps`.
 
     Checks fall on steps that depend on the chains alone, so a resumed run stops where an uninterrupted one does.
     Raises SamplingInterrupted on Ctrl-C, after writing the chain.
@@ -204,32 +215,34 @@ def sample(
         if ensemble.state is None:
             rng = np.random.default_rng(roots[settings.ensembles + k])
             ensemble.start(starting_positions(problem, optima, k, settings.walkers, rng))
-    check = min(FIRST_CHECK, settings.max_steps)
+    plan = settings.schedule
+    check = min(plan.first_check, settings.max_steps)
     found: Convergence | None = None
-    _advance_to(problem, ensembles, min(WARM_UP, settings.max_steps), check, found, settings, chain_file, report)
-    warm = np.stack([item.sampler.get_chain()[WARM_UP // 2 : WARM_UP] for item in ensembles])
-    if settings.max_steps > WARM_UP:
+    _advance_to(problem, ensembles, min(plan.warm_up, settings.max_steps), check, found, settings, chain_file, report)
+    warm = np.stack([item.sampler.get_chain()[plan.warm_up // 2 : plan.warm_up] for item in ensembles])
+    if settings.max_steps > plan.warm_up:
         proposal = StudentProposal.fit(warm.reshape(-1, problem.dimension))
         for item in ensembles:
             item.use(production_moves(proposal))
     while True:
         _advance_to(problem, ensembles, check, check, found, settings, chain_file, report)
         chains = np.stack([item.sampler.get_chain()[:check] for item in ensembles])
-        warm_up = warm_up_length(check)
+        warm_up = warm_up_length(check, plan.warm_up)
         found = convergence(problem.free_names, chains[:, warm_up:])
         report(Progress(check, check, found))
-        if found.reached or check >= settings.max_steps:
+        reached = found.meets(plan.target_ess, plan.target_r_hat)
+        if reached or check >= settings.max_steps:
             break
-        check = min(next_check(check, found), settings.max_steps)
+        check = min(next_check(check, found, plan), settings.max_steps)
     scores = np.stack([item.sampler.get_log_prob()[:check] for item in ensembles])
     acceptance = tuple(float(np.mean(item.sampler.acceptance_fraction)) for item in ensembles)
-    return Sampled(chains, scores, acceptance, warm_up, found, found.reached)
+    return Sampled(chains, scores, acceptance, warm_up, found, reached)
 
 
-def next_check(step: int, found: Convergence) -> int:
+def next_check(step: int, found: Convergence, plan: Schedule) -> int:
     """The step at which the effective sample size should suffice, between 1.15 and 2 times the present one."""
-    kept = step - warm_up_length(step)
-    wanted = step + kept * (1.1 * TARGET_ESS / max(found.min_ess, 1.0) - 1.0)
+    kept = step - warm_up_length(step, plan.warm_up)
+    wanted = step + kept * (1.1 * plan.target_ess / max(found.min_ess, 1.0) - 1.0)
     bounded = min(max(wanted, 1.15 * step), 2.0 * step)
     return math.ceil(bounded / BLOCK) * BLOCK
 

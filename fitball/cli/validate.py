@@ -1,0 +1,170 @@
+"""`scripts/validate`: does the calibration find what was put in? Simulation-based calibration, and its verdict.
+
+Not a verb: it takes a quarter of an hour and checks the program, not a table. It is run as a module.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
+
+from fitball.errors import FitballError, ParameterError
+
+if TYPE_CHECKING:
+    from fitball.studies.sbc_summary import ModelFinding
+
+DEFAULT_FOLDER = Path("fits") / "validation"
+MODELS = "two-mass,grip-slip"
+BAR = 24
+
+
+class Counter:
+    """Replicates done and time left on stderr: a bar on a terminal, a line every tenth elsewhere."""
+
+    def __init__(self, title: str, total: int, quiet: bool, stream: TextIO | None = None) -> None:
+        self.title, self.total, self.quiet = title, total, quiet
+        self.stream = sys.stderr if stream is None else stream
+        self.first: int | None = None
+        self.begun = time.monotonic()
+        self.told = -1
+
+    def __call__(self, done: int) -> None:
+        """Show that so many are done."""
+        if self.quiet:
+            return
+        if self.first is None:
+            self.first, self.begun = done, time.monotonic()
+        made = done - self.first
+        left = ""
+        if made and done < self.total:
+            seconds = (time.monotonic() - self.begun) / made * (self.total - done)
+            left = f", {seconds / 60:.0f} min left" if seconds >= 90 else f", {seconds:.0f} s left"
+        text = f"{self.title}: {done} of {self.total} replicates{left}"
+        if self.stream.isatty():
+            filled = BAR * done // self.total
+            self.stream.write(f"\r[{'#' * filled}{'.' * (BAR - filled)}] {text.ljust(70)}")
+            self.stream.write("\n" if done >= self.total else "")
+        elif 10 * done // self.total != self.told or done >= self.total:
+            self.stream.write(text + "\n")
+        self.told = 10 * done // self.total
+        self.stream.flush()
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = argparse.ArgumentParser(
+        prog="scripts/validate",
+        description="Draw parameters from what is known before a table, simulate tables at Wang's incident "
+        "conditions, fit them, and test whether the truth ranks uniformly among posterior draws (Talts et al. 2018). Exit code 1 "
+        "if it does not. An interrupted run goes on where it stopped.",
+        epilog="examples:\n  scripts/validate\n  scripts/validate --models grip-slip --replicates 60 --out check\n"
+        "  scripts/validate --models grip-slip --replicates 60 --wrong-sigma 0.5 --out wrong    (must fail)",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--replicates", type=int, default=300, metavar="N", help="tables a model (default 300)")
+    parser.add_argument("--models", default=MODELS, metavar="A,B", help=f"models (default {MODELS})")
+    parser.add_argument("--table", default="wang_all.csv", metavar="DATA", help="whose incident conditions to use")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of all random numbers (default 1)")
+    parser.add_argument("--cores", type=int, metavar="N", help="processes (default: all cores)")
+    parser.add_argument("--out", metavar="DIR", help=f"where to write (default {DEFAULT_FOLDER})")
+    parser.add_argument(
+        "--wrong-sigma", type=float, metavar="F", help="tell the fit F times the true noise: a control that must fail"
+    )
+    parser.add_argument("--json", action="store_true", help="print the verdict as JSON")
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run; returns the exit code."""
+    args = make_parser().parse_args(argv)
+    try:
+        return _run(args)
+    except FitballError as error:
+        print(f"fitball: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("\nfitball: interrupted; what was done is kept: the same command goes on", file=sys.stderr)
+        return 130
+
+
+def _run(args: argparse.Namespace) -> int:
+    models = _checked(args)
+    from fitball.report.files import write_text, write_whole
+    from fitball.report.folder import save_png
+    from fitball.report.tables import csv_text
+    from fitball.studies.sbc import BounceExperiment
+    from fitball.studies.sbc_figure import rank_figure
+    from fitball.studies.sbc_run import run_replicates
+    from fitball.studies.sbc_summary import summarise, summary_json, summary_rows
+
+    folder = Path(args.out) if args.out else DEFAULT_FOLDER
+    cores = (os.cpu_count() or 1) if args.cores is None else args.cores
+    found = {}
+    for model in models:
+        experiment = BounceExperiment(args.table, model, args.wrong_sigma)
+        counter = Counter(model, args.replicates, args.quiet)
+        place = folder / f"ranks_{model}.csv"
+        ranked = run_replicates(experiment, args.seed, args.replicates, place, cores, counter)
+        found[model] = (experiment.names, ranked)
+    findings = summarise(found)
+    content = summary_json(findings, args.seed)
+    for finding in findings:
+        if finding.quantities:
+            figure = rank_figure(finding)
+            write_whole(folder / f"ranks_{finding.model}.png", partial(save_png, figure))
+    rows = summary_rows(findings)
+    if rows:
+        write_text(folder / "summary.csv", csv_text(rows))
+    write_text(folder / "summary.json", json.dumps(content, indent=1) + "\n")
+    print(json.dumps(content, indent=1) if args.json else render(findings, folder))
+    return 0 if content["holds"] else 1
+
+
+def _checked(args: argparse.Namespace) -> tuple[str, ...]:
+    """The models. Raises ParameterError for numbers that cannot work."""
+    for name, least in (("replicates", 1), ("seed", 0)):
+        if getattr(args, name) < least:
+            raise ParameterError(f"{name} = {getattr(args, name)}: expected at least {least}")
+    if args.cores is not None and args.cores < 1:
+        raise ParameterError(f"cores = {args.cores}: expected at least 1")
+    if args.wrong_sigma is not None and not 0.0 < args.wrong_sigma < float("inf"):
+        raise ParameterError(f"wrong_sigma = {args.wrong_sigma}: expected a positive number")
+    models = tuple(dict.fromkeys(name.strip() for name in args.models.split(",") if name.strip()))
+    if not models:
+        raise ParameterError("models: expected at least one name")
+    return models
+
+
+def render(findings: Sequence[ModelFinding], folder: Path) -> str:
+    """The verdict as a person reads it."""
+    from fitball.report.terminal import columns
+
+    parts = []
+    for finding in findings:
+        head = (
+            f"{finding.model}: {finding.replicates} replicates, {finding.unconverged} not converged, "
+            f"{finding.failed} without a fit"
+        )
+        rows = [["quantity", "p chi-square", "p ecdf", "adjusted p", "in 50 %", "in 80 %", "in 95 %", ""]]
+        for item in finding.quantities:
+            shares = [f"{100 * c.observed:.0f} [{100 * c.low:.0f}, {100 * c.high:.0f}]" for c in item.coverages]
+            adjusted = min(item.chi_square_adjusted, item.ecdf_adjusted)
+            words = [f"{item.chi_square_p:.2g}", f"{item.ecdf_p:.2g}", f"{adjusted:.2g}"]
+            rows.append([item.name, *words, *shares, "holds" if item.holds else "FAILS"])
+        parts += [head, "", *columns(rows), ""]
+        parts += [f"FAILS: {text}" for text in finding.complaints]
+    good = not any(item.complaints for item in findings)
+    verdict = "The truth ranks uniformly: intervals mean what they say." if good else "Validation FAILED."
+    return "\n".join([*parts, verdict, f"Results: {folder}"])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,53 @@
+"""Running many replicates, on several processes and over several sittings."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+
+from fitball.studies.sbc import Experiment, Ranked, run_replicate
+from fitball.studies.sbc_record import RankFile
+
+
+def run_replicates(
+    experiment: Experiment,
+    seed: int,
+    replicates: int,
+    path: Path,
+    cores: int,
+    report: Callable[[int], None] = lambda _done: None,
+) -> list[Ranked]:
+    """Replicates 0 to `replicates` - 1, those that `path` holds read and the others computed and appended to it.
+
+    `report` is told the number of replicates done. Raises ResultFolderError. After Ctrl-C the same call goes on.
+    """
+    file = RankFile(path, experiment.names, {"seed": seed, **experiment.settings})
+    done = file.open()
+    report(min(done, replicates))
+    for number, ranked in _computed(partial(run_replicate, experiment, seed), range(done, replicates), cores):
+        file.append(number, ranked)
+        report(number + 1)
+    return file.read(replicates)
+
+
+def _computed(replicate: Callable[[int], Ranked], numbers: range, cores: int) -> Iterator[tuple[int, Ranked]]:
+    """Replicates in order; `cores` processes, or none beside this one."""
+    if cores == 1 or len(numbers) < 2:
+        for number in numbers:
+            yield number, replicate(number)
+        return
+    # Fresh processes: forking one that runs threads (as numerical libraries do) may hang.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(cores, len(numbers)), context, _leave_signals_to_the_parent) as pool:
+        try:
+            yield from zip(numbers, pool.map(replicate, numbers), strict=True)
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _leave_signals_to_the_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
