@@ -62,8 +62,8 @@ def make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="scripts/validate",
         description="Draw parameters from what is known before a table, simulate tables at Wang's incident "
-        "conditions, fit them, and test whether the truth ranks uniformly among posterior draws (Talts et al. 2018). Exit code 1 "
-        "if it does not. An interrupted run goes on where it stopped.",
+        "conditions, fit them, and test whether the truth ranks uniformly among posterior draws (Talts et al. 2018). "
+        "Exit code 1 if it does not. An interrupted run goes on where it stopped.",
         epilog="examples:\n  scripts/validate\n  scripts/validate --models grip-slip --replicates 60 --out check\n"
         "  scripts/validate --models grip-slip --replicates 60 --wrong-sigma 0.5 --out wrong    (must fail)",
         formatter_class=argparse.RawDescriptionHelpFormatter,
