@@ -58,6 +58,11 @@ def findings(toy, count=200, seed=1):
     return summarise({"toy": (toy.names, [run_replicate(toy, seed, k) for k in range(count)])})
 
 
+def test_the_rank_is_the_number_of_draws_below():
+    draws = np.array([[1.0, 5.0], [2.0, 6.0], [3.0, 7.0]])
+    assert ranks_among(np.array([2.5, 4.0]), draws) == [2, 0]
+
+
 def test_an_exact_posterior_passes():
     (found,) = findings(Toy())
     assert found.complaints == ()

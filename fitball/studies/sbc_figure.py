@@ -59,11 +59,7 @@ def _histogram(axis: Axes, item: QuantityFinding) -> None:
     axis.stairs(counts, np.linspace(0.0, 1.0, bins + 1), fill=True, color=COLOURS[0], alpha=0.7)
     axis.set_ylim(0.0, 1.15 * max(float(counts.max()), high))
     axis.set_ylabel("replicates", fontsize=9)
-    axis.set_title(_title(item), fontsize=10)
-
-
-def _title(item: QuantityFinding) -> str:
-    return _symbol(item.name) + ("" if item.holds else ": NOT uniform")
+    axis.set_title(_symbol(item.name) + ("" if item.holds else ": NOT uniform"), fontsize=10)
 
 
 def _difference(axis: Axes, item: QuantityFinding, null: NullDistribution) -> None:
@@ -73,5 +69,5 @@ def _difference(axis: Axes, item: QuantityFinding, null: NullDistribution) -> No
     axis.axhline(0.0, color="0.5", linewidth=0.8)
     found = empirical(item.ranks[None, :], VALUES)[0] / item.ranks.size
     axis.plot(place, found - place, color=COLOURS[0] if item.holds else COLOURS[1], linewidth=1.2)
-    axis.set_title(f"{_title(item)}, p = {item.ecdf_p:.2g}", fontsize=10)
+    axis.set_title(f"{_symbol(item.name)}: p = {item.ecdf_p:.2g}", fontsize=10)
     axis.set_ylabel("difference", fontsize=9)
