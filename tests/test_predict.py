@@ -142,6 +142,7 @@ def test_draws_that_cannot_be_solved_are_told_with_the_reason():
     v_y = bounce(raised[len(raised) // 4 :], 12.0, 9.0, 0.0)[1]
     np.testing.assert_allclose(found.output("v_y2").rebound[:, 0], np.quantile(v_y, LEVELS), rtol=1e-10)
     assert sum(found.regimes[0].values()) == pytest.approx(1.0)
+    assert set(found.regimes[0]) <= {"slide", "slide back", "grip"}
     # At 100 m/s the line has no restitution left for all but the raised quarter, which keeps 0.3.
     assert sum(found.failures[1].values()) == pytest.approx(0.75)
 
@@ -213,6 +214,7 @@ def test_measured_restitution_needs_its_column():
         ("v_1=17 m/s, theta_1=18 deg", 17.0, 18.0, 0.0),
         ("v_x=3, v_y=4, omega=2 rev/s topspin", 5.0, math.degrees(math.atan2(4, 3)), 4 * math.pi),
         ("v_y=5 m/s", 5.0, 90.0, 0.0),
+        ("v_x=3, v_y=4, spin=180 deg/s backspin", 5.0, math.degrees(math.atan2(4, 3)), -math.pi),
         ("v_x1=-3, v_y1=4, omega_1=1e2", 5.0, math.degrees(math.atan2(4, -3)), 100.0),
     ],
 )
