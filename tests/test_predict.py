@@ -181,6 +181,17 @@ def test_range_flags_say_which_quantity_and_by_how_much():
     assert drop.outside.tolist() == [True, False]
 
 
+def test_a_drop_test_predicts_the_vertical_motion_and_nothing_else():
+    names, values = ("k_y", "cor_10", "cor_slope", "velocity_sd"), np.array([2e4, 0.75, -0.01, 0.1])
+    known = fitball.impacts(0.0, [3.0, 9.0])
+    drop = FittedModel("two-mass", {"normal": "total"}, BALL, False, names, values, values[None, :], known)
+    found = predict_new(drop, fitball.impacts(0.0, [5.0, 10.0]))
+    assert [item.name for item in found.outputs] == ["v_y2", "contact_time"]
+    np.testing.assert_allclose(found.output("v_y2").point, [5.0 * 0.8, 10.0 * 0.75])
+    assert found.regimes == ({}, {})
+    assert found.range.outside.tolist() == [False, True]
+
+
 def test_validation_counts_what_it_says():
     fitted = fitted_grip_slip()
     impacts = fitball.impacts(np.full(4, 12.0), 9.0, 20.0)

@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError(f"seed = {args.seed}: expected a number not below 0")
     from fitball.api import load_fit
     from fitball.inference.new_impacts import observed_channels
-    from fitball.inference.results import RunStatus
+    from fitball.inference.results import RunStatus, Verdict
     from fitball.inference.validation import impacts_seen, scores
     from fitball.report.files import write_text
     from fitball.report.new_impact_rows import prediction_csv_rows, prediction_json
@@ -85,6 +85,9 @@ def run(args: argparse.Namespace) -> int:
     silent = [name for name in unknown if name != "contact_time"]
     if silent:
         notes.append(f"the fit knows no noise of {', '.join(silent)}: no interval of a new measurement")
+    stiffness = saved.parameters.get("k_y")
+    if stiffness is not None and stiffness.verdict is Verdict.FIXED:
+        notes.append("k_y was held at its value in this fit: contact times rest on that value alone")
     if args.out is not None:
         write_text(Path(args.out), csv_text(prediction_csv_rows(prediction, ids)))
     if not args.quiet:

@@ -61,8 +61,9 @@ class OutputPrediction:
 class NewPrediction:
     """Predictions of new impacts.
 
-    `regimes[k]` maps phase sequences to their probability at impact k, among the draws that can be evaluated there;
-    `failures[k]` maps each reason why others cannot to their share of all draws. `draws` is 0 for a point fit.
+    `regimes[k]` maps phase sequences to their probability at impact k, among the draws that can be evaluated there
+    (empty for a drop test); `failures[k]` maps each reason why others cannot to their share of all draws. `draws` is
+    0 for a point fit.
     """
 
     impacts: Impacts
@@ -104,7 +105,8 @@ def predict_new(
     return NewPrediction(
         impacts=impacts,
         outputs=outputs,
-        regimes=tuple(share for part in parts for share in part[1]),
+        # Without motion along the court there is neither slip nor grip.
+        regimes=tuple(share if fitted.tangential else {} for part in parts for share in part[1]),
         failures=tuple(share for part in parts for share in part[2]),
         range=calibrated_range(
             fitted.impacts,

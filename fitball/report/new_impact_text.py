@@ -60,7 +60,8 @@ def _in_full(prediction: NewPrediction, row: int, name: str) -> list[str]:
         heads += ["measured", "z"] if measured else []
     body = [_cells(item, row, measured) for item in prediction.outputs]
     lines += [f"  {line}" for line in columns([heads, *body])]
-    lines += _wrapped("regime: " + _regimes(prediction, row))
+    if prediction.regimes[row]:
+        lines += _wrapped("regime: " + _regimes(prediction, row))
     return lines + [line for text in remarks_on(prediction, row) for line in _wrapped(text)]
 
 
@@ -68,7 +69,9 @@ def _places(item: OutputPrediction, row: int) -> int:
     """Decimals that the uncertainty of the rebound supports, between none and three; three without one."""
     if item.rebound is None:
         return 3
-    half = 0.5 * (item.rebound[3, row] - item.rebound[1, row]) * output_scale(item.name).factor
+    levels = item.rebound[:, row] * output_scale(item.name).factor
+    # A rebound that most draws agree on to the last digit has no inner interval.
+    half = 0.5 * max(levels[3] - levels[1], 0.5 * (levels[4] - levels[0]))
     return min(max(decimals(float(half)), 0), 3)
 
 
@@ -96,8 +99,8 @@ def _cells(item: OutputPrediction, row: int, measured: bool) -> list[str]:
 def _regimes(prediction: NewPrediction, row: int) -> str:
     shares = prediction.regimes[row]
     if prediction.draws == 0:
-        return next(iter(shares), "none")
-    return ", ".join(f"{name} {_percent(share)}" for name, share in shares.items()) or "none"
+        return next(iter(shares))
+    return ", ".join(f"{name} {_percent(share)}" for name, share in shares.items())
 
 
 def _percent(share: float) -> str:
