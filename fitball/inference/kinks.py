@@ -5,8 +5,8 @@ written as a mixture of narrower ones along the direction of the change,
 
     N(t; 0, 1) = int N(m; 0, 1 - a^2) N(t; m, a^2) dm ,
 
-the integral by Gauss and Hermite; first order then only has to hold over each narrow part (a Gaussian sum: Sorenson
-and Alspach 1971). Its cost is that of a Jacobian for every part.
+and first order only has to hold over each narrow part (a Gaussian sum: Sorenson and Alspach 1971). Its cost is that
+of a Jacobian for every part.
 """
 
 from __future__ import annotations
@@ -22,10 +22,12 @@ from fitball.values import FloatArray, Impacts
 
 # Standard deviations within which a change of regime is looked for.
 REACH = 2.0
-# Width of the parts, and their number: the density of an impact is then right to some thousandths of a unit of its
-# logarithm where the kink lies within one standard deviation, against some tenths at first order.
-WIDTH = 0.35
-PARTS = 9
+# Width of the parts, their number, and how far out they are laid: closer together than they are wide, so that the sum
+# is as good as the integral. The log density of an impact is then within hundredths, against some tenths at first
+# order where the boundary lies within a standard deviation.
+WIDTH = 0.2
+PARTS = 27
+OUTERMOST = 3.0
 
 
 def roots(covariance: FloatArray) -> FloatArray:
@@ -50,7 +52,7 @@ def shifted(impacts: Impacts, moves: FloatArray, rows: NDArray[np.int64]) -> Imp
 def crossings(
     evaluate: Callable[[Impacts, NDArray[np.int64]], Rebound], impacts: Impacts, root: FloatArray, rebound: Rebound
 ) -> FloatArray:
-    """Direction (draws, impacts, 3), of unit length in principal axes, in which the regime changes within `REACH`.
+    """Direction (draws, impacts, 3), of unit length in principal axes, in which the regime changes at `REACH`.
 
     Zero where it does not. `evaluate(impacts, rows)` gives the rebounds of impacts near those of the table's `rows`.
     """
@@ -72,9 +74,11 @@ def crossings(
 
 
 def parts() -> tuple[FloatArray, FloatArray]:
-    """Centres of the parts in standard deviations, and the logarithms of their weights."""
-    nodes, weights = np.polynomial.hermite_e.hermegauss(PARTS)
-    return np.sqrt(1.0 - WIDTH * WIDTH) * nodes, np.log(weights / weights.sum())
+    """Centres of the parts in standard deviations, evenly spaced, and the logarithms of their weights."""
+    spread = np.sqrt(1.0 - WIDTH * WIDTH)
+    centres = np.linspace(-OUTERMOST, OUTERMOST, PARTS) * spread
+    logs = -0.5 * (centres / spread) ** 2
+    return centres, logs - logsumexp(logs)
 
 
 def narrowed(root: FloatArray, direction: FloatArray) -> FloatArray:

@@ -39,7 +39,7 @@ def marginal_terms(
 
 
 def incident_sds(problem: Problem, columns: Columns, rebound: Rebound) -> Mapping[str, FloatArray | float]:
-    """What the incident errors alone make each channel scatter by (draws, impacts), to first order; 0 without them."""
+    """What incident errors alone make each channel scatter by (draws, impacts), to first order; 0 without them."""
     if problem.incident is None:
         return {channel.name: 0.0 for channel in problem.channels}
     slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
@@ -100,8 +100,9 @@ def _mixture(
 ) -> FloatArray:
     """Log density (rows,) of all measurements of the table's `rows` for one draw, its incident errors split."""
     centres, _ = kinks.parts()
-    along = np.einsum("pij,pj->pi", root, direction)
-    narrow = kinks.narrowed(root, direction)
+    across = _across(problem, one, rows, root, direction)
+    along = np.einsum("pij,pj->pi", root, across)
+    narrow = kinks.narrowed(root, across)
     moves = centres[:, None, None] * along
     repeated = np.tile(rows, centres.size)
     flat = moves.reshape(-1, 3)
@@ -118,3 +119,31 @@ def _mixture(
     all_parts = np.full(repeated.size, -np.inf)
     all_parts[possible] = density
     return kinks.mixed(all_parts.reshape(centres.size, rows.size))
+
+
+def _across(
+    problem: Problem, one: Columns, rows: NDArray[np.int64], root: FloatArray, towards: FloatArray
+) -> FloatArray:
+    """Directions (rows, 3), in principal axes, across the boundaries that lie `towards` (rows, 3) somewhere.
+
+    The rebound is continuous, so that its derivative jumps by a matrix of rank one whose rows point across.
+    """
+    moves = np.einsum("pij,pj->pi", root, kinks.REACH * towards)
+    beyond = kinks.shifted(problem.impacts, moves, rows)
+    here = problem.impacts.take(rows)
+    slopes = []
+    for impacts in (here, beyond):
+        rebound = problem.rebound_like(one, impacts, rows)
+        found = problem.slopes_like(one, impacts, rows)
+        by_channel = []
+        for channel in problem.channels:
+            noise = one[channel.noise] if channel.noise is not None else 0.0
+            sd = channel.take(rows).spread(noise, rebound).reshape(-1, 1)
+            by_channel.append(channel_slopes(channel, rebound, found)[0] / sd)
+        slopes.append(np.stack(by_channel, axis=1))
+    jump = np.einsum("pci,pij->pcj", slopes[1] - slopes[0], root)
+    # Where the other side has no derivative the way that was looked is all that is known.
+    known = np.isfinite(jump).all(axis=(1, 2))
+    across = towards.copy()
+    across[known] = np.linalg.svd(jump[known])[2][:, 0]
+    return across

@@ -71,7 +71,7 @@ def with_noise(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """One channel draw by draw, each (draws, impacts): without noise, the sd of its noise, and a new measurement.
 
-    `columns` are the draws of each parameter by name, (draws,); `incident_sd` is what errors of the incident state add.
+    `columns` are the draws of each parameter by name, (draws,); `incident_sd` is what incident errors add.
     """
     noise = columns[channel.noise][:, None] if channel.noise is not None else 0.0
     predicted = channel.predict(rebound)

@@ -1,0 +1,91 @@
+"""The marginal likelihood of uncertain incident states against sampling those states themselves."""
+
+from __future__ import annotations
+
+import emcee
+import numpy as np
+import pandas as pd
+
+from fitball.errors import FitError
+from fitball.inference.kinks import roots, shifted
+from fitball.inference.posterior import Problem
+from fitball.inference.starts import prior_draws
+from fitball.values import FloatArray
+
+
+def compare(problem: Problem, steps: int, seed: int) -> pd.DataFrame:
+    """Posterior of each free parameter both ways: `median`, `sd` marginal, `latent_median`, `latent_sd`.
+
+    `shift` is the difference of the medians in units of the latent sd, `width` the ratio of the sds. The first half
+    of `steps` is warm-up. Raises FitError for a problem without incident errors. Some minutes for seven impacts.
+    """
+    if problem.incident is None:
+        raise FitError("this table states no error of the incident state: there is nothing to compare")
+    rng = np.random.default_rng(seed)
+    start = _start(problem, rng)
+    marginal = _sampled(problem.log_posterior, start, steps, rng)
+    states = 0.3 * rng.standard_normal((start.shape[0], 3 * len(problem.impacts)))
+    wide = np.concatenate([start, states], axis=1)
+    # An ensemble needs twice as many walkers as it has dimensions.
+    wide = np.concatenate([wide] * (1 + 2 * wide.shape[1] // wide.shape[0]))
+    wide = wide + 1e-4 * rng.standard_normal(wide.shape) * np.abs(wide)
+    latent = _sampled(lambda at: _log_latent(problem, at), wide, steps, rng)[:, : problem.dimension]
+    one, other = problem.to_values(marginal), problem.to_values(latent)
+    frame = pd.DataFrame(
+        {
+            "median": np.median(one, axis=0), "sd": one.std(axis=0),
+            "latent_median": np.median(other, axis=0), "latent_sd": other.std(axis=0),
+        },
+        index=list(problem.free_names),
+    )  # fmt: skip
+    frame["shift"] = (frame["median"] - frame["latent_median"]) / frame["latent_sd"]
+    frame["width"] = frame["sd"] / frame["latent_sd"]
+    return frame
+
+
+def _start(problem: Problem, rng: np.random.Generator) -> FloatArray:
+    """The best draws of the priors, four a free parameter."""
+    coordinates = problem.to_coordinates(prior_draws(problem, rng, 20_000))
+    score = problem.log_posterior(coordinates[:2000])
+    found: FloatArray = coordinates[:2000][np.argsort(-score)[: max(8, 4 * problem.dimension)]]
+    return found
+
+
+def _sampled(density: object, start: FloatArray, steps: int, rng: np.random.Generator) -> FloatArray:
+    state = np.random.RandomState(rng.integers(2**31)).get_state()
+    sampler = emcee.EnsembleSampler(
+        start.shape[0], start.shape[1], density, vectorize=True,
+        moves=[(emcee.moves.DEMove(), 0.7), (emcee.moves.StretchMove(), 0.3)],
+    )  # fmt: skip
+    sampler.run_mcmc(emcee.State(start, random_state=state), steps, skip_initial_state_check=True)
+    chain: FloatArray = np.array(sampler.get_chain(discard=steps // 2, flat=True), dtype=np.float64)
+    return chain
+
+
+def _log_latent(problem: Problem, at: FloatArray) -> FloatArray:
+    """Log density of parameters and of the incident states, these in principal axes and standard deviations."""
+    assert problem.incident is not None
+    count = len(problem.impacts)
+    total = problem.log_prior(at[:, : problem.dimension])
+    z = at[:, problem.dimension :].reshape(-1, count, 3)
+    total = total - 0.5 * np.sum(z * z, axis=(1, 2))
+    inside = np.flatnonzero(np.isfinite(total))
+    values = problem.to_values(at[inside, : problem.dimension])
+    columns = problem.all_values(values)
+    root = roots(problem.incident.covariance)
+    rows = np.arange(count)
+    for place, draw in enumerate(inside):
+        moves = np.einsum("pij,pj->pi", root, z[draw])
+        if (problem.impacts.v_y1 + moves[:, 1] <= 0.0).any():
+            total[draw] = -np.inf
+            continue
+        one = {name: column[place : place + 1] for name, column in columns.items()}
+        rebound = problem.rebound_like(one, shifted(problem.impacts, moves, rows), rows)
+        if rebound.status.any():
+            total[draw] = -np.inf
+            continue
+        for channel in problem.channels:
+            sd = channel.spread(one[channel.noise][:, None] if channel.noise is not None else 0.0, rebound)
+            gap = problem.deviation(one, channel, rebound) / sd
+            total[draw] += float(np.sum(-0.5 * gap * gap - np.log(sd) * np.ones_like(gap)))
+    return total

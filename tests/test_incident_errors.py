@@ -1,0 +1,202 @@
+"""Incident states measured with errors: first order where it holds, a mixture where the bounce has a kink."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.special import logsumexp
+
+import fitball
+from fitball.cli.main import main
+from fitball.data.read import load_table
+from fitball.data.scene import Scene
+from fitball.inference import kinks
+from fitball.inference.incident import whitened
+from fitball.inference.marginal import standardised
+from fitball.inference.problem import Choices, build_problem
+from fitball.inference.scatter import log_density
+from fitball.studies.hard_cases import BASE
+from fitball.studies.latent_states import compare
+from fitball.values import Impacts
+
+VALUES = {**BASE, "velocity_sd": 0.25, "spin_sd": 8.0, "e_x": 0.15, "offset": 0.0}
+
+
+def covariances(count, velocity_sd, spin_sd, correlation=0.4):
+    found = np.zeros((count, 3, 3))
+    found[:, 0, 0] = found[:, 1, 1] = velocity_sd**2
+    found[:, 0, 1] = found[:, 1, 0] = correlation * velocity_sd**2
+    found[:, 2, 2] = spin_sd**2
+    return found
+
+
+def simulated(model, angles, covariance, seed, **values):
+    """A table at incidence `angles` [deg] whose incident states were measured with errors, and its problem."""
+    rng = np.random.default_rng(seed)
+    count = len(angles)
+    chosen = fitball.model(model)
+    rows = np.array([[{**VALUES, **values}[name] for name in chosen.parameter_names]])
+    theta = np.radians(angles)
+    speed = 17.0 + rng.standard_normal(count)
+    seen = Impacts(speed * np.cos(theta), speed * np.sin(theta), 80.0 * rng.standard_normal(count))
+    moves = np.einsum("pij,pj->pi", kinks.roots(covariance), rng.standard_normal((count, 3)))
+    made = chosen.evaluate(chosen.parameter_names, rows, kinks.shifted(seen, moves, np.arange(count)))
+    table = load_table("wang_all.csv")
+    measurements = tuple(
+        replace(item, values=getattr(made, item.name)[0] + sd * rng.standard_normal(count))
+        for item, sd in zip(table.measurements, (0.25, 0.25, 8.0), strict=True)
+    )
+    return replace(
+        table, impacts=seen, measurements=measurements, redundant=(), labels={}, notices=(),
+        ids=tuple(map(str, range(count))), incident_covariance=covariance,
+        incident_sd={"v_x1": np.sqrt(covariance[:, 0, 0])},
+    )  # fmt: skip
+
+
+def problem_of(table, model, **choices):
+    return build_problem(table, Scene(), Choices(model=model, **choices))
+
+
+def at_truth(problem):
+    return np.array([[VALUES[name] for name in problem.free_names]])
+
+
+def by_quadrature(problem, values, k):
+    """Log density of impact `k`: the product rule over the incident state, no derivative anywhere."""
+    grid = np.linspace(-5.0, 5.0, 51)
+    mesh = np.stack(np.meshgrid(grid, grid, grid, indexing="ij"), axis=-1).reshape(-1, 3)
+    weight = -0.5 * np.sum(mesh * mesh, axis=1)
+    weight -= logsumexp(weight)
+    kept = weight > -25.0
+    moves = mesh[kept] @ kinks.roots(problem.incident.covariance)[k].T
+    rows = np.full(kept.sum(), k)
+    made = problem.rebound_like(problem.all_values(values), kinks.shifted(problem.impacts, moves, rows), rows)
+    columns = problem.all_values(values)
+    density = weight[kept].copy()
+    for channel in problem.channels:
+        density += stats.norm(channel.predict(made)[0], columns[channel.noise]).logpdf(channel.observed[k])
+    return logsumexp(density)
+
+
+def first_order(problem, values):
+    columns = problem.all_values(values)
+    rows = np.arange(len(problem.impacts))
+    made = problem.rebound(values)
+    z, sds = standardised(problem, columns, made, problem.impacts, rows, problem.incident.covariance)
+    return np.sum([log_density(a, None) - np.log(b) for a, b in zip(z, sds, strict=True)], axis=0)[0]
+
+
+def total(problem, values):
+    return np.sum(list(problem.log_likelihood_terms(values, problem.rebound(values)).values()), axis=0)[0]
+
+
+def test_whitening_is_the_normal_density_of_all_channels():
+    rng = np.random.default_rng(2)
+    factor = rng.standard_normal((5, 4, 3, 3))
+    shared = np.einsum("dick,dilk->dicl", factor, factor)
+    spreads = [np.full((5, 4), sd) for sd in (0.3, 1.0, 2.0)]
+    gaps = [rng.standard_normal((5, 4)) for _ in range(3)]
+    z, sds = whitened(gaps, spreads, shared)
+    found = np.sum([log_density(a, None) - np.log(b) for a, b in zip(z, sds, strict=True)], axis=0)
+    for d in range(5):
+        for i in range(4):
+            covariance = shared[d, i] + np.diag([0.09, 1.0, 4.0])
+            exact = stats.multivariate_normal(np.zeros(3), covariance).logpdf([gap[d, i] for gap in gaps])
+            assert found[d, i] == pytest.approx(exact, rel=1e-11)
+
+
+@pytest.mark.parametrize("model", ["two-mass", "grip-slip"])
+def test_first_order_away_from_a_kink_and_a_mixture_near_it(model):
+    angles = np.linspace(10.0, 70.0, 16)
+    table = simulated(model, angles, covariances(16, 0.3, 10.0), 1)
+    problem = problem_of(table, model)
+    values = at_truth(problem)
+    columns = problem.all_values(values)
+    near = np.any(
+        np.abs(
+            kinks.crossings(
+                lambda given, rows: problem.rebound_like(columns, given, rows), problem.impacts,
+                kinks.roots(problem.incident.covariance), problem.rebound(values),
+            )[0]
+        ) > 0.0, axis=1,
+    )  # fmt: skip
+    exact = np.array([by_quadrature(problem, values, k) for k in range(16)])
+    rough, fine = first_order(problem, values), total(problem, values)
+    assert near.sum() < 8
+    assert np.max(np.abs(rough - exact)[~near]) < 0.06
+    np.testing.assert_array_equal(fine[~near], rough[~near])
+    assert np.max(np.abs(fine - exact)[near], initial=0.0) < 0.03
+
+
+def test_first_order_fails_at_the_kink_where_the_mixture_does_not():
+    """Impacts laid on the boundary itself: first order is off by some tenths, the mixture by hundredths."""
+    table = simulated("grip-slip", np.linspace(20.0, 45.0, 40), covariances(40, 0.3, 10.0), 4)
+    problem = problem_of(table, "grip-slip")
+    values = at_truth(problem)
+    exact = np.array([by_quadrature(problem, values, k) for k in range(40)])
+    assert np.max(np.abs(first_order(problem, values) - exact)) > 0.3
+    assert np.max(np.abs(total(problem, values) - exact)) < 0.1
+
+
+def test_exact_incidence_is_the_limit_of_small_errors():
+    table = simulated("two-mass", np.linspace(12.0, 60.0, 8), covariances(8, 1e-7, 1e-6), 3)
+    problem = problem_of(table, "two-mass")
+    exact = problem_of(table, "two-mass", incident_errors=False)
+    values = at_truth(problem)
+    assert exact.incident is None
+    assert total(problem, values) == pytest.approx(total(exact, values), rel=1e-9)
+
+
+def test_speed_and_angle_leave_the_components_correlated(tmp_path):
+    (tmp_path / "t.csv").write_text(
+        "v_1,theta_1,v_1_sd,theta_1_sd,v_x2,v_y2\n20,30,0.5,0.01,13,8\n21,60,0.4,2.0,7,13\n", encoding="utf-8"
+    )
+    found = load_table(tmp_path / "t.csv").incident_covariance
+    for row, (speed, angle, sd, turn) in enumerate(((20.0, 30.0, 0.5, 0.01), (21.0, 60.0, 0.4, 2.0))):
+        rng = np.random.default_rng(row)
+        a = np.radians(angle) + np.radians(turn) * rng.standard_normal(400_000)
+        v = speed + sd * rng.standard_normal(400_000)
+        drawn = np.cov(v * np.cos(a), v * np.sin(a))
+        np.testing.assert_allclose(found[row, :2, :2], drawn, rtol=0.03, atol=1e-3)
+    assert found[0, 0, 1] > 0.99 * np.sqrt(found[0, 0, 0] * found[0, 1, 1])
+    np.testing.assert_array_equal(found[:, 2], 0.0)
+
+
+def test_errors_of_the_incidence_no_longer_count_as_noise():
+    table = simulated("grip-slip", np.linspace(10.0, 70.0, 30), covariances(30, 0.6, 25.0), 7)
+    known = fitball.calibrate(table, "grip-slip", scene=Scene(), seed=1, point_only=True)
+    ignored = fitball.calibrate(table, "grip-slip", scene=Scene(), incident_errors=False, seed=1, point_only=True)
+    assert known.point.values["velocity_sd"] == pytest.approx(0.25, rel=0.5)
+    assert ignored.point.values["velocity_sd"] > 1.4 * known.point.values["velocity_sd"]
+    assert any("marginalised" in note for note in known.problem.notes)
+    assert any("ignored" in note for note in ignored.problem.notes)
+
+
+def test_the_posterior_agrees_with_one_over_all_latent_states():
+    """Full sampling of the true incident states beside the parameters, against the marginal likelihood."""
+    table = simulated("grip-slip", np.array([16.0, 24.0, 32.0, 50.0]), covariances(4, 0.3, 10.0), 11)
+    names = fitball.model("grip-slip").parameter_names
+    fix = {name: VALUES[name] for name in (*names, "velocity_sd", "spin_sd") if name not in ("mu", "cor_10")}
+    found = compare(problem_of(table, "grip-slip", fix=fix), steps=1200, seed=2)
+    assert set(found.index) == {"mu", "cor_10"}
+    assert (np.abs(found["shift"]) < 0.2).all()
+    assert (np.abs(np.log(found["width"])) < 0.2).all()
+
+
+def test_the_command_line_can_ignore_them(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    rows = "\n".join(
+        f"{x},{y},0,0.3,0.3,{x - 0.55 * 1.7 * y:.3f},{0.75 * y:.3f},{200 + 5 * k}"
+        for k, (x, y) in enumerate(((16, 4), (15, 5), (14, 6), (13, 5.5)))
+    )
+    (tmp_path / "t.csv").write_text(
+        f"v_x1,v_y1,omega_1,v_x1_sd,v_y1_sd,v_x2,v_y2,omega_2\n{rows}\n", encoding="utf-8"
+    )
+    words = ["calibrate", "t.csv", "--model", "grip-slip", "--point-only", "--out"]
+    assert main([*words, "a"]) == 0
+    assert "marginalised" in capsys.readouterr().err
+    assert main([*words, "b", "--exact-incidence"]) == 0
+    assert "ignored on request" in capsys.readouterr().err
