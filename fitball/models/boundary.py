@@ -39,7 +39,7 @@ def boundary_margin(
     gives NaN.
     One kink changes no regime and goes unseen: that of zero incident slip which the landing impulse does not leave at
     that, because the offset overcomes friction or acts while gripping only.
-    Raises ParameterError for a covariance of another shape or not positive semidefinite. About 0.1 ms an impact.
+    Raises ParameterError for a covariance of another shape or not positive semidefinite. About 0.2 ms an impact.
     """
     factors = _factors(covariance, len(impacts))
     # A plane at distance `reach` crosses the nearest of three perpendicular rays at sqrt(3) times that or before.
