@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,20 +33,20 @@ TANGENTIAL = ("v_x2", "theta_2", "omega_2")
 
 @dataclass(frozen=True)
 class Channel:
-    """One measured column: `observed` (impacts,), its stated `sd` (impacts,) or the noise parameter it uses."""
+    """One measured column: `observed` (impacts,), its stated `sd` (impacts,) or the noise parameter it uses.
+
+    With `rows` only those impacts of the problem have a measurement here, and (impacts,) means (rows,).
+    """
 
     name: str
     observed: FloatArray
     sd: FloatArray | None
     noise: str | None
-
-    def take(self, rows: NDArray[np.int64]) -> Channel:
-        """The same column of some of the impacts."""
-        return Channel(self.name, self.observed[rows], None if self.sd is None else self.sd[rows], self.noise)
+    rows: NDArray[np.int64] | None = None
 
     def predict(self, rebound: Rebound) -> FloatArray:
         """What the model says, (draws, impacts) or (impacts,)."""
-        return PREDICTED[self.name](rebound)
+        return self._mine(PREDICTED[self.name](rebound))
 
     def spread(self, noise: FloatArray | float, rebound: Rebound) -> FloatArray:
         """Standard deviation, broadcastable to (draws, impacts); `noise` is (draws, 1) or a number.
@@ -56,8 +56,29 @@ class Channel:
         if self.sd is not None:
             return self.sd
         if self.name == "theta_2":
-            return noise / np.hypot(rebound.v_x2, rebound.v_y2)
+            return noise / self._mine(np.hypot(rebound.v_x2, rebound.v_y2))
         return np.asarray(noise, dtype=np.float64)
+
+    def at(self, entries: NDArray[np.int64]) -> Channel:
+        """The column with some of its entries alone; `rows` still say which impacts of the problem they belong to."""
+        sd = None if self.sd is None else self.sd[entries]
+        rows = entries if self.rows is None else self.rows[entries]
+        return replace(self, observed=self.observed[entries], sd=sd, rows=rows)
+
+    def over(self, impacts: int) -> tuple[FloatArray, FloatArray | None]:
+        """`observed` and stated `sd` over all impacts of the problem, NaN where there is no measurement."""
+        if self.rows is None:
+            return self.observed, self.sd
+        observed = np.full(impacts, np.nan)
+        observed[self.rows] = self.observed
+        if self.sd is None:
+            return observed, None
+        sd = np.full(impacts, np.nan)
+        sd[self.rows] = self.sd
+        return observed, sd
+
+    def _mine(self, array: FloatArray) -> FloatArray:
+        return array if self.rows is None else array[..., self.rows]
 
 
 def build_channels(

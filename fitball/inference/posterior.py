@@ -168,7 +168,10 @@ class Problem:
     def deviation(self, columns: Mapping[str, FloatArray], channel: Channel, rebound: Rebound) -> FloatArray:
         """Measured less predicted (draws, impacts), the bias of the impact's group taken off."""
         found = channel.observed - channel.predict(rebound)
-        return found if self.offsets is None else found - self.offsets.offset(columns, channel.name)
+        if self.offsets is None:
+            return found
+        bias = self.offsets.offset(columns, channel.name)
+        return found - (bias if channel.rows is None else bias[:, channel.rows])
 
     def log_prior(self, coordinates: FloatArray) -> FloatArray:
         """Log prior density (draws,)."""

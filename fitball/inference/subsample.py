@@ -1,11 +1,14 @@
-"""Part of a problem, for searches that need not see every row of a large table."""
+"""Part of a problem: some rows of a large table for a search, or all but some whose measurements are left out."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from fitball.errors import FitError
+from fitball.inference.channels import Channel
 from fitball.inference.posterior import Problem
 
 
@@ -18,10 +21,7 @@ def thinned_problem(problem: Problem, rows: int) -> Problem:
     order = np.argsort(np.arctan2(given.v_y1, given.v_x1), kind="stable")
     kept = np.sort(order[np.linspace(0, count - 1, rows).round().astype(np.int64)])
     impacts = given.take(kept)
-    channels = tuple(
-        replace(item, observed=item.observed[kept], sd=None if item.sd is None else item.sd[kept])
-        for item in problem.channels
-    )
+    channels = tuple(_renumbered(item, kept) for item in problem.channels)
     table = replace(
         problem.table,
         impacts=problem.table.impacts.take(kept),
@@ -47,3 +47,30 @@ def thinned_problem(problem: Problem, rows: int) -> Problem:
         levels=tuple(item.take(kept) for item in problem.levels),
         offsets=None if problem.offsets is None else problem.offsets.take(kept),
     )
+
+
+def _renumbered(channel: Channel, kept: NDArray[np.int64]) -> Channel:
+    """The channel of a table that consists of the impacts `kept` (sorted) alone."""
+    if channel.rows is None:
+        return replace(channel.at(kept), rows=None)
+    found = channel.at(np.flatnonzero(np.isin(channel.rows, kept)))
+    assert found.rows is not None
+    return replace(found, rows=np.searchsorted(kept, found.rows))
+
+
+def withheld(problem: Problem, rows: NDArray[np.int64]) -> Problem:
+    """The same problem without the measurements at `rows`.
+
+    The incident conditions of those impacts stay known: what the scene knows of the mean contact time, and that the
+    model must be able to evaluate every impact, hold as in the full problem. So the posterior is that of the full
+    problem but for the likelihood of `rows`, which is what importance sampling of left-out impacts assumes. Raises
+    FitError when a column would be left without a measurement.
+    """
+    channels = []
+    for item in problem.channels:
+        mine = np.arange(item.observed.size) if item.rows is None else item.rows
+        entries = np.flatnonzero(~np.isin(mine, rows))
+        if entries.size == 0:
+            raise FitError(f"{problem.table.source}: nothing is left of {item.name} to fit without those impacts")
+        channels.append(item.at(entries))
+    return replace(problem, channels=tuple(channels))

@@ -88,4 +88,4 @@ def _log_latent(problem: Problem, at: FloatArray) -> FloatArray:
             sd = channel.spread(one[channel.noise][:, None] if channel.noise is not None else 0.0, rebound)
             gap = problem.deviation(one, channel, rebound) / sd
             total[draw] += float(np.sum(-0.5 * gap * gap - np.log(sd) * np.ones_like(gap)))
-    return total
+    return np.asarray(total)
