@@ -22,6 +22,10 @@ from fitball.inference.weights import pseudo_bma_weights, stacking_weights
 
 # Fewer impacts than this leave nothing to compare: one left out of two is a fit to a single bounce.
 LEAST_IMPACTS = 3
+# Effective sample size of an exact refit: the log density of one impact is then known to a few hundredths.
+REFIT_ESS = 400.0
+# Ensembles of an exact refit: enough to see that they agree.
+REFIT_ENSEMBLES = 2
 
 
 def compare(
@@ -35,14 +39,15 @@ def compare(
     """Fit and score every model of the ladder.
 
     `quick` leaves out the exact refits of impacts with a high Pareto k. Interrupted with at least two models done, it
-    returns those with status INTERRUPTED; with fewer it raises KeyboardInterrupt. Raises FitError for a table of fewer
-    than three impacts and as fits do.
+    returns those with status INTERRUPTED; with fewer it raises KeyboardInterrupt. Raises FitError for a table of
+    fewer than three impacts and as fits do.
     """
     begun = time.perf_counter()
     if len(table) < LEAST_IMPACTS:
+        count = "1 impact" if len(table) == 1 else f"{len(table)} impacts"
         raise FitError(
-            f"{table.source}: {len(table)} impact{'' if len(table) == 1 else 's'}: models are compared by leaving impacts "
-            f"out, which needs at least {LEAST_IMPACTS}, and {FEW} to mean anything"
+            f"{table.source}: {count}: models are compared by leaving impacts out, which needs at least "
+            f"{LEAST_IMPACTS} of them, and {FEW} to mean anything"
         )
     fold_seed, weight_seed, *model_seeds = np.random.SeedSequence(effort.seed).spawn(2 + len(ladder.rungs))
     folds, notes = make_folds(table, np.random.default_rng(fold_seed))
@@ -93,7 +98,7 @@ def score_model(
     quick: bool,
     report: Callable[[str], None],
 ) -> ModelScore:
-    """Posterior, leave-one-out densities and left-out errors of one model. Raises FitError and SamplingInterrupted."""
+    """Posterior, leave-one-out densities and left-out errors of a model. Raises FitError, SamplingInterrupted."""
     begun = time.perf_counter()
     problem = rung.problem
     fit = run(problem, effort, report=lambda stage, _progress: report(stage))
@@ -101,7 +106,8 @@ def score_model(
     report("leave-one-out scores")
     # The refits' ensembles must not repeat those of the full fit.
     fold_seed, refit_seed = seed.spawn(2)
-    settings = replace(effort.settings(problem), seed=int(refit_seed.generate_state(1)[0]))
+    refits = replace(effort, seed=int(refit_seed.generate_state(1)[0]), ensembles=REFIT_ENSEMBLES)
+    settings = replace(refits.settings(problem), schedule=Schedule(target_ess=REFIT_ESS))
     loo = leave_one_out(problem, fit, fit.posterior, columns, settings, exact=not quick)
     report("refits without some impacts")
     missed, notes = leave_out(problem, fit.point, folds, rung.told, np.random.default_rng(fold_seed))

@@ -130,7 +130,7 @@ class Comparison:
         return ElpdDifference(float(gaps.sum()), float(np.sqrt(gaps.size) * np.std(gaps, ddof=1)))
 
     def rms_difference(self, one: str, other: str, output: str) -> RmsDifference | None:
-        """Leave-one-out root mean square error of `one` minus that of `other`; None where either has no such error."""
+        """Leave-one-out root mean square error of `one` minus that of `other`; None where either has none."""
         first, second = (self._errors(name, output) for name in (one, other))
         if first is None or second is None:
             return None

@@ -76,7 +76,7 @@ def default_names(table: ImpactTable, quick: bool = False) -> tuple[tuple[str, .
         ]
     if not table.has_spin:
         return ("brody", "grip-slip", "two-mass+cor=mean"), [
-            "without spin the two-mass ball is rigid and equals brody: two-mass, thesis-exact and closures other than "
+            "without spin the two-mass ball is rigid and equals brody: two-mass, thesis-exact and all closures but "
             "cor are left out"
         ]
     if quick:
@@ -96,8 +96,8 @@ def build_ladder(table: ImpactTable, scene: Scene, names: Sequence[str]) -> Ladd
         name, closures = parse_name(text)
         if name == THESIS:
             raise ModelError(
-                "model thesis repeats a printed computation with its slips and is not ranked; its published parameter "
-                "sets are scored by themselves on Wang's tables, and thesis-exact solves its equations"
+                "model thesis repeats a printed computation with its slips and is not ranked; its published "
+                "parameter sets are scored by themselves on Wang's tables, and thesis-exact solves its equations"
             )
         if text in (rung.name for rung in rungs):
             raise ModelError(f"model {text} is named twice")
@@ -108,7 +108,9 @@ def build_ladder(table: ImpactTable, scene: Scene, names: Sequence[str]) -> Ladd
         else:
             notes.append(f"{text} is {twin.name} on this table and is not fitted again")
     if len(rungs) < 2:
-        raise FitError(f"a comparison needs at least two different models; there is {len(rungs)}: name more (--models)")
+        raise FitError(
+            f"a comparison needs at least two different models; there is {len(rungs)}: name more (--models)"
+        )
     columns, said = _common_columns(rungs)
     if not columns:
         raise FitError(
@@ -139,10 +141,9 @@ def _common_columns(rungs: Sequence[Rung]) -> tuple[tuple[str, ...], list[str]]:
         if without:
             verb = "does" if len(without) == 1 else "do"
             notes.append(
-                f"{name} enters no score of the comparison, because {', '.join(without)} {verb} not predict it; models "
-                "that do are fitted to it all the same"
+                f"{name} enters no score of the comparison, because {', '.join(without)} {verb} not predict it; "
+                "models that do are fitted to it all the same"
             )
-    for rung in rungs:
-        if rung.told:
-            notes.append(f"{rung.name} is told each impact's measured {', '.join(rung.told)}, also of left-out impacts")
+    told = [rung for rung in rungs if rung.told]
+    notes += [f"{rung.name} is told each measured {', '.join(rung.told)}, also of left-out impacts" for rung in told]
     return common, notes

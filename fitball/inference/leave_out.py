@@ -24,6 +24,8 @@ SINGLY = 40
 FOLDS = 20
 # Fresh starts beside the optima of the full fit when many impacts are left out at once and the optimum may jump.
 FRESH_STARTS = 5
+# Optima of the full fit that a refit starts from; more of them are as a rule one optimum, seen twice.
+FOLLOWED = 3
 IMPACTS = "each impact"
 GROUPS = "each group"
 
@@ -82,7 +84,7 @@ def refit(
     problem: Problem, optima: Sequence[Mapping[str, float]], rng: np.random.Generator | None = None
 ) -> PointFit:
     """The maximum of the posterior from known optima, with `rng` also from fresh starts. Raises FitError."""
-    starts = np.array([[optimum[name] for name in problem.free_names] for optimum in optima])
+    starts = np.array([[optimum[name] for name in problem.free_names] for optimum in optima[:FOLLOWED]])
     if rng is not None:
         starts = np.concatenate([starts, starting_points(problem, rng, FRESH_STARTS)])
     return maximum_posterior(
@@ -93,7 +95,7 @@ def refit(
 def leave_out(
     problem: Problem, point: PointFit, folds: Sequence[Fold], told: Sequence[str], rng: np.random.Generator
 ) -> tuple[tuple[Missed, ...], list[str]]:
-    """Errors of the refits' predictions, one `Missed` a scheme, and a sentence for each fold that cannot be fitted."""
+    """Errors of the refits' predictions, one `Missed` a scheme, and a sentence for each fold without a fit."""
     measured = measured_outputs(problem.table)
     found: dict[str, list[tuple[Fold, dict[str, FloatArray]]]] = {}
     notes = []

@@ -1,4 +1,4 @@
-"""Leave-one-impact-out predictive densities: by importance sampling, or by an exact refit where that is unreliable."""
+"""Leave-one-impact-out predictive densities: by importance sampling, by an exact refit where that is unreliable."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def stacking_weights(elpd: FloatArray) -> FloatArray:
 
 
 def _polished(density: FloatArray, weights: FloatArray) -> FloatArray:
-    """Cover's (1984) multiplicative steps, each of which raises the score; from an interior point next to `weights`."""
+    """Cover's (1984) multiplicative steps, each of which raises the score, from the interior next to `weights`."""
     count = weights.size
     weights = (1.0 - 1e-6) * weights + 1e-6 / count
     for _ in range(2000):
@@ -57,7 +57,8 @@ def _polished(density: FloatArray, weights: FloatArray) -> FloatArray:
         if ratio.max() - 1.0 < 0.1 * GAP:
             break
         weights = weights * ratio
-    return weights / weights.sum()
+    total = float(weights.sum())
+    return np.asarray(weights / total, dtype=np.float64)
 
 
 def pseudo_bma_weights(elpd: FloatArray, rng: np.random.Generator) -> FloatArray:

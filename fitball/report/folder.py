@@ -31,14 +31,7 @@ def prepare(folder: Path, *, overwrite: bool, resume: bool) -> None:
     `overwrite` nor `resume` was asked for. With `overwrite` an old chain and `fit.json` are removed first, so
     that no mixture of two results can remain.
     """
-    if folder.exists() and not folder.is_dir():
-        raise ResultFolderError(f"{folder}: is a file; name a folder with --out")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ResultFolderError(f"{folder}: cannot be made: {error.strerror}; name another with --out") from None
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise ResultFolderError(f"{folder}: not writable; name another with --out")
+    make_folder(folder)
     older = [name for name in (FIT_NAME, CHAIN_NAME) if (folder / name).exists()]
     if not older or resume:
         return
@@ -49,6 +42,18 @@ def prepare(folder: Path, *, overwrite: bool, resume: bool) -> None:
         )
     for name in older:
         (folder / name).unlink()
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder that can be written. Raises ResultFolderError."""
+    if folder.exists() and not folder.is_dir():
+        raise ResultFolderError(f"{folder}: is a file; name a folder with --out")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ResultFolderError(f"{folder}: cannot be made: {error.strerror}; name another with --out") from None
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise ResultFolderError(f"{folder}: not writable; name another with --out")
 
 
 def write_all(fit: Fit, folder: Path) -> None:

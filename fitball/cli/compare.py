@@ -1,0 +1,106 @@
+"""`fitball compare DATA`: the ladder of models on one table, judged by impacts they have not seen."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+from fitball.cli.progress import ProgressLine
+from fitball.errors import ModelError
+
+HELP = "compare models on a table of impacts by predictions of impacts left out"
+EXAMPLE = """examples:
+  fitball compare wang_all.csv
+  fitball compare my_balls.csv --models brody,grip-slip,two-mass,two-mass+torsion=free
+  fitball compare wang_zero_spin.csv --quick --json
+
+A model is brody, grip-slip, thesis-exact or two-mass, the last two with +CLOSURE=OPTION for each closure changed:
+release (zero_force, zero_displacement), normal (momentum, total, inner), offset (contact, grip), spin (mean, shell),
+inertia (tied, table), torsion (matched, free, rigid), cor (line, mean, measured).
+
+Results go to fits/<table>/compare/ below the current folder unless --out names another. Exit code 1 if a posterior
+did not converge."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the verb to the command line."""
+    parser = subparsers.add_parser(
+        "compare",
+        help=HELP,
+        description=HELP[0].upper() + HELP[1:] + ".",
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("data", metavar="DATA", help="a table (CSV or Parquet), or the name of a bundled one")
+    parser.add_argument("--models", metavar="A,B,...", help="models to compare (default: those that can differ here)")
+    parser.add_argument("--config", metavar="FILE.toml", help="scene file (default: the .toml beside DATA)")
+    parser.add_argument(
+        "--quick", action="store_true", help="only the main models, and no exact refits of influential impacts"
+    )
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of all random numbers (default 1)")
+    parser.add_argument("--max-steps", type=int, metavar="N", help="steps of each ensemble at most (default 20000)")
+    parser.add_argument("--cores", type=int, metavar="N", help="threads (default: all)")
+    parser.add_argument("--out", metavar="DIR", help="result folder")
+    parser.add_argument("--overwrite", action="store_true", help="replace an older result in the folder")
+    parser.add_argument("--json", action="store_true", help="print compare.json")
+    parser.add_argument("--quiet", action="store_true", help="no progress, no table: only errors and the folder")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it; returns the exit code."""
+    progress = ProgressLine(args.quiet)
+    progress("loading", None)
+    from fitball.data.read import load_table
+    from fitball.data.scene import load_scene
+    from fitball.inference.calibrate import MAX_STEPS, Effort
+    from fitball.inference.compare import compare
+    from fitball.inference.ladder import build_ladder, default_names
+    from fitball.inference.results import RunStatus
+    from fitball.report.compare_folder import json_text, prepare, write_all
+    from fitball.report.compare_text import render
+    from fitball.report.compare_words import words
+    from fitball.studies.published_sets import published_sets
+
+    table = load_table(args.data)
+    scene = load_scene(args.data, args.config)
+    effort = Effort(
+        seed=args.seed,
+        max_steps=MAX_STEPS if args.max_steps is None else args.max_steps,
+        cores=(os.cpu_count() or 1) if args.cores is None else args.cores,
+    )
+    names, said = default_names(table, args.quick) if args.models is None else (model_names(args.models), [])
+    ladder = build_ladder(table, scene, names)
+    for rung in ladder.rungs:
+        effort.settings(rung.problem)
+    folder = Path(args.out) if args.out else Path("fits") / table.name / "compare"
+    prepare(folder, overwrite=args.overwrite)
+    if not args.quiet:
+        progress.finish()
+        for line in (*map(str, table.notices), *scene.assumed, *said):
+            print(f"note: {line}", file=sys.stderr)
+    published = published_sets(table)
+    found = compare(table, ladder, effort, args.quick, published, lambda stage: progress(stage, None))
+    progress("figure and files", None)
+    text = words(found)
+    write_all(found, text, folder)
+    progress.finish()
+    if args.json:
+        print(json_text(found, text), end="")
+    elif args.quiet:
+        print(folder)
+    else:
+        print(render(found, text, folder))
+    if found.status is RunStatus.INTERRUPTED:
+        return 130
+    return 0 if found.status is RunStatus.CONVERGED else 1
+
+
+def model_names(text: str) -> tuple[str, ...]:
+    """Names of `--models`, separated by commas. Raises ModelError for an empty one."""
+    names = tuple(part.strip() for part in text.split(","))
+    if not all(names):
+        raise ModelError(f"--models {text}: read an empty name; expected names separated by commas")
+    return names
