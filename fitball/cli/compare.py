@@ -40,7 +40,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--quick", action="store_true", help="only the main models, and no exact refits of influential impacts"
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of all random numbers (default 1)")
-    parser.add_argument("--max-steps", type=int, metavar="N", help="steps of each ensemble at most (default 20000)")
+    parser.add_argument("--max-steps", type=int, metavar="N", help="steps of each ensemble at most (default 8000)")
     parser.add_argument("--cores", type=int, metavar="N", help="threads (default: all)")
     parser.add_argument("--out", metavar="DIR", help="result folder")
     parser.add_argument("--overwrite", action="store_true", help="replace an older result in the folder")
@@ -55,8 +55,8 @@ def run(args: argparse.Namespace) -> int:
     progress("loading", None)
     from fitball.data.read import load_table
     from fitball.data.scene import load_scene
-    from fitball.inference.calibrate import MAX_STEPS, Effort
-    from fitball.inference.compare import compare
+    from fitball.inference.calibrate import Effort
+    from fitball.inference.compare import ESS, MAX_STEPS, compare
     from fitball.inference.ladder import build_ladder, default_names
     from fitball.inference.results import RunStatus
     from fitball.report.compare_folder import json_text, prepare, write_all
@@ -70,6 +70,7 @@ def run(args: argparse.Namespace) -> int:
         seed=args.seed,
         max_steps=MAX_STEPS if args.max_steps is None else args.max_steps,
         cores=(os.cpu_count() or 1) if args.cores is None else args.cores,
+        ess=ESS,
     )
     names, said = default_names(table, args.quick) if args.models is None else (model_names(args.models), [])
     ladder = build_ladder(table, scene, names)

@@ -15,6 +15,7 @@ from fitball.data.balances import scene_balances
 from fitball.errors import ParameterError
 from fitball.inference.chain_file import ChainFile
 from fitball.inference.error_budget import error_budget
+from fitball.inference.diagnostics import TARGET_ESS
 from fitball.inference.fitted import FittedModel
 from fitball.inference.golden import golden
 from fitball.inference.identifiability import Judgement, judge
@@ -34,7 +35,7 @@ from fitball.inference.results import (
     Timing,
     Verdict,
 )
-from fitball.inference.sampling import ENSEMBLES, Progress, Sampled, Settings, default_walkers, sample
+from fitball.inference.sampling import ENSEMBLES, Progress, Sampled, Schedule, Settings, default_walkers, sample
 from fitball.models.two_mass_model import TwoMassModel
 from fitball.values import FloatArray
 from fitball.version import __version__
@@ -45,7 +46,9 @@ KEPT_DRAWS = 400
 
 @dataclass(frozen=True)
 class Effort:
-    """How much to spend: `walkers` of each ensemble (None: four a parameter), steps at most, threads, seed."""
+    """How much to spend: `walkers` of each ensemble (None: four a parameter), steps at most, threads, seed;
+    `ess` is the effective sample size that every parameter must have.
+    """
 
     seed: int = 1
     point_only: bool = False
@@ -53,6 +56,7 @@ class Effort:
     ensembles: int = ENSEMBLES
     max_steps: int = MAX_STEPS
     cores: int = 2
+    ess: float = TARGET_ESS
 
     def settings(self, problem: Problem) -> Settings:
         """Sampler settings for a problem. Raises ParameterError for numbers that cannot work."""
@@ -71,7 +75,9 @@ class Effort:
             raise ParameterError(f"ensembles = {self.ensembles}: at least 2 are needed to compare")
         if self.seed < 0:
             raise ParameterError(f"seed = {self.seed}: expected a number not below 0")
-        return Settings(walkers, self.ensembles, self.max_steps, self.cores, self.seed)
+        return Settings(
+            walkers, self.ensembles, self.max_steps, self.cores, self.seed, Schedule(target_ess=self.ess)
+        )
 
 
 @dataclass
@@ -208,8 +214,8 @@ def _diagnostics(sampled: Sampled, effort: Effort) -> Diagnostics:
         least = min(found.ess_bulk[name], found.ess_tail[name])
         if not r_hat < 1.01:
             complaints.append(f"{name}: the ensembles disagree, R-hat {r_hat:.3f} (wanted below 1.01)")
-        if not least >= 1000.0:
-            complaints.append(f"{name}: effective sample size {least:.0f} (wanted 1000)")
+        if not least >= effort.ess:
+            complaints.append(f"{name}: effective sample size {least:.0f} (wanted {effort.ess:.0f})")
     return Diagnostics(
         ensembles=ensembles,
         walkers=walkers,

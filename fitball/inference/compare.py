@@ -14,7 +14,7 @@ from fitball.inference.calibrate import Effort, run
 from fitball.inference.comparison import FEW, Comparison, FixedPrediction, ModelScore
 from fitball.inference.criteria import criteria
 from fitball.inference.ladder import Ladder, Rung
-from fitball.inference.leave_out import Fold, leave_out, make_folds
+from fitball.inference.leave_out import FOLLOWED, Fold, leave_out, make_folds
 from fitball.inference.loo import leave_one_out
 from fitball.inference.results import RunStatus
 from fitball.inference.sampling import SamplingInterrupted
@@ -22,8 +22,11 @@ from fitball.inference.weights import pseudo_bma_weights, stacking_weights
 
 # Fewer impacts than this leave nothing to compare: one left out of two is a fit to a single bounce.
 LEAST_IMPACTS = 3
-# Effective sample size of an exact refit: the log density of one impact is then known to a few hundredths.
-REFIT_ESS = 400.0
+# Effective sample size of every chain of a comparison: the log density of one impact is then known to a few
+# hundredths, far below the differences that matter.
+ESS = 400.0
+# Steps after which a chain is given up, and said to be unsettled.
+MAX_STEPS = 8000
 # Ensembles of an exact refit: enough to see that they agree.
 REFIT_ENSEMBLES = 2
 
@@ -107,12 +110,12 @@ def score_model(
     # The refits' ensembles must not repeat those of the full fit.
     fold_seed, refit_seed = seed.spawn(2)
     refits = replace(effort, seed=int(refit_seed.generate_state(1)[0]), ensembles=REFIT_ENSEMBLES)
-    settings = replace(refits.settings(problem), schedule=Schedule(target_ess=REFIT_ESS))
+    settings = refits.settings(problem)
     loo = leave_one_out(problem, fit, fit.posterior, columns, settings, exact=not quick)
     report("refits without some impacts")
     missed, notes = leave_out(problem, fit.point, folds, rung.told, np.random.default_rng(fold_seed))
     every = {channel.name for channel in problem.channels} == set(columns)
-    found = criteria(problem, fit.point.optima) if every else None
+    found = criteria(problem, fit.point.optima[:FOLLOWED]) if every else None
     if not every:
         extra = ", ".join(channel.name for channel in problem.channels if channel.name not in columns)
         notes.append(f"fitted to {extra} too, so that AICc and BIC would not compare: left out")

@@ -57,11 +57,12 @@ class Minimiser:
         """Lowest possible mass ratio (draws,) for the restitution in `values` (draws, free)."""
         columns = self.problem.all_values(values)
         speeds = self.problem.impacts.v_y1
-        lines = [columns["cor_10"]]
-        if "cor_slope" in columns:
-            lines = [columns["cor_10"] + columns["cor_slope"] * (end - 10.0) for end in (speeds.min(), speeds.max())]
-        elif self.problem.impacts.cor is not None:
+        if self.problem.impacts.cor is not None:
             lines = [np.full(values.shape[0], self.problem.impacts.cor.max())]
+        elif "cor_slope" in columns:
+            lines = [columns["cor_10"] + columns["cor_slope"] * (end - 10.0) for end in (speeds.min(), speeds.max())]
+        else:
+            lines = [columns["cor_10"]]
         # A hair above the wall, so that rounding does not put the restitution of the core above 1.
         wall: FloatArray = np.maximum(np.max(lines, axis=0) * (1.0 + 1e-12), SPECS["mass_ratio"].lower)
         return wall

@@ -7,21 +7,19 @@ from pathlib import Path
 
 from fitball.inference.comparison import Comparison, ModelScore
 from fitball.inference.results import Verdict
-from fitball.report.compare_rows import error_table, extrapolation_table, score_table
+from fitball.report.compare_rows import error_table, extrapolation_table, score_table, scored_outputs
 from fitball.report.terminal import WIDTH, columns
 
 LEGEND = (
     "elpd: log predictive density of impacts left out one at a time, summed over the scored columns (Pareto smoothed "
-    "importance sampling; an impact whose Pareto k exceeds 0.7 is left out and the model sampled anew, to an "
-    "effective sample size of 400 where other chains go to 1000). Difference: to the best, with sqrt(n) times the sd "
-    "over impacts. p_loo: effective number of parameters. Weights: stacking and pseudo-BMA+ (Yao et al. 2018); "
-    "models that predict alike share theirs. AICc, BIC: maximised likelihood without priors; all free parameters, "
-    "noise included, count whether or not the table sees them, and n is the number of measurements."
+    "importance sampling; an impact whose Pareto k exceeds 0.7 is left out and the model sampled anew; "
+    "every chain has an effective sample size of at least 400 or is named below). Difference: to the best, with "
+    "sqrt(n) times the sd over impacts. p_loo: effective number of parameters. Weights: stacking and pseudo-BMA+ "
+    "(Yao et al. 2018); models that predict alike share theirs. AICc, BIC: maximised likelihood without priors; all "
+    "free parameters, noise included, count whether or not the table sees them, and n is the number of measurements."
 )
-ERRORS = (
-    "Root mean square errors of predictions at the maximum of the posterior of a fit without those impacts. theta_2 "
-    "follows from v_x2 and v_y2 where it is not an independent column."
-)
+ERRORS = "Root mean square errors of predictions at the maximum of the posterior of a fit without those impacts."
+ANGLE = " theta_2 follows from v_x2 and v_y2 where it is not an independent column."
 PUBLISHED = (
     "In brackets: parameter sets published with these data, nothing fitted here and not out of sample, since they "
     "were tuned on these impacts; those of Appendix C are told each impact's v_y2."
@@ -37,7 +35,8 @@ def render(found: Comparison, words: str, folder: Path) -> str:
     beyond = extrapolation_table(found)
     if beyond:
         parts += [*columns(beyond), ""]
-    parts += textwrap.wrap(ERRORS + (f" {PUBLISHED}" if found.published else ""), WIDTH)
+    angle = ANGLE if "theta_2" in scored_outputs(found) else ""
+    parts += textwrap.wrap(ERRORS + angle + (f" {PUBLISHED}" if found.published else ""), WIDTH)
     parts += ["", "What the table does not tell of each model's parameters:"]
     for item in found.models:
         parts += textwrap.wrap(_unidentified(item), WIDTH, initial_indent="  ", subsequent_indent="      ")

@@ -1,0 +1,128 @@
+"""`fitball compare` as a user meets it: files, words, exit codes, faults."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from fitball.cli.main import main
+
+ROWS = """id,group,v_x1 [m/s],v_y1 [m/s],omega_1 [rpm],v_x2 [m/s],v_y2 [m/s],omega_2 [rpm]
+a,flat,16.0,5.0,0,11.5,4.1,2400
+b,flat,15.0,7.5,50,8.9,6.0,2700
+c,flat,13.0,10.0,0,7.6,7.6,2500
+d,top,10.0,13.0,900,6.6,9.5,2100
+e,top,6.0,15.0,1000,4.6,10.6,1300
+f,top,14.0,8.0,1100,9.8,6.4,3000
+"""
+PAIR = ["--models", "brody,grip-slip", "--max-steps", "300", "--cores", "2", "--quick"]
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """A comparison of two models in a folder of its own: (folder, exit code, stdout, stderr)."""
+    import contextlib
+    import io
+
+    place = tmp_path_factory.mktemp("compare")
+    (place / "balls.csv").write_text(ROWS, encoding="utf-8")
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.chdir(place), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(["compare", "balls.csv", *PAIR])
+    return place, code, out.getvalue(), err.getvalue()
+
+
+def test_files_are_complete_and_agree(done):
+    place, code, out, err = done
+    folder = place / "fits" / "balls" / "compare"
+    assert code in (0, 1), err
+    assert sorted(item.name for item in folder.iterdir()) == [
+        "compare.csv", "compare.json", "compare.png", "compare.txt"
+    ]  # fmt: skip
+    assert (folder / "compare.png").read_bytes().startswith(b"\x89PNG")
+    content = json.loads((folder / "compare.json").read_text(encoding="utf-8"))
+    assert content["kind"] == "fitball comparison"
+    assert content["scored_columns"] == ["v_x2", "v_y2", "omega_2"]
+    best, other = content["models"]
+    gaps = np.array([other["elpd_by_impact"][key] - best["elpd_by_impact"][key] for key in "abcdef"])
+    assert other["elpd_difference"]["value"] == pytest.approx(gaps.sum())
+    assert other["elpd_difference"]["se"] == pytest.approx(np.sqrt(6) * np.std(gaps, ddof=1))
+    assert other["elpd_difference"]["value"] <= 0.0
+    assert sum(item["weights"]["stacking"] for item in content["models"]) == pytest.approx(1.0)
+    schemes = {item["scheme"]: item for item in best["left_out"]}
+    assert set(schemes) == {"each impact", "each group", "shallowest third", "steepest third"}
+    assert schemes["steepest third"]["impacts"] == ["d", "e"]
+    assert schemes["each group"]["parts"] == ["flat", "top"]
+    with (folder / "compare.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["model"] for row in rows] == [best["name"], other["name"]]
+    for row, item in zip(rows, (best, other), strict=True):
+        assert float(row["elpd"]) == item["elpd"]
+        mine = next(part for part in item["left_out"] if part["scheme"] == "each impact")
+        assert float(row["rms, each impact: omega_2 [rad/s]"]) == pytest.approx(mine["rms"]["omega_2"])
+        degrees = float(row["rms, each impact: theta_2 [deg]"])
+        assert np.radians(degrees) == pytest.approx(mine["rms"]["theta_2"])
+    assert content["words"].split()[:8] == out[out.index("For impacts like these") :].split()[:8]
+
+
+def test_the_terminal_says_what_was_done(done):
+    _place, _code, out, err = done
+    assert "2 models on balls (6 impacts), scored by v_x2, v_y2, omega_2" in out
+    assert "each impact left out" in out
+    assert "What the table does not tell" in out
+    assert "standard error of a difference is itself uncertain" in out
+    assert "(1 of 2): sampling" in err
+    assert "there is no scene file" in err
+    # Nothing of the thesis beside data that are not Wang's.
+    assert "Table 9" not in out
+
+
+def test_a_second_run_refuses(done, capsys):
+    place = done[0]
+    folder = place / "fits" / "balls" / "compare"
+    assert main(["compare", str(place / "balls.csv"), *PAIR, "--out", str(folder)]) == 2
+    assert "--overwrite" in capsys.readouterr().err
+    assert (folder / "compare.json").exists()
+
+
+def test_few_impacts_and_a_drop_test(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    speeds = (3.0, 5.0, 8.0, 11.0, 13.0)
+    lines = "\n".join(f"{v},{v * (0.86 - 0.012 * v) + 0.01 * (-1) ** int(v):.3f}" for v in speeds)
+    (tmp_path / "drop.csv").write_text(f"v_y1,v_y2\n{lines}\n", encoding="utf-8")
+    assert main(["compare", "drop.csv", "--quick", "--json", "--max-steps", "200"]) in (0, 1)
+    captured = capsys.readouterr()
+    content = json.loads(captured.out)
+    assert content["meaningful"] is False
+    assert "5 impacts are too few" in content["words"]
+    assert {item["name"] for item in content["models"]} == {"two-mass", "two-mass+cor=mean"}
+    assert "brody, grip-slip, thesis-exact" in captured.err
+    two = "\n".join(lines.split("\n")[:2])
+    (tmp_path / "two.csv").write_text(f"v_y1,v_y2\n{two}\n", encoding="utf-8")
+    assert main(["compare", "two.csv"]) == 2
+    assert "needs at least 3" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["nothing.csv"], "no such file"),
+        (["wang_zero_spin.csv", "--models", "brody"], "at least two different models"),
+        (["wang_zero_spin.csv", "--models", "brody,,two-mass"], "empty name"),
+        (["wang_zero_spin.csv", "--models", "brody,thesis"], "is not ranked"),
+        (["wang_zero_spin.csv", "--models", "brody,two-mass+spin=both"], "closure spin = 'both'"),
+        (["wang_zero_spin.csv", "--seed", "-1"], "seed = -1"),
+        (["wang_zero_spin.csv", "--cores", "0"], "cores = 0"),
+        (["wang_zero_spin.csv", "--max-steps", "5"], "max_steps = 5"),
+    ],
+)
+def test_faults_end_with_two_and_without_a_folder(tmp_path, monkeypatch, capsys, words, message):
+    monkeypatch.chdir(tmp_path)
+    assert main(["compare", *words]) == 2
+    err = capsys.readouterr().err
+    assert message in err
+    assert "Traceback" not in err
+    assert not (tmp_path / "fits").exists()
