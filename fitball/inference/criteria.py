@@ -16,8 +16,9 @@ from fitball.values import FloatArray
 # Rounds of parameters for given noise, then noise for given parameters; a handful is enough, each raises the
 # likelihood.
 ROUNDS = 30
-# Relative change of the noise at which the log likelihood of a dozen measurements is settled to 1e-8.
-SETTLED = 1e-5
+# Relative change of the noise at which the log likelihood, flat to first order there, of n measurements is settled
+# to some n times its square: 1e-5 for a hundred.
+SETTLED = 3e-4
 
 
 @dataclass(frozen=True)
