@@ -21,9 +21,11 @@ from fitball.inference.ladder import VARIANTS, build_ladder, default_names, pars
 from fitball.inference.leave_out import IMPACTS, leave_out, make_folds
 from fitball.inference.loo import exact_elpd, leave_one_out, smoothed_elpd
 from fitball.inference.maximum import maximum_posterior
+from fitball.inference.minimiser import Minimiser
 from fitball.inference.outputs import measured_outputs, output_errors, root_mean_square
 from fitball.inference.point import point_fit
 from fitball.inference.problem import Choices, build_problem
+from fitball.inference.residuals import Weighting
 from fitball.inference.results import RunStatus
 from fitball.inference.starts import starting_points
 from fitball.inference.subsample import thinned_problem, withheld
@@ -386,6 +388,9 @@ def test_only_common_columns_are_scored():
     problem = ladder.rungs[1].problem
     best = maximum_posterior(problem, starting_points(problem, np.random.default_rng(0), 4))
     assert best.values["mass_ratio"] >= problem.impacts.cor.max()
+    minimiser = Minimiser(problem, Weighting({}, penalised=False))
+    values = np.array([[best.values[name] for name in problem.free_names]])
+    assert minimiser.wall(values)[0] == pytest.approx(problem.impacts.cor.max(), rel=1e-9)
     drop = replace(table, measurements=(table.measurement("v_y2"),))
     with pytest.raises(FitError, match="predicts none of the measured columns"):
         build_ladder(drop, scene, ("grip-slip", "two-mass+cor=measured"))
@@ -476,3 +481,12 @@ def test_words_of_a_duel(monkeypatch):
     assert f"v_x2 {change.value:.2f} [" in text or f"v_x2 {change.value:.1f} [" in text
     assert "omega_2 +" in text
     assert "With 7 impacts" in text
+
+
+def test_the_wanted_effective_sample_size_is_heeded():
+    problem = linear_problem(drop_table(np.random.default_rng(2)))
+    fit = run(problem, Effort(seed=1, ess=1e6, max_steps=750, ensembles=2))
+    assert fit.status is RunStatus.NOT_CONVERGED
+    assert "(wanted 1000000)" in fit.diagnostics.complaints[0]
+    assert fit.diagnostics.steps == 750
+    assert run(problem, Effort(seed=1, ess=100.0, max_steps=750, ensembles=2)).status is RunStatus.CONVERGED
