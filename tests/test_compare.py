@@ -184,6 +184,13 @@ def test_criteria_of_a_linear_model_are_those_of_its_residuals():
     assert replace(found, measurements=4).aicc is None
 
 
+def test_the_maximised_likelihood_is_no_less_than_that_of_the_posterior_maximum():
+    problem = problem_of("wang_all.csv", closures={"offset": "grip"})
+    point = point_of(problem)
+    found = criteria(problem, point.optima[:2])
+    assert point.log_likelihood <= found.log_likelihood < point.log_likelihood + 1.0
+
+
 def test_grip_slip_on_wang_left_out_one_by_one():
     """An earlier, independent sketch by least squares with I/(M R^2) = 0.55 left 0.55 m/s and 17.7 rad/s in spin."""
     known = load_scene("wang_all.csv")

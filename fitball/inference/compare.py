@@ -115,7 +115,7 @@ def score_model(
     report("refits without some impacts")
     missed, notes = leave_out(problem, fit.point, folds, rung.told, np.random.default_rng(fold_seed))
     every = {channel.name for channel in problem.channels} == set(columns)
-    found = criteria(problem, fit.point.optima[:FOLLOWED]) if every else None
+    found = criteria(problem, (*fit.point.optima[:FOLLOWED], fit.least_squares.values)) if every else None
     if not every:
         extra = ", ".join(channel.name for channel in problem.channels if channel.name not in columns)
         notes.append(f"fitted to {extra} too, so that AICc and BIC would not compare: left out")

@@ -8,17 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitball.inference.minimiser import Minimiser
+from fitball.inference.maximum import maximum_posterior
 from fitball.inference.posterior import Problem
-from fitball.inference.residuals import Weighting, default_noise
-from fitball.values import FloatArray
+from fitball.inference.priors import Prior
+from fitball.inference.residuals import default_noise
 
-# Rounds of parameters for given noise, then noise for given parameters; a handful is enough, each raises the
-# likelihood.
-ROUNDS = 30
-# Relative change of the noise at which the log likelihood, flat to first order there, of n measurements is settled
-# to some n times its square: 1e-5 for a hundred.
-SETTLED = 3e-4
+# Where a normal prior is unbounded its flat stand-in ends this many standard deviations from the middle.
+FAR = 12.0
 
 
 @dataclass(frozen=True)
@@ -48,46 +44,26 @@ class Criteria:
 def criteria(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Criteria:
     """Maximise the likelihood from `starts` (values by name), noise included, within the bounds of the parameters.
 
-    What the scene knows of the contact time is prior knowledge and does not enter.
+    A start on the end of a logarithmic scale, where there is no way back, is passed over.
+
+    What the scene knows of the contact time is prior knowledge and does not enter. Raises FitError as
+    `maximum_posterior` does.
     """
-    bare = replace(problem, contact_time=None)
-    found = [_climb(bare, start) for start in starts]
-    measurements = sum(channel.observed.size for channel in bare.channels)
-    return Criteria(max(found), bare.dimension, measurements)
+    bare = replace(
+        problem,
+        contact_time=None,
+        parameters=tuple(replace(item, prior=_flat(item.prior)) for item in problem.parameters),
+    )
+    values = np.array([[start[name] for name in bare.free_names] for start in starts])
+    with np.errstate(divide="ignore"):
+        usable = np.all(np.isfinite(bare.to_coordinates(values)), axis=1)
+    best = maximum_posterior(bare, values[usable], {name: starts[0][name] for name in default_noise(bare)})
+    return Criteria(best.log_likelihood, bare.dimension, sum(channel.observed.size for channel in bare.channels))
 
 
-def _climb(problem: Problem, start: Mapping[str, float]) -> float:
-    """The highest log likelihood reached from one start."""
-    noise = {name: start[name] for name in default_noise(problem)}
-    minimiser = Minimiser(problem, Weighting(noise, penalised=False))
-    low, high = minimiser.limits()
-    values = np.array([[start[name] for name in problem.free_names]])
-    at = np.minimum(np.maximum(minimiser.to_fitted(values)[0], low), high)
-    best = -math.inf
-    for _ in range(ROUNDS):
-        at = Minimiser(problem, Weighting(noise, penalised=False)).run(at).at
-        following = _best_noise(problem, at, noise)
-        settled = all(abs(math.log(following[name] / noise[name])) < SETTLED for name in noise)
-        noise = following
-        values = Minimiser(problem, Weighting(noise, penalised=False)).values(at[None, :])
-        best = max(best, float(problem.log_likelihood(values, problem.rebound(values))[0]))
-        if settled:
-            break
-    return best
-
-
-def _best_noise(problem: Problem, at: FloatArray, noise: Mapping[str, float]) -> dict[str, float]:
-    """The noise of highest likelihood for the residuals at fitted coordinates `at`: their root mean square.
-
-    The likelihood of a noise has one peak, so where that lies beyond a bound, the bound is best.
-    """
-    values = Minimiser(problem, Weighting(noise, penalised=False)).values(at[None, :])
-    rebound = problem.rebound(values)
-    best = dict(noise)
-    for item in problem.free:
-        mine = [channel for channel in problem.channels if channel.noise == item.name]
-        if not mine:
-            continue
-        z = [((c.observed - c.predict(rebound)) / c.spread(1.0, rebound)).ravel() for c in mine]
-        best[item.name] = float(np.clip(np.sqrt(np.mean(np.concatenate(z) ** 2)), item.spec.lower, item.spec.upper))
-    return best
+def _flat(prior: Prior) -> Prior:
+    """A prior with the same coordinate and no preference between the bounds, or within `FAR` sds without a bound."""
+    low, high = prior.ends
+    if prior.normal:
+        low, high = max(low, prior.a - FAR * prior.b), min(high, prior.a + FAR * prior.b)
+    return replace(prior, normal=False, a=low, b=high)

@@ -77,10 +77,15 @@ def _draw_errors(axis: Axes, found: Comparison, output: str) -> None:
 
 
 def _ticks(low: float, high: float) -> list[float]:
-    """1, 2 and 5 of every decade between two positive numbers; both numbers where none lies between."""
+    """Round numbers between two positive ones: 1, 2, 5 of every decade, or more of them where that leaves few."""
     decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    inside = [x for d in decades for x in (10.0**d, 2.0 * 10.0**d, 5.0 * 10.0**d) if low <= x <= high]
-    return inside or [low, high]
+    for digits in ((1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)):
+        inside = [
+            digit * 10.0**decade for decade in decades for digit in digits if low <= digit * 10.0**decade <= high
+        ]
+        if len(inside) >= 2:
+            return inside
+    return [low, high]
 
 
 def _broken(name: str) -> str:
