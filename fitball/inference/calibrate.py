@@ -14,8 +14,8 @@ import numpy as np
 from fitball.data.balances import scene_balances
 from fitball.errors import ParameterError
 from fitball.inference.chain_file import ChainFile
-from fitball.inference.error_budget import error_budget
 from fitball.inference.diagnostics import TARGET_ESS
+from fitball.inference.error_budget import error_budget
 from fitball.inference.fitted import FittedModel
 from fitball.inference.golden import golden
 from fitball.inference.identifiability import Judgement, judge
@@ -75,9 +75,7 @@ class Effort:
             raise ParameterError(f"ensembles = {self.ensembles}: at least 2 are needed to compare")
         if self.seed < 0:
             raise ParameterError(f"seed = {self.seed}: expected a number not below 0")
-        return Settings(
-            walkers, self.ensembles, self.max_steps, self.cores, self.seed, Schedule(target_ess=self.ess)
-        )
+        return Settings(walkers, self.ensembles, self.max_steps, self.cores, self.seed, Schedule(target_ess=self.ess))
 
 
 @dataclass

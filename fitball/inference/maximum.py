@@ -38,13 +38,13 @@ class Candidate:
     noise: Mapping[str, float]
 
 
-def maximum_posterior(problem: Problem, starts: FloatArray) -> PointFit:
+def maximum_posterior(problem: Problem, starts: FloatArray, noise: Mapping[str, float] | None = None) -> PointFit:
     """The highest of the posterior's maxima reached from the starts, with the others worth knowing.
 
     Levenberg-Marquardt on residuals and priors for given noise, in turn with the best noise for those residuals, then
-    a simplex on the posterior itself, which knows every bound. Raises FitError as `least_squares` does.
+    a simplex on the posterior itself, which knows every bound. `noise` is the first guess. Raises FitError as `least_squares` does.
     """
-    noise = default_noise(problem)
+    noise = {**default_noise(problem), **(noise or {})}
     distinct, _ = minima(problem, Weighting(noise, penalised=True), starts)
     first = [_with_best_noise(problem, item.at, noise, rounds=1) for item in distinct]
     top = max((item.score for item in first), default=-math.inf)

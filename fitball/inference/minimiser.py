@@ -57,7 +57,7 @@ class Minimiser:
         """Lowest possible mass ratio (draws,) for the restitution in `values` (draws, free)."""
         columns = self.problem.all_values(values)
         speeds = self.problem.impacts.v_y1
-        if self.problem.impacts.cor is not None:
+        if "cor_10" not in columns and self.problem.impacts.cor is not None:
             lines = [np.full(values.shape[0], self.problem.impacts.cor.max())]
         elif "cor_slope" in columns:
             lines = [columns["cor_10"] + columns["cor_slope"] * (end - 10.0) for end in (speeds.min(), speeds.max())]
