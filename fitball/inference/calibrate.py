@@ -16,13 +16,15 @@ from fitball.errors import ParameterError
 from fitball.inference.chain_file import ChainFile
 from fitball.inference.diagnostics import TARGET_ESS
 from fitball.inference.error_budget import error_budget
+from fitball.inference.examination import examine, profile_all
 from fitball.inference.fitted import FittedModel
 from fitball.inference.golden import golden
-from fitball.inference.identifiability import Judgement, judge
+from fitball.inference.identifiability import Judgement
 from fitball.inference.level_estimates import level_estimates
+from fitball.inference.looks import Profiles
 from fitball.inference.point import point_fit
 from fitball.inference.posterior import Problem
-from fitball.inference.predictive import predictive, thinned
+from fitball.inference.predictive import predictive, predictive_generator, thinned
 from fitball.inference.reference import reference_draws
 from fitball.inference.results import (
     Diagnostics,
@@ -130,7 +132,8 @@ def run(
     with watch.stage("point fit"):
         squares, point = point_fit(replace(problem, threads=settings.cores), np.random.default_rng(seeds[0]))
     if effort.point_only:
-        return _assemble(problem, effort, squares, point, None, None, watch)
+        profiled = _profiles(problem, settings, squares, point, watch, report)
+        return _assemble(problem, effort, squares, point, profiled, None, None, watch)
     with watch.stage("sampling"):
         optima = np.array([[optimum[name] for name in problem.free_names] for optimum in point.optima])
         sampled = sample(
@@ -150,7 +153,21 @@ def run(
             sampled.log_posterior[:, sampled.warm_up :],
             reference_draws(problem, np.random.default_rng(seeds[1])),
         )
-    return _assemble(problem, effort, squares, point, sampled, posterior, watch)
+    profiled = _profiles(problem, settings, squares, point, watch, report)
+    return _assemble(problem, effort, squares, point, profiled, sampled, posterior, watch)
+
+
+def _profiles(
+    problem: Problem,
+    settings: Settings,
+    squares: LeastSquares,
+    point: PointFit,
+    watch: Stopwatch,
+    report: Callable[[str, Progress | None], None],
+) -> tuple[Profiles, Profiles]:
+    with watch.stage("profiles"):
+        shared = replace(problem, threads=settings.cores)
+        return profile_all(shared, point, [*point.optima, *squares.optima], lambda stage: report(stage, None))
 
 
 def _assemble(
@@ -158,21 +175,21 @@ def _assemble(
     effort: Effort,
     squares: LeastSquares,
     point: PointFit,
+    profiled: tuple[Profiles, Profiles],
     sampled: Sampled | None,
     posterior: Posterior | None,
     watch: Stopwatch,
 ) -> Fit:
     covariance = correlation = None
-    judgements: Mapping[str, Judgement] = {}
     prediction = diagnostics = None
     with watch.stage("verdicts and prediction"):
         if posterior is not None and sampled is not None:
             covariance = np.atleast_2d(np.cov(posterior.draws, rowvar=False))
             correlation = np.atleast_2d(np.corrcoef(posterior.draws, rowvar=False))
-            judgements = judge(problem, point, posterior, correlation)
-            rng = np.random.default_rng(np.random.SeedSequence(effort.seed).spawn(3)[2])
-            prediction = predictive(problem, point, posterior, rng)
+            prediction = predictive(problem, point, posterior, predictive_generator(effort.seed))
             diagnostics = _diagnostics(sampled, effort)
+        regimes = () if prediction is None else prediction.regimes
+        examination, judgements = examine(problem, point, profiled, posterior, correlation, regimes)
         estimates = tuple(
             _estimate(problem, k, point, posterior, sampled, judgements) for k in range(len(problem.parameters))
         )
@@ -193,6 +210,7 @@ def _assemble(
         correlation=correlation,
         diagnostics=diagnostics,
         predictive=prediction,
+        examination=examination,
         fitted=fitted,
         golden=chosen,
         error_budget=budget,
@@ -257,12 +275,7 @@ def _estimate(
             found.ess_tail[item.name],
             found.r_hat[item.name],
         )
-    if item.name in judgements:
-        judged = judgements[item.name]
-    elif item.free:
-        judged = Judgement(None, Verdict.NOT_JUDGED, "a point fit cannot tell: run without --point-only")
-    else:
-        judged = Judgement(None, Verdict.FIXED, f"held at its value: {item.fixed_because}")
+    judged = judgements[item.name]
     return Estimate(
         name=item.name,
         unit=item.spec.unit,
@@ -310,14 +323,15 @@ def _fitted(problem: Problem, point: PointFit, posterior: Posterior | None) -> F
 
 def _sentence(status: RunStatus, diagnostics: Diagnostics | None, estimates: tuple[Estimate, ...]) -> str:
     if diagnostics is None:
-        return "Point fit only: no uncertainty was computed."
-    head = (
-        f"Converged: every parameter has an effective sample size of at least "
-        f"{min(diagnostics.min_ess_bulk, diagnostics.min_ess_tail):.0f} and R-hat of at most "
-        f"{diagnostics.max_r_hat:.3f}."
-        if status is RunStatus.CONVERGED
-        else f"Not converged after {diagnostics.steps} steps: " + "; ".join(diagnostics.complaints) + "."
-    )
+        head = "Point fit only: no posterior; the verdicts rest on profile likelihoods and Fisher information."
+    elif status is RunStatus.CONVERGED:
+        head = (
+            f"Converged: every parameter has an effective sample size of at least "
+            f"{min(diagnostics.min_ess_bulk, diagnostics.min_ess_tail):.0f} and R-hat of at most "
+            f"{diagnostics.max_r_hat:.3f}."
+        )
+    else:
+        head = f"Not converged after {diagnostics.steps} steps: " + "; ".join(diagnostics.complaints) + "."
     parts = []
     for verdict, words in (
         (Verdict.IDENTIFIED, "The table identifies"),

@@ -32,11 +32,12 @@ TIED = 0.9
 
 @dataclass(frozen=True)
 class Judgement:
-    """Verdict on one parameter, with the contraction and the reason in words."""
+    """Verdict on one parameter, with the contraction, the reason in words, and the open sides of the marginal."""
 
     contraction: float | None
     verdict: Verdict
     reason: str
+    open_sides: tuple[bool, bool] = (False, False)
 
 
 def judge(problem: Problem, point: PointFit, posterior: Posterior, correlation: FloatArray) -> dict[str, Judgement]:
@@ -72,11 +73,11 @@ def _judge_free(
         scene = f"the scene's contact time ({1e3 * value:.3g} +- {1e3 * sd:.2g} ms)"
         if alone < NOT_ALONE:
             reason = f"its size comes from {scene}; the rebounds alone leave it open (contraction {alone:.2f})"
-            return Judgement(contraction, Verdict.PRIOR_DOMINATED, reason + remarks)
+            return Judgement(contraction, Verdict.PRIOR_DOMINATED, reason + remarks, (left, right))
         remarks = f"; rests on {scene}, without it the contraction would be {alone:.2f}" + remarks
     if contraction < NEGLIGIBLE or (left and right):
         reason = f"the table leaves it as it was known before (contraction {contraction:.2f})"
-        return Judgement(contraction, Verdict.PRIOR_DOMINATED, reason + remarks)
+        return Judgement(contraction, Verdict.PRIOR_DOMINATED, reason + remarks, (left, right))
     if left or right:
         end = float(np.quantile(posterior.draws[:, column], 0.05 if right else 0.95))
         side, other = ("below", "upwards") if right else ("above", "downwards")
@@ -84,10 +85,10 @@ def _judge_free(
         if item.name == "mass_ratio" and left and problem.model.options.get("normal") == "momentum":
             limit = "mass_ratio >= COR, which the model demands"
         reason = (
-            f"the table bounds it from {side} only ({'>' if right else '<'} {_plain(end, item.spec.unit)} "
+            f"the table bounds it from {side} only ({'>' if right else '<'} {plain(end, item.spec.unit)} "
             f"with 95 %); {other} it is limited by {limit}"
         )
-        return Judgement(contraction, Verdict.ONE_SIDED, reason + remarks)
+        return Judgement(contraction, Verdict.ONE_SIDED, reason + remarks, (left, right))
     width = float(np.std(after) / np.std(before))
     reason = f"the table narrows it from both sides to {100.0 * width:.2g} % of what was known before"
     return Judgement(contraction, Verdict.IDENTIFIED, reason + remarks)
@@ -118,5 +119,6 @@ def _tied_to(names: tuple[str, ...], correlation: FloatArray, column: int) -> st
     return f"; tied to {names[partner]} (correlation {correlation[column, partner]:.2f})"
 
 
-def _plain(value: float, unit: str) -> str:
+def plain(value: float, unit: str) -> str:
+    """A value with its unit, to three digits."""
     return f"{value:.3g} {unit}".rstrip()

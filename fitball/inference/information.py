@@ -4,45 +4,87 @@ from __future__ import annotations
 
 import numpy as np
 
+from fitball.inference.looks import InformationLook
+from fitball.inference.parameters import NOISE_SPECS
 from fitball.inference.posterior import Problem
+from fitball.inference.slopes import prediction_slopes, rebound_slopes
 from fitball.values import FloatArray
 
-# Step of the differences, in widths of the prior: small beside any posterior, large beside rounding.
-STEP = 1e-5
+# Standard errors above this many sds of the prior are no knowledge at all.
+NONE = 1e3
 
 
-def sensitivities(problem: Problem, coordinates: FloatArray) -> FloatArray:
-    """Derivatives (measurements, free) of all predictions, in units of their noise, with respect to
-    coordinates (free,) counted in widths of the priors.
+def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool) -> FloatArray:
+    """Expected information (free, free) of the measurements at `coordinates` (free,), in coordinates counted in sds
+    of the priors; with `scene` the scene's contact time counts as a measurement.
 
-    One-sided where the other side cannot be evaluated.
+    Noise of `n` measurements gives `2 n` to the logarithm of its sd, and an angle, whose spread falls with the
+    rebound speed, twice the squared slope of the logarithm of that speed.
     """
-    steps = STEP * np.diag(problem.prior.width)
-    points = np.concatenate([coordinates[None, :], coordinates + steps, coordinates - steps])
-    values = problem.to_values(points)
-    rebound = problem.rebound(values)
-    columns = problem.all_values(values)
-    rows = []
+    rows = prediction_slopes(problem, coordinates[None, :])[0]
+    information = rows.T @ rows
+    rebound, slopes = rebound_slopes(problem, coordinates[None, :])
+    width = problem.prior.width
+    for k, item in enumerate(problem.free):
+        if item.name in NOISE_SPECS:
+            count = sum(channel.observed.size for channel in problem.channels if channel.noise == item.name)
+            per_log = 1.0 if item.prior.log else 1.0 / coordinates[k]
+            information[k, k] += 2.0 * count * (per_log * width[k]) ** 2
     for channel in problem.channels:
-        noise = columns[channel.noise][:1, None] if channel.noise is not None else 0.0
-        rows.append(channel.predict(rebound) / channel.spread(noise, rebound)[:1])
-    found = np.concatenate(rows, axis=1)
-    count = problem.dimension
-    middle, up, down = found[0], found[1 : 1 + count], found[1 + count :]
-    forward, backward = (up - middle) / STEP, (middle - down) / STEP
-    central = 0.5 * (forward + backward)
-    one_sided = np.where(np.isfinite(forward), forward, backward)
-    slopes: FloatArray = np.where(np.isfinite(central), central, one_sided)
-    return slopes.T
+        if channel.name == "theta_2" and channel.noise is not None:
+            square = rebound.v_x2[0] ** 2 + rebound.v_y2[0] ** 2
+            inner = rebound.v_x2[0][:, None] * slopes["v_x2"][0] + rebound.v_y2[0][:, None] * slopes["v_y2"][0]
+            growth = inner / square[:, None] * width
+            information += 2.0 * growth.T @ growth
+    if scene and problem.contact_time is not None:
+        row = slopes["contact_time"][0].mean(axis=0) * width / problem.contact_time[1]
+        information += np.outer(row, row)
+    scale = prior_sds(problem)
+    scaled: FloatArray = information * np.outer(scale, scale)
+    return scaled
+
+
+def prior_sds(problem: Problem) -> FloatArray:
+    """Sds of the priors (free,) in their widths: 1 for a normal prior, the root of 1/12 for a uniform one."""
+    return np.array([1.0 if item.prior.normal else 12.0**-0.5 for item in problem.free])
+
+
+def information_looks(problem: Problem, coordinates: FloatArray) -> dict[str, InformationLook]:
+    """The information about every free parameter at `coordinates` (free,)."""
+    with_scene = fisher_information(problem, coordinates, scene=True)
+    without = fisher_information(problem, coordinates, scene=False)
+    errors, errors_without = standard_errors(with_scene), standard_errors(without)
+    # What the scene knows stands before the table, as in the contraction of a posterior.
+    before, after = with_scene - without, with_scene
+    shares = 1.0 - (1.0 - _contraction(after)) / (1.0 - _contraction(before))
+    shares_without = _contraction(without)
+    return {
+        name: InformationLook(
+            None if errors[k] > NONE else float(errors[k]),
+            None if errors_without[k] > NONE else float(errors_without[k]),
+            float(shares[k]),
+            float(shares_without[k]),
+        )
+        for k, name in enumerate(problem.free_names)
+    }
+
+
+def standard_errors(information: FloatArray) -> FloatArray:
+    """Standard errors (free,) in sds of the priors; those of directions the table does not see are very large."""
+    # A millionth of a prior's sd to the minus two stands for nothing: errors reach a thousand sds of a prior.
+    covariance = np.linalg.inv(information + (1e-2 / NONE**2) * np.eye(information.shape[0]))
+    errors: FloatArray = np.sqrt(np.diag(covariance))
+    return errors
+
+
+def _contraction(information: FloatArray) -> FloatArray:
+    """First-order contraction (free,) by measurements and priors."""
+    shares: FloatArray = 1.0 - np.diag(np.linalg.inv(information + np.eye(information.shape[0])))
+    return shares
 
 
 def contraction_without_scene(problem: Problem, coordinates: FloatArray) -> FloatArray:
     """First-order contraction (free,) of each parameter by table and priors alone, without what the scene
     knows of the contact time.
     """
-    slopes = sensitivities(problem, coordinates)
-    # In widths of the prior a normal prior has unit precision, a uniform one that of its variance of 1/12.
-    precision = np.array([1.0 if item.prior.normal else 12.0 for item in problem.free])
-    covariance = np.linalg.inv(slopes.T @ slopes + np.diag(precision))
-    shares: FloatArray = 1.0 - np.diag(covariance) * precision
-    return shares
+    return _contraction(fisher_information(problem, coordinates, scene=False))

@@ -42,7 +42,8 @@ def maximum_posterior(problem: Problem, starts: FloatArray, noise: Mapping[str, 
     """The highest of the posterior's maxima reached from the starts, with the others worth knowing.
 
     Levenberg-Marquardt on residuals and priors for given noise, in turn with the best noise for those residuals, then
-    a simplex on the posterior itself, which knows every bound. `noise` is the first guess. Raises FitError as `least_squares` does.
+    a simplex on the posterior itself, which knows every bound. `noise` is the first guess. Raises FitError as
+    `least_squares` does.
     """
     noise = {**default_noise(problem), **(noise or {})}
     distinct, _ = minima(problem, Weighting(noise, penalised=True), starts)

@@ -31,6 +31,11 @@ def thinned(posterior: Posterior, count: int) -> FloatArray:
     return rows
 
 
+def predictive_generator(seed: int) -> np.random.Generator:
+    """The generator of the noise in predictions, the third of a run's streams."""
+    return np.random.default_rng(np.random.SeedSequence(seed).spawn(3)[2])
+
+
 def predictive(problem: Problem, point: PointFit, posterior: Posterior, rng: np.random.Generator) -> Predictive:
     """Quantiles of each channel at each impact, with and without noise; regimes; curves."""
     values = thinned(posterior, DRAWS)

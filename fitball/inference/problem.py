@@ -89,7 +89,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices) -> Problem
         model=chosen,
         parameters=parameters,
         channels=channels,
-        impacts=_impacts_with_cor(table, chosen),
+        impacts=impacts_with_cor(table, chosen),
         contact_time=contact_time,
         notes=(*scene.assumed, *notes, *([REPRODUCTION_ONLY] if name == THESIS else [])),
         levels=levels,
@@ -214,7 +214,8 @@ def _noise(
     return used
 
 
-def _impacts_with_cor(table: ImpactTable, chosen: Model) -> Impacts:
+def impacts_with_cor(table: ImpactTable, chosen: Model) -> Impacts:
+    """The impacts, each with its measured restitution where the model wants it. Raises FitError without `v_y2`."""
     if not chosen.needs_cor:
         return table.impacts
     rebound = table.measurement("v_y2")

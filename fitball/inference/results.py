@@ -8,6 +8,7 @@ from enum import StrEnum
 
 from fitball.data.balances import Balances
 from fitball.inference.fitted import FittedModel
+from fitball.inference.looks import Examination
 from fitball.inference.posterior import Problem
 from fitball.models.types import Rebound
 from fitball.values import FloatArray, Impacts
@@ -270,6 +271,7 @@ class Fit:
     correlation: FloatArray | None
     diagnostics: Diagnostics | None
     predictive: Predictive | None
+    examination: Examination
     fitted: FittedModel
     golden: Golden
     error_budget: ErrorBudget

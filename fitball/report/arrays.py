@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.inference.results import ChannelPrediction, Fit, Posterior
+from fitball.inference.results import ChannelPrediction, Posterior
+from fitball.report.drawable import Drawable, parameter
 from fitball.report.units import handy
 from fitball.values import FloatArray
 
@@ -56,16 +57,14 @@ def axis_label(symbol: str, unit: str) -> str:
     return f"{symbol} [{unit}]" if unit else symbol
 
 
-def _labels_and_factors(fit: Fit, posterior: Posterior) -> tuple[list[str], FloatArray]:
-    scales = [handy(name, fit.parameters[name].unit) for name in posterior.names]
-    labels = [
-        axis_label(fit.parameters[name].label, scale.unit)
-        for name, scale in zip(posterior.names, scales, strict=True)
-    ]
+def _labels_and_factors(fit: Drawable, posterior: Posterior) -> tuple[list[str], FloatArray]:
+    specs = [parameter(fit, name).spec for name in posterior.names]
+    scales = [handy(spec.name, spec.unit) for spec in specs]
+    labels = [axis_label(spec.label, scale.unit) for spec, scale in zip(specs, scales, strict=True)]
     return labels, np.array([scale.factor for scale in scales])
 
 
-def corner_data(fit: Fit, posterior: Posterior) -> CornerData:
+def corner_data(fit: Drawable, posterior: Posterior) -> CornerData:
     """Everything the corner plot shows."""
     labels, factors = _labels_and_factors(fit, posterior)
     draws = posterior.draws
@@ -84,7 +83,7 @@ def corner_data(fit: Fit, posterior: Posterior) -> CornerData:
     return CornerData(thin, tuple(labels), ranges, point, tuple(prior))
 
 
-def _prior_density(fit: Fit, name: str, edges: FloatArray) -> FloatArray:
+def _prior_density(fit: Drawable, name: str, edges: FloatArray) -> FloatArray:
     """Mean density of the prior itself between `edges` [per SI unit], (bins,)."""
     prior = next(item.prior for item in fit.problem.free if item.name == name)
     low, high = prior.quantile(np.array([0.0, 1.0]))
@@ -98,7 +97,7 @@ def _prior_density(fit: Fit, name: str, edges: FloatArray) -> FloatArray:
     return result
 
 
-def trace_data(fit: Fit, posterior: Posterior) -> tuple[TraceData, ...]:
+def trace_data(fit: Drawable, posterior: Posterior) -> tuple[TraceData, ...]:
     """A few walkers of each ensemble, thinned."""
     labels, factors = _labels_and_factors(fit, posterior)
     _, steps, walkers, _ = posterior.values.shape
@@ -112,7 +111,7 @@ def trace_data(fit: Fit, posterior: Posterior) -> tuple[TraceData, ...]:
     return tuple(result)
 
 
-def incidence(fit: Fit) -> tuple[str, FloatArray]:
+def incidence(fit: Drawable) -> tuple[str, FloatArray]:
     """What impacts are drawn along: incidence angle [deg], or vertical speed for a drop test."""
     impacts = fit.problem.impacts
     if fit.problem.table.has_tangential:
@@ -120,13 +119,13 @@ def incidence(fit: Fit) -> tuple[str, FloatArray]:
     return "vertical incident speed [m/s]", impacts.v_y1
 
 
-def group_of(fit: Fit) -> tuple[str, ...]:
+def group_of(fit: Drawable) -> tuple[str, ...]:
     """The group of each impact, empty where the table has none."""
     labels = fit.problem.groups
     return labels if labels is not None else ("",) * len(fit.problem.table)
 
 
-def residual_data(fit: Fit) -> tuple[ResidualData, ...]:
+def residual_data(fit: Drawable) -> tuple[ResidualData, ...]:
     """Standardised residuals of every channel: (measured - predicted)/sd."""
     along = incidence(fit)[1]
     groups = group_of(fit)
@@ -137,7 +136,7 @@ def residual_data(fit: Fit) -> tuple[ResidualData, ...]:
     return tuple(result)
 
 
-def _median_and_sd(fit: Fit, name: str) -> tuple[FloatArray, FloatArray]:
+def _median_and_sd(fit: Drawable, name: str) -> tuple[FloatArray, FloatArray]:
     if fit.predictive is not None:
         found: ChannelPrediction = next(item for item in fit.predictive.channels if item.name == name)
         return found.median, found.sd
@@ -157,7 +156,7 @@ class MeasuredPoints:
     groups: tuple[str, ...]
 
 
-def measured_points(fit: Fit) -> Mapping[str, MeasuredPoints]:
+def measured_points(fit: Drawable) -> Mapping[str, MeasuredPoints]:
     """Outputs v_x2, v_y2, theta_2, omega_2 as measured; the angle follows from components with their noise."""
     along = incidence(fit)[1]
     groups = group_of(fit)

@@ -20,6 +20,8 @@ from fitball.inference.parameters import NOISE_SPECS
 from fitball.inference.results import Estimate, Fit, Golden, RunStatus, Verdict
 from fitball.models.types import Rebound
 from fitball.report.netcdf import saved_draws
+from fitball.report.data_content import data_content
+from fitball.report.looks_content import looks_content
 from fitball.report.units import THESIS
 from fitball.values import Ball, FloatArray, Impacts
 from fitball.version import __version__
@@ -73,6 +75,8 @@ def fit_content(fit: Fit) -> dict[str, Any]:
         "levels": [asdict(item) for item in fit.levels],
         "error_budget": asdict(fit.error_budget) | {"share": fit.error_budget.share},
         "golden": _golden(fit.golden),
+        "identifiability": looks_content(fit.examination),
+        "data": data_content(problem),
         "fitted": {
             "tangential": fit.fitted.tangential,
             "names": list(fit.fitted.names),

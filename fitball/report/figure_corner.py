@@ -7,8 +7,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from fitball.inference.results import Fit, Posterior
+from fitball.inference.results import Posterior
 from fitball.report.arrays import HISTOGRAM_BINS, corner_data
+from fitball.report.drawable import Drawable
 from fitball.report.figures import COLOURS, new_figure
 
 PANEL = 1.55
@@ -16,7 +17,7 @@ PANEL = 1.55
 LABEL_MARGIN = 1.0
 
 
-def corner_figure(fit: Fit, posterior: Posterior) -> Figure:
+def corner_figure(fit: Drawable, posterior: Posterior) -> Figure:
     """All pairs of free parameters."""
     data = corner_data(fit, posterior)
     count = len(data.labels)

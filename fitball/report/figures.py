@@ -11,8 +11,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from scipy.special import ndtri
 
-from fitball.inference.results import Fit, Posterior
+from fitball.inference.results import Posterior
 from fitball.report.arrays import axis_label, group_of, incidence, measured_points, residual_data, trace_data
+from fitball.report.drawable import Drawable, parameter
 from fitball.report.units import handy
 
 # Colour-blind safe (Okabe and Ito).
@@ -46,7 +47,7 @@ def _styles(groups: Sequence[str]) -> dict[str, tuple[str, str]]:
     }
 
 
-def predictive_figure(fit: Fit) -> Figure:
+def predictive_figure(fit: Drawable) -> Figure:
     """Measured rebounds with error bars against the posterior band, along incidence angle."""
     points = measured_points(fit)
     names = list(points)
@@ -64,7 +65,7 @@ def predictive_figure(fit: Fit) -> Figure:
     return figure
 
 
-def _draw_predictive(axis: Axes, fit: Fit, name: str, styles: dict[str, tuple[str, str]]) -> None:
+def _draw_predictive(axis: Axes, fit: Drawable, name: str, styles: dict[str, tuple[str, str]]) -> None:
     points = measured_points(fit)[name]
     factor = handy(name, "").factor
     curves = fit.predictive.curves if fit.predictive is not None else {}
@@ -97,7 +98,7 @@ def _draw_predictive(axis: Axes, fit: Fit, name: str, styles: dict[str, tuple[st
         axis.plot([], [], color="0.3", linewidth=1.3, label="posterior median, 68 and 95 % bands")
 
 
-def residual_figure(fit: Fit) -> Figure:
+def residual_figure(fit: Drawable) -> Figure:
     """Standardised residuals along incidence and against normal quantiles."""
     data = residual_data(fit)
     figure = new_figure(10.0, 0.8 + 2.5 * len(data))
@@ -130,7 +131,7 @@ def residual_figure(fit: Fit) -> Figure:
     return figure
 
 
-def trace_figure(fit: Fit, posterior: Posterior) -> Figure:
+def trace_figure(fit: Drawable, posterior: Posterior) -> Figure:
     """A few walkers of each ensemble after warm-up, and the marginal of each ensemble."""
     data = trace_data(fit, posterior)
     figure = new_figure(11.0, 1.0 + 1.35 * len(data))
@@ -142,7 +143,7 @@ def trace_figure(fit: Fit, posterior: Posterior) -> Figure:
                 row[0].plot(item.steps, walker, color=colour, linewidth=0.4, alpha=0.6)
             draws = (
                 posterior.values[ensemble, :, :, k].ravel()
-                * handy(posterior.names[k], fit.parameters[posterior.names[k]].unit).factor
+                * handy(posterior.names[k], parameter(fit, posterior.names[k]).spec.unit).factor
             )
             low, high = np.quantile(draws, (0.001, 0.999))
             counts, edges = np.histogram(draws, bins=40, range=(low, high), density=True)

@@ -10,11 +10,15 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from fitball.inference.results import Fit
 from fitball.report.balance_table import balance_table
 from fitball.report.summary import diagnosis_lines, level_rows, notes, parameter_rows, prediction_table, thesis_rows
+from fitball.report.looks_rows import look_rows, spectrum_rows
 from fitball.version import __version__
 
 CAPTIONS = {
     "corner": "Posterior of all pairs of parameters, with the prior on the diagonal and the point estimate.",
     "predictive": "Measured rebounds with error bars against the posterior prediction, along incidence angle.",
+    "profiles": "Profile likelihood of every parameter: the best fit for each of its values, below the best of all; "
+    "intervals of 68 and 95 % end at -0.5 and -1.92. Bars: 95 % of the posterior.",
+    "regimes": "Posterior probability of each sequence of slip and grip, impact by impact.",
     "residuals": "Standardised residuals along incidence angle and against normal quantiles.",
     "trace": "Walkers of every ensemble after warm-up, and the marginals ensemble by ensemble.",
 }
@@ -57,5 +61,7 @@ def page(fit: Fit, images: Mapping[str, bytes]) -> str:
         balances=balance_table(fit.balances),
         diagnosis=diagnosis_lines(fit),
         notes=notes(fit),
+        looks=look_rows(fit),
+        spectrum=spectrum_rows(fit),
         figures=embedded(images, CAPTIONS),
     )

@@ -10,6 +10,7 @@ from pathlib import Path
 from fitball.inference.results import Fit
 from fitball.report.balance_table import balance_table
 from fitball.report.summary import diagnosis_lines, level_rows, notes, parameter_rows, prediction_table, thesis_rows
+from fitball.report.looks_rows import look_rows
 
 WIDTH = 100
 
@@ -60,6 +61,7 @@ def render(fit: Fit, folder: Path) -> str:
     parts.append("What the table says of each parameter:")
     for row in rows:
         parts += _wrapped(f"{row.name}: {row.verdict}; {row.reason}")
+    parts += [line for remark in look_rows(fit).remarks for line in _wrapped(f"note: {remark}")]
     parts += ["", "Measured | predicted (median +- half of the 68 % interval, without noise):", ""]
     predictions = prediction_table(fit)
     top = ["impact", "theta_1 [deg]", *predictions.heads, "contact"]

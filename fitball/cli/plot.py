@@ -1,0 +1,90 @@
+"""`fitball plot FIT KIND`: figures of a fit from its saved files."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fitball.errors import ParameterError, ResultFolderError, suggestion
+
+if TYPE_CHECKING:
+    from fitball.report.restore import Restored
+
+KIND_NAMES = ("corner", "trace", "predictive", "residuals", "profiles", "regimes")
+FORMATS = ("png", "svg", "pdf")
+EXAMPLE = """kinds:
+  corner      posterior of all pairs of parameters, with priors
+  trace       walkers of every ensemble after warm-up
+  predictive  measured rebounds against the posterior prediction
+  residuals   standardised residuals
+  profiles    profile likelihood of every parameter
+  regimes     posterior probability of each phase sequence, impact by impact
+  all         every one of them that the fit can show
+
+examples:
+  fitball plot fits/wang_zero_spin/two-mass profiles
+  fitball plot fits/wang_all/grip-slip/fit.json all --format pdf --out figures
+
+Nothing is fitted or sampled again."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the verb `plot`."""
+    parser = subparsers.add_parser(
+        "plot",
+        help="figures of a fit from its saved files",
+        description="Draw figures of a fit from fit.json and the draws beside it.",
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("fit", metavar="FIT", help="a fit.json, or the folder that holds one")
+    parser.add_argument("kind", metavar="KIND", help=f"{', '.join(KIND_NAMES)} or all")
+    parser.add_argument("--format", default="png", metavar="FORMAT", help="png (default), svg or pdf")
+    parser.add_argument("--out", metavar="DIR", help="folder to write to (default: beside fit.json)")
+    parser.add_argument("--quiet", action="store_true", help="no notes: only errors and files")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it; returns the exit code."""
+    if args.kind not in (*KIND_NAMES, "all"):
+        raise ParameterError(f"unknown figure '{args.kind}': {suggestion(args.kind, (*KIND_NAMES, 'all'))}")
+    if args.format not in FORMATS:
+        raise ParameterError(f"--format {args.format}: {suggestion(args.format, FORMATS)}")
+    from fitball.report.plots import KINDS, drawable_kinds, save_figure
+    from fitball.report.restore import restore
+
+    path = Path(args.fit)
+    fit = restore(path)
+    if args.kind in ("profiles", "all"):
+        fit = _with_profiles(fit, args.quiet)
+    kinds = [args.kind] if args.kind != "all" else drawable_kinds(fit, fit.posterior)
+    left_out = [name for name in KIND_NAMES if args.kind == "all" and name not in kinds]
+    if left_out and not args.quiet:
+        print(f"note: left out {', '.join(left_out)}: this fit has not what they show", file=sys.stderr)
+    folder = Path(args.out) if args.out else (path if path.is_dir() else path.parent)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ResultFolderError(f"{folder}: cannot be made: {error.strerror}; name another with --out") from None
+    for name in kinds:
+        place = folder / f"{name}.{args.format}"
+        save_figure(KINDS[name].draw(fit, fit.posterior), place, args.format)
+        print(place)
+    return 0
+
+
+def _with_profiles(fit: Restored, quiet: bool) -> Restored:
+    """The fit with its profiles, computed now where the file holds none and does not say why."""
+    from dataclasses import replace
+
+    from fitball.inference.examination import with_profiles
+    from fitball.report.plots import has_profiles
+
+    if has_profiles(fit) or fit.examination.profiles_missing:
+        return fit
+    if not quiet:
+        print("note: the file holds no profiles: computing them", file=sys.stderr)
+    return replace(fit, examination=with_profiles(fit.problem, fit.point, fit.examination))

@@ -1,0 +1,52 @@
+"""In which impacts a parameter moves the rebound, from the derivative over draws, and in which the regime is in
+doubt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from fitball.inference.looks import ActionLook
+from fitball.inference.parameters import NOISE_SPECS
+from fitball.inference.posterior import Problem
+from fitball.inference.slopes import prediction_slopes
+from fitball.values import FloatArray
+
+# Change of a rebound, in sds of its noise for the whole width of the prior, below which nothing acts: differences are
+# good to about 1e-8 of it, and no table could show less than a thousandth.
+ACTS = 1e-3
+# Share of the draws in which a parameter must act to count as acting in an impact.
+MOSTLY = 0.5
+# A phase sequence with a probability between these leaves the regime of its impact in doubt.
+DOUBT = (0.05, 0.95)
+
+
+def action_looks(
+    problem: Problem, coordinates: FloatArray, regimes: Sequence[Mapping[str, float]]
+) -> dict[str, ActionLook]:
+    """The look at every free parameter but noise, over `coordinates` (draws, free); `regimes` are the probabilities
+    of each impact's phase sequences, none of them in doubt when empty.
+    """
+    count = len(problem.impacts)
+    slopes = prediction_slopes(problem, coordinates).reshape(coordinates.shape[0], -1, count, problem.dimension)
+    # A draw at the very edge of what the model can evaluate has no derivative: it says nothing.
+    squares = np.nanmean(np.sum(slopes**2, axis=1), axis=0)
+    acting = np.nanmean(np.nanmax(np.abs(slopes), axis=1) > ACTS, axis=0)
+    ids = problem.table.ids
+    doubtful = [k for k, shares in enumerate(regimes) if DOUBT[0] < max(shares.values(), default=1.0) < DOUBT[1]]
+    usual = tuple(sorted({max(shares, key=lambda name: shares[name]) for shares in regimes}))
+    looks = {}
+    for column, item in enumerate(problem.free):
+        if item.name in NOISE_SPECS:
+            continue
+        total = float(squares[:, column].sum())
+        looks[item.name] = ActionLook(
+            impacts=tuple(ids[k] for k in range(count) if acting[k, column] >= MOSTLY),
+            of=count,
+            regimes=usual,
+            doubtful=tuple(ids[k] for k in doubtful if acting[k, column] > 0.0),
+            share_doubtful=float(squares[doubtful, column].sum()) / total if total > 0.0 else 0.0,
+        )
+    return looks

@@ -1,0 +1,103 @@
+"""All looks at all parameters, and the verdicts they add up to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fitball.inference.action import action_looks
+from fitball.inference.identifiability import Judgement, judge
+from fitball.inference.information import information_looks
+from fitball.inference.looks import ContractionLook, Examination, Looks, Profiles
+from fitball.inference.posterior import Problem
+from fitball.inference.power_scaling import power_looks
+from fitball.inference.predictive import thinned
+from fitball.inference.profile import profiles
+from fitball.inference.results import PointFit, Posterior, Verdict
+from fitball.inference.spectrum import spectrum
+from fitball.inference.verdicts import combine, touched_by_scene
+from fitball.values import FloatArray
+
+# Draws over which derivatives are taken.
+DERIVED = 200
+
+
+def profile_all(
+    problem: Problem,
+    point: PointFit,
+    optima: Sequence[Mapping[str, float]],
+    report: Callable[[str], None] = lambda _stage: None,
+) -> tuple[Profiles, Profiles]:
+    """Profiles of all free parameters, and, without the scene's contact time, of those that it touches; the search
+    begins at `optima`, each all parameters by name in SI.
+    """
+    whole = profiles(problem, optima, report=lambda stage: report(f"profiles {stage}"))
+    touched = touched_by_scene(problem, information_looks(problem, _coordinates(problem, point)))
+    if not touched or whole.missing:
+        return whole, Profiles(whole.log_likelihood, False, {}, whole.missing)
+    alone = profiles(
+        problem, optima, names=touched, scene=False, report=lambda stage: report(f"profiles without scene {stage}")
+    )
+    return whole, alone
+
+
+def with_profiles(problem: Problem, point: PointFit, examination: Examination) -> Examination:
+    """The same looks with profiles computed now; verdicts stay as they were."""
+    whole, alone = profile_all(problem, point, point.optima)
+    looks = {
+        name: replace(item, profile=whole.by_name.get(name), alone=alone.by_name.get(name))
+        for name, item in examination.looks.items()
+    }
+    return replace(examination, looks=looks, profiles_missing=whole.missing)
+
+
+def examine(
+    problem: Problem,
+    point: PointFit,
+    profiled: tuple[Profiles, Profiles],
+    posterior: Posterior | None,
+    correlation: FloatArray | None,
+    regimes: Sequence[Mapping[str, float]],
+) -> tuple[Examination, dict[str, Judgement]]:
+    """Look at every parameter in every way there is, and judge; without a posterior from profile and information.
+
+    `regimes` are the probabilities of each impact's phase sequences, empty without a posterior.
+    """
+    at = _coordinates(problem, point)
+    information = information_looks(problem, at)
+    bases: dict[str, Judgement] = {}
+    powers, draws = {}, at[None, :]
+    if posterior is not None and correlation is not None:
+        bases = judge(problem, point, posterior, correlation)
+        powers = power_looks(problem, posterior)
+        draws = problem.to_coordinates(thinned(posterior, DERIVED))
+    actions = action_looks(problem, draws, regimes)
+    looks, judgements = {}, {}
+    for item in problem.parameters:
+        base = bases.get(item.name)
+        if not item.free:
+            judgements[item.name] = base or Judgement(None, Verdict.FIXED, f"held at its value: {item.fixed_because}")
+            continue
+        contraction = None
+        if base is not None and base.contraction is not None:
+            contraction = ContractionLook(base.contraction, base.open_sides)
+        seen = Looks(
+            profile=profiled[0].by_name.get(item.name),
+            alone=profiled[1].by_name.get(item.name),
+            information=information[item.name],
+            contraction=contraction,
+            power=powers.get(item.name),
+            action=actions.get(item.name),
+            disagreement="",
+        )
+        judgements[item.name], disagreement = combine(problem, item, base, seen)
+        looks[item.name] = replace(seen, disagreement=disagreement)
+    return Examination(looks, spectrum(problem, at), profiled[0].missing), judgements
+
+
+def _coordinates(problem: Problem, point: PointFit) -> FloatArray:
+    values = np.array([[point.values[name] for name in problem.free_names]])
+    at: FloatArray = problem.to_coordinates(values)[0]
+    return at

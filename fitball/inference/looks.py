@@ -1,0 +1,163 @@
+"""Four looks at how well a table tells a parameter, as frozen values: profile, information, contraction,
+power-scaling.
+
+Nothing is computed here; see `profile`, `information`, `identifiability` and `power_scaling`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from fitball.values import FloatArray
+
+Interval = tuple[float | None, float | None]
+
+
+class End(StrEnum):
+    """How a profile ends on one side, at the 95 % level."""
+
+    CLOSED = "closed"
+    BOUND = "open to the bound"
+    MODEL = "open to where the model ends"
+
+
+@dataclass(frozen=True)
+class Profile:
+    """The profile of one parameter: `values` (points,) in SI, rising, and `drop` (points,) of the log likelihood
+    below its maximum, which lies at `best`.
+
+    An end of an interval is None where that side is open. `leans_on` names, for each side, other parameters that are
+    at a bound where the profile closes: without those bounds it might not. `unsettled` counts points at which the
+    search stuck, where the true drop may be smaller.
+    """
+
+    name: str
+    values: FloatArray
+    drop: FloatArray
+    best: float
+    interval_68: Interval
+    interval_95: Interval
+    ends: tuple[End, End]
+    leans_on: tuple[tuple[str, ...], tuple[str, ...]]
+    unsettled: int
+
+    @property
+    def open_sides(self) -> tuple[bool, bool]:
+        """Whether the left and the right side are open at the 95 % level, or closed by other parameters' bounds."""
+        left, right = (
+            end is not End.CLOSED or bool(lean) for end, lean in zip(self.ends, self.leans_on, strict=True)
+        )
+        return left, right
+
+
+@dataclass(frozen=True)
+class Profiles:
+    """Profiles by parameter name, the largest log likelihood, and whether the scene's contact time counts as a
+    measurement in it. `missing` says why there are none.
+    """
+
+    log_likelihood: float
+    scene: bool
+    by_name: Mapping[str, Profile]
+    missing: str = ""
+
+
+@dataclass(frozen=True)
+class InformationLook:
+    """First-order standard errors of one parameter without any prior, in sds of its prior, from the table with and
+    without the scene's contact time (None: the table does not see it at all). `contraction` is what the table is to
+    add to priors and scene, `contraction_without_scene` to priors alone.
+    """
+
+    error: float | None
+    error_without_scene: float | None
+    contraction: float
+    contraction_without_scene: float
+
+
+@dataclass(frozen=True)
+class Direction:
+    """One eigenvector of the information in sds of the priors: its `components` by name, the combination of
+    parameters it is in words, and the standard error of that combination in words.
+    """
+
+    eigenvalue: float
+    components: Mapping[str, float]
+    words: str
+    known_to: str
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Directions of parameter space from stiff to sloppy, with and without what the scene knows, and in `sentences`
+    what can move unnoticed by the table.
+    """
+
+    directions: tuple[Direction, ...]
+    directions_without_scene: tuple[Direction, ...]
+    sentences: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ContractionLook:
+    """One minus posterior over prior variance, and whether the marginal likelihood stays high at either end."""
+
+    contraction: float
+    open_sides: tuple[bool, bool]
+
+
+@dataclass(frozen=True)
+class PowerLook:
+    """How much the posterior of one parameter changes when all priors, its own prior, the scene's knowledge, or the
+    likelihood are raised to a power near one (Kallioinen et al. 2023), and the diagnosis in words ("" for none).
+    """
+
+    prior: float
+    own_prior: float
+    scene: float | None
+    likelihood: float
+    diagnosis: str
+
+
+@dataclass(frozen=True)
+class ActionLook:
+    """Where one parameter moves a rebound: `impacts` (ids) in which it does over most of the posterior, how many
+    there are in all, the `regimes` that these have most often, and the share of its information that comes from
+    impacts whose regime is in doubt (`doubtful`, ids).
+    """
+
+    impacts: tuple[str, ...]
+    of: int
+    regimes: tuple[str, ...]
+    doubtful: tuple[str, ...]
+    share_doubtful: float
+
+
+@dataclass(frozen=True)
+class Looks:
+    """All that is known of how well one parameter is known; None where a look was not possible.
+
+    `alone` is the profile without the scene's contact time, for parameters that it touches. `disagreement` says in
+    words where two looks differ and why, "" where they agree.
+    """
+
+    profile: Profile | None
+    alone: Profile | None
+    information: InformationLook | None
+    contraction: ContractionLook | None
+    power: PowerLook | None
+    action: ActionLook | None
+    disagreement: str
+
+
+@dataclass(frozen=True)
+class Examination:
+    """The looks at every free parameter, the spectrum of the information, and why profiles are missing, if they
+    are.
+    """
+
+    looks: Mapping[str, Looks]
+    spectrum: Spectrum
+    profiles_missing: str

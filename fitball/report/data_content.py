@@ -1,0 +1,23 @@
+"""The measurements a fit was made from, as plain content for `fit.json`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fitball.inference.posterior import Problem
+
+
+def data_content(problem: Problem) -> dict[str, Any]:
+    """The measurements of a problem and what the scene knows of its contact time, for `fit.json`; SI units."""
+    table = problem.table
+    return {
+        "ids": list(table.ids),
+        "labels": {name: list(column) for name, column in table.labels.items()},
+        "incident_columns": list(table.incident_columns),
+        "impacts": {name: getattr(table.impacts, name).tolist() for name in ("v_x1", "v_y1", "omega_1")},
+        "measurements": [
+            {"name": item.name, "values": item.values.tolist(), "sd": None if item.sd is None else item.sd.tolist()}
+            for item in table.measurements
+        ],
+        "contact_time": None if problem.contact_time is None else list(problem.contact_time),
+    }
