@@ -261,7 +261,7 @@ def test_the_page_needs_nothing_but_itself(fit, folder):
     text = (folder / "report.html").read_text(encoding="utf-8")
     page = _Page()
     page.feed(text)
-    assert len(page.images) == 4
+    assert len(page.images) == 6
     assert all(image["alt"] for image in page.images)
     assert all(link.startswith("data:image/png;base64,") for link in page.links)
     assert not re.search(r"https?://", text)

@@ -14,7 +14,7 @@ from fitball.inference.looks import ContractionLook, Examination, Looks, Profile
 from fitball.inference.posterior import Problem
 from fitball.inference.power_scaling import power_looks
 from fitball.inference.predictive import thinned
-from fitball.inference.profile import profiles
+from fitball.inference.profile import coverage, profiles
 from fitball.inference.results import PointFit, Posterior, Verdict
 from fitball.inference.spectrum import spectrum
 from fitball.inference.verdicts import combine, touched_by_scene
@@ -94,7 +94,7 @@ def examine(
         )
         judgements[item.name], disagreement = combine(problem, item, base, seen)
         looks[item.name] = replace(seen, disagreement=disagreement)
-    return Examination(looks, spectrum(problem, at), profiled[0].missing), judgements
+    return Examination(looks, spectrum(problem, at), profiled[0].missing, coverage(problem)), judgements
 
 
 def _coordinates(problem: Problem, point: PointFit) -> FloatArray:

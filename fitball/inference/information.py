@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from fitball.inference.looks import InformationLook
-from fitball.inference.parameters import NOISE_SPECS
 from fitball.inference.posterior import Problem
-from fitball.inference.slopes import prediction_slopes, rebound_slopes
+from fitball.inference.slopes import CHANNEL_SLOPES, prediction_slopes, rebound_slopes
 from fitball.values import FloatArray
 
 # Standard errors above this many sds of the prior are no knowledge at all.
@@ -18,24 +17,24 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
     """Expected information (free, free) of the measurements at `coordinates` (free,), in coordinates counted in sds
     of the priors; with `scene` the scene's contact time counts as a measurement.
 
-    Noise of `n` measurements gives `2 n` to the logarithm of its sd, and an angle, whose spread falls with the
-    rebound speed, twice the squared slope of the logarithm of that speed.
+    Where a spread depends on a parameter, twice the squared slope of its logarithm adds to that of the prediction: so
+    it is with a fitted noise, and with an angle, whose spread falls with the rebound speed.
     """
     rows = prediction_slopes(problem, coordinates[None, :])[0]
     information = rows.T @ rows
     rebound, slopes = rebound_slopes(problem, coordinates[None, :])
     width = problem.prior.width
-    for k, item in enumerate(problem.free):
-        if item.name in NOISE_SPECS:
-            count = sum(channel.observed.size for channel in problem.channels if channel.noise == item.name)
-            per_log = 1.0 if item.prior.log else 1.0 / coordinates[k]
-            information[k, k] += 2.0 * count * (per_log * width[k]) ** 2
     for channel in problem.channels:
-        if channel.name == "theta_2" and channel.noise is not None:
-            square = rebound.v_x2[0] ** 2 + rebound.v_y2[0] ** 2
-            inner = rebound.v_x2[0][:, None] * slopes["v_x2"][0] + rebound.v_y2[0][:, None] * slopes["v_y2"][0]
-            growth = inner / square[:, None] * width
-            information += 2.0 * growth.T @ growth
+        if channel.noise is None:
+            continue
+        growth = np.zeros((channel.observed.size, problem.dimension))
+        if channel.name == "theta_2":
+            speed = np.hypot(rebound.v_x2, rebound.v_y2)[0, :, None]
+            growth -= CHANNEL_SLOPES["v_2"](rebound, slopes)[0] / speed * width
+        if channel.noise in problem.free_names:
+            k = problem.free_names.index(channel.noise)
+            growth[:, k] = width[k] if problem.free[k].prior.log else width[k] / coordinates[k]
+        information += 2.0 * growth.T @ growth
     if scene and problem.contact_time is not None:
         row = slopes["contact_time"][0].mean(axis=0) * width / problem.contact_time[1]
         information += np.outer(row, row)

@@ -154,10 +154,11 @@ class Looks:
 
 @dataclass(frozen=True)
 class Examination:
-    """The looks at every free parameter, the spectrum of the information, and why profiles are missing, if they
-    are.
+    """The looks at every free parameter, the spectrum of the information, why profiles are missing, if they are, and
+    how often a 95 % interval of a profile holds the truth on a table of this size.
     """
 
     looks: Mapping[str, Looks]
     spectrum: Spectrum
     profiles_missing: str
+    profile_coverage: float

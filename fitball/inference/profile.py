@@ -14,9 +14,11 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from scipy.stats import chi2
+from scipy.stats import t as student
 
 from fitball.inference.looks import End, Interval, Profile, Profiles
 from fitball.inference.march import Point, Top, best_top, march, sweep
+from fitball.inference.parameters import NOISE_SPECS
 from fitball.inference.posterior import Problem
 from fitball.inference.surface import Surface
 from fitball.values import FloatArray
@@ -70,6 +72,20 @@ def profiles(
     lowest = min(top.cost, *(point.cost for points in found.values() for point in points))
     named = {problem.free[k].name: _profile(surface, k, points, lowest) for k, points in found.items()}
     return Profiles(-lowest, scene, named)
+
+
+def coverage(problem: Problem) -> float:
+    """How often a drop of 1.92 holds the truth, for a linear model with one fitted noise of as many measurements and
+    parameters: there twice the drop is `n ln(1 + t^2/(n - p))` with Student's t of `n - p` degrees of freedom.
+    """
+    fitted = [channel for channel in problem.channels if channel.noise in problem.free_names]
+    count = sum(channel.observed.size for channel in fitted)
+    if not fitted:
+        return 1.0 - 2.0 * float(student.sf(math.sqrt(2.0 * DROP_95), math.inf))
+    freedom = count - sum(name not in NOISE_SPECS for name in problem.free_names)
+    if freedom <= 0:
+        return 0.0
+    return 1.0 - 2.0 * float(student.sf(math.sqrt(freedom * math.expm1(2.0 * DROP_95 / count)), freedom))
 
 
 def _noise_at_bound(surface: Surface, top: Top) -> str:

@@ -49,6 +49,7 @@ def read_examination(content: Mapping[str, Any]) -> Examination:
             sentences=tuple(spectrum["sentences"]),
         ),
         profiles_missing=content["profiles_missing"],
+        profile_coverage=content["profile_coverage"],
     )
 
 

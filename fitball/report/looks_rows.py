@@ -30,11 +30,14 @@ class LookRow:
 
 @dataclass(frozen=True)
 class LookTable:
-    """All rows, remarks (what cannot be told apart, where looks disagree), and whether the scene takes part."""
+    """All rows, remarks (what cannot be told apart, where looks disagree), whether the scene takes part, and how
+    often a 95 % interval of a profile holds the truth.
+    """
 
     rows: tuple[LookRow, ...]
     remarks: tuple[str, ...]
     scene: bool
+    coverage: str
 
 
 def look_rows(fit: Fit) -> LookTable:
@@ -62,7 +65,7 @@ def look_rows(fit: Fit) -> LookTable:
         )
         if looks.disagreement:
             remarks.append(f"{name}: {looks.disagreement}")
-    return LookTable(tuple(rows), tuple(remarks), scene)
+    return LookTable(tuple(rows), tuple(remarks), scene, f"{100.0 * fit.examination.profile_coverage:.0f} %")
 
 
 def _interval(profile: Profile | None, scale: Scale) -> str:

@@ -1,0 +1,183 @@
+"""`fitball plot`: the same figures from files as from the run, and every fault in words."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+import fitball
+from fitball.cli.main import main
+from fitball.cli.plot import FORMATS, KIND_NAMES
+from fitball.report.figure_regimes import OTHERS, regime_bars, regime_colours
+from fitball.report.plots import KINDS, STAMPS
+from fitball.report.profile_arrays import profile_panels
+from fitball.report.restore import restore
+from fitball.report.units import handy
+
+
+@pytest.fixture(scope="module")
+def fit():
+    """Too few steps to converge, and all there is to show."""
+    return fitball.calibrate("wang_zero_spin.csv", model="grip-slip", seed=3, cores=1, walkers=14, max_steps=100)
+
+
+@pytest.fixture(scope="module")
+def folder(fit, tmp_path_factory):
+    return fit.save(tmp_path_factory.mktemp("plot") / "fit")
+
+
+@pytest.fixture(scope="module")
+def point_folder(tmp_path_factory):
+    point = fitball.calibrate("wang_zero_spin.csv", model="grip-slip", point_only=True, cores=1)
+    return point.save(tmp_path_factory.mktemp("point") / "fit")
+
+
+def test_every_figure_is_the_one_of_the_run(folder, tmp_path, capsys):
+    out = tmp_path / "figures"
+    assert main(["plot", str(folder / "fit.json"), "all", "--out", str(out)]) == 0
+    said = capsys.readouterr().out.split()
+    assert said == [str(out / f"{name}.png") for name in KIND_NAMES]
+    for name in KIND_NAMES:
+        assert (out / f"{name}.png").read_bytes() == (folder / f"{name}.png").read_bytes(), name
+
+
+def test_what_is_read_back_is_what_was_written(fit, folder):
+    read = restore(folder)
+    assert read.posterior.values.tobytes() == fit.posterior.values.tobytes()
+    assert read.posterior.log_posterior.tobytes() == fit.posterior.log_posterior.tobytes()
+    assert read.posterior.reference.tobytes() == fit.posterior.reference.tobytes()
+    at = read.problem.to_coordinates(read.posterior.draws[::997])
+    assert read.problem.log_posterior(at).tobytes() == fit.problem.log_posterior(at).tobytes()
+    assert read.predictive.regimes == fit.predictive.regimes
+    assert read.diagnostics == fit.diagnostics
+    _same(read.examination.spectrum, fit.examination.spectrum)
+    for name, looks in fit.examination.looks.items():
+        _same(read.examination.looks[name], looks)
+
+
+def _same(one, other):
+    """Frozen values with arrays inside."""
+    if hasattr(one, "__dataclass_fields__"):
+        for name in one.__dataclass_fields__:
+            _same(getattr(one, name), getattr(other, name))
+    elif isinstance(one, np.ndarray):
+        np.testing.assert_array_equal(one, other)
+    else:
+        assert one == other
+
+
+def test_kinds_and_formats_are_the_ones_promised():
+    assert tuple(KINDS) == KIND_NAMES
+    assert tuple(STAMPS) == FORMATS
+
+
+@pytest.mark.parametrize("form", ["svg", "pdf"])
+def test_other_formats_are_written_whole_and_twice_the_same(folder, tmp_path, form):
+    for name in ("a", "b"):
+        command = ["plot", str(folder), "profiles", "--format", form, "--out", str(tmp_path / name), "--quiet"]
+        assert main(command) == 0
+    first = (tmp_path / "a" / f"profiles.{form}").read_bytes()
+    assert first == (tmp_path / "b" / f"profiles.{form}").read_bytes()
+    assert first.startswith(b"%PDF" if form == "pdf" else b"<?xml")
+
+
+def test_a_point_fit_shows_what_it_has(point_folder, tmp_path, capsys):
+    assert (point_folder / "profiles.png").exists()
+    assert main(["plot", str(point_folder), "all", "--out", str(tmp_path)]) == 0
+    captured = capsys.readouterr()
+    assert sorted(item.name for item in tmp_path.iterdir()) == ["predictive.png", "profiles.png", "residuals.png"]
+    assert "left out corner, trace, regimes" in captured.err
+    for kind in ("corner", "trace", "regimes"):
+        assert main(["plot", str(point_folder), kind]) == 2
+        assert "needs a posterior; run calibrate without --point-only" in capsys.readouterr().err
+
+
+def test_profiles_that_are_not_stored_are_computed(point_folder, tmp_path, capsys):
+    place = tmp_path / "fit.json"
+    content = json.loads((point_folder / "fit.json").read_text(encoding="utf-8"))
+    kept = content["identifiability"]["looks"]["mu"]["profile"]["interval_95"]
+    for looks in content["identifiability"]["looks"].values():
+        looks["profile"] = None
+    place.write_text(json.dumps(content), encoding="utf-8")
+    assert main(["plot", str(place), "profiles"]) == 0
+    assert "holds no profiles: computing them" in capsys.readouterr().err
+    assert (tmp_path / "profiles.png").stat().st_size > 0
+    content["identifiability"]["profiles_missing"] = "the noise falls to its bound"
+    place.write_text(json.dumps(content), encoding="utf-8")
+    assert main(["plot", str(place), "profiles"]) == 2
+    assert "there are no profiles: the noise falls to its bound" in capsys.readouterr().err
+    assert len(kept) == 2
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda here: ["plot", str(here), "cornr"], ["unknown figure 'cornr'", "did you mean 'corner'"]),
+        (lambda here: ["plot", str(here), "corner", "--format", "pgn"], ["--format pgn", "did you mean 'png'"]),
+        (lambda here: ["plot", str(here / "nowhere.json"), "corner"], ["there is no such file"]),
+        (lambda here: ["plot", str(here / "summary.csv"), "corner"], ["not a readable fit.json"]),
+        (lambda here: ["plot", str(here), "corner", "--out", str(here / "fit.json")], ["cannot be made"]),
+    ],
+)
+def test_faults_end_with_two_and_words(folder, capsys, change, words):
+    assert main(change(folder)) == 2
+    err = capsys.readouterr().err
+    for word in words:
+        assert word in err, err
+    assert "Traceback" not in err
+
+
+def test_missing_damaged_and_older_files(folder, tmp_path, capsys):
+    here = tmp_path / "fit"
+    here.mkdir()
+    shutil.copy(folder / "fit.json", here)
+    assert main(["plot", str(here), "corner"]) == 2
+    assert "posterior.nc: missing" in capsys.readouterr().err
+    (here / "posterior.nc").write_bytes(b"nothing")
+    assert main(["plot", str(here), "corner"]) == 2
+    assert "not the draws of this fit, or damaged" in capsys.readouterr().err
+    content = json.loads((folder / "fit.json").read_text(encoding="utf-8"))
+    del content["data"]["ids"]
+    (here / "fit.json").write_text(json.dumps(content), encoding="utf-8")
+    assert main(["plot", str(here), "corner"]) == 2
+    assert "damaged: KeyError" in capsys.readouterr().err
+    del content["data"]
+    (here / "fit.json").write_text(json.dumps(content), encoding="utf-8")
+    assert main(["plot", str(here), "corner"]) == 2
+    assert "run calibrate again" in capsys.readouterr().err
+
+
+def test_panels_show_the_profiles_in_handy_units(fit):
+    point = fitball.calibrate("wang_zero_spin.csv", point_only=True, cores=1)
+    panels = dict(zip(point.examination.looks, profile_panels(point, None), strict=True))
+    looks, panel = point.examination.looks["k_y"], panels["k_y"]
+    np.testing.assert_allclose(panel.values, looks.profile.values * handy("k_y", "N/m").factor)
+    np.testing.assert_allclose(panel.log_likelihood, -looks.profile.drop)
+    assert panel.label.endswith("[kN/m]")
+    # The curve crosses the level where the interval ends.
+    for end in looks.profile.interval_95:
+        assert np.interp(1e-3 * end, *panel.curve) == pytest.approx(-1.9207, abs=0.01)
+    # Without the scene nothing ties k_y down; friction does not care.
+    assert np.ptp(panel.curve_alone[1]) < 0.01
+    assert panels["mu"].curve_alone.shape == (2, 0)
+    assert panels["mu"].posterior is None
+    sampled = dict(zip(fit.examination.looks, profile_panels(fit, fit.posterior), strict=True))
+    low, high = np.quantile(fit.posterior.draws[:, fit.posterior.names.index("mu")], (0.025, 0.975))
+    assert sampled["mu"].posterior == pytest.approx((low, high))
+    assert sampled["mu"].span[0] < low < high < sampled["mu"].span[1]
+
+
+def test_bars_are_the_probabilities(fit):
+    bars = regime_bars(fit, fit.predictive)
+    np.testing.assert_allclose(bars.shares.sum(axis=1), 1.0)
+    assert bars.labels[0] == "zero-1  4.8 m/s, 17°"
+    named = dict(zip(bars.regimes, bars.shares[1], strict=True))
+    for name, share in fit.predictive.regimes[1].items():
+        if name in named:
+            assert named[name] == pytest.approx(share)
+    assert regime_colours(["slide", OTHERS])[1] == "0.7"
+    assert regime_colours(["slide"]) == regime_colours(["slide", "hold"])[:1]
+    assert len(set(regime_colours(["slide", "hold", "grip-hold", "slide-grip"]))) == 4

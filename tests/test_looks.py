@@ -1,0 +1,389 @@
+"""Information, power-scaling, action and verdicts, each against something that is not theirs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import arviz_stats.utils
+import numpy as np
+import pytest
+import xarray as xr
+from arviz_stats.base.array import array_stats
+from arviz_stats.psense import psense_summary
+from scipy.differentiate import hessian
+from scipy.stats import norm
+
+from fitball.data.read import load_table
+from fitball.data.scene import load_scene
+from fitball.data.table import Measurement
+from fitball.inference.action import action_looks
+from fitball.inference.calibrate import Effort, run
+from fitball.inference.examination import examine
+from fitball.inference.identifiability import Judgement
+from fitball.inference.information import fisher_information, information_looks
+from fitball.inference.looks import ContractionLook, End, InformationLook, Looks, PowerLook, Profile, Profiles
+from fitball.inference.power_scaling import CONFLICT, WEAK, diagnosis, power_looks, sensitivities
+from fitball.inference.problem import Choices, build_problem
+from fitball.inference.results import Posterior, Verdict
+from fitball.inference.spectrum import combination, product, relative, spectrum
+from fitball.inference.verdicts import combine
+
+GRIP_SLIP = {
+    "mu": 0.55, "e_x": 0.1, "offset": 2e-3, "cor_10": 0.76, "cor_slope": -0.013, "velocity_sd": 0.25, "spin_sd": 10.0,
+}  # fmt: skip
+TWO_MASS = {
+    "mass_ratio": 0.87, "k_y": 1.9e4, "k_theta": 15.0, "mu": 0.55, "eps_10": 2.5e-3, "eps_slope": 0.0,
+    "cor_10": 0.775, "cor_slope": -0.0145, "velocity_sd": 0.25, "spin_sd": 11.0,
+}  # fmt: skip
+
+
+def problem_of(name, model=None, **scene_changes):
+    return build_problem(load_table(name), replace(load_scene(name), **scene_changes), Choices(model=model))
+
+
+def coordinates_of(problem, truth):
+    return problem.to_coordinates(np.array([[truth[name] for name in problem.free_names]]))[0]
+
+
+def synthetic(problem, truth, seed=None):
+    """The problem with rebounds as the model makes them from `truth`, with noise when there is a seed."""
+    rebound = problem.rebound(np.array([[truth[name] for name in problem.free_names]]))
+    made = []
+    for channel in problem.channels:
+        values = channel.predict(rebound)[0]
+        if seed is not None:
+            rng = np.random.default_rng([seed, len(made)])
+            values = values + truth[channel.noise] * rng.standard_normal(values.size)
+        made.append(Measurement(channel.name, values))
+    table = replace(problem.table, measurements=tuple(made), redundant=())
+    return build_problem(table, problem.scene, Choices(model=problem.model.name))
+
+
+def numerical_hessian(problem, coordinates):
+    """Of the negative log likelihood with the scene's contact time, in sds of the priors, by scipy."""
+
+    def cost(z):
+        points = coordinates[:, None] + problem.prior.width[:, None] * z.reshape(coordinates.size, -1)
+        values = problem.to_values(points.T)
+        rebound = problem.rebound(values)
+        total = problem.log_likelihood(values, rebound) + problem.log_knowledge(rebound)
+        return -total.reshape(z.shape[1:])
+
+    scale = np.array([1.0 if item.prior.normal else 12.0**-0.5 for item in problem.free])
+    found = hessian(cost, np.zeros(coordinates.size), initial_step=1e-2, maxiter=6)
+    return found.ddf * np.outer(scale, scale)
+
+
+@pytest.mark.parametrize(("model", "truth"), [("grip-slip", GRIP_SLIP), ("two-mass", TWO_MASS)])
+def test_information_is_the_hessian_where_there_is_no_residual(model, truth):
+    problem = synthetic(problem_of("wang_zero_spin.csv", model), truth)
+    at = coordinates_of(problem, truth)
+    if problem.contact_time is not None:
+        time = float(problem.rebound(problem.to_values(at[None, :])).contact_time.mean())
+        problem = replace(problem, contact_time=(time, 0.5e-3))
+    moving = [k for k, name in enumerate(problem.free_names) if not name.endswith("_sd")]
+    found = fisher_information(problem, at, scene=True)[np.ix_(moving, moving)]
+    expected = numerical_hessian(problem, at)[np.ix_(moving, moving)]
+    np.testing.assert_allclose(found, expected, rtol=2e-3, atol=2e-3 * np.max(np.abs(expected)) ** 0.5)
+
+
+def test_information_is_the_covariance_of_the_score(tmp_path):
+    """With angles, whose spread depends on the parameters, and fitted noise: twenty thousand simulated tables."""
+    text = (
+        "id,v_1 [m/s],theta_1 [deg],omega_1 [rpm],v_2 [m/s],theta_2 [deg],omega_2 [rpm]\n"
+        "a,17,18,0,12.2,20,2400\nb,17,27,50,10.7,34,2700\nc,16.4,38,0,10.7,45,2500\nd,16.4,52,-30,11,59,1900\n"
+    )
+    place = tmp_path / "polar.csv"
+    place.write_text(text, encoding="utf-8")
+    problem = build_problem(load_table(place), load_scene(place), Choices(model="grip-slip"))
+    truth = GRIP_SLIP | {"velocity_sd": 1.5}
+    at = coordinates_of(problem, truth)
+    steps = 1e-4 * np.diag(problem.prior.width)
+    values = problem.to_values(np.concatenate([at[None, :], at + steps, at - steps]))
+    rebound, columns = problem.rebound(values), problem.all_values(values)
+    rng = np.random.default_rng(3)
+    scores = np.zeros((20000, at.size))
+    for channel in problem.channels:
+        predicted, spread = channel.predict(rebound), channel.spread(columns[channel.noise][:, None], rebound)
+        spread = np.broadcast_to(spread, predicted.shape)
+        made = predicted[0] + spread[0] * rng.standard_normal((20000, predicted.shape[1]))
+        for k in range(at.size):
+            up, down = (norm.logpdf(made, predicted[j], spread[j]).sum(axis=1) for j in (1 + k, 1 + at.size + k))
+            scores[:, k] += (up - down) / 2e-4
+    expected = np.cov(scores, rowvar=False)
+    found = fisher_information(problem, at, scene=False)
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    np.testing.assert_allclose(found / scale, expected / scale, atol=0.05)
+
+
+def test_the_spectrum_names_what_only_the_contact_time_tells():
+    problem = synthetic(problem_of("wang_zero_spin.csv"), TWO_MASS)
+    at = coordinates_of(problem, TWO_MASS)
+    found = spectrum(problem, at)
+    assert len(found.sentences) == 1
+    assert found.sentences[0].startswith("k_theta/k_y is known to ")
+    assert found.sentences[0].endswith("their product only through the scene's contact time")
+    # The ratio's standard error from the pseudo-inverse of scipy's Hessian, without the scene.
+    names = [name for name in problem.free_names if not name.endswith("_sd")]
+    open_problem = replace(problem, contact_time=None)
+    curvature = numerical_hessian(open_problem, at)[: len(names), : len(names)]
+    weights = np.zeros(len(names))
+    weights[names.index("k_theta")], weights[names.index("k_y")] = 1.5, -1.0
+    error = np.sqrt(weights @ np.linalg.pinv(curvature, rcond=1e-7) @ weights)
+    assert f" {relative(error)}," in found.sentences[0]
+    assert spectrum(open_problem, at).sentences[0].endswith("only through the priors")
+    assert found.directions_without_scene[-1].known_to == "unknown"
+    assert found.directions_without_scene[-1].words == "k_y k_theta^0.5"
+    looks = information_looks(problem, at)
+    assert looks["k_y"].error_without_scene is None
+    assert looks["k_y"].error == pytest.approx(0.2, abs=0.02)
+    assert looks["mu"].error == pytest.approx(looks["mu"].error_without_scene, rel=1e-6)
+
+
+def test_combinations_in_words():
+    items = problem_of("wang_zero_spin.csv").free[1:4]
+    assert [item.name for item in items] == ["k_y", "k_theta", "mu"]
+    logs = [items[0], items[1]]
+    assert product(logs, np.array([-1.0, 1.0])) == "k_theta/k_y"
+    assert product(logs, np.array([0.5, 1.0])) == "k_y^0.5 k_theta"
+    assert product(logs, np.array([-1.0, -2.0])) == "1/(k_y k_theta^2)"
+    sds = np.array([1.0, 1.5])
+    vector = np.array([-1.0, 1.5]) / np.hypot(1.0, 1.5)
+    # A variance of 0.0064/3.25 along the vector, in sds of the priors, is 8 % of the ratio.
+    covariance = np.outer(vector, vector) * 0.0064 / 3.25
+    assert combination(logs, vector, sds, covariance) == ("k_theta/k_y", "8 %")
+    assert relative(2.0) == "a factor of 7.4"
+
+
+class OnArrays:
+    """ArviZ's psense needs a package for its own arrays on xarray that is not installed here: the same on numpy."""
+
+    @staticmethod
+    def power_scale_lw(da, alpha=0, dim=None):
+        return xr.DataArray(array_stats.power_scale_lw(da.to_numpy().ravel(), alpha=alpha)[None], dims=dim)
+
+    @staticmethod
+    def power_scale_sense(da, lower_w, upper_w, lower_alpha, upper_alpha, sample_dims=None):
+        parts = [item.to_numpy() for item in (da, lower_w, upper_w)]
+        return xr.DataArray(array_stats.power_scale_sense(*parts, lower_alpha, upper_alpha))
+
+
+def power_tree(problem, values):
+    """What ArviZ wants: posterior, log prior and log likelihood, one chain."""
+    coordinates = problem.to_coordinates(values)
+    dims = ("chain", "draw")
+    rebound = problem.rebound(values)
+    names = problem.free_names
+    prior = {name: problem.free[k].prior.log_density(coordinates[:, k]) for k, name in enumerate(names)}
+    terms = problem.log_likelihood_terms(values, rebound)
+    return xr.DataTree.from_dict(
+        {
+            "posterior": xr.Dataset({name: (dims, coordinates[None, :, k]) for k, name in enumerate(names)}),
+            "log_prior": xr.Dataset({name: (dims, item[None]) for name, item in prior.items()}),
+            "log_likelihood": xr.Dataset({name: ((*dims, "impact"), item[None]) for name, item in terms.items()}),
+        }
+    )
+
+
+def cumulative_jensen_shannon(x, weights):
+    """Kallioinen et al. (2023), Eq. (6) and its root, the larger of x and -x, in bits."""
+    found = []
+    for column in (x, -x):
+        order = np.argsort(column)
+        width = np.diff(column[order])
+        p = np.arange(1, x.size) / x.size
+        q = np.cumsum(weights[order])[:-1]
+        middle = 0.5 * (p + q)
+        one, other = (
+            np.sum(width * (a * np.log2(a / middle))) + 0.5 / np.log(2.0) * np.sum(width * (b - a))
+            for a, b in ((p, q), (q, p))
+        )
+        found.append(np.sqrt((one + other) / np.sum(width * (p + q))))
+    return max(found)
+
+
+def normal_draws(problem, truth, seed):
+    """Independent draws of a normal posterior made by hand: no sampler has to converge for this."""
+    rng = np.random.default_rng(seed)
+    at = coordinates_of(problem, truth)
+    information = fisher_information(problem, at, scene=True)
+    scale = problem.prior.width * np.array([1.0 if item.prior.normal else 12.0**-0.5 for item in problem.free])
+    covariance = np.linalg.inv(information + np.eye(at.size)) * np.outer(scale, scale)
+    return problem.to_values(rng.multivariate_normal(at, covariance, 3000))
+
+
+def drawn(problem):
+    values = normal_draws(problem, GRIP_SLIP, 5)
+    return values, Posterior(problem.free_names, values[None, :, None, :], np.zeros((1, 3000, 1)), values)
+
+
+def test_power_scaling_is_arvizs(monkeypatch):
+    monkeypatch.setattr(arviz_stats.utils, "import_module", lambda _name: OnArrays)
+    problem = synthetic(problem_of("wang_all.csv", "grip-slip"), GRIP_SLIP, 4)
+    values, posterior = drawn(problem)
+    found = power_looks(problem, posterior)
+    expected = psense_summary(power_tree(problem, values), round_to=10)
+    for name in problem.free_names:
+        assert found[name].prior == pytest.approx(expected.loc[name, "prior"], abs=1e-9)
+        assert found[name].likelihood == pytest.approx(expected.loc[name, "likelihood"], abs=1e-9)
+    own = psense_summary(power_tree(problem, values), prior_var_names=["mu"], round_to=10)
+    assert found["mu"].own_prior == pytest.approx(own.loc["mu", "prior"], abs=1e-9)
+
+
+def test_power_scaling_is_the_published_formula():
+    problem = synthetic(problem_of("wang_all.csv", "grip-slip"), GRIP_SLIP, 4)
+    values, posterior = drawn(problem)
+    found = power_looks(problem, posterior)
+    coordinates = problem.to_coordinates(values)
+    log_likelihood = problem.log_likelihood(values, problem.rebound(values))
+    for k, name in enumerate(problem.free_names):
+        slopes = []
+        for power in (0.99, 1.01):
+            weights = np.exp((power - 1.0) * (log_likelihood - log_likelihood.max()))
+            distance = cumulative_jensen_shannon(coordinates[:, k], weights / weights.sum())
+            slopes.append(distance / abs(np.log2(power)))
+        # Smoothing of the largest weights changes little at powers so near one.
+        assert found[name].likelihood == pytest.approx(np.mean(slopes), rel=0.05)
+    assert sensitivities(values, np.full(3000, 2.0)).tolist() == [0.0] * problem.dimension
+
+
+def test_a_strong_wrong_prior_is_flagged_and_a_wide_one_is_not():
+    problem = synthetic(problem_of("wang_all.csv", "grip-slip"), GRIP_SLIP, 6)
+    effort = Effort(seed=1, cores=1, walkers=16, max_steps=600)
+    fits = {}
+    # 0.85 is seven of its own sds and nine of the table's from the truth, 0.76.
+    for prior in ("normal(0.75, 0.15)", "normal(0.85, 0.012)"):
+        choices = Choices(model="grip-slip", priors={"cor_10": prior})
+        fits[prior] = run(build_problem(problem.table, problem.scene, choices), effort)
+    wide, wrong = (fit.examination.looks["cor_10"] for fit in fits.values())
+    assert wide.power.diagnosis == ""
+    assert "conflict" not in wide.disagreement
+    assert wrong.power.diagnosis == CONFLICT
+    assert wrong.power.own_prior > 0.05
+    assert "its prior and the table pull it apart" in wrong.disagreement
+    # The profile knows no prior: it is the same under both.
+    for left, right in zip(wide.profile.interval_95, wrong.profile.interval_95, strict=True):
+        assert left == pytest.approx(right, rel=1e-3)
+    assert diagnosis(0.2, 0.01) == WEAK
+    assert diagnosis(0.04, 0.01) == ""
+
+
+def test_when_every_ball_grips_friction_acts_nowhere_and_is_bounded_from_below():
+    truth = GRIP_SLIP | {"mu": 1.5, "velocity_sd": 0.05, "spin_sd": 2.0}
+    problem = synthetic(problem_of("wang_zero_spin.csv", "grip-slip", mu=None), truth, 8)
+    for point_only in (True, False):
+        fit = run(problem, Effort(seed=2, cores=1, point_only=point_only))
+        mu, look = fit.parameters["mu"], fit.examination.looks["mu"]
+        assert mu.verdict is Verdict.ONE_SIDED
+        assert "from below only" in mu.reason
+        assert look.profile.ends == (End.CLOSED, End.BOUND)
+        assert fit.parameters["e_x"].verdict is Verdict.IDENTIFIED
+        assert len(fit.examination.looks["e_x"].action.impacts) >= 6
+    # The maximum lies at the edge of grip, where the prior draws it; over the posterior friction acts nowhere.
+    assert look.action.impacts == ()
+    assert "moves the rebound of none of the 7 impacts (grip)" in mu.reason
+
+
+def test_when_no_ball_grips_the_torsion_acts_nowhere():
+    truth = TWO_MASS | {"mu": 0.1}
+    problem = synthetic(problem_of("wang_zero_spin.csv", mu=None), truth, 8)
+    at = coordinates_of(problem, truth)
+    rebound = problem.rebound(problem.to_values(at[None, :]))
+    # Topspin has not come up in any impact: all slide from first to last but the steepest ones.
+    sliding = [problem.table.ids[k] for k in np.flatnonzero(rebound.regime[0] == 1)]
+    found = action_looks(problem, at[None, :], [])
+    assert found["k_theta"].impacts == tuple(name for name in problem.table.ids if name not in sliding)
+    assert set(sliding) <= set(found["mu"].impacts)
+    assert len(sliding) >= 4
+
+
+def test_impacts_in_doubt_are_named_with_their_share():
+    problem = problem_of("wang_zero_spin.csv")
+    at = coordinates_of(problem, TWO_MASS)
+    split = [{"slide": 1.0}, {"slide": 0.5, "slide-grip": 0.5}, *({"slide": 0.97, "grip": 0.03} for _ in range(5))]
+    found = action_looks(problem, at[None, :], split)
+    assert found["mu"].doubtful == ("zero-2",)
+    assert 0.0 < found["cor_10"].share_doubtful < 1.0 / 3.0
+    certain = action_looks(problem, at[None, :], [{"slide": 1.0}] * 7)
+    assert certain["mu"].doubtful == ()
+    assert certain["mu"].share_doubtful == 0.0
+    everything = action_looks(problem, at[None, :], [{"slide": 0.6, "grip": 0.4}] * 7)
+    assert everything["mu"].share_doubtful == pytest.approx(1.0)
+    looks = replace(LOOKS, action=everything["mu"])
+    judged, _ = combine(problem, problem.free[3], None, looks)
+    assert "100 % of what the table says of it comes from impacts whose regime is in doubt (zero-1, zero-2" in (
+        judged.reason
+    )
+
+
+def profile(left=End.CLOSED, right=End.CLOSED, leans=((), ())):
+    interval = (0.4 if left is End.CLOSED else None, 0.7 if right is End.CLOSED else None)
+    return Profile(
+        "mu", np.array([0.3, 0.5, 0.8]), np.array([2.5, 0.0, 2.5]), 0.5, interval, interval, (left, right), leans, 0
+    )
+
+
+LOOKS = Looks(profile(), None, InformationLook(0.3, 0.3, 0.9, 0.9), None, None, None, "")
+IDENTIFIED = Judgement(0.9, Verdict.IDENTIFIED, "the table narrows it from both sides")
+ONE_SIDED = Judgement(0.5, Verdict.ONE_SIDED, "from below only", (False, True))
+DOMINATED = Judgement(0.1, Verdict.PRIOR_DOMINATED, "as it was known before", (True, True))
+OPEN_RIGHT, OPEN = profile(right=End.BOUND), profile(End.BOUND, End.BOUND)
+CASES = [
+    # base, profile, profile without scene, verdict, words of the disagreement (None: the looks agree)
+    (IDENTIFIED, profile(), None, Verdict.IDENTIFIED, None),
+    (IDENTIFIED, OPEN_RIGHT, None, Verdict.ONE_SIDED, "the posterior by itself would be called identified"),
+    (IDENTIFIED, OPEN, None, Verdict.PRIOR_DOMINATED, "the posterior by itself would be called identified"),
+    (IDENTIFIED, profile(leans=(("k_y",), ("k_y",))), None, Verdict.PRIOR_DOMINATED, "by itself"),
+    (IDENTIFIED, profile(), OPEN, Verdict.IDENTIFIED, "only with the scene's contact time"),
+    (ONE_SIDED, OPEN_RIGHT, None, Verdict.ONE_SIDED, None),
+    (ONE_SIDED, profile(), None, Verdict.ONE_SIDED, "stays high to the upper end"),
+    (DOMINATED, OPEN, None, Verdict.PRIOR_DOMINATED, None),
+    (DOMINATED, profile(), None, Verdict.PRIOR_DOMINATED, "hardly narrower than what was known before"),
+    (DOMINATED, profile(), OPEN, Verdict.PRIOR_DOMINATED, "only because the scene's contact time"),
+    (None, profile(), None, Verdict.IDENTIFIED, None),
+    (None, OPEN_RIGHT, None, Verdict.ONE_SIDED, None),
+    (None, OPEN, None, Verdict.PRIOR_DOMINATED, None),
+    (None, None, None, Verdict.NOT_JUDGED, None),
+]
+
+
+@pytest.mark.parametrize(("base", "shape", "alone", "verdict", "words"), CASES)
+def test_looks_add_up_to_one_verdict(base, shape, alone, verdict, words):
+    problem = problem_of("wang_zero_spin.csv")
+    judged, disagreement = combine(problem, problem.free[3], base, replace(LOOKS, profile=shape, alone=alone))
+    assert judged.verdict is verdict
+    assert judged.reason
+    if words is None:
+        assert disagreement == ""
+    else:
+        assert words in disagreement
+
+
+def test_a_size_that_comes_from_the_scene_is_no_finding_of_the_table():
+    problem = problem_of("wang_zero_spin.csv")
+    looks = replace(LOOKS, alone=OPEN, information=InformationLook(0.2, None, 0.3, 0.3))
+    judged, _ = combine(problem, problem.free[1], None, looks)
+    assert judged.verdict is Verdict.PRIOR_DOMINATED
+    assert "its size comes from the scene's contact time (5 +- 0.5 ms)" in judged.reason
+
+
+def test_other_disagreements_are_told():
+    problem = problem_of("wang_zero_spin.csv")
+    skewed = replace(LOOKS, contraction=ContractionLook(0.5, (False, False)))
+    assert "to first order the contraction would be 0.90" in combine(problem, problem.free[3], IDENTIFIED, skewed)[1]
+    weak = replace(LOOKS, power=PowerLook(0.2, 0.01, None, 0.01, WEAK))
+    assert (
+        "follows the priors of others more than the table" in combine(problem, problem.free[3], IDENTIFIED, weak)[1]
+    )
+
+
+def test_without_profiles_a_point_fit_does_not_judge():
+    problem = problem_of("wang_zero_spin.csv", "grip-slip")
+    fit = run(problem, Effort(point_only=True, cores=1))
+    nothing = Profiles(0.0, False, {}, "no maximum")
+    examination, judgements = examine(problem, fit.point, (nothing, nothing), None, None, ())
+    assert judgements["mu"].verdict is Verdict.NOT_JUDGED
+    assert examination.profiles_missing == "no maximum"
+    # With them it does.
+    assert fit.parameters["mu"].verdict is Verdict.IDENTIFIED
+    assert "95 % within [0.5" in fit.parameters["mu"].reason

@@ -1,0 +1,333 @@
+"""Profile likelihoods against exact formulas, brute force and coverage."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, minimize
+from scipy.stats import chi2, norm
+
+from fitball.data.read import load_table
+from fitball.data.scene import Scene, load_scene
+from fitball.data.table import Measurement
+from fitball.inference.ascent import descend
+from fitball.inference.looks import End
+from fitball.inference.march import best_top, march, searches, sweep
+from fitball.inference.maximum import maximum_posterior
+from fitball.inference.problem import Choices, build_problem
+from fitball.inference.profile import coverage, profiles
+from fitball.inference.quadratic import constrained_step
+from fitball.inference.surface import Surface
+
+DROP_95 = 0.5 * chi2.ppf(0.95, 1)
+TRUTH = {
+    "mu": 0.55, "e_x": 0.1, "offset": 2e-3, "cor_10": 0.76, "cor_slope": -0.013, "velocity_sd": 0.25, "spin_sd": 10.0,
+}  # fmt: skip
+
+
+def drop_table(tmp_path, speeds, rng, sd=0.05):
+    rebound = speeds * (0.76 - 0.013 * (speeds - 10.0)) + sd * rng.standard_normal(speeds.size)
+    rows = "\n".join(f"{v:.9g},{w:.9g}" for v, w in zip(speeds, rebound, strict=True))
+    place = tmp_path / "drop.csv"
+    place.write_text(f"v_y1,v_y2\n{rows}\n", encoding="utf-8")
+    return load_table(place)
+
+
+def linear_problem(table, **fix):
+    """`v_y2 = cor_10 v + cor_slope v (v - 10)`: linear, with priors so wide and bounds so far that none matters."""
+    return build_problem(table, Scene(), Choices(model="brody", fix=fix))
+
+
+def start(problem, **values):
+    return [{item.name: values.get(item.name, TRUTH.get(item.name, item.fixed)) for item in problem.parameters}]
+
+
+def design(table):
+    v = table.impacts.v_y1
+    return np.stack([v, v * (v - 10.0)], axis=1)
+
+
+SPEEDS = np.array([3.0, 4.5, 6.0, 7.0, 9.0, 11.0, 12.5, 14.0])
+
+
+def test_known_noise_gives_the_normal_interval(tmp_path):
+    table = drop_table(tmp_path, SPEEDS, np.random.default_rng(1))
+    problem = linear_problem(table, velocity_sd=0.05)
+    found = profiles(problem, start(problem))
+    x = design(table)
+    inverse = np.linalg.inv(x.T @ x)
+    best = inverse @ x.T @ table.measurement("v_y2").values
+    for k, name in enumerate(("cor_10", "cor_slope")):
+        profile = found.by_name[name]
+        reach = 0.05 * np.sqrt(inverse[k, k])
+        for level, interval in ((1.0, profile.interval_68), (norm.ppf(0.975), profile.interval_95)):
+            np.testing.assert_allclose(interval, [best[k] - level * reach, best[k] + level * reach], rtol=1e-4)
+        np.testing.assert_allclose(profile.drop, 0.5 * ((profile.values - best[k]) / reach) ** 2, atol=1e-3)
+        assert profile.ends == (End.CLOSED, End.CLOSED)
+        assert profile.unsettled == 0
+
+
+def test_fitted_noise_gives_the_exact_profile(tmp_path):
+    """`n/2 ln(RSS(b)/RSS)` for a coefficient, `n (ln(s/s0) + (s0^2/s^2 - 1)/2)` for the noise."""
+    table = drop_table(tmp_path, SPEEDS, np.random.default_rng(2))
+    problem = linear_problem(table)
+    found = profiles(problem, start(problem))
+    x, y = design(table), table.measurement("v_y2").values
+    count = y.size
+    inverse = np.linalg.inv(x.T @ x)
+    best = inverse @ x.T @ y
+    least = np.sum((y - x @ best) ** 2)
+    profile = found.by_name["cor_10"]
+    reach = np.sqrt(least * inverse[0, 0] * np.expm1(2.0 * DROP_95 / count))
+    np.testing.assert_allclose(profile.interval_95, [best[0] - reach, best[0] + reach], rtol=3e-4)
+    sd = np.sqrt(least / count)
+
+    def drop(s):
+        return count * (np.log(s / sd) + 0.5 * ((sd / s) ** 2 - 1.0)) - DROP_95
+
+    expected = [brentq(drop, 0.2 * sd, sd), brentq(drop, sd, 10.0 * sd)]
+    np.testing.assert_allclose(found.by_name["velocity_sd"].interval_95, expected, rtol=5e-3)
+    assert found.by_name["velocity_sd"].best == pytest.approx(sd, rel=1e-6)
+    assert found.log_likelihood == pytest.approx(norm.logpdf(y, x @ best, sd).sum(), abs=1e-6)
+
+
+def intervals_that_hold(tmp_path, count, replicates, seed, **fix):
+    rng = np.random.default_rng(seed)
+    table = drop_table(tmp_path, np.linspace(3.0, 14.0, count), rng)
+    truth = design(table) @ [0.76, -0.013]
+    inside = 0
+    for _ in range(replicates):
+        made = Measurement("v_y2", truth + 0.05 * rng.standard_normal(count))
+        problem = linear_problem(replace(table, measurements=(made,)), **fix)
+        low, high = profiles(problem, start(problem), names=["cor_slope"]).by_name["cor_slope"].interval_95
+        inside += low < -0.013 < high
+    return inside / replicates
+
+
+def test_intervals_cover_and_those_of_half_the_noise_do_not(tmp_path):
+    # Two standard deviations of 80 draws at 95 % are 5 %; half the noise covers 67 %.
+    assert 0.90 <= intervals_that_hold(tmp_path, 8, 80, 3, velocity_sd=0.05) < 1.0
+    assert intervals_that_hold(tmp_path, 8, 80, 3, velocity_sd=0.025) < 0.80
+
+
+def test_the_coverage_of_few_rows_is_foretold(tmp_path):
+    """Four rows and two parameters with a fitted noise: the formula says 71 %, not 95 %."""
+    problem = linear_problem(drop_table(tmp_path, np.linspace(3.0, 14.0, 4), np.random.default_rng(0)))
+    foretold = coverage(problem)
+    assert foretold == pytest.approx(0.71, abs=0.08)
+    assert intervals_that_hold(tmp_path, 4, 80, 4) == pytest.approx(foretold, abs=0.1)
+    assert coverage(linear_problem(problem.table, velocity_sd=0.05)) == pytest.approx(0.95)
+
+
+def synthetic(name, model, truth, seed, **scene_changes):
+    """A bundled table with rebounds that a model makes from known values and noise."""
+    rng = np.random.default_rng(seed)
+    scene = replace(load_scene(name), **scene_changes)
+    problem = build_problem(load_table(name), scene, Choices(model=model))
+    values = np.array([[truth[key] for key in problem.free_names]])
+    rebound = problem.rebound(values)
+    made = []
+    for channel in problem.channels:
+        sd = truth[channel.noise]
+        made.append(
+            Measurement(channel.name, channel.predict(rebound)[0] + sd * rng.standard_normal(len(problem.table)))
+        )
+    table = replace(problem.table, measurements=tuple(made), redundant=())
+    return build_problem(table, scene, Choices(model=model))
+
+
+@pytest.fixture(scope="module")
+def grip_slip():
+    return synthetic("wang_all.csv", "grip-slip", TRUTH, 5)
+
+
+def brute_force(problem, name, value, guesses):
+    """The smallest negative log likelihood with one parameter held, written out and minimised by scipy."""
+    k = problem.free_names.index(name)
+    logs = [item.prior.log for item in problem.free]
+
+    def cost(coordinates):
+        values = np.where(logs, np.exp(np.where(logs, coordinates, 0.0)), coordinates)
+        values = np.insert(values, k, value)[None, :] if values.size < problem.dimension else values[None, :]
+        rebound = problem.rebound(values)
+        if rebound.status.any():
+            return 1e10
+        columns = problem.all_values(values)
+        total = 0.0
+        for channel in problem.channels:
+            total -= norm.logpdf(channel.observed, channel.predict(rebound)[0], columns[channel.noise][0]).sum()
+        if problem.contact_time is not None:
+            total -= norm.logpdf(rebound.contact_time.mean(), *problem.contact_time)
+        return total
+
+    logs = [log for j, log in enumerate(logs) if j != k]
+    found = []
+    for guess in guesses:
+        coordinates = np.delete(problem.to_coordinates(guess[None, :])[0], k)
+        scale = np.delete(problem.prior.width, k)
+        simplex = np.vstack([coordinates, coordinates + 0.03 * np.diag(scale)])
+        options = {"initial_simplex": simplex, "adaptive": True, "maxfev": 2000, "xatol": 1e-5, "fatol": 1e-5}
+        found.append(minimize(cost, coordinates, method="Nelder-Mead", options=options).fun)
+    return min(found)
+
+
+@pytest.mark.parametrize("name", ["mu", "e_x", "cor_slope", "spin_sd"])
+def test_grip_slip_agrees_with_brute_force(grip_slip, name):
+    problem = grip_slip
+    found = profiles(problem, start(problem), names=[name])
+    profile = found.by_name[name]
+    truth = np.array([TRUTH[key] for key in problem.free_names])
+    rng = np.random.default_rng(6)
+    for k in (len(profile.values) // 3, -1):
+        guess = truth * (1.0 + 0.1 * rng.standard_normal(truth.size))
+        lowest = brute_force(problem, name, profile.values[k], [truth, guess])
+        assert found.log_likelihood - profile.drop[k] == pytest.approx(-lowest, abs=2e-3)
+
+
+@pytest.fixture(scope="module")
+def two_mass():
+    """The default problem and its best point, from a start near it."""
+    problem = build_problem(load_table("wang_zero_spin.csv"), load_scene("wang_zero_spin.csv"), Choices())
+    near = {
+        "mass_ratio": 0.87, "k_y": 1.9e4, "k_theta": 15.0, "mu": 0.55, "eps_10": 2.5e-3, "eps_slope": 0.0,
+        "cor_10": 0.775, "cor_slope": -0.0145, "velocity_sd": 0.25, "spin_sd": 11.0,
+    }  # fmt: skip
+    point = maximum_posterior(problem, np.array([[near[key] for key in problem.free_names]]))
+    return problem, point
+
+
+def test_two_mass_agrees_with_brute_force_along_its_walls(two_mass):
+    """The mass ratio of this table lies near the wall mass_ratio = COR, which moves with the restitution."""
+    problem, point = two_mass
+    found = profiles(problem, point.optima, names=["mass_ratio", "k_theta"])
+    best = np.array([point.values[key] for key in problem.free_names])
+    for name in ("mass_ratio", "k_theta"):
+        profile = found.by_name[name]
+        for k in (1, -2):
+            guess = best.copy()
+            # From inside the wall, where the simplex can move.
+            guess[problem.free_names.index("cor_10")] = 0.72
+            lowest = brute_force(problem, name, profile.values[k], [guess])
+            # Brute force may fall short on eight parameters; it must never be better.
+            assert found.log_likelihood - profile.drop[k] > -lowest - 2e-3
+    assert found.by_name["mass_ratio"].open_sides == (False, False)
+
+
+def test_a_bound_before_the_drop_leaves_a_side_open():
+    """Every ball grips: friction has no upper end, and its lower one is where the first ball would slip."""
+    truth = TRUTH | {"mu": 1.5, "velocity_sd": 0.05, "spin_sd": 2.0}
+    problem = synthetic("wang_zero_spin.csv", "grip-slip", truth, 8, mu=None)
+    profile = profiles(problem, start(problem, mu=1.5), names=["mu", "e_x"]).by_name["mu"]
+    assert profile.ends == (End.CLOSED, End.BOUND)
+    assert profile.interval_95[1] is None
+    assert profile.values[-1] == pytest.approx(5.0)
+    assert 0.5 < profile.interval_95[0] < 1.5
+
+
+def test_without_the_scene_the_stiffness_is_open(two_mass):
+    problem, point = two_mass
+    touched = ["k_y", "k_theta"]
+    alone = profiles(problem, point.optima, names=touched, scene=False)
+    assert alone.by_name["k_y"].ends == (End.BOUND, End.BOUND)
+    # k_theta ends only where k_y, with which it moves, ends.
+    assert alone.by_name["k_theta"].leans_on == (("k_y",), ("k_y",))
+    assert alone.by_name["k_theta"].open_sides == (True, True)
+    whole = profiles(problem, point.optima, names=touched)
+    assert whole.by_name["k_y"].open_sides == (False, False)
+    # A contact time known to 10 %, which goes with one over the root of k_y: 20 % of k_y.
+    low, high = whole.by_name["k_y"].interval_68
+    assert 0.5 * np.log(high / low) == pytest.approx(0.2, abs=0.01)
+
+
+def test_a_likelihood_without_a_maximum_is_said_to_have_none(tmp_path):
+    """Two rows, two parameters: the line passes through both points and the noise shrinks to its bound."""
+    table = drop_table(tmp_path, np.array([5.0, 10.0]), np.random.default_rng(1))
+    problem = linear_problem(table)
+    found = profiles(problem, start(problem))
+    assert "velocity_sd falls to its bound" in found.missing
+    assert not found.by_name
+
+
+def test_the_cost_is_the_negative_log_likelihood(grip_slip):
+    problem = grip_slip
+    surface = Surface(problem)
+    values = np.array([[TRUTH[key] for key in problem.free_names]])
+    x = surface.from_values(values)
+    held = problem.to_coordinates(values)[:, surface.noise_columns]
+    given = searches(surface, [problem.free_names.index("mu")], x[:, 0], x, True).given
+    cost = surface.cost(x, replace(given, noise=held))
+    assert cost[0] == pytest.approx(-problem.log_likelihood(values, problem.rebound(values))[0], rel=1e-12)
+    # The best noise is no worse than any other.
+    assert surface.cost(x, given)[0] < cost[0]
+
+
+def test_gradients_are_those_of_the_cost(tmp_path):
+    """Polar measurements: the spread of an angle depends on the parameters, which adds to the gradient."""
+    text = (
+        "id,v_1 [m/s],theta_1 [deg],omega_1 [rpm],v_2 [m/s],theta_2 [deg],omega_2 [rpm]\n"
+        "a,17,18,0,12.2,20,2400\nb,17,27,50,10.7,34,2700\nc,16.4,38,0,10.7,45,2500\nd,16.4,52,-30,11,59,1900\n"
+    )
+    place = tmp_path / "polar.csv"
+    place.write_text(text, encoding="utf-8")
+    problem = build_problem(load_table(place), load_scene(place), Choices(model="grip-slip"))
+    surface = Surface(problem)
+    x = surface.from_values(np.array([[TRUTH[key] for key in problem.free_names]]))
+    given = searches(surface, [0], x[:, 0], x, True).given
+    _, gradient, _ = surface.linearised(x, given)
+    for k in range(x.shape[1]):
+        step = np.zeros(x.shape[1])
+        step[k] = 1e-5 * surface.width[k]
+        slope = (surface.cost(x + step, given)[0] - surface.cost(x - step, given)[0]) / (2.0 * step[k])
+        assert gradient[0, k] == pytest.approx(slope, rel=1e-4, abs=1e-3)
+
+
+def test_a_poor_point_is_mended_from_its_neighbours(grip_slip):
+    surface = Surface(grip_slip)
+    x = surface.from_values(np.array([[TRUTH[key] for key in grip_slip.free_names]]))
+    top, others = best_top(surface, x, True)
+    points, better = march(surface, [0], top, True)
+    assert better is None
+    good = points[0][2]
+    points[0][2] = replace(good, cost=good.cost + 1.0, settled=False)
+    mended, better, changed = sweep(surface, points, {0: {1, 3}}, others, top, True)
+    assert better is None
+    assert changed[0] == {2}
+    assert mended[0][2].cost == pytest.approx(good.cost, abs=1e-3)
+
+
+def test_a_start_outside_the_walls_is_led_inside(two_mass):
+    problem, point = two_mass
+    surface = Surface(problem)
+    x = surface.from_values(np.array([[point.values[key] for key in problem.free_names]]))
+    column = problem.free_names.index("mass_ratio")
+    given = searches(surface, [column], np.array([0.7]), x, True)
+    # At a mass ratio of 0.7 the restitution found would be impossible.
+    assert not np.isfinite(surface.cost(given.x, given.given))[0]
+    found = descend(surface, given)
+    assert np.isfinite(found.cost[0])
+    names = [item.name for item in surface.items]
+    line = dict(zip(names, found.x[0], strict=True))
+    speeds = problem.impacts.v_y1
+    assert np.all(line["cor_10"] + line["cor_slope"] * (speeds - 10.0) <= 0.7)
+
+
+def test_constrained_steps_are_those_of_scipy():
+    rng = np.random.default_rng(9)
+    for _ in range(20):
+        root = rng.standard_normal((4, 4))
+        curvature, gradient = root @ root.T + 0.1 * np.eye(4), 3.0 * rng.standard_normal(4)
+        a, b = rng.standard_normal((6, 4)), rng.uniform(-0.1, 1.0, 6)
+        expected = minimize(
+            lambda d, h=curvature, g=gradient: 0.5 * d @ h @ d + g @ d,
+            np.zeros(4),
+            jac=lambda d, h=curvature, g=gradient: h @ d + g,
+            method="SLSQP",
+            constraints={"type": "ineq", "fun": lambda d, a=a, b=b: b - a @ d},
+            options={"ftol": 1e-14, "maxiter": 300},
+        )
+        step = constrained_step(curvature, gradient, a, b)
+        if expected.success:
+            np.testing.assert_allclose(step, expected.x, atol=1e-5)
+    assert constrained_step(np.eye(1), np.zeros(1), np.array([[1.0], [-1.0]]), np.array([-1.0, -1.0])) is None
