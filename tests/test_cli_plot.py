@@ -11,7 +11,9 @@ import pytest
 import fitball
 from fitball.cli.main import main
 from fitball.cli.plot import FORMATS, KIND_NAMES
+from fitball.inference.looks import ActionLook, End, Examination, InformationLook, Looks, Profile, Spectrum
 from fitball.report.figure_regimes import OTHERS, regime_bars, regime_colours
+from fitball.report.looks_content import looks_content, read_examination
 from fitball.report.plots import KINDS, STAMPS
 from fitball.report.profile_arrays import profile_panels
 from fitball.report.restore import restore
@@ -56,6 +58,21 @@ def test_what_is_read_back_is_what_was_written(fit, folder):
     _same(read.examination.spectrum, fit.examination.spectrum)
     for name, looks in fit.examination.looks.items():
         _same(read.examination.looks[name], looks)
+
+
+def test_an_open_profile_is_read_back_open():
+    """Left and right are not the same."""
+    profile = Profile(
+        "mu", np.array([0.5, 5.0]), np.array([2.5, 0.0]), 5.0, (0.7, None), (0.6, None), (End.CLOSED, End.BOUND),
+        ((), ("k_y",)), 1,
+    )  # fmt: skip
+    action = ActionLook(("a",), 2, ("grip",), ("b",), 0.25)
+    looks = Looks(profile, None, InformationLook(None, 2.0, 0.5, 0.4), None, None, action, "because")
+    examination = Examination({"mu": looks}, Spectrum((), (), ("a sentence",)), "", 0.87)
+    content = json.loads(json.dumps(looks_content(examination)))
+    _same(read_examination(content).looks["mu"], looks)
+    assert read_examination(content).profile_coverage == 0.87
+    assert read_examination(content).spectrum == examination.spectrum
 
 
 def _same(one, other):

@@ -37,7 +37,7 @@ class Point:
     x: FloatArray
     cost: float
     settled: bool
-    bound: bool = False
+    bound: bool
 
 
 @dataclass(frozen=True)

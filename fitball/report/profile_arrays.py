@@ -73,13 +73,10 @@ def _panel(
 
 
 def _curve(profile: Profile, logarithmic: bool, factor: float) -> FloatArray:
-    """A smooth curve (2, points) through a profile: linear in the root of the drop, signed by side, as its
-    intervals.
-    """
+    """A smooth curve (2, points) through a profile: linear in the root of the drop, as its intervals are."""
     along = np.log(profile.values) if logarithmic else profile.values
-    side = np.where(np.arange(along.size) < np.argmin(profile.drop), -1.0, 1.0)
     dense = np.union1d(np.linspace(along[0], along[-1], CURVE_POINTS), along)
-    root = np.interp(dense, along, side * np.sqrt(profile.drop))
+    root = np.interp(dense, along, np.sqrt(profile.drop))
     return np.stack([(np.exp(dense) if logarithmic else dense) * factor, -(root**2)])
 
 
