@@ -112,6 +112,17 @@ def test_a_point_fit_shows_what_it_has(point_folder, tmp_path, capsys):
         assert "needs a posterior; run calibrate without --point-only" in capsys.readouterr().err
 
 
+def test_a_drop_test_has_no_regimes(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rows = "\n".join(f"{v},{v * (0.86 - 0.012 * v) + 0.1 * (-1) ** v:.3f}" for v in (3, 5, 6, 8, 9, 11))
+    (tmp_path / "drop.csv").write_text(f"v_y1,v_y2\n{rows}\n", encoding="utf-8")
+    assert main(["calibrate", "drop.csv", "--model", "brody", "--max-steps", "100", "--out", "fit", "--quiet"]) == 1
+    assert not (tmp_path / "fit" / "regimes.png").exists()
+    assert main(["plot", "fit", "regimes"]) == 2
+    assert "there are no regimes" in capsys.readouterr().err
+    assert main(["plot", "fit", "profiles"]) == 0
+
+
 def test_profiles_that_are_not_stored_are_computed(point_folder, tmp_path, capsys):
     place = tmp_path / "fit.json"
     content = json.loads((point_folder / "fit.json").read_text(encoding="utf-8"))

@@ -18,10 +18,19 @@ from fitball.data.scene import load_scene
 from fitball.data.table import Measurement
 from fitball.inference.action import action_looks
 from fitball.inference.calibrate import Effort, run
-from fitball.inference.examination import examine
+from fitball.inference.examination import examine, profile_all
 from fitball.inference.identifiability import Judgement
 from fitball.inference.information import fisher_information, information_looks
-from fitball.inference.looks import ContractionLook, End, InformationLook, Looks, PowerLook, Profile, Profiles
+from fitball.inference.looks import (
+    LEFT_OUT,
+    ContractionLook,
+    End,
+    InformationLook,
+    Looks,
+    PowerLook,
+    Profile,
+    Profiles,
+)
 from fitball.inference.power_scaling import CONFLICT, WEAK, diagnosis, power_looks, sensitivities
 from fitball.inference.problem import Choices, build_problem
 from fitball.inference.results import Posterior, Verdict
@@ -377,6 +386,13 @@ def test_other_disagreements_are_told():
     )
 
 
+def synthetic_rows(problem, rows):
+    """The same problem with its impacts repeated."""
+    take = np.arange(rows) % len(problem.impacts)
+    given = problem.impacts
+    return replace(problem, impacts=type(given)(given.v_x1[take], given.v_y1[take], given.omega_1[take]))
+
+
 def test_without_profiles_a_point_fit_does_not_judge():
     problem = problem_of("wang_zero_spin.csv", "grip-slip")
     fit = run(problem, Effort(point_only=True, cores=1))
@@ -384,6 +400,12 @@ def test_without_profiles_a_point_fit_does_not_judge():
     examination, judgements = examine(problem, fit.point, (nothing, nothing), None, None, ())
     assert judgements["mu"].verdict is Verdict.NOT_JUDGED
     assert examination.profiles_missing == "no maximum"
+    # A large table, whose profiles are left out, is judged by its information.
+    left_out = Profiles(0.0, False, {}, LEFT_OUT)
+    _, judgements = examine(problem, fit.point, (left_out, left_out), None, None, ())
+    assert judgements["mu"].verdict is Verdict.IDENTIFIED
+    assert "to first order the table knows it to 0.4 sd of its prior" in judgements["mu"].reason
+    assert profile_all(synthetic_rows(problem, 301), fit.point, fit.point.optima)[0].missing == LEFT_OUT
     # With them it does.
     assert fit.parameters["mu"].verdict is Verdict.IDENTIFIED
     assert "95 % within [0.5" in fit.parameters["mu"].reason

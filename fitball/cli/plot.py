@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -58,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
 
     path = Path(args.fit)
     fit = restore(path)
-    if args.kind in ("profiles", "all"):
+    if args.kind == "profiles":
         fit = _with_profiles(fit, args.quiet)
     kinds = [args.kind] if args.kind != "all" else drawable_kinds(fit, fit.posterior)
     left_out = [name for name in KIND_NAMES if args.kind == "all" and name not in kinds]
@@ -81,10 +82,12 @@ def _with_profiles(fit: Restored, quiet: bool) -> Restored:
     from dataclasses import replace
 
     from fitball.inference.examination import with_profiles
+    from fitball.inference.looks import LEFT_OUT
     from fitball.report.plots import has_profiles
 
-    if has_profiles(fit) or fit.examination.profiles_missing:
+    if has_profiles(fit) or fit.examination.profiles_missing not in ("", LEFT_OUT):
         return fit
     if not quiet:
         print("note: the file holds no profiles: computing them", file=sys.stderr)
-    return replace(fit, examination=with_profiles(fit.problem, fit.point, fit.examination))
+    shared = replace(fit.problem, threads=os.cpu_count() or 1)
+    return replace(fit, examination=with_profiles(shared, fit.point, fit.examination))

@@ -36,7 +36,8 @@ def action_looks(
     acting = np.nanmean(np.nanmax(np.abs(slopes), axis=1) > ACTS, axis=0)
     ids = problem.table.ids
     doubtful = [k for k, shares in enumerate(regimes) if DOUBT[0] < max(shares.values(), default=1.0) < DOUBT[1]]
-    usual = tuple(sorted({max(shares, key=lambda name: shares[name]) for shares in regimes}))
+    # Without motion along the court a contact has no phases, and no name.
+    usual = tuple(sorted({max(shares, key=lambda name: shares[name]) for shares in regimes} - {""}))
     looks = {}
     for column, item in enumerate(problem.free):
         if item.name in NOISE_SPECS:

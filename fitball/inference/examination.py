@@ -10,7 +10,7 @@ import numpy as np
 from fitball.inference.action import action_looks
 from fitball.inference.identifiability import Judgement, judge
 from fitball.inference.information import information_looks
-from fitball.inference.looks import ContractionLook, Examination, Looks, Profiles
+from fitball.inference.looks import LEFT_OUT, ContractionLook, Examination, Looks, Profiles
 from fitball.inference.posterior import Problem
 from fitball.inference.power_scaling import power_looks
 from fitball.inference.predictive import thinned
@@ -20,6 +20,8 @@ from fitball.inference.spectrum import spectrum
 from fitball.inference.verdicts import combine, touched_by_scene
 from fitball.values import FloatArray
 
+# Rows up to which profiles are made unasked: ten seconds or so.
+PROFILED = 300
 # Draws over which derivatives are taken.
 DERIVED = 200
 
@@ -29,10 +31,15 @@ def profile_all(
     point: PointFit,
     optima: Sequence[Mapping[str, float]],
     report: Callable[[str], None] = lambda _stage: None,
+    *,
+    large: bool = False,
 ) -> tuple[Profiles, Profiles]:
     """Profiles of all free parameters, and, without the scene's contact time, of those that it touches; the search
-    begins at `optima`, each all parameters by name in SI.
+    begins at `optima`, each all parameters by name in SI. Tables of many rows are left out unless `large`.
     """
+    if len(problem.impacts) > PROFILED and not large:
+        nothing = Profiles(point.log_likelihood, problem.contact_time is not None, {}, LEFT_OUT)
+        return nothing, nothing
     whole = profiles(problem, optima, report=lambda stage: report(f"profiles {stage}"))
     touched = touched_by_scene(problem, information_looks(problem, _coordinates(problem, point)))
     if not touched or whole.missing:
@@ -45,7 +52,7 @@ def profile_all(
 
 def with_profiles(problem: Problem, point: PointFit, examination: Examination) -> Examination:
     """The same looks with profiles computed now; verdicts stay as they were."""
-    whole, alone = profile_all(problem, point, point.optima)
+    whole, alone = profile_all(problem, point, point.optima, large=True)
     looks = {
         name: replace(item, profile=whole.by_name.get(name), alone=alone.by_name.get(name))
         for name, item in examination.looks.items()
@@ -92,7 +99,7 @@ def examine(
             action=actions.get(item.name),
             disagreement="",
         )
-        judgements[item.name], disagreement = combine(problem, item, base, seen)
+        judgements[item.name], disagreement = combine(problem, item, base, seen, many=profiled[0].missing == LEFT_OUT)
         looks[item.name] = replace(seen, disagreement=disagreement)
     return Examination(looks, spectrum(problem, at), profiled[0].missing, coverage(problem)), judgements
 

@@ -64,6 +64,10 @@ class Profiles:
     missing: str = ""
 
 
+# Why profiles of a large table are missing: some thirty thousand evaluations of all its rows.
+LEFT_OUT = "the table is large, and they were left out; fitball plot FIT profiles makes them"
+
+
 @dataclass(frozen=True)
 class InformationLook:
     """First-order standard errors of one parameter without any prior, in sds of its prior, from the table with and

@@ -19,21 +19,27 @@ NOT_NORMAL = 0.3
 DRIVEN = 1.0 / 3.0
 
 
-def combine(problem: Problem, item: Parameter, base: Judgement | None, looks: Looks) -> tuple[Judgement, str]:
-    """The verdict on one free parameter and the disagreement of its looks in words; `base` is that of the
-    posterior.
+def combine(
+    problem: Problem, item: Parameter, base: Judgement | None, looks: Looks, *, many: bool = False
+) -> tuple[Judgement, str]:
+    """The verdict on one free parameter and the disagreement of its looks in words; `base` is that of the posterior,
+    `many` says that profiles were left out because rows are many.
     """
-    judged = from_profile(problem, item, looks) if base is None else _corrected(problem, item, base, looks)
+    judged = from_profile(problem, item, looks, many) if base is None else _corrected(problem, item, base, looks)
     remarks = _action(looks.action)
     differences = [] if base is None else _differences(problem, item, base, judged, looks)
     return replace(judged, reason=judged.reason + remarks), "; ".join(differences)
 
 
-def from_profile(problem: Problem, item: Parameter, looks: Looks) -> Judgement:
-    """The verdict without a posterior, from the profile and the information."""
+def from_profile(problem: Problem, item: Parameter, looks: Looks, many: bool = False) -> Judgement:
+    """The verdict without a posterior, from the profile and the information; from the information alone where rows
+    are `many`, so that the likelihood is near normal.
+    """
     profile, information = looks.profile, looks.information
-    if profile is None or information is None:
-        return Judgement(None, Verdict.NOT_JUDGED, "there is no profile, and a point fit alone cannot tell")
+    if information is None:
+        return Judgement(None, Verdict.NOT_JUDGED, "a point fit alone cannot tell")
+    if profile is None:
+        return _from_information(problem, information, many)
     unit = item.spec.unit
     if rests_on_scene(looks) and information.contraction_without_scene < NOT_ALONE:
         return Judgement(
@@ -57,6 +63,18 @@ def from_profile(problem: Problem, item: Parameter, looks: Looks) -> Judgement:
     return Judgement(
         None, Verdict.IDENTIFIED, f"the profile is closed on both sides, 95 % within {interval(profile, unit)}"
     )
+
+
+def _from_information(problem: Problem, look: InformationLook, many: bool) -> Judgement:
+    if not many:
+        return Judgement(None, Verdict.NOT_JUDGED, "there is no profile, and a point fit alone cannot tell")
+    if look.error_without_scene is None and look.contraction_without_scene < NOT_ALONE:
+        source = scene_words(problem) if problem.contact_time is not None else "the priors"
+        return Judgement(None, Verdict.PRIOR_DOMINATED, f"its size comes from {source}, not from the table")
+    if look.error is None or look.contraction < NEGLIGIBLE:
+        return Judgement(None, Verdict.PRIOR_DOMINATED, "to first order the table leaves it as it was known before")
+    words = f"to first order the table knows it to {look.error:.2g} sd of its prior (no profile was made)"
+    return Judgement(None, Verdict.IDENTIFIED, words)
 
 
 def rests_on_scene(looks: Looks) -> bool:

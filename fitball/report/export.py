@@ -19,9 +19,9 @@ from fitball.inference.new_impacts import DRAWS, NewPrediction, predict_new
 from fitball.inference.parameters import NOISE_SPECS
 from fitball.inference.results import Estimate, Fit, Golden, RunStatus, Verdict
 from fitball.models.types import Rebound
-from fitball.report.netcdf import saved_draws
 from fitball.report.data_content import data_content
 from fitball.report.looks_content import looks_content
+from fitball.report.netcdf import saved_draws
 from fitball.report.units import THESIS
 from fitball.values import Ball, FloatArray, Impacts
 from fitball.version import __version__

@@ -17,7 +17,7 @@ from fitball.report.figures import predictive_figure, residual_figure, trace_fig
 from fitball.report.files import write_text, write_whole
 from fitball.report.html import page
 from fitball.report.netcdf import write_netcdf
-from fitball.report.plots import KINDS, has_profiles
+from fitball.report.plots import KINDS, has_profiles, has_regimes
 from fitball.report.run_file import run_text
 from fitball.report.tables import csv_text, prediction_rows, regime_rows, summary_rows
 
@@ -70,8 +70,9 @@ def write_all(fit: Fit, folder: Path) -> None:
     if posterior is not None:
         figures["corner"] = lambda: corner_figure(fit, posterior)
         figures["trace"] = lambda: trace_figure(fit, posterior)
+        if has_regimes(fit):
+            figures["regimes"] = lambda: KINDS["regimes"].draw(fit, posterior)
         write_netcdf(fit, posterior, folder / POSTERIOR_NAME)
-        figures["regimes"] = lambda: KINDS["regimes"].draw(fit, posterior)
         write_text(folder / "regimes.csv", csv_text(regime_rows(fit)))
     for name, draw in figures.items():
         figure = draw()

@@ -9,8 +9,8 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 from fitball.inference.results import Fit
 from fitball.report.balance_table import balance_table
-from fitball.report.summary import diagnosis_lines, level_rows, notes, parameter_rows, prediction_table, thesis_rows
 from fitball.report.looks_rows import look_rows, spectrum_rows
+from fitball.report.summary import diagnosis_lines, level_rows, notes, parameter_rows, prediction_table, thesis_rows
 from fitball.version import __version__
 
 CAPTIONS = {

@@ -47,6 +47,8 @@ def _trace(fit: Drawable, posterior: Posterior | None) -> Figure:
 def _regimes(fit: Drawable, _posterior: Posterior | None) -> Figure:
     if fit.predictive is None:
         raise ResultFolderError("the probability of regimes needs a posterior; run calibrate without --point-only")
+    if not has_regimes(fit):
+        raise ResultFolderError("there are no regimes: no motion along the court was measured")
     return regimes_figure(fit, fit.predictive)
 
 
@@ -77,12 +79,18 @@ def has_profiles(fit: Drawable) -> bool:
     return any(looks.profile is not None for looks in fit.examination.looks.values())
 
 
+def has_regimes(fit: Drawable) -> bool:
+    """Whether the contact has phases: it has none without motion along the court."""
+    return fit.predictive is not None and fit.problem.table.has_tangential
+
+
 def drawable_kinds(fit: Drawable, posterior: Posterior | None) -> list[str]:
     """The kinds this fit can show."""
+    present = {"profiles": has_profiles(fit), "regimes": has_regimes(fit)}
     return [
         name
         for name, kind in KINDS.items()
-        if (posterior is not None or not kind.needs_posterior) and (name != "profiles" or has_profiles(fit))
+        if (posterior is not None or not kind.needs_posterior) and present.get(name, True)
     ]
 
 

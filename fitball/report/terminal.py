@@ -9,8 +9,8 @@ from pathlib import Path
 
 from fitball.inference.results import Fit
 from fitball.report.balance_table import balance_table
-from fitball.report.summary import diagnosis_lines, level_rows, notes, parameter_rows, prediction_table, thesis_rows
 from fitball.report.looks_rows import look_rows
+from fitball.report.summary import diagnosis_lines, level_rows, notes, parameter_rows, prediction_table, thesis_rows
 
 WIDTH = 100
 
