@@ -10,7 +10,8 @@ import numpy as np
 from fitball.inference.action import action_looks
 from fitball.inference.identifiability import Judgement, judge
 from fitball.inference.information import information_looks
-from fitball.inference.looks import LEFT_OUT, ContractionLook, Examination, Looks, Profiles
+from fitball.inference.looks import LEFT_OUT, OTHER_NOISE, ContractionLook, Examination, Looks, Profiles
+from fitball.inference.parameters import TAILS
 from fitball.inference.posterior import Problem
 from fitball.inference.power_scaling import power_looks
 from fitball.inference.predictive import thinned
@@ -39,6 +40,9 @@ def profile_all(
     """
     if len(problem.impacts) > PROFILED and not large:
         nothing = Profiles(point.log_likelihood, problem.contact_time is not None, {}, LEFT_OUT)
+        return nothing, nothing
+    if problem.incident is not None or TAILS in (item.name for item in problem.parameters):
+        nothing = Profiles(point.log_likelihood, problem.contact_time is not None, {}, OTHER_NOISE)
         return nothing, nothing
     whole = profiles(problem, optima, report=lambda stage: report(f"profiles {stage}"))
     touched = touched_by_scene(problem, information_looks(problem, _coordinates(problem, point)))

@@ -65,6 +65,7 @@ class Profiles:
 
 
 # Why profiles of a large table are missing: some thirty thousand evaluations of all its rows.
+OTHER_NOISE = "they are made for normal noise about exactly known incident states only"
 LEFT_OUT = "the table is large, and they were left out; fitball plot FIT profiles makes them"
 
 

@@ -33,6 +33,10 @@ class GroupOffsets:
         """Name of the offset of a channel in a group."""
         return f"{channel}_offset[{label}]"
 
+    def names(self, channels: Sequence[Channel]) -> set[str]:
+        """Names of all offsets."""
+        return {self.name(channel.name, label) for channel in channels for label in self.labels}
+
     def offset(self, columns: Mapping[str, FloatArray], channel: str) -> FloatArray:
         """Offset (draws, impacts) of a channel."""
         by_label = np.stack([columns[self.name(channel, label)] for label in self.labels], axis=1)

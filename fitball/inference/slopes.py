@@ -9,6 +9,9 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from fitball.inference.channels import Channel
+from fitball.inference.marginal import incident_sds
+from fitball.inference.parameters import NOISE_SPECS, TAILS
 from fitball.inference.posterior import Problem
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
@@ -22,13 +25,14 @@ STEP = 1e-5
 
 def rebound_slopes(problem: Problem, coordinates: FloatArray) -> tuple[Rebound, Slopes]:
     """Rebounds (draws, impacts) at `coordinates` (draws, free), and for each of OUTPUTS its derivatives
-    (draws, impacts, free) with respect to coordinates; zero for noise parameters.
+    (draws, impacts, free) with respect to coordinates; zero for noise parameters and offsets of groups.
 
     Central differences, one-sided where the other side cannot be evaluated, NaN where neither can. With the
     calls batched: one for all draws and parameters.
     """
     draws = coordinates.shape[0]
-    moving = [k for k, name in enumerate(problem.free_names) if name in problem.model_names]
+    still = NOISE_SPECS.keys() | (problem.offsets.names(problem.channels) if problem.offsets is not None else set())
+    moving = [k for k, name in enumerate(problem.free_names) if name not in still]
     steps = np.zeros((2 * len(moving), problem.dimension))
     sizes = STEP * problem.prior.width[moving]
     for row, k in enumerate(moving):
@@ -79,16 +83,38 @@ CHANNEL_SLOPES: Mapping[str, Callable[[Rebound, Slopes], FloatArray]] = {
 }
 
 
+def channel_slopes(problem: Problem, channel: Channel, rebound: Rebound, slopes: Slopes) -> FloatArray:
+    """Derivatives (draws, impacts, free) of what is measured in a channel, the bias of its group included."""
+    found = CHANNEL_SLOPES[channel.name](rebound, slopes)
+    if problem.offsets is None:
+        return found
+    found = found.copy()
+    for place, label in enumerate(problem.offsets.labels):
+        name = problem.offsets.name(channel.name, label)
+        if name in problem.free_names:
+            found[:, problem.offsets.index == place, problem.free_names.index(name)] += 1.0
+    return found
+
+
 def prediction_slopes(problem: Problem, coordinates: FloatArray) -> FloatArray:
     """Derivatives (draws, measurements, free) of all predictions, in units of their noise, with respect to
     coordinates (draws, free) counted in widths of the priors; measurements run channel by channel.
+
+    Errors of the incident state count as noise; heavy tails make a measurement worth (nu + 1)/(nu + 3) of a normal one
+    (Lange, Little and Taylor 1989).
     """
     rebound, slopes = rebound_slopes(problem, coordinates)
     columns = problem.all_values(problem.to_values(coordinates))
+    by_incidence = incident_sds(problem, columns, rebound)
+    worth = np.ones((coordinates.shape[0], 1, 1))
+    if TAILS in columns:
+        nu = columns[TAILS][:, None, None]
+        worth = np.sqrt((nu + 1.0) / (nu + 3.0))
     rows = []
     for channel in problem.channels:
         noise = columns[channel.noise][:, None] if channel.noise is not None else 0.0
         spread = np.broadcast_to(channel.spread(noise, rebound), rebound.v_x2.shape)
-        rows.append(CHANNEL_SLOPES[channel.name](rebound, slopes) / spread[..., None])
+        spread = np.hypot(spread, by_incidence[channel.name])
+        rows.append(worth * channel_slopes(problem, channel, rebound, slopes) / spread[..., None])
     scaled: FloatArray = np.concatenate(rows, axis=1) * problem.prior.width
     return scaled

@@ -8,6 +8,7 @@ which are taken as values: what the model demands of them is linear then.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,12 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.inference.parameters import NOISE_SPECS, Parameter
-from fitball.inference.posterior import LOG_TAU, Problem
-from fitball.inference.slopes import CHANNEL_SLOPES, rebound_slopes
+from fitball.inference.posterior import Problem
+from fitball.inference.scatter import LOG_TAU
+from fitball.inference.slopes import CHANNEL_SLOPES, channel_slopes, rebound_slopes
 from fitball.models.bounce import ANCHOR_SPEED
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
 
+Columns = Mapping[str, FloatArray]
 LINE = ("mass_ratio", "cor_10", "cor_slope")
 # How far inside an end where the model stops (a restitution of zero, a shell without mass) a search may go, in units
 # of the quantity itself: nothing measurable, and far above rounding.
@@ -120,6 +123,9 @@ class Surface:
                 rows.append(row)
                 bounds.append(bound)
 
+        if {item.parameter for item in problem.levels} & set(LINE):
+            # What differs between levels has no one wall: the model's own refusal bounds it.
+            return np.empty((0, len(places))), np.empty(0)
         momentum = problem.model.options.get("normal") == "momentum" and "mass_ratio" in problem.model_names
         if "cor_10" in problem.model_names:
             for speed in (float(speeds.min()), float(speeds.max())):
@@ -150,13 +156,12 @@ class Surface:
     def values(self, x: FloatArray, given: Conditions) -> FloatArray:
         """Free values (rows, free), the noise as held or at its best."""
         values = self.problem.to_values(self._coordinates(x))
-        rebound = self.problem.rebound(values)
-        sizes = self._noise(rebound, given)
+        sizes = self._noise(self.problem.all_values(values), self.problem.rebound(values), given)
         for k in self.noise_columns:
             values[:, k] = sizes[self.problem.free[k].name]
         return values
 
-    def _noise(self, rebound: Rebound, given: Conditions) -> dict[str, FloatArray]:
+    def _noise(self, columns: Columns, rebound: Rebound, given: Conditions) -> dict[str, FloatArray]:
         """Every noise parameter (rows,): fixed, held, or the root mean square of what it has to explain."""
         sizes = {
             item.name: np.full(given.noise.shape[0], item.fixed)
@@ -168,7 +173,7 @@ class Surface:
             squares, count = np.zeros(given.noise.shape[0]), 0
             for channel in self.problem.channels:
                 if channel.noise == item.name:
-                    z = (channel.observed - channel.predict(rebound)) / channel.spread(1.0, rebound)
+                    z = self.problem.deviation(columns, channel, rebound) / channel.spread(1.0, rebound)
                     squares, count = squares + np.sum(z * z, axis=1), count + channel.observed.size
             best = np.clip(np.sqrt(squares / count), item.prior.lower, item.prior.upper)
             held = given.noise[:, position]
@@ -179,15 +184,16 @@ class Surface:
         """Negative log likelihood (rows,) of the measurements, and of the scene's contact time where it counts; inf
         where the model has no answer.
         """
-        return self._cost(self.problem.rebound(self.problem.to_values(self._coordinates(x))), given)
+        values = self.problem.to_values(self._coordinates(x))
+        return self._cost(self.problem.all_values(values), self.problem.rebound(values), given)
 
-    def _cost(self, rebound: Rebound, given: Conditions) -> FloatArray:
-        sizes = self._noise(rebound, given)
+    def _cost(self, columns: Columns, rebound: Rebound, given: Conditions) -> FloatArray:
+        sizes = self._noise(columns, rebound, given)
         total = np.zeros(rebound.v_x2.shape[0])
         for channel in self.problem.channels:
             noise = sizes[channel.noise][:, None] if channel.noise is not None else 0.0
             spread = channel.spread(noise, rebound)
-            z = (channel.observed - channel.predict(rebound)) / spread
+            z = self.problem.deviation(columns, channel, rebound) / spread
             total = total + np.sum(0.5 * (z * z + LOG_TAU) + np.log(spread), axis=1)
         if given.scene:
             total = total - self.problem.log_knowledge(rebound)
@@ -201,7 +207,8 @@ class Surface:
         """
         coordinates = self._coordinates(x)
         rebound, slopes = rebound_slopes(self.problem, coordinates)
-        sizes = self._noise(rebound, given)
+        columns = self.problem.all_values(self.problem.to_values(coordinates))
+        sizes = self._noise(columns, rebound, given)
         # From coordinates of the priors to those of the surface.
         chain = np.where(self._as_value, 1.0 / np.where(self._as_value, x, 1.0), 1.0)
         rows, count = x.shape
@@ -216,8 +223,8 @@ class Surface:
         for channel in self.problem.channels:
             noise = sizes[channel.noise][:, None] if channel.noise is not None else 0.0
             spread = np.broadcast_to(channel.spread(noise, rebound), rebound.v_x2.shape)
-            z = (channel.predict(rebound) - channel.observed) / spread
-            slope = CHANNEL_SLOPES[channel.name](rebound, slopes)[..., self.columns] * chain[:, None, :]
+            z = -self.problem.deviation(columns, channel, rebound) / spread
+            slope = channel_slopes(self.problem, channel, rebound, slopes)[..., self.columns] * chain[:, None, :]
             if channel.name == "theta_2" and channel.sd is None:
                 # The spread of an angle falls with the rebound speed: z = (angle - observed) speed/noise.
                 speed = np.hypot(rebound.v_x2, rebound.v_y2)
@@ -231,4 +238,4 @@ class Surface:
             value, sd = self.problem.contact_time
             slope = slopes["contact_time"][..., self.columns].mean(axis=1, keepdims=True) * chain[:, None, :]
             gather((rebound.contact_time.mean(axis=1, keepdims=True) - value) / sd, slope / sd)
-        return self._cost(rebound, given), gradient, curvature
+        return self._cost(columns, rebound, given), gradient, curvature
