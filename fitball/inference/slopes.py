@@ -100,8 +100,8 @@ def prediction_slopes(problem: Problem, coordinates: FloatArray) -> FloatArray:
     """Derivatives (draws, measurements, free) of all predictions, in units of their noise, with respect to
     coordinates (draws, free) counted in widths of the priors; measurements run channel by channel.
 
-    Errors of the incident state count as noise; heavy tails make a measurement worth (nu + 1)/(nu + 3) of a normal one
-    (Lange, Little and Taylor 1989).
+    Errors of the incident state count as noise; heavy tails make a measurement worth (nu + 1)/(nu + 3) of a normal
+    one (Lange, Little and Taylor 1989).
     """
     rebound, slopes = rebound_slopes(problem, coordinates)
     columns = problem.all_values(problem.to_values(coordinates))
