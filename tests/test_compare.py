@@ -497,3 +497,15 @@ def test_the_wanted_effective_sample_size_is_heeded():
     assert "(wanted 1000000)" in fit.diagnostics.complaints[0]
     assert fit.diagnostics.steps == 750
     assert run(problem, Effort(seed=1, ess=100.0, max_steps=750, ensembles=2)).status is RunStatus.CONVERGED
+
+
+def test_the_wall_of_the_mass_ratio_follows_the_restitution_that_is_fitted():
+    """Not the measured one, which the table carries along whether or not a model asks for it."""
+    for cor, expected in (("mean", 0.8), ("line", 0.8 - 0.01 * (4.81 - 10.0))):
+        problem = problem_of("wang_all.csv", closures={"cor": cor})
+        values = problem.prior.value(np.zeros((1, problem.dimension)))
+        for name, value in (("cor_10", 0.8), ("cor_slope", -0.01)):
+            if name in problem.free_names:
+                values[0, problem.free_names.index(name)] = value
+        wall = Minimiser(problem, Weighting({}, penalised=False)).wall(values)[0]
+        assert wall == pytest.approx(expected, rel=1e-9)
