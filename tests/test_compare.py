@@ -281,13 +281,13 @@ def synthetic_table(model, seed, **truth):
 def duel(monkeypatch):
     """A function that compares models by densities alone: the refits without some impacts have tests of their own."""
     monkeypatch.setattr("fitball.inference.compare.make_folds", lambda _table, _rng: ((), []))
-    monkeypatch.setattr("fitball.inference.compare.criteria", lambda _problem, _starts: None)
+    monkeypatch.setattr("fitball.inference.scoring.criteria", lambda _problem, _starts: None)
     return compared
 
 
 def compared(table, *models):
     scene = load_scene("wang_all.csv")
-    effort = Effort(seed=3, max_steps=500, ensembles=2, ess=400.0)
+    effort = Effort(seed=3, max_steps=500, ensembles=2, ess=400.0, cores=1)
     return compare(table, build_ladder(table, scene, models), effort, quick=True)
 
 
@@ -321,7 +321,7 @@ def test_data_of_brody_do_not_pay_for_more_parameters(duel):
 def test_an_interrupted_comparison_keeps_what_is_done():
     table, scene = drop_table(np.random.default_rng(1)), Scene()
     ladder = build_ladder(table, scene, ("brody", "two-mass+cor=mean", "two-mass"))
-    effort = Effort(seed=1, max_steps=100, ensembles=2)
+    effort = Effort(seed=1, max_steps=100, ensembles=2, cores=1)
 
     def stop(at):
         def report(stage):
@@ -343,7 +343,7 @@ def test_the_same_seed_gives_the_same_scores():
     ladder = build_ladder(table, scene, ("brody", "two-mass+cor=mean"))
     one, two, other = (
         compare(table, ladder, Effort(seed=seed, cores=cores, max_steps=100, ensembles=2))
-        for seed, cores in ((1, 1), (1, 2), (2, 2))
+        for seed, cores in ((1, 1), (1, 2), (2, 1))
     )
     for first, second in zip(one.models, two.models, strict=True):
         assert first.loo.elpd.tobytes() == second.loo.elpd.tobytes()
@@ -475,8 +475,8 @@ def test_published_sets_need_wangs_data():
 def test_words_of_a_duel(monkeypatch):
     """The paragraph on Wang's zero-spin impacts, from chains too short to converge: signs, units, counts."""
     table, scene = load_table("wang_zero_spin.csv"), load_scene("wang_zero_spin.csv")
-    monkeypatch.setattr("fitball.inference.compare.criteria", lambda _problem, _starts: None)
-    effort = Effort(seed=1, max_steps=150, ensembles=2)
+    monkeypatch.setattr("fitball.inference.scoring.criteria", lambda _problem, _starts: None)
+    effort = Effort(seed=1, max_steps=150, ensembles=2, cores=1)
     found = compare(table, build_ladder(table, scene, ("brody", "two-mass+torsion=rigid")), effort, quick=True)
     change = found.rms_difference("two-mass+torsion=rigid", "brody", "v_x2")
     rms = {item.name: item.out_of_sample()["v_x2"] for item in found.models}

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError
-from fitball.inference.calibrate import Effort, run
+from fitball.inference.calibrate import Effort
 from fitball.inference.comparison import FEW, Comparison, FixedPrediction, ModelScore
-from fitball.inference.criteria import criteria
-from fitball.inference.ladder import Ladder, Rung
-from fitball.inference.leave_out import FOLLOWED, Fold, leave_out, make_folds
-from fitball.inference.loo import leave_one_out
+from fitball.inference.ladder import Ladder
+from fitball.inference.leave_out import make_folds
 from fitball.inference.results import RunStatus
 from fitball.inference.sampling import SamplingInterrupted
+from fitball.inference.scoring import Task, scored
 from fitball.inference.weights import pseudo_bma_weights, stacking_weights
 
 # Fewer impacts than this leave nothing to compare: one left out of two is a fit to a single bounce.
@@ -27,8 +25,6 @@ LEAST_IMPACTS = 3
 ESS = 400.0
 # Steps after which a chain is given up, and said to be unsettled.
 MAX_STEPS = 8000
-# Ensembles of an exact refit: enough to see that they agree.
-REFIT_ENSEMBLES = 2
 
 
 def compare(
@@ -41,9 +37,10 @@ def compare(
 ) -> Comparison:
     """Fit and score every model of the ladder.
 
-    `quick` leaves out the exact refits of impacts with a high Pareto k. Interrupted with at least two models done, it
-    returns those with status INTERRUPTED; with fewer it raises KeyboardInterrupt. Raises FitError for a table of
-    fewer than three impacts and as fits do.
+    `quick` leaves out the exact refits of impacts with a high Pareto k. The models are shared among `effort.cores`
+    processes; the scores do not depend on their number. Interrupted with at least two models done, it returns those
+    with status INTERRUPTED; with fewer it raises KeyboardInterrupt. Raises FitError for a table of fewer than three
+    impacts and as fits do.
     """
     begun = time.perf_counter()
     if len(table) < LEAST_IMPACTS:
@@ -54,21 +51,23 @@ def compare(
         )
     fold_seed, weight_seed, *model_seeds = np.random.SeedSequence(effort.seed).spawn(2 + len(ladder.rungs))
     folds, notes = make_folds(table, np.random.default_rng(fold_seed))
+    tasks = [
+        Task(rung, ladder.columns, folds, effort, seed, quick)
+        for rung, seed in zip(ladder.rungs, model_seeds, strict=True)
+    ]
     scores: list[ModelScore] = []
-    interrupted = False
-    for k, (rung, seed) in enumerate(zip(ladder.rungs, model_seeds, strict=True)):
-        try:
-            scores.append(
-                score_model(rung, ladder.columns, folds, effort, seed, quick, _naming(report, rung.name, k, ladder))
-            )
-        except (KeyboardInterrupt, SamplingInterrupted):
-            if len(scores) < 2:
-                raise KeyboardInterrupt from None
-            interrupted = True
-            missing = ", ".join(item.name for item in ladder.rungs[k:])
-            notes.append(f"interrupted: {missing} not compared")
-            break
-    scores.sort(key=lambda item: -item.loo.total)
+    try:
+        for score in scored(tasks, effort.cores, report):
+            scores.append(score)  # noqa: PERF402 - what is done must stay when the rest is interrupted
+    except (KeyboardInterrupt, SamplingInterrupted):
+        if len(scores) < 2:
+            raise KeyboardInterrupt from None
+        done = {item.name for item in scores}
+        missing = ", ".join(rung.name for rung in ladder.rungs if rung.name not in done)
+        notes.append(f"interrupted: {missing} not compared")
+    interrupted = len(scores) < len(tasks)
+    order = [rung.name for rung in ladder.rungs]
+    scores.sort(key=lambda item: (-item.loo.total, order.index(item.name)))
     elpd = np.stack([item.loo.elpd for item in scores], axis=1)
     names = [item.name for item in scores]
     shares = (stacking_weights(elpd), pseudo_bma_weights(elpd, np.random.default_rng(weight_seed)))
@@ -90,52 +89,3 @@ def compare(
         quick=quick,
         seconds=time.perf_counter() - begun,
     )
-
-
-def score_model(
-    rung: Rung,
-    columns: Sequence[str],
-    folds: Sequence[Fold],
-    effort: Effort,
-    seed: np.random.SeedSequence,
-    quick: bool,
-    report: Callable[[str], None],
-) -> ModelScore:
-    """Posterior, leave-one-out densities and left-out errors of a model. Raises FitError, SamplingInterrupted."""
-    begun = time.perf_counter()
-    problem = rung.problem
-    fit = run(problem, effort, report=lambda stage, _progress: report(stage))
-    assert fit.posterior is not None
-    report("leave-one-out scores")
-    # The refits' ensembles must not repeat those of the full fit.
-    fold_seed, refit_seed = seed.spawn(2)
-    refits = replace(effort, seed=int(refit_seed.generate_state(1)[0]), ensembles=REFIT_ENSEMBLES)
-    settings = refits.settings(problem)
-    loo = leave_one_out(problem, fit, fit.posterior, columns, settings, exact=not quick)
-    report("refits without some impacts")
-    missed, notes = leave_out(problem, fit.point, folds, rung.told, np.random.default_rng(fold_seed))
-    every = {channel.name for channel in problem.channels} == set(columns)
-    found = criteria(problem, (*fit.point.optima[:FOLLOWED], fit.least_squares.values)) if every else None
-    if not every:
-        extra = ", ".join(channel.name for channel in problem.channels if channel.name not in columns)
-        notes.append(f"fitted to {extra} too, so that AICc and BIC would not compare: left out")
-    left = sum(channel.observed.size for channel in problem.channels) - len(problem.channels)
-    if left <= problem.dimension:
-        notes.append(
-            f"without one impact {left} measurements are left for {problem.dimension} free parameters: its priors "
-            "decide its scores"
-        )
-    return ModelScore(
-        name=rung.name,
-        fit=fit,
-        told=rung.told,
-        loo=loo,
-        missed=missed,
-        criteria=found,
-        notes=tuple(notes),
-        seconds=time.perf_counter() - begun,
-    )
-
-
-def _naming(report: Callable[[str], None], name: str, position: int, ladder: Ladder) -> Callable[[str], None]:
-    return lambda stage: report(f"{name} ({position + 1} of {len(ladder.rungs)}): {stage}")
