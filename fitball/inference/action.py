@@ -12,6 +12,7 @@ from fitball.inference.looks import ActionLook
 from fitball.inference.parameters import NOISE_SPECS
 from fitball.inference.posterior import Problem
 from fitball.inference.slopes import prediction_slopes
+from fitball.inference.subsample import LOOKED_AT, thinned_problem, thinned_rows
 from fitball.values import FloatArray
 
 # Change of a rebound, in sds of its noise for the whole width of the prior, below which nothing acts: differences are
@@ -27,8 +28,11 @@ def action_looks(
     problem: Problem, coordinates: FloatArray, regimes: Sequence[Mapping[str, float]]
 ) -> dict[str, ActionLook]:
     """The look at every free parameter but noise, over `coordinates` (draws, free); `regimes` are the probabilities
-    of each impact's phase sequences, none of them in doubt when empty.
+    of each impact's phase sequences, none of them in doubt when empty. Of a large table a part is looked at.
     """
+    kept = thinned_rows(problem, LOOKED_AT)
+    problem = thinned_problem(problem, LOOKED_AT)
+    regimes = [regimes[k] for k in kept] if regimes else ()
     count = len(problem.impacts)
     slopes = prediction_slopes(problem, coordinates).reshape(coordinates.shape[0], -1, count, problem.dimension)
     # A draw at the very edge of what the model can evaluate has no derivative: it says nothing.

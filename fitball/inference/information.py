@@ -7,6 +7,7 @@ import numpy as np
 from fitball.inference.looks import InformationLook
 from fitball.inference.posterior import Problem
 from fitball.inference.slopes import CHANNEL_SLOPES, prediction_slopes, rebound_slopes
+from fitball.inference.subsample import LOOKED_AT, thinned_problem
 from fitball.values import FloatArray
 
 # Standard errors above this many sds of the prior are no knowledge at all.
@@ -18,8 +19,11 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
     of the priors; with `scene` the scene's contact time counts as a measurement.
 
     Where a spread depends on a parameter, twice the squared slope of its logarithm adds to that of the prediction: so
-    it is with a fitted noise, and with an angle, whose spread falls with the rebound speed.
+    it is with a fitted noise, and with an angle, whose spread falls with the rebound speed. Of a large table a part
+    is looked at and counted for the whole.
     """
+    share = len(problem.impacts) / min(len(problem.impacts), LOOKED_AT)
+    problem = thinned_problem(problem, LOOKED_AT)
     rows = prediction_slopes(problem, coordinates[None, :])[0]
     information = rows.T @ rows
     rebound, slopes = rebound_slopes(problem, coordinates[None, :])
@@ -35,6 +39,7 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
             k = problem.free_names.index(channel.noise)
             growth[:, k] = width[k] if problem.free[k].prior.log else width[k] / coordinates[k]
         information += 2.0 * growth.T @ growth
+    information *= share
     if scene and problem.contact_time is not None:
         row = slopes["contact_time"][0].mean(axis=0) * width / problem.contact_time[1]
         information += np.outer(row, row)

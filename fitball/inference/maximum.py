@@ -24,6 +24,10 @@ WORTH_KEEPING = 12.0
 ALTERNATED = 30.0
 # Change of the log posterior over a whole simplex below which it has settled: a hundredth of a sd or less.
 SETTLED = 1e-5
+# Standardised distance within which two starts that were optima of samples belong to one optimum of the whole.
+ONE_BASIN = 0.3
+# Log density a measurement by which a start may lie below another and still lead to the higher optimum.
+HOPELESS = 0.1
 # Rows up to which the simplex polishes the maximum: it costs some thousand densities.
 CLIMBED = 1000
 
@@ -56,13 +60,26 @@ def maximum_posterior(problem: Problem, starts: FloatArray, noise: Mapping[str, 
 
 
 def follow_maximum(problem: Problem, starts: FloatArray, noise: Mapping[str, float]) -> PointFit:
-    """As `maximum_posterior`, from starts (starts, free) and noise that are already near: large tables end here.
+    """As `maximum_posterior`, from starts (starts, free) that are already near: large tables end here.
 
-    The simplex is left out where it would cost too much. Raises FitError as `least_squares` does.
+    Each start first takes the noise that is best for it, `noise` being a guess; of starts in one basin only the
+    higher is followed, and none that is hopeless. The simplex is left out where it would cost too much. Raises
+    FitError as `least_squares` does.
     """
-    known = {**default_noise(problem), **noise}
-    fitted = Minimiser(problem, Weighting(known, penalised=True)).to_fitted(starts)
-    return _best_of(problem, [_with_best_noise(problem, at, known, rounds=8) for at in fitted])
+    found = []
+    for start in starts:
+        own = _best_noise(problem, start[None, :], {**default_noise(problem), **noise})
+        minimiser = Minimiser(problem, Weighting(own, penalised=True))
+        at = minimiser.to_fitted(start[None, :])[0]
+        score = float(problem.log_posterior(problem.to_coordinates(minimiser.values(at[None, :])))[0])
+        found.append(Candidate(score, start, at, own))
+    followed: list[Candidate] = []
+    least = max(item.score for item in found) - HOPELESS * sum(item.observed.size for item in problem.channels)
+    for item in sorted((item for item in found if item.score >= least), key=lambda item: -item.score):
+        apart = [np.max(np.abs(item.at - other.at) / minimiser.scale()) > ONE_BASIN for other in followed]
+        if all(apart):
+            followed.append(item)
+    return _best_of(problem, [_with_best_noise(problem, item.at, item.noise, rounds=8) for item in followed])
 
 
 def _best_of(problem: Problem, found: Sequence[Candidate]) -> PointFit:

@@ -20,6 +20,8 @@ from fitball.values import FloatArray
 SEARCHED = 100
 # Each further sample is so many times as large: the optimum of the one is then within some sd of that of the next.
 GROWTH = 40
+# Chi-square of an optimum of a sample, as a multiple of the best, up to which it may be the best of the whole.
+RIVAL = 1.2
 
 
 def point_fit(problem: Problem, rng: np.random.Generator) -> tuple[LeastSquares, PointFit]:
@@ -37,10 +39,16 @@ def point_fit(problem: Problem, rng: np.random.Generator) -> tuple[LeastSquares,
     for level in (*(thinned_problem(problem, size) for size in sizes), problem):
         # Two optima are carried on until a sample of more rows has decided between them.
         followed = 1 if level is problem and sizes else 2
-        found = least_squares(level, _starts(problem, squares.optima[:followed]))
+        near = [
+            optimum
+            for optimum, chi_square in zip(squares.optima, squares.optima_chi_square, strict=True)
+            if chi_square < RIVAL * squares.chi_square
+        ]
+        found = least_squares(level, _starts(problem, near[:followed]))
         squares = replace(found, starts=len(starts))
         noise = {name: value for name, value in point.values.items() if name in NOISE_SPECS}
-        point = follow_maximum(level, _starts(problem, point.optima[:followed]), noise)
+        optima = (*squares.optima[:followed], *point.optima[:followed])
+        point = follow_maximum(level, _starts(problem, optima), noise)
     return squares, point
 
 

@@ -26,7 +26,7 @@ REFIT_ENSEMBLES = 2
 
 @dataclass(frozen=True)
 class Task:
-    """All it takes to score one model; `columns` are the measured ones scored, `seed` is the root of its generators."""
+    """All it takes to score one model; `columns` are the measured ones scored, `seed` the root of its generators."""
 
     rung: Rung
     columns: tuple[str, ...]

@@ -11,15 +11,25 @@ from fitball.errors import FitError
 from fitball.inference.channels import Channel
 from fitball.inference.posterior import Problem
 
+# Rows that tell what a first-order look at a large table can tell: sums over the others are alike.
+LOOKED_AT = 3000
 
-def thinned_problem(problem: Problem, rows: int) -> Problem:
-    """The same problem on about `rows` impacts, spread evenly over incidence angle; the problem itself if smaller."""
+
+def thinned_rows(problem: Problem, rows: int) -> NDArray[np.int64]:
+    """About `rows` row numbers, spread evenly over incidence angle; all of a problem that has no more."""
     count = len(problem.impacts)
     if count <= rows:
+        return np.arange(count)
+    order = np.argsort(np.arctan2(problem.impacts.v_y1, problem.impacts.v_x1), kind="stable")
+    return np.sort(order[np.linspace(0, count - 1, rows).round().astype(np.int64)])
+
+
+def thinned_problem(problem: Problem, rows: int) -> Problem:
+    """The same problem on its `thinned_rows`; the problem itself if it has no more."""
+    if len(problem.impacts) <= rows:
         return problem
     given = problem.impacts
-    order = np.argsort(np.arctan2(given.v_y1, given.v_x1), kind="stable")
-    kept = np.sort(order[np.linspace(0, count - 1, rows).round().astype(np.int64)])
+    kept = thinned_rows(problem, rows)
     impacts = given.take(kept)
     channels = tuple(_renumbered(item, kept) for item in problem.channels)
     table = replace(
