@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -138,3 +143,26 @@ def test_differences_of_errors_have_the_sign_of_the_first_less_the_second(done):
     best = content["models"][0]["name"]
     assert f"{best} predicts best (v_x2 {rms[best]['v_x2']:.2f} m/s" in content["words"]
     assert "Do two masses" not in content["words"]
+
+
+def test_ctrl_c_ends_every_process_and_says_so(tmp_path):
+    """The real thing: a terminal's Ctrl-C reaches parent and workers."""
+    env = dict(os.environ, PYTHONPATH=str(Path(__file__).resolve().parent.parent))
+    command = [sys.executable, "-m", "fitball", "compare", "wang_all.csv", "--cores", "2", "--out", "a"]
+    process = subprocess.Popen(
+        command, cwd=tmp_path, env=env, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        start_new_session=True,
+    )  # fmt: skip
+    for line in process.stderr:
+        if "in 2 processes" in line:
+            break
+    os.killpg(process.pid, signal.SIGINT)
+    out, rest = process.communicate(timeout=60)
+    assert process.returncode == 130, rest
+    assert "interrupted" in rest
+    assert "Traceback" not in rest
+    assert not out
+    assert not (tmp_path / "a" / "compare.json").exists()
+    # The session is gone: no worker stayed behind.
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)

@@ -67,8 +67,12 @@ def scored(tasks: Sequence[Task], cores: int, report: Callable[[str], None]) -> 
 
 
 def _die_on_interrupt() -> None:
-    """Ctrl-C reaches every process of a terminal; only the parent has something to say about it."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    """Ctrl-C reaches every process of a terminal; only the parent has something to say about it.
+
+    A run in the background, for which the shell had it ignored, goes on ignoring it.
+    """
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _naming(report: Callable[[str], None], name: str) -> Callable[[str], None]:
