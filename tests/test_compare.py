@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -30,6 +31,7 @@ from fitball.inference.results import RunStatus
 from fitball.inference.starts import starting_points
 from fitball.inference.subsample import thinned_problem, withheld
 from fitball.inference.weights import pseudo_bma_weights, stacking_weights
+from fitball.report.compare_folder import json_text
 from fitball.report.compare_words import words
 from fitball.studies import ranking
 from fitball.studies.published_sets import published_sets
@@ -470,6 +472,19 @@ def test_published_sets_need_wangs_data():
 
 
 # --- words
+
+
+def test_a_pareto_k_without_a_number_is_null_in_json():
+    table, scene = drop_table(np.random.default_rng(1)), Scene()
+    ladder = build_ladder(table, scene, ("brody", "two-mass+cor=mean"))
+    found = compare(table, ladder, Effort(seed=1, max_steps=100, ensembles=2, cores=1), quick=True)
+    first = found.models[0]
+    k = first.loo.pareto_k.copy()
+    k[0] = np.inf
+    broken = replace(first, loo=replace(first.loo, pareto_k=k))
+    assert broken.loo.doubtful[0] == 0
+    content = json.loads(json_text(replace(found, models=(broken, *found.models[1:])), "words"))
+    assert content["models"][0]["pareto_k"]["d0"] is None
 
 
 def test_words_of_a_duel(monkeypatch):

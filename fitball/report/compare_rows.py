@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -177,7 +178,10 @@ def _model_content(found: Comparison, item: ModelScore, best: str) -> dict[str, 
         "elpd": item.loo.total,
         "elpd_difference": {"to": best, "value": gap.value, "se": gap.se},
         "elpd_by_impact": dict(zip(ids, item.loo.elpd.tolist(), strict=True)),
-        "pareto_k": dict(zip(ids, item.loo.pareto_k.tolist(), strict=True)),
+        # No Pareto tail can be fitted where all draws give an impact the same density: JSON has no infinity.
+        "pareto_k": {
+            name: k if math.isfinite(k) else None for name, k in zip(ids, item.loo.pareto_k.tolist(), strict=True)
+        },
         "p_loo": item.loo.p_loo,
         "refitted": [ids[k] for k in item.loo.refitted],
         "refits_not_converged": [ids[k] for k in item.loo.unsettled],
