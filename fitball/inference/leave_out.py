@@ -22,10 +22,12 @@ from fitball.values import FloatArray
 # Rows up to which each impact is left out by itself; on larger tables the folds hold several.
 SINGLY = 40
 FOLDS = 20
-# Fresh starts beside the optima of the full fit when many impacts are left out at once and the optimum may jump.
+# Fresh starts beside the optima of the full fit where a tenth of the impacts or more is left out at once and another
+# optimum may become the best.
 FRESH_STARTS = 5
+LARGE_SHARE = 0.1
 # Optima of the full fit that a refit starts from; more of them are as a rule one optimum, seen twice.
-FOLLOWED = 3
+FOLLOWED = 6
 IMPACTS = "each impact"
 GROUPS = "each group"
 
@@ -102,7 +104,8 @@ def leave_out(
     for fold in folds:
         try:
             held = withheld(problem, fold.rows)
-            best = refit(held, point.optima, None if fold.scheme == IMPACTS else rng)
+            large = fold.rows.size >= LARGE_SHARE * len(problem.impacts)
+            best = refit(held, point.optima, rng if large else None)
         except FitError as error:
             notes.append(f"without {fold.label}: {error}")
             continue
