@@ -32,9 +32,11 @@ def point_fit(problem: Problem, rng: np.random.Generator) -> tuple[LeastSquares,
     """
     first = thinned_problem(problem, SEARCHED) if len(problem.impacts) > 2 * SEARCHED else problem
     starts = starting_points(first, rng, STARTS)
-    squares, point = least_squares(first, starts), maximum_posterior(first, starts)
+    squares = least_squares(first, starts)
     if first is problem:
-        return squares, point
+        return squares, maximum_posterior(first, starts)
+    # What is found here is only where the next sample starts.
+    point = maximum_posterior(first, _starts(problem, squares.optima))
     sizes = [SEARCHED * GROWTH**k for k in range(1, 6) if len(problem.impacts) > 2 * SEARCHED * GROWTH**k]
     for level in (*(thinned_problem(problem, size) for size in sizes), problem):
         # Two optima are carried on until a sample of more rows has decided between them.
