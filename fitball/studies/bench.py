@@ -139,8 +139,8 @@ def _solvers(scene: Scene, pace: Pace) -> Iterator[tuple[str, str, Callable[[], 
 
     yield "closed form, one by one", "", one_by_one
     if scene.name == HARD:
-        # Joints up to 1e8 N m/rad: explicit steps of any practical size diverge, adaptive ones take minutes, and matrix
-        # exponentials are what the answers come from.
+        # Joints up to 1e8 N m/rad: explicit steps of any practical size diverge, adaptive ones take minutes, and the
+        # answers come from matrix exponentials.
         return
     yield "closed form, batch", "", closed
     yield "matrix exponentials", "", exponentials
