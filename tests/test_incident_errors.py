@@ -141,6 +141,16 @@ def test_first_order_fails_at_the_kink_where_the_mixture_does_not():
     assert np.max(np.abs(total(problem, values) - exact)) < 0.1
 
 
+def test_the_mixture_is_laid_across_the_boundary():
+    """Impact 10 lies aslant to its boundary: laid towards the nearest axis instead, the mixture is off by a tenth."""
+    table = simulated("two-mass", np.linspace(14.0, 40.0, 30), covariances(30, 0.2, 6.0), 7)
+    problem = problem_of(table, "two-mass")
+    values = at_truth(problem)
+    exact = by_quadrature(problem, values, 10)
+    assert abs(first_order(problem, values)[10] - exact) > 0.15
+    assert abs(total(problem, values)[10] - exact) < 0.03
+
+
 def test_exact_incidence_is_the_limit_of_small_errors():
     table = simulated("two-mass", np.linspace(12.0, 60.0, 8), covariances(8, 1e-7, 1e-6), 3)
     problem = problem_of(table, "two-mass")

@@ -9,7 +9,7 @@ import pytest
 
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
-from fitball.inference import parallel, point
+from fitball.inference import information, parallel, point
 from fitball.inference.least_squares import least_squares
 from fitball.inference.maximum import maximum_posterior
 from fitball.inference.point import point_fit
@@ -78,3 +78,13 @@ def test_a_sample_that_misleads_is_outvoted_by_the_table(monkeypatch):
     squares, _ = point_fit(shifted, np.random.default_rng(1))
     starts = starting_points(shifted, np.random.default_rng(1), STARTS)
     assert squares.chi_square == pytest.approx(least_squares(shifted, starts).chi_square, rel=1e-6)
+
+
+def test_a_part_of_a_large_table_counts_for_the_whole(monkeypatch):
+    problem = problem_of(600, model="grip-slip")
+    at = problem.to_coordinates(starting_points(problem, np.random.default_rng(2), 1))[0]
+    whole = information.fisher_information(problem, at, scene=False)
+    monkeypatch.setattr(information, "LOOKED_AT", 150)
+    part = information.fisher_information(problem, at, scene=False)
+    # A quarter of the rows, laid evenly over incidence, tells a sum over all of them to some percent.
+    np.testing.assert_allclose(np.diag(part), np.diag(whole), rtol=0.15)
