@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from samples import COMPOSITIONS
 
 import fitball
 from fitball.models.oracle import oracle_rebound, oracle_rebound_mp
@@ -24,21 +25,6 @@ INCIDENT = ("v_x1", "v_y1", "omega_1")
 OUTPUT_SIZE = np.array([10.0, 10.0, 300.0, 5e-3])
 LINES = {"eps_slope": 1e-4, "cor_slope": -0.0145}
 
-COMPOSITIONS = [
-    ("two-mass", {}),
-    ("thesis-exact", {}),
-    ("two-mass", {"torsion": "free"}),
-    ("two-mass", {"normal": "total", "release": "zero_displacement"}),
-    ("two-mass", {"normal": "inner"}),
-    ("two-mass", {"spin": "shell", "offset": "grip"}),
-    ("two-mass", {"cor": "mean"}),
-    ("two-mass", {"cor": "measured"}),
-    ("thesis-exact", {"inertia": "table", "torsion": "free"}),
-    ("thesis-exact", {"offset": "contact", "release": "zero_force"}),
-    ("two-mass", {"torsion": "rigid"}),
-    ("two-mass", {"torsion": "rigid", "offset": "grip"}),
-    ("thesis-exact", {"torsion": "rigid"}),
-]
 OTHERS = [
     ("grip-slip", {}), ("brody", {}), ("thesis", {}), ("thesis", {"cor": "measured", "inertia": "table"}),
     ("thesis", {"damping": "given"}), ("two-mass", {"tangential": False}),

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from samples import COMPOSITIONS
 
 from fitball.models.oracle import oracle_rebound
 from fitball.models.registry import model
@@ -13,21 +14,6 @@ from fitball.models.two_mass_model import TwoMassModel
 from fitball.models.types import Phase, Status, unpack_regime
 from fitball.values import Impacts
 
-COMPOSITIONS = [
-    ("two-mass", {}),
-    ("thesis-exact", {}),
-    ("two-mass", {"torsion": "free"}),
-    ("two-mass", {"normal": "total", "release": "zero_displacement"}),
-    ("two-mass", {"normal": "inner"}),
-    ("two-mass", {"spin": "shell", "offset": "grip"}),
-    ("two-mass", {"cor": "mean"}),
-    ("two-mass", {"cor": "measured"}),
-    ("thesis-exact", {"inertia": "table", "torsion": "free"}),
-    ("thesis-exact", {"offset": "contact", "release": "zero_force"}),
-    ("two-mass", {"torsion": "rigid"}),
-    ("two-mass", {"torsion": "rigid", "offset": "grip"}),
-    ("thesis-exact", {"torsion": "rigid"}),
-]
 DRAWS = 100
 # Stiffer joints make the integration that serves as oracle slow, not the solver; the hard cases have them.
 SOFT_ENOUGH = 150.0

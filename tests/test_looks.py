@@ -4,18 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import arviz_stats.utils
 import numpy as np
 import pytest
-import xarray as xr
-from arviz_stats.base.array import array_stats
-from arviz_stats.psense import psense_summary
+from samples import GRIP_SLIP, TWO_MASS, coordinates_of, polar_problem, problem_of, synthetic
 from scipy.differentiate import hessian
 from scipy.stats import norm
 
-from fitball.data.read import load_table
-from fitball.data.scene import load_scene
-from fitball.data.table import Measurement
 from fitball.inference.action import action_looks
 from fitball.inference.calibrate import Effort, run
 from fitball.inference.examination import examine, profile_all
@@ -31,41 +25,10 @@ from fitball.inference.looks import (
     Profile,
     Profiles,
 )
-from fitball.inference.power_scaling import CONFLICT, WEAK, diagnosis, power_looks, sensitivities
-from fitball.inference.problem import Choices, build_problem
-from fitball.inference.results import Posterior, Verdict
+from fitball.inference.power_scaling import WEAK
+from fitball.inference.results import Verdict
 from fitball.inference.spectrum import combination, product, relative, spectrum
 from fitball.inference.verdicts import combine
-
-GRIP_SLIP = {
-    "mu": 0.55, "e_x": 0.1, "offset": 2e-3, "cor_10": 0.76, "cor_slope": -0.013, "velocity_sd": 0.25, "spin_sd": 10.0,
-}  # fmt: skip
-TWO_MASS = {
-    "mass_ratio": 0.87, "k_y": 1.9e4, "k_theta": 15.0, "mu": 0.55, "eps_10": 2.5e-3, "eps_slope": 0.0,
-    "cor_10": 0.775, "cor_slope": -0.0145, "velocity_sd": 0.25, "spin_sd": 11.0,
-}  # fmt: skip
-
-
-def problem_of(name, model=None, **scene_changes):
-    return build_problem(load_table(name), replace(load_scene(name), **scene_changes), Choices(model=model))
-
-
-def coordinates_of(problem, truth):
-    return problem.to_coordinates(np.array([[truth[name] for name in problem.free_names]]))[0]
-
-
-def synthetic(problem, truth, seed=None):
-    """The problem with rebounds as the model makes them from `truth`, with noise when there is a seed."""
-    rebound = problem.rebound(np.array([[truth[name] for name in problem.free_names]]))
-    made = []
-    for channel in problem.channels:
-        values = channel.predict(rebound)[0]
-        if seed is not None:
-            rng = np.random.default_rng([seed, len(made)])
-            values = values + truth[channel.noise] * rng.standard_normal(values.size)
-        made.append(Measurement(channel.name, values))
-    table = replace(problem.table, measurements=tuple(made), redundant=())
-    return build_problem(table, problem.scene, Choices(model=problem.model.name))
 
 
 def numerical_hessian(problem, coordinates):
@@ -98,13 +61,7 @@ def test_information_is_the_hessian_where_there_is_no_residual(model, truth):
 
 def test_information_is_the_covariance_of_the_score(tmp_path):
     """With angles, whose spread depends on the parameters, and fitted noise: twenty thousand simulated tables."""
-    text = (
-        "id,v_1 [m/s],theta_1 [deg],omega_1 [rpm],v_2 [m/s],theta_2 [deg],omega_2 [rpm]\n"
-        "a,17,18,0,12.2,20,2400\nb,17,27,50,10.7,34,2700\nc,16.4,38,0,10.7,45,2500\nd,16.4,52,-30,11,59,1900\n"
-    )
-    place = tmp_path / "polar.csv"
-    place.write_text(text, encoding="utf-8")
-    problem = build_problem(load_table(place), load_scene(place), Choices(model="grip-slip"))
+    problem = polar_problem(tmp_path)
     truth = GRIP_SLIP | {"velocity_sd": 1.5}
     at = coordinates_of(problem, truth)
     steps = 1e-4 * np.diag(problem.prior.width)
@@ -162,119 +119,6 @@ def test_combinations_in_words():
     covariance = np.outer(vector, vector) * 0.0064 / 3.25
     assert combination(logs, vector, sds, covariance) == ("k_theta/k_y", "8 %")
     assert relative(2.0) == "a factor of 7.4"
-
-
-class OnArrays:
-    """ArviZ's psense needs a package for its own arrays on xarray that is not installed here: the same on numpy."""
-
-    @staticmethod
-    def power_scale_lw(da, alpha=0, dim=None):
-        return xr.DataArray(array_stats.power_scale_lw(da.to_numpy().ravel(), alpha=alpha)[None], dims=dim)
-
-    @staticmethod
-    def power_scale_sense(da, lower_w, upper_w, lower_alpha, upper_alpha, sample_dims=None):
-        parts = [item.to_numpy() for item in (da, lower_w, upper_w)]
-        return xr.DataArray(array_stats.power_scale_sense(*parts, lower_alpha, upper_alpha))
-
-
-def power_tree(problem, values):
-    """What ArviZ wants: posterior, log prior and log likelihood, one chain."""
-    coordinates = problem.to_coordinates(values)
-    dims = ("chain", "draw")
-    rebound = problem.rebound(values)
-    names = problem.free_names
-    prior = {name: problem.free[k].prior.log_density(coordinates[:, k]) for k, name in enumerate(names)}
-    terms = problem.log_likelihood_terms(values, rebound)
-    return xr.DataTree.from_dict(
-        {
-            "posterior": xr.Dataset({name: (dims, coordinates[None, :, k]) for k, name in enumerate(names)}),
-            "log_prior": xr.Dataset({name: (dims, item[None]) for name, item in prior.items()}),
-            "log_likelihood": xr.Dataset({name: ((*dims, "impact"), item[None]) for name, item in terms.items()}),
-        }
-    )
-
-
-def cumulative_jensen_shannon(x, weights):
-    """Kallioinen et al. (2023), Eq. (6) and its root, the larger of x and -x, in bits."""
-    found = []
-    for column in (x, -x):
-        order = np.argsort(column)
-        width = np.diff(column[order])
-        p = np.arange(1, x.size) / x.size
-        q = np.cumsum(weights[order])[:-1]
-        middle = 0.5 * (p + q)
-        one, other = (
-            np.sum(width * (a * np.log2(a / middle))) + 0.5 / np.log(2.0) * np.sum(width * (b - a))
-            for a, b in ((p, q), (q, p))
-        )
-        found.append(np.sqrt((one + other) / np.sum(width * (p + q))))
-    return max(found)
-
-
-def normal_draws(problem, truth, seed):
-    """Independent draws of a normal posterior made by hand: no sampler has to converge for this."""
-    rng = np.random.default_rng(seed)
-    at = coordinates_of(problem, truth)
-    information = fisher_information(problem, at, scene=True)
-    scale = problem.prior.width * np.array([1.0 if item.prior.normal else 12.0**-0.5 for item in problem.free])
-    covariance = np.linalg.inv(information + np.eye(at.size)) * np.outer(scale, scale)
-    return problem.to_values(rng.multivariate_normal(at, covariance, 3000))
-
-
-def drawn(problem):
-    values = normal_draws(problem, GRIP_SLIP, 5)
-    return values, Posterior(problem.free_names, values[None, :, None, :], np.zeros((1, 3000, 1)), values)
-
-
-def test_power_scaling_is_arvizs(monkeypatch):
-    monkeypatch.setattr(arviz_stats.utils, "import_module", lambda _name: OnArrays)
-    problem = synthetic(problem_of("wang_all.csv", "grip-slip"), GRIP_SLIP, 4)
-    values, posterior = drawn(problem)
-    found = power_looks(problem, posterior)
-    expected = psense_summary(power_tree(problem, values), round_to=10)
-    for name in problem.free_names:
-        assert found[name].prior == pytest.approx(expected.loc[name, "prior"], abs=1e-9)
-        assert found[name].likelihood == pytest.approx(expected.loc[name, "likelihood"], abs=1e-9)
-    own = psense_summary(power_tree(problem, values), prior_var_names=["mu"], round_to=10)
-    assert found["mu"].own_prior == pytest.approx(own.loc["mu", "prior"], abs=1e-9)
-
-
-def test_power_scaling_is_the_published_formula():
-    problem = synthetic(problem_of("wang_all.csv", "grip-slip"), GRIP_SLIP, 4)
-    values, posterior = drawn(problem)
-    found = power_looks(problem, posterior)
-    coordinates = problem.to_coordinates(values)
-    log_likelihood = problem.log_likelihood(values, problem.rebound(values))
-    for k, name in enumerate(problem.free_names):
-        slopes = []
-        for power in (0.99, 1.01):
-            weights = np.exp((power - 1.0) * (log_likelihood - log_likelihood.max()))
-            distance = cumulative_jensen_shannon(coordinates[:, k], weights / weights.sum())
-            slopes.append(distance / abs(np.log2(power)))
-        # Smoothing of the largest weights changes little at powers so near one.
-        assert found[name].likelihood == pytest.approx(np.mean(slopes), rel=0.05)
-    assert sensitivities(values, np.full(3000, 2.0)).tolist() == [0.0] * problem.dimension
-
-
-def test_a_strong_wrong_prior_is_flagged_and_a_wide_one_is_not():
-    problem = synthetic(problem_of("wang_all.csv", "grip-slip"), GRIP_SLIP, 6)
-    effort = Effort(seed=1, cores=1, walkers=16, max_steps=600)
-    fits = {}
-    # 0.85 is seven of its own sds and nine of the table's from the truth, 0.76.
-    for prior in ("normal(0.75, 0.15)", "normal(0.85, 0.012)"):
-        choices = Choices(model="grip-slip", priors={"cor_10": prior})
-        fits[prior] = run(build_problem(problem.table, problem.scene, choices), effort)
-    wide, wrong = (fit.examination.looks["cor_10"] for fit in fits.values())
-    assert wide.power.diagnosis == ""
-    assert "conflict" not in wide.disagreement
-    assert wrong.power.diagnosis == CONFLICT
-    assert wrong.power.own_prior > 0.05
-    assert "its prior and the table pull it apart" in wrong.disagreement
-    # The profile knows no prior: it is the same under both.
-    for left, right in zip(wide.profile.interval_95, wrong.profile.interval_95, strict=True):
-        assert left == pytest.approx(right, rel=1e-3)
-    assert diagnosis(0.2, 0.01) == WEAK
-    assert diagnosis(0.04, 0.01) == ""
 
 
 def test_when_every_ball_grips_friction_acts_nowhere_and_is_bounded_from_below():

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from samples import polar_problem
 from scipy.optimize import brentq, minimize
 from scipy.stats import chi2, norm
 
@@ -265,13 +266,7 @@ def test_the_cost_is_the_negative_log_likelihood(grip_slip):
 
 def test_gradients_are_those_of_the_cost(tmp_path):
     """Polar measurements: the spread of an angle depends on the parameters, which adds to the gradient."""
-    text = (
-        "id,v_1 [m/s],theta_1 [deg],omega_1 [rpm],v_2 [m/s],theta_2 [deg],omega_2 [rpm]\n"
-        "a,17,18,0,12.2,20,2400\nb,17,27,50,10.7,34,2700\nc,16.4,38,0,10.7,45,2500\nd,16.4,52,-30,11,59,1900\n"
-    )
-    place = tmp_path / "polar.csv"
-    place.write_text(text, encoding="utf-8")
-    problem = build_problem(load_table(place), load_scene(place), Choices(model="grip-slip"))
+    problem = polar_problem(tmp_path)
     surface = Surface(problem)
     x = surface.from_values(np.array([[TRUTH[key] for key in problem.free_names]]))
     given = searches(surface, [0], x[:, 0], x, True).given

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
-from fitball.cli.options import add_cores
+from fitball.cli.options import add_study, stages
 
 DEFAULT_FOLDER = Path("fits") / "bench"
 
@@ -24,10 +23,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--quick", action="store_true", help="a minute instead of some")
-    parser.add_argument("--out", metavar="DIR", help=f"where to write (default: {DEFAULT_FOLDER})")
-    add_cores(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON for other programs")
-    parser.add_argument("--quiet", action="store_true", help="no progress")
+    add_study(parser, DEFAULT_FOLDER)
     parser.set_defaults(run=run)
 
 
@@ -36,10 +32,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.studies.bench import FULL, QUICK, measure
     from fitball.studies.bench_page import summary, write
 
-    def report(stage: str) -> None:
-        if not args.quiet:
-            print(f"{stage} ...", file=sys.stderr)
-
+    report = stages(args.quiet)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER
     found = measure(QUICK if args.quick else FULL, args.cores, report)
     write(found, folder)

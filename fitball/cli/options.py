@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
 
 
 def count(text: str) -> int:
@@ -37,3 +40,21 @@ def add_structure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--exact-incidence", action="store_true", help="take the incident state as exact even where its sd is stated"
     )
+
+
+def add_study(parser: argparse.ArgumentParser, folder: Path) -> None:
+    """Add what every study takes: where to write (by default `folder`), cores, how to print."""
+    parser.add_argument("--out", metavar="DIR", help=f"where to write (default: {folder})")
+    add_cores(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON for other programs")
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+
+
+def stages(quiet: bool) -> Callable[[str], None]:
+    """Tells the stages of a study, unless `quiet`."""
+
+    def tell(stage: str) -> None:
+        if not quiet:
+            print(f"{stage} ...", file=sys.stderr)
+
+    return tell

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
-from fitball.cli.options import add_cores
+from fitball.cli.options import add_study, stages
 
 DEFAULT_FOLDER = Path("fits") / "chapter_five"
 
@@ -22,11 +21,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         epilog="example:\n  fitball rederive\n  fitball rederive --out judged --json\n",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--out", metavar="DIR", help=f"where to write (default: {DEFAULT_FOLDER})")
     parser.add_argument("--seed", type=int, default=1, help="seed of fits and resampling (default: 1)")
-    add_cores(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON for other programs")
-    parser.add_argument("--quiet", action="store_true", help="no progress")
+    add_study(parser, DEFAULT_FOLDER)
     parser.set_defaults(run=run)
 
 
@@ -36,10 +32,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.studies.chapter_five import derive
     from fitball.studies.chapter_five_page import write
 
-    def report(stage: str) -> None:
-        if not args.quiet:
-            print(f"{stage} ...", file=sys.stderr)
-
+    report = stages(args.quiet)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER
     found = derive(Effort(seed=args.seed, cores=args.cores), report)
     report("figures and page")

@@ -14,6 +14,7 @@ from fitball.models.events import TORSION, VERTICAL, basis_at
 from fitball.models.landing import landed
 from fitball.models.oscillator import forced_response, series_free, series_response
 from fitball.models.phases import GRIP, HOLD, SLIDE_FORWARD
+from fitball.models.twist import free_twist_rate, set_torsion, twist_at, vertical_after
 from fitball.models.two_mass import (
     EVENT,
     FORCE_ENDED,
@@ -24,10 +25,6 @@ from fitball.models.two_mass import (
     PIECE_TERMS,
     PIECE_TIME,
     RESUMED,
-    free_twist_rate,
-    set_torsion,
-    twist_at,
-    vertical_after,
 )
 from fitball.values import FloatArray
 

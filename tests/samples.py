@@ -1,0 +1,91 @@
+"""Tables, problems and compositions that several tests share."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fitball.data.read import load_table
+from fitball.data.scene import Scene, load_scene
+from fitball.data.table import Measurement
+from fitball.inference.problem import Choices, build_problem
+
+# Model and closures: every closure at least once.
+COMPOSITIONS = [
+    ("two-mass", {}),
+    ("thesis-exact", {}),
+    ("two-mass", {"torsion": "free"}),
+    ("two-mass", {"normal": "total", "release": "zero_displacement"}),
+    ("two-mass", {"normal": "inner"}),
+    ("two-mass", {"spin": "shell", "offset": "grip"}),
+    ("two-mass", {"cor": "mean"}),
+    ("two-mass", {"cor": "measured"}),
+    ("thesis-exact", {"inertia": "table", "torsion": "free"}),
+    ("thesis-exact", {"offset": "contact", "release": "zero_force"}),
+    ("two-mass", {"torsion": "rigid"}),
+    ("two-mass", {"torsion": "rigid", "offset": "grip"}),
+    ("thesis-exact", {"torsion": "rigid"}),
+]
+# Parameters near those of Wang's balls.
+GRIP_SLIP = {
+    "mu": 0.55, "e_x": 0.1, "offset": 2e-3, "cor_10": 0.76, "cor_slope": -0.013, "velocity_sd": 0.25, "spin_sd": 10.0,
+}  # fmt: skip
+TWO_MASS = {
+    "mass_ratio": 0.87, "k_y": 1.9e4, "k_theta": 15.0, "mu": 0.55, "eps_10": 2.5e-3, "eps_slope": 0.0,
+    "cor_10": 0.775, "cor_slope": -0.0145, "velocity_sd": 0.25, "spin_sd": 11.0,
+}  # fmt: skip
+# Speeds and angles, whose spread depends on the parameters.
+POLAR = (
+    "id,v_1 [m/s],theta_1 [deg],omega_1 [rpm],v_2 [m/s],theta_2 [deg],omega_2 [rpm]\n"
+    "a,17,18,0,12.2,20,2400\nb,17,27,50,10.7,34,2700\nc,16.4,38,0,10.7,45,2500\nd,16.4,52,-30,11,59,1900\n"
+)
+
+
+def polar_problem(folder):
+    place = folder / "polar.csv"
+    place.write_text(POLAR, encoding="utf-8")
+    return build_problem(load_table(place), load_scene(place), Choices(model="grip-slip"))
+
+
+def problem_of(name, model=None, **scene_changes):
+    return build_problem(load_table(name), replace(load_scene(name), **scene_changes), Choices(model=model))
+
+
+def coordinates_of(problem, truth):
+    return problem.to_coordinates(np.array([[truth[name] for name in problem.free_names]]))[0]
+
+
+def drop_table(rng, count=9, noise=0.05):
+    table = load_table("wang_zero_spin.csv")
+    speeds = np.linspace(3.0, 16.0, count)
+    rebound = (0.76 - 0.014 * (speeds - 10.0)) * speeds + noise * rng.standard_normal(count)
+    return replace(
+        table,
+        impacts=type(table.impacts)(np.zeros(count), speeds, np.zeros(count)),
+        incident_columns=("v_y1",),
+        measurements=(Measurement("v_y2", rebound),),
+        redundant=(),
+        ids=tuple(f"d{k}" for k in range(count)),
+        labels={},
+        notices=(),
+    )
+
+
+def linear_problem(table, **scene):
+    flat = {"cor_10": "uniform(0, 1)", "cor_slope": "uniform(-0.1, 0.1)"}
+    return build_problem(table, Scene(**scene), Choices(model="brody", priors=flat))
+
+
+def synthetic(problem, truth, seed=None):
+    """The problem with rebounds as the model makes them from `truth`, with noise when there is a seed."""
+    rebound = problem.rebound(np.array([[truth[name] for name in problem.free_names]]))
+    made = []
+    for channel in problem.channels:
+        values = channel.predict(rebound)[0]
+        if seed is not None:
+            rng = np.random.default_rng([seed, len(made)])
+            values = values + truth[channel.noise] * rng.standard_normal(values.size)
+        made.append(Measurement(channel.name, values))
+    table = replace(problem.table, measurements=tuple(made), redundant=())
+    return build_problem(table, problem.scene, Choices(model=problem.model.name))

@@ -1,0 +1,130 @@
+"""Power-scaling against ArviZ and the published formula."""
+
+from __future__ import annotations
+
+import arviz_stats.utils
+import numpy as np
+import pytest
+import xarray as xr
+from arviz_stats.base.array import array_stats
+from arviz_stats.psense import psense_summary
+from samples import GRIP_SLIP, coordinates_of, problem_of, synthetic
+
+from fitball.inference.calibrate import Effort, run
+from fitball.inference.information import fisher_information
+from fitball.inference.power_scaling import CONFLICT, WEAK, diagnosis, power_looks, sensitivities
+from fitball.inference.problem import Choices, build_problem
+from fitball.inference.results import Posterior
+
+
+class OnArrays:
+    """ArviZ's psense needs a package for its own arrays on xarray that is not installed here: the same on numpy."""
+
+    @staticmethod
+    def power_scale_lw(da, alpha=0, dim=None):
+        return xr.DataArray(array_stats.power_scale_lw(da.to_numpy().ravel(), alpha=alpha)[None], dims=dim)
+
+    @staticmethod
+    def power_scale_sense(da, lower_w, upper_w, lower_alpha, upper_alpha, sample_dims=None):
+        parts = [item.to_numpy() for item in (da, lower_w, upper_w)]
+        return xr.DataArray(array_stats.power_scale_sense(*parts, lower_alpha, upper_alpha))
+
+
+def power_tree(problem, values):
+    """What ArviZ wants: posterior, log prior and log likelihood, one chain."""
+    coordinates = problem.to_coordinates(values)
+    dims = ("chain", "draw")
+    rebound = problem.rebound(values)
+    names = problem.free_names
+    prior = {name: problem.free[k].prior.log_density(coordinates[:, k]) for k, name in enumerate(names)}
+    terms = problem.log_likelihood_terms(values, rebound)
+    return xr.DataTree.from_dict(
+        {
+            "posterior": xr.Dataset({name: (dims, coordinates[None, :, k]) for k, name in enumerate(names)}),
+            "log_prior": xr.Dataset({name: (dims, item[None]) for name, item in prior.items()}),
+            "log_likelihood": xr.Dataset({name: ((*dims, "impact"), item[None]) for name, item in terms.items()}),
+        }
+    )
+
+
+def cumulative_jensen_shannon(x, weights):
+    """Kallioinen et al. (2023), Eq. (6) and its root, the larger of x and -x, in bits."""
+    found = []
+    for column in (x, -x):
+        order = np.argsort(column)
+        width = np.diff(column[order])
+        p = np.arange(1, x.size) / x.size
+        q = np.cumsum(weights[order])[:-1]
+        middle = 0.5 * (p + q)
+        one, other = (
+            np.sum(width * (a * np.log2(a / middle))) + 0.5 / np.log(2.0) * np.sum(width * (b - a))
+            for a, b in ((p, q), (q, p))
+        )
+        found.append(np.sqrt((one + other) / np.sum(width * (p + q))))
+    return max(found)
+
+
+def normal_draws(problem, truth, seed):
+    """Independent draws of a normal posterior made by hand: no sampler has to converge for this."""
+    rng = np.random.default_rng(seed)
+    at = coordinates_of(problem, truth)
+    information = fisher_information(problem, at, scene=True)
+    scale = problem.prior.width * np.array([1.0 if item.prior.normal else 12.0**-0.5 for item in problem.free])
+    covariance = np.linalg.inv(information + np.eye(at.size)) * np.outer(scale, scale)
+    return problem.to_values(rng.multivariate_normal(at, covariance, 3000))
+
+
+def drawn(problem):
+    values = normal_draws(problem, GRIP_SLIP, 5)
+    return values, Posterior(problem.free_names, values[None, :, None, :], np.zeros((1, 3000, 1)), values)
+
+
+def test_power_scaling_is_arvizs(monkeypatch):
+    monkeypatch.setattr(arviz_stats.utils, "import_module", lambda _name: OnArrays)
+    problem = synthetic(problem_of("wang_all.csv", "grip-slip"), GRIP_SLIP, 4)
+    values, posterior = drawn(problem)
+    found = power_looks(problem, posterior)
+    expected = psense_summary(power_tree(problem, values), round_to=10)
+    for name in problem.free_names:
+        assert found[name].prior == pytest.approx(expected.loc[name, "prior"], abs=1e-9)
+        assert found[name].likelihood == pytest.approx(expected.loc[name, "likelihood"], abs=1e-9)
+    own = psense_summary(power_tree(problem, values), prior_var_names=["mu"], round_to=10)
+    assert found["mu"].own_prior == pytest.approx(own.loc["mu", "prior"], abs=1e-9)
+
+
+def test_power_scaling_is_the_published_formula():
+    problem = synthetic(problem_of("wang_all.csv", "grip-slip"), GRIP_SLIP, 4)
+    values, posterior = drawn(problem)
+    found = power_looks(problem, posterior)
+    coordinates = problem.to_coordinates(values)
+    log_likelihood = problem.log_likelihood(values, problem.rebound(values))
+    for k, name in enumerate(problem.free_names):
+        slopes = []
+        for power in (0.99, 1.01):
+            weights = np.exp((power - 1.0) * (log_likelihood - log_likelihood.max()))
+            distance = cumulative_jensen_shannon(coordinates[:, k], weights / weights.sum())
+            slopes.append(distance / abs(np.log2(power)))
+        # Smoothing of the largest weights changes little at powers so near one.
+        assert found[name].likelihood == pytest.approx(np.mean(slopes), rel=0.05)
+    assert sensitivities(values, np.full(3000, 2.0)).tolist() == [0.0] * problem.dimension
+
+
+def test_a_strong_wrong_prior_is_flagged_and_a_wide_one_is_not():
+    problem = synthetic(problem_of("wang_all.csv", "grip-slip"), GRIP_SLIP, 6)
+    effort = Effort(seed=1, cores=1, walkers=16, max_steps=600)
+    fits = {}
+    # 0.85 is seven of its own sds and nine of the table's from the truth, 0.76.
+    for prior in ("normal(0.75, 0.15)", "normal(0.85, 0.012)"):
+        choices = Choices(model="grip-slip", priors={"cor_10": prior})
+        fits[prior] = run(build_problem(problem.table, problem.scene, choices), effort)
+    wide, wrong = (fit.examination.looks["cor_10"] for fit in fits.values())
+    assert wide.power.diagnosis == ""
+    assert "conflict" not in wide.disagreement
+    assert wrong.power.diagnosis == CONFLICT
+    assert wrong.power.own_prior > 0.05
+    assert "its prior and the table pull it apart" in wrong.disagreement
+    # The profile knows no prior: it is the same under both.
+    for left, right in zip(wide.profile.interval_95, wrong.profile.interval_95, strict=True):
+        assert left == pytest.approx(right, rel=1e-3)
+    assert diagnosis(0.2, 0.01) == WEAK
+    assert diagnosis(0.04, 0.01) == ""
