@@ -93,6 +93,48 @@ class Impacts:
         cor = None if self.cor is None else self.cor[rows]
         return Impacts(self.v_x1[rows], self.v_y1[rows], self.omega_1[rows], cor)
 
+    def states(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
+        """`(v_x1, v_y1, omega_1, cor)` as rows (1, impacts) that all draws of parameters share."""
+        return self.v_x1[None], self.v_y1[None], self.omega_1[None], None if self.cor is None else self.cor[None]
+
+
+@dataclass(frozen=True)
+class OwnImpacts:
+    """Incident states of which every draw of parameters has its own: all (draws, impacts), otherwise as `Impacts`."""
+
+    v_x1: FloatArray
+    v_y1: FloatArray
+    omega_1: FloatArray
+    cor: FloatArray | None = field(default=None)
+
+    def __post_init__(self) -> None:
+        for name in ("v_x1", "v_y1", "omega_1") + (("cor",) if self.cor is not None else ()):
+            array = np.ascontiguousarray(getattr(self, name), dtype=np.float64)
+            if array.shape != self.v_x1.shape or array.ndim != 2:
+                raise ParameterError(f"{name} has shape {array.shape}: expected (draws, impacts)")
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        # Written so that NaN is refused too.
+        if not np.all(self.v_y1 > 0.0):
+            raise ParameterError("v_y1 holds a speed that is not towards the court")
+
+    def __len__(self) -> int:
+        return int(self.v_x1.shape[1])
+
+    def take(self, rows: NDArray[np.int64]) -> OwnImpacts:
+        """Of every draw the impacts with these row numbers."""
+        cor = None if self.cor is None else self.cor[:, rows]
+        return OwnImpacts(self.v_x1[:, rows], self.v_y1[:, rows], self.omega_1[:, rows], cor)
+
+    def of_draws(self, draws: NDArray[np.int64]) -> OwnImpacts:
+        """The impacts of some of the draws."""
+        cor = None if self.cor is None else self.cor[draws]
+        return OwnImpacts(self.v_x1[draws], self.v_y1[draws], self.omega_1[draws], cor)
+
+    def states(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
+        """`(v_x1, v_y1, omega_1, cor)`, each (draws, impacts)."""
+        return self.v_x1, self.v_y1, self.omega_1, self.cor
+
 
 def impacts(v_x1: ArrayLike, v_y1: ArrayLike, omega_1: ArrayLike = 0.0, cor: ArrayLike | None = None) -> Impacts:
     """Make impacts from numbers or arrays in SI units (m/s, m/s, rad/s); single numbers are broadcast.

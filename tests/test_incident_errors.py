@@ -15,7 +15,7 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.inference import kinks
 from fitball.inference.incident import whitened
-from fitball.inference.marginal import standardised
+from fitball.inference.marginal import seen, standardised
 from fitball.inference.problem import Choices, build_problem
 from fitball.inference.scatter import log_density
 from fitball.studies.hard_cases import BASE
@@ -85,7 +85,8 @@ def first_order(problem, values):
     columns = problem.all_values(values)
     rows = np.arange(len(problem.impacts))
     made = problem.rebound(values)
-    z, sds = standardised(problem, columns, made, problem.impacts, rows, problem.incident.covariance)
+    slopes = problem.slopes_like(columns, problem.impacts, rows)
+    z, sds = standardised(seen(problem, columns), columns, made, slopes, problem.incident.covariance)
     return np.sum([log_density(a, None) - np.log(b) for a, b in zip(z, sds, strict=True)], axis=0)[0]
 
 

@@ -45,9 +45,10 @@ def channel_slopes(channel: Channel, rebound: Rebound, slopes: FloatArray) -> Fl
 def spread_by_input(slopes: FloatArray, covariance: FloatArray) -> FloatArray:
     """Covariance (draws, impacts, channels, channels) that the incident errors alone give the channels.
 
-    `slopes` (draws, impacts, channels, 3); `covariance` (impacts, 3, 3).
+    `slopes` (draws, impacts, channels, 3); `covariance` (impacts, 3, 3), or any that broadcasts to (draws, impacts,
+    3, 3).
     """
-    found: FloatArray = np.einsum("dick,ikl,diml->dicm", slopes, covariance, slopes, optimize=True)
+    found: FloatArray = np.einsum("...ck,...kl,...ml->...cm", slopes, covariance, slopes, optimize=True)
     return found
 
 

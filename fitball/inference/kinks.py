@@ -18,7 +18,10 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from fitball.models.types import Rebound
-from fitball.values import FloatArray, Impacts
+from fitball.values import FloatArray, Impacts, OwnImpacts
+
+# Incident states (v_x1, v_y1, omega_1, cor) of any shape.
+States = tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]
 
 # Standard deviations within which a change of regime is looked for.
 REACH = 2.0
@@ -47,6 +50,19 @@ def shifted(impacts: Impacts, moves: FloatArray, rows: NDArray[np.int64]) -> Imp
     return Impacts(
         impacts.v_x1[rows] + moves[:, 0], impacts.v_y1[rows] + moves[:, 1], impacts.omega_1[rows] + moves[:, 2], cor
     )
+
+
+def displaced(states: States, moves: FloatArray) -> tuple[OwnImpacts, NDArray[np.bool_]]:
+    """`states`, broadcastable to (draws, impacts), moved by `moves` (draws, impacts, 3), and which still reach the
+    court.
+
+    One that does not has no impact; it stands unmoved.
+    """
+    v_x, v_y, omega, cor = states
+    possible = v_y + moves[..., 1] > 0.0
+    kept = np.where(possible[..., None], moves, 0.0)
+    restitution = None if cor is None else np.broadcast_to(cor, possible.shape)
+    return OwnImpacts(v_x + kept[..., 0], v_y + kept[..., 1], omega + kept[..., 2], restitution), possible
 
 
 def crossings(
@@ -89,6 +105,6 @@ def narrowed(root: FloatArray, direction: FloatArray) -> FloatArray:
 
 
 def mixed(log_densities: FloatArray) -> FloatArray:
-    """Log density of each pair from those of its parts, (parts, pairs)."""
-    found: FloatArray = logsumexp(log_densities + parts()[1][:, None], axis=0)
+    """Log density of each pair from those of its parts, (pairs, parts)."""
+    found: FloatArray = logsumexp(log_densities + parts()[1], axis=1)
     return found

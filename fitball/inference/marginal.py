@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +15,7 @@ from fitball.inference.incident import IncidentErrors, channel_slopes, spread_by
 from fitball.inference.parameters import TAILS
 from fitball.inference.scatter import log_density
 from fitball.models.types import Rebound
-from fitball.values import FloatArray, Impacts
+from fitball.values import FloatArray
 
 if TYPE_CHECKING:
     from fitball.inference.posterior import Problem
@@ -25,6 +25,36 @@ Columns = Mapping[str, FloatArray]
 UNKNOWN = 1e150
 # Angle [rad] by which a velocity noise of 1 m/s turns a rebound of some 10 m/s.
 TURN = 0.1
+# Pairs of draw and impact that are split at once: more only take more memory.
+PAIRS = 2000
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A measured column beside what it is compared with: `observed`, its stated `sd` or None, and the `bias` of its
+    group, all broadcastable to (draws, impacts); `observed` is NaN where nothing was measured.
+    """
+
+    channel: Channel
+    observed: FloatArray
+    sd: FloatArray | None
+    bias: FloatArray
+
+    def paired(self, draws: NDArray[np.int64], rows: NDArray[np.int64]) -> Seen:
+        """For pairs of a draw and an impact, each of shape (pairs, 1)."""
+        sd = None if self.sd is None else self.sd[rows][:, None]
+        bias = self.bias[draws, rows][:, None] if self.bias.ndim == 2 else self.bias
+        return Seen(self.channel, self.observed[rows][:, None], sd, bias)
+
+
+def seen(problem: Problem, columns: Columns) -> tuple[Seen, ...]:
+    """All measured columns of the table."""
+    found = []
+    for channel in problem.channels:
+        observed, sd = channel.over(len(problem.impacts))
+        bias = np.zeros(()) if problem.offsets is None else problem.offsets.offset(columns, channel.name)
+        found.append(Seen(replace(channel, rows=None), observed, sd, bias))
+    return tuple(found)
 
 
 def marginal_terms(
@@ -35,18 +65,21 @@ def marginal_terms(
     Near a change of regime only their sum over an impact is meant: it stands in the first channel.
     """
     columns = problem.all_values(values)
-    rows = np.arange(len(problem.impacts))
-    z, sds = standardised(problem, columns, rebound, problem.impacts, rows, incident.covariance)
-    tails = columns[TAILS][:, None] if TAILS in columns else None
-    names = [channel.name for channel in problem.channels]
-    terms = {name: _density(one, sd, tails) for name, one, sd in zip(names, z, sds, strict=True)}
-    _correct_kinks(problem, incident, columns, rebound, terms)
-    return terms
-
-
-def _density(z: FloatArray, sd: FloatArray, tails: FloatArray | None) -> FloatArray:
-    """Log density of a whitened measurement; 0 where there is none."""
-    return np.where(sd < UNKNOWN, log_density(z, tails) - np.log(sd), 0.0)
+    measured = seen(problem, columns)
+    slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
+    terms = _log_densities(measured, columns, rebound, slopes, incident.covariance)
+    root = kinks.roots(incident.covariance)
+    towards = kinks.crossings(
+        lambda impacts, rows: problem.rebound_like(columns, impacts, rows), problem.impacts, root, rebound
+    )
+    draws, rows = np.nonzero(np.any(np.abs(towards) > 0.0, axis=-1))
+    for start in range(0, draws.size, PAIRS):
+        some, of = draws[start : start + PAIRS], rows[start : start + PAIRS]
+        mine = [item.paired(some, of) for item in measured]
+        found = _mixture(problem, problem.paired(columns, some, of), mine, of, root[of], towards[some, of])
+        for place, term in enumerate(terms):
+            term[some, of] = found if place == 0 else 0.0
+    return {item.channel.name: term for item, term in zip(measured, terms, strict=True)}
 
 
 def incident_sds(problem: Problem, columns: Columns, rebound: Rebound) -> Mapping[str, FloatArray | float]:
@@ -64,104 +97,92 @@ def incident_sds(problem: Problem, columns: Columns, rebound: Rebound) -> Mappin
 
 
 def standardised(
-    problem: Problem,
-    columns: Columns,
-    rebound: Rebound,
-    impacts: Impacts,
-    rows: NDArray[np.int64],
-    covariance: FloatArray,
+    measured: Sequence[Seen], columns: Columns, rebound: Rebound, slopes: FloatArray, covariance: FloatArray
 ) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Whitened deviations of the table's `rows` from rebounds of `impacts` near them, first order about these.
+    """Whitened deviations (draws, impacts) of each measured column from rebounds, first order about these.
 
-    `covariance` (impacts, 3, 3); returns those (draws, impacts) of each channel, and their conditional sds. What was
-    not measured has the deviation zero and the sd `UNKNOWN`, which takes part in nothing.
+    `slopes` (draws, impacts, outputs, 3) of the rebounds, `covariance` (impacts, 3, 3) or (draws, 1, 3, 3) of the
+    incident states. Returns those deviations and their conditional sds. What was not measured has the deviation zero
+    and the sd `UNKNOWN`, which takes part in nothing.
     """
-    slopes = problem.slopes_like(columns, impacts, rows)
-    by_channel = np.stack([channel_slopes(channel, rebound, slopes) for channel in problem.channels], axis=2)
+    by_channel = np.stack([channel_slopes(item.channel, rebound, slopes) for item in measured], axis=2)
     gaps, spreads = [], []
-    for channel in problem.channels:
-        observed, sd = channel.over(len(problem.impacts))
-        cut = replace(channel, observed=observed[rows], sd=None if sd is None else sd[rows], rows=None)
-        gap = cut.observed - cut.predict(rebound)
-        if problem.offsets is not None:
-            gap = gap - problem.offsets.take(rows).offset(columns, channel.name)
+    for item in measured:
+        channel = replace(item.channel, observed=item.observed, sd=item.sd)
+        gap = item.observed - channel.predict(rebound) - item.bias
         noise = columns[channel.noise][:, None] if channel.noise is not None else 0.0
-        missing = np.isnan(cut.observed)
+        missing = np.broadcast_to(np.isnan(item.observed), gap.shape)
         gaps.append(np.where(missing, 0.0, gap))
-        spreads.append(np.where(missing, UNKNOWN, np.broadcast_to(cut.spread(noise, rebound), gap.shape)))
+        spreads.append(np.where(missing, UNKNOWN, np.broadcast_to(channel.spread(noise, rebound), gap.shape)))
     return whitened(gaps, spreads, spread_by_input(by_channel, covariance))
 
 
-def _correct_kinks(
-    problem: Problem, incident: IncidentErrors, columns: Columns, rebound: Rebound, terms: dict[str, FloatArray]
-) -> None:
-    root = kinks.roots(incident.covariance)
-    direction = kinks.crossings(
-        lambda impacts, rows: problem.rebound_like(columns, impacts, rows), problem.impacts, root, rebound
-    )
-    near = np.any(np.abs(direction) > 0.0, axis=-1)
-    first, *others = terms
-    for draw in np.flatnonzero(near.any(axis=1)):
-        rows = np.flatnonzero(near[draw])
-        one = {name: column[draw : draw + 1] for name, column in columns.items()}
-        terms[first][draw, rows] = _mixture(problem, one, rows, root[rows], direction[draw, rows])
-        for name in others:
-            terms[name][draw, rows] = 0.0
+def _log_densities(
+    measured: Sequence[Seen], columns: Columns, rebound: Rebound, slopes: FloatArray, covariance: FloatArray
+) -> list[FloatArray]:
+    """Log density (draws, impacts) of each measured column given those before it; 0 where there is none."""
+    tails = columns[TAILS][:, None] if TAILS in columns else None
+    z, sds = standardised(measured, columns, rebound, slopes, covariance)
+    return [np.where(sd < UNKNOWN, log_density(one, tails) - np.log(sd), 0.0) for one, sd in zip(z, sds, strict=True)]
 
 
 def _mixture(
-    problem: Problem, one: Columns, rows: NDArray[np.int64], root: FloatArray, direction: FloatArray
+    problem: Problem,
+    columns: Columns,
+    measured: Sequence[Seen],
+    rows: NDArray[np.int64],
+    root: FloatArray,
+    towards: FloatArray,
 ) -> FloatArray:
-    """Log density (rows,) of all measurements of the table's `rows` for one draw, its incident errors split."""
-    centres, _ = kinks.parts()
-    across = _across(problem, one, rows, root, direction)
+    """Log density (pairs,) of all measurements of the table's `rows`, their incident errors split.
+
+    `columns`, `measured`, `root` (pairs, 3, 3) and `towards` (pairs, 3) are those of the pairs.
+    """
+    across = _across(problem, columns, measured, rows, root, towards)
     along = np.einsum("pij,pj->pi", root, across)
-    narrow = kinks.narrowed(root, across)
-    moves = centres[:, None, None] * along
-    repeated = np.tile(rows, centres.size)
-    flat = moves.reshape(-1, 3)
-    # A part beyond the court's plane has no impact: its weight is lost, as that of states that cannot be.
-    possible = problem.impacts.v_y1[repeated] + flat[:, 1] > 0.0
-    kept = repeated[possible]
-    impacts = kinks.shifted(problem.impacts, flat[possible], kept)
-    rebound = problem.rebound_like(one, impacts, kept)
-    covariance = np.tile(narrow, (centres.size, 1, 1))[possible]
-    z, sds = standardised(problem, one, rebound, impacts, kept, covariance)
-    tails = one[TAILS][:, None] if TAILS in one else None
-    density = np.sum([_density(a, b, tails) for a, b in zip(z, sds, strict=True)], axis=0)[0]
-    density = np.where(rebound.status[0] == 0, density, -np.inf)
-    all_parts = np.full(repeated.size, -np.inf)
-    all_parts[possible] = density
-    return kinks.mixed(all_parts.reshape(centres.size, rows.size))
+    states, possible = kinks.displaced(_upright(problem, rows), kinks.parts()[0][:, None] * along[:, None, :])
+    rebound, slopes = problem.linearised(columns, states)
+    narrow = kinks.narrowed(root, across)[:, None]
+    density = np.sum(_log_densities(measured, columns, rebound, slopes, narrow), axis=0)
+    return kinks.mixed(np.where(possible & (rebound.status == 0), density, -np.inf))
 
 
 def _across(
-    problem: Problem, one: Columns, rows: NDArray[np.int64], root: FloatArray, towards: FloatArray
+    problem: Problem,
+    columns: Columns,
+    measured: Sequence[Seen],
+    rows: NDArray[np.int64],
+    root: FloatArray,
+    towards: FloatArray,
 ) -> FloatArray:
-    """Directions (rows, 3), in principal axes, across the boundaries that lie `towards` (rows, 3) somewhere.
+    """Directions (pairs, 3), in principal axes, across the boundaries that lie `towards` (pairs, 3) somewhere.
 
     The rebound is continuous, so that its derivative jumps by a matrix of rank one whose rows point across.
     """
-    moves = np.einsum("pij,pj->pi", root, kinks.REACH * towards)
-    beyond = kinks.shifted(problem.impacts, moves, rows)
-    here = problem.impacts.take(rows)
-    slopes = []
-    for impacts in (here, beyond):
-        rebound = problem.rebound_like(one, impacts, rows)
-        found = problem.slopes_like(one, impacts, rows)
-        # In units of any noise: only the direction of the jump is wanted.
-        by_channel = [
-            channel_slopes(channel, rebound, found)[0] / _typical_noise(channel, one) for channel in problem.channels
-        ]
-        slopes.append(np.stack(by_channel, axis=1))
-    jump = np.einsum("pci,pij->pcj", slopes[1] - slopes[0], root)
+    moves = kinks.REACH * np.einsum("pij,pj->pi", root, towards)
+    states, possible = kinks.displaced(_upright(problem, rows), np.stack([np.zeros_like(moves), moves], axis=1))
+    rebound, found = problem.linearised(columns, states)
+    # In units of any noise: only the direction of the jump is wanted.
+    by_channel = np.stack(
+        [channel_slopes(item.channel, rebound, found) / _typical_noise(item, columns) for item in measured], axis=2
+    )
+    jump = np.matmul(by_channel[:, 1] - by_channel[:, 0], root)
     # Where the other side has no derivative the way that was looked is all that is known.
-    known = np.isfinite(jump).all(axis=(1, 2))
+    known = np.isfinite(jump).all(axis=(1, 2)) & possible[:, 1]
     across = towards.copy()
     across[known] = np.linalg.svd(jump[known])[2][:, 0]
     return across
 
 
-def _typical_noise(channel: Channel, one: Columns) -> float:
-    size = float(np.median(channel.sd)) if channel.sd is not None else float(one[str(channel.noise)][0])
-    return TURN * size if channel.name == "theta_2" and channel.sd is None else size
+def _upright(problem: Problem, rows: NDArray[np.int64]) -> kinks.States:
+    """The incident states of the table's `rows`, one below the other."""
+    v_x1, v_y1, omega_1, cor = problem.impacts.take(rows).states()
+    return v_x1.T, v_y1.T, omega_1.T, None if cor is None else cor.T
+
+
+def _typical_noise(item: Seen, columns: Columns) -> FloatArray:
+    """A noise of the measured column, (pairs, 1, 1) or one number."""
+    if item.channel.sd is not None:
+        return np.asarray(np.median(item.channel.sd))
+    size = columns[str(item.channel.noise)][:, None, None]
+    return TURN * size if item.channel.name == "theta_2" else size

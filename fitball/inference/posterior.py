@@ -28,7 +28,7 @@ from fitball.inference.scatter import LOG_TAU, log_density
 from fitball.models.model import Model
 from fitball.models.specs import SPECS
 from fitball.models.types import Rebound, Status
-from fitball.values import FloatArray, Impacts
+from fitball.values import FloatArray, Impacts, OwnImpacts
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,9 @@ class Problem:
             return self._evaluate(columns, impacts)
         return self.rebound_like(columns, impacts, np.full(len(impacts), like))
 
-    def rebound_like(self, columns: Mapping[str, FloatArray], impacts: Impacts, rows: NDArray[np.int64]) -> Rebound:
+    def rebound_like(
+        self, columns: Mapping[str, FloatArray], impacts: Impacts | OwnImpacts, rows: NDArray[np.int64]
+    ) -> Rebound:
         """Rebounds (draws, impacts) of impacts that meet the surface and ball of the table's `rows` (impacts,)."""
         if not self.levels:
             return self._evaluate(columns, impacts)
@@ -142,6 +144,23 @@ class Problem:
         back = np.argsort(np.concatenate(order), kind="stable")
         return np.asarray(np.concatenate(found, axis=1)[:, back])
 
+    def paired(
+        self, columns: Mapping[str, FloatArray], draws: NDArray[np.int64], rows: NDArray[np.int64]
+    ) -> Mapping[str, FloatArray]:
+        """The parameters with which each of `draws` meets the one impact of the table that `rows` names beside it."""
+        found = {name: column[draws] for name, column in columns.items()}
+        for item in self.levels:
+            by_level = np.stack([item.value(columns, label) for label in item.labels])
+            found[item.parameter] = by_level[item.index[rows], draws]
+        return found
+
+    def linearised(self, columns: Mapping[str, FloatArray], impacts: OwnImpacts) -> tuple[Rebound, FloatArray]:
+        """Rebounds (draws, impacts) for parameters as they are, with derivatives (draws, impacts, outputs, 3) with
+        respect to the incident state.
+        """
+        found = self.model.jacobian(self.model_names, self._model_rows(columns), impacts, ())
+        return found.rebound, found.inputs
+
     def _blocks(
         self, columns: Mapping[str, FloatArray], rows: NDArray[np.int64]
     ) -> Iterator[tuple[NDArray[np.int64], dict[str, FloatArray]]]:
@@ -159,7 +178,7 @@ class Problem:
     def _model_rows(self, columns: Mapping[str, FloatArray]) -> FloatArray:
         return np.stack([columns[name] for name in self.model_names], axis=1)
 
-    def _evaluate(self, columns: Mapping[str, FloatArray], impacts: Impacts) -> Rebound:
+    def _evaluate(self, columns: Mapping[str, FloatArray], impacts: Impacts | OwnImpacts) -> Rebound:
         rows = self._model_rows(columns)
         if rows.shape[0] * len(impacts) <= LARGE_BATCH:
             return self.model.evaluate(self.model_names, rows, impacts)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.inference.marginal import standardised
+from fitball.inference.marginal import seen, standardised
 from fitball.inference.parameters import NOISE_SPECS, TAILS
 from fitball.inference.posterior import Problem
 from fitball.inference.scatter import as_residual
@@ -35,8 +35,8 @@ def residuals(problem: Problem, values: FloatArray, weighting: Weighting) -> Flo
     rows = []
     if problem.incident is not None:
         held = {**columns, **{name: np.full(values.shape[0], value) for name, value in weighting.noise.items()}}
-        every = np.arange(len(problem.impacts))
-        found, _ = standardised(problem, held, rebound, problem.impacts, every, problem.incident.covariance)
+        slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
+        found, _ = standardised(seen(problem, held), held, rebound, slopes, problem.incident.covariance)
         rows = [as_residual(-z, tails) for z in found]
     for channel in problem.channels if problem.incident is None else ():
         noise = weighting.noise[channel.noise] if channel.noise is not None else 0.0

@@ -177,13 +177,17 @@ def bounce_batch(
     regime: NDArray[np.int64],
     status: NDArray[np.int8],
 ) -> None:
-    """Fill `out` (4, draws, impacts) with v_x2, v_y2, omega_2, contact_time, and regimes and statuses."""
+    """Fill `out` (4, draws, impacts) with v_x2, v_y2, omega_2, contact_time, and regimes and statuses.
+
+    The incident columns are (1, impacts), shared by all draws, or (draws, impacts).
+    """
     scratch = make_scratch()
     for i in range(rows.shape[0]):
         row = rows[i]
-        for j in range(v_x1.shape[0]):
+        own = i if v_x1.shape[0] > 1 else 0
+        for j in range(v_x1.shape[1]):
             found, v_x2, v_y2, omega_2, time, phases, _pieces = bounce(
-                row, codes, v_x1[j], v_y1[j], omega_1[j], cor[j], scratch, None
+                row, codes, v_x1[own, j], v_y1[own, j], omega_1[own, j], cor[own, j], scratch, None
             )
             out[0, i, j] = v_x2
             out[1, i, j] = v_y2

@@ -102,9 +102,10 @@ def jacobian_batch(
     record = np.empty((MAX_PHASES, PIECE_SIZE))
     row = np.empty(len(COLUMNS), dtype=np.complex128)
     for i in range(rows.shape[0]):
-        for j in range(v_x1.shape[0]):
+        own = i if v_x1.shape[0] > 1 else 0
+        for j in range(v_x1.shape[1]):
             found, v_x2, v_y2, omega_2, time, phases, pieces = bounce(
-                rows[i], codes, v_x1[j], v_y1[j], omega_1[j], cor[j], scratch, record
+                rows[i], codes, v_x1[own, j], v_y1[own, j], omega_1[own, j], cor[own, j], scratch, record
             )
             out[0, i, j], out[1, i, j], out[2, i, j], out[3, i, j] = v_x2, v_y2, omega_2, time
             regime[i, j] = phases
@@ -122,10 +123,10 @@ def jacobian_batch(
                 moved = bounce_again(
                     row,
                     codes,
-                    complex(v_x1[j], STEP if k == V_X1 else 0.0),
-                    complex(v_y1[j], STEP if k == V_Y1 else 0.0),
-                    complex(omega_1[j], STEP if k == OMEGA_1 else 0.0),
-                    complex(cor[j], STEP if k == COR else 0.0),
+                    complex(v_x1[own, j], STEP if k == V_X1 else 0.0),
+                    complex(v_y1[own, j], STEP if k == V_Y1 else 0.0),
+                    complex(omega_1[own, j], STEP if k == OMEGA_1 else 0.0),
+                    complex(cor[own, j], STEP if k == COR else 0.0),
                     record,
                     pieces,
                     again,

@@ -17,7 +17,7 @@ from fitball.models.dual import STEP, NumberArray
 from fitball.models.jacobian import INPUTS, OUTPUTS, ReboundJacobian, moved_inputs
 from fitball.models.model import Model, ball_columns
 from fitball.models.types import Phase, Rebound, Status
-from fitball.values import FloatArray, Impacts
+from fitball.values import FloatArray, Impacts, OwnImpacts
 
 ANCHOR_SPEED = 10.0
 
@@ -34,9 +34,9 @@ class GripSlipModel(Model):
         """An impulse has no duration."""
         return False
 
-    def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts) -> Rebound:
+    def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts) -> Rebound:
         """See `Model.evaluate`."""
-        found, regime, outside = self._bounce(names, values, impacts.v_x1, impacts.v_y1, impacts.omega_1)
+        found, regime, outside = self._bounce(names, values, *impacts.states()[:3])
         return Rebound(
             *found,
             contact_time=np.full(regime.shape, np.nan),
@@ -45,7 +45,11 @@ class GripSlipModel(Model):
         )
 
     def jacobian(
-        self, names: Sequence[str], values: FloatArray, impacts: Impacts, parameters: Sequence[str] | None = None
+        self,
+        names: Sequence[str],
+        values: FloatArray,
+        impacts: Impacts | OwnImpacts,
+        parameters: Sequence[str] | None = None,
     ) -> ReboundJacobian:
         """See `Model.jacobian`."""
         chosen = tuple(names) if parameters is None else tuple(parameters)

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitball.models.dual import STEP, NumberArray
 from fitball.models.types import Rebound
-from fitball.values import FloatArray, Impacts
+from fitball.values import FloatArray, Impacts, OwnImpacts
 
 OUTPUTS = ("v_x2", "v_y2", "omega_2", "contact_time")
 INPUTS = ("v_x1", "v_y1", "omega_1")
@@ -63,10 +63,10 @@ class Moved:
 
 
 def moved_inputs(
-    names: Sequence[str], values: FloatArray, impacts: Impacts, parameters: Sequence[str]
+    names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts, parameters: Sequence[str]
 ) -> Iterator[Moved]:
     """One complex step after the other: along `INPUTS`, the measured restitution if there is one, `parameters`."""
-    given = [impacts.v_x1, impacts.v_y1, impacts.omega_1] + ([impacts.cor] if impacts.cor is not None else [])
+    given = [column for column in impacts.states() if column is not None]
     for place in range(len(given) + len(parameters)):
         moved = values.astype(np.complex128)
         if place >= len(given):

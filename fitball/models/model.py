@@ -15,7 +15,7 @@ from fitball.models.dual import NumberArray
 from fitball.models.jacobian import ReboundJacobian
 from fitball.models.specs import BALL_PARAMETERS, SPECS, ParameterSpec
 from fitball.models.types import STATUS_REASON, Rebound, Status
-from fitball.values import Ball, FloatArray, Impacts
+from fitball.values import Ball, FloatArray, Impacts, OwnImpacts
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Model(ABC):
         return self.options.get("cor") == "measured"
 
     @abstractmethod
-    def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts) -> Rebound:
+    def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts) -> Rebound:
         """Rebounds, (draws, impacts), for `values` (draws, names) without validation.
 
         `names` are those of `parameters`, with any of the ball's own parameters beside them. What cannot be
@@ -55,7 +55,11 @@ class Model(ABC):
 
     @abstractmethod
     def jacobian(
-        self, names: Sequence[str], values: FloatArray, impacts: Impacts, parameters: Sequence[str] | None = None
+        self,
+        names: Sequence[str],
+        values: FloatArray,
+        impacts: Impacts | OwnImpacts,
+        parameters: Sequence[str] | None = None,
     ) -> ReboundJacobian:
         """Rebounds as `evaluate` gives them, with their exact derivatives; `names`, `values` (draws, names) as there.
 

@@ -231,15 +231,16 @@ def thesis_batch(
     """Fill `out` (4, draws, impacts) with v_x2, v_y2, omega_2, contact_time, and regimes and statuses.
 
     `rows` (draws, 10): mass_ratio, k_y, k_theta, mu, (set here), c_y, inertia_split, ball mass, radius and inertia;
-    `eps`, `cor` (draws, impacts).
+    `eps`, `cor` (draws, impacts); the incident columns the same or (1, impacts), shared by all draws.
     """
     row = np.empty(rows.shape[1])
     for i in range(rows.shape[0]):
         row[:] = rows[i]
-        for j in range(v_x1.shape[0]):
+        own = i if v_x1.shape[0] > 1 else 0
+        for j in range(v_x1.shape[1]):
             row[4] = eps[i, j]
             found, v_x2, v_y2, omega_2, time, phases = thesis_bounce(
-                row, damping_formula, cor[i, j], v_x1[j], v_y1[j], omega_1[j]
+                row, damping_formula, cor[i, j], v_x1[own, j], v_y1[own, j], omega_1[own, j]
             )
             out[0, i, j] = v_x2
             out[1, i, j] = v_y2

@@ -129,9 +129,10 @@ def thesis_slopes(
     row = np.empty(rows.shape[1])
     for i in range(rows.shape[0]):
         row[:] = rows[i].real
-        for j in range(v_x1.shape[0]):
+        own = i if v_x1.shape[0] > 1 else 0
+        for j in range(v_x1.shape[1]):
             row[4] = eps[i, j].real
-            v_x, v_y, omega = v_x1[j].real, v_y1[j].real, omega_1[j].real
+            v_x, v_y, omega = v_x1[own, j].real, v_y1[own, j].real, omega_1[own, j].real
             status = thesis_bounce(row, damping_formula, cor[i, j].real, v_x, v_y, omega)[0]
             if status != OK:
                 slopes[i, j, :] = math.nan
@@ -143,7 +144,15 @@ def thesis_slopes(
                 row[1], sigma, row[2], row[3], row[4], v_x, v_y, omega,
             )  # fmt: skip
             moved = thesis_again(
-                rows[i], damping_formula, eps[i, j], cor[i, j], v_x1[j], v_y1[j], omega_1[j], motion[1], motion[6]
+                rows[i],
+                damping_formula,
+                eps[i, j],
+                cor[i, j],
+                v_x1[own, j],
+                v_y1[own, j],
+                omega_1[own, j],
+                motion[1],
+                motion[6],
             )
             for output in range(4):
                 slopes[i, j, output] = moved[output].imag / STEP

@@ -13,7 +13,7 @@ from fitball.models.dual import NumberArray
 from fitball.models.jacobian import INPUTS, OUTPUTS, ReboundJacobian, moved_inputs
 from fitball.models.model import Model, ball_columns
 from fitball.models.types import Rebound, ThesisClosures
-from fitball.values import FloatArray, Impacts
+from fitball.values import FloatArray, Impacts, OwnImpacts
 
 DAMPING_CODES = {
     "given": thesis.DAMPING_GIVEN,
@@ -87,27 +87,32 @@ class ThesisModel(Model):
             return np.asarray(values[:, index[at_anchor], None] + rate * (v_y1 - ANCHOR_SPEED))
 
         if measured is not None and self.closures.cor == "measured":
-            cor = np.ascontiguousarray(np.broadcast_to(measured, (values.shape[0], len(v_y1))))
+            cor = np.ascontiguousarray(np.broadcast_to(measured, (values.shape[0], v_y1.shape[1])))
         else:
             cor = line("cor_10", "cor_slope")
         return line("eps_10", "eps_slope"), cor
 
-    def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts) -> Rebound:
+    def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts) -> Rebound:
         """See `Model.evaluate`."""
         draws, count = values.shape[0], len(impacts)
         rows, _index = self._rows(names, values)
-        eps, cor = self._lines(names, values, impacts.v_y1, impacts.cor)
+        v_x1, v_y1, omega_1, measured = impacts.states()
+        eps, cor = self._lines(names, values, v_y1, measured)
         out = np.empty((4, draws, count))
         regime = np.empty((draws, count), dtype=np.int64)
         status = np.empty((draws, count), dtype=np.int8)
         thesis.thesis_batch(
             rows, eps, DAMPING_CODES[self.closures.damping], cor,
-            impacts.v_x1, impacts.v_y1, impacts.omega_1, out, regime, status,
+            v_x1, v_y1, omega_1, out, regime, status,
         )  # fmt: skip
         return Rebound(out[0], out[1], out[2], out[3], regime, status)
 
     def jacobian(
-        self, names: Sequence[str], values: FloatArray, impacts: Impacts, parameters: Sequence[str] | None = None
+        self,
+        names: Sequence[str],
+        values: FloatArray,
+        impacts: Impacts | OwnImpacts,
+        parameters: Sequence[str] | None = None,
     ) -> ReboundJacobian:
         """See `Model.jacobian`."""
         chosen = tuple(names) if parameters is None else tuple(parameters)

@@ -14,7 +14,7 @@ from fitball.models.dual import NumberArray
 from fitball.models.jacobian import ReboundJacobian, seeds
 from fitball.models.model import Model, ball_columns
 from fitball.models.types import Closures, Rebound
-from fitball.values import FloatArray, Impacts
+from fitball.values import FloatArray, Impacts, OwnImpacts
 
 NORMAL_CODES = {
     "inner": bounce.NORMAL_INNER,
@@ -95,28 +95,21 @@ class TwoMassModel(Model):
         rows[:, 10], rows[:, 11], rows[:, 12] = ball_columns(self.ball, names, values)
         return rows
 
-    def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts) -> Rebound:
+    def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts) -> Rebound:
         """See `Model.evaluate`."""
         draws, count = values.shape[0], len(impacts)
         out = np.empty((4, draws, count))
         regime = np.empty((draws, count), dtype=np.int64)
         status = np.empty((draws, count), dtype=np.int8)
-        cor = impacts.cor if impacts.cor is not None else np.full(count, np.nan)
-        bounce.bounce_batch(
-            self._rows(names, values),
-            self.codes,
-            impacts.v_x1,
-            impacts.v_y1,
-            impacts.omega_1,
-            cor,
-            out,
-            regime,
-            status,
-        )
+        bounce.bounce_batch(self._rows(names, values), self.codes, *_incident(impacts), out, regime, status)
         return Rebound(out[0], out[1], out[2], out[3], regime, status)
 
     def jacobian(
-        self, names: Sequence[str], values: FloatArray, impacts: Impacts, parameters: Sequence[str] | None = None
+        self,
+        names: Sequence[str],
+        values: FloatArray,
+        impacts: Impacts | OwnImpacts,
+        parameters: Sequence[str] | None = None,
     ) -> ReboundJacobian:
         """See `Model.jacobian`; some 10 us an impact for all parameters."""
         draws, count = values.shape[0], len(impacts)
@@ -125,10 +118,9 @@ class TwoMassModel(Model):
         slopes = np.empty((draws, count, 4, bounce_jacobian.INPUTS + len(chosen)))
         regime = np.empty((draws, count), dtype=np.int64)
         status = np.empty((draws, count), dtype=np.int8)
-        cor = impacts.cor if impacts.cor is not None else np.full(count, np.nan)
         bounce_jacobian.jacobian_batch(
             self._rows(names, values), seeds(self._rows, names, values, chosen), self.codes,
-            impacts.v_x1, impacts.v_y1, impacts.omega_1, cor, out, slopes, regime, status,
+            *_incident(impacts), out, slopes, regime, status,
         )  # fmt: skip
         return ReboundJacobian(
             rebound=Rebound(out[0], out[1], out[2], out[3], regime, status),
@@ -137,3 +129,9 @@ class TwoMassModel(Model):
             parameters=slopes[..., bounce_jacobian.INPUTS :],
             cor=slopes[..., bounce_jacobian.COR] if self.needs_cor else None,
         )
+
+
+def _incident(impacts: Impacts | OwnImpacts) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Incident columns as the kernels take them; NaN stands for a restitution that was not measured."""
+    v_x1, v_y1, omega_1, cor = impacts.states()
+    return v_x1, v_y1, omega_1, np.full(v_y1.shape, np.nan) if cor is None else cor

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from fitball.errors import FitError
-from fitball.inference.kinks import roots, shifted
+from fitball.inference.kinks import displaced, roots
 from fitball.inference.posterior import Problem
 from fitball.inference.starts import prior_draws
 from fitball.values import FloatArray
@@ -73,19 +73,12 @@ def _log_latent(problem: Problem, at: FloatArray) -> FloatArray:
     values = problem.to_values(at[inside, : problem.dimension])
     columns = problem.all_values(values)
     root = roots(problem.incident.covariance)
-    rows = np.arange(count)
-    for place, draw in enumerate(inside):
-        moves = np.einsum("pij,pj->pi", root, z[draw])
-        if (problem.impacts.v_y1 + moves[:, 1] <= 0.0).any():
-            total[draw] = -np.inf
-            continue
-        one = {name: column[place : place + 1] for name, column in columns.items()}
-        rebound = problem.rebound_like(one, shifted(problem.impacts, moves, rows), rows)
-        if rebound.status.any():
-            total[draw] = -np.inf
-            continue
-        for channel in problem.channels:
-            sd = channel.spread(one[channel.noise][:, None] if channel.noise is not None else 0.0, rebound)
-            gap = problem.deviation(one, channel, rebound) / sd
-            total[draw] += float(np.sum(-0.5 * gap * gap - np.log(sd) * np.ones_like(gap)))
+    states, possible = displaced(problem.impacts.states(), np.einsum("pij,dpj->dpi", root, z[inside]))
+    rebound = problem.rebound_like(columns, states, np.arange(count))
+    found = np.zeros(len(inside))
+    for channel in problem.channels:
+        sd = channel.spread(columns[channel.noise][:, None] if channel.noise is not None else 0.0, rebound)
+        gap = problem.deviation(columns, channel, rebound) / sd
+        found += np.sum(-0.5 * gap * gap - np.log(sd), axis=1)
+    total[inside] += np.where(np.all(possible & (rebound.status == 0), axis=1), found, -np.inf)
     return np.asarray(total)
