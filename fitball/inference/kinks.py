@@ -72,19 +72,17 @@ def crossings(
 
     Zero where it does not. `evaluate(impacts, rows)` gives the rebounds of impacts near those of the table's `rows`.
     """
-    count = len(impacts)
-    direction = np.zeros((*rebound.regime.shape, 3))
-    for axis in range(3):
-        changed = []
-        for sign in (1.0, -1.0):
-            moves = sign * REACH * root[:, :, axis]
-            # A state that does not approach the court is no neighbour that could have been measured.
-            rows = np.flatnonzero(impacts.v_y1 + moves[:, 1] > 0.0)
-            there = evaluate(shifted(impacts, moves[rows], rows), rows)
-            other = np.zeros((rebound.regime.shape[0], count), dtype=bool)
-            other[:, rows] = (there.regime != rebound.regime[:, rows]) & (there.status == 0)
-            changed.append(other & (rebound.status == 0))
-        direction[..., axis] = np.where(changed[0], 1.0, np.where(changed[1], -1.0, 0.0))
+    axes = REACH * np.moveaxis(root, 2, 0)
+    moves = np.stack([axes, -axes])
+    # A state that does not approach the court is no neighbour that could have been measured.
+    sign, axis, rows = np.nonzero(impacts.v_y1 + moves[..., 1] > 0.0)
+    found = evaluate(shifted(impacts, moves[sign, axis, rows], rows), rows)
+    changed = np.zeros((rebound.regime.shape[0], *moves.shape[:3]), dtype=bool)
+    changed[:, sign, axis, rows] = (
+        (found.regime != rebound.regime[:, rows]) & (found.status == 0) & (rebound.status[:, rows] == 0)
+    )
+    up, down = np.moveaxis(changed, (1, 2, 3), (0, 3, 2))
+    direction = np.where(up, 1.0, np.where(down, -1.0, 0.0))
     length = np.linalg.norm(direction, axis=-1, keepdims=True)
     return np.asarray(direction / np.where(length > 0.0, length, 1.0))
 

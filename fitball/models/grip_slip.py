@@ -53,12 +53,17 @@ class GripSlipModel(Model):
     ) -> ReboundJacobian:
         """See `Model.jacobian`."""
         chosen = tuple(names) if parameters is None else tuple(parameters)
-        plain = replace(impacts, cor=None)
-        slopes = np.full((values.shape[0], len(impacts), len(OUTPUTS), len(INPUTS) + len(chosen)), np.nan)
-        for moved in moved_inputs(names, values, plain, chosen):
-            found, _regime, outside = self._bounce(names, moved.values, moved.v_x1, moved.v_y1, moved.omega_1)
-            for output, value in enumerate(found):
-                slopes[:, :, output, moved.place] = np.where(outside, np.nan, np.imag(value) / STEP)
+        shape = values.shape[0], len(impacts)
+        slopes = np.full((*shape, len(OUTPUTS), len(INPUTS) + len(chosen)), np.nan)
+        # All moves at once, one below the other: a call costs more than the numbers of a small table.
+        moves = tuple(moved_inputs(names, values, replace(impacts, cor=None), chosen))
+        states = (
+            np.concatenate([np.broadcast_to(getattr(moved, name), shape) for moved in moves]) for name in INPUTS
+        )
+        found, _regime, outside = self._bounce(names, np.concatenate([moved.values for moved in moves]), *states)
+        for output, value in enumerate(found):
+            gained = np.where(outside, np.nan, np.imag(value) / STEP).reshape(-1, *shape)
+            slopes[:, :, output, :] = np.moveaxis(gained, 0, -1)
         return ReboundJacobian(
             rebound=self.evaluate(names, values, impacts),
             names=chosen,
@@ -86,8 +91,8 @@ class GripSlipModel(Model):
         slip = v_x - radius * omega
         shift = column("offset") * normal_impulse
         grip = mass * a / (1.0 + a) * ((1.0 + column("e_x")) * slip + shift / (a * mass * radius))
-        beyond = [grip.real > limit.real, grip.real < -limit.real]
-        impulse = np.select(beyond, [limit, -limit], grip)
-        regime = np.select(beyond, [int(Phase.SLIDE_FORWARD), int(Phase.SLIDE_BACKWARD)], int(Phase.GRIP))
+        forward, backward = grip.real > limit.real, grip.real < -limit.real
+        impulse = np.where(forward, limit, np.where(backward, -limit, grip))
+        regime = np.where(forward, Phase.SLIDE_FORWARD, np.where(backward, Phase.SLIDE_BACKWARD, Phase.GRIP))
         v_x2 = v_x - impulse / mass
         return (v_x2, cor * v_y, omega + (radius * impulse - shift) / inertia), regime, outside
