@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -145,6 +146,18 @@ def test_differences_of_errors_have_the_sign_of_the_first_less_the_second(done):
     assert "Do two masses" not in content["words"]
 
 
+def gone(group, within):
+    """Whether a process group ends, within some seconds."""
+    deadline = time.monotonic() + within
+    while time.monotonic() < deadline:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.05)
+    return False
+
+
 def test_ctrl_c_ends_every_process_and_says_so(tmp_path):
     """The real thing: a terminal's Ctrl-C reaches parent and workers."""
     env = dict(os.environ, PYTHONPATH=str(Path(__file__).resolve().parent.parent))
@@ -163,6 +176,5 @@ def test_ctrl_c_ends_every_process_and_says_so(tmp_path):
     assert "Traceback" not in rest
     assert not out
     assert not (tmp_path / "a" / "compare.json").exists()
-    # The session is gone: no worker stayed behind.
-    with pytest.raises(ProcessLookupError):
-        os.killpg(process.pid, 0)
+    # No worker stays behind; the tracker of multiprocessing sees that its parent is gone, and leaves a moment later.
+    assert gone(process.pid, within=10.0)

@@ -77,7 +77,10 @@ def by_quadrature(problem, values, k):
     columns = problem.all_values(values)
     density = weight[kept].copy()
     for channel in problem.channels:
-        density += stats.norm(channel.predict(made)[0], columns[channel.noise]).logpdf(channel.observed[k])
+        biased = channel.observed[k]
+        if problem.offsets is not None:
+            biased = biased - problem.offsets.offset(columns, channel.name)[0, k]
+        density += stats.norm(channel.predict(made)[0], columns[channel.noise]).logpdf(biased)
     return logsumexp(density)
 
 
@@ -150,6 +153,24 @@ def test_the_mixture_is_laid_across_the_boundary():
     exact = by_quadrature(problem, values, 10)
     assert abs(first_order(problem, values)[10] - exact) > 0.15
     assert abs(total(problem, values)[10] - exact) < 0.03
+
+
+def test_levels_and_offsets_keep_to_their_impacts_on_a_kink():
+    """Two surfaces of different friction, each group with its own bias, every draw with other parameters."""
+    angles = np.linspace(14.0, 34.0, 8)
+    table = simulated("grip-slip", angles, covariances(8, 0.3, 10.0), 5)
+    table = replace(table, labels={"surface": ("clay", "grass") * 4, "group": ("a",) * 4 + ("b",) * 4})
+    problem = problem_of(table, "grip-slip", pool={"mu": "surface"}, offsets="group")
+    rng = np.random.default_rng(3)
+    named = {name: rng.normal(0.0, 0.4, 3) for name in problem.free_names}
+    named |= {name: np.full(3, value) for name, value in VALUES.items() if name in named}
+    named["mu"], named["mu_spread"] = np.array([0.5, 0.55, 0.62]), np.array([0.1, 0.2, 0.3])
+    values = np.stack([named[name] for name in problem.free_names], axis=1)
+    found = np.sum(list(problem.log_likelihood_terms(values, problem.rebound(values)).values()), axis=0)
+    exact = np.array([[by_quadrature(problem, values[d : d + 1], k) for k in range(8)] for d in range(3)])
+    rough = np.array([first_order(problem, values[d : d + 1]) for d in range(3)])
+    assert np.sum(np.abs(rough - found) > 0.05) >= 3
+    np.testing.assert_allclose(found, exact, atol=0.04)
 
 
 def test_exact_incidence_is_the_limit_of_small_errors():

@@ -15,7 +15,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from fitball.cli.options import count
 from fitball.errors import FitballError, ParameterError
 
 if TYPE_CHECKING:
@@ -69,11 +68,11 @@ def make_parser() -> argparse.ArgumentParser:
         "  scripts/validate --models grip-slip --replicates 60 --wrong-sigma 0.5 --out wrong    (must fail)",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--replicates", type=count, default=300, metavar="N", help="tables a model (default 300)")
+    parser.add_argument("--replicates", type=int, default=300, metavar="N", help="tables a model (default 300)")
     parser.add_argument("--models", default=MODELS, metavar="A,B", help=f"models (default {MODELS})")
     parser.add_argument("--table", default="wang_all.csv", metavar="DATA", help="whose incident conditions to use")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of all random numbers (default 1)")
-    parser.add_argument("--cores", type=count, metavar="N", help="processes (default: all cores)")
+    parser.add_argument("--cores", type=int, metavar="N", help="processes (default: all cores)")
     parser.add_argument("--out", metavar="DIR", help=f"where to write (default {DEFAULT_FOLDER})")
     parser.add_argument(
         "--wrong-sigma", type=float, metavar="F", help="tell the fit F times the true noise: a control that must fail"

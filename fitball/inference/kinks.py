@@ -1,7 +1,7 @@
 """Where first order in the incident errors ends: near a change of regime the bounce has a kink.
 
-Wherever the regime changes within two standard deviations of the incident state, the normal density of that state is
-written as a mixture of narrower ones along the direction of the change,
+Wherever the regime changes within three standard deviations of the incident state, the normal density of that state
+is written as a mixture of narrower ones along the direction of the change,
 
     N(t; 0, 1) = int N(m; 0, 1 - a^2) N(t; m, a^2) dm ,
 
@@ -24,13 +24,13 @@ from fitball.values import FloatArray, Impacts, OwnImpacts
 States = tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]
 
 # Standard deviations within which a change of regime is looked for.
-REACH = 2.0
+REACH = 3.0
 # Width of the parts, their number, and how far out they are laid: closer together than they are wide, so that the sum
 # is as good as the integral. The log density of an impact is then within hundredths, against some tenths at first
 # order where the boundary lies within a standard deviation.
 WIDTH = 0.2
-PARTS = 27
-OUTERMOST = 3.0
+PARTS = 35
+OUTERMOST = 4.0
 
 
 def roots(covariance: FloatArray) -> FloatArray:
