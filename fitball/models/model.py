@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from fitball.errors import ModelError, ParameterError, suggestion
 from fitball.models.dual import NumberArray
+from fitball.models.history import MODELS_WITH_HISTORY, History
 from fitball.models.jacobian import ReboundJacobian
 from fitball.models.specs import BALL_PARAMETERS, SPECS, ParameterSpec
 from fitball.models.types import STATUS_REASON, Rebound, Status
@@ -98,6 +99,27 @@ class Model(ABC):
             found.regime[0],
             found.status[0],
         )
+
+    def history(self, parameters: Mapping[str, ArrayLike], impact: Impacts, times: ArrayLike) -> History:
+        """Exact courses of one impact at `times` [s after landing], (times,), up to the contact time.
+
+        `parameters` are one value each, as `rebound` takes them. Raises what `rebound` raises, ModelError for a
+        model that has no such courses, and ParameterError for more than one impact, a time outside the contact, or
+        NaN.
+        """
+        raise ModelError(
+            f"model {self.name} has no time axis: its bounce is one impulse; models with a history: "
+            + ", ".join(MODELS_WITH_HISTORY)
+        )
+
+    def _single(self, parameters: Mapping[str, ArrayLike], impact: Impacts) -> tuple[tuple[str, ...], FloatArray]:
+        """Names and values (1, names) of one parameter set for one impact. Raises ParameterError."""
+        names, values, single = self._checked(parameters)
+        if not single:
+            raise ParameterError("a history takes one value of each parameter, not draws")
+        if len(impact) != 1:
+            raise ParameterError(f"a history is that of one impact: read {len(impact)}")
+        return names, values
 
     def _checked(self, parameters: Mapping[str, ArrayLike]) -> tuple[tuple[str, ...], FloatArray, bool]:
         needed = self.parameter_names

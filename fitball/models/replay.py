@@ -39,7 +39,7 @@ def moved_by(g: complex, g_rate: complex) -> complex:
 
 
 @compiled
-def replay_contact(
+def retrace(
     mass: complex,
     radius: complex,
     inertia_core: complex,
@@ -50,22 +50,25 @@ def replay_contact(
     mu: complex,
     eps: complex,
     eps_in_slide: bool,
-    shell_spin: bool,
+    twist_at_end: bool,
     riding_mass: complex,
     landing_impulse: complex,
     omega2: complex,
     sigma: complex,
     w2_force: complex,
     t_force: complex,
-    t_contact: complex,
     v_x: complex,
     v_y: complex,
     omega: complex,
     record: FloatArray,
     pieces: int,
     scratch: ReplayScratch,
-) -> tuple[complex, complex]:
-    """`(v_x2, omega_2)` of the contact whose `pieces` stand in `record`; arguments as in `two_mass_contact`."""
+) -> tuple[complex, complex, complex, complex, complex, complex]:
+    """`(v_x, spin_sum, th, rate, y, y_rate)` after the first `pieces` of `record`; arguments as in `two_mass_contact`.
+
+    `spin_sum` is the angular momentum of core and shell together. Without `twist_at_end`, `th` and `rate` are not
+    brought to the end of a piece that slides until the force ends: the sum of the spins does not need them.
+    """
     twist, drive, poles = scratch
     inertia = inertia_core + inertia_shell
     gyration = inertia_shell + mass * radius * radius
@@ -110,7 +113,7 @@ def replay_contact(
         elapsed = t_force - start if ending == FORCE_ENDED else complex(record[row, PIECE_TIME], 0.0)
         basis = basis_at(poles, elapsed)
         momentum = riding_mass * y_rate
-        if resting or shell_spin or ending != FORCE_ENDED:
+        if resting or twist_at_end or ending != FORCE_ENDED:
             if n > 0:
                 series_free(force, force_s, sigma, omega2, length, n, drive)
                 series_response(decay, natural2, kappa, drive, th, rate, length, n, twist)
@@ -155,7 +158,44 @@ def replay_contact(
             v_x -= direction * mu / mass * impulse
             spin_sum += spinning_up * impulse
         start += elapsed
+    return v_x, spin_sum, th, rate, y, y_rate
+
+
+@compiled
+def replay_contact(
+    mass: complex,
+    radius: complex,
+    inertia_core: complex,
+    inertia_shell: complex,
+    stiffness: complex,
+    damping: complex,
+    w2_slide: complex,
+    mu: complex,
+    eps: complex,
+    eps_in_slide: bool,
+    shell_spin: bool,
+    riding_mass: complex,
+    landing_impulse: complex,
+    omega2: complex,
+    sigma: complex,
+    w2_force: complex,
+    t_force: complex,
+    t_contact: complex,
+    v_x: complex,
+    v_y: complex,
+    omega: complex,
+    record: FloatArray,
+    pieces: int,
+    scratch: ReplayScratch,
+) -> tuple[complex, complex]:
+    """`(v_x2, omega_2)` of the contact whose `pieces` stand in `record`; arguments as in `two_mass_contact`."""
+    v_x2, spin_sum, th, rate, _y, _y_rate = retrace(
+        mass, radius, inertia_core, inertia_shell, stiffness, damping, w2_slide, mu, eps, eps_in_slide, shell_spin,
+        riding_mass, landing_impulse, omega2, sigma, w2_force, t_force, v_x, v_y, omega, record, pieces, scratch,
+    )  # fmt: skip
+    inertia = inertia_core + inertia_shell
     if not shell_spin:
-        return v_x, spin_sum / inertia
-    rate = free_twist_rate(poles, stiffness, damping, relative_slide, w2_slide, th, rate, t_contact - t_force)
-    return v_x, (spin_sum - inertia_core * rate) / inertia
+        return v_x2, spin_sum / inertia
+    relative_slide = inertia / (inertia_core * inertia_shell)
+    rate = free_twist_rate(scratch[2], stiffness, damping, relative_slide, w2_slide, th, rate, t_contact - t_force)
+    return v_x2, (spin_sum - inertia_core * rate) / inertia

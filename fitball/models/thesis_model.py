@@ -6,10 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from fitball.errors import ModelError
 from fitball.models import thesis, thesis_jacobian
 from fitball.models.bounce import ANCHOR_SPEED, tied_inertia_split
 from fitball.models.dual import NumberArray
+from fitball.models.history import MODELS_WITH_HISTORY, History
 from fitball.models.jacobian import INPUTS, OUTPUTS, ReboundJacobian, moved_inputs
 from fitball.models.model import Model, ball_columns
 from fitball.models.types import Rebound, ThesisClosures
@@ -133,6 +136,13 @@ class ThesisModel(Model):
             inputs=slopes[..., : len(INPUTS)],
             parameters=slopes[..., first:],
             cor=slopes[..., len(INPUTS)] if given.cor is not None else None,
+        )
+
+    def history(self, parameters: Mapping[str, ArrayLike], impact: Impacts, times: ArrayLike) -> History:  # noqa: ARG002
+        """There is none: forces and spins of this computation do not obey its own equations."""
+        raise ModelError(
+            "model thesis has no history: forces and spins of its computation do not obey its own equations; "
+            f"`course` gives the velocities it computed; models with a history: {', '.join(MODELS_WITH_HISTORY)}"
         )
 
     def course(self, parameters: Mapping[str, float], impact: Impacts, times: FloatArray) -> ThesisCourse:

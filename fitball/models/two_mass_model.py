@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from fitball.models import bounce, bounce_jacobian
 from fitball.models.dual import NumberArray
+from fitball.models.history import History, two_mass_history
 from fitball.models.jacobian import ReboundJacobian, seeds
 from fitball.models.model import Model, ball_columns
 from fitball.models.types import Closures, Rebound
@@ -129,6 +130,12 @@ class TwoMassModel(Model):
             parameters=slopes[..., bounce_jacobian.INPUTS :],
             cor=slopes[..., bounce_jacobian.COR] if self.needs_cor else None,
         )
+
+    def history(self, parameters: Mapping[str, ArrayLike], impact: Impacts, times: ArrayLike) -> History:
+        """See `Model.history`."""
+        names, values = self._single(parameters, impact)
+        rebound = self.rebound(parameters, impact)
+        return two_mass_history(self._rows(names, values)[0], self.codes, impact, rebound, times)
 
 
 def _incident(impacts: Impacts | OwnImpacts) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

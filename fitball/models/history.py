@@ -1,0 +1,213 @@
+"""One impact through time: exact courses of what moves and what pushes, and the phases they pass through."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fitball.errors import ParameterError
+from fitball.models import bounce_history as kernel
+from fitball.models.two_mass import MAX_PHASES, PIECE_ENDING, PIECE_PHASE, PIECE_SIZE, PIECE_TIME, UNFINISHED
+from fitball.models.types import Phase, Rebound, regime_name
+from fitball.values import FloatArray, Impacts
+
+# Models whose courses `Model.history` gives; the others have no time axis, or break their own equations.
+MODELS_WITH_HISTORY = ("two-mass", "thesis-exact")
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Velocities at one instant: `v_x` along the court, `v_y` of the core towards it [m/s] (negative when it
+    leaves), `omega_1` of the core and `omega_2` of the shell [rad/s], topspin positive.
+    """
+
+    v_x: float
+    v_y: float
+    omega_1: float
+    omega_2: float
+
+
+@dataclass(frozen=True)
+class Jump:
+    """What changes at once: motion `before` and `after`, and the impulses of the ground that did it [N s].
+
+    `normal_impulse` pushes the ball away from the court, `friction_impulse` along it (positive: forward).
+    """
+
+    before: Motion
+    after: Motion
+    normal_impulse: float
+    friction_impulse: float
+
+
+@dataclass(frozen=True)
+class Span:
+    """One phase of the contact, from `start` to `end` [s after landing]; the shares are of the contact time."""
+
+    phase: Phase
+    start: float
+    end: float
+    start_share: float
+    end_share: float
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The largest `value` of a course and its `time` [s]."""
+
+    value: float
+    time: float
+
+
+@dataclass(frozen=True)
+class History:
+    """Courses of one impact, arrays of shape (times,) in SI units, from just after landing to just before release.
+
+    `y` compression [m]; `v_y` its rate, the velocity of the core towards the court, `v_x` of the ball along it,
+    `slip = v_x - R omega_2` [m/s]; `omega_1` of the core and `omega_2` of the shell [rad/s], `twist` of the core
+    against the shell [rad]; `normal_force` of the ground, `friction_force` along the court [N] (negative: it retards
+    a ball that flies forward); `phase` codes of `types.Phase` (0: motion along the court is not followed). At a
+    transition they are those of the phase that begins.
+
+    `landing` is the jump at time 0: with `normal = momentum` the ground stops the shell at once, with friction;
+    otherwise nothing changes. `release` is the jump at `contact_time`: with `normal = momentum` the core picks the
+    shell up, and with `spin = mean` core and shell end with their mean spin; its `after` is the rebound. `spans` are
+    the phases in order, `regime` their packed sequence. `friction` is the coefficient, `radius` [m] the ball's.
+    """
+
+    times: FloatArray
+    y: FloatArray
+    v_y: FloatArray
+    v_x: FloatArray
+    omega_1: FloatArray
+    omega_2: FloatArray
+    twist: FloatArray
+    slip: FloatArray
+    normal_force: FloatArray
+    friction_force: FloatArray
+    phase: NDArray[np.int64]
+    contact_time: float
+    landing: Jump
+    release: Jump
+    spans: tuple[Span, ...]
+    regime: int
+    peak_compression: Peak
+    peak_force: Peak
+    friction: float
+    radius: float
+
+    @property
+    def transitions(self) -> FloatArray:
+        """Times at which one phase hands over to the next [s], (spans - 1,)."""
+        return np.array([span.start for span in self.spans[1:]])
+
+    @property
+    def transition_shares(self) -> FloatArray:
+        """`transitions` as shares of the contact time."""
+        return np.array([span.start_share for span in self.spans[1:]])
+
+    @property
+    def regime_name(self) -> str:
+        """The phases in words, such as `slide-grip`; empty where motion along the court is not followed."""
+        return regime_name(self.regime)
+
+
+def checked_times(times: ArrayLike, contact_time: float) -> FloatArray:
+    """Times as an array (times,). Raises ParameterError for NaN, or a time before landing or after release."""
+    array = np.array(times, dtype=np.float64, ndmin=1)
+    if array.ndim != 1:
+        raise ParameterError(f"times have shape {array.shape}: expected a list of times")
+    bad = np.flatnonzero(~((array >= 0.0) & (array <= contact_time)))
+    if bad.size:
+        raise ParameterError(
+            f"times[{bad[0]}] = {array[bad[0]]:g} s: expected times within the contact, from 0 to its end at "
+            f"{contact_time!r} s"
+        )
+    return array
+
+
+def two_mass_history(
+    row: FloatArray, codes: NDArray[np.int64], impact: Impacts, rebound: Rebound, times: ArrayLike
+) -> History:
+    """Courses of the impact whose rebound is known; `row` and `codes` as in `bounce`. Raises ParameterError."""
+    contact_time = float(rebound.contact_time[0])
+    wanted = checked_times(times, contact_time)
+    v_x, v_y, omega = (float(item[0]) for item in (impact.v_x1, impact.v_y1, impact.omega_1))
+    cor = float(impact.cor[0]) if impact.cor is not None else math.nan
+    courses = np.zeros((kernel.COURSES, wanted.size))
+    phases = np.zeros(wanted.size, dtype=np.int64)
+    facts, record = np.zeros(kernel.FACTS), np.zeros((MAX_PHASES, PIECE_SIZE))
+    _status, regime, pieces = kernel.bounce_history(
+        row, codes, v_x, v_y, omega, cor, wanted, courses, phases, facts, record
+    )
+    landed = Motion(float(facts[kernel.LANDED_V_X]), v_y, omega, float(facts[kernel.LANDED_OMEGA]))
+    if codes[5] == kernel.TORSION_RIGID:
+        landed = Motion(landed.v_x, v_y, landed.omega_2, landed.omega_2)
+    last = np.array([contact_time])
+    at_end = np.zeros((kernel.COURSES, 1))
+    kernel.bounce_history(row, codes, v_x, v_y, omega, cor, last, at_end, np.zeros(1, dtype=np.int64), facts, record)
+    leaving = Motion(*(float(at_end[k, 0]) for k in (kernel.V_X, kernel.V_Y, kernel.OMEGA_CORE, kernel.OMEGA_SHELL)))
+    left = _after_release(codes, leaving, rebound)
+    mass, radius = float(row[10]), float(row[11])
+    peak_compression, peak_force = _peaks(facts, v_y)
+    return History(
+        wanted,
+        *(courses[k] for k in (kernel.Y, kernel.V_Y, kernel.V_X, kernel.OMEGA_CORE, kernel.OMEGA_SHELL)),
+        *(courses[k] for k in (kernel.TWIST, kernel.SLIP, kernel.NORMAL, kernel.FRICTION)),
+        phase=phases,
+        contact_time=contact_time,
+        landing=Jump(Motion(v_x, v_y, omega, omega), landed, float(facts[kernel.LANDING]), mass * (landed.v_x - v_x)),
+        release=Jump(leaving, left, 0.0, 0.0),
+        spans=_spans(record[:pieces], float(facts[kernel.T_FORCE]), contact_time),
+        regime=int(regime),
+        peak_compression=peak_compression,
+        peak_force=peak_force,
+        friction=float(row[3]),
+        radius=radius,
+    )
+
+
+def _after_release(codes: NDArray[np.int64], leaving: Motion, rebound: Rebound) -> Motion:
+    """The ball in flight: one spin where that is the closure, and the core's velocity that of the ball."""
+    v_x2, v_y2, omega_2 = (float(item[0]) for item in (rebound.v_x2, rebound.v_y2, rebound.omega_2))
+    keeps_twisting = codes[3] == 1
+    return Motion(v_x2, -v_y2, leaving.omega_1 if keeps_twisting else omega_2, omega_2)
+
+
+def _spans(record: FloatArray, t_force: float, contact_time: float) -> tuple[Span, ...]:
+    """Phases with their times; what lasts no time is none, and pieces of one phase that a series cut are joined."""
+    found: list[tuple[Phase, float, float]] = []
+    start = time = 0.0
+    for phase, ending, elapsed in record[:, [PIECE_PHASE, PIECE_ENDING, PIECE_TIME]]:
+        time += float(elapsed)
+        if ending != UNFINISHED:
+            if time > start:
+                found.append((Phase(int(phase)), start, time))
+            start = time
+    if found and contact_time > t_force:
+        found.append((Phase.FREE, t_force, contact_time))
+    if found:
+        # The last piece ends with the contact, whatever the rounding of the sum says.
+        found[-1] = (*found[-1][:2], contact_time)
+    return tuple(Span(phase, a, b, a / contact_time, b / contact_time) for phase, a, b in found)
+
+
+def _peaks(facts: FloatArray, v_y: float) -> tuple[Peak, Peak]:
+    """Largest compression and largest normal force, each where its derivative vanishes."""
+    riding, omega2, sigma, w2 = (float(facts[k]) for k in (kernel.RIDING, kernel.OMEGA2, kernel.SIGMA, kernel.W2))
+    # Below a billionth of the decay the frequency changes neither angle over frequency nor its hyperbolic twin.
+    w = max(math.sqrt(abs(w2)), 1e-9 * sigma)
+    # y' = 0 where tan(w t) = w/sigma.
+    t_y = math.atan2(w, sigma) / w if w2 >= 0.0 else math.atanh(w / sigma) / w
+    # F = riding (2 sigma y' + omega^2 y) starts at 2 sigma, with slope omega^2 - 4 sigma^2, in units of riding v_y:
+    # beyond zeta = 1/2 it only falls. F' = 0 where tan(w t)/w = slope/(w2 2 sigma + sigma (slope + 2 sigma^2)).
+    slope = omega2 - 4.0 * sigma * sigma
+    t_force = 0.0
+    if slope > 0.0:
+        t_force = math.atan2(w * slope, sigma * (2.0 * w2 + slope + 2.0 * sigma * sigma)) / w
+    y, _rate = kernel.vertical_at(sigma, omega2, w2, v_y, t_y)
+    at_force, rate = kernel.vertical_at(sigma, omega2, w2, v_y, t_force)
+    return Peak(y, t_y), Peak(riding * (2.0 * sigma * rate + omega2 * at_force), t_force)
