@@ -92,7 +92,7 @@ def rigid_courses(
 ) -> int:
     """Courses along the court of a ball whose core and shell turn as one; returns the number of pieces.
 
-    Friction then follows the impulse that the normal force has given so far (see `rigid`), and so does what ends slip.
+    Friction follows the impulse that the normal force has given so far (see `rigid`), and so does the end of slip.
     """
     mu, mass, radius, inertia = row[3], row[10], row[11], row[12]
     riding, landing, omega2, sigma, w2 = facts[RIDING], facts[LANDING], facts[OMEGA2], facts[SIGMA], facts[W2]
@@ -174,7 +174,7 @@ def sprung_courses(
     record: FloatArray,
     pieces: int,
 ) -> None:
-    """Courses along the court of core and shell on their torsional joint; `record` holds the pieces of the contact."""
+    """Courses along the court of core and shell on their torsional joint; `record` holds the contact's pieces."""
     mu, mass, radius = row[3], row[10], row[11]
     riding, t_force = facts[RIDING], facts[T_FORCE]
     _status, core, shell, damping, w2_slide = joint(row, codes, facts[W2])

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fitball.errors import ParameterError
 from fitball.models import bounce_history as kernel
+from fitball.models.bounce import TORSION_RIGID
 from fitball.models.two_mass import MAX_PHASES, PIECE_ENDING, PIECE_PHASE, PIECE_SIZE, PIECE_TIME, UNFINISHED
 from fitball.models.types import Phase, Rebound, regime_name
 from fitball.values import FloatArray, Impacts
@@ -144,7 +145,7 @@ def two_mass_history(
         row, codes, v_x, v_y, omega, cor, wanted, courses, phases, facts, record
     )
     landed = Motion(float(facts[kernel.LANDED_V_X]), v_y, omega, float(facts[kernel.LANDED_OMEGA]))
-    if codes[5] == kernel.TORSION_RIGID:
+    if codes[5] == TORSION_RIGID:
         landed = Motion(landed.v_x, v_y, landed.omega_2, landed.omega_2)
     last = np.array([contact_time])
     at_end = np.zeros((kernel.COURSES, 1))
@@ -154,9 +155,16 @@ def two_mass_history(
     mass, radius = float(row[10]), float(row[11])
     peak_compression, peak_force = _peaks(facts, v_y)
     return History(
-        wanted,
-        *(courses[k] for k in (kernel.Y, kernel.V_Y, kernel.V_X, kernel.OMEGA_CORE, kernel.OMEGA_SHELL)),
-        *(courses[k] for k in (kernel.TWIST, kernel.SLIP, kernel.NORMAL, kernel.FRICTION)),
+        times=wanted,
+        y=courses[kernel.Y],
+        v_y=courses[kernel.V_Y],
+        v_x=courses[kernel.V_X],
+        omega_1=courses[kernel.OMEGA_CORE],
+        omega_2=courses[kernel.OMEGA_SHELL],
+        twist=courses[kernel.TWIST],
+        slip=courses[kernel.SLIP],
+        normal_force=courses[kernel.NORMAL],
+        friction_force=courses[kernel.FRICTION],
         phase=phases,
         contact_time=contact_time,
         landing=Jump(Motion(v_x, v_y, omega, omega), landed, float(facts[kernel.LANDING]), mass * (landed.v_x - v_x)),

@@ -100,7 +100,12 @@ class Model(ABC):
             found.status[0],
         )
 
-    def history(self, parameters: Mapping[str, ArrayLike], impact: Impacts, times: ArrayLike) -> History:
+    def history(
+        self,
+        parameters: Mapping[str, ArrayLike],  # noqa: ARG002
+        impact: Impacts,  # noqa: ARG002
+        times: ArrayLike,  # noqa: ARG002
+    ) -> History:
         """Exact courses of one impact at `times` [s after landing], (times,), up to the contact time.
 
         `parameters` are one value each, as `rebound` takes them. Raises what `rebound` raises, ModelError for a

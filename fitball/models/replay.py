@@ -64,7 +64,7 @@ def retrace(
     pieces: int,
     scratch: ReplayScratch,
 ) -> tuple[complex, complex, complex, complex, complex, complex]:
-    """`(v_x, spin_sum, th, rate, y, y_rate)` after the first `pieces` of `record`; arguments as in `two_mass_contact`.
+    """`(v_x, spin_sum, th, rate, y, y_rate)` after `pieces` rows of `record`; arguments as in `two_mass_contact`.
 
     `spin_sum` is the angular momentum of core and shell together. Without `twist_at_end`, `th` and `rate` are not
     brought to the end of a piece that slides until the force ends: the sum of the spins does not need them.

@@ -41,7 +41,11 @@ def rigid_contact(
     acting = impulse if eps_in_slide else impulse - slipped - held
     regime = 0
     count = 0
-    if slipped.real > landing.real and (abs(slip.real) > 0.0 or abs(onward) < 0.5):
+    turned = 0.0
+    if mu.real > 0.0 and abs(onward) > 0.5:
+        # Slip that turns round is slip all along; it may have turned while landing.
+        _friction, _slipped, _held, turned = friction_impulse(slip, landing, mu, drive, need, compliance)
+    if slipped.real > landing.real and abs(turned) < 0.5 and (abs(slip.real) > 0.0 or abs(onward) < 0.5):
         regime = append_phase(regime, count, slide_phase(direction))
         count += 1
     if onward * direction < 0.0 or (onward > 0.5 and count == 0):

@@ -1,0 +1,288 @@
+"""Time courses of one impact: against an independent integration, the laws every contact obeys, and misuse."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import fitball
+from fitball.errors import FitballError, ModelError, ParameterError
+from fitball.models.history import MODELS_WITH_HISTORY
+from fitball.models.registry import COMPOSITIONS
+from fitball.models.types import Phase, unpack_regime
+
+BALL = fitball.Ball()
+PARAMETERS = {
+    "mass_ratio": 0.9, "k_y": 2.0e4, "k_theta": 20.0, "mu": 0.56, "eps_10": 2.4e-3, "eps_slope": 1e-4,
+    "cor_10": 0.776, "cor_slope": -0.0158, "zeta_theta": 0.3, "inertia_split": 0.5,
+}  # fmt: skip
+# Name, closures changed, parameters changed, impact, phases it must pass through.
+CASES = [
+    ("two-mass", {}, {}, (20.0, 6.0, -100.0), "slide"),
+    ("two-mass", {}, {}, (12.0, 10.0, 50.0), "slide-grip-slide back"),
+    ("two-mass", {}, {"k_theta": 103.8, "mu": 0.95, "eps_10": -0.0039, "eps_slope": 0.0, "mass_ratio": 0.84},
+     (13.5, 11.9, -125.0), "slide-grip-slide"),
+    ("two-mass", {}, {"k_theta": 206.1, "mu": 0.23, "eps_10": 0.0106, "eps_slope": 0.0, "mass_ratio": 0.81},
+     (12.9, 10.2, 481.0), "slide-slide back-grip-slide-grip-slide back"),
+    ("two-mass", {"torsion": "free"},
+     {"k_theta": 94.2, "mu": 0.69, "eps_10": 0.0022, "eps_slope": 0.0, "mass_ratio": 0.94, "zeta_theta": 0.324},
+     (8.1, 8.6, 185.0), "grip-slide-grip-slide back"),
+    ("two-mass", {"torsion": "rigid"}, {}, (12.0, 10.0, 50.0), "slide-grip"),
+    ("two-mass", {"torsion": "rigid", "offset": "grip", "normal": "inner", "release": "zero_displacement"},
+     {"mu": 0.2, "eps_10": 0.031, "eps_slope": 0.0}, (3.0, 10.0, 50.0), "slide-hold-free"),
+    ("two-mass", {"torsion": "rigid"}, {"mu": 0.5, "eps_10": 0.031, "eps_slope": 0.0}, (3.0, 10.0, 180.0),
+     "slide"),
+    ("two-mass", {"torsion": "rigid"}, {"mu": 0.5, "eps_10": 0.031, "eps_slope": 0.0}, (3.0, 10.0, 280.0),
+     "slide back-slide"),
+    ("thesis-exact", {}, {"k_theta": 26.2, "mu": 0.59, "eps_10": 0.0117, "eps_slope": 0.0}, (16.0, 10.4, -204.0),
+     "slide-hold-grip-slide back-free"),
+    ("two-mass", {"normal": "total", "offset": "grip", "torsion": "free", "spin": "shell"},
+     {"k_theta": 161.4, "mu": 0.7, "eps_10": 0.0108, "eps_slope": 0.0, "zeta_theta": 0.222}, (18.6, 13.9, 356.0),
+     "slide-hold-grip-hold-slide"),
+]  # fmt: skip
+IDS = [f"{name} {' '.join(f'{k}={v}' for k, v in options.items())} {impact}" for name, options, _, impact, _ in CASES]
+
+
+def set_up(case):
+    name, options, changes, impact, _ = case
+    model = fitball.model(name, **options)
+    values = {key: {**PARAMETERS, **changes}[key] for key in model.parameter_names}
+    return model, values, fitball.impacts(*impact)
+
+
+def history(case, points=301):
+    model, values, impact = set_up(case)
+    contact = float(model.rebound(values, impact).contact_time[0])
+    return model, values, impact, model.history(values, impact, np.linspace(0.0, 1.0, points) * contact)
+
+
+class Integrated:
+    """Equations of motion of one contact, integrated by scipy with its own search for every event."""
+
+    def __init__(self, model, p, impact, landed, contact, core_return):
+        c = model.closures
+        self.eps = p["eps_10"] + p["eps_slope"] * (float(impact.v_y1[0]) - 10.0)
+        m, self.mu, self.in_slide, self.rigid = p["mass_ratio"], p["mu"], c.offset == "contact", c.torsion == "rigid"
+        self.riding = BALL.mass * (1.0 if c.normal == "total" else m)
+        solid, thin = 0.4 * 0.97**2 * m, 2.0 / 3.0 * (1.0 - m)
+        self.core = BALL.inertia * (p["inertia_split"] if c.inertia == "table" else solid / (solid + thin))
+        self.shell = BALL.inertia - self.core
+        if self.rigid:
+            self.core, self.shell = 0.0, BALL.inertia
+        # Either release leaves exp(-sigma t_c) of the core's speed, whatever its formula.
+        sigma = -math.log(core_return) / contact
+        self.k_y, self.c_y = p["k_y"], 2.0 * sigma * self.riding
+        self.k = self.c = 0.0
+        if not self.rigid:
+            compliance = 1.0 / self.core + 1.0 / self.shell
+            natural = math.sqrt(p["k_theta"] * compliance)
+            w2 = p["k_y"] / self.riding - sigma**2
+            zeta = p["zeta_theta"] if c.torsion == "free" else math.sqrt(1.0 - w2 / natural**2)
+            self.k, self.c = p["k_theta"], 2.0 * zeta * natural / compliance
+        self.start = np.array([0.0, landed.v_y, landed.v_x, landed.omega_1, landed.omega_2, 0.0])
+        self.contact = contact
+
+    def forces(self, z):
+        return self.k_y * z[0] + self.c_y * z[1], self.k * z[5] + self.c * (z[3] - z[4])
+
+    def needed(self, z, eps):
+        force, torque = self.forces(z)
+        return BALL.mass * BALL.radius * (torque - eps * force) / (self.shell + BALL.mass * BALL.radius**2)
+
+    def ground(self, phase, z):
+        """Normal force, friction, and the lever of the normal force."""
+        force = self.forces(z)[0]
+        if phase is Phase.FREE:
+            return 0.0, 0.0, 0.0
+        if phase is Phase.GRIP:
+            return force, self.needed(z, self.eps), self.eps
+        if phase is Phase.HOLD:
+            return force, self.needed(z, 0.0), 0.0
+        sign = 1.0 if phase is Phase.SLIDE_FORWARD else -1.0
+        return force, -sign * self.mu * force, self.eps if self.in_slide else 0.0
+
+    def rates(self, phase, z):
+        force, torque = self.forces(z)
+        normal, friction, lever = self.ground(phase, z)
+        shell = (torque - BALL.radius * friction - lever * normal) / self.shell
+        core = shell if self.rigid else -torque / self.core
+        return [z[1], -force / self.riding, friction / BALL.mass, core, shell, z[3] - z[4]]
+
+    def endings(self, phase):
+        if phase is Phase.FREE:
+            return []
+        ends = [lambda z: self.forces(z)[0]]
+        if phase in (Phase.GRIP, Phase.HOLD):
+            eps = self.eps if phase is Phase.GRIP else 0.0
+            ends += [lambda z, s=s: self.mu * self.forces(z)[0] - s * self.needed(z, eps) for s in (1, -1)]
+            if phase is Phase.HOLD:
+                ends.append(lambda z: abs(self.needed(z, self.eps)) - self.mu * self.forces(z)[0])
+        else:
+            sign = 1.0 if phase is Phase.SLIDE_FORWARD else -1.0
+            ends.append(lambda z: sign * (z[2] - BALL.radius * z[4]))
+        return ends
+
+    def run(self, phases):
+        """Dense solutions phase by phase, `(start, end, phase, solution)`; `phases` says only which comes next."""
+        pieces, time, z = [], 0.0, self.start
+        for place, phase in enumerate(phases):
+            events = []
+            for end in self.endings(phase):
+                # A zero that the phase starts on is not its end: an event needs a fall through zero.
+                event = lambda t, z, end=end: end(z)  # noqa: E731
+                event.terminal, event.direction = True, -1.0
+                events.append(event)
+            if place == len(phases) - 1:
+                events = []
+            found = solve_ivp(
+                lambda _t, z, phase=phase: self.rates(phase, z), (time, self.contact), z, method="DOP853",
+                rtol=1e-11, atol=1e-13, events=events, dense_output=True, max_step=self.contact / 50.0,
+            )  # fmt: skip
+            pieces.append((time, float(found.t[-1]), phase, found.sol))
+            time, z = float(found.t[-1]), found.y[:, -1].copy()
+            if phase not in (Phase.GRIP, Phase.HOLD, Phase.FREE) and place < len(phases) - 1:
+                # What is left of the slip is the tolerance of the integration.
+                z[2] = BALL.radius * z[4] if phases[place + 1] is not Phase.FREE else z[2]
+        return pieces
+
+
+@pytest.mark.parametrize("case", CASES, ids=IDS)
+def test_courses_against_an_independent_integration(case):
+    model, values, impact, found = history(case)
+    assert found.regime_name == case[4]
+    core_return = -found.release.before.v_y / found.landing.after.v_y
+    told = unpack_regime(found.regime)
+    integrated = Integrated(model, values, impact, found.landing.after, found.contact_time, core_return)
+    pieces = integrated.run(told)
+    assert [span.phase for span in found.spans] == list(told)
+    ends = [piece[1] for piece in pieces[:-1]]
+    np.testing.assert_allclose(found.transitions, ends, atol=1e-7 * found.contact_time)
+    np.testing.assert_allclose(found.transition_shares, np.array(ends) / found.contact_time, atol=1e-7)
+    speed, spin = 20.0, 20.0 / BALL.radius
+    for start, end, phase, solution in pieces:
+        inside = (found.times > start + 1e-6 * end) & (found.times < end * (1.0 - 1e-6))
+        if not inside.any():
+            continue
+        z = solution(found.times[inside])
+        columns = (found.y, found.v_y, found.v_x, found.omega_1, found.omega_2, found.twist)
+        for course, exact, scale in zip(columns, z, (1e-2, speed, speed, spin, spin, 0.3), strict=True):
+            np.testing.assert_allclose(course[inside], exact, atol=2e-8 * scale)
+        np.testing.assert_allclose(found.slip[inside], z[2] - BALL.radius * z[4], atol=2e-8 * speed)
+        assert set(found.phase[inside]) <= {int(phase)}
+        pushes = np.array([integrated.ground(phase, column)[:2] for column in z.T])
+        np.testing.assert_allclose(found.normal_force[inside], pushes[:, 0], atol=1e-5)
+        np.testing.assert_allclose(found.friction_force[inside], pushes[:, 1], atol=1e-5)
+
+
+@pytest.mark.parametrize("case", CASES, ids=IDS)
+def test_release_is_the_rebound_and_impulses_are_momentum(case):
+    model, values, impact, found = history(case)
+    rebound = model.rebound(values, impact)
+    after, before = found.release.after, found.release.before
+    assert (after.v_x, -after.v_y, after.omega_2) == (rebound.v_x2[0], rebound.v_y2[0], rebound.omega_2[0])
+    assert found.regime == rebound.regime[0]
+    assert before.v_x == pytest.approx(after.v_x, rel=1e-12, abs=1e-12)
+    assert (found.v_x[-1], found.v_y[-1], found.omega_2[-1]) == (before.v_x, before.v_y, before.omega_2)
+    # Core and shell share what they have when their twist dies out; a shell that keeps its spin is the rebound.
+    chosen = model.closures
+    if chosen.spin == "shell" and chosen.torsion != "rigid":
+        assert before.omega_2 == pytest.approx(after.omega_2, rel=1e-11)
+    mass, share = BALL.mass, values["mass_ratio"]
+    assert found.landing.normal_impulse == (
+        pytest.approx((1.0 - share) * mass * float(impact.v_y1[0])) if chosen.normal == "momentum" else 0.0
+    )
+    # Gauss's rule between the transitions, where the courses are smooth; landing's own impulse beside it.
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    edges = [0.0, *found.transitions, found.contact_time]
+    normal = found.landing.normal_impulse
+    along = found.landing.friction_impulse
+    for left, right in pairwise(edges):
+        part = model.history(values, impact, left + 0.5 * (right - left) * (nodes + 1.0))
+        normal += 0.5 * (right - left) * weights @ part.normal_force
+        along += 0.5 * (right - left) * weights @ part.friction_force
+    assert along == pytest.approx(mass * (rebound.v_x2[0] - impact.v_x1[0]), rel=1e-9, abs=1e-10)
+    if chosen.normal != "inner" and chosen.release == "zero_force":
+        assert normal == pytest.approx(mass * (rebound.v_y2[0] + impact.v_y1[0]), rel=1e-9)
+
+
+@pytest.mark.parametrize("case", CASES, ids=IDS)
+def test_friction_stays_in_its_cone_and_the_ground_never_pulls(case):
+    _model, values, _impact, found = history(case, 2001)
+    limit = values["mu"] * found.normal_force
+    assert np.all(found.normal_force >= 0.0)
+    assert np.all(np.abs(found.friction_force) <= limit + 1e-9 * limit.max())
+    sliding = np.isin(found.phase, (Phase.SLIDE_FORWARD, Phase.SLIDE_BACKWARD))
+    np.testing.assert_allclose(np.abs(found.friction_force[sliding]), limit[sliding], rtol=1e-12)
+    assert np.all(found.friction_force[sliding] * found.slip[sliding] <= 1e-12)
+    assert np.all(found.slip[np.isin(found.phase, (Phase.GRIP, Phase.HOLD))] == 0.0)
+    landing = found.landing
+    assert abs(landing.friction_impulse) <= values["mu"] * landing.normal_impulse * (1.0 + 1e-12)
+    assert found.y.max() <= found.peak_compression.value * (1.0 + 1e-12)
+    assert found.normal_force.max() <= found.peak_force.value * (1.0 + 1e-12)
+    assert found.y.max() == pytest.approx(found.peak_compression.value, rel=1e-5)
+    assert found.normal_force.max() == pytest.approx(found.peak_force.value, rel=1e-5)
+
+
+def test_mirror_symmetry_without_offset():
+    model = fitball.model("two-mass")
+    values = {name: {**PARAMETERS, "eps_10": 0.0, "eps_slope": 0.0}[name] for name in model.parameter_names}
+    times = np.linspace(0.0, 4e-3, 50)
+    right = model.history(values, fitball.impacts(12.0, 10.0, 50.0), times)
+    left = model.history(values, fitball.impacts(-12.0, 10.0, -50.0), times)
+    for name in ("v_x", "omega_1", "omega_2", "twist", "slip", "friction_force"):
+        np.testing.assert_allclose(getattr(left, name), -getattr(right, name), rtol=1e-12, atol=1e-12)
+    for name in ("y", "v_y", "normal_force"):
+        np.testing.assert_array_equal(getattr(left, name), getattr(right, name))
+    assert left.regime_name == "slide back-grip-slide" and right.regime_name == "slide-grip-slide back"
+
+
+def test_series_near_resonance_joins_into_one_phase():
+    """With matched torsion and a stiff joint nearly at its limit the twist is solved by series, in several pieces."""
+    model = fitball.model("two-mass", torsion="free")
+    values = {name: {**PARAMETERS, "zeta_theta": 0.1, "k_theta": 6.0}[name] for name in model.parameter_names}
+    impact = fitball.impacts(20.0, 6.0, -100.0)
+    contact = float(model.rebound(values, impact).contact_time[0])
+    found = model.history(values, impact, np.linspace(0.0, 1.0, 400) * contact)
+    assert len(found.spans) == len(unpack_regime(found.regime))
+    # One course, without a step where a piece ends: second differences stay as small as in the middle.
+    bend = np.abs(np.diff(found.omega_2[:-1], 2))
+    assert bend.max() < 10.0 * np.median(bend)
+
+
+def test_drop_without_motion_along_the_court():
+    model = fitball.model("two-mass", tangential=False)
+    values = {name: PARAMETERS[name] for name in model.parameter_names}
+    found = model.history(values, fitball.impacts(0.0, 8.0), [0.0, 1e-3])
+    assert found.spans == () and found.regime_name == "" and set(found.phase) == {0}
+    assert found.normal_force[1] > 0.0 and np.all(found.friction_force == 0.0)
+
+
+def test_misuse_is_named():
+    model = fitball.model("two-mass")
+    values = {name: PARAMETERS[name] for name in model.parameter_names}
+    impact = fitball.impacts(12.0, 10.0, 50.0)
+    contact = float(model.rebound(values, impact).contact_time[0])
+    assert model.history(values, impact, contact).times.shape == (1,)
+    for times, word in (
+        (math.nan, "nan"),
+        (-1e-9, "-1e-09"),
+        (contact * 1.01, "within the contact"),
+        ([[0.0]], "shape"),
+    ):
+        with pytest.raises(ParameterError, match=word):
+            model.history(values, impact, times)
+    with pytest.raises(ParameterError, match="one value of each parameter"):
+        model.history({**values, "mu": [0.5, 0.6]}, impact, 0.0)
+    with pytest.raises(ParameterError, match="one impact: read 2"):
+        model.history(values, fitball.impacts([12.0, 13.0], 10.0), 0.0)
+    with pytest.raises(ParameterError, match="exceeds mass_ratio"):
+        model.history({**values, "mass_ratio": 0.5}, impact, 0.0)
+    assert set(MODELS_WITH_HISTORY) == set(COMPOSITIONS)
+    for name in ("grip-slip", "brody", "thesis"):
+        with pytest.raises(ModelError, match=r"two-mass, thesis-exact") as caught:
+            fitball.model(name).history({}, impact, 0.0)
+        assert isinstance(caught.value, FitballError)
