@@ -1,0 +1,199 @@
+"""`fitball simulate`: one impact through time, as table, files and figure."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fitball.cli.options import count
+from fitball.errors import ParameterError, suggestion
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from fitball.inference.simulate import Simulation
+
+FORMATS = ("png", "svg", "pdf")
+DEFAULT_FOLDER = Path("simulations")
+DESCRIPTION = """Follow one impact through time: compression, velocities, both spins, forces, slip and grip.
+
+Parameters come from a fit (--fit), from a model with round defaults near the fits to Wang's balls (--model, --set),
+or from a figure of Jafri's thesis (--example). Courses are exact, from the closed forms of the model."""
+EXAMPLE = """examples:
+  fitball simulate --impact "v=38 mph, theta=18 deg, spin=950 rpm top"
+  fitball simulate --impact "v=17, theta=42, spin=100" --fit fits/wang_all/two-mass
+  fitball simulate --impact "v_x=12, v_y=10" --model two-mass+torsion=free --set mu=0.6 --set zeta_theta=0.2
+  fitball simulate --example fig27
+  fitball simulate --example list"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the verb `simulate`."""
+    parser = subparsers.add_parser(
+        "simulate",
+        help="one impact through time: velocities, spins, forces, slip and grip",
+        description=DESCRIPTION,
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--impact", metavar="TEXT", help='the impact, e.g. "v=17, theta=18, spin=100" (default: m/s, deg, rad/s)'
+    )
+    parser.add_argument("--fit", metavar="FIT", help="a result folder of fitball calibrate, or its fit.json")
+    parser.add_argument(
+        "--model",
+        metavar="NAME",
+        help="two-mass (default) or thesis-exact, with +CLOSURE=OPTION for each one changed",
+    )
+    parser.add_argument(
+        "--set", metavar="NAME=VALUE", action="append", default=[], dest="values",
+        help="a parameter of the model in SI units; repeatable",
+    )  # fmt: skip
+    parser.add_argument("--example", metavar="NAME", help="fig8 to fig28 of Jafri (2004), or list")
+    parser.add_argument(
+        "--draws", type=count, default=200, metavar="N", help="posterior draws of --fit (default 200)"
+    )
+    parser.add_argument(
+        "--out", metavar="DIR", help=f"result folder (default: one named for the impact in {DEFAULT_FOLDER}/)"
+    )
+    parser.add_argument("--overwrite", action="store_true", help="replace an older result in the folder")
+    parser.add_argument("--format", default="png", metavar="FORMAT", help="of the figure: png (default), svg or pdf")
+    parser.add_argument("--csv", metavar="FILE.csv", help="write the courses to this file too")
+    parser.add_argument("--json", action="store_true", help="print JSON (SI units)")
+    parser.add_argument("--quiet", action="store_true", help="no table and no notes: only errors and files")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it; returns the exit code."""
+    if args.format not in FORMATS:
+        raise ParameterError(f"--format {args.format}: {suggestion(args.format, FORMATS)}")
+    _check_together(args)
+    if args.example == "list":
+        from fitball.studies.example_report import list_text
+
+        print(list_text())
+        return 0
+    from fitball.report.history_folder import prepare
+
+    solved, name, content, text, title, panels = _example(args) if args.example else _one(args)
+    folder = Path(args.out) if args.out else DEFAULT_FOLDER / name
+    prepare(folder, overwrite=args.overwrite)
+    _write(args, folder, solved, content, text, title, panels)
+    return 0
+
+
+def _check_together(args: argparse.Namespace) -> None:
+    """Raises ParameterError for options that contradict each other or say too little."""
+    own = [f"--{name}" for name in ("impact", "fit", "model") if getattr(args, name) is not None]
+    own += ["--set"] if args.values else []
+    if args.example is not None and own:
+        raise ParameterError(f"--example brings its own impact and parameters: leave out {', '.join(own)}")
+    if args.example is None and args.impact is None:
+        raise ParameterError(
+            'simulate needs an impact, such as --impact "v=17, theta=18, spin=100", or --example NAME'
+        )
+    if args.fit is not None and (args.model is not None or args.values):
+        raise ParameterError("--fit brings its own model and parameters: leave out --model and --set")
+
+
+_Made = tuple["tuple[Simulation, ...]", str, "dict[str, Any]", str, str, "tuple[str, ...]"]
+
+
+def _one(args: argparse.Namespace) -> _Made:
+    """The impact that was asked for."""
+    from fitball.data.impact_text import parse_impact
+    from fitball.inference.simulate import chosen_parameters, simulate, simulate_fit
+    from fitball.report.history_text import render_all
+
+    impact = parse_impact(args.impact)
+    if args.fit is not None:
+        from fitball.api import load_fit
+        from fitball.inference.results import RunStatus
+
+        saved = load_fit(args.fit)
+        found = simulate_fit(saved.fitted, impact, args.draws)
+        if not args.quiet and saved.status is RunStatus.POINT_ONLY:
+            print("note: a point fit has no posterior: courses at the point estimate, without bands", file=sys.stderr)
+        if not args.quiet and saved.status is RunStatus.NOT_CONVERGED:
+            print("note: the sampler of this fit did not converge: bands may change", file=sys.stderr)
+        source = f"fit_{found.model.name}"
+    else:
+        from fitball.inference.ladder import parse_name
+        from fitball.models.registry import DEFAULT_MODEL, model
+
+        name, closures = parse_name(args.model if args.model is not None else DEFAULT_MODEL)
+        chosen = model(name, ball=None, tangential=True, **closures)
+        changed = _values(args.values)
+        found = simulate(chosen, chosen_parameters(chosen, changed), impact)
+        source = name
+        rest = [item for item in chosen.parameter_names if item not in changed]
+        if not args.quiet and rest:
+            said = ", ".join(f"{item} = {found.parameters[item]:g}" for item in rest)
+            print(f"note: defaults near the fits to Wang's balls: {said}", file=sys.stderr)
+    v_x, v_y, omega = (float(item[0]) for item in (impact.v_x1, impact.v_y1, impact.omega_1))
+    title = f"{found.model.name}: {v_x:.2f} m/s along, {v_y:.2f} m/s towards the court, {omega:.0f} rad/s"
+    return (found,), f"{source}_{v_x:.4g}_{v_y:.4g}_{omega:.4g}", {}, render_all((found,)), title, ()
+
+
+def _example(args: argparse.Namespace) -> _Made:
+    """A figure of the thesis."""
+    from fitball.report.history_text import render_all
+    from fitball.studies.example_claims import find_example, findings, run_example
+    from fitball.studies.example_report import example_json, example_text
+
+    example = find_example(args.example)
+    solved = run_example(example)
+    found = findings(example, solved)
+    text = example_text(example, found) + "\n\n" + render_all(solved)
+    title = f"{example.name}, solved exactly: {example.title}"
+    return solved, example.name, {"example": example_json(example, found)}, text, title, example.panels
+
+
+def _values(texts: Sequence[str]) -> dict[str, float]:
+    """Parameters from `NAME=VALUE`. Raises ParameterError."""
+    found: dict[str, float] = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name and equals and value):
+            raise ParameterError(f"--set {text}: expected NAME=VALUE, as in mu=0.6")
+        if name in found:
+            raise ParameterError(f"--set {text}: {name} is given twice")
+        try:
+            found[name] = float(value)
+        except ValueError:
+            raise ParameterError(f"--set {text}: read '{value}', expected a number in SI units") from None
+    return found
+
+
+def _write(
+    args: argparse.Namespace,
+    folder: Path,
+    solved: tuple[Simulation, ...],
+    extra: dict[str, Any],
+    text: str,
+    title: str,
+    panels: tuple[str, ...],
+) -> None:
+    """Figure and files, then what was asked for on stdout."""
+    from fitball.report.figure_history import history_figure
+    from fitball.report.files import write_text
+    from fitball.report.history_folder import json_text, write_all
+    from fitball.report.history_rows import history_rows, simulation_json
+    from fitball.report.tables import csv_text
+
+    content = {**extra, "simulations": [simulation_json(item) for item in solved]}
+    table = csv_text(history_rows(solved))
+    places = write_all(folder, content, table, history_figure(solved, title, panels), args.format)
+    if args.csv is not None:
+        write_text(Path(args.csv), table)
+        places = (*places, Path(args.csv))
+    if args.json:
+        print(json_text(content), end="")
+        return
+    if not args.quiet:
+        print(text + "\n\nResults:")
+    for place in places:
+        print(place if args.quiet else f"  {place}")
