@@ -81,10 +81,8 @@ def history_figure(
     if max(lengths) - min(lengths) <= 5e-6 * max(lengths):
         for axis in axes[:columns]:
             _time_axis(axis, lengths[0])
-    _legend(figure, simulations)
+    _legend(figure, simulations, wrapped, surface="v_x" in shown)
     figure.suptitle(title, fontsize=12)
-    if wrapped:
-        figure.supxlabel("\n".join(wrapped), fontsize=8.5, x=0.02, ha="left", color="0.25")
     return figure
 
 
@@ -145,6 +143,16 @@ def _velocities(axis: Axes, item: Simulation, colour: str, alone: bool) -> None:
     _line(axis, item, "v_x", COLOURS[0], alone, label="$v_x$")
     _line(axis, item, "omega_2", COLOURS[1], alone, found.radius, label=r"$R\,\omega_2$ shell", linestyle="--")
     _line(axis, item, "omega_1", "0.25", alone, found.radius, label=r"$R\,\omega_1$ core", linestyle="-.")
+    # What jumps at landing and at release shows as a gap between mark and line.
+    for share, motion in ((0.0, found.landing.before), (1.0, found.release.after)):
+        for value, colour_of, mark in (
+            (motion.v_x, COLOURS[0], "o"),
+            (found.radius * motion.omega_2, COLOURS[1], "s"),
+        ):
+            axis.plot(
+                share, value, mark, color=colour_of, markersize=5, markerfacecolor="white", clip_on=False, zorder=5
+            )
+    axis.plot([], [], "o", color="0.3", markersize=5, markerfacecolor="white", label="in flight")
     axis.legend(loc="best", fontsize=8, frameon=True, framealpha=0.7)
 
 
@@ -190,7 +198,7 @@ DRAWN: Mapping[str, Callable[[Axes, Simulation, str, bool], None]] = {
 }
 
 
-def _legend(figure: Figure, simulations: Sequence[Simulation]) -> None:
+def _legend(figure: Figure, simulations: Sequence[Simulation], caption: Sequence[str], surface: bool) -> None:
     """Phases of the one, or names of the several."""
     handles: list[Patch | Line2D]
     if len(simulations) == 1:
@@ -203,11 +211,15 @@ def _legend(figure: Figure, simulations: Sequence[Simulation]) -> None:
             Line2D([], [], color=colour, linewidth=1.5, label=item.label)
             for colour, item in zip(COLOURS, simulations, strict=False)
         ]
+        if surface:
+            handles.append(Line2D([], [], color="0.3", linestyle="--", linewidth=1.2, label=r"surface $R\,\omega_2$"))
         if any(len(item.history.spans) > 1 for item in simulations):
             handles.append(
                 Line2D([], [], color="0.3", marker="o", markerfacecolor="white", linestyle="none", label="transition")
             )
     if handles:
-        figure.legend(
-            handles=handles, loc="outside upper center", ncols=min(4, len(handles)), frameon=False, fontsize=9
-        )
+        legend = figure.legend(
+            handles=handles, loc="outside lower center", ncols=min(6, len(handles)), frameon=False, fontsize=9,
+            title="\n".join(caption), title_fontsize=8.5,
+        )  # fmt: skip
+        legend.get_title().set_multialignment("left")
