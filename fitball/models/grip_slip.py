@@ -13,13 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.models import algebraic
 from fitball.models.dual import STEP, NumberArray
 from fitball.models.jacobian import INPUTS, OUTPUTS, ReboundJacobian, moved_inputs
 from fitball.models.model import Model, ball_columns
-from fitball.models.types import Phase, Rebound, Status
+from fitball.models.types import Rebound, Status
 from fitball.values import FloatArray, Impacts, OwnImpacts
-
-ANCHOR_SPEED = 10.0
 
 GRIP_SLIP_PARAMETERS = ("mu", "e_x", "offset", "cor_10", "cor_slope")
 BRODY_PARAMETERS = ("mu", "cor_10", "cor_slope")
@@ -36,13 +35,8 @@ class GripSlipModel(Model):
 
     def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts) -> Rebound:
         """See `Model.evaluate`."""
-        found, regime, outside = self._bounce(names, values, *impacts.states()[:3])
-        return Rebound(
-            *found,
-            contact_time=np.full(regime.shape, np.nan),
-            regime=np.where(outside, 0, regime).astype(np.int64),
-            status=np.where(outside, int(Status.COR_OUT_OF_RANGE), int(Status.OK)).astype(np.int8),
-        )
+        out, regime, status = self._bounce(names, values, *impacts.states()[:3])
+        return Rebound(out[0], out[1], out[2], np.full(regime.shape, np.nan), regime, status)
 
     def jacobian(
         self,
@@ -53,17 +47,12 @@ class GripSlipModel(Model):
     ) -> ReboundJacobian:
         """See `Model.jacobian`."""
         chosen = tuple(names) if parameters is None else tuple(parameters)
-        shape = values.shape[0], len(impacts)
-        slopes = np.full((*shape, len(OUTPUTS), len(INPUTS) + len(chosen)), np.nan)
-        # All moves at once, one below the other: a call costs more than the numbers of a small table.
-        moves = tuple(moved_inputs(names, values, replace(impacts, cor=None), chosen))
-        states = (
-            np.concatenate([np.broadcast_to(getattr(moved, name), shape) for moved in moves]) for name in INPUTS
-        )
-        found, _regime, outside = self._bounce(names, np.concatenate([moved.values for moved in moves]), *states)
-        for output, value in enumerate(found):
-            gained = np.where(outside, np.nan, np.imag(value) / STEP).reshape(-1, *shape)
-            slopes[:, :, output, :] = np.moveaxis(gained, 0, -1)
+        plain = replace(impacts, cor=None)
+        slopes = np.full((values.shape[0], len(impacts), len(OUTPUTS), len(INPUTS) + len(chosen)), np.nan)
+        for moved in moved_inputs(names, values, plain, chosen):
+            out, _regime, status = self._bounce(names, moved.values, moved.v_x1, moved.v_y1, moved.omega_1)
+            for output, value in enumerate(out):
+                slopes[:, :, output, moved.place] = np.where(status == Status.OK, np.imag(value) / STEP, np.nan)
         return ReboundJacobian(
             rebound=self.evaluate(names, values, impacts),
             names=chosen,
@@ -72,27 +61,21 @@ class GripSlipModel(Model):
             cor=None,
         )
 
+    def rows(self, names: Sequence[str], values: NumberArray) -> NumberArray:
+        """The kernel's parameter rows, (draws, columns), in the kind of number of `values`."""
+        rows = np.zeros((values.shape[0], len(algebraic.COLUMNS)), dtype=values.dtype)
+        for column, name in enumerate(algebraic.COLUMNS):
+            if name in names:
+                rows[:, column] = values[:, list(names).index(name)]
+        rows[:, 5], rows[:, 6], rows[:, 7] = ball_columns(self.ball, names, values)
+        return rows
+
     def _bounce(
         self, names: Sequence[str], values: NumberArray, v_x: NumberArray, v_y: NumberArray, omega: NumberArray
-    ) -> tuple[tuple[NumberArray, NumberArray, NumberArray], NDArray[np.int64], NDArray[np.bool_]]:
-        """`(v_x2, v_y2, omega_2)`, regime, and where the restitution is impossible, in the kind of number given."""
-        index = {name: column for column, name in enumerate(names)}
-
-        def column(name: str) -> NumberArray:
-            return values[:, index[name], None] if name in index else np.zeros((values.shape[0], 1))
-
-        mass, radius, inertia = (item[:, None] for item in ball_columns(self.ball, names, values))
-        cor = column("cor_10") + column("cor_slope") * (v_y - ANCHOR_SPEED)
-        outside = ~((cor.real > 0.0) & (cor.real <= 1.0))
-        cor = np.where(outside, np.nan, cor)
-        normal_impulse = mass * (1.0 + cor) * v_y
-        limit = column("mu") * normal_impulse
-        a = inertia / (mass * radius**2)
-        slip = v_x - radius * omega
-        shift = column("offset") * normal_impulse
-        grip = mass * a / (1.0 + a) * ((1.0 + column("e_x")) * slip + shift / (a * mass * radius))
-        forward, backward = grip.real > limit.real, grip.real < -limit.real
-        impulse = np.where(forward, limit, np.where(backward, -limit, grip))
-        regime = np.where(forward, Phase.SLIDE_FORWARD, np.where(backward, Phase.SLIDE_BACKWARD, Phase.GRIP))
-        v_x2 = v_x - impulse / mass
-        return (v_x2, cor * v_y, omega + (radius * impulse - shift) / inertia), regime, outside
+    ) -> tuple[NumberArray, NDArray[np.int64], NDArray[np.int8]]:
+        """`(v_x2, v_y2, omega_2)` (3, draws, impacts) in the kind of number given, regimes and statuses."""
+        shape = (values.shape[0], v_x.shape[1])
+        out = np.empty((3, *shape), dtype=values.dtype)
+        regime, status = np.empty(shape, dtype=np.int64), np.empty(shape, dtype=np.int8)
+        algebraic.algebraic_batch(self.rows(names, values), v_x, v_y, omega, out, regime, status)
+        return out, regime, status
