@@ -61,7 +61,7 @@ class GripSlipModel(Model):
             cor=None,
         )
 
-    def rows(self, names: Sequence[str], values: NumberArray) -> NumberArray:
+    def _rows(self, names: Sequence[str], values: NumberArray) -> NumberArray:
         """The kernel's parameter rows, (draws, columns), in the kind of number of `values`."""
         rows = np.zeros((values.shape[0], len(algebraic.COLUMNS)), dtype=values.dtype)
         for column, name in enumerate(algebraic.COLUMNS):
@@ -77,5 +77,5 @@ class GripSlipModel(Model):
         shape = (values.shape[0], v_x.shape[1])
         out = np.empty((3, *shape), dtype=values.dtype)
         regime, status = np.empty(shape, dtype=np.int64), np.empty(shape, dtype=np.int8)
-        algebraic.algebraic_batch(self.rows(names, values), v_x, v_y, omega, out, regime, status)
+        algebraic.algebraic_batch(self._rows(names, values), v_x, v_y, omega, out, regime, status)
         return out, regime, status

@@ -1,0 +1,82 @@
+"""A kernel's syntax tree narrowed to plain floats, without what only derivatives and records of phases need."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Set as AbstractSet
+
+# The optional record of phases: a parameter of this name is always None in a port.
+RECORD = "record"
+# The kind of number a kernel takes where it serves floats and derivatives alike (`models.dual`).
+NUMBER = "Number"
+
+
+def specialised(function: ast.FunctionDef, math_names: AbstractSet[str]) -> ast.FunctionDef:
+    """The function for floats: calls of `math_names` go to `math`, carried derivatives, the record and whatever was
+    computed for their sake alone are left out.
+    """
+    generic = any(isinstance(node, ast.Name) and node.id == NUMBER for node in ast.walk(function))
+    function.decorator_list = []
+    function.args.args = [item for item in function.args.args if item.arg != RECORD]
+    narrowed = _Narrow(math_names, generic).visit(function)
+    assert isinstance(narrowed, ast.FunctionDef)
+    while _drop_unused(narrowed):
+        pass
+    return ast.fix_missing_locations(narrowed)
+
+
+class _Narrow(ast.NodeTransformer):
+    def __init__(self, math_names: AbstractSet[str], generic: bool) -> None:
+        self.math_names, self.generic = math_names, generic
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        self.generic_visit(node)
+        if isinstance(node.func, ast.Name):
+            if node.func.id == "carry":
+                return node.args[0]
+            if node.func.id in self.math_names:
+                node.func = ast.Attribute(ast.Name("math", ast.Load()), node.func.id, ast.Load())
+        node.args = [item for item in node.args if not _is_record(item)]
+        return node
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        self.generic_visit(node)
+        # A float is its own real part.
+        return node.value if self.generic and node.attr == "real" else node
+
+    def visit_If(self, node: ast.If) -> ast.AST | None:
+        test = node.test
+        if isinstance(test, ast.Compare) and _is_record(test.left) and isinstance(test.ops[0], ast.IsNot):
+            return None
+        self.generic_visit(node)
+        return node
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST:
+        self.generic_visit(node)
+        assert node.value is not None
+        return ast.Assign([node.target], node.value)
+
+
+def _is_record(node: ast.expr) -> bool:
+    named = isinstance(node, ast.Name) and node.id == RECORD
+    return named or (isinstance(node, ast.Constant) and node.value is None)
+
+
+def _drop_unused(function: ast.FunctionDef) -> bool:
+    """Remove assignments to names that nothing reads; whether there were any. Expressions have no effects here."""
+    read = {node.id for node in ast.walk(function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)}
+    dropper = _Drop(read)
+    dropper.visit(function)
+    return dropper.dropped
+
+
+class _Drop(ast.NodeTransformer):
+    def __init__(self, read: AbstractSet[str]) -> None:
+        self.read, self.dropped = read, False
+
+    def visit_Assign(self, node: ast.Assign) -> ast.AST | None:
+        target = node.targets[0]
+        if isinstance(target, ast.Name) and target.id not in self.read:
+            self.dropped = True
+            return None
+        return node

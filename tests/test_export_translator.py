@@ -1,0 +1,80 @@
+"""The translator from kernels to C99: what it keeps of Python's meaning, and what it refuses."""
+
+from __future__ import annotations
+
+import ast
+import shutil
+import subprocess
+
+import pytest
+
+from fitball.report.exports.c_statements import c_function, signature
+from fitball.report.exports.kernel_source import UnportableError, kernel_source
+from fitball.report.exports.python_port import check_self_contained
+
+CC = shutil.which("cc") or shutil.which("gcc")
+FLAGS = ("-std=c99", "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "return x // 2.0",
+        "return [x][0]",
+        "y = x if x else 1.0\n    return y",
+        "return 0.0 < math.exp(x) < 1.0",
+        "for y in (1.0, 2.0):\n        x = x + y\n    return x",
+        "while x > 0.0:\n        x = x - 1.0\n    else:\n        x = 2.0\n    return x",
+        "return math.erf(x)",
+        "return x and 1.0",
+        "y = True\n    y = x\n    return y",
+        "return y",
+        "x: float\n    return lambda: x",
+    ],
+)
+def test_the_translator_refuses_what_it_does_not_know(body):
+    function = ast.parse(f"def kernel(x: float) -> float:\n    {body}\n").body[0]
+    signatures = {"kernel": signature(function)}
+    with pytest.raises(UnportableError):
+        c_function(function, signatures, {}, "fitball_")
+
+
+def test_the_translator_keeps_what_python_means(tmp_path):
+    """A swap reads the right side first; a chained comparison and a countdown keep their meaning."""
+    source = (
+        "def kernel(x: float, n: int) -> float:\n"
+        "    a, b = x, 2.0 * x\n    a, b = b - a, a\n    total = 0\n"
+        "    for k in range(n, -1, -1):\n        if 0 < k <= 2:\n            continue\n        total += k * a\n"
+        "    return total / 2 + 1 / 4 - -b if not b < 0.0 else abs(b)\n"
+    )
+    scope = {}
+    exec(source, scope)
+    function = ast.parse(source).body[0]
+    text = c_function(function, {"kernel": signature(function)}, {}, "")
+    main = "#include <stdio.h>\n#include <math.h>\n#include <stdint.h>\n#include <stdbool.h>\n#include <stddef.h>\n"
+    main += text + '\nint main(void) { printf("%.17g %.17g", kernel(1.3, 5), kernel(-0.7, 3)); return 0; }\n'
+    (tmp_path / "main.c").write_text(main)
+    if CC is None:
+        pytest.skip("no C compiler here: the translation is made but not compiled")
+    subprocess.run([CC, *FLAGS, "main.c", "-lm", "-o", "main"], cwd=tmp_path, check=True)
+    done = subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=True)
+    assert [float(item) for item in done.stdout.split()] == [scope["kernel"](1.3, 5), scope["kernel"](-0.7, 3)]
+
+
+def test_a_module_that_needs_more_than_math_is_refused():
+    with pytest.raises(UnportableError, match="imports more than math"):
+        check_self_contained("import numpy\n")
+    with pytest.raises(UnportableError, match="uses np"):
+        check_self_contained("import math\n\ndef f(x):\n    return np.sin(x)\n")
+
+
+def test_a_kernel_that_uses_an_object_is_refused():
+    with pytest.raises(UnportableError, match="_STRANGE"):
+        kernel_source(_strange)
+
+
+_STRANGE = object()
+
+
+def _strange(x: float) -> float:
+    return x if _STRANGE else 0.0
