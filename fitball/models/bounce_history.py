@@ -19,6 +19,7 @@ from fitball.models.landing import friction_impulse, landed
 from fitball.models.oscillator import damped_pair
 from fitball.models.phases import FREE, GRIP, HOLD, SLIDE_FORWARD, slide_phase
 from fitball.models.replay import retrace
+from fitball.models.twist import set_torsion
 from fitball.models.two_mass import (
     EVENT,
     FORCE_ENDED,
@@ -28,7 +29,6 @@ from fitball.models.two_mass import (
     UNFINISHED,
     make_scratch,
 )
-from fitball.models.twist import set_torsion
 from fitball.values import FloatArray
 
 # Rows of the courses.

@@ -1,0 +1,123 @@
+"""`fitball export FIT --to FORMAT`: a fitted parameter set in another form."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from fitball.errors import ParameterError, ResultFolderError, suggestion
+
+FORMAT_NAMES = (
+    "python", "c", "golden", "lookup", "engine", "json", "toml", "csv", "latex", "markdown", "netcdf",
+)  # fmt: skip
+EXAMPLE = """formats:
+  python     a module that needs only math: rebound(v_x1, v_y1, omega_1), with a self-test
+  c          a C99 header with the same, self-test under FITBALL_SELF_TEST
+  golden     the impacts a port is checked with, and their rebounds; --inputs-only leaves these out
+  lookup     rebounds on a grid, and how wrong interpolation between its points is
+  engine     restitution and friction for Unity, Godot, Bullet and MuJoCo, and what they lose
+  json, toml the parameter set for other programs (json has a schema)
+  csv        parameters in SI and in the thesis's units
+  latex      a table for booktabs, rounded by the rule of the Particle Data Group
+  markdown   the same table
+  netcdf     draws and data for ArviZ
+
+examples:
+  fitball export fits/wang_all/two-mass --to c --out bounce.h
+  fitball export fits/wang_all/two-mass --to latex --out -
+  fitball export fits/wang_all/two-mass --to lookup --range "v=10..40 m/s:16, theta=10..60 deg:16, spin=-300..300:9"
+  fitball export fits/wang_all/two-mass --to engine --at "v=30 m/s, theta=16 deg, spin=0 rpm"
+
+Check a port with fitball verify."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the verb to the command line."""
+    parser = subparsers.add_parser(
+        "export",
+        help="a fitted parameter set in another form: C, Python, tables, engines",
+        description="Write a fit in another form. Nothing is fitted or sampled again.",
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("fit", metavar="FIT", help="a result folder of fitball calibrate, or its fit.json")
+    parser.add_argument("--to", metavar="FORMAT", required=True, help=", ".join(FORMAT_NAMES))
+    parser.add_argument("--out", metavar="FILE", help="file, or - for stdout (default: a name beside fit.json)")
+    parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
+    parser.add_argument("--prefix", default="fitball_", metavar="TEXT", help="c: beginning of every name (fitball_)")
+    parser.add_argument("--inputs-only", action="store_true", help="golden: without the expected rebounds")
+    parser.add_argument("--range", metavar="TEXT", help="lookup: the grid (default: the calibrated range)")
+    parser.add_argument(
+        "--at", metavar="TEXT", help="engine: operating point (default: middle of the calibrated range)"
+    )
+    parser.add_argument(
+        "--engine-inertia", type=float, default=0.4, metavar="X", help="engine: I/(M R^2) of its sphere (0.4: solid)"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it; returns the exit code."""
+    if args.to not in FORMAT_NAMES:
+        raise ParameterError(f"--to {args.to}: {suggestion(args.to, FORMAT_NAMES)}")
+    _refuse_idle(args)
+    from fitball.report.export import read_fit
+    from fitball.report.exports.formats import TEXT_FORMATS, Options
+
+    saved = read_fit(Path(args.fit))
+    if args.to == "netcdf":
+        return _netcdf(args)
+    chosen = TEXT_FORMATS[args.to]
+    options = Options(args.prefix, args.inputs_only, args.range, args.at, args.engine_inertia)
+    texts = chosen.make(saved, options)
+    if args.out == "-":
+        sys.stdout.write(next(iter(texts.values())))
+        return 0
+    places = _places(args, saved.place.parent, chosen.stem, texts)
+    _write(places, texts, args.overwrite)
+    return 0
+
+
+def _refuse_idle(args: argparse.Namespace) -> None:
+    """Raise ParameterError for an option that the format does not have."""
+    owners = {"prefix": "c", "inputs_only": "golden", "range": "lookup", "at": "engine", "engine_inertia": "engine"}
+    defaults = {"prefix": "fitball_", "inputs_only": False, "range": None, "at": None, "engine_inertia": 0.4}
+    for name, owner in owners.items():
+        if getattr(args, name) != defaults[name] and args.to != owner:
+            raise ParameterError(f"--{name.replace('_', '-')} belongs to --to {owner}, not to --to {args.to}")
+
+
+def _places(args: argparse.Namespace, folder: Path, stem: str, texts: Mapping[str, str]) -> dict[str, Path]:
+    """Where each text goes, by its ending; with several, the endings follow the stem of what was named."""
+    if args.out is None:
+        return {ending: folder / f"{stem}{ending}" for ending in texts}
+    named = Path(args.out)
+    if named.is_dir():
+        return {ending: named / f"{stem}{ending}" for ending in texts}
+    if len(texts) == 1:
+        return dict.fromkeys(texts, named)
+    return {ending: named.with_suffix(ending) for ending in texts}
+
+
+def _write(places: Mapping[str, Path], texts: Mapping[str, str], overwrite: bool) -> None:
+    from fitball.report.files import write_text
+
+    for place in places.values():
+        refuse_existing(place, overwrite)
+    for ending, place in places.items():
+        write_text(place, texts[ending])
+        print(place)
+
+
+def refuse_existing(place: Path, overwrite: bool) -> None:
+    """Raise ResultFolderError for a file that is there, unless it may be replaced, and for a missing folder."""
+    if place.name == "fit.json" or (place.exists() and not overwrite):
+        raise ResultFolderError(f"{place}: exists already; choose another with --out, or allow it with --overwrite")
+    if not place.parent.is_dir():
+        raise ResultFolderError(f"{place}: there is no folder {place.parent}; make it first")
+
+
+def _netcdf(args: argparse.Namespace) -> int:
+    raise NotImplementedError

@@ -1,0 +1,66 @@
+"""Rebounds that another program computed, read from a CSV file as they stand: units convert, nothing is mended."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from fitball.data.columns import INCIDENT, REBOUND, Header, read_header
+from fitball.data.number_column import read_column
+from fitball.data.raw import RawRow, RawTable, read_raw
+from fitball.errors import Fault, TableError
+from fitball.values import FloatArray
+
+# What a program writes for an output it does not have.
+_EMPTY = ("", "nan", "none", "null", "-", "na", "n/a")
+
+
+@dataclass(frozen=True)
+class PortFile:
+    """Columns in SI by name, each (rows,): incident ones repeated in the file, and outputs.
+
+    `ids` and `regimes` are the texts of columns `id` and `regime`, None where there are none.
+    """
+
+    source: str
+    count: int
+    incident: Mapping[str, FloatArray]
+    outputs: Mapping[str, FloatArray]
+    ids: tuple[str, ...] | None
+    regimes: tuple[str, ...] | None
+
+
+def read_port(path: Path) -> PortFile:
+    """Read the outputs of a port. Raises TableError with every fault: row, column, what was read and expected."""
+    raw = read_raw(path)
+    faults = list(raw.faults)
+    header = read_header(raw.header, raw.header_line, faults)
+    if not raw.rows and not faults:
+        faults.append(Fault("read a header and no rows; expected one row for each golden impact"))
+    present = [name for name in (*INCIDENT, *REBOUND) if name in header.numbers and not _empty(header, raw, name)]
+    if not any(name in REBOUND for name in present):
+        message = f"no column of a rebound; expected one or more of {', '.join(REBOUND)}"
+        faults.append(Fault(message, line=raw.header_line))
+    columns = {name: read_column(header.numbers[name], raw.rows, faults).values for name in present}
+    if faults:
+        raise TableError(str(path), sorted(faults, key=lambda fault: fault.row or 0))
+    return PortFile(
+        source=str(path),
+        count=len(raw.rows),
+        incident={name: values for name, values in columns.items() if name in INCIDENT},
+        outputs={name: values for name, values in columns.items() if name in REBOUND},
+        ids=_texts(header, raw.rows, "id"),
+        regimes=_texts(header, raw.rows, "regime"),
+    )
+
+
+def _empty(header: Header, raw: RawTable, name: str) -> bool:
+    index = header.numbers[name].index
+    return all(row.cells[index].lower() in _EMPTY for row in raw.rows)
+
+
+def _texts(header: Header, rows: tuple[RawRow, ...], name: str) -> tuple[str, ...] | None:
+    if name not in header.texts:
+        return None
+    return tuple(row.cells[header.texts[name].index] for row in rows)
