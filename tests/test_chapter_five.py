@@ -11,6 +11,7 @@ import pytest
 from fitball.cli.main import main
 from fitball.data.thesis_tables import thesis_table
 from fitball.errors import TableError
+from fitball.inference import thesis_inputs
 from fitball.inference.calibrate import Effort
 from fitball.studies import (
     appendix_c,
@@ -19,7 +20,6 @@ from fitball.studies import (
     printed_tables,
     ranking,
     recalibration,
-    thesis_inputs,
     vertical_damping,
 )
 from fitball.studies.chapter_five_page import write

@@ -21,6 +21,7 @@ from fitball.inference.maximum import maximum_posterior
 from fitball.inference.minimiser import Minimiser
 from fitball.inference.outputs import root_mean_square
 from fitball.inference.problem import Choices, build_problem
+from fitball.inference.published_cases import chapter_five_predictions
 from fitball.inference.residuals import Weighting
 from fitball.inference.results import RunStatus
 from fitball.inference.starts import starting_points
@@ -201,7 +202,7 @@ def test_names_of_models():
 def test_published_sets_score_as_the_ranking_of_the_thesis_does():
     found = {item.name: item for item in published_sets(load_table("wang_all.csv"))}
     assert len(found) == 10
-    own = {f"Table 9, case {case}": ranking.errors(one) for case, one in ranking.chapter_five_predictions().items()}
+    own = {f"Table 9, case {case}": ranking.errors(one) for case, one in chapter_five_predictions().items()}
     for name, errors in own.items():
         for output in ("v_x2", "omega_2"):
             assert root_mean_square(found[name].errors[output]) == pytest.approx(root_mean_square(errors[output]))

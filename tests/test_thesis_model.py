@@ -9,10 +9,10 @@ from scipy.optimize import brentq
 import fitball
 from fitball.data.thesis_tables import fraction, thesis_table
 from fitball.errors import ModelError, ParameterError
+from fitball.inference.thesis_inputs import INERTIA_OF, case_parameters, printed_model
 from fitball.models.thesis import first_sign_change
 from fitball.models.types import Status
 from fitball.studies.appendix_c import recompute, with_corrected_inputs, worst_error
-from fitball.studies.thesis_inputs import INERTIA_OF, case_parameters, printed_model
 
 ROWS = recompute(with_corrected_inputs(thesis_table("appendix_c"), thesis_table("errata")))
 LISTED = {

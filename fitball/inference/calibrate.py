@@ -14,6 +14,7 @@ import numpy as np
 from fitball.data.balances import scene_balances
 from fitball.errors import ParameterError
 from fitball.inference.chain_file import ChainFile
+from fitball.inference.court_pace import court_pace
 from fitball.inference.diagnostics import TARGET_ESS
 from fitball.inference.error_budget import error_budget
 from fitball.inference.examination import examine, profile_all
@@ -219,6 +220,7 @@ def _assemble(
         verdict=_sentence(status, diagnostics, estimates),
         seed=effort.seed,
         timings=tuple(watch.timings),
+        court_pace=court_pace(problem, point, posterior),
     )
 
 

@@ -9,6 +9,7 @@ from enum import StrEnum
 from fitball.data.balances import Balances
 from fitball.inference.fitted import FittedModel
 from fitball.inference.looks import Examination
+from fitball.inference.pace_rating import CourtPace
 from fitball.inference.posterior import Problem
 from fitball.models.types import Rebound
 from fitball.values import FloatArray, Impacts
@@ -280,6 +281,7 @@ class Fit:
     verdict: str
     seed: int
     timings: tuple[Timing, ...]
+    court_pace: CourtPace | None = None
 
     @property
     def parameters(self) -> Mapping[str, Estimate]:

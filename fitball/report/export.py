@@ -74,6 +74,7 @@ def fit_content(fit: Fit) -> dict[str, Any]:
         "seed": fit.seed,
         "levels": [asdict(item) for item in fit.levels],
         "error_budget": asdict(fit.error_budget) | {"share": fit.error_budget.share},
+        "court_pace": None if fit.court_pace is None else asdict(fit.court_pace),
         "golden": _golden(fit.golden),
         "identifiability": looks_content(fit.examination),
         "data": data_content(problem),

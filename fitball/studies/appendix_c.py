@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from fitball.data.thesis_tables import thesis_table
-from fitball.studies.thesis_inputs import case_parameters, printed_model, relative_error
+from fitball.inference.thesis_inputs import case_parameters, printed_model, relative_error
 from fitball.values import FloatArray, impacts
 
 COLUMNS = ("v_x2", "v_y2", "omega_2", "theta_2", "contact_time")

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from fitball.data.thesis_tables import thesis_table
-from fitball.studies.wang import measured
+from fitball.data.wang import measured
 from fitball.values import FloatArray
 
 # Chapter V's cases 1 to 3 are cases 5, 6 and 1 of Appendix C.

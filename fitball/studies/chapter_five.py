@@ -11,6 +11,7 @@ from uncertainties.core import Variable
 
 from fitball.data.thesis_tables import thesis_table
 from fitball.inference.calibrate import Effort
+from fitball.inference.published_cases import chapter_five_predictions
 from fitball.studies import appendix_c, appendix_d, printed_tables, ranking, recalibration, vertical_damping
 from fitball.studies.check import Check
 
@@ -63,7 +64,7 @@ def derive(effort: Effort, report: Callable[[str], None]) -> ChapterFive:
     report("Table 9")
     by_print = ranking.rank(ranking.appendix_c_sets(rows_c.rows, recomputed=False), seed)
     by_model = ranking.rank(ranking.appendix_c_sets(rows_c.rows, recomputed=True), seed)
-    own = {f"case {case}": ranking.errors(found) for case, found in ranking.chapter_five_predictions().items()}
+    own = {f"case {case}": ranking.errors(found) for case, found in chapter_five_predictions().items()}
     by_chapter = ranking.rank(own, seed)
     fits = {name: recalibration.recalibrate(name, effort, report) for name in recalibration.MODELS}
     checks = (

@@ -10,14 +10,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from fitball.data.thesis_tables import fraction, thesis_table
+from fitball.data.wang import SPINS, measured
+from fitball.inference.published_cases import chapter_five_predictions
+from fitball.inference.thesis_inputs import C1, C2, INCH, STIFFNESS, TORSION, case_parameters, printed_model
 from fitball.models.thesis_model import ThesisCourse
 from fitball.report.figures import COLOURS, MARKERS, new_figure
 from fitball.studies.appendix_d import CASE_IN_APPENDIX_C, percentage_errors
 from fitball.studies.chapter_five import ChapterFive
-from fitball.studies.ranking import chapter_five_predictions
 from fitball.studies.recalibration import Recalibration, offset_constants
-from fitball.studies.thesis_inputs import C1, C2, INCH, STIFFNESS, TORSION, case_parameters, printed_model
-from fitball.studies.wang import SPINS, measured
 from fitball.values import FloatArray, impacts
 
 CAPTIONS: Mapping[str, str] = {

@@ -10,8 +10,8 @@ from uncertainties import ufloat
 from uncertainties.core import Variable
 
 from fitball.data.thesis_tables import thesis_table
-from fitball.studies.thesis_inputs import INCH, case_parameters, printed_model, relative_error
-from fitball.studies.wang import SPINS, measured
+from fitball.data.wang import SPINS, measured
+from fitball.inference.thesis_inputs import INCH, case_parameters, printed_model, relative_error
 from fitball.values import impacts
 
 TABLE_OF = {"zero": "table_2", "topspin": "table_4", "backspin": "table_6"}

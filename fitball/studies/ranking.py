@@ -9,9 +9,8 @@ import numpy as np
 import pandas as pd
 
 from fitball.data.thesis_tables import thesis_table
-from fitball.studies.thesis_inputs import case_parameters, printed_model
-from fitball.studies.wang import SPINS, measured
-from fitball.values import FloatArray, impacts
+from fitball.data.wang import SPINS, measured
+from fitball.values import FloatArray
 
 OUTPUTS = ("v_x2", "theta_2", "omega_2")
 UNITS: Mapping[str, str] = {"v_x2": "m/s", "theta_2": "deg", "omega_2": "rad/s"}
@@ -96,33 +95,3 @@ def appendix_c_sets(rows: pd.DataFrame, *, recomputed: bool) -> dict[str, dict[s
         first = printed[printed["case"] == case].iloc[0].to_dict()
         sets[set_name(first)] = errors(predicted)
     return sets
-
-
-def chapter_five_predictions() -> dict[int, dict[str, dict[str, FloatArray]]]:
-    """`v_x2`, `v_y2`, `theta_2`, `omega_2` (7,) by case and spin, with Chapter V's own `c_y` and mean restitution."""
-    best, damping = thesis_table("table_9"), thesis_table("chapter_five_damping")
-    chosen = printed_model()
-    found: dict[int, dict[str, dict[str, FloatArray]]] = {}
-    for row in best.to_dict("records"):
-        case = int(row["case"])
-        found[case] = {}
-        for spin in SPINS:
-            wang = measured(spin)
-            printed = damping[(damping["case"] == case) & (damping["spin"] == spin)].iloc[0]
-            values = case_parameters(
-                row["mass_ratio"], row["k_y [lb/in]"], row["i1_over_i"], printed["c_y [lb s/in]"]
-            )
-            incident = impacts(wang["v_x1"], wang["v_y1"], _incident_spin(spin), float(printed["cor"]))
-            rebound = chosen.rebound(values, incident)
-            found[case][spin] = {
-                "v_x2": rebound.v_x2,
-                "v_y2": rebound.v_y2,
-                "theta_2": np.degrees(np.arctan2(rebound.v_y2, rebound.v_x2)),
-                "omega_2": rebound.omega_2,
-            }
-    return found
-
-
-def _incident_spin(spin: str) -> FloatArray:
-    """The thesis takes the small spins of the zero-spin impacts as zero."""
-    return np.zeros(7) if spin == "zero" else measured(spin)["omega_1"]

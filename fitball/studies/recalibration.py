@@ -17,7 +17,7 @@ from fitball.data.thesis_tables import fraction, thesis_table
 from fitball.inference.calibrate import Effort, run
 from fitball.inference.problem import Choices, build_problem
 from fitball.inference.results import Fit
-from fitball.studies.thesis_inputs import C1, C2, INCH, STIFFNESS, TORSION
+from fitball.inference.thesis_inputs import C1, C2, INCH, STIFFNESS, TORSION
 from fitball.values import FloatArray
 
 TABLE = "wang_all.csv"

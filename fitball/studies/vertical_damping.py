@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from fitball.data.thesis_tables import fraction, thesis_table
-from fitball.studies.thesis_inputs import BALL_MASS_ROUNDED, DAMPING, STIFFNESS
-from fitball.studies.wang import SPINS, measured
+from fitball.data.wang import SPINS, measured
+from fitball.inference.thesis_inputs import BALL_MASS_ROUNDED, DAMPING, STIFFNESS
 
 FORMULAS: Mapping[str, str] = {
     "Eq. (8)": "exp(-x) = (M/M1) COR",

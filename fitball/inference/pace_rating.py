@@ -1,0 +1,120 @@
+"""The court pace rating of a fitted surface: formulas and values, nothing of a problem.
+
+ITF CS 01/02, "Court pace" (earlier CS 01/01), in *ITF Guide to Test Methods for Tennis Court Surfaces*: a ball meets
+the court at 30 m/s and 16 degrees with hardly any spin. From its velocities follow `e = v_y2/v_y1`,
+`mu = (v_x1 - v_x2)/(v_y1 (1 + e))` and the rating `100 (1 - mu) + 150 (0.81 - e_T)`.
+
+That `mu` is the apparent one: the ratio of the impulses, the coefficient of sliding friction only while the ball
+slides throughout. At 16 degrees it may grip, so the rating with the fitted coefficient stands beside it. The method
+brings the restitution to 23 degrees Celsius, `e_T = e + 0.003 (23 - T)`; no ball temperature is known: `e_T = e`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitball.values import FloatArray, Impacts
+
+TEST_SPEED = 30.0
+TEST_ANGLE = float(np.radians(16.0))
+# What the method allows: +-2 m/s, +-2 degrees, 3 revolutions a second. A table that ends nearer than this is no
+# further from the test impact than one test impact from the next.
+TOLERANCE: Mapping[str, float] = {
+    "v_y1": 2.0 * float(np.sin(TEST_ANGLE)),
+    "theta_1": float(np.radians(2.0)),
+    "omega_1": 6.0 * float(np.pi),
+}
+PACE_CONSTANT = 150.0
+MEAN_RESTITUTION = 0.81
+# Points of the rating for each kelvin that the ball is not at 23 degrees Celsius: 150 times 0.003.
+PER_KELVIN = 0.45
+# Whole ratings at which a category begins (ITF: up to 29, 30 to 34, 35 to 39, 40 to 44, from 45 on).
+CATEGORIES = ("slow", "medium-slow", "medium", "medium-fast", "fast")
+BEGINS = (30, 35, 40, 45)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A number at the point estimate and its posterior quantiles; these are None without a posterior."""
+
+    point: float
+    median: float | None
+    q025: float | None
+    q16: float | None
+    q84: float | None
+    q975: float | None
+
+
+@dataclass(frozen=True)
+class Reach:
+    """How far the test impact lies from the impacts on a surface.
+
+    `beyond` is by how much it lies above (positive) or below (negative) their limits (`v_y1` [m/s], `theta_1` [rad],
+    `omega_1` [rad/s]), named where that is more than `TOLERANCE`; `distance` [m/s] is that from every mixture of
+    them, and counts from `slack` on. `lines` (COR, eps) are continued beyond the vertical speeds of the table.
+    """
+
+    outside: bool
+    beyond: Mapping[str, float]
+    distance: float
+    slack: float
+    lines: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class PaceRating:
+    """The rating of one surface, fitted to so many `impacts`; `labels` are its levels, none where there are none.
+
+    `friction` is the apparent one of the test impact; `sliding_friction` the fitted coefficient and `sliding_rating`
+    what it would give. `categories` and `regimes` are probabilities, `slides` that of sliding throughout, all among
+    the draws that can be evaluated; `failed` is the share of the others.
+    """
+
+    labels: tuple[str, ...]
+    impacts: int
+    rating: Spread
+    friction: Spread
+    restitution: Spread
+    sliding_friction: Spread
+    sliding_rating: Spread
+    categories: Mapping[str, float]
+    regimes: Mapping[str, float]
+    slides: float
+    failed: float
+    reach: Reach
+
+
+@dataclass(frozen=True)
+class CourtPace:
+    """Ratings surface by surface, or `missing`: why there is none."""
+
+    ratings: tuple[PaceRating, ...]
+    missing: str
+
+
+def itf_impact() -> Impacts:
+    """The test impact, (1,)."""
+    speed, angle = TEST_SPEED, TEST_ANGLE
+    return Impacts(np.array([speed * np.cos(angle)]), np.array([speed * np.sin(angle)]), np.zeros(1))
+
+
+def apparent_friction(v_x1: FloatArray, v_y1: FloatArray, v_x2: FloatArray, v_y2: FloatArray) -> FloatArray:
+    """Horizontal over vertical impulse, `(v_x1 - v_x2)/(v_y1 (1 + e))`; velocities in m/s, any one shape."""
+    return np.asarray((v_x1 - v_x2) / (v_y1 + v_y2))
+
+
+def pace_rating(friction: FloatArray, restitution: FloatArray) -> FloatArray:
+    """`100 (1 - mu) + 150 (0.81 - e_T)`; large is fast."""
+    return np.asarray(100.0 * (1.0 - friction) + PACE_CONSTANT * (MEAN_RESTITUTION - restitution))
+
+
+def pace_categories(rating: FloatArray) -> dict[str, float]:
+    """Share of ratings (draws,) in each category, in the order of `CATEGORIES`.
+
+    The ITF classes whole numbers, so a rating is rounded first (29.5 and more is 30).
+    """
+    place = np.searchsorted(BEGINS, np.floor(rating + 0.5), side="right")
+    return {name: float(np.mean(place == k)) for k, name in enumerate(CATEGORIES)}
