@@ -122,7 +122,7 @@ def test_an_interrupted_writing_leaves_no_fit_json(fit, tmp_path, monkeypatch):
     place = fit.save(tmp_path / "whole")
     assert (place / "fit.json").exists()
 
-    def stop(_fit, _images):
+    def stop(*_arguments):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("fitball.report.folder.page", stop)
@@ -263,7 +263,8 @@ def test_the_page_needs_nothing_but_itself(fit, folder):
     page.feed(text)
     assert len(page.images) == 6
     assert all(image["alt"] for image in page.images)
-    assert all(link.startswith("data:image/png;base64,") for link in page.links)
+    inside = ("data:image/png;base64,", "data:image/svg+xml;base64,", "#")
+    assert all(link.startswith(inside) for link in page.links)
     assert not re.search(r"https?://", text)
     for item in fit.estimates:
         assert item.name in text

@@ -130,7 +130,7 @@ def run(args: argparse.Namespace) -> int:
     try:
         fit = fit_problem(problem, effort, chain, resume, progress)
         progress("figures and files", None)
-        write_all(fit, folder)
+        write_all(fit, folder, args.command)
     except (KeyboardInterrupt, SamplingInterrupted):
         progress.finish()
         kept = chain is not None and chain.path.exists()

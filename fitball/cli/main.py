@@ -7,6 +7,7 @@ import what is heavy inside functions, so that `fitball --help` is quick.
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from collections.abc import Sequence
 from typing import Protocol
@@ -53,6 +54,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"fitball: unknown verb '{words[0]}': {suggestion(words[0], known)}", file=sys.stderr)
         return 2
     args = parser.parse_args(words)
+    args.command = shlex.join(["fitball", *words])
     if args.verb is None:
         parser.print_help()
         return 2

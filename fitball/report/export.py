@@ -69,8 +69,7 @@ def fit_content(fit: Fit) -> dict[str, Any]:
             },
         },
         "diagnostics": _diagnostics(fit),
-        "versions": {"fitball": __version__, "python": platform.python_version()}
-        | {name: version(name) for name in PACKAGES},
+        "versions": package_versions(),
         "seed": fit.seed,
         "levels": [asdict(item) for item in fit.levels],
         "error_budget": asdict(fit.error_budget) | {"share": fit.error_budget.share},
@@ -86,6 +85,11 @@ def fit_content(fit: Fit) -> dict[str, Any]:
             "impacts": {name: getattr(fit.fitted.impacts, name).tolist() for name in INCIDENT},
         },
     }
+
+
+def package_versions() -> dict[str, str]:
+    """What a result depends on, with its version."""
+    return {"fitball": __version__, "python": platform.python_version()} | {name: version(name) for name in PACKAGES}
 
 
 def fit_text(fit: Fit) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import cycle
 from typing import Literal
 
 import numpy as np
@@ -137,10 +138,12 @@ def trace_figure(fit: Drawable, posterior: Posterior) -> Figure:
     figure = new_figure(11.0, 1.0 + 1.35 * len(data))
     grid = np.atleast_2d(figure.subplots(len(data), 2, width_ratios=[4, 1], sharex="col"))
     for k, (row, item) in enumerate(zip(grid, data, strict=True)):
+        # Ensembles in turn, so that none hides the others; without smoothed edges the file is a third as large.
+        for walkers in item.values.swapaxes(0, 1):
+            for colour, walker in zip(cycle(COLOURS), walkers, strict=False):
+                row[0].plot(item.steps, walker, color=colour, linewidth=0.5, antialiased=False)
         for ensemble in range(item.values.shape[0]):
             colour = COLOURS[ensemble % len(COLOURS)]
-            for walker in item.values[ensemble]:
-                row[0].plot(item.steps, walker, color=colour, linewidth=0.4, alpha=0.6)
             draws = (
                 posterior.values[ensemble, :, :, k].ravel()
                 * handy(posterior.names[k], parameter(fit, posterior.names[k]).spec.unit).factor

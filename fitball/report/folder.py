@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -11,13 +10,13 @@ from matplotlib.figure import Figure
 
 from fitball.errors import ResultFolderError
 from fitball.inference.results import Fit
+from fitball.report.alt_texts import alt_texts
 from fitball.report.export import FIT_NAME, POSTERIOR_NAME, fit_text
-from fitball.report.figure_corner import corner_figure
-from fitball.report.figures import predictive_figure, residual_figure, trace_figure
 from fitball.report.files import write_text, write_whole
-from fitball.report.html import page
+from fitball.report.html import CAPTIONS, page
 from fitball.report.netcdf import write_netcdf
-from fitball.report.plots import KINDS, has_profiles, has_regimes
+from fitball.report.page_figures import page_figures
+from fitball.report.plots import KINDS, drawable_kinds
 from fitball.report.run_file import run_text
 from fitball.report.tables import csv_text, prediction_rows, regime_rows, summary_rows
 
@@ -57,32 +56,27 @@ def make_folder(folder: Path) -> None:
         raise ResultFolderError(f"{folder}: not writable; name another with --out")
 
 
-def write_all(fit: Fit, folder: Path) -> None:
-    """Write every file of a result, each whole or not at all. Raises ResultFolderError."""
+def write_all(fit: Fit, folder: Path, command: str | None = None) -> None:
+    """Write every file of a result, each whole or not at all; `command` is the line that asked for it.
+
+    Raises ResultFolderError.
+    """
     (folder / FIT_NAME).unlink(missing_ok=True)
     posterior = fit.posterior
-    figures: dict[str, Callable[[], Figure]] = {
-        "predictive": lambda: predictive_figure(fit),
-        "residuals": lambda: residual_figure(fit),
-    }
-    if has_profiles(fit):
-        figures["profiles"] = lambda: KINDS["profiles"].draw(fit, posterior)
     if posterior is not None:
-        figures["corner"] = lambda: corner_figure(fit, posterior)
-        figures["trace"] = lambda: trace_figure(fit, posterior)
-        if has_regimes(fit):
-            figures["regimes"] = lambda: KINDS["regimes"].draw(fit, posterior)
         write_netcdf(fit, posterior, folder / POSTERIOR_NAME)
         write_text(folder / "regimes.csv", csv_text(regime_rows(fit)))
-    for name, draw in figures.items():
-        figure = draw()
+    figures = {name: KINDS[name].draw(fit, posterior) for name in drawable_kinds(fit, posterior)}
+    for name, figure in figures.items():
         write_whole(folder / f"{name}.png", partial(save_png, figure))
+        # Laid out once: the page draws it again as it stands.
+        figure.set_layout_engine("none")
     write_text(folder / "summary.csv", csv_text(summary_rows(fit)))
     write_text(folder / "predictions.csv", csv_text(prediction_rows(fit)))
     write_text(folder / "balances.csv", csv_text(fit.balances.rows()))
     write_text(folder / "run.toml", run_text(fit))
-    images = {name: (folder / f"{name}.png").read_bytes() for name in figures}
-    write_text(folder / "report.html", page(fit, images))
+    shown = page_figures(figures, CAPTIONS, alt_texts(fit), len(fit.problem.table))
+    write_text(folder / "report.html", page(fit, shown, command))
     write_text(folder / FIT_NAME, fit_text(fit))
 
 

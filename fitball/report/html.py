@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
-import base64
+import platform
 from collections.abc import Mapping
+from dataclasses import replace
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
-from fitball.inference.results import Fit
+from fitball.inference.results import Fit, Verdict
 from fitball.report.balance_table import balance_table
+from fitball.report.budget_rows import budget_table
+from fitball.report.export import package_versions
 from fitball.report.looks_rows import look_rows, spectrum_rows
+from fitball.report.pace_rows import pace_table
+from fitball.report.page_figures import PageFigure
+from fitball.report.published_rows import case_table
 from fitball.report.summary import diagnosis_lines, level_rows, notes, parameter_rows, prediction_table, thesis_rows
+from fitball.report.verdict_words import NOT_TOLD, TOLD, headline, told_rows
 from fitball.version import __version__
+
+# Impacts listed one by one; the files beside the page hold them all.
+MOST_ROWS = 300
 
 CAPTIONS = {
     "corner": "Posterior of all pairs of parameters, with the prior on the diagonal and the point estimate.",
@@ -21,6 +31,22 @@ CAPTIONS = {
     "regimes": "Posterior probability of each sequence of slip and grip, impact by impact.",
     "residuals": "Standardised residuals along incidence angle and against normal quantiles.",
     "trace": "Walkers of every ensemble after warm-up, and the marginals ensemble by ensemble.",
+}
+
+
+SECTIONS = {
+    "told": "What the data tell",
+    "not-told": "What they do not tell",
+    "parameters": "Parameters",
+    "court-pace": "Court pace",
+    "predictions": "Measured and predicted",
+    "thesis": "Beside the thesis's best cases",
+    "balances": "Model-free balances",
+    "looks": "How each parameter is known",
+    "diagnosis": "Diagnosis",
+    "budget": "Error budget",
+    "notes": "Notes on table and scene",
+    "repeat": "How to repeat it",
 }
 
 
@@ -36,32 +62,41 @@ def render_template(package: str, template: str, **context: object) -> str:
     return environment.get_template(template).render(version=__version__, **context)
 
 
-def embedded(images: Mapping[str, bytes], captions: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """PNG files as text to embed, with their captions, in the order of `captions`."""
-    return {
-        name: {"data": base64.b64encode(images[name]).decode("ascii"), "caption": captions[name]}
-        for name in captions
-        if name in images
-    }
-
-
-def page(fit: Fit, images: Mapping[str, bytes]) -> str:
-    """The page as text; `images` are PNG files by figure name."""
+def page(fit: Fit, figures: Mapping[str, PageFigure], command: str | None = None) -> str:
+    """The page as text; `command` is the line that made the fit, None where none did."""
+    problem = fit.problem
+    pace, cases, remarks = pace_table(fit), case_table(fit), notes(fit)
+    absent = {"court-pace": pace is None, "thesis": cases is None, "notes": not remarks}
+    predictions, balances = prediction_table(fit), balance_table(fit.balances)
     return render_template(
         "fitball.report",
         "report.html.j2",
         fit=fit,
-        table=fit.problem.table,
-        scene=fit.problem.scene,
-        model=fit.problem.model,
+        table=problem.table,
+        scene=problem.scene,
+        model=problem.model,
+        sampled=fit.posterior is not None,
+        phases=problem.table.has_tangential,
+        headline=headline(fit),
+        contents=[(name, title) for name, title in SECTIONS.items() if not absent.get(name, False)],
+        told=told_rows(fit, TOLD),
+        not_told=told_rows(fit, NOT_TOLD),
+        fixed=told_rows(fit, (Verdict.FIXED,)),
         parameters=parameter_rows(fit),
         thesis=thesis_rows(fit),
         levels=level_rows(fit),
-        predictions=prediction_table(fit),
-        balances=balance_table(fit.balances),
-        diagnosis=diagnosis_lines(fit),
-        notes=notes(fit),
+        pace=pace,
+        cases=cases,
+        predictions=replace(predictions, rows=predictions.rows[:MOST_ROWS]),
+        balances=replace(balances, rows=balances.rows[:MOST_ROWS]),
+        not_shown=max(0, len(problem.table) - MOST_ROWS),
+        diagnosis=diagnosis_lines(fit, budget=False),
+        budget=budget_table(fit.error_budget),
+        notes=remarks,
         looks=look_rows(fit),
         spectrum=spectrum_rows(fit),
-        figures=embedded(images, CAPTIONS),
+        figures=figures,
+        command=command,
+        versions=", ".join(f"{name} {number}" for name, number in package_versions().items())
+        + f"; {platform.system()} {platform.machine()}",
     )

@@ -94,11 +94,11 @@ def drawable_kinds(fit: Drawable, posterior: Posterior | None) -> list[str]:
     ]
 
 
-def save_figure(figure: Figure, place: Path, form: str) -> None:
+def save_figure(figure: Figure, place: Path, form: str, dpi: int = DPI) -> None:
     """Write a figure whole as png, svg or pdf; equal figures become equal files. Raises ResultFolderError."""
 
     def write(target: Path) -> None:
         with mpl.rc_context({"svg.hashsalt": "fitball"}):
-            figure.savefig(target, format=form, dpi=DPI, metadata=STAMPS[form])
+            figure.savefig(target, format=form, dpi=dpi, metadata=STAMPS[form])
 
     write_whole(place, write)

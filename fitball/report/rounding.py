@@ -33,6 +33,13 @@ def interval(low: float | None, high: float | None, places: int) -> str:
     return f"[{fixed(low, places)}, {fixed(high, places)}]"
 
 
+def digits(value: float, count: int) -> str:
+    """A number to `count` significant digits, zeros kept, whole digits never dropped: 0.30, 113, 1000."""
+    if not (math.isfinite(value) and abs(value) > 0.0):
+        return "-" if not math.isfinite(value) else "0"
+    return f"{value:.{max(0, count - 1 - math.floor(math.log10(abs(value))))}f}"
+
+
 def significant(value: float | None, digits: int = 3) -> str:
     """A number without uncertainty to a few significant digits."""
     if value is None or not math.isfinite(value):

@@ -208,8 +208,8 @@ def _regime(fit: Fit, k: int) -> str:
     return name if share > 0.995 else f"{name} ({100.0 * share:.0f} %)"
 
 
-def diagnosis_lines(fit: Fit) -> tuple[str, ...]:
-    """Sampler and point fit in sentences."""
+def diagnosis_lines(fit: Fit, *, budget: bool = True) -> tuple[str, ...]:
+    """Sampler and point fit in sentences, with the error budget unless it is told elsewhere."""
     squares = fit.least_squares
     rms = ", ".join(
         f"{name} {significant(value * handy(name, '').factor)} {handy(name, _unit(name)).unit}"
@@ -230,7 +230,8 @@ def diagnosis_lines(fit: Fit) -> tuple[str, ...]:
             f"sample size {found.min_ess_bulk:.0f} (bulk), {found.min_ess_tail:.0f} (tail), "
             f"largest R-hat {found.max_r_hat:.4f}."
         )
-    lines.append(_budget_line(fit.error_budget))
+    if budget:
+        lines.append(_budget_line(fit.error_budget))
     for name, cause in squares.missing.items():
         lines.append(f"No standard error of {name} by least squares: {cause}.")
     if fit.status is RunStatus.NOT_CONVERGED:

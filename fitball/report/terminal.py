@@ -10,6 +10,7 @@ from pathlib import Path
 from fitball.inference.results import Fit
 from fitball.report.balance_table import balance_table
 from fitball.report.looks_rows import look_rows
+from fitball.report.pace_rows import pace_lines
 from fitball.report.summary import diagnosis_lines, level_rows, notes, parameter_rows, prediction_table, thesis_rows
 
 WIDTH = 100
@@ -58,6 +59,8 @@ def render(fit: Fit, folder: Path) -> str:
             for row in levels
         ]
         parts += ["Level by level, pooled in part:", "", *columns([names, *lines], left=2), ""]
+    for line in pace_lines(fit):
+        parts += [*textwrap.wrap(line, WIDTH, subsequent_indent="  "), ""]
     parts.append("What the table says of each parameter:")
     for row in rows:
         parts += _wrapped(f"{row.name}: {row.verdict}; {row.reason}")

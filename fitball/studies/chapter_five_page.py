@@ -14,7 +14,8 @@ from fitball.data.thesis_tables import thesis_table
 from fitball.errors import ResultFolderError
 from fitball.report.files import write_text, write_whole
 from fitball.report.folder import save_png
-from fitball.report.html import embedded, render_template
+from fitball.report.html import render_template
+from fitball.report.page_figures import embedded
 from fitball.studies import appendix_c, appendix_d, recalibration
 from fitball.studies.chapter_five import ChapterFive
 from fitball.studies.chapter_five_figures import CAPTIONS, draw_all
