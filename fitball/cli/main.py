@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 from typing import Protocol
 
-from fitball.cli import bench, calibrate, compare, datasets, export, plot, predict, rederive, simulate, verify
+from fitball.cli import bench, calibrate, compare, datasets, export, plot, predict, rederive, repeat, simulate, verify
 from fitball.errors import FitballError, suggestion
 from fitball.version import __version__
 
@@ -30,7 +30,19 @@ class Verb(Protocol):
         """Add the verb; its parser must set `run`."""
 
 
-VERBS: tuple[Verb, ...] = (calibrate, plot, predict, simulate, compare, export, verify, datasets, rederive, bench)
+VERBS: tuple[Verb, ...] = (
+    calibrate,
+    plot,
+    predict,
+    simulate,
+    compare,
+    export,
+    verify,
+    repeat,
+    datasets,
+    rederive,
+    bench,
+)
 
 
 def make_parser() -> argparse.ArgumentParser:

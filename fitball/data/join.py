@@ -75,6 +75,7 @@ def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
         notices=tuple(
             Notice(f"{item.name}: {notice}", None, notice.columns) for item in tables for notice in item.notices
         ),
+        files=tuple(place for item in tables for place in item.files),
     )
 
 

@@ -123,6 +123,7 @@ def _assemble(
         units=FrozenMapping({name: column.unit.symbol for name, column in columns.items()}),
         notices=tuple(sorted(found, key=lambda notice: notice.row or 0)),
         incident_covariance=covariance,
+        files=((str(path.resolve()), sha256(raw.data).hexdigest()),),
     )
 
 

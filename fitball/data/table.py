@@ -47,7 +47,7 @@ class ImpactTable:
     words (speed and angle beside components) and were only checked. `impacts` holds zeros where the
     table has no such column; `incident_columns` names those that it has. `incident_covariance` (impacts, 3, 3) is
     that of `(v_x1, v_y1, omega_1)`, None where no uncertainty of them was stated. `digest` is the SHA-256 of
-    the file's bytes.
+    the file's bytes, `files` are those it was read from, each with the SHA-256 of its bytes.
     """
 
     name: str
@@ -63,6 +63,7 @@ class ImpactTable:
     units: Mapping[str, str]
     notices: tuple[Notice, ...]
     incident_covariance: FloatArray | None = None
+    files: tuple[tuple[str, str], ...] = ()
 
     def __len__(self) -> int:
         return len(self.impacts)

@@ -250,6 +250,7 @@ def _diagnostics(sampled: Sampled, effort: Effort) -> Diagnostics:
         evaluations=ensembles * steps * walkers,
         converged=sampled.converged,
         complaints=tuple(complaints),
+        target_ess=effort.ess,
     )
 
 

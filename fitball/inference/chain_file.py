@@ -66,18 +66,25 @@ class ChainFile:
         """
         if not self.path.exists():
             raise ResultFolderError(f"{self.path}: no chain to resume; run without --resume")
-        try:
-            with h5py.File(self.path, "r") as file:
-                found = str(file.attrs["fingerprint"])
-                groups = [_read_group(file[GROUP.format(k)]) for k in range(len(file))]
-        except (OSError, KeyError) as error:
-            raise ResultFolderError(f"{self.path}: not a chain of fitball, or damaged: {error}") from None
+        found, groups = read_chains(self.path)
         if found != self.fingerprint:
             raise ResultFolderError(
                 f"{self.path}: this chain was sampled from another problem (table, scene, model, priors, seed or "
                 "version of fitball differ); use --overwrite to start anew, or another --out"
             )
         return groups
+
+
+def read_chains(path: Path) -> tuple[str, list[EnsembleChain]]:
+    """The fingerprint of a chain file and its chains, whatever problem they belong to.
+
+    Raises ResultFolderError when it is damaged.
+    """
+    try:
+        with h5py.File(path, "r") as file:
+            return str(file.attrs["fingerprint"]), [_read_group(file[GROUP.format(k)]) for k in range(len(file))]
+    except (OSError, KeyError) as error:
+        raise ResultFolderError(f"{path}: not a chain of fitball, or damaged: {error}") from None
 
 
 def _write_group(group: h5py.Group, item: EnsembleChain) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from fitball.data.balances import Balances
+from fitball.inference.diagnostics import TARGET_ESS
 from fitball.inference.fitted import FittedModel
 from fitball.inference.looks import Examination
 from fitball.inference.pace_rating import CourtPace
@@ -144,6 +145,7 @@ class Diagnostics:
     evaluations: int
     converged: bool
     complaints: tuple[str, ...]
+    target_ess: float = TARGET_ESS
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from fitball.report.html import CAPTIONS, page
 from fitball.report.netcdf import write_netcdf
 from fitball.report.page_figures import page_figures
 from fitball.report.plots import KINDS, drawable_kinds
-from fitball.report.run_file import run_text
+from fitball.report.run_file import RUN_NAME, run_text
 from fitball.report.tables import csv_text, prediction_rows, regime_rows, summary_rows
 
 CHAIN_NAME = "posterior.h5"
@@ -74,7 +74,7 @@ def write_all(fit: Fit, folder: Path, command: str | None = None) -> None:
     write_text(folder / "summary.csv", csv_text(summary_rows(fit)))
     write_text(folder / "predictions.csv", csv_text(prediction_rows(fit)))
     write_text(folder / "balances.csv", csv_text(fit.balances.rows()))
-    write_text(folder / "run.toml", run_text(fit))
+    write_text(folder / RUN_NAME, run_text(fit, folder))
     shown = page_figures(figures, CAPTIONS, alt_texts(fit), len(fit.problem.table))
     write_text(folder / "report.html", page(fit, shown, command))
     write_text(folder / FIT_NAME, fit_text(fit))

@@ -1,44 +1,66 @@
-"""`run.toml`: all that is needed to repeat a run."""
+"""`run.toml`: all that is needed to repeat a run; `run_record` reads it back."""
 
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
+from pathlib import Path
 
+from fitball.data.bundled import bundled_folder
+from fitball.data.scene import Scene
 from fitball.inference.parameters import TAILS
 from fitball.inference.results import Fit
 from fitball.version import __version__
 
+RUN_NAME = "run.toml"
+# Version 1, which had no number, named neither the files nor the scene's numbers.
+RUN_SCHEMA = 2
+SCENE_NUMBERS = ("velocity_sd", "spin_sd", "contact_time_sd", "nominal_velocity_sd", "nominal_spin_sd")
+SCENE_TEXTS = ("model", "surface", "description", "citation")
+
 
 def _toml(value: object) -> str:
-    """A scalar as TOML; JSON's strings, numbers and booleans are valid TOML."""
-    return json.dumps(value)
+    """A scalar, or a list of them, as TOML; JSON's strings, numbers and booleans are valid TOML, but for DEL."""
+    return json.dumps(value).replace("\x7f", "\\u007f")
 
 
-def _section(name: str, content: Mapping[str, object]) -> list[str]:
-    lines = [f"[{name}]", *(f"{json.dumps(key)} = {_toml(value)}" for key, value in content.items())]
-    return [*lines, ""]
+def _section(name: str, content: Mapping[str, object], brackets: str = "[]") -> list[str]:
+    half = len(brackets) // 2
+    head = f"{brackets[:half]}{name}{brackets[half:]}"
+    return [head, *(f"{_toml(key)} = {_toml(value)}" for key, value in content.items()), ""]
 
 
-def run_text(fit: Fit) -> str:
-    """The run as TOML: table and digest, model, closures, every prior and fixed value, sampler, seed, versions."""
+def run_text(fit: Fit, folder: Path) -> str:
+    """The run as TOML: tables with digests, model, closures, every prior and fixed value, scene, sampler, seed.
+
+    Tables are named relative to the `folder` that the text is written to.
+    """
     problem = fit.problem
     ball = problem.model.ball
-    lines = ["# Everything this result depends on; SI units.", ""]
-    lines += _section("fitball", {"version": __version__, "seed": fit.seed})
+    fixed = {item.name: item for item in problem.parameters if item.fixed is not None}
+    lines = ["# Everything this result depends on; SI units. `fitball repeat` runs it again.", ""]
+    lines += ['kind = "fitball run"', f"schema_version = {RUN_SCHEMA}", f"notes = {_toml(list(problem.notes))}", ""]
+    lines += _section("fitball", {"version": __version__, "seed": fit.seed, "point_only": fit.diagnostics is None})
     lines += _section("table", {"name": problem.table.name, "sha256": problem.table.digest})
+    for place, digest in problem.table.files:
+        lines += _section("table.files", _named(Path(place), folder) | {"sha256": digest}, "[[]]")
     lines += _section("model", {"name": problem.model.name})
     lines += _section("model.closures", problem.model.options)
     lines += _section("ball", {"mass": ball.mass, "radius": ball.radius, "inertia": ball.inertia})
     if problem.contact_time is not None:
         lines += _section("contact_time", {"value": problem.contact_time[0], "sd": problem.contact_time[1]})
-    lines += _section("priors", {item.name: item.prior.text for item in problem.free})
-    lines += _section("fix", {item.name: item.fixed for item in problem.parameters if item.fixed is not None})
+    lines += ["# Of all parameters; the prior of one that is fixed below takes no part."]
+    lines += _section("priors", {item.name: item.prior.text for item in problem.parameters})
+    lines += _section("fix", {name: item.fixed for name, item in fixed.items()})
+    lines += _section("fixed_because", {name: item.fixed_because for name, item in fixed.items()})
     lines += _section("pool", {item.parameter: item.column for item in problem.levels})
-    measurement = {"distribution": "student-t" if TAILS in fit.point.values else "normal"}
+    measurement: dict[str, object] = {"distribution": "student-t" if TAILS in fit.point.values else "normal"}
     if problem.offsets is not None:
         measurement["offsets"] = problem.offsets.column
+    measurement["incident_errors"] = problem.incident is not None
     lines += _section("measurement", measurement)
+    lines += _scene(problem.scene)
     if fit.diagnostics is not None:
         found = fit.diagnostics
         lines += _section(
@@ -48,6 +70,22 @@ def run_text(fit: Fit) -> str:
                 "walkers": found.walkers,
                 "steps": found.steps,
                 "max_steps": found.max_steps,
+                "target_ess": found.target_ess,
             },
         )
     return "\n".join(lines)
+
+
+def _named(place: Path, folder: Path) -> dict[str, object]:
+    """How a table is named: bundled ones by name, others by the way from the result folder to them."""
+    if place.parent == bundled_folder().resolve():
+        return {"file": place.name, "bundled": True}
+    return {"file": Path(os.path.relpath(place, folder.resolve())).as_posix(), "bundled": False}
+
+
+def _scene(scene: Scene) -> list[str]:
+    """What the scene knew besides that which stands in the other sections."""
+    content: dict[str, object] = {
+        name: getattr(scene, name) for name in (*SCENE_TEXTS, *SCENE_NUMBERS) if getattr(scene, name) is not None
+    }
+    return [*_section("scene", content), *_section("scene.ball_sd", scene.ball_sd)]

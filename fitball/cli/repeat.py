@@ -1,0 +1,95 @@
+"""`fitball repeat FIT`: make a run again and say whether the result is the same."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from contextlib import nullcontext
+from pathlib import Path
+
+from fitball.cli.options import add_cores
+from fitball.cli.progress import ProgressLine
+
+HELP = "run a fit again and say whether the result is the same"
+DESCRIPTION = """Run a fit again from its run.toml and compare.
+
+The answer is one of three: bit-equal; equal within tolerance (numbers of the posterior differ by no more than their
+Monte Carlo errors, the point estimate by no more than its search leaves open); different, with what and by how much.
+Exit code 1 when different. The result compared with is never touched."""
+EXAMPLE = """examples:
+  fitball repeat fits/wang_zero_spin/two-mass
+  fitball repeat fits/my_balls/grip-slip --data moved/my_balls.csv
+  fitball repeat fits/my_balls/grip-slip/run-seed-2.toml --out fits/my_balls/again"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the verb to the command line."""
+    parser = subparsers.add_parser(
+        "repeat",
+        help=HELP,
+        description=DESCRIPTION,
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "fit",
+        metavar="FIT",
+        help="a result folder of fitball calibrate, its fit.json or run.toml, or a copy of run.toml beside it",
+    )
+    parser.add_argument(
+        "--data", metavar="FILE", action="append", default=[], help="where the table is now; repeat for several"
+    )
+    parser.add_argument("--out", metavar="DIR", help="keep the new result in this folder")
+    add_cores(parser)
+    parser.add_argument("--json", action="store_true", help="print every comparison as JSON")
+    parser.add_argument("--quiet", action="store_true", help="no progress and no table: only the outcome and errors")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it; returns the exit code."""
+    progress = ProgressLine(args.quiet)
+    progress("loading", None)
+    from dataclasses import replace
+
+    from fitball.inference.sampling import SamplingInterrupted
+    from fitball.report.folder import prepare, write_all
+    from fitball.report.run_record import find_tables, read_run, record_problem
+    from fitball.studies.repetition import Outcome, compared
+    from fitball.studies.repetition_text import render, repetition_json
+    from fitball.studies.rerun import check_rows, read_kept, rerun, write_numbers
+
+    record = read_run(Path(args.fit))
+    original = read_kept(record.folder)
+    problem = record_problem(record, find_tables(record, args.data))
+    check_rows(problem, original)
+    effort = replace(record.effort, cores=args.cores)
+    if args.out is not None:
+        prepare(Path(args.out), overwrite=False, resume=False)
+    place = nullcontext(args.out) if args.out is not None else tempfile.TemporaryDirectory(prefix="fitball-repeat-")
+    try:
+        with place as name:
+            folder = Path(name)
+            fit = rerun(problem, effort, folder, progress)
+            progress("comparison", None)
+            (write_numbers if args.out is None else write_all)(fit, folder)
+            found = compared(problem, original, read_kept(folder))
+    except (KeyboardInterrupt, SamplingInterrupted):
+        progress.finish()
+        print("Interrupted: nothing was compared.", file=sys.stderr)
+        return 130
+    progress.finish()
+    if not args.quiet:
+        for note in found.notes:
+            print(f"note: {note}", file=sys.stderr)
+    if args.json:
+        print(json.dumps(repetition_json(found, original.content), indent=1, allow_nan=False))
+    elif args.quiet:
+        print(found.outcome)
+    else:
+        print(render(found, original))
+        if args.out is not None:
+            print(args.out)
+    return 1 if found.outcome is Outcome.DIFFERENT else 0

@@ -1,0 +1,36 @@
+"""Monte Carlo standard errors: how far a number of a posterior may move when it is sampled anew."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from arviz_stats.base.array import array_stats
+
+from fitball.values import FloatArray
+
+# Quantiles of a posterior that `fit.json` quotes.
+QUANTILES: Mapping[str, float] = {
+    "median": 0.5, "q025": 0.025, "q05": 0.05, "q16": 0.16, "q84": 0.84, "q95": 0.95, "q975": 0.975,
+}  # fmt: skip
+
+
+def summaries(draws: FloatArray) -> dict[str, float]:
+    """Standard deviation and `QUANTILES` of the draws of one parameter, any shape."""
+    flat = draws.ravel()
+    levels = np.quantile(flat, list(QUANTILES.values()))
+    return {"sd": float(np.std(flat, ddof=1)), **dict(zip(QUANTILES, levels.tolist(), strict=True))}
+
+
+def standard_errors(chains: FloatArray) -> dict[str, float]:
+    """Monte Carlo standard errors of `summaries`, for chains (ensembles, steps, walkers) of one parameter.
+
+    From effective sample sizes, that of each quantile its own (Vehtari et al. 2021), walkers being the chains as in
+    `diagnostics`.
+    """
+    ensembles, steps, walkers = chains.shape
+    column = np.ascontiguousarray(chains.transpose(0, 2, 1).reshape(ensembles * walkers, steps))
+    found = {"sd": float(array_stats.mcse(column, chain_axis=0, draw_axis=1, method="sd"))}
+    for name, level in QUANTILES.items():
+        found[name] = float(array_stats.mcse(column, chain_axis=0, draw_axis=1, method="quantile", prob=level))
+    return found

@@ -1,0 +1,76 @@
+"""A run made again, and a run as it lies in its folder: the two sides of a repetition."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fitball.errors import ResultFolderError
+from fitball.inference.calibrate import Effort, fingerprint, run
+from fitball.inference.chain_file import ChainFile, EnsembleChain, read_chains
+from fitball.inference.posterior import Problem
+from fitball.inference.results import Fit, Posterior, RunStatus
+from fitball.inference.sampling import Progress
+from fitball.report.data_content import data_content
+from fitball.report.export import FIT_NAME, POSTERIOR_NAME, SavedFit, fit_text, read_fit
+from fitball.report.files import write_text
+from fitball.report.folder import CHAIN_NAME
+from fitball.report.netcdf import read_netcdf, write_netcdf
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What a result folder says: `fit.json`, the draws in `posterior.nc` (None for a point fit), and the chains with
+    their warm-up (None where there is no `posterior.h5`: a fit saved from Python has none).
+    """
+
+    folder: Path
+    saved: SavedFit
+    posterior: Posterior | None
+    chains: tuple[EnsembleChain, ...] | None
+
+    @property
+    def content(self) -> Mapping[str, Any]:
+        """`fit.json`."""
+        return self.saved.content
+
+
+def read_kept(folder: Path) -> Kept:
+    """Read a result folder. Raises ResultFolderError for what is missing, damaged or foreign."""
+    saved = read_fit(folder)
+    if saved.status is RunStatus.POINT_ONLY:
+        return Kept(folder, saved, None, None)
+    chain = folder / CHAIN_NAME
+    chains = tuple(read_chains(chain)[1]) if chain.exists() else None
+    return Kept(folder, saved, read_netcdf(folder / POSTERIOR_NAME), chains)
+
+
+def check_rows(problem: Problem, original: Kept) -> None:
+    """Raise ResultFolderError unless the rows of the files are those the fit was made from, to the last digit."""
+    now = json.loads(json.dumps(data_content(problem)))
+    kept = original.content.get("data")
+    if kept is None:
+        raise ResultFolderError(f"{original.folder / FIT_NAME}: does not hold the measurements; run calibrate again")
+    # Names of tables may differ: a file may lie elsewhere under another name.
+    changed = [name for name in ("impacts", "measurements") if now[name] != kept[name]]
+    if changed:
+        raise ResultFolderError(
+            f"{original.folder / FIT_NAME}: its {' and '.join(changed)} are not those of {problem.table.source}: the "
+            "table was changed in Python before it was fitted, or this file was changed since; calibrate anew"
+        )
+
+
+def rerun(problem: Problem, effort: Effort, folder: Path, report: Callable[[str, Progress | None], None]) -> Fit:
+    """Make a run again in `folder`, from the start. Raises as `calibrate.run` does."""
+    chain = None if effort.point_only else ChainFile(folder / CHAIN_NAME, fingerprint(problem, effort))
+    return run(problem, effort, chain, False, report)
+
+
+def write_numbers(fit: Fit, folder: Path) -> None:
+    """Write what a repetition compares, and no figures. Raises ResultFolderError."""
+    if fit.posterior is not None:
+        write_netcdf(fit, fit.posterior, folder / POSTERIOR_NAME)
+    write_text(folder / FIT_NAME, fit_text(fit))
