@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
+from fitball.data.force_place import find_force
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable
@@ -54,6 +55,7 @@ def calibrate(
     pool: Mapping[str, str] | None = None,
     offsets: str | None = None,
     incident_errors: bool = True,
+    force: str | os.PathLike[str] | None = None,
     seed: int = 1,
     point_only: bool = False,
     walkers: int | None = None,
@@ -65,13 +67,16 @@ def calibrate(
     The scene defaults to the TOML file beside the table. `priors` are texts such as `normal(0.55, 0.05)`, `fix`
     holds values in SI. `noise` is "normal" or "student-t"; `pool` maps parameters to the label column over whose
     levels they differ (pooled in part), `offsets` names the label column whose groups may be biased; without
-    `incident_errors` the incident state counts as exact. Raises
+    `incident_errors` the incident state counts as exact. `force` is a file of force-time records (see
+    `data.force_file`), by default what the scene names or what lies beside the table. Raises
     subclasses of FitballError for everything a caller can mend.
     """
     loaded = table if isinstance(table, ImpactTable) else load_table(table)
     known = scene if scene is not None else load_scene(loaded.source)
     choices = Choices(model, closures or {}, priors or {}, fix or {}, noise, pool or {}, offsets, incident_errors)
-    problem = build_problem(loaded, known, choices)
+    records, found = find_force([loaded.source], loaded, known, None if force is None else os.fspath(force))
+    problem = build_problem(loaded, known, choices, records)
+    problem = replace(problem, notes=(*found, *problem.notes))
     effort = Effort(
         seed=seed,
         point_only=point_only,

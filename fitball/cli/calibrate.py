@@ -51,6 +51,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--prior", metavar="NAME=DIST(...)", action="append", default=[], help='e.g. "mu=normal(0.6, 0.1)"'
     )
+    parser.add_argument(
+        "--force",
+        metavar="FILE",
+        help="force-time records: columns id, t, F (default: <table>_force.csv beside DATA)",
+    )
     add_structure(parser)
     parser.add_argument("--point-only", action="store_true", help="no posterior: the best values only")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of all random numbers (default 1)")
@@ -86,6 +91,7 @@ def run(args: argparse.Namespace) -> int:
     """Do it; returns the exit code."""
     progress = ProgressLine(args.quiet)
     progress("loading", None)
+    from fitball.data.force_place import find_force
     from fitball.data.join import load_tables
     from fitball.data.scene import load_scene
     from fitball.inference.calibrate import fingerprint
@@ -111,7 +117,9 @@ def run(args: argparse.Namespace) -> int:
         offsets=args.offsets,
         incident_errors=not args.exact_incidence,
     )
-    problem = build_problem(table, scene, choices)
+    force, found = find_force(args.data, table, scene, args.force)
+    problem = build_problem(table, scene, choices, force)
+    problem = replace(problem, notes=(*found, *problem.notes))
     if len(args.data) > 1:
         told = f"the scene of {args.config or args.data[0]} is taken for all tables"
         problem = replace(problem, notes=(told, *problem.notes))

@@ -40,10 +40,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     show.add_argument("data", metavar="NAME", help="a path, or the name of a bundled table")
     check = _add_action(
-        actions, "check", "every fault of a table and of its scene", "fitball datasets check my_impacts.csv"
+        actions,
+        "check",
+        "every fault of a table, of its scene and of its force records",
+        "fitball datasets check my_impacts.csv",
     )
     check.add_argument("data", metavar="FILE", help="a path, or the name of a bundled table")
     check.add_argument("--config", metavar="FILE.toml", help="the scene, instead of the TOML file beside the table")
+    check.add_argument("--force", metavar="FILE", help="force records, instead of those beside the table")
     check.add_argument("--quiet", action="store_true", help="print faults only")
 
 
@@ -114,6 +118,7 @@ def _show(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> int:
+    from fitball.data.force_place import find_force
     from fitball.data.read import load_table
     from fitball.data.scene import load_scene
 
@@ -123,11 +128,17 @@ def _check(args: argparse.Namespace) -> int:
         table = load_table(args.data)
     except TableError as error:
         errors.append(error)
+    found: tuple[str, ...] = ()
     try:
-        load_scene(args.data, args.config)
-    except TableError:
-        if not errors:
+        scene = load_scene(args.data, args.config)
+        if table is not None:
+            records, found = find_force([args.data], table, scene, args.force)
+            found += () if records is None else (f"{records.source}: {len(records.records)} force records",)
+    except TableError as error:
+        if table is None and not errors:
             raise
+        if table is not None:
+            errors.append(error)
     except FitballError as error:
         errors.append(error)
     notices = table.notices if table is not None else ()
@@ -137,16 +148,19 @@ def _check(args: argparse.Namespace) -> int:
                 "source": args.data,
                 "ok": not errors,
                 "faults": [fault for error in errors for fault in _faults(error)],
-                "notices": [{"message": item.message, "row": item.row, "columns": item.columns} for item in notices],
+                "notices": [
+                    *({"message": item.message, "row": item.row, "columns": item.columns} for item in notices),
+                    *({"message": text, "row": None, "columns": ()} for text in found),
+                ],
             }
         )
     else:
-        for found in errors:
-            print(found)
+        for fault in errors:
+            print(fault)
         if table is not None and not args.quiet:
             print(f"{table.source}: {len(table)} impacts{', no fault' if not errors else ''}")
-            for notice in notices:
-                print(f"  - {notice}")
+            for line in (*map(str, notices), *found):
+                print(f"  - {line}")
     return 2 if errors else 0
 
 

@@ -80,7 +80,7 @@ def read_header(cells: tuple[str, ...], line: int | None, faults: list[Fault]) -
     A misspelt column is a fault and is then read as the column it resembles, so that the faults of its
     values come out in the same run.
     """
-    parsed = [_split(cell, line, faults) for cell in cells]
+    parsed = [split_cell(cell, line, faults) for cell in cells]
     exact = {name for name, _ in parsed}
     numbers: dict[str, Column] = {}
     texts: dict[str, Column] = {}
@@ -105,7 +105,8 @@ def read_header(cells: tuple[str, ...], line: int | None, faults: list[Fault]) -
     return Header(numbers, texts, tuple(extras))
 
 
-def _split(cell: str, line: int | None, faults: list[Fault]) -> tuple[str, str | None]:
+def split_cell(cell: str, line: int | None, faults: list[Fault]) -> tuple[str, str | None]:
+    """Name and unit (None without brackets) of a header cell."""
     match = _HEADER.match(cell.strip())
     if match is None:
         message = "the brackets do not match; expected a name and a unit, such as 'v_x1 [m/s]'"

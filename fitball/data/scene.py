@@ -25,7 +25,7 @@ _BALL_WORDS = {
     "inertia_ratio": f"a ball with I/(M R^2) = {WANG_INERTIA_RATIO:g}, that of a tennis ball's thick shell",
 }
 _NO_MU = "nothing is known of the friction coefficient: its prior is wide"
-_NO_CONTACT_TIME = "the contact time is not known: the stiffness k_y rests on its prior"
+NO_CONTACT_TIME = "the contact time is not known: the stiffness k_y rests on its prior"
 _NO_VELOCITY_SD = (
     f"the noise of the velocities is not known: it is fitted, and expected around {NOMINAL_VELOCITY_SD:g} m/s"
 )
@@ -41,7 +41,9 @@ class Scene:
     `velocity_sd`, `spin_sd`, `contact_time_sd` are known measurement noise, not to be fitted;
     the nominal ones are orders of magnitude. `priors` are texts such as `normal(0.55, 0.05)` by parameter.
     `distribution` is that of the noise; `pool` maps parameters to the label column over whose levels they differ,
-    `offsets` is the label column whose groups may be biased. `assumed` says in sentences what was taken because
+    `offsets` is the label column whose groups may be biased. `force_file` holds force records, named relative to the
+    scene file; `force_sd` [N] is the known noise of a sample, `force_start_sd` [s] how well t = 0 is known to be the
+    start of contact (None: it is found from the record). `assumed` says in sentences what was taken because
     nothing was said.
     """
 
@@ -63,6 +65,9 @@ class Scene:
     distribution: str = "normal"
     pool: Mapping[str, str] = field(default_factory=FrozenMapping)
     offsets: str | None = None
+    force_file: str | None = None
+    force_sd: float | None = None
+    force_start_sd: float | None = None
     assumed: tuple[str, ...] = ()
     description: str = ""
     citation: str = ""
@@ -92,7 +97,7 @@ def _make_scene(file: SceneFile | None) -> Scene:
         _NO_FILE: file is None,
         **{f"assumed {words}": not _says(known, name) for name, words in _BALL_WORDS.items()},
         _NO_MU: mu is None,
-        _NO_CONTACT_TIME: time is None,
+        NO_CONTACT_TIME: time is None,
         _NO_VELOCITY_SD: velocity_sd is None and nominal_velocity is None,
         _NO_SPIN_SD: spin_sd is None and nominal_spin is None,
     }
@@ -115,6 +120,9 @@ def _make_scene(file: SceneFile | None) -> Scene:
         distribution=known.text("measurement.distribution") or "normal",
         pool=FrozenMapping(known.texts("pool")),
         offsets=known.text("measurement.offsets"),
+        force_file=known.text("force.file"),
+        force_sd=known.number("force.sd"),
+        force_start_sd=known.number("force.start_sd"),
         assumed=tuple(sentence for sentence, silent in silences.items() if silent),
         description=known.text("source.description") or "",
         citation=known.text("source.citation") or "",

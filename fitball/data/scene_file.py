@@ -49,6 +49,7 @@ KEYS: Mapping[str, Kind | Mapping[str, Kind]] = {
         "distribution": Kind.TEXT,
         "offsets": Kind.TEXT,
     },
+    "force": {"file": Kind.TEXT, "sd": Kind.POSITIVE, "start_sd": Kind.POSITIVE},
     "model": {"name": Kind.TEXT, "closures": Kind.FREE_TEXTS},
     "priors": Kind.FREE_PRIORS,
     "fix": Kind.FREE_NUMBERS,

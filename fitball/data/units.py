@@ -24,11 +24,12 @@ class Dimension(Enum):
     SPIN = "spin"
     ANGLE = "angle"
     TIME = "time"
+    FORCE = "force"
 
 
 @dataclass(frozen=True)
 class Unit:
-    """One unit: 1 `symbol` = `numerator / denominator` of the SI unit (m/s, rad/s, rad, s)."""
+    """One unit: 1 `symbol` = `numerator / denominator` of the SI unit (m/s, rad/s, rad, s, N)."""
 
     symbol: str
     dimension: Dimension
@@ -63,6 +64,9 @@ _UNITS = (
     Unit("s", Dimension.TIME, 1.0),
     Unit("ms", Dimension.TIME, 1.0, 1.0e3),
     Unit("us", Dimension.TIME, 1.0, 1.0e6),
+    Unit("N", Dimension.FORCE, 1.0),
+    Unit("kN", Dimension.FORCE, 1.0e3),
+    Unit("lbf", Dimension.FORCE, 8896443230521.0, 2.0e12),  # 4.4482216152605 N
 )
 
 UNITS = {unit.symbol: unit for unit in _UNITS}
@@ -85,6 +89,7 @@ DEFAULT_UNIT = {
     Dimension.SPIN: UNITS["rad/s"],
     Dimension.ANGLE: UNITS["deg"],
     Dimension.TIME: UNITS["s"],
+    Dimension.FORCE: UNITS["N"],
 }
 
 

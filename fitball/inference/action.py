@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from fitball.inference.force import force_slopes
+from fitball.inference.force_records import ForceRecords
 from fitball.inference.looks import ActionLook
 from fitball.inference.parameters import NOISE_SPECS
 from fitball.inference.posterior import Problem
@@ -36,6 +38,8 @@ def action_looks(
     count = len(problem.impacts)
     slopes = prediction_slopes(problem, coordinates).reshape(coordinates.shape[0], -1, count, problem.dimension)
     # A draw at the very edge of what the model can evaluate has no derivative: it says nothing.
+    if problem.force is not None:
+        slopes = np.concatenate([slopes, _on_records(problem, problem.force, coordinates)], axis=1)
     squares = np.nanmean(np.sum(slopes**2, axis=1), axis=0)
     acting = np.nanmean(np.nanmax(np.abs(slopes), axis=1) > ACTS, axis=0)
     ids = problem.table.ids
@@ -55,3 +59,11 @@ def action_looks(
             share_doubtful=float(squares[doubtful, column].sum()) / total if total > 0.0 else 0.0,
         )
     return looks
+
+
+def _on_records(problem: Problem, records: ForceRecords, coordinates: FloatArray) -> FloatArray:
+    """Slopes (draws, 1, impacts, free) of force records: the length of those of each, none without a record."""
+    slopes = np.zeros((coordinates.shape[0], 1, len(problem.impacts), problem.dimension))
+    _rows, found, _shares = force_slopes(problem, records, coordinates)
+    slopes[:, 0, records.rows] = np.sqrt(np.sum(found**2, axis=2)) * problem.prior.width
+    return slopes

@@ -19,6 +19,7 @@ from fitball.inference.diagnostics import TARGET_ESS
 from fitball.inference.error_budget import error_budget
 from fitball.inference.examination import examine, profile_all
 from fitball.inference.fitted import FittedModel
+from fitball.inference.force_notes import force_notes
 from fitball.inference.golden import golden
 from fitball.inference.identifiability import Judgement
 from fitball.inference.level_estimates import level_estimates
@@ -111,6 +112,8 @@ def fingerprint(problem: Problem, effort: Effort) -> str:
         "incident": None if problem.incident is None else problem.incident.covariance.tolist(),
         "sampler": [settings.walkers, settings.ensembles, settings.seed],
     }
+    if problem.force is not None:
+        content["force"] = [problem.force.digest, problem.force.start_sd]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
@@ -201,7 +204,7 @@ def _assemble(
     if diagnostics is not None:
         status = RunStatus.CONVERGED if diagnostics.converged else RunStatus.NOT_CONVERGED
     return Fit(
-        problem=problem,
+        problem=replace(problem, notes=(*problem.notes, *force_notes(problem, point))),
         balances=scene_balances(problem.table, problem.scene),
         least_squares=squares,
         point=point,

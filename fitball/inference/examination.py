@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from fitball.inference.action import action_looks
+from fitball.inference.force_noise import noise_held
 from fitball.inference.identifiability import Judgement, judge
 from fitball.inference.information import information_looks
 from fitball.inference.looks import LEFT_OUT, OTHER_NOISE, ContractionLook, Examination, Looks, Profiles
@@ -38,6 +39,7 @@ def profile_all(
     """Profiles of all free parameters, and, without the scene's contact time, of those that it touches; the search
     begins at `optima`, each all parameters by name in SI. Tables of many rows are left out unless `large`.
     """
+    problem = noise_held(problem, point.values)
     if len(problem.impacts) > PROFILED and not large:
         nothing = Profiles(point.log_likelihood, problem.contact_time is not None, {}, LEFT_OUT)
         return nothing, nothing

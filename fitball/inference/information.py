@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fitball.inference.force import force_information
 from fitball.inference.looks import InformationLook
 from fitball.inference.posterior import Problem
 from fitball.inference.slopes import CHANNEL_SLOPES, prediction_slopes, rebound_slopes
@@ -39,6 +40,8 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
             k = problem.free_names.index(channel.noise)
             growth[:, k] = width[k] if problem.free[k].prior.log else width[k] / coordinates[k]
         information += 2.0 * growth.T @ growth
+    if problem.force is not None:
+        information += force_information(problem, problem.force, coordinates) * np.outer(width, width)
     information *= share
     if scene and problem.contact_time is not None:
         row = slopes["contact_time"][0].mean(axis=0) * width / problem.contact_time[1]

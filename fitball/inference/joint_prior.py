@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from fitball.inference.priors import Prior
+from fitball.models.dual import NumberArray
 from fitball.values import FloatArray
 
 
@@ -38,7 +39,7 @@ class JointPrior:
         """A length along each coordinate, (priors,)."""
         return np.array([prior.width for prior in self.priors])
 
-    def value(self, coordinates: FloatArray) -> FloatArray:
+    def value(self, coordinates: NumberArray) -> NumberArray:
         """Values (draws, priors) of coordinates (draws, priors)."""
         values = coordinates.copy()
         values[:, self._logs] = np.exp(coordinates[:, self._logs])

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.errors import FitError
+from fitball.inference.force_noise import best_force_noise
 from fitball.inference.minimiser import Minimiser, minima, simplex
-from fitball.inference.parameters import NOISE_SPECS, TAILS
+from fitball.inference.parameters import FORCE_NOISE, NOISE_SPECS, TAILS
 from fitball.inference.posterior import Problem
 from fitball.inference.priors import Prior
 from fitball.inference.residuals import Weighting, default_noise, named_values, root_mean_squares
@@ -129,7 +130,7 @@ def _best_noise(problem: Problem, values: FloatArray, current: Mapping[str, floa
     gaps = {channel.name: problem.deviation(columns, channel, rebound) for channel in problem.channels}
     best = dict(current)
     for item in problem.free:
-        if item.name not in NOISE_SPECS or item.name == TAILS:
+        if item.name not in NOISE_SPECS or item.name in (TAILS, *FORCE_NOISE):
             continue
         mine = [
             (gaps[channel.name] / units[channel.name]).ravel()
@@ -137,6 +138,8 @@ def _best_noise(problem: Problem, values: FloatArray, current: Mapping[str, floa
             if channel.noise == item.name
         ]
         best[item.name] = _best_scale(item.prior, np.concatenate(mine), best.get(TAILS))
+    if problem.force is not None:
+        best |= best_force_noise(problem, problem.force, columns, best)
     tails = next((item for item in problem.free if item.name == TAILS), None)
     if tails is not None:
         z = [

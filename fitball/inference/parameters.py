@@ -32,8 +32,20 @@ _SD_SPECS: Mapping[str, ParameterSpec] = {
 # With Student's t the noise parameters are its scales, and this says how heavy its tails are. Beyond a hundred nobody
 # can tell it from a normal distribution; below two it has no variance.
 TAILS = "degrees_of_freedom"
+# What separates force records from the model; where there are records, their size centres the first prior.
+FORCE_NOISE = ("force_sd", "force_misfit")
+_FORCE_SPECS: Mapping[str, ParameterSpec] = {
+    "force_sd": ParameterSpec(
+        "force_sd", "N", 1e-3, 1e4, "lognormal(10, 1.0)", "noise of one sample of a force record", r"$\sigma_F$"
+    ),
+    "force_misfit": ParameterSpec(
+        "force_misfit", "", 1e-4, 3.0, "lognormal(0.03, 1.0)",
+        "slow misfit of the model's force to a record, as a share of its peak", r"$\delta_F$",
+    ),
+}  # fmt: skip
 NOISE_SPECS: Mapping[str, ParameterSpec] = {
     **_SD_SPECS,
+    **_FORCE_SPECS,
     TAILS: ParameterSpec(
         TAILS,
         "",

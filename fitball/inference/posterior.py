@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.inference.channels import Channel
+from fitball.inference.force import force_log_likelihood
+from fitball.inference.force_records import ForceRecords
 from fitball.inference.incident import IncidentErrors
 from fitball.inference.joint_prior import JointPrior
 from fitball.inference.levels import Levels
@@ -25,8 +27,10 @@ from fitball.inference.offsets import GroupOffsets
 from fitball.inference.parallel import LARGE_BATCH, evaluate_in_parts
 from fitball.inference.parameters import TAILS, Parameter
 from fitball.inference.scatter import LOG_TAU, log_density
+from fitball.models.dual import NumberArray
 from fitball.models.model import Model
 from fitball.models.specs import SPECS
+from fitball.models.two_mass_model import TwoMassModel
 from fitball.models.types import Rebound, Status
 from fitball.values import FloatArray, Impacts, OwnImpacts
 
@@ -38,7 +42,7 @@ class Problem:
     `contact_time` is what the scene knows of the mean contact time of the table, (value, sd) [s], or None.
     `notes` are the sentences that tell what was left out or assumed, and why. `levels` are parameters that differ
     between surfaces or balls, `offsets` biases of whole groups, `incident` the errors of the
-    incident state. `threads` share large batches.
+    incident state, `force` records of the force on the court (for a two-mass ball). `threads` share large batches.
     """
 
     table: ImpactTable
@@ -52,6 +56,7 @@ class Problem:
     levels: tuple[Levels, ...] = ()
     offsets: GroupOffsets | None = None
     incident: IncidentErrors | None = None
+    force: ForceRecords | None = None
     threads: int = 1
 
     @cached_property
@@ -79,7 +84,7 @@ class Problem:
         """The priors of all free parameters together."""
         return JointPrior(tuple(item.prior for item in self.free))
 
-    def to_values(self, coordinates: FloatArray) -> FloatArray:
+    def to_values(self, coordinates: NumberArray) -> NumberArray:
         """Values (draws, free) in SI of coordinates (draws, free)."""
         return self.prior.value(coordinates)
 
@@ -87,7 +92,7 @@ class Problem:
         """Inverse of `to_values`."""
         return self.prior.coordinate(values)
 
-    def all_values(self, values: FloatArray) -> Mapping[str, FloatArray]:
+    def all_values(self, values: NumberArray) -> Mapping[str, NumberArray]:
         """Every parameter by name, free and fixed, as (draws,)."""
         columns = {name: values[:, k] for k, name in enumerate(self.free_names)}
         for item in self.parameters:
@@ -161,6 +166,29 @@ class Problem:
         found = self.model.jacobian(self.model_names, self._model_rows(columns), impacts, ())
         return found.rebound, found.inputs
 
+    def force_integrals(
+        self,
+        columns: Mapping[str, NumberArray],
+        rows: NDArray[np.int64],
+        first: FloatArray,
+        spacing: FloatArray,
+        count: int,
+    ) -> tuple[NumberArray, NumberArray, NumberArray]:
+        """See `TwoMassModel.force_integrals`, for the table's impacts `rows`; `columns` may be complex."""
+        assert isinstance(self.model, TwoMassModel)
+        found = None
+        for mine, own in self._blocks(columns, rows):
+            values = self._model_rows({**columns, **own})
+            impacts = self.impacts.take(rows[mine])
+            parts = self.model.force_integrals(
+                self.model_names, values, impacts, first[:, mine], spacing[mine], count
+            )
+            found = found or tuple(np.empty((len(values), len(rows), *part.shape[2:]), part.dtype) for part in parts)
+            for whole, part in zip(found, parts, strict=True):
+                whole[:, mine] = part
+        assert found is not None
+        return found[0], found[1], found[2]
+
     def _blocks(
         self, columns: Mapping[str, FloatArray], rows: NDArray[np.int64]
     ) -> Iterator[tuple[NDArray[np.int64], dict[str, FloatArray]]]:
@@ -226,6 +254,8 @@ class Problem:
         total = np.zeros(values.shape[0])
         for term in self.log_likelihood_terms(values, rebound).values():
             total += term.sum(axis=1)
+        if self.force is not None:
+            total += force_log_likelihood(self, self.force, self.all_values(values))
         return total
 
     def log_posterior(self, coordinates: FloatArray) -> FloatArray:

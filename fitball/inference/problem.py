@@ -7,10 +7,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitball.data.scene import Scene
+from fitball.data.force_file import ForceFile
+from fitball.data.scene import NO_CONTACT_TIME, Scene
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError, ParameterError, suggestion
 from fitball.inference.channels import Channel, build_channels
+from fitball.inference.force_noise import force_noise, records_for
 from fitball.inference.incident import IncidentErrors
 from fitball.inference.levels import Levels, build_levels
 from fitball.inference.offsets import GroupOffsets, build_offsets
@@ -48,8 +50,9 @@ class Choices:
     incident_errors: bool = True
 
 
-def build_problem(table: ImpactTable, scene: Scene, choices: Choices) -> Problem:
-    """Spend parameters only on what the table can show, and say what was left out.
+def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: ForceFile | None = None) -> Problem:
+    """Spend parameters only on what the table, and the records of `force` beside it, can show, and say what was left
+    out.
 
     Raises FitError when the model can answer for no column of the table, and what `model` and
     `build_parameters` raise.
@@ -63,11 +66,15 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices) -> Problem
         raise FitError(f"{table.source}: model {name} predicts none of the measured columns")
     incident = _incident(table, choices, notes)
     contact_time = scene.contact_time if chosen.has_time else None
-    timed = contact_time is not None or any(channel.name == "contact_time" for channel in channels)
+    records = records_for(chosen, scene, force, notes)
+    measured_time = any(channel.name == "contact_time" for channel in channels)
+    timed = contact_time is not None or measured_time or records is not None
     if "k_y" in chosen.parameter_names and "k_theta" not in chosen.parameter_names and not timed:
         fixed["k_y"] = (2.0e4, "it acts on the contact time only, and none is known")
     priors = _scene_priors(scene, fixed)
     noise = _noise(channels, scene, priors, fixed)
+    if records is not None:
+        noise += force_noise(records, scene, priors, fixed)
     ball_names = tuple(item for item in BALL_PARAMETERS if item.removeprefix("ball_") in scene.ball_sd)
     names = (*chosen.parameter_names, *noise)
     known = {*names, *ball_names}
@@ -91,10 +98,15 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices) -> Problem
         channels=channels,
         impacts=impacts_with_cor(table, chosen),
         contact_time=contact_time,
-        notes=(*scene.assumed, *notes, *([REPRODUCTION_ONLY] if name == THESIS else [])),
+        notes=(
+            *(item for item in scene.assumed if item != NO_CONTACT_TIME or not timed),
+            *notes,
+            *([REPRODUCTION_ONLY] if name == THESIS else []),
+        ),
         levels=levels,
         offsets=offsets,
         incident=incident,
+        force=records,
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitball.inference.force import force_residuals
 from fitball.inference.marginal import seen, standardised
 from fitball.inference.parameters import NOISE_SPECS, TAILS
 from fitball.inference.posterior import Problem
@@ -34,7 +35,7 @@ def residuals(problem: Problem, values: FloatArray, weighting: Weighting) -> Flo
     tails = weighting.noise.get(TAILS) if weighting.penalised else None
     rows = []
     if problem.incident is not None:
-        held = {**columns, **{name: np.full(values.shape[0], value) for name, value in weighting.noise.items()}}
+        held = {**columns, **_held(weighting, values.shape[0])}
         slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
         found, _ = standardised(seen(problem, held), held, rebound, slopes, problem.incident.covariance)
         rows = [as_residual(-z, tails) for z in found]
@@ -45,6 +46,8 @@ def residuals(problem: Problem, values: FloatArray, weighting: Weighting) -> Flo
     if problem.contact_time is not None:
         value, sd = problem.contact_time
         rows.append((rebound.contact_time.mean(axis=1, keepdims=True) - value) / sd)
+    if problem.force is not None:
+        rows.append(force_residuals(problem, {**columns, **_held(weighting, values.shape[0])}))
     if weighting.penalised:
         coordinates = problem.to_coordinates(values)
         for column, item in enumerate(problem.free):
@@ -54,6 +57,10 @@ def residuals(problem: Problem, values: FloatArray, weighting: Weighting) -> Flo
     impossible = np.any(rebound.status, axis=1)
     stacked[impossible] = IMPOSSIBLE
     return stacked
+
+
+def _held(weighting: Weighting, draws: int) -> dict[str, FloatArray]:
+    return {name: np.full(draws, value) for name, value in weighting.noise.items()}
 
 
 def root_mean_squares(problem: Problem, values: FloatArray) -> dict[str, float]:

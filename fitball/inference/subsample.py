@@ -54,6 +54,7 @@ def thinned_problem(problem: Problem, rows: int) -> Problem:
         impacts=impacts,
         channels=channels,
         incident=None if problem.incident is None else problem.incident.take(kept),
+        force=None if problem.force is None else problem.force.take(kept),
         levels=tuple(item.take(kept) for item in problem.levels),
         offsets=None if problem.offsets is None else problem.offsets.take(kept),
     )
@@ -83,4 +84,5 @@ def withheld(problem: Problem, rows: NDArray[np.int64]) -> Problem:
         if entries.size == 0:
             raise FitError(f"{problem.table.source}: nothing is left of {item.name} to fit without those impacts")
         channels.append(item.at(entries))
-    return replace(problem, channels=tuple(channels))
+    force = None if problem.force is None else problem.force.without(rows)
+    return replace(problem, channels=tuple(channels), force=force)

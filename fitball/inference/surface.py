@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.inference.force import force_cost, force_slopes
 from fitball.inference.parameters import NOISE_SPECS, Parameter
 from fitball.inference.posterior import Problem
 from fitball.inference.scatter import LOG_TAU
@@ -195,6 +196,8 @@ class Surface:
             spread = channel.spread(noise, rebound)
             z = self.problem.deviation(columns, channel, rebound) / spread
             total = total + np.sum(0.5 * (z * z + LOG_TAU) + np.log(spread), axis=1)
+        if self.problem.force is not None:
+            total = total + force_cost(self.problem, columns)
         if given.scene:
             total = total - self.problem.log_knowledge(rebound)
         return np.where(np.any(rebound.status, axis=1), np.inf, total)
@@ -234,6 +237,10 @@ class Surface:
                 gradient = gradient - growth.sum(axis=1)
             else:
                 gather(z, slope / spread[..., None])
+        if self.problem.force is not None:
+            z, slope, _shares = force_slopes(self.problem, self.problem.force, coordinates)
+            slope = slope[..., self.columns].reshape(rows, -1, count) * chain[:, None, :]
+            gather(z.reshape(rows, -1), slope)
         if given.scene and self.problem.contact_time is not None:
             value, sd = self.problem.contact_time
             slope = slopes["contact_time"][..., self.columns].mean(axis=1, keepdims=True) * chain[:, None, :]

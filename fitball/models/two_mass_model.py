@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fitball.models import bounce, bounce_jacobian
+from fitball.models import bounce, bounce_jacobian, force
 from fitball.models.dual import NumberArray
 from fitball.models.history import History, two_mass_history
 from fitball.models.jacobian import ReboundJacobian, seeds
@@ -104,6 +104,29 @@ class TwoMassModel(Model):
         status = np.empty((draws, count), dtype=np.int8)
         bounce.bounce_batch(self._rows(names, values), self.codes, *_incident(impacts), out, regime, status)
         return Rebound(out[0], out[1], out[2], out[3], regime, status)
+
+    def force_integrals(
+        self,
+        names: Sequence[str],
+        values: NumberArray,
+        impacts: Impacts,
+        first: NumberArray,
+        spacing: FloatArray,
+        count: int,
+    ) -> tuple[NumberArray, NumberArray, NumberArray]:
+        """First and second time integral of the vertical spring's force [N s, N s^2], (draws, impacts, `count`), at
+        `first` (draws, impacts) [s] after landing and every `spacing` (impacts,) from there; and the mean time of
+        that force after landing, (draws, impacts).
+
+        No validation; NaN where the motion has no answer. With complex `values` (see `dual`) the imaginary parts are
+        derivatives. The landing impulse of the shell (`normal = momentum`) takes no time and is not in it.
+        """
+        rows = self._rows(names, values)
+        out = np.empty((2, values.shape[0], len(impacts), count), dtype=rows.dtype)
+        centroid = np.empty((values.shape[0], len(impacts)), dtype=rows.dtype)
+        cor = impacts.cor if impacts.cor is not None else np.full(len(impacts), np.nan)
+        force.force_batch(rows, self.codes, impacts.v_y1, cor, first.astype(rows.dtype), spacing, out, centroid)
+        return out[0], out[1], centroid
 
     def jacobian(
         self,

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from fitball.data.bundled import bundled_folder
 from fitball.data.scene import Scene
+from fitball.inference.force_records import ForceRecords
 from fitball.inference.parameters import TAILS
 from fitball.inference.results import Fit
 from fitball.version import __version__
@@ -31,6 +32,11 @@ def _section(name: str, content: Mapping[str, object], brackets: str = "[]") -> 
     return [head, *(f"{_toml(key)} = {_toml(value)}" for key, value in content.items()), ""]
 
 
+def _force(records: ForceRecords, folder: Path) -> dict[str, object]:
+    known = {} if records.start_sd is None else {"start_sd": records.start_sd}
+    return _named(Path(records.source), folder) | {"sha256": records.digest, **known}
+
+
 def run_text(fit: Fit, folder: Path) -> str:
     """The run as TOML: tables with digests, model, closures, every prior and fixed value, scene, sampler, seed.
 
@@ -50,6 +56,8 @@ def run_text(fit: Fit, folder: Path) -> str:
     lines += _section("ball", {"mass": ball.mass, "radius": ball.radius, "inertia": ball.inertia})
     if problem.contact_time is not None:
         lines += _section("contact_time", {"value": problem.contact_time[0], "sd": problem.contact_time[1]})
+    if problem.force is not None:
+        lines += _section("force", _force(problem.force, folder))
     lines += ["# Of all parameters; the prior of one that is fixed below takes no part."]
     lines += _section("priors", {item.name: item.prior.text for item in problem.parameters})
     lines += _section("fix", {name: item.fixed for name, item in fixed.items()})

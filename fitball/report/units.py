@@ -21,6 +21,7 @@ class Scale:
 # Multiples of SI that keep typical values between 0.1 and 1000.
 HANDY: Mapping[str, Scale] = {
     "k_y": Scale("kN/m", 1e-3),
+    "force_misfit": Scale("%", 1e2),
     "eps_10": Scale("mm", 1e3),
     "eps_slope": Scale("mm/(m/s)", 1e3),
     "cor_slope": Scale("1e-3 s/m", 1e3),

@@ -10,11 +10,11 @@ import numpy as np
 
 from fitball.errors import ParameterError, suggestion
 from fitball.inference.simulate import Simulation, simulate
+from fitball.inference.thesis_inputs import BALL_RADIUS, INERTIA, INERTIA_OF, case_parameters
 from fitball.models.history import History, Span
 from fitball.models.registry import model
 from fitball.models.types import Phase
 from fitball.studies.simulate_examples import COR, EXAMPLES, Claim, Example
-from fitball.studies.thesis_inputs import BALL_RADIUS, INERTIA, INERTIA_OF, case_parameters
 from fitball.values import impacts
 
 RESTING = (Phase.GRIP, Phase.HOLD)

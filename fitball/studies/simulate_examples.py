@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fitball.studies.thesis_inputs import INCH
+from fitball.inference.thesis_inputs import INCH
 
 # Chapter III: 17 m/s with a topspin of 100 rad/s, at 18 and at 42 degrees; components as printed [m/s, m/s, rad/s].
 SHALLOW = (16.13, 5.33, 100.0)

@@ -1,0 +1,210 @@
+"""Force records as the likelihood sees them: some two dozen means of each, and how these scatter together.
+
+A record has many samples and little to say. Its samples are averaged to means with triangular weights at evenly
+spaced nodes, and what separates these from the model is taken as white noise of the sensor, with an sd of `force_sd`
+a sample, plus a slow misfit of the model's force: a smooth random course with an sd of `force_misfit` times the
+record's peak (a Gaussian process with a squared exponential covariance). The misfit is what keeps a record sampled
+ten times as fast from knowing ten times as much. Both covariances have common axes (generalised eigenvectors), found
+here once: along these the deviations are independent whatever the size of the two.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from fitball.data.force_file import ForceFile, ForceRecord
+from fitball.values import FloatArray
+
+# Means of a record at most: the contact then has at least a dozen, a tenth of a half-sine being lost in none.
+NODES = 24
+# How far before and after the contact a record counts, as a share of its length.
+MARGIN = 0.25
+# Length over which the misfit is alike, as a share of the contact's: a pulse of the right height and length that is
+# lopsided, flat or peaked deviates so.
+ALIKE = 0.2
+# Sd of the start of contact about where the record rises, as a share of the contact's length: the record decides.
+UNKNOWN_START = 0.25
+
+
+@dataclass(frozen=True)
+class Averaged:
+    """One record: `means` [N] at times `first` and every `spacing` [s], each over `block` samples and as many on
+    either side; `begin` [s], the time at which it rises; `length` [s] and `peak` [N] of the contact; `centroid` [s],
+    the mean time of its force. `row` is the impact's.
+    """
+
+    row: int
+    first: float
+    spacing: float
+    block: int
+    means: tuple[float, ...]
+    begin: float
+    length: float
+    peak: float
+    centroid: float
+    samples: int
+
+
+def averaged(record: ForceRecord) -> Averaged:
+    """The means of a record around its contact."""
+    first, last = record.pulse
+    length = last - first + 1
+    margin = int(np.ceil(MARGIN * length))
+    low, high = max(first - margin, 0), min(last + margin, record.force.size - 1)
+    block = max(1, -(-(high - low + 1) // NODES))
+    weights = triangle(block)
+    reach = block - 1
+    centres = np.arange(max(low, reach), min(high, record.force.size - 1 - reach) + 1, block)
+    means = [float(weights @ record.force[k - reach : k + reach + 1]) for k in centres]
+    inside = slice(first, last + 1)
+    return Averaged(
+        row=record.row,
+        first=record.begin + record.step * float(centres[0]),
+        spacing=record.step * block,
+        block=block,
+        means=tuple(means),
+        begin=record.begin + record.step * (first - 0.5),
+        length=record.step * length,
+        peak=float(record.force.max()),
+        centroid=float(record.force[inside] @ record.times[inside] / record.force[inside].sum()),
+        samples=high - low + 1,
+    )
+
+
+def triangle(block: int) -> FloatArray:
+    """Weights (2 block - 1,) of the samples in a mean; they add up to one."""
+    steps = np.abs(np.arange(-(block - 1), block))
+    return np.asarray((1.0 - steps / block) / block)
+
+
+@dataclass(frozen=True)
+class ForceRecords:
+    """The records of a table. `start_sd` [s] is how well t = 0 is known to be the start of contact, None where the
+    start is found from the record. Arrays are padded to the longest record; `mask` (records, nodes) says where there
+    is a mean.
+    """
+
+    source: str
+    digest: str
+    start_sd: float | None
+    records: tuple[Averaged, ...]
+
+    @cached_property
+    def rows(self) -> NDArray[np.int64]:
+        """Impacts that have a record (records,)."""
+        return np.array([item.row for item in self.records], dtype=np.int64)
+
+    @cached_property
+    def nodes(self) -> int:
+        """Number of means of the longest record."""
+        return max(len(item.means) for item in self.records)
+
+    @cached_property
+    def mask(self) -> NDArray[np.bool_]:
+        """Where there is a mean (records, nodes)."""
+        return np.array([np.arange(self.nodes) < len(item.means) for item in self.records])
+
+    @cached_property
+    def means(self) -> FloatArray:
+        """The means (records, nodes) [N], 0 where there is none."""
+        found = np.zeros((len(self.records), self.nodes))
+        for place, item in enumerate(self.records):
+            found[place, : len(item.means)] = item.means
+        return found
+
+    @cached_property
+    def first(self) -> FloatArray:
+        """Times of the first means (records,) [s]."""
+        return np.array([item.first for item in self.records])
+
+    @cached_property
+    def spacing(self) -> FloatArray:
+        """Times between means (records,) [s]."""
+        return np.array([item.spacing for item in self.records])
+
+    @cached_property
+    def centroid(self) -> FloatArray:
+        """Mean times of the forces (records,) [s]."""
+        return np.array([item.centroid for item in self.records])
+
+    @cached_property
+    def length(self) -> FloatArray:
+        """Lengths of the contacts (records,) [s]."""
+        return np.array([item.length for item in self.records])
+
+    @cached_property
+    def peak(self) -> FloatArray:
+        """Peaks (records,) [N]."""
+        return np.array([item.peak for item in self.records])
+
+    @cached_property
+    def start(self) -> tuple[FloatArray, FloatArray]:
+        """Where contact is expected to start before model and record are compared, and its sd, (records,) [s]."""
+        if self.start_sd is not None:
+            return np.zeros(len(self.records)), np.full(len(self.records), self.start_sd)
+        return np.array([item.begin for item in self.records]), UNKNOWN_START * self.length
+
+    @cached_property
+    def _axes(self) -> tuple[FloatArray, FloatArray, float]:
+        rotation = np.zeros((len(self.records), self.nodes, self.nodes))
+        slow = np.zeros((len(self.records), self.nodes))
+        constant = 0.0
+        for place, item in enumerate(self.records):
+            count = len(item.means)
+            white, smooth = _covariances(item)
+            values, vectors = eigh(smooth, white)
+            rotation[place, :count, :count] = vectors.T
+            # Rounding leaves the least of them at its own size on either side of zero.
+            slow[place, :count] = np.maximum(values, 0.0)
+            constant -= 0.5 * float(np.linalg.slogdet(white)[1]) + 0.5 * count * np.log(2.0 * np.pi)
+        return rotation, slow, constant
+
+    @property
+    def rotation(self) -> FloatArray:
+        """From means to independent deviations (records, nodes, nodes), each of variance 1 by white noise of sd 1."""
+        return self._axes[0]
+
+    @property
+    def slow(self) -> FloatArray:
+        """Variance (records, nodes) of each such deviation by a misfit of sd 1."""
+        return self._axes[1]
+
+    @property
+    def constant(self) -> float:
+        """What the log likelihood has beside the log density of the deviations in units of their spread."""
+        return self._axes[2]
+
+    def take(self, kept: NDArray[np.int64]) -> ForceRecords | None:
+        """Those of the impacts `kept` (sorted), numbered as these are; None when there is none."""
+        places = {int(row): place for place, row in enumerate(kept)}
+        mine = tuple(replace(item, row=places[item.row]) for item in self.records if item.row in places)
+        return replace(self, records=mine) if mine else None
+
+    def without(self, rows: NDArray[np.int64]) -> ForceRecords | None:
+        """Those of all other impacts than `rows`, None when there is none."""
+        left = {int(row) for row in rows}
+        mine = tuple(item for item in self.records if item.row not in left)
+        return replace(self, records=mine) if mine else None
+
+
+def _covariances(item: Averaged) -> tuple[FloatArray, FloatArray]:
+    """Covariances (nodes, nodes) of the means by white noise of sd 1 a sample, and by a misfit of sd 1."""
+    count = len(item.means)
+    weights = triangle(item.block)
+    white = float(weights @ weights) * np.eye(count)
+    # Neighbouring means share the samples between them.
+    shared = float(weights[item.block :] @ weights[: item.block - 1])
+    white += shared * (np.eye(count, k=1) + np.eye(count, k=-1))
+    times = item.spacing * np.arange(count)
+    apart = (times[:, None] - times) / (ALIKE * item.length)
+    return white, np.exp(-0.5 * apart**2)
+
+
+def build_records(file: ForceFile, start_sd: float | None) -> ForceRecords:
+    """The records of a file."""
+    return ForceRecords(file.source, file.digest, start_sd, tuple(averaged(item) for item in file.records))
