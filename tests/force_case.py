@@ -37,7 +37,17 @@ def force_at(times, v, k_y=K_Y, e=COR, mass=MASS):
 
 
 def write_case(
-    folder: Path, seed: int, *, noise=4.0, misfit=0.04, step=4e-5, scale=1.0, records=True, sd=0.05, latest=2e-3
+    folder: Path,
+    seed: int,
+    *,
+    noise=4.0,
+    misfit=0.04,
+    step=4e-5,
+    scale=1.0,
+    records=True,
+    sd=0.05,
+    latest=2e-3,
+    edges=False,
 ) -> Path:
     """Write drops.csv and, with `records`, drops_force.csv; return the table. Starts of contact lie up to `latest`
     after 1 ms, the force is multiplied by `scale`, and misses the model's by a random course of `misfit` its peak."""
@@ -51,7 +61,8 @@ def write_case(
         force = force_at(times - start, v)
         apart = (times[:, None] - times) / 0.9e-3
         smooth = rng.multivariate_normal(np.zeros(times.size), np.exp(-0.5 * apart**2), method="eigh")
-        force = scale * (force + misfit * force.max() * smooth * (force > 0.0))
+        shape = (force > 0.0) if edges else np.sqrt(np.maximum(force, 0.0) / force.max())
+        force = scale * (force + misfit * force.max() * smooth * shape)
         force = force + noise * rng.standard_normal(times.size)
         samples += [f"{name},{1e3 * t:.4f},{f:.4f}" for t, f in zip(times, force, strict=True)]
     table = folder / "drops.csv"

@@ -13,7 +13,7 @@ from fitball.errors import ParameterError, ResultFolderError, suggestion
 if TYPE_CHECKING:
     from fitball.report.restore import Restored
 
-KIND_NAMES = ("corner", "trace", "predictive", "residuals", "profiles", "regimes")
+KIND_NAMES = ("corner", "trace", "predictive", "residuals", "profiles", "regimes", "force")
 FORMATS = ("png", "svg", "pdf")
 EXAMPLE = """kinds:
   corner      posterior of all pairs of parameters, with priors
@@ -22,6 +22,7 @@ EXAMPLE = """kinds:
   residuals   standardised residuals
   profiles    profile likelihood of every parameter
   regimes     posterior probability of each phase sequence, impact by impact
+  force       force-time records against the posterior prediction
   all         every one of them that the fit can show
 
 examples:
@@ -62,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     if args.kind == "profiles":
         fit = _with_profiles(fit, args.quiet)
     kinds = [args.kind] if args.kind != "all" else drawable_kinds(fit, fit.posterior)
-    left_out = [name for name in KIND_NAMES if args.kind == "all" and name not in kinds]
+    left_out = [name for name in KIND_NAMES[:-1] if args.kind == "all" and name not in kinds]
     if left_out and not args.quiet:
         print(f"note: left out {', '.join(left_out)}: this fit has not what they show", file=sys.stderr)
     folder = Path(args.out) if args.out else (path if path.is_dir() else path.parent)

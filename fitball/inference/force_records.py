@@ -3,9 +3,10 @@
 A record has many samples and little to say. Its samples are averaged to means with triangular weights at evenly
 spaced nodes, and what separates these from the model is taken as white noise of the sensor, with an sd of `force_sd`
 a sample, plus a slow misfit of the model's force: a smooth random course with an sd of `force_misfit` times the
-record's peak (a Gaussian process with a squared exponential covariance). The misfit is what keeps a record sampled
-ten times as fast from knowing ten times as much. Both covariances have common axes (generalised eigenvectors), found
-here once: along these the deviations are independent whatever the size of the two.
+record's peak during the contact (a Gaussian process with a Matern covariance of order 3/2, whose courses bend but do
+not jump). The misfit is what keeps a record sampled ten times as fast from knowing ten times as much. Both
+covariances have common axes (generalised eigenvectors), found here once: along these the deviations are independent
+whatever the size of the two.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ MARGIN = 0.25
 # Length over which the misfit is alike, as a share of the contact's: a pulse of the right height and length that is
 # lopsided, flat or peaked deviates so.
 ALIKE = 0.2
+# How far before and after the contact the misfit dies out, as a share of its length.
+SOFT = 0.2
 # Sd of the start of contact about where the record rises, as a share of the contact's length: the record decides.
 UNKNOWN_START = 0.25
 
@@ -164,6 +167,15 @@ class ForceRecords:
             constant -= 0.5 * float(np.linalg.slogdet(white)[1]) + 0.5 * count * np.log(2.0 * np.pi)
         return rotation, slow, constant
 
+    @cached_property
+    def variances(self) -> FloatArray:
+        """Variances (2, records, nodes) of the means by white noise of sd 1 a sample, and by a misfit of sd 1."""
+        found = np.zeros((2, len(self.records), self.nodes))
+        for place, item in enumerate(self.records):
+            for which, matrix in enumerate(_covariances(item)):
+                found[which, place, : len(item.means)] = np.diag(matrix)
+        return found
+
     @property
     def rotation(self) -> FloatArray:
         """From means to independent deviations (records, nodes, nodes), each of variance 1 by white noise of sd 1."""
@@ -202,7 +214,11 @@ def _covariances(item: Averaged) -> tuple[FloatArray, FloatArray]:
     white += shared * (np.eye(count, k=1) + np.eye(count, k=-1))
     times = item.spacing * np.arange(count)
     apart = (times[:, None] - times) / (ALIKE * item.length)
-    return white, np.exp(-0.5 * apart**2)
+    # Well before landing and after release there is no force to miss; where these are the model may be wrong too.
+    beyond = np.maximum(item.begin - item.first - times, item.first + times - item.begin - item.length) / item.length
+    within = np.clip(1.0 - beyond / SOFT, 0.0, 1.0)
+    apart = np.sqrt(3.0) * np.abs(apart)
+    return white, within[:, None] * within * (1.0 + apart) * np.exp(-apart)
 
 
 def build_records(file: ForceFile, start_sd: float | None) -> ForceRecords:

@@ -8,6 +8,7 @@ import numpy as np
 
 from fitball.inference.results import Fit
 from fitball.report.arrays import residual_data
+from fitball.report.force_arrays import force_panels
 from fitball.report.looks_rows import look_rows
 from fitball.report.summary import parameter_rows
 from fitball.report.units import handy
@@ -21,6 +22,8 @@ SURE = 0.95
 def alt_texts(fit: Fit) -> dict[str, str]:
     """A text for every figure that this fit can show."""
     found = {"predictive": _predictive(fit), "residuals": _residuals(fit), "profiles": _profiles(fit)}
+    if fit.problem.force is not None:
+        found["force"] = _force(fit)
     if fit.posterior is not None:
         found |= {"corner": _corner(fit), "trace": _trace(fit), "regimes": _regimes(fit)}
     return found
@@ -40,6 +43,17 @@ def _predictive(fit: Fit) -> str:
             f"root mean square difference {_size(item.name, off)}"
         )
     return f"Measured rebounds and posterior bands along {along}. " + "; ".join(parts) + "."
+
+
+def _force(fit: Fit) -> str:
+    parts = []
+    for panel in force_panels(fit, fit.posterior):
+        inside = np.sum((panel.means >= panel.expected[0]) & (panel.means <= panel.expected[1]))
+        parts.append(
+            f"{panel.title}: measured up to {panel.means.max():.0f} N, the model up to {panel.course[1].max():.0f} N, "
+            f"{inside} of {panel.means.size} means within the 95 % range of a record"
+        )
+    return "Force records beside the model's force. " + "; ".join(parts) + "."
 
 
 def _residuals(fit: Fit) -> str:

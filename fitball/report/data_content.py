@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
+from fitball.inference.force_records import Averaged, ForceRecords
 from fitball.inference.posterior import Problem
 
 
 def data_content(problem: Problem) -> dict[str, Any]:
     """The measurements of a problem and what the scene knows of its contact time, for `fit.json`; SI units."""
     table = problem.table
+    force = {} if problem.force is None else {"force": _force(problem.force)}
     return {
         "ids": list(table.ids),
         "labels": {name: list(column) for name, column in table.labels.items()},
@@ -20,4 +25,24 @@ def data_content(problem: Problem) -> dict[str, Any]:
             for item in table.measurements
         ],
         "contact_time": None if problem.contact_time is None else list(problem.contact_time),
+        **force,
     }
+
+
+def _force(records: ForceRecords) -> dict[str, Any]:
+    """Force records as averaged; the samples themselves stay in their file."""
+    return {
+        "file": Path(records.source).name,
+        "sha256": records.digest,
+        "start_sd": records.start_sd,
+        "records": [asdict(item) | {"means": list(item.means)} for item in records.records],
+    }
+
+
+def read_force(content: Mapping[str, Any]) -> ForceRecords | None:
+    """What `data_content` wrote of force records; None where there were none. Raises KeyError and TypeError."""
+    if "force" not in content:
+        return None
+    found = content["force"]
+    records = tuple(Averaged(**{**item, "means": tuple(item["means"])}) for item in found["records"])
+    return ForceRecords(found["file"], found["sha256"], found["start_sd"], records)

@@ -26,6 +26,8 @@ MOST_ROWS = 300
 CAPTIONS = {
     "corner": "Posterior of all pairs of parameters, with the prior on the diagonal and the point estimate.",
     "predictive": "Measured rebounds with error bars against the posterior prediction, along incidence angle.",
+    "force": "Force records (points: means of samples, with the sensor's noise) against the model: 95 % of its force "
+    "(dark) and of a record (light: with sensor noise and misfit).",
     "profiles": "Profile likelihood of every parameter: the best fit for each of its values, below the best of all; "
     "intervals of 68 and 95 % end at -0.5 and -1.92. Bars: 95 % of the posterior.",
     "regimes": "Posterior probability of each sequence of slip and grip, impact by impact.",

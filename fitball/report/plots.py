@@ -14,6 +14,7 @@ from fitball.errors import ResultFolderError
 from fitball.inference.results import Posterior
 from fitball.report.drawable import Drawable
 from fitball.report.figure_corner import corner_figure
+from fitball.report.figure_force import force_figure
 from fitball.report.figure_profiles import profiles_figure
 from fitball.report.figure_regimes import regimes_figure
 from fitball.report.figures import predictive_figure, residual_figure, trace_figure
@@ -64,6 +65,12 @@ def _profiles(fit: Drawable, posterior: Posterior | None) -> Figure:
     return profiles_figure(fit, posterior)
 
 
+def _force(fit: Drawable, posterior: Posterior | None) -> Figure:
+    if not has_force(fit):
+        raise ResultFolderError("there are no force records in this fit")
+    return force_figure(fit, posterior)
+
+
 KINDS: Mapping[str, Kind] = {
     "corner": Kind(True, _corner),
     "trace": Kind(True, _trace),
@@ -71,6 +78,7 @@ KINDS: Mapping[str, Kind] = {
     "residuals": Kind(False, lambda fit, _posterior: residual_figure(fit)),
     "profiles": Kind(False, _profiles),
     "regimes": Kind(True, _regimes),
+    "force": Kind(False, _force),
 }
 
 
@@ -84,9 +92,14 @@ def has_regimes(fit: Drawable) -> bool:
     return fit.predictive is not None and fit.problem.table.has_tangential
 
 
+def has_force(fit: Drawable) -> bool:
+    """Whether force-time records took part."""
+    return fit.problem.force is not None
+
+
 def drawable_kinds(fit: Drawable, posterior: Posterior | None) -> list[str]:
     """The kinds this fit can show."""
-    present = {"profiles": has_profiles(fit), "regimes": has_regimes(fit)}
+    present = {"profiles": has_profiles(fit), "regimes": has_regimes(fit), "force": has_force(fit)}
     return [
         name
         for name, kind in KINDS.items()

@@ -23,6 +23,7 @@ from fitball.inference.problem import impacts_with_cor
 from fitball.inference.results import Diagnostics, PointFit, Posterior, Predictive, Verdict
 from fitball.models.registry import model
 from fitball.models.specs import SPECS
+from fitball.report.data_content import read_force
 from fitball.report.export import FIT_NAME, SavedFit, read_fit
 from fitball.report.looks_content import read_examination
 from fitball.values import FloatArray, Impacts
@@ -106,6 +107,7 @@ def _problem(saved: SavedFit) -> Problem:
         impacts=impacts_with_cor(table, chosen),
         contact_time=time,
         notes=tuple(content["notes"]),
+        force=read_force(data),
     )
 
 
