@@ -50,7 +50,8 @@ def _force(fit: Fit) -> str:
     for panel in force_panels(fit, fit.posterior):
         inside = np.sum((panel.means >= panel.expected[0]) & (panel.means <= panel.expected[1]))
         parts.append(
-            f"{panel.title}: measured up to {panel.means.max():.0f} N, the model up to {panel.course[1].max():.0f} N, "
+            f"{panel.title}: measured up to {panel.means.max():.0f} N, "
+            f"the model up to {panel.course[1].max():.0f} N, "
             f"{inside} of {panel.means.size} means within the 95 % range of a record"
         )
     return "Force records beside the model's force. " + "; ".join(parts) + "."
