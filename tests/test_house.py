@@ -45,10 +45,10 @@ def test_layers():
     assert done.returncode == 0, done.stdout
 
 
-def test_prior_table_in_the_readme_is_current():
+def test_tables_and_numbers_in_the_readme_are_current():
     sys.path.insert(0, str(ROOT / "scripts"))
     try:
-        from prior_table import updated
+        from readme import updated
     finally:
         sys.path.pop(0)
     text = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -1,0 +1,230 @@
+"""Write the numbers and tables of README.md between their marks, from the code and from what `fits/` keeps.
+
+`python scripts/readme.py` renders; with `--measure` it first fits Wang's tables, compares the models and re-derives
+the thesis (some minutes), and keeps the figures in `fits/readme/`. Speed comes from `fitball bench`, coverage from
+`scripts/validate`; both keep what they found in `fits/`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from fitball.inference.parameters import NOISE_SPECS
+from fitball.models.specs import SPECS
+from fitball.report.rounding import decimals, digits, fixed
+from fitball.report.units import handy
+from fitball.version import __version__
+
+ROOT = Path(__file__).resolve().parent.parent
+README = ROOT / "README.md"
+KEPT = ROOT / "fits" / "readme"
+NUMBERS = KEPT / "numbers.json"
+PICTURE = "predictive.png"
+LADDER = ("thesis-exact", "two-mass", "grip-slip", "brody")
+PUBLISHED = "Table 9, case 1"
+
+
+def _fitball(folder: Path, *words: str) -> str:
+    """Output of a command, run in `folder`."""
+    command = [sys.executable, "-m", "fitball", *words, "--quiet"]
+    return subprocess.run(command, cwd=folder, check=True, stdout=subprocess.PIPE, text=True).stdout
+
+
+def measure() -> None:
+    """Fit, compare, re-derive; keep the numbers that README.md quotes, and its picture."""
+    KEPT.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        _fitball(folder, "calibrate", "wang_all.csv", "--out", "all")
+        _fitball(folder, "calibrate", "wang_zero_spin.csv", "--out", "zero")
+        compared = json.loads(_fitball(folder, "compare", "wang_all.csv", "--json", "--out", "compared"))
+        derived = json.loads(_fitball(folder, "rederive", "--json", "--out", "derived"))
+        fits = {
+            name: json.loads((folder / name / "fit.json").read_text(encoding="utf-8")) for name in ("all", "zero")
+        }
+        shutil.copyfile(folder / "all" / PICTURE, KEPT / PICTURE)
+    found = {
+        "version": __version__,
+        "parameters": {name: _parameter(item) for name, item in fits["all"]["parameters"].items()},
+        "best_known": _best_known(fits["zero"]),
+        "compared": [_score(item) for item in compared["models"] if item["name"] in LADDER],
+        "duel": _duel(compared, "two-mass", "grip-slip"),
+        "published": {item["name"]: item["rms"] for item in compared["published"]},
+        "thesis": {item["name"]: item["finding"] for item in derived["checks"]} | derived["verdicts"],
+    }
+    NUMBERS.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+
+
+def _parameter(item: dict[str, Any]) -> dict[str, Any]:
+    kept = ("unit", "median", "sd", "q16", "q84", "verdict")
+    return {key: item[key] for key in kept}
+
+
+def _best_known(fit: dict[str, Any]) -> dict[str, Any]:
+    """The combination of stiffnesses that is known best, as the report says it."""
+    directions = fit["identifiability"]["spectrum"]["directions"]
+    return next(item for item in directions if "k_theta" in item["words"] and "k_y" in item["words"])
+
+
+def _score(item: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "name": item["name"],
+        "free": item["free_parameters"],
+        "elpd": item["elpd_difference"]["value"],
+        "se": item["elpd_difference"]["se"],
+        "rms": item["left_out"][0]["rms"],
+    }
+
+
+def _duel(compared: dict[str, Any], first: str, second: str) -> dict[str, float]:
+    """Difference in log predictive density over the impacts, with its standard error."""
+    by_name = {item["name"]: item["elpd_by_impact"] for item in compared["models"]}
+    gaps = [by_name[first][key] - by_name[second][key] for key in by_name[first]]
+    mean = sum(gaps) / len(gaps)
+    spread = math.sqrt(sum((gap - mean) ** 2 for gap in gaps) / (len(gaps) - 1))
+    return {"value": sum(gaps), "se": math.sqrt(len(gaps)) * spread}
+
+
+def _priors() -> str:
+    rows = ["| parameter | unit | bounds | default prior | meaning |", "|---|---|---|---|---|"]
+    rows += [
+        f"| `{spec.name}` | {spec.unit or '-'} | {spec.lower:g} to {spec.upper:g} | `{spec.prior}` | {spec.meaning} |"
+        for spec in (*SPECS.values(), *NOISE_SPECS.values())
+    ]
+    return "\n".join(rows)
+
+
+def _wang(numbers: dict[str, Any]) -> str:
+    rows = ["| parameter of `two-mass` | median ± sd | unit | verdict |", "|---|---|---|---|"]
+    for name, item in numbers["parameters"].items():
+        scale = handy(name, item["unit"])
+        median, sd = item["median"] * scale.factor, item["sd"] * scale.factor
+        places = decimals(sd)
+        rows.append(
+            f"| `{name}` | {fixed(median, places)} ± {fixed(sd, places)} | {scale.unit or '-'} | {item['verdict']} |"
+        )
+    return "\n".join(rows)
+
+
+def _compared(numbers: dict[str, Any]) -> str:
+    rows = [
+        "| model | free parameters | misses left-out `v_x2` by [m/s] | `v_y2` [m/s] | `omega_2` [rad/s] | "
+        "log predictive density below the best |",
+        "|---|---|---|---|---|---|",
+    ]
+    for item in numbers["compared"]:
+        rms = item["rms"]
+        below = "-" if item["name"] == numbers["compared"][0]["name"] else f"{-item['elpd']:.1f} ± {item['se']:.1f}"
+        rows.append(
+            f"| `{item['name']}` | {item['free']} | {rms['v_x2']:.2f} | {rms['v_y2']:.2f} | {rms['omega_2']:.1f} | "
+            f"{below} |"
+        )
+    rms = numbers["published"][PUBLISHED]
+    rows.append(
+        f"| thesis, {PUBLISHED} (tuned on these rows) | - | {rms['v_x2']:.2f} | {rms['v_y2']:.2f} | "
+        f"{rms['omega_2']:.1f} | |"
+    )
+    duel = numbers["duel"]
+    decided = "decides it" if abs(duel["value"]) > max(4.0, 2.0 * duel["se"]) else "does not decide it"
+    rows += [
+        "",
+        f"Do two masses earn their parameters? `two-mass` against `grip-slip`: {duel['value']:+.1f} ± "
+        f"{duel['se']:.1f} in log predictive density; this table {decided}.",
+    ]
+    return "\n".join(rows)
+
+
+def _stiffness(numbers: dict[str, Any]) -> str:
+    item = numbers["best_known"]
+    return (
+        f"On `wang_zero_spin.csv` {item['words']} is known to {item['known_to']}, their product only through the "
+        "contact time."
+    )
+
+
+def _validation() -> str:
+    frame = pd.read_csv(ROOT / "fits" / "validation" / "summary.csv")
+    names = " and ".join(f"`{name}`" for name in dict.fromkeys(frame["model"]))
+    low, high = 100.0 * frame["within_95"].min(), 100.0 * frame["within_95"].max()
+    verdict = "hold" if (frame["holds"] == "yes").all() else "do not hold"
+    return (
+        f"Over {frame['replicates'].min()} simulated tables each, {names} {verdict}: quantity by quantity the 95 % "
+        f"intervals have the truth in {low:.0f} to {high:.0f} % of the tables."
+    )
+
+
+def _speed() -> str:
+    bench = ROOT / "fits" / "bench"
+    precision, batches = pd.read_csv(bench / "precision.csv"), pd.read_csv(bench / "batches.csv")
+    growth = pd.read_csv(bench / "growth.csv")
+    wang = precision[precision["scene"] == "Wang's 21"]
+    rows = ["| solver | microseconds an impact | largest error |", "|---|---|---|"]
+    closed = wang[wang["solver"] == "closed form, batch"].iloc[0]
+    large = batches[batches["call"].str.startswith("batch of")]
+    times = "; ".join(
+        f"{digits(row['microseconds'], 2)} on {row['call'].rsplit(', ', 1)[1]}" for _, row in large.iterrows()
+    )
+    rows.append(f"| closed form, large batches | {times} | {closed['largest error']:.1e} |")
+    for solver, setting in (
+        ("RK4, compiled", "400 steps"),
+        ("solve_ivp RK45", "rtol 0.001"),
+        ("solve_ivp DOP853", "rtol 1e-09"),
+        ("solve_ivp DOP853", "rtol 1e-13"),
+    ):
+        row = wang[(wang["solver"] == solver) & (wang["setting"] == setting)].iloc[0]
+        rows.append(f"| {solver}, {setting} | {digits(row['microseconds'], 2)} | {row['largest error']:.1e} |")
+    longest = growth[growth["rows"] == growth["rows"].max()].iloc[0]
+    rows += [
+        "",
+        f"The best fit of a table of {longest['rows']:.0f} impacts took {digits(longest['point fit [s]'], 2)} s.",
+    ]
+    return "\n".join(rows)
+
+
+def _thesis(numbers: dict[str, Any]) -> str:
+    found = numbers["thesis"]
+    return "\n".join(f"- **{name}**: {found[name]}" for name in ("Appendix C", "Case 1", "Case 2", "Case 3"))
+
+
+def blocks() -> dict[str, str]:
+    """Every block of README.md by the name in its marks."""
+    numbers = json.loads(NUMBERS.read_text(encoding="utf-8"))
+    return {
+        "wang": _wang(numbers),
+        "compared": _compared(numbers),
+        "stiffness": _stiffness(numbers),
+        "validation": _validation(),
+        "speed": _speed(),
+        "thesis": _thesis(numbers),
+        "priors": _priors(),
+    }
+
+
+def updated(text: str) -> str:
+    """README text with every block between its marks."""
+    for name, content in blocks().items():
+        begin, end = f"<!-- {name}: written by scripts/readme.py -->", f"<!-- end of {name} -->"
+        head, found, rest = text.partition(begin)
+        _, closed, tail = rest.partition(end)
+        if not (found and closed):
+            raise ValueError(f"README.md lacks the marks of block {name}")
+        text = f"{head}{begin}\n{content}\n{end}{tail}"
+    return text
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--measure", action="store_true", help="measure again first")
+    if parser.parse_args().measure:
+        measure()
+    README.write_text(updated(README.read_text(encoding="utf-8")), encoding="utf-8")
