@@ -81,7 +81,7 @@ def history_figure(
     if max(lengths) - min(lengths) <= 5e-6 * max(lengths):
         for axis in axes[:columns]:
             _time_axis(axis, lengths[0])
-    _legend(figure, simulations, wrapped, surface="v_x" in shown)
+    _legend(figure, simulations, wrapped, shown)
     figure.suptitle(title, fontsize=12)
     return figure
 
@@ -124,7 +124,8 @@ def _line(
             axis.fill_between(shares, lower, upper, color=colour, alpha=alpha, linewidth=0)
     options: dict[str, Any] = {"color": colour, "linewidth": 1.5, "label": item.label, **style}
     axis.plot(shares, course, **options)
-    if not alone:
+    # Slip and grip do not touch the vertical motion.
+    if not alone and name not in VERTICAL_PANELS:
         _dots(axis, item, course, colour)
 
 
@@ -159,11 +160,10 @@ def _velocities(axis: Axes, item: Simulation, colour: str, alone: bool) -> None:
 def _friction(axis: Axes, item: Simulation, colour: str, alone: bool) -> None:
     """Friction inside the cone."""
     limit = item.history.friction * item.history.normal_force
-    for sign in (1.0, -1.0):
-        label = r"$\pm\mu F$" if alone and sign > 0.0 else None
-        axis.plot(
-            item.shares, sign * limit, color="0.4" if alone else colour, linestyle="--", linewidth=0.9, label=label
-        )
+    # Cones of several curves would hide what lies inside them.
+    for sign in (1.0, -1.0) if alone else ():
+        label = r"$\pm\mu F$" if sign > 0.0 else None
+        axis.plot(item.shares, sign * limit, color="0.4", linestyle="--", linewidth=0.9, label=label)
     _line(axis, item, "friction_force", colour, alone, label="$F_x$")
     if alone:
         axis.legend(loc="best", fontsize=8, frameon=True, framealpha=0.7)
@@ -198,7 +198,7 @@ DRAWN: Mapping[str, Callable[[Axes, Simulation, str, bool], None]] = {
 }
 
 
-def _legend(figure: Figure, simulations: Sequence[Simulation], caption: Sequence[str], surface: bool) -> None:
+def _legend(figure: Figure, simulations: Sequence[Simulation], caption: Sequence[str], shown: Sequence[str]) -> None:
     """Phases of the one, or names of the several."""
     handles: list[Patch | Line2D]
     if len(simulations) == 1:
@@ -211,9 +211,9 @@ def _legend(figure: Figure, simulations: Sequence[Simulation], caption: Sequence
             Line2D([], [], color=colour, linewidth=1.5, label=item.label)
             for colour, item in zip(COLOURS, simulations, strict=False)
         ]
-        if surface:
+        if "v_x" in shown:
             handles.append(Line2D([], [], color="0.3", linestyle="--", linewidth=1.2, label=r"surface $R\,\omega_2$"))
-        if any(len(item.history.spans) > 1 for item in simulations):
+        if not set(shown) <= set(VERTICAL_PANELS) and any(len(item.history.spans) > 1 for item in simulations):
             handles.append(
                 Line2D([], [], color="0.3", marker="o", markerfacecolor="white", linestyle="none", label="transition")
             )

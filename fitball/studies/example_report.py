@@ -22,6 +22,8 @@ def example_text(example: Example, found: Sequence[Finding]) -> str:
     lines = [head, "=" * len(head), *_wrapped("Stated: ", example.stated)]
     for text in example.assumed:
         lines += _wrapped("Assumed: ", text)
+    for text in example.remarks:
+        lines += _wrapped("Note: ", text)
     rows = [["the thesis says", "printed", "exact", "exact - printed", "thesis's computation"]]
     rows += [[item.claim.said, *_cells(item)] for item in found]
     return "\n".join([*lines, "", *columns(rows)])
@@ -34,6 +36,7 @@ def example_json(example: Example, found: Sequence[Finding]) -> dict[str, Any]:
         "title": example.title,
         "stated": example.stated,
         "assumed": list(example.assumed),
+        "remarks": list(example.remarks),
         "claims": [
             {
                 "said": item.claim.said,

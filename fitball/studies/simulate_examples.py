@@ -43,7 +43,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Example:
-    """One figure: `panels` as in `figure_history`, `stated` and `assumed` inputs in words."""
+    """One figure: `panels` as in `figure_history`, inputs `stated` and `assumed` in words, `remarks` on the print."""
 
     name: str
     title: str
@@ -51,7 +51,8 @@ class Example:
     curves: tuple[Curve, ...]
     claims: tuple[Claim, ...]
     stated: str
-    assumed: tuple[str, ...] = ()
+    assumed: tuple[str, ...]
+    remarks: tuple[str, ...] = ()
 
 
 BASE = (
@@ -185,7 +186,7 @@ EXAMPLES: tuple[Example, ...] = (
         _vary("v_x1", (8.0, 12.63, 16.0), "m/s", 0, (12.63, 11.37, 0.0), GRIP),
         (
             Claim("the higher the incident velocity, the higher the spin", "rising rebound omega_2"),
-            Claim("shell spin at n = 0 by Appendix B", "rolling start", curve=1),
+            Claim("shell spin when rolling begins", "rolling start", curve=1, unit="rad/s"),
             Claim("the spin falls at first, then rises to a steady value", "spin falls, then rises", curve=1),
         ),
         "three horizontal velocities, zero spin, no offset; no values", (BASE, STEEP_TOO, VARIED, NO_SLIP),
@@ -195,7 +196,7 @@ EXAMPLES: tuple[Example, ...] = (
         (Curve("topspin 600 rad/s", (12.63, 11.37, 600.0), GRIP),),
         (
             Claim("the core's spin exceeds that of rolling: the shell is accelerated", "spin rises while gripping"),
-            Claim("shell spin at n = 0 by Appendix B", "rolling start"),
+            Claim("shell spin when rolling begins", "rolling start", unit="rad/s"),
         ),
         "topspin beyond the shell's spin in rolling; no values",
         (BASE, STEEP_TOO, NO_OFFSET, "spin: 600 rad/s, beyond v_x1/R = 382 rad/s", NO_SLIP),
@@ -280,7 +281,7 @@ EXAMPLES: tuple[Example, ...] = (
             Claim("rolling lasts more than half of the contact", "rolls more than half"),
             Claim("v_y2", "v_y2", printed=8.646, unit="m/s"),
         ),
-        f"17 m/s at 42 deg (12.63, 11.37 m/s), topspin 100 rad/s; {STATED_BASE}", (DAMPING, OFFSET, USED),
+        f"17 m/s at 42 deg (12.63, 11.37 m/s), topspin 100 rad/s; {STATED_BASE}", (DAMPING, OFFSET), (USED,),
     ),
     Example(
         "fig28", "Second example: velocity and spin, slide and roll", ("v_x", "omega_2"),
@@ -293,6 +294,6 @@ EXAMPLES: tuple[Example, ...] = (
             Claim("mean coefficient of friction, Eq. (65)", "mean friction", printed=0.127),
             Claim("ratio of the impulses of both forces", "impulse ratio"),
         ),
-        f"17 m/s at 42 deg (12.63, 11.37 m/s), topspin 100 rad/s; {STATED_BASE}", (DAMPING, OFFSET, USED),
+        f"17 m/s at 42 deg (12.63, 11.37 m/s), topspin 100 rad/s; {STATED_BASE}", (DAMPING, OFFSET), (USED,),
     ),
 )  # fmt: skip
