@@ -58,19 +58,23 @@ def test_a_result_is_not_overwritten_unless_asked_and_repeats_to_the_byte(tmp_pa
     command = ["simulate", "--example", "fig26", "--quiet", "--format", "svg"]
     assert main(command) == 0
     places = capsys.readouterr().out.split()
-    assert places[0] == "simulations/fig26/history.svg"
+    assert places[0] == "fits/simulations/fig26/history.svg"
     first = [(tmp_path / place).read_bytes() for place in places]
     assert main(command) == 2
     assert "use --overwrite" in capsys.readouterr().err
     assert main([*command, "--overwrite"]) == 0
     assert [(tmp_path / place).read_bytes() for place in places] == first
+    # No figure of an older result stays beside a newer one.
+    assert main([*command[:-1], "pdf", "--overwrite"]) == 0
+    names = {item.name for item in (tmp_path / "fits" / "simulations" / "fig26").iterdir()}
+    assert names == {"history.pdf", "history.csv", "simulate.json"}
 
 
 def test_the_table_says_when_and_what(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["simulate", "--impact", "v_x=12, v_y=10, spin=50"]) == 0
     said = capsys.readouterr().out
-    assert "simulations/two-mass_12_10_50/history.png" in said
+    assert "fits/simulations/two-mass_12_10_50/history.png" in said
     found = simulate(
         fitball.model(), chosen_parameters(fitball.model(), {}), fitball.impacts(12.0, 10.0, 50.0)
     ).history

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from fitball.inference.simulate import Simulation
 
 FORMATS = ("png", "svg", "pdf")
-DEFAULT_FOLDER = Path("simulations")
+DEFAULT_FOLDER = Path("fits") / "simulations"
 DESCRIPTION = """Follow one impact through time: compression, velocities, both spins, forces, slip and grip.
 
 Parameters come from a fit (--fit), from a model with round defaults near the fits to Wang's balls (--model, --set),

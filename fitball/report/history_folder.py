@@ -22,8 +22,8 @@ FIGURE_STEM = "history"
 def prepare(folder: Path, *, overwrite: bool) -> None:
     """Make the folder, or refuse one that holds an older simulation.
 
-    Raises ResultFolderError. With `overwrite` the old `simulate.json` is removed first, so that no mixture of two
-    results can pass for one.
+    Raises ResultFolderError. With `overwrite` the old files are removed first, the figure in whatever format, so that
+    no mixture of two results can pass for one.
     """
     make_folder(folder)
     if not (folder / JSON_NAME).exists():
@@ -32,7 +32,8 @@ def prepare(folder: Path, *, overwrite: bool) -> None:
         raise ResultFolderError(
             f"{folder}: holds {JSON_NAME} of an older run; use --overwrite to replace it, or --out to write elsewhere"
         )
-    (folder / JSON_NAME).unlink()
+    for place in (folder / JSON_NAME, folder / CSV_NAME, *sorted(folder.glob(f"{FIGURE_STEM}.*"))):
+        place.unlink(missing_ok=True)
 
 
 def json_text(content: Mapping[str, Any]) -> str:
