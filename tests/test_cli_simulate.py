@@ -175,7 +175,15 @@ def test_from_a_fit_at_the_command_line(tmp_path, capsys):
     assert main([*command, "--out", str(tmp_path / "bands"), "--draws", "20"]) == 0
     said = capsys.readouterr()
     (told,) = json.loads(said.out)["simulations"]
-    assert told["posterior"]["draws"] == 20 and said.err == ""
+    assert told["posterior"]["draws"] == 20
+    notes = json.loads(said.out)["notes"]
+    assert said.err == "".join(f"note: {note}\n" for note in notes)
+    assert any("in this fit k_y on the value it was held at" in note for note in notes)
+    far = ["simulate", "--impact", "v=120, theta=42, spin=100", "--fit", str(folder), "--out", str(tmp_path / "far")]
+    assert main(far) == 2 and "restitution leaves (0, 1]" in capsys.readouterr().err
+    far[2] = "v=25, theta=42, spin=100"
+    assert main([*far, "--format", "svg"]) == 0
+    assert "outside the calibrated range: v_y1" in capsys.readouterr().err
     rows = pd.read_csv(tmp_path / "bands" / "history.csv")
     low, high = rows["v_x_q025 [m/s]"], rows["v_x_q975 [m/s]"]
     assert (low <= rows["v_x [m/s]"] + 0.1).all() and (high >= rows["v_x [m/s]"] - 0.1).all() and (high > low).all()

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from fitball.inference.simulate import Simulation
+    from fitball.values import Impacts
 
 FORMATS = ("png", "svg", "pdf")
 DEFAULT_FOLDER = Path("fits") / "simulations"
@@ -105,37 +106,53 @@ _Made = tuple["tuple[Simulation, ...]", str, "dict[str, Any]", str, str, "tuple[
 def _one(args: argparse.Namespace) -> _Made:
     """The impact that was asked for."""
     from fitball.data.impact_text import parse_impact
-    from fitball.inference.simulate import chosen_parameters, simulate, simulate_fit
     from fitball.report.history_text import render_all
 
     impact = parse_impact(args.impact)
-    if args.fit is not None:
-        from fitball.api import load_fit
-        from fitball.inference.results import RunStatus
-
-        saved = load_fit(args.fit)
-        found = simulate_fit(saved.fitted, impact, args.draws)
-        if not args.quiet and saved.status is RunStatus.POINT_ONLY:
-            print("note: a point fit has no posterior: courses at the point estimate, without bands", file=sys.stderr)
-        if not args.quiet and saved.status is RunStatus.NOT_CONVERGED:
-            print("note: the sampler of this fit did not converge: bands may change", file=sys.stderr)
-        source = f"fit_{found.model.name}"
-    else:
-        from fitball.inference.ladder import parse_name
-        from fitball.models.registry import DEFAULT_MODEL, model
-
-        name, closures = parse_name(args.model if args.model is not None else DEFAULT_MODEL)
-        chosen = model(name, ball=None, tangential=True, **closures)
-        changed = _values(args.values)
-        found = simulate(chosen, chosen_parameters(chosen, changed), impact)
-        source = name
-        rest = [item for item in chosen.parameter_names if item not in changed]
-        if not args.quiet and rest:
-            said = ", ".join(f"{item} = {found.parameters[item]:g}" for item in rest)
-            print(f"note: defaults near the fits to Wang's balls: {said}", file=sys.stderr)
+    found, source, notes = _from_fit(args, impact) if args.fit is not None else _from_values(args, impact)
+    if not args.quiet:
+        for note in notes:
+            print(f"note: {note}", file=sys.stderr)
     v_x, v_y, omega = (float(item[0]) for item in (impact.v_x1, impact.v_y1, impact.omega_1))
     title = f"{found.model.name}: {v_x:.2f} m/s along, {v_y:.2f} m/s towards the court, {omega:.0f} rad/s"
-    return (found,), f"{source}_{v_x:.4g}_{v_y:.4g}_{omega:.4g}", {}, render_all((found,)), title, ()
+    name = f"{source}_{v_x:.4g}_{v_y:.4g}_{omega:.4g}"
+    return (found,), name, {"notes": notes}, render_all((found,)), title, ()
+
+
+def _from_fit(args: argparse.Namespace, impact: Impacts) -> tuple[Simulation, str, list[str]]:
+    """Point estimate and bands of a fit, and what one should know of it."""
+    from fitball.api import load_fit
+    from fitball.inference.new_impacts import predict_new
+    from fitball.inference.results import RunStatus, Verdict
+    from fitball.inference.simulate import simulate_fit
+    from fitball.report.new_impact_text import remarks_on
+
+    saved = load_fit(args.fit)
+    found = simulate_fit(saved.fitted, impact, args.draws)
+    notes = remarks_on(predict_new(saved.fitted, impact), 0)
+    if saved.status is RunStatus.POINT_ONLY:
+        notes.append("a point fit has no posterior: courses at the point estimate, without bands")
+    if saved.status is RunStatus.NOT_CONVERGED:
+        notes.append("the sampler of this fit did not converge: bands may change")
+    stiffness = saved.parameters.get("k_y")
+    rests = {Verdict.FIXED: "the value it was held at", Verdict.PRIOR_DOMINATED: "its prior"}
+    if stiffness is not None and stiffness.verdict in rests:
+        notes.append(f"times, compression and forces rest on k_y, and in this fit k_y on {rests[stiffness.verdict]}")
+    return found, f"fit_{found.model.name}", notes
+
+
+def _from_values(args: argparse.Namespace, impact: Impacts) -> tuple[Simulation, str, list[str]]:
+    """A model at its defaults, some of them set."""
+    from fitball.inference.ladder import parse_name
+    from fitball.inference.simulate import chosen_parameters, simulate
+    from fitball.models.registry import DEFAULT_MODEL, model
+
+    name, closures = parse_name(args.model if args.model is not None else DEFAULT_MODEL)
+    chosen = model(name, ball=None, tangential=True, **closures)
+    changed = _values(args.values)
+    found = simulate(chosen, chosen_parameters(chosen, changed), impact)
+    rest = ", ".join(f"{item} = {found.parameters[item]:g}" for item in chosen.parameter_names if item not in changed)
+    return found, name, [f"defaults near the fits to Wang's balls: {rest}"] if rest else []
 
 
 def _example(args: argparse.Namespace) -> _Made:
