@@ -6,8 +6,12 @@ import argparse
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fitball.errors import ParameterError, ResultFolderError, suggestion
+
+if TYPE_CHECKING:
+    from fitball.report.export import SavedFit
 
 FORMAT_NAMES = (
     "python", "c", "golden", "lookup", "engine", "json", "toml", "csv", "latex", "markdown", "netcdf",
@@ -68,15 +72,18 @@ def run(args: argparse.Namespace) -> int:
 
     saved = read_fit(Path(args.fit))
     if args.to == "netcdf":
-        return _netcdf(args)
+        return _netcdf(args, saved)
     chosen = TEXT_FORMATS[args.to]
     options = Options(args.prefix, args.inputs_only, args.range, args.at, args.engine_inertia)
     texts = chosen.make(saved, options)
+    note = chosen.note(texts)
     if args.out == "-":
         sys.stdout.write(next(iter(texts.values())))
         return 0
     places = _places(args, saved.place.parent, chosen.stem, texts)
     _write(places, texts, args.overwrite)
+    if note:
+        print(f"note: {note}", file=sys.stderr)
     return 0
 
 
@@ -111,13 +118,33 @@ def _write(places: Mapping[str, Path], texts: Mapping[str, str], overwrite: bool
         print(place)
 
 
+# Files of a result folder: what is derived from them never takes their place.
+OWN_FILES = ("fit.json", "posterior.nc", "posterior.h5")
+
+
 def refuse_existing(place: Path, overwrite: bool) -> None:
     """Raise ResultFolderError for a file that is there, unless it may be replaced, and for a missing folder."""
-    if place.name == "fit.json" or (place.exists() and not overwrite):
-        raise ResultFolderError(f"{place}: exists already; choose another with --out, or allow it with --overwrite")
+    if place.name in OWN_FILES:
+        raise ResultFolderError(
+            f"{place}: this name belongs to the result of a calibration; choose another with --out"
+        )
+    if place.exists() and not overwrite:
+        raise ResultFolderError(
+            f"{place}: exists already; choose another name with --out, or allow it with --overwrite"
+        )
     if not place.parent.is_dir():
         raise ResultFolderError(f"{place}: there is no folder {place.parent}; make it first")
 
 
-def _netcdf(args: argparse.Namespace) -> int:
-    raise NotImplementedError
+def _netcdf(args: argparse.Namespace, saved: SavedFit) -> int:
+    from fitball.report.exports.arviz_file import write_arviz
+
+    if args.out == "-":
+        raise ParameterError("--out -: netCDF is no text; name a file")
+    (place,) = _places(args, saved.place.parent, "arviz", {".nc": ""}).values()
+    refuse_existing(place, args.overwrite)
+    note = write_arviz(saved, place)
+    if note:
+        print(f"note: {note}", file=sys.stderr)
+    print(place)
+    return 0

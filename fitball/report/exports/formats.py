@@ -8,7 +8,11 @@ from dataclasses import dataclass
 from fitball.errors import ParameterError
 from fitball.report.export import SavedFit
 from fitball.report.exports.c_port import c_port
+from fitball.report.exports.engine_words import engine_texts
 from fitball.report.exports.golden_table import golden_table
+from fitball.report.exports.lookup_table import lookup_note, lookup_texts
+from fitball.report.exports.paper_table import latex_table, markdown_table
+from fitball.report.exports.parameter_set import json_text, parameter_table, toml_text
 from fitball.report.exports.port import Port, make_port
 from fitball.report.exports.python_port import python_port
 
@@ -26,10 +30,17 @@ class Options:
 
 @dataclass(frozen=True)
 class TextFormat:
-    """A form made of text: `stem` of its file by default, and `make`, which gives one text for each ending."""
+    """A form made of text: `stem` of its file by default, and `make`, which gives one text for each ending; `note`
+    finds in them what a user should know at once.
+    """
 
     stem: str
     make: Callable[[SavedFit, Options], Mapping[str, str]]
+    note: Callable[[Mapping[str, str]], str] = lambda _texts: ""
+
+
+def _parameters(ending: str, make: Callable[[SavedFit], str]) -> TextFormat:
+    return TextFormat("parameters", lambda saved, _options: {ending: make(saved)})
 
 
 def saved_port(saved: SavedFit) -> Port:
@@ -48,6 +59,13 @@ def _c(saved: SavedFit, options: Options) -> Mapping[str, str]:
 TEXT_FORMATS: Mapping[str, TextFormat] = {
     "python": TextFormat("bounce", lambda saved, _options: {".py": python_port(saved_port(saved))}),
     "c": TextFormat("bounce", _c),
+    "lookup": TextFormat("lookup", lambda saved, options: lookup_texts(saved, options.grid), lookup_note),
+    "engine": TextFormat("engine", lambda saved, options: engine_texts(saved, options.at, options.engine_inertia)),
+    "json": _parameters(".json", json_text),
+    "toml": _parameters(".toml", toml_text),
+    "csv": _parameters(".csv", parameter_table),
+    "latex": _parameters(".tex", latex_table),
+    "markdown": _parameters(".md", markdown_table),
     "golden": TextFormat(
         "golden", lambda saved, options: {".csv": golden_table(saved.fitted, saved.golden, options.inputs_only)}
     ),

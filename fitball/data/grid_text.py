@@ -1,0 +1,92 @@
+"""A grid of impacts written in a line, such as `v=10..40 m/s:16, theta=10..60 deg:16, spin=-300..300 rad/s:9`."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+
+from fitball.data.impact_text import _NAMES
+from fitball.data.units import Unit, parse_unit
+from fitball.errors import ParameterError, UnitError, suggestion
+from fitball.values import FloatArray, Impacts
+
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_RANGE = re.compile(rf"^(?P<low>{_NUMBER})\s*\.\.\s*(?P<high>{_NUMBER})\s*(?P<unit>[^:]*?)\s*:\s*(?P<count>\d+)$")
+_SINGLE = re.compile(rf"^(?P<low>{_NUMBER})\s*(?P<unit>[^:]*?)$")
+_FORM = "expected LOW..HIGH UNIT:COUNT, such as theta=10..60 deg:16, or one VALUE UNIT"
+VELOCITIES = (("v_1", "theta_1"), ("v_x1", "v_y1"), ("v_y1",))
+# Points of a grid that still make a file one can use: some 100 MB.
+MOST_POINTS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis of a grid by the tables' name: `values` (points,) in SI, rising; `unit` as it was written."""
+
+    name: str
+    values: FloatArray
+    unit: Unit
+
+
+def grid_impacts(axes: tuple[Axis, ...], points: FloatArray) -> Impacts:
+    """Impacts at `points` (points, axes) in SI."""
+    named = {axis.name: points[:, k] for k, axis in enumerate(axes)}
+    zeros = np.zeros(len(points))
+    if "v_1" in named:
+        v_x, v_y = named["v_1"] * np.cos(named["theta_1"]), named["v_1"] * np.sin(named["theta_1"])
+    else:
+        v_x, v_y = named.get("v_x1", zeros), named["v_y1"]
+    return Impacts(v_x, v_y, named.get("omega_1", zeros))
+
+
+def parse_grid(text: str) -> tuple[Axis, ...]:
+    """The axes that `text` names, velocity first, then spin. Raises ParameterError that quotes the text."""
+    try:
+        return _ordered([_axis(item) for item in text.split(",")])
+    except (ParameterError, UnitError) as error:
+        raise ParameterError(f"grid '{text}': {error}") from None
+
+
+def _axis(item: str) -> Axis:
+    key, equals, value = (part.strip() for part in item.partition("="))
+    if not equals:
+        raise ParameterError(f"read '{item.strip()}', {_FORM}")
+    if key not in _NAMES:
+        raise ParameterError(f"unknown quantity '{key}': {suggestion(key, _NAMES)}")
+    name, dimension = _NAMES[key]
+    several, single = _RANGE.match(value), _SINGLE.match(value)
+    match = several or single
+    if match is None:
+        raise ParameterError(f"{key}: read '{value}', {_FORM}")
+    unit = parse_unit(match["unit"] or None, dimension)
+    low = unit.to_si(float(match["low"]))
+    if several is None:
+        return Axis(name, np.array([low]), unit)
+    high, count = unit.to_si(float(several["high"])), int(several["count"])
+    if not (high > low and count >= 2):
+        raise ParameterError(f"{key}: read '{value}', expected a rising range and two points or more")
+    return Axis(name, np.linspace(low, high, count), unit)
+
+
+def _ordered(listed: list[Axis]) -> tuple[Axis, ...]:
+    found = {axis.name: axis for axis in listed}
+    if len(found) < len(listed):
+        raise ParameterError("a quantity is given twice")
+    given = [name for name in found if name != "omega_1"]
+    names = next((item for item in VELOCITIES if set(item) == set(given)), None)
+    if names is None:
+        raise ParameterError("expected v and theta, or v_x and v_y, or v_y alone; spin where there is any")
+    axes = tuple(found[name] for name in (*names, "omega_1") if name in found)
+    bounds = {axis.name: (float(axis.values[0]), float(axis.values[-1])) for axis in axes}
+    for name in ("v_1", "v_y1"):
+        if name in bounds and not bounds[name][0] > 0.0:
+            raise ParameterError(f"{name}: expected speeds above 0")
+    if "theta_1" in bounds and not 0.0 < bounds["theta_1"][0] <= bounds["theta_1"][1] < pi:
+        raise ParameterError("theta: expected angles to the court between 0 and 180 deg")
+    size = int(np.prod([axis.values.size for axis in axes]))
+    if size > MOST_POINTS:
+        raise ParameterError(f"{size} points: expected {MOST_POINTS} at most")
+    return axes
