@@ -20,8 +20,9 @@ _ESCAPES = {
 
 @dataclass(frozen=True)
 class PaperRow:
-    """One parameter as text, in a handy unit; `sd` and `interval_95` are empty without a posterior. `mark` refers to a
-    note on what its uncertainty rests on, if not on the table alone.
+    """One parameter as text, in a handy unit; `sd` and `interval_95` are empty without a posterior.
+
+    `mark` refers to a note on what its uncertainty rests on, if not on the table alone.
     """
 
     name: str

@@ -1,0 +1,198 @@
+"""`fitball verify`: right ports pass, wrong ones fail, and familiar mistakes are named."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import fitball
+from fitball.cli.main import main
+
+OUTPUTS = ["v_x2 [m/s]", "v_y2 [m/s]", "omega_2 [rad/s]"]
+
+
+@pytest.fixture
+def golden(small_fit, tmp_path):
+    """The golden table as a data frame."""
+    assert main(["export", str(small_fit), "--to", "golden", "--out", str(tmp_path / "golden.csv")]) == 0
+    frame = pd.read_csv(tmp_path / "golden.csv", dtype=str)
+    return frame.assign(**{name: frame[name].map(float) for name in frame if "[" in name})
+
+
+@pytest.fixture
+def verify(small_fit, tmp_path, capsys):
+    """Write a frame and verify it; returns exit code, stdout, stderr."""
+
+    def run(frame, *options):
+        frame.to_csv(tmp_path / "port.csv", index=False)
+        code = main(["verify", str(tmp_path / "port.csv"), "--fit", str(small_fit), *options])
+        return code, *capsys.readouterr()
+
+    return run
+
+
+def test_the_golden_table_holds_the_models_own_rebounds(small_fit, golden):
+    saved = fitball.load_fit(small_fit)
+    given = fitball.impacts(golden["v_x1 [m/s]"], golden["v_y1 [m/s]"], golden["omega_1 [rad/s]"])
+    found = saved.fitted.rebound(given)
+    for name, column in zip(("v_x2", "v_y2", "omega_2"), OUTPUTS, strict=True):
+        np.testing.assert_array_equal(golden[column], getattr(found, name)[0])
+    assert "contact_time [s]" not in golden
+    assert set(golden["regime"]) <= {"slide", "slide back", "grip"}
+
+
+def test_inputs_only_hides_the_answers(small_fit, capsys):
+    assert main(["export", str(small_fit), "--to", "golden", "--inputs-only", "--out", "-"]) == 0
+    assert capsys.readouterr().out.splitlines()[0] == "id,v_x1 [m/s],v_y1 [m/s],omega_1 [rad/s]"
+
+
+def test_a_right_port_passes(golden, verify):
+    code, out, _ = verify(golden)
+    assert code == 0
+    assert "passed (tolerance 1e-09 relative)" in out
+    assert "Likely cause" not in out
+
+
+def test_order_units_and_printed_digits_do_not_matter(golden, verify):
+    port = pd.DataFrame(
+        {
+            "id": golden["id"],
+            "omega_2 [rpm]": (golden["omega_2 [rad/s]"] * 30.0 / math.pi).map("{:.10g}".format),
+            "v_2 [km/h]": (np.hypot(golden["v_x2 [m/s]"], golden["v_y2 [m/s]"]) * 3.6).map("{:.11g}".format),
+            "theta_2": np.degrees(np.arctan2(golden["v_y2 [m/s]"], golden["v_x2 [m/s]"])).map("{:.11g}".format),
+        }
+    ).iloc[::-1]
+    assert verify(port)[0] == 0
+    assert verify(port, "--tolerance", "1e-14")[0] == 1
+    # Without the names the order counts.
+    assert verify(port.drop(columns="id"))[0] == 1
+
+
+def test_a_small_error_fails_and_is_measured(golden, verify):
+    golden.loc[3, "v_x2 [m/s]"] += 1e-6
+    code, out, _ = verify(golden, "--json")
+    found = json.loads(out)
+    assert code == 1
+    assert not found["passed"]
+    assert found["outputs"]["v_x2"]["absolute"] == pytest.approx(1e-6, rel=1e-6)
+    row = golden.loc[3]
+    speed = math.sqrt(row["v_x1 [m/s]"] ** 2 + row["v_y1 [m/s]"] ** 2 + (0.03302 * row["omega_1 [rad/s]"]) ** 2)
+    assert found["outputs"]["v_x2"]["relative"] == pytest.approx(1e-6 / speed, rel=1e-6)
+    assert found["outputs"]["v_x2"]["impact"] == "golden-4"
+    assert [item["passed"] for item in found["impacts"]] == [k != 3 for k in range(12)]
+    assert verify(golden, "--tolerance", "1e-6")[0] == 0
+
+
+def test_a_wrong_regime_fails(golden, verify):
+    golden.loc[0, "regime"] = "grip" if golden.loc[0, "regime"] == "slide" else "slide"
+    code, out, _ = verify(golden)
+    assert code == 1
+    assert "the port says another" in out
+
+
+def rebounds(small_fit, golden, spin):
+    """Outputs for another incident spin, with the golden ids."""
+    saved = fitball.load_fit(small_fit)
+    given = fitball.impacts(golden["v_x1 [m/s]"], golden["v_y1 [m/s]"], spin * golden["omega_1 [rad/s]"])
+    found = saved.fitted.rebound(given)
+    return pd.DataFrame(
+        {"id": golden["id"], "v_x2": found.v_x2[0], "v_y2": found.v_y2[0], "omega_2": found.omega_2[0]}
+    )
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "words"),
+    [
+        ("v_y2 [m/s]", -1.0, ["v_y2 has the other sign"]),
+        ("omega_2 [rad/s]", -1.0, ["omega_2 has the other sign: topspin is positive"]),
+        ("omega_2 [rad/s]", 30.0 / math.pi, ["omega_2 is in rpm"]),
+        ("omega_2 [rad/s]", math.pi / 30.0, ["from rpm into rad/s once too often"]),
+        ("omega_2 [rad/s]", 180.0 / math.pi, ["degrees a second"]),
+        ("v_x2 [m/s]", 3.6, ["v_x2 is in km/h"]),
+        ("v_y2 [m/s]", 1.0 / 0.44704, ["v_y2 is in mph"]),
+        ("v_x2 [m/s]", 1.01, []),
+    ],
+)
+def test_familiar_mistakes_of_an_output_are_named(golden, verify, column, factor, words):
+    golden[column] *= factor
+    code, out, _ = verify(golden)
+    assert code == 1
+    assert ("Likely cause" in out) == bool(words)
+    for text in words:
+        assert text in out
+
+
+@pytest.mark.parametrize(
+    ("spin", "words"),
+    [
+        (-1.0, "the incident spin has the other sign"),
+        (0.0, "the incident spin is not used"),
+        (math.pi / 30.0, "was taken for rpm"),
+        (30.0 / math.pi, "was turned into rpm"),
+    ],
+)
+def test_familiar_mistakes_of_the_incident_spin_are_named(small_fit, golden, verify, spin, words):
+    code, out, _ = verify(rebounds(small_fit, golden, spin))
+    assert code == 1
+    assert words in out
+
+
+def test_a_port_with_backspin_positive_is_understood_as_a_whole(small_fit, golden, verify):
+    port = rebounds(small_fit, golden, -1.0)
+    port["omega_2"] *= -1.0
+    _, out, _ = verify(port)
+    assert "the incident spin has the other sign" in out
+    assert "omega_2 has the other sign" in out
+    assert "v_x2" not in out.split("Likely cause")[1]
+
+
+def test_degrees_for_radians(golden, verify):
+    theta = np.arctan2(golden["v_y2 [m/s]"], golden["v_x2 [m/s]"])
+    _, out, _ = verify(pd.DataFrame({"theta_2": theta}))
+    assert "theta_2 is in radians" in out
+
+
+def test_single_precision_is_recognised(golden, verify):
+    golden[OUTPUTS] = golden[OUTPUTS].astype(np.float32)
+    code, out, _ = verify(golden)
+    assert code == 1
+    assert "single precision" in out
+    assert verify(golden, "--tolerance", "1e-6")[0] == 0
+
+
+def test_bad_files_are_explained(golden, verify):
+    cases = [
+        (golden.drop(columns=[*OUTPUTS, "regime"]), "no column of a rebound"),
+        (golden.iloc[:5].drop(columns="id"), "read 5 rows; expected 12"),
+        (golden.iloc[:5], "no row 'golden-6'"),
+        (golden.assign(id=["golden-1"] * 12), "comes twice"),
+        (golden.assign(contact_time=0.005), "has no contact time to compare with"),
+        (golden.assign(**{"v_x2 [m/s]": ["fast"] * 12}), "row 1 (line 2), column 'v_x2': read 'fast'"),
+        (golden.assign(**{"omega_1 [rad/s]": -golden["omega_1 [rad/s]"]}), "is the port fed with this fit's?"),
+        (golden.rename(columns={"v_x2 [m/s]": "v_x2 [rpm]"}), "measures spin"),
+        (golden.iloc[:0], "no rows"),
+    ]
+    for frame, words in cases:
+        code, out, err = verify(frame)
+        assert code == 2, words
+        assert words in err
+        assert not out
+    assert "expected a positive number" in verify(golden, "--tolerance", "0")[2]
+
+
+def test_a_column_without_values_is_no_column(golden, verify):
+    assert verify(golden.assign(**{"contact_time [s]": "nan"}))[0] == 0
+
+
+def test_the_fit_is_looked_for_beside_the_port(small_fit, golden, tmp_path, capsys):
+    golden.to_csv(tmp_path / "port.csv", index=False)
+    assert main(["verify", str(tmp_path / "port.csv")]) == 2
+    assert "--fit FIT" in capsys.readouterr().err
+    shutil.copy(small_fit / "fit.json", tmp_path / "fit.json")
+    assert main(["verify", str(tmp_path / "port.csv"), "--quiet"]) == 0
+    assert capsys.readouterr().out == "passed (tolerance 1e-09 relative)\n"
