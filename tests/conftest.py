@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import fitball
+from fitball.api import Calibration
 from fitball.data.read import load_table
 from fitball.inference.priors import parse_prior
 from fitball.models.model import Model
@@ -46,3 +47,15 @@ def small_fit(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_netcdf(fit, fit.posterior, folder / "posterior.nc")
     (folder / "fit.json").write_text(fit_text(fit), encoding="utf-8")
     return folder
+
+
+@pytest.fixture(scope="session")
+def grip_slip_fit() -> Calibration:
+    """A converged fit of an algebraic model to Wang's 21 impacts."""
+    return fitball.calibrate("wang_all.csv", model="grip-slip", seed=4, cores=2)
+
+
+@pytest.fixture(scope="session")
+def grip_slip_folder(grip_slip_fit: Calibration, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its result folder."""
+    return grip_slip_fit.save(tmp_path_factory.mktemp("results") / "wang_all" / "grip-slip")

@@ -30,8 +30,8 @@ from fitball.report.units import THESIS
 
 
 @pytest.fixture(scope="module")
-def fit():
-    return fitball.calibrate("wang_all.csv", model="grip-slip", seed=4, cores=2)
+def fit(grip_slip_fit):
+    return grip_slip_fit
 
 
 @pytest.fixture(scope="module")
@@ -41,8 +41,8 @@ def two_mass():
 
 
 @pytest.fixture(scope="module")
-def folder(fit, tmp_path_factory):
-    return fit.save(tmp_path_factory.mktemp("results") / "wang_all" / "grip-slip")
+def folder(grip_slip_folder):
+    return grip_slip_folder
 
 
 def test_fit_json_follows_its_schema(fit, two_mass):

@@ -25,13 +25,13 @@ MOST_ROWS = 300
 
 CAPTIONS = {
     "corner": "Posterior of all pairs of parameters, with the prior on the diagonal and the point estimate.",
-    "predictive": "Measured rebounds with error bars against the posterior prediction, along incidence angle.",
+    "predictive": "Measured rebounds with error bars and, where there is a posterior, its prediction.",
     "force": "Force records (points: means of samples, with the sensor's noise) against the model: 95 % of its force "
     "(dark) and of a record (light: with sensor noise and misfit).",
     "profiles": "Profile likelihood of every parameter: the best fit for each of its values, below the best of all; "
     "intervals of 68 and 95 % end at -0.5 and -1.92. Bars: 95 % of the posterior.",
     "regimes": "Posterior probability of each sequence of slip and grip, impact by impact.",
-    "residuals": "Standardised residuals along incidence angle and against normal quantiles.",
+    "residuals": "Standardised residuals, impact by impact and against normal quantiles.",
     "trace": "Walkers of every ensemble after warm-up, and the marginals ensemble by ensemble.",
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,11 +82,11 @@ def _row(item: PaceRating) -> PaceRow:
         interval_68=interval(item.rating.q16, item.rating.q84, places) if sampled else "-",
         interval_95=interval(item.rating.q025, item.rating.q975, places) if sampled else "-",
         category=f"{name} ({_percent(share)})" if sampled else name,
-        categories=", ".join(f"{other} {_percent(part)}" for other, part in item.categories.items() if part > 0.0),
+        categories=_shares(item.categories, sampled),
         friction=_with_interval(item.friction),
         sliding=_middle(item.sliding_rating, places),
         restitution=_with_interval(item.restitution),
-        contact=", ".join(f"{words} {_percent(part)}" for words, part in item.regimes.items()),
+        contact=_shares(item.regimes, sampled),
         reach=reach_words(item.reach),
     )
 
@@ -96,11 +97,11 @@ def _remarks(ratings: tuple[PaceRating, ...]) -> list[str]:
         name = f"{', '.join(item.labels)}: " if item.labels else ""
         if item.reach.outside:
             lines = f"; the line of {' and of '.join(item.reach.lines)} is continued" if item.reach.lines else ""
-            remarks.append(f"{name}an extrapolation: the test impact lies {reach_words(item.reach)}{lines}.")
+            remarks.append(f"{name}An extrapolation: the test impact lies {reach_words(item.reach)}{lines}.")
         gap = abs(_number(item.rating) - _number(item.sliding_rating))
         if gap > EQUAL:
             remarks.append(
-                f"{name}the apparent friction of the test impact and the fitted coefficient differ (the ball slides "
+                f"{name}The apparent friction of the test impact and the fitted coefficient differ (the ball slides "
                 f"throughout with probability {_percent(item.slides)}): with the fitted one the rating would be "
                 f"{_middle(item.sliding_rating, _places(item.sliding_rating))}."
             )
@@ -146,6 +147,11 @@ def _with_interval(spread: Spread) -> str:
         return fixed(spread.point, 3)
     places = _places(spread)
     return f"{_middle(spread, places)} {interval(spread.q025, spread.q975, places)}"
+
+
+def _shares(shares: Mapping[str, float], sampled: bool) -> str:
+    """Names with their probability; without a posterior there is one name and nothing to say of probability."""
+    return ", ".join(f"{name} {_percent(part)}" if sampled else name for name, part in shares.items() if part > 0.0)
 
 
 def _percent(share: float) -> str:

@@ -1,0 +1,201 @@
+"""The ITF court pace rating: by hand, against the model itself, and how far it reaches."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+import fitball
+from fitball.data.read import load_table
+from fitball.inference.court_pace import DRAWS, court_pace
+from fitball.inference.pace_rating import apparent_friction, itf_impact, pace_categories, pace_rating
+from fitball.inference.predictive import thinned
+from fitball.report.pace_rows import pace_lines, pace_table
+from fitball.report.terminal import render
+
+# 30 m/s at 16 degrees, by a pocket calculator.
+V_X1, V_Y1 = 28.837851, 8.269121
+
+
+def write_table(place, rows, surfaces=None):
+    heads = "v_x1 [m/s],v_y1 [m/s],omega_1 [rad/s],v_x2 [m/s],v_y2 [m/s],omega_2 [rad/s]"
+    lines = [heads + (",surface" if surfaces else "")]
+    for k, row in enumerate(rows):
+        lines.append(",".join(f"{value:.4f}" for value in row) + (f",{surfaces[k]}" if surfaces else ""))
+    place.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return place
+
+
+def sliding_rows(mu, v_x1, v_y1, cor=0.8):
+    """Balls that slide throughout: impulses by Coulomb's law, I/(M R^2) = 0.56."""
+    v_x1, v_y1 = np.asarray(v_x1, float), np.asarray(v_y1, float)
+    lost = mu * (1.0 + cor) * v_y1
+    spin = lost / (0.56 * 0.03302)
+    return np.stack([v_x1, v_y1, np.zeros_like(v_x1), v_x1 - lost, cor * v_y1, spin], axis=1)
+
+
+@pytest.fixture(scope="module")
+def two_surfaces(tmp_path_factory):
+    """Eight sliding impacts on a slow and eight on a fast surface, near the test impact; a point fit."""
+    place = tmp_path_factory.mktemp("surfaces") / "two.csv"
+    speed = [26.0, 31.0, 27.5, 32.0, 28.0, 30.0, 29.0, 31.5]
+    normal = [7.2, 9.4, 9.0, 7.6, 8.3, 8.8, 7.9, 8.5]
+    noise = np.random.default_rng(2).normal(0.0, 1.0, (16, 6)) * np.array([0.0, 0.0, 6.0, 0.1, 0.1, 4.0])
+    rows = np.concatenate([sliding_rows(0.72, speed, normal), sliding_rows(0.45, speed, normal)]) + noise
+    write_table(place, rows, ["clay"] * 8 + ["grass"] * 8)
+    return fitball.calibrate(place, model="grip-slip", pool={"mu": "surface"}, point_only=True, cores=1)
+
+
+def test_the_test_impact_is_the_itf_one():
+    found = itf_impact()
+    assert found.v_x1[0] == pytest.approx(V_X1, abs=1e-6)
+    assert found.v_y1[0] == pytest.approx(V_Y1, abs=1e-6)
+    assert found.omega_1[0] == 0.0
+
+
+def test_rating_by_hand():
+    # mu = (28 - 19.36)/(8 (1 + 0.8)) = 0.6, so 100 (1 - 0.6) + 150 (0.81 - 0.80) = 41.5.
+    friction = apparent_friction(np.array([28.0]), np.array([8.0]), np.array([19.36]), np.array([6.4]))
+    assert friction[0] == pytest.approx(0.6)
+    assert pace_rating(friction, np.array([0.8]))[0] == pytest.approx(41.5)
+    # A clay court and a grass court: 100 (1 - 0.80) + 150 (0.81 - 0.85) and 100 (1 - 0.55) + 150 (0.81 - 0.70).
+    np.testing.assert_allclose(pace_rating(np.array([0.8, 0.55]), np.array([0.85, 0.7])), [14.0, 61.5])
+
+
+@pytest.mark.parametrize(
+    ("rating", "name"),
+    [(29.0, "slow"), (29.49, "slow"), (29.5, "medium-slow"), (34.0, "medium-slow"), (35.0, "medium"),
+     (39.49, "medium"), (39.5, "medium-fast"), (44.4, "medium-fast"), (44.5, "fast"), (70.0, "fast"), (-5.0, "slow")],
+)  # fmt: skip
+def test_categories_of_the_itf(rating, name):
+    assert pace_categories(np.array([rating]))[name] == 1.0
+
+
+def test_categories_are_probabilities():
+    shares = pace_categories(np.array([20.0, 33.0, 33.4, 46.0]))
+    assert list(shares.values()) == [0.25, 0.5, 0.0, 0.0, 0.25]
+
+
+def test_rating_is_that_of_the_model_at_the_test_impact(grip_slip_fit):
+    """Every draw evaluated through the public model, the rating written out anew."""
+    fit = grip_slip_fit
+    rows = thinned(fit.posterior, DRAWS)
+    columns = dict(zip(fit.posterior.names, rows.T, strict=True))
+    model = fitball.model("grip-slip")
+    rebound = model.rebound({name: columns[name] for name in model.parameter_names}, fitball.impacts(V_X1, V_Y1, 0.0))
+    e = rebound.v_y2[:, 0] / V_Y1
+    mu = (V_X1 - rebound.v_x2[:, 0]) / (V_Y1 * (1.0 + e))
+    expected = np.quantile(100.0 * (1.0 - mu) + 150.0 * (0.81 - e), (0.5, 0.025, 0.16, 0.84, 0.975))
+    (found,) = fit.court_pace.ratings
+    rating = found.rating
+    np.testing.assert_allclose([rating.median, rating.q025, rating.q16, rating.q84, rating.q975], expected, atol=1e-4)
+    assert sum(found.categories.values()) == pytest.approx(1.0)
+    assert found.categories["medium-fast"] == pytest.approx(
+        np.mean(np.abs(100.0 * (1.0 - mu) + 150.0 * (0.81 - e) - 42.0) < 2.5), abs=0.002
+    )
+    # At 16 degrees this ball slides throughout, so the apparent friction is the fitted one.
+    assert found.slides == 1.0
+    assert found.friction.median == pytest.approx(fit.parameters["mu"].median, abs=0.002)
+
+
+def test_a_ball_that_grips_has_less_apparent_friction(tmp_path):
+    """With mu held high the test ball grips: its velocities do not show mu, and the page says so."""
+    fit = fitball.calibrate("wang_all.csv", model="grip-slip", fix={"mu": 1.3}, point_only=True, cores=1)
+    (found,) = fit.court_pace.ratings
+    assert dict(found.regimes) == {"grip": 1.0}
+    assert found.slides == 0.0
+    values = {name: fit.point.values[name] for name in fitball.model("grip-slip").parameter_names}
+    rebound = fitball.model("grip-slip").rebound(values, fitball.impacts(V_X1, V_Y1, 0.0))
+    mu = (V_X1 - rebound.v_x2[0]) / (V_Y1 + rebound.v_y2[0])
+    assert found.friction.point == pytest.approx(mu, abs=1e-6)
+    assert mu < 1.2
+    assert found.sliding_friction.point == 1.3
+    assert found.rating.point - found.sliding_rating.point == pytest.approx(100.0 * (1.3 - mu), abs=1e-4)
+    assert any("differ" in line for line in pace_table(fit).remarks)
+
+
+def test_every_surface_has_its_own_rating(two_surfaces):
+    fit = two_surfaces
+    levels = {item.label: item.point for item in fit.levels}
+    assert [item.labels for item in fit.court_pace.ratings] == [("clay",), ("grass",)]
+    for item in fit.court_pace.ratings:
+        values = {name: fit.point.values[name] for name in ("e_x", "offset", "cor_10", "cor_slope")}
+        values["mu"] = levels[item.labels[0]]
+        rebound = fitball.model("grip-slip").rebound(values, fitball.impacts(V_X1, V_Y1, 0.0))
+        e = rebound.v_y2[0] / V_Y1
+        mu = (V_X1 - rebound.v_x2[0]) / (V_Y1 * (1.0 + e))
+        assert item.rating.point == pytest.approx(100.0 * (1.0 - mu) + 150.0 * (0.81 - e), abs=1e-4)
+        assert item.impacts == 8
+    clay, grass = (item.rating.point for item in fit.court_pace.ratings)
+    # The truth: 100 (1 - mu) + 150 (0.81 - 0.8) with mu of 0.72 and 0.45.
+    assert (clay, grass) == (pytest.approx(29.5, abs=2.0), pytest.approx(56.5, abs=2.0))
+    lines = pace_lines(fit)
+    assert len(lines) == 2
+    assert lines[0].startswith("ITF court pace rating of clay: ")
+    assert "extrapolated" not in lines[0]
+
+
+def test_extrapolation_is_flagged_with_its_distance(two_surfaces, grip_slip_fit):
+    for item in two_surfaces.court_pace.ratings:
+        assert not item.reach.outside
+    (found,) = grip_slip_fit.court_pace.ratings
+    assert found.reach.outside
+    # The nearest mixture is not nearer in v_x1 alone than the fastest impact allows.
+    table = load_table("wang_all.csv")
+    least = V_X1 - table.impacts.v_x1.max()
+    points = np.stack([table.impacts.v_x1, table.impacts.v_y1, 0.03302 * table.impacts.omega_1], axis=1)
+    most = np.linalg.norm(points - np.array([V_X1, V_Y1, 0.0]), axis=1).min()
+    assert least <= found.reach.distance <= most
+    assert f"{found.reach.distance:.1f} m/s" in pace_lines(grip_slip_fit)[0]
+
+
+def test_spin_of_the_test_is_within_what_the_itf_allows(tmp_path):
+    """Impacts with 10 rad/s of spin are as near to the test as the test's own spin; 40 rad/s are not."""
+    for spin, outside in ((10.0, False), (40.0, True)):
+        rows = sliding_rows(0.6, [26.0, 32.0, 28.0, 30.0], [9.4, 7.4, 7.8, 9.0])
+        rows[:, 2] = spin + np.arange(4) * 0.1
+        fit = fitball.calibrate(write_table(tmp_path / f"{spin}.csv", rows), model="brody", point_only=True, cores=1)
+        reach = fit.court_pace.ratings[0].reach
+        assert ("omega_1" in reach.beyond) == outside
+        if outside:
+            assert reach.outside
+            assert reach.beyond["omega_1"] == pytest.approx(-40.0)
+
+
+def test_a_drop_test_has_no_court_pace(tmp_path):
+    place = tmp_path / "drop.csv"
+    place.write_text("v_y1,v_y2\n4,3.2\n6,4.7\n8,6.1\n10,7.5\n", encoding="utf-8")
+    fit = fitball.calibrate(place, point_only=True, cores=1)
+    assert fit.court_pace is None
+    assert pace_lines(fit) == ()
+    content = json.loads((fit.save(tmp_path / "out") / "fit.json").read_text(encoding="utf-8"))
+    assert content["court_pace"] is None
+    assert "Court pace" not in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_model_that_needs_the_measured_restitution_says_so(grip_slip_fit):
+    fit = fitball.calibrate(
+        "wang_zero_spin.csv", model="thesis-exact", closures={"cor": "measured"}, point_only=True, cores=1
+    )
+    found = court_pace(fit.problem, fit.point, None)
+    assert found.ratings == ()
+    assert "measured" in found.missing
+    assert "none, closure cor" in pace_lines(fit)[0]
+
+
+def test_it_is_saved_shown_and_optional(grip_slip_fit, grip_slip_folder, tmp_path):
+    content = json.loads((grip_slip_folder / "fit.json").read_text(encoding="utf-8"))
+    (found,) = grip_slip_fit.court_pace.ratings
+    saved = content["court_pace"]["ratings"][0]
+    assert saved["rating"] == asdict(found.rating)
+    assert saved["reach"]["outside"] is True
+    text = render(grip_slip_fit, tmp_path)
+    assert "ITF court pace rating: 45.0 [40.3, 49.5] (95 %), fast (58 %)" in text
+    assert "ITF (CS 01/02" in (grip_slip_folder / "report.html").read_text(encoding="utf-8")
+    del content["court_pace"]
+    older = tmp_path / "fit.json"
+    older.write_text(json.dumps(content), encoding="utf-8")
+    assert fitball.load_fit(older).parameters["mu"].point == grip_slip_fit.parameters["mu"].point
