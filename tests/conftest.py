@@ -59,3 +59,19 @@ def grip_slip_fit() -> Calibration:
 def grip_slip_folder(grip_slip_fit: Calibration, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Its result folder."""
     return grip_slip_fit.save(tmp_path_factory.mktemp("results") / "wang_all" / "grip-slip")
+
+
+@pytest.fixture(scope="session")
+def point_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of a point fit of the default model."""
+    fit = fitball.calibrate("wang_zero_spin.csv", point_only=True, cores=2)
+    return fit.save(tmp_path_factory.mktemp("point")) / "report.html"
+
+
+@pytest.fixture(scope="session")
+def drop_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of a drop test."""
+    folder = tmp_path_factory.mktemp("drop")
+    table = folder / "drop.csv"
+    table.write_text("v_y1,v_y2\n4,3.21\n6,4.68\n8,6.13\n10,7.48\n", encoding="utf-8")
+    return fitball.calibrate(table, point_only=True, cores=2).save(folder / "out") / "report.html"

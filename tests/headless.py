@@ -24,10 +24,11 @@ FLAGS = (
     "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-extensions",
     "--no-default-browser-check", "--hide-scrollbars", "--remote-debugging-pipe",
 )  # fmt: skip
-# Puts the two pipe ends where the browser looks for them, then becomes the browser.
+# Puts the two pipe ends where the browser looks for them, then becomes the browser. First out of the way: an end that
+# is 3 already would be left alone by dup2, and closed on exec.
 LAUNCHER = (
-    "import os, sys\n"
-    "a, b = (os.dup(int(x)) for x in sys.argv[1:3])\n"
+    "import fcntl, os, sys\n"
+    "a, b = (fcntl.fcntl(int(x), fcntl.F_DUPFD, 10) for x in sys.argv[1:3])\n"
     "os.dup2(a, 3); os.dup2(b, 4)\n"
     "os.execv(sys.argv[3], sys.argv[3:])\n"
 )

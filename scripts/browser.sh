@@ -1,0 +1,25 @@
+# Sourced by .ci/run: puts a headless browser beside the tests that want one, from the packages of the system.
+
+have_browser() {
+    [ -n "${FITBALL_BROWSER:-}" ] && return
+    for name in chromium chromium-browser google-chrome google-chrome-stable chrome; do
+        command -v "$name" >/dev/null 2>&1 && return
+    done
+    return 1
+}
+
+# Installs chromium where it is missing and can be had; says plainly when it cannot, and never fails: without a browser
+# those tests are skipped. At most three minutes, whatever the mirror does.
+ensure_browser() {
+    have_browser && return
+    if [ "$(id -u)" != 0 ] || ! command -v apt-get >/dev/null 2>&1; then
+        printf '%s\n' "No browser, and none can be installed here (not root, or no apt-get): its tests are skipped." >&2
+        return
+    fi
+    export DEBIAN_FRONTEND=noninteractive
+    if timeout 60 apt-get -qq update && timeout 120 apt-get -qq install -y --no-install-recommends chromium; then
+        printf '%s\n' "Chromium installed for the tests of the pages." >&2
+    else
+        printf '%s\n' "Chromium could not be installed (the lines above say why): the browser tests are skipped." >&2
+    fi
+}

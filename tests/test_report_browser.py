@@ -1,0 +1,87 @@
+"""Pages in a real browser: nothing in the console, every picture decoded, nothing wider than the window."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from headless import Browser, find_browser
+
+ROOT = Path(__file__).resolve().parent.parent
+FOUND = find_browser()
+
+pytestmark = pytest.mark.skipif(
+    FOUND is None,
+    reason="no browser is installed (chromium, chromium-browser, google-chrome): pages are checked as text only",
+)
+PHONE, SCREEN = 400, 1280
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    with Browser(FOUND, tmp_path_factory.mktemp("profile")) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def pages(grip_slip_folder, point_page, drop_page):
+    return {
+        "grip-slip": grip_slip_folder / "report.html",
+        "point": point_page,
+        "drop": drop_page,
+        "chapter five": ROOT / "fits" / "chapter_five" / "report.html",
+    }
+
+
+def complaints(visit, page):
+    """What is wrong with a visited page, in words."""
+    layout = visit.layout
+    found = [f"console: {item}" for item in visit.errors]
+    outside = [item for item in visit.requests if not item.startswith("data:") and item != page.as_uri()]
+    found += [f"asks for {item}" for item in outside]
+    found += [f"broken image {k}" for k, image in enumerate(layout["images"]) if not image["natural"] > 0]
+    found += [f"image {k} without words" for k, image in enumerate(layout["images"]) if not image["alt"]]
+    found += [f"{href} leads nowhere" for href in layout["dead"]]
+    if layout["scroll"] > layout["width"]:
+        found.append(f"{layout['scroll']} px wide in a window of {layout['width']}")
+    return found
+
+
+@pytest.mark.parametrize("name", ["grip-slip", "point", "drop", "chapter five"])
+@pytest.mark.parametrize(("width", "scheme"), [(PHONE, "light"), (SCREEN, "dark")])
+def test_pages_hold_in_a_browser(browser, pages, name, width, scheme):
+    visit = browser.visit(pages[name], width, scheme)
+    assert complaints(visit, pages[name]) == []
+    assert visit.layout["width"] == width
+    assert len(visit.layout["images"]) > 0
+    if name != "chapter five":
+        assert visit.layout["anchors"] >= 9
+
+
+def test_dark_is_dark_and_figures_can_be_read_on_a_phone(browser, pages):
+    light, dark = (browser.visit(pages["grip-slip"], PHONE, scheme) for scheme in ("light", "dark"))
+    assert light.layout["paper"] == "rgb(255, 255, 255)"
+    assert dark.layout["paper"] == "rgb(21, 24, 28)"
+    # Wider than the window, in a box that scrolls: letters keep their size.
+    assert max(image["shown"] for image in light.layout["images"]) > 1.3 * PHONE
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("<h1>", "<script>throw new Error('broken')</script><h1>", "console"),
+        ("<h1>", "<script>console.error('broken')</script><h1>", "console"),
+        ("base64,PD94", "base64,AAAA", "broken image 0"),
+        ("<h1>", '<img alt="far" src="http://127.0.0.1:9/x.png"><h1>', "asks for http://127.0.0.1:9/x.png"),
+        ("<h1>", '<div style="width: 500px">wide</div><h1>', "516 px wide"),
+        ('<img alt="', '<img alt="" title="', "without words"),
+        ('href="#told"', 'href="#tolled"', "#tolled leads nowhere"),
+    ],
+)
+def test_a_page_broken_on_purpose_fails(browser, pages, tmp_path, old, new, said):
+    text = pages["drop"].read_text(encoding="utf-8")
+    assert old in text
+    broken = tmp_path / "broken.html"
+    broken.write_text(text.replace(old, new, 1), encoding="utf-8")
+    found = complaints(browser.visit(broken, PHONE), broken)
+    assert any(said in item for item in found), found

@@ -1,0 +1,250 @@
+"""The page as text: balanced, self-contained, and saying what the fit found."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fitball
+from fitball.data.read import load_table
+from fitball.inference.outputs import root_mean_square
+from fitball.inference.published_cases import case_errors, compare_cases
+from fitball.report.alt_texts import alt_texts
+from fitball.report.budget_rows import budget_table
+from fitball.report.html import page
+from fitball.report.page_figures import MOST_VECTOR, page_figures
+from fitball.report.published_rows import case_table
+from fitball.report.rounding import digits
+from fitball.report.verdict_words import headline
+
+ROOT = Path(__file__).resolve().parent.parent
+# Elements that have no end tag (HTML, "void elements"), so far as these pages use them.
+VOID = {"meta", "img", "br", "link", "hr", "input"}
+REACHES_OUT = re.compile(
+    r"(?:src|href|action|poster)\s*=\s*[\"']?\s*(?:https?:)?//|url\(\s*[\"']?(?!data:)|@import", re.I
+)
+
+
+class Strict(HTMLParser):
+    """Collects what is wrong with a page."""
+
+    def __init__(self) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open, self.faults, self.ids, self.links, self.images = [], [], [], [], []
+        self.cells, self.tables = 0, []
+
+    def handle_starttag(self, tag, attrs):
+        found = dict(attrs)
+        if tag not in VOID:
+            self.open.append(tag)
+        if "id" in found:
+            self.ids.append(found["id"])
+        if tag == "a":
+            self.links.append(found.get("href", ""))
+        if tag == "img":
+            self.images.append(found)
+        if tag == "table":
+            self.tables.append([])
+        if tag == "tr":
+            self.cells = 0
+        if tag in ("td", "th"):
+            self.cells += 1
+        if tag in ("script", "iframe", "object", "link"):
+            self.faults.append(f"<{tag}>")
+
+    def handle_endtag(self, tag):
+        if not self.open or self.open.pop() != tag:
+            self.faults.append(f"</{tag}> at {self.getpos()}")
+        if tag == "tr":
+            self.tables[-1].append(self.cells)
+
+
+def faults(text):
+    """Everything wrong with a page, in words."""
+    parser = Strict()
+    parser.feed(text)
+    parser.close()
+    found = [*parser.faults, *(f"<{tag}> stays open" for tag in parser.open)]
+    found += [f"id {name} twice" for name in set(parser.ids) if parser.ids.count(name) > 1]
+    found += [f"{link} leads nowhere" for link in parser.links if link.removeprefix("#") not in parser.ids]
+    found += ["image without words" for image in parser.images if not (image.get("alt") or "").strip()]
+    found += ["image from outside" for image in parser.images if not image["src"].startswith("data:image/")]
+    found += ["ragged table" for rows in parser.tables if len(set(rows)) > 1]
+    shown = re.sub(r"data:image/[^\"]*", "", text)
+    found += [f"reaches out: {item}" for item in REACHES_OUT.findall(shown)]
+    return found
+
+
+@pytest.fixture(scope="module")
+def text(grip_slip_folder):
+    return (grip_slip_folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_pages_are_whole(text, point_page, drop_page):
+    for item in (text, point_page.read_text(encoding="utf-8"), drop_page.read_text(encoding="utf-8")):
+        assert faults(item) == []
+        assert not re.search(r"\b(nan|None|Undefined|inf)\b", re.sub(r"data:image/[^\"]*", "", item))
+
+
+def test_the_committed_page_of_chapter_five_is_whole():
+    assert faults((ROOT / "fits" / "chapter_five" / "report.html").read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("</section>", "", "</body>"),
+        ("<h1>", '<h1><img src="data:image/png;base64,x" alt=" ">', "image without words"),
+        ('href="#told"', 'href="#tolled"', "#tolled leads nowhere"),
+        ("<h1>", '<script src="https://example.org/x.js"></script><h1>', "<script>"),
+        ("body { font", "body { background: url(http://example.org/x.png); font", "reaches out"),
+        ("<tr><td>mu</td>", "<tr>", "ragged table"),
+    ],
+)
+def test_a_broken_page_is_noticed(text, old, new, said):
+    assert old in text
+    assert any(said in item for item in faults(text.replace(old, new, 1)))
+
+
+def test_the_reader_is_told_in_order(text, grip_slip_fit):
+    order = [text.index(f'<section id="{name}"') for name in re.findall(r'<a href="#([a-z-]+)"', text)]
+    assert len(order) == 12
+    assert order == sorted(order)
+    said = headline(grip_slip_fit)
+    assert said.count(".") == 1
+    assert text.index(said) < text.index("Contents")
+    for item in grip_slip_fit.estimates:
+        assert item.name in said
+
+
+def test_a_page_is_small_and_mostly_vector(text):
+    assert len(text.encode()) < 2_000_000
+    assert text.count("data:image/svg+xml") == 4
+    assert text.count("data:image/png") == 2
+
+
+def test_many_points_are_drawn_as_pixels(grip_slip_fit):
+    from matplotlib.figure import Figure
+
+    for impacts, form in ((MOST_VECTOR, "svg+xml"), (MOST_VECTOR + 1, "png")):
+        found = page_figures({"residuals": Figure()}, {"residuals": "c"}, {"residuals": "a"}, impacts)
+        assert found["residuals"].source.startswith(f"data:image/{form};base64,")
+
+
+def test_long_tables_are_cut_and_say_so(grip_slip_fit, monkeypatch):
+    monkeypatch.setattr("fitball.report.html.MOST_ROWS", 5)
+    cut = page(grip_slip_fit, {})
+    assert cut.count("16 more impacts stand in") == 2
+    assert faults(cut) == []
+
+
+def test_alt_texts_carry_the_numbers(grip_slip_fit):
+    found = alt_texts(grip_slip_fit)
+    mu = grip_slip_fit.parameters["mu"]
+    assert f"mu {mu.median:.3f} [{mu.q025:.3f}, {mu.q975:.3f}]" in found["corner"]
+    residual = {item.name: (item.observed - item.median) / item.sd for item in grip_slip_fit.predictive.channels}
+    for name, values in residual.items():
+        worst = int(np.argmax(np.abs(values)))
+        beyond = int(np.sum(np.abs(values) > 2.0))
+        told = f"{name}: {beyond} of 21 beyond 2 sd, the largest {values[worst]:+.1f} sd at impact "
+        assert told + grip_slip_fit.problem.table.ids[worst] in found["residuals"]
+    sliding = sum(next(iter(item)) == "slide" for item in grip_slip_fit.predictive.regimes)
+    assert f"slide at {sliding}" in found["regimes"]
+    strongest = np.abs(grip_slip_fit.correlation - np.eye(len(grip_slip_fit.problem.free_names))).max()
+    assert re.search(rf"Strongest correlations: \w+ with \w+ [+-]{strongest:.2f}", found["corner"])
+    assert f"{grip_slip_fit.diagnostics.max_r_hat:.3f}" in found["trace"]
+
+
+# --- beside Table 9
+
+
+def test_cases_of_table_9_stand_beside_a_fit_of_wangs_data(grip_slip_fit, text):
+    table = load_table("wang_all.csv")
+    found = compare_cases(table, grip_slip_fit.point.rebound, ())
+    # Table 9 in print: M1/M, k_y [lb/in]; a pound a inch is 175.127 N/m.
+    assert [item.values["mass_ratio"] for item in found.cases] == pytest.approx([2 / 3, 2 / 3, 1 / 2])
+    assert [item.values["k_y"] / 175.127 for item in found.cases] == pytest.approx([80.0, 90.0, 72.0], rel=1e-4)
+    # The README's figure of case 3 on all 21 impacts.
+    assert found.cases[2].rms["omega_2"] == pytest.approx(128.4, abs=0.1)
+    for name, value in grip_slip_fit.point.rms.items():
+        assert found.fitted_rms[name] == pytest.approx(value, rel=1e-9)
+    shown = case_table(grip_slip_fit)
+    rows = {row[0]: row for row in shown.values if row[0]}
+    assert rows["k_y"][1:] == ("lb/in", "not in this model", "80.0", "90.0", "72.0")
+    assert rows["k_theta"][3:] == ("1000", "1000", "1000")
+    assert rows["mu"][3:] == ("0.550", "0.550", "0.550")
+    assert "v_x2 by 0.50 m/s and omega_2 by 16 rad/s" in shown.sentence
+    assert "26 to 128 rad/s" in shown.sentence
+    assert "26 to 128 rad/s" in text
+
+
+def test_a_part_of_wangs_data_counts_its_own_rows():
+    part, whole = case_errors(load_table("wang_topspin.csv")), case_errors(load_table("wang_all.csv"))
+    for case, errors in part.items():
+        np.testing.assert_allclose(errors["v_x2"], whole[case]["v_x2"][7:14])
+        assert root_mean_square(errors["v_x2"]) > 0.5
+
+
+def test_other_data_have_no_such_section(drop_page):
+    assert "Table 9" not in drop_page.read_text(encoding="utf-8")
+
+
+# --- error budget, repeating
+
+
+def test_the_budget_is_a_table(grip_slip_fit):
+    shown = budget_table(grip_slip_fit.error_budget)
+    rows = {row[0]: row for row in shown.rows}
+    line = grip_slip_fit.error_budget.lines["omega_2"]
+    assert rows["omega_2"][1] == "rad/s"
+    assert float(rows["omega_2"][3]) == pytest.approx(line.measurement, rel=0.05)
+    assert float(rows["omega_2"][4]) == pytest.approx(line.posterior, rel=0.05)
+    assert float(rows["omega_2"][5]) == pytest.approx(line.numerical / min(line.measurement, line.posterior), rel=0.5)
+
+
+def test_the_page_says_how_to_repeat_it(grip_slip_fit, text):
+    assert grip_slip_fit.problem.table.digest in text
+    assert "fitball repeat" in text
+    assert "Seed 4" in text
+    assert f"numpy {np.__version__}" in text
+    assert "made from Python" in text
+    assert "fitball calibrate a &amp; b.csv --seed 3" in page(
+        grip_slip_fit, {}, "fitball calibrate a & b.csv --seed 3"
+    )
+
+
+def test_the_command_line_is_that_of_the_run(tmp_path, capsys):
+    from fitball.cli.main import main
+
+    out = tmp_path / "with space"
+    words = ["calibrate", "wang_zero_spin.csv", "--model", "brody", "--point-only", "--out", str(out), "--quiet"]
+    assert main(words) == 0
+    said = f"fitball calibrate wang_zero_spin.csv --model brody --point-only --out '{out}' --quiet"
+    assert said.replace("'", "&#39;") in (out / "report.html").read_text(encoding="utf-8")
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("value", "count", "said"),
+    [
+        (0.3, 2, "0.30"),
+        (113.2, 2, "113"),
+        (1000.0, 3, "1000"),
+        (0.0431, 3, "0.0431"),
+        (0.0, 2, "0"),
+        (9.99, 2, "10.0"),
+    ],
+)
+def test_digits(value, count, said):
+    assert digits(value, count) == said
+
+
+def test_public_fit_without_posterior_has_a_page(point_page):
+    text = point_page.read_text(encoding="utf-8")
+    assert "A point fit without posterior" in text
+    assert "<th>median</th>" not in text
+    assert fitball.load_fit(point_page.parent).status == "point only"
