@@ -13,8 +13,10 @@ from fitball.data.read import load_table
 from fitball.inference.court_pace import DRAWS, court_pace
 from fitball.inference.pace_rating import apparent_friction, itf_impact, pace_categories, pace_rating
 from fitball.inference.predictive import thinned
+from fitball.report.html import page
 from fitball.report.pace_rows import pace_lines, pace_table
-from fitball.report.terminal import render
+from fitball.report.terminal import render, render_json
+from fitball.report.verdict_words import headline
 
 # 30 m/s at 16 degrees, by a pocket calculator.
 V_X1, V_Y1 = 28.837851, 8.269121
@@ -129,6 +131,7 @@ def test_every_surface_has_its_own_rating(two_surfaces):
         mu = (V_X1 - rebound.v_x2[0]) / (V_Y1 * (1.0 + e))
         assert item.rating.point == pytest.approx(100.0 * (1.0 - mu) + 150.0 * (0.81 - e), abs=1e-4)
         assert item.impacts == 8
+        assert item.sliding_friction.point == pytest.approx(levels[item.labels[0]], rel=1e-12)
     clay, grass = (item.rating.point for item in fit.court_pace.ratings)
     # The truth: 100 (1 - mu) + 150 (0.81 - 0.8) with mu of 0.72 and 0.45.
     assert (clay, grass) == (pytest.approx(29.5, abs=2.0), pytest.approx(56.5, abs=2.0))
@@ -136,6 +139,11 @@ def test_every_surface_has_its_own_rating(two_surfaces):
     assert len(lines) == 2
     assert lines[0].startswith("ITF court pace rating of clay: ")
     assert "extrapolated" not in lines[0]
+    # What is told level by level is not called unknown because the pooling is.
+    said = headline(fit)
+    assert said.endswith("; mu differs between 2 surfaces and is told for each of them.")
+    assert "mu_place" not in said
+    assert "mu[clay]" in page(fit, {})
 
 
 def test_extrapolation_is_flagged_with_its_distance(two_surfaces, grip_slip_fit):
@@ -193,6 +201,7 @@ def test_it_is_saved_shown_and_optional(grip_slip_fit, grip_slip_folder, tmp_pat
     assert saved["rating"] == asdict(found.rating)
     assert saved["reach"]["outside"] is True
     text = render(grip_slip_fit, tmp_path)
+    assert json.loads(render_json(grip_slip_fit, tmp_path))["court_pace"] == content["court_pace"]
     assert "ITF court pace rating: 45.0 [40.3, 49.5] (95 %), fast (58 %)" in text
     assert "ITF (CS 01/02" in (grip_slip_folder / "report.html").read_text(encoding="utf-8")
     del content["court_pace"]

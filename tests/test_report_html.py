@@ -175,6 +175,11 @@ def test_cases_of_table_9_stand_beside_a_fit_of_wangs_data(grip_slip_fit, text):
     shown = case_table(grip_slip_fit)
     rows = {row[0]: row for row in shown.values if row[0]}
     assert rows["k_y"][1:] == ("lb/in", "not in this model", "80.0", "90.0", "72.0")
+    offset = grip_slip_fit.parameters["offset"].median / 0.0254
+    assert rows["eps_10"][1:3] == ("in", rows["eps_10"][2])
+    assert float(rows["eps_10"][2].split(" ")[0]) == pytest.approx(offset, abs=0.002)
+    # Eq. (53) at 10 m/s: 0.0431 x 10 - 0.189.
+    assert rows["eps_10"][3:] == ("0.242",) * 3
     assert rows["k_theta"][3:] == ("1000", "1000", "1000")
     assert rows["mu"][3:] == ("0.550", "0.550", "0.550")
     assert "v_x2 by 0.50 m/s and omega_2 by 16 rad/s" in shown.sentence

@@ -42,6 +42,9 @@ def _values(fit: Fit, found: CaseComparison) -> tuple[tuple[str, ...], ...]:
     rows: list[tuple[str, ...]] = []
     thesis = {row.name.rpartition(" = ")[2]: row for row in thesis_rows(fit)}
     fitted = {row.name: row for row in parameter_rows(fit)}
+    # The algebraic models have one offset at every speed.
+    if "offset" in fitted:
+        fitted["eps_10"], thesis["eps_10"] = fitted["offset"], thesis["offset"]
     for name in PARAMETERS:
         if name not in fitted:
             rows.append((name, THESIS[name].unit if name in THESIS else "", "not in this model", *_of(found, name)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import textwrap
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 from fitball.inference.results import Fit
@@ -110,6 +111,7 @@ def render_json(fit: Fit, folder: Path) -> str:
             for item in fit.estimates
         },
         "rms": dict(fit.point.rms),
+        "court_pace": None if fit.court_pace is None else asdict(fit.court_pace),
         "notes": notes(fit),
         "seconds": {item.stage: item.seconds for item in fit.timings},
     }

@@ -19,7 +19,11 @@ NOT_TOLD = (Verdict.ONE_SIDED, Verdict.PRIOR_DOMINATED, Verdict.NOT_JUDGED)
 
 def headline(fit: Fit) -> str:
     """The verdict in one sentence."""
-    names = {verdict: [item.name for item in fit.estimates if item.verdict is verdict] for verdict in Verdict}
+    pooled = _pooling(fit)
+    names = {
+        verdict: [item.name for item in fit.estimates if item.verdict is verdict and item.name not in pooled]
+        for verdict in Verdict
+    }
     free = len(fit.problem.free_names)
     parts = []
     if names[Verdict.IDENTIFIED]:
@@ -30,9 +34,24 @@ def headline(fit: Fit) -> str:
         parts.append(f"do not tell {listed(names[Verdict.PRIOR_DOMINATED])}")
     if names[Verdict.NOT_JUDGED]:
         parts.append(f"leave {listed(names[Verdict.NOT_JUDGED])} without a judgement")
-    return (
-        f"{STATUS_WORDS[fit.status]}: of {free} free parameters the {len(fit.problem.table)} impacts {listed(parts)}."
+    if not parts:
+        parts.append("judge none by itself")
+    levels = "".join(
+        f"; {item.parameter} differs between {len(item.labels)} {item.column}s and is told for each of them"
+        for item in fit.problem.levels
     )
+    return (
+        f"{STATUS_WORDS[fit.status]}: of {free} free parameters the {len(fit.problem.table)} impacts "
+        f"{listed(parts)}{levels}."
+    )
+
+
+def _pooling(fit: Fit) -> set[str]:
+    """Parameters that only serve to pool another over its levels, and that other, whose levels say more."""
+    found: set[str] = set()
+    for item in fit.problem.levels:
+        found |= {item.parameter, item.spread_name, *map(item.place_name, item.labels)}
+    return found
 
 
 def told_rows(fit: Fit, verdicts: Sequence[Verdict]) -> tuple[ParameterRow, ...]:
