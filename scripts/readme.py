@@ -19,7 +19,7 @@ from typing import Any
 
 import pandas as pd
 
-from fitball.inference.parameters import NOISE_SPECS
+from fitball.inference.parameters import FORCE_NOISE, NOISE_SPECS
 from fitball.models.specs import SPECS
 from fitball.report.rounding import decimals, digits, fixed
 from fitball.report.units import handy
@@ -100,6 +100,8 @@ def _priors() -> str:
     rows += [
         f"| `{spec.name}` | {spec.unit or '-'} | {spec.lower:g} to {spec.upper:g} | `{spec.prior}` | {spec.meaning} |"
         for spec in (*SPECS.values(), *NOISE_SPECS.values())
+        # Those of force records are scaled to the records; the section on these tells them.
+        if spec.name not in FORCE_NOISE
     ]
     return "\n".join(rows)
 

@@ -27,6 +27,10 @@ EXACT = {
     "s": Fraction(1),
     "ms": Fraction(1, 1000),
     "us": Fraction(1, 1000000),
+    "N": Fraction(1),
+    "kN": Fraction(1000),
+    # The pound is 0.45359237 kg, standard gravity 9.80665 m/s2.
+    "lbf": Fraction(45359237, 10**8) * Fraction(980665, 10**5),
 }
 TURNS = {
     "deg": Fraction(1, 360),
@@ -80,6 +84,7 @@ def test_no_bracket_means_the_default() -> None:
         Dimension.SPIN: "rad/s",
         Dimension.ANGLE: "deg",
         Dimension.TIME: "s",
+        Dimension.FORCE: "N",
     }
     assert set(DEFAULT_UNIT) == set(Dimension)
 

@@ -27,7 +27,7 @@ NODES = 24
 MARGIN = 0.25
 # Length over which the misfit is alike, as a share of the contact's: a pulse of the right height and length that is
 # lopsided, flat or peaked deviates so.
-ALIKE = 0.2
+ALIKE = 0.3
 # How far before and after the contact the misfit dies out, as a share of its length.
 SOFT = 0.2
 # Sd of the start of contact about where the record rises, as a share of the contact's length: the record decides.

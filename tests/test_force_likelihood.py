@@ -1,0 +1,265 @@
+"""The likelihood of force records against formulas, quadrature and simulated truth written out apart from it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from force_case import COR, K_Y, MASS, SPEEDS, force_at, problem_of, write_case
+from scipy.integrate import quad_vec
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
+
+from fitball.data.scene import Scene
+from fitball.errors import FitError
+from fitball.inference.force import (
+    aligned,
+    force_cost,
+    force_log_likelihood,
+    force_residuals,
+    force_slopes,
+    mean_forces,
+)
+from fitball.inference.force_noise import noise_held
+from fitball.inference.force_notes import force_notes
+from fitball.inference.information import information_looks
+from fitball.inference.maximum import follow_maximum
+from fitball.inference.subsample import thinned_problem, withheld
+from fitball.models.dual import STEP
+from fitball.models.registry import model
+from fitball.values import Impacts
+
+TRUTH = {"k_y": K_Y, "cor_10": COR, "cor_slope": 1e-6, "velocity_sd": 0.05, "force_sd": 4.0, "force_misfit": 0.03}
+
+
+@pytest.fixture(scope="module")
+def problem(tmp_path_factory):
+    return problem_of(write_case(tmp_path_factory.mktemp("force"), 1))
+
+
+def values_of(problem, **moved):
+    return np.array([[{**TRUTH, **moved}[name] for name in problem.free_names]])
+
+
+def error_of(problem, values, name="k_y"):
+    """Standard error of the logarithm of a parameter to first order."""
+    look = information_looks(problem, problem.to_coordinates(values)[0])[name]
+    return look.error * problem.prior.width[problem.free_names.index(name)]
+
+
+@pytest.mark.parametrize("normal", ["total", "inner", "momentum"])
+def test_integrals_are_those_of_the_force(normal):
+    ball = model("two-mass", tangential=False, normal=normal)
+    share = 1.0 if normal == "total" else 0.9
+    values = {"mass_ratio": share, "k_y": K_Y, "cor_10": COR, "cor_slope": 0.0}
+    names = ball.parameter_names
+    row = np.array([[values[name] for name in names]])
+    impacts = Impacts(np.zeros(1), np.array([7.0]), np.zeros(1))
+    step = 3e-4
+    impulse, integral, centroid = ball.force_integrals(
+        names, row, impacts, np.full((1, 1), -step), np.full(1, step), 20
+    )
+    times = step * np.arange(-1, 19)
+    core = COR / share if normal == "momentum" else COR
+
+    def course(t):
+        force = force_at(t, 7.0, e=core, mass=share * MASS)
+        return np.array([force, force * t])
+
+    found = [quad_vec(course, 0.0, t, epsrel=1e-12, limit=2000)[0] for t in np.maximum(times, 0.0)]
+    first, moment = np.array(found).T
+    np.testing.assert_allclose(impulse[0, 0], first, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(integral[0, 0], times * first - moment, rtol=1e-7, atol=1e-14)
+    assert centroid[0, 0] == pytest.approx(moment[-1] / first[-1], rel=1e-8)
+    # The landing blow is in no record: the impulse is that of the mass on the spring.
+    assert impulse[0, 0, -1] == pytest.approx(share * MASS * 7.0 * (1.0 + core), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["k_y", "cor_10", "ball_mass"])
+def test_complex_steps_are_derivatives(name):
+    ball = model("two-mass", tangential=False, normal="total")
+    names = (*ball.parameter_names, "ball_mass")
+    base = {"k_y": K_Y, "cor_10": COR, "cor_slope": -0.01, "ball_mass": MASS}
+    row = np.array([[base[item] for item in names]])
+    impacts = Impacts(np.zeros(2), np.array([5.0, 11.0]), np.zeros(2))
+
+    def integrals(values):
+        return ball.force_integrals(names, values, impacts, np.full((1, 2), 1e-4), np.full(2, 2.5e-4), 24)[:2]
+
+    column = names.index(name)
+    moved = row.astype(complex)
+    moved[0, column] += 1j * STEP
+    h = 1e-5 * base[name]
+    up, down = row.copy(), row.copy()
+    up[0, column] += h
+    down[0, column] -= h
+    for exact, high, low in zip(integrals(moved), integrals(up), integrals(down), strict=True):
+        slope = exact.imag / STEP
+        np.testing.assert_allclose(slope, (high - low) / (2.0 * h), atol=1e-7 * np.abs(slope).max())
+
+
+def test_means_are_those_of_the_course(problem):
+    """The predicted means against triangular means of the force formula, sample by sample."""
+    records = problem.force
+    columns = problem.all_values(values_of(problem, cor_slope=0.0))
+    start = 1.7e-3
+    force, rate = mean_forces(
+        problem, columns, records.rows, np.array([records.first - start]), records.spacing, records.nodes
+    )
+    offsets = np.linspace(-1.0, 1.0, 4001)
+    weights = 1.0 - np.abs(offsets)
+    for place, (item, v) in enumerate(zip(records.records, SPEEDS, strict=True)):
+        times = item.first - start + item.spacing * np.arange(len(item.means))
+        seen = force_at(times[:, None] + item.spacing * offsets, v) @ weights / weights.sum()
+        np.testing.assert_allclose(force[0, place, : times.size], seen, atol=3e-4 * item.peak)
+        differences = np.gradient(force[0, place, : times.size], item.spacing)
+        assert np.corrcoef(differences, rate[0, place, : times.size])[0, 1] > 0.95
+
+
+def test_likelihood_is_the_integral_over_the_start(problem):
+    """A dense normal density of the means, from the weights of the samples, integrated over the start on a grid."""
+    records = replace(problem.force, records=problem.force.records[2:3])
+    item = records.records[0]
+    columns = problem.all_values(values_of(problem, k_y=1.02 * K_Y, cor_slope=0.0))
+    count, block = len(item.means), item.block
+    weights = np.zeros((count, count * block + block))
+    for j in range(count):
+        for i in range(-block + 1, block):
+            weights[j, j * block + block + i] = (1.0 - abs(i) / block) / block
+    times = item.first + item.spacing * np.arange(count)
+    apart = np.sqrt(3.0) * np.abs(times[:, None] - times) / (0.3 * item.length)
+    outside = np.maximum(np.maximum(item.begin - times, times - item.begin - item.length) / item.length, 0.0)
+    taper = np.clip(1.0 - outside / 0.2, 0.0, 1.0)
+    smooth = np.outer(taper, taper) * (1.0 + apart) * np.exp(-apart)
+    covariance = 4.0**2 * weights @ weights.T + (0.03 * item.peak) ** 2 * smooth
+    density = multivariate_normal(np.zeros(count), covariance)
+    # The prior of the start is wide, a quarter of the contact; the record knows it to some microseconds.
+    sd = 0.25 * item.length
+    centre = aligned(problem, records, columns)
+    best = float(centre.start[0, 0] + centre.move[0, 0])
+    grid = best + np.linspace(-2e-4, 2e-4, 2001)
+    logs = []
+    for start in grid:
+        force, _ = mean_forces(
+            problem, columns, records.rows, np.array([[item.first - start]]), records.spacing, records.nodes
+        )
+        logs.append(
+            density.logpdf(np.array(item.means) - force[0, 0, :count]) - 0.5 * ((start - item.begin) / sd) ** 2
+        )
+    integral = logsumexp(logs) + np.log(grid[1] - grid[0]) - np.log(sd * np.sqrt(2.0 * np.pi))
+    assert float(force_log_likelihood(problem, records, columns)[0]) == pytest.approx(integral, abs=0.1)
+    # To first order in the start: the rest is its third derivative. A term left out would be some whole units.
+
+
+def test_the_likelihood_is_added_to_that_of_the_table(problem):
+    values = values_of(problem)
+    rebound = problem.rebound(values)
+    alone = replace(problem, force=None).log_likelihood(values, rebound)
+    records = force_log_likelihood(problem, problem.force, problem.all_values(values))
+    np.testing.assert_allclose(problem.log_likelihood(values, rebound), alone + records, rtol=1e-14)
+    # Draws do not see each other: a batch gives what each gives alone.
+    many = np.concatenate([values, values_of(problem, k_y=1.1 * K_Y), values])
+    batch = force_log_likelihood(problem, problem.force, problem.all_values(many))
+    np.testing.assert_allclose(batch[[0, 2]], records[0], rtol=1e-12)
+    assert batch[1] < batch[0] - 50.0
+
+
+def test_slopes_are_those_of_the_cost(problem):
+    held = noise_held(problem, TRUTH)
+    assert {"force_sd", "force_misfit"}.isdisjoint(held.free_names)
+    at = held.to_coordinates(values_of(held, k_y=1.01 * K_Y))
+    rows, slopes, _ = force_slopes(held, held.force, at)
+    gradient = np.einsum("drn,drnk->k", rows, slopes)
+    for k, name in enumerate(held.free_names):
+        step = np.zeros(held.dimension)
+        step[k] = 1e-5 * held.prior.width[k]
+        costs = force_cost(held, held.all_values(held.to_values(np.concatenate([at + step, at - step]))))
+        assert gradient[k] == pytest.approx((costs[0] - costs[1]) / (2.0 * step[k]), rel=2e-3, abs=1e-6), name
+    residuals = force_residuals(held, held.all_values(held.to_values(at)))
+    np.testing.assert_allclose(residuals.ravel(), rows.ravel())
+
+
+def test_a_known_start_of_contact_holds(problem, tmp_path):
+    """Contact that starts at 1 ms and more contradicts a scene that says it starts at 0 within 0.05 ms."""
+    table = write_case(tmp_path, 1)
+    known = problem_of(table, scene=Scene(force_start_sd=5e-5))
+    values = values_of(known)
+    found = aligned(known, known.force, known.all_values(values))
+    assert np.all(np.abs(found.rows(known.force)[0, :, -1]) > 3.0)
+    assert float(known.log_likelihood(values, known.rebound(values))[0]) < -1e3
+
+
+def test_samples_do_not_count_as_measurements(tmp_path):
+    """Ten times the samples must not know sqrt(10) times as much; without a misfit they would."""
+    errors = {}
+    for step in (1e-4, 1e-5):
+        folder = tmp_path / f"{step:g}"
+        folder.mkdir()
+        case = problem_of(write_case(folder, 5, step=step))
+        for misfit in (0.03, 1e-4):
+            errors[step, misfit] = error_of(case, values_of(case, force_misfit=misfit))
+    # From 50 samples in the contact to 500 the sensor's noise still sinks; after that nothing is left to gain.
+    assert errors[1e-4, 0.03] / errors[1e-5, 0.03] < 1.8
+    assert errors[1e-4, 1e-4] / errors[1e-5, 1e-4] > 2.5
+    assert errors[1e-5, 0.03] > 5.0 * errors[1e-5, 1e-4]
+
+
+def z_of(case):
+    """How far the best k_y lies from the truth, in standard errors."""
+    point = follow_maximum(case, values_of(case), {})
+    values = np.array([[point.values[name] for name in case.free_names]])
+    return np.log(point.values["k_y"] / K_Y) / error_of(case, values), point
+
+
+def test_the_truth_is_covered(tmp_path):
+    """Over seeds; the negative control takes every sample for independent, and is wrong by many errors."""
+    right, wrong = [], []
+    for seed in range(8):
+        table = write_case(tmp_path, 100 + seed)
+        right.append(z_of(problem_of(table))[0])
+        wrong.append(z_of(problem_of(table, fix={"force_misfit": 1e-4}))[0])
+    # A mean square of eight standard normal numbers lies below 1.5^2 with 98 %.
+    assert np.sqrt(np.mean(np.square(right))) < 1.5
+    assert np.sqrt(np.mean(np.square(wrong))) > 2.5
+
+
+def test_a_force_of_twice_the_size_is_flagged(tmp_path):
+    good = problem_of(write_case(tmp_path, 3), scene=Scene(force_sd=4.0))
+    assert not [note for note in force_notes(good, z_of(good)[1]) if "MISFIT" in note]
+    bad = problem_of(write_case(tmp_path, 3, scale=2.0), scene=Scene(force_sd=4.0))
+    assert bad.parameters[-2].fixed == 4.0
+    flagged = [note for note in force_notes(bad, z_of(bad)[1]) if note.startswith("MISFIT")]
+    assert any("impulse of the force records is" in note for note in flagged)
+    assert any("of their peak" in note for note in flagged)
+    # With the misfit forbidden the stated noise is seen to be wrong.
+    strict = problem_of(write_case(tmp_path, 3, scale=2.0), scene=Scene(force_sd=4.0), fix={"force_misfit": 1e-3})
+    assert any("stated noise" in note for note in force_notes(strict, z_of(strict)[1]))
+
+
+def test_records_follow_their_impacts(problem):
+    left = withheld(problem, np.array([1, 3]))
+    assert left.force.rows.tolist() == [0, 2, 4]
+    with pytest.raises(FitError):
+        withheld(problem, np.arange(5))
+    few = thinned_problem(problem, 3)
+    values = values_of(problem)
+    whole = force_residuals(problem, problem.all_values(values)).reshape(5, -1)
+    part = force_residuals(few, few.all_values(values)).reshape(len(few.impacts), -1)
+    kept = [problem.table.ids.index(name) for name in few.table.ids]
+    np.testing.assert_allclose(np.sum(part**2, axis=1), np.sum(whole[kept] ** 2, axis=1), rtol=1e-10)
+
+
+def test_levels_have_their_own_force(tmp_path):
+    """Two balls of different stiffness: each record is compared with that of its ball."""
+    table = write_case(tmp_path, 2)
+    rows = table.read_text().splitlines()
+    labelled = [rows[0] + ",ball", *(f"{row},{'ab'[k % 2]}" for k, row in enumerate(rows[1:]))]
+    table.write_text("\n".join(labelled) + "\n")
+    case = problem_of(table, pool={"k_y": "ball"})
+    own = {"k_y_spread": 0.5, "k_y_place[a]": 1.0, "k_y_place[b]": -1.0}
+    columns = case.all_values(values_of(case, **own))
+    soft = case.force_integrals(columns, case.force.rows, np.zeros((1, 5)), case.force.spacing, 3)[2][0]
+    # Twice the centroid is roughly the contact, which goes with the root of the stiffness.
+    assert soft[1] / soft[0] == pytest.approx(np.exp(0.5), rel=0.02)
+    assert soft[2] == pytest.approx(soft[0], rel=0.02)

@@ -1,0 +1,217 @@
+"""Force records through a whole fit: verdicts with and without them, files, figures, and the contact_time column."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from dataclasses import replace
+from hashlib import sha256
+from importlib.resources import files
+
+import jsonschema
+import numpy as np
+import pytest
+from force_case import COR, K_Y, force_at, problem_of, write_case
+
+import fitball
+from fitball.cli.main import main
+from fitball.data.read import load_table
+from fitball.data.scene import NO_CONTACT_TIME, Scene
+from fitball.inference.calibrate import Effort, fingerprint, run
+from fitball.inference.point import point_fit
+from fitball.inference.problem import Choices, build_problem
+from fitball.inference.results import Verdict
+from fitball.report.force_arrays import force_panels
+from fitball.report.restore import restore
+
+# Enough to settle a verdict on six parameters, not to converge.
+SHORT = {"walkers": 14, "max_steps": 300, "cores": 1, "seed": 2}
+FREE = {"k_y": "lognormal(2.0e4, 1.0)"}
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    return write_case(tmp_path_factory.mktemp("case"), 4)
+
+
+@pytest.fixture(scope="module")
+def fit(table):
+    return fitball.calibrate(table, **SHORT)
+
+
+@pytest.fixture(scope="module")
+def folder(fit, tmp_path_factory):
+    return fit.save(tmp_path_factory.mktemp("force") / "fit")
+
+
+@pytest.fixture(scope="module")
+def without(table):
+    return run(problem_of(table, records=False, priors=FREE), Effort(**SHORT))
+
+
+def test_the_record_identifies_k_y(fit, without):
+    known, unknown = fit.parameters["k_y"], without.parameters["k_y"]
+    assert unknown.verdict is Verdict.PRIOR_DOMINATED and unknown.contraction < 0.2
+    assert known.verdict is Verdict.IDENTIFIED and known.contraction > 0.99
+    assert known.q025 < K_Y < known.q975
+    assert known.q975 - known.q025 < 0.1 * K_Y < unknown.q975 - unknown.q025
+    assert fit.parameters["cor_10"].q025 < COR < fit.parameters["cor_10"].q975
+
+
+def test_every_look_counts_the_records(fit, without):
+    look, other = fit.examination.looks["k_y"], without.examination.looks["k_y"]
+    assert look.profile.open_sides == (False, False) and other.profile.open_sides == (True, True)
+    assert look.information.error < 0.05 and other.information.error is None
+    assert look.power.likelihood > 0.05 > look.power.own_prior
+    assert look.action.impacts == fit.problem.table.ids and other.action.impacts == ()
+    # The profile, at its own best noise held, and the posterior agree on what they know.
+    low, high = look.profile.interval_95
+    known = fit.parameters["k_y"]
+    assert (high - low) == pytest.approx(known.q975 - known.q025, rel=0.35)
+    assert {"force_sd", "force_misfit"} & set(fit.problem.free_names) and look.profile.unsettled == 0
+
+
+def test_a_point_fit_judges_by_its_profile(table):
+    found = run(problem_of(table), Effort(point_only=True, cores=1))
+    assert found.parameters["k_y"].verdict is Verdict.IDENTIFIED
+    assert found.parameters["k_y"].point == pytest.approx(K_Y, rel=0.03)
+    held = run(problem_of(table, records=False), Effort(point_only=True, cores=1))
+    assert held.parameters["k_y"].verdict is Verdict.FIXED
+
+
+def test_the_notes_say_what_was_done(fit):
+    notes = " ".join(fit.problem.notes)
+    assert "force records found beside the table: drops_force.csv" in notes
+    assert "count like" in notes and "found from the record" in notes
+    assert NO_CONTACT_TIME not in notes and "MISFIT" not in notes
+
+
+def test_files_hold_the_records(table, fit, folder):
+    content = json.loads((folder / "fit.json").read_text())
+    schema = json.loads((files("fitball.report") / "fit.schema.json").read_text(encoding="utf-8"))
+    jsonschema.validate(content, schema)
+    digest = sha256(table.with_name("drops_force.csv").read_bytes()).hexdigest()
+    assert content["data"]["force"]["sha256"] == digest
+    assert tomllib.loads((folder / "run.toml").read_text())["force"] == {"file": "drops_force.csv", "sha256": digest}
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "Force records (points" in page and "count like" in page
+    assert (folder / "force.png").stat().st_size > 10_000
+
+
+def test_the_figure_is_the_one_of_the_run(folder, tmp_path, capsys):
+    assert main(["plot", str(folder), "force", "--out", str(tmp_path)]) == 0
+    capsys.readouterr()
+    assert (tmp_path / "force.png").read_bytes() == (folder / "force.png").read_bytes()
+
+
+def test_what_the_figure_shows(fit, folder):
+    panels = force_panels(fit, fit.posterior)
+    assert [item.title for item in panels][0] == "drop 1: 4 m/s"
+    panel = panels[-1]
+    truth = force_at(1e-3 * panel.along, 12.0)
+    inside = (panel.along > 0.5) & (panel.along < 4.0)
+    assert np.abs(panel.course[1] - truth)[inside].max() < 0.05 * truth.max()
+    within = (panel.means > panel.expected[0]) & (panel.means < panel.expected[1])
+    assert within.mean() > 0.7
+    read = force_panels(restore(folder), restore(folder).posterior)
+    np.testing.assert_array_equal(read[-1].course, panel.course)
+
+
+def test_another_record_is_another_run(table, tmp_path):
+    effort = Effort(cores=1)
+    mark = fingerprint(problem_of(table), effort)
+    assert mark == fingerprint(problem_of(table), effort)
+    assert mark != fingerprint(problem_of(write_case(tmp_path, 5)), effort)
+    assert mark != fingerprint(problem_of(table, scene=Scene(force_start_sd=1e-3)), effort)
+
+
+def test_no_record_no_figure(tmp_path, capsys):
+    table = write_case(tmp_path, 4, records=False)
+    fit = fitball.calibrate(table, point_only=True, cores=1)
+    folder = fit.save(tmp_path / "fit")
+    assert not (folder / "force.png").exists()
+    assert "force" not in json.loads((folder / "fit.json").read_text())["data"]
+    assert main(["plot", str(folder), "force"]) == 2
+    assert "there are no force records" in capsys.readouterr().err
+
+
+def test_models_without_a_course_say_so(table):
+    problem = problem_of(table, model="brody")
+    assert problem.force is None and "force_sd" not in [item.name for item in problem.parameters]
+    assert any("has no force-time course" in note for note in problem.notes)
+
+
+def test_records_beside_a_table_with_spin(tmp_path):
+    """The default two-mass ball, shell and all, with the record of one impact of Wang's: k_y leaves its prior."""
+    place = tmp_path / "wang.csv"
+    place.write_bytes(load_bytes("wang_zero_spin.csv"))
+    table = load_table(place)
+    v = float(table.impacts.v_y1[2])
+    times = np.arange(0.0, 1e-2, 5e-5)
+    rng = np.random.default_rng(3)
+    forces = force_at(times - 2e-3, v, e=0.8, mass=0.95 * 0.0576) + 2.0 * rng.standard_normal(times.size)
+    rows = [f"{table.ids[2]},{t:.6f},{f:.4f}" for t, f in zip(times, forces, strict=True)]
+    (tmp_path / "wang_force.csv").write_text("\n".join(["id,t,F", *rows]) + "\n")
+    problem = problem_of_named(place, "wang_force.csv")
+    assert any("blow that stops the shell" in note for note in problem.notes)
+    squares, point = point_fit(problem, np.random.default_rng(1))
+    assert squares.stderr["k_y"] is not None
+    assert point.values["k_y"] == pytest.approx(K_Y, rel=0.1)
+
+
+def load_bytes(name):
+    from fitball.data.bundled import resolve_table
+
+    return resolve_table(name).read_bytes()
+
+
+def problem_of_named(place, force):
+    from fitball.data.force_file import load_force
+
+    table = load_table(place)
+    return build_problem(table, Scene(), Choices(), load_force(place.with_name(force), table))
+
+
+@pytest.mark.parametrize("horizontal", [False, True])
+def test_a_contact_time_column_identifies_k_y(tmp_path, horizontal):
+    """For drop tests and for tables with motion along the court; the negative control has no such column."""
+    rng = np.random.default_rng(8)
+    speeds = np.linspace(4.0, 12.0, 8)
+    damping = np.array([[K_Y, COR, 0.0]])
+    ball = fitball.model("two-mass", normal="total", torsion="rigid")
+    names = dict(zip(("k_y", "cor_10", "cor_slope"), damping[0], strict=True))
+    impacts = fitball.impacts(speeds + 2.0, speeds, 0.0 * speeds)
+    found = ball.rebound({"mu": 0.5, "eps_10": 0.0, "eps_slope": 0.0, **names}, impacts)
+    columns = {
+        "v_y1": speeds,
+        "v_y2": found.v_y2 + 0.05 * rng.standard_normal(8),
+        "contact_time": found.contact_time + 5e-5 * rng.standard_normal(8),
+    }
+    if horizontal:
+        columns |= {"v_x1": speeds + 2.0, "v_x2": found.v_x2 + 0.05 * rng.standard_normal(8)}
+    for timed in (True, False):
+        kept = {name: column for name, column in columns.items() if timed or name != "contact_time"}
+        rows = [",".join(f"{value:.7f}" for value in row) for row in zip(*kept.values(), strict=True)]
+        place = tmp_path / f"{timed}.csv"
+        place.write_text("\n".join([",".join(kept), *rows]) + "\n")
+        fit = run(build_problem(load_table(place), Scene(), Choices()), Effort(point_only=True, cores=1))
+        judged = fit.parameters["k_y"]
+        assert (NO_CONTACT_TIME in fit.problem.scene.assumed) is False or not timed
+        if timed:
+            assert judged.verdict is Verdict.IDENTIFIED, judged.reason
+            assert judged.point == pytest.approx(K_Y, rel=0.03)
+            assert "contact_time_sd" in fit.problem.free_names
+            values = np.array([[fit.point.values[name] for name in fit.problem.free_names]])
+            terms = fit.problem.log_likelihood_terms(values, fit.problem.rebound(values))
+            assert terms["contact_time"].shape == (1, 8)
+        else:
+            assert judged.verdict is Verdict.FIXED
+
+
+def test_the_scene_sentence_goes_when_time_was_measured(tmp_path):
+    table = write_case(tmp_path, 4)
+    silent = Scene(assumed=(NO_CONTACT_TIME,))
+    assert NO_CONTACT_TIME not in problem_of(table, scene=silent).notes
+    assert NO_CONTACT_TIME in problem_of(table, records=False, scene=silent).notes
+    unused = replace(silent, force_file="drops_force.csv")
+    assert any("are not used here" in note for note in problem_of(table, records=False, scene=unused).notes)
