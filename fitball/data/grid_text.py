@@ -59,7 +59,7 @@ def _axis(item: str) -> Axis:
     name, dimension = _NAMES[key]
     several, single = _RANGE.match(value), _SINGLE.match(value)
     match = several or single
-    if match is None:
+    if match is None or (several is None and ".." in value):
         raise ParameterError(f"{key}: read '{value}', {_FORM}")
     unit = parse_unit(match["unit"] or None, dimension)
     low = unit.to_si(float(match["low"]))

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from decimal import ROUND_HALF_EVEN, Context, Decimal
 
 from uncertainties.formatting import PDG_precision
 
 MOST_DECIMALS = 9
+# Digits enough for any double.
+_WIDE = Context(prec=400)
 
 
 def decimals(sd: float) -> int:
@@ -24,7 +27,9 @@ def fixed(value: float | None, places: int) -> str:
     """A number with that many decimals; powers of ten are not used; a dash where there is none."""
     if value is None or not math.isfinite(value):
         return "-"
-    text = f"{round(value, places):.{max(places, 0)}f}"
+    # In decimal, as it is printed: in binary 0.95 lies below itself and would round to 0.9, where the rule says 1.0.
+    rounded = Decimal(repr(float(value))).quantize(Decimal(1).scaleb(-places), ROUND_HALF_EVEN, _WIDE)
+    text = f"{rounded:.{max(places, 0)}f}"
     return text.removeprefix("-") if float(text) == 0.0 else text
 
 

@@ -1,0 +1,277 @@
+"""The parameter set as JSON, TOML, CSV, LaTeX, Markdown and netCDF, and the manners of `fitball export`."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import shutil
+import tomllib
+from decimal import ROUND_HALF_EVEN, Decimal
+from importlib.resources import files
+
+import arviz_base
+import jsonschema
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+import fitball
+from fitball.cli.export import FORMAT_NAMES
+from fitball.cli.main import main
+from fitball.report.exports.formats import TEXT_FORMATS
+from fitball.report.exports.paper_table import latex_table, markdown_table, paper_rows
+from fitball.report.exports.parameter_set import parameter_content, toml_text
+from fitball.report.netcdf import read_netcdf
+from fitball.report.rounding import decimals, fixed
+
+
+@pytest.fixture(scope="module")
+def saved(small_fit):
+    return fitball.load_fit(small_fit)
+
+
+@pytest.fixture
+def point_only(small_fit, tmp_path):
+    """The same fit as if nothing had been sampled, with one fixed parameter and one that the prior decides."""
+    content = json.loads((small_fit / "fit.json").read_text(encoding="utf-8"))
+    content["status"] = "point only"
+    content["fitted"]["draws"], content["correlation"] = [], None
+    for item in content["parameters"].values():
+        for name in ("median", "sd", "q025", "q05", "q16", "q84", "q95", "q975"):
+            item[name] = None
+    folder = tmp_path / "point"
+    folder.mkdir()
+    (folder / "fit.json").write_text(json.dumps(content), encoding="utf-8")
+    return folder
+
+
+def schema():
+    place = files("fitball.report.exports") / "parameters.schema.json"
+    return json.loads(place.read_text(encoding="utf-8"))
+
+
+def test_json_follows_its_schema(small_fit, point_only, capsys):
+    jsonschema.Draft202012Validator.check_schema(schema())
+    for folder in (small_fit, point_only):
+        assert main(["export", str(folder), "--to", "json", "--out", "-"]) == 0
+        content = json.loads(capsys.readouterr().out)
+        jsonschema.validate(content, schema())
+    for spoil in (
+        lambda found: found["parameters"]["mu"].update(verdict="certain"),
+        lambda found: found["parameters"]["mu"].pop("point"),
+        lambda found: found["ball"].update(mass=-1.0),
+        lambda found: found.update(surprise=1),
+        lambda found: found["golden"]["rebound"].pop("v_y2"),
+        lambda found: found["parameters"]["mu"].update(sd=None),
+    ):
+        broken = json.loads(json.dumps(content))
+        spoil(broken)
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(broken, schema())
+
+
+def test_json_says_what_the_fit_says(small_fit, saved):
+    content = parameter_content(saved)
+    fit = json.loads((small_fit / "fit.json").read_text(encoding="utf-8"))
+    for name, item in content["parameters"].items():
+        for key in ("point", "median", "sd", "q025", "q975"):
+            assert item[key] == fit["parameters"][name][key]
+    assert {name: item["role"] for name, item in content["parameters"].items()} == {
+        "mu": "model", "e_x": "model", "offset": "model", "cor_10": "model", "cor_slope": "model",
+        "velocity_sd": "noise", "spin_sd": "noise",
+    }  # fmt: skip
+    offset = content["parameters"]["offset"]
+    assert offset["thesis"]["unit"] == "in"
+    assert offset["thesis"]["point"] == pytest.approx(offset["point"] / 0.0254, rel=1e-15)
+    assert content["golden"]["rebound"]["v_x2"] == fit["golden"]["rebound"]["v_x2"]
+
+
+def test_toml_reads_back_as_the_same_content(small_fit, saved, capsys):
+    assert tomllib.loads(toml_text(saved)) == parameter_content(saved)
+    assert main(["export", str(small_fit), "--to", "toml", "--out", "-"]) == 0
+    assert tomllib.loads(capsys.readouterr().out)["model"]["name"] == "grip-slip"
+
+
+def test_csv_in_both_systems(small_fit, saved, tmp_path):
+    assert main(["export", str(small_fit), "--to", "csv", "--out", str(tmp_path / "p.csv")]) == 0
+    table = pd.read_csv(tmp_path / "p.csv").set_index("parameter")
+    assert list(table.index) == list(saved.parameters)
+    for name, item in saved.parameters.items():
+        assert table.loc[name, "point"] == item.point
+        assert table.loc[name, "q975"] == item.q975
+    assert table.loc["offset", "thesis_unit"] == "in"
+    assert table.loc["offset", "thesis_sd"] == pytest.approx(saved.parameters["offset"].sd / 0.0254, rel=1e-14)
+    assert math.isnan(table.loc["mu", "thesis_point"])
+
+
+def pdg(sd):
+    """Decimals by the rule of the Particle Data Group, from the printed digits alone."""
+    number = Decimal(repr(sd))
+    exponent = number.adjusted()
+    three = int(number.scaleb(2 - exponent))
+    if three <= 354:
+        return 1 - exponent
+    if three <= 949:
+        return -exponent
+    # Rounded up to 1000, and two digits kept of that.
+    return -exponent
+
+
+@pytest.mark.parametrize(
+    ("value", "sd", "text"),
+    [
+        # The examples of the Particle Data Group's introduction.
+        (0.827, 0.119, "0.83 +- 0.12"),
+        (0.827, 0.367, "0.8 +- 0.4"),
+        (5.1234, 0.354, "5.12 +- 0.35"),
+        (5.1234, 0.355, "5.1 +- 0.4"),
+        (5.1234, 0.949, "5.1 +- 0.9"),
+        (5.1234, 0.950, "5.1 +- 1.0"),
+        (5.1234, 0.999, "5.1 +- 1.0"),
+        (18999.6, 4301.6, "19000 +- 4000"),
+        (0.01234, 0.00098, "0.0123 +- 0.0010"),
+    ],
+)
+def test_rounding_follows_the_particle_data_group(value, sd, text):
+    places = decimals(sd)
+    assert f"{fixed(value, places)} +- {fixed(sd, places)}" == text
+
+
+def test_rounding_over_all_magnitudes():
+    rng = np.random.default_rng(2)
+    cases = [float(f"{digits:.4g}") for digits in rng.uniform(1.0, 10.0, 300) * 10.0 ** rng.integers(-6, 7, 300)]
+    # Whole powers of ten are where a logarithm may miss.
+    cases += [float(f"1e{k}") for k in range(-7, 8)] + [float(f"9.5e{k}") for k in range(-7, 8)]
+    for sd in cases:
+        assert decimals(sd) == min(pdg(sd), 9), sd
+        shown = Decimal(fixed(sd, decimals(sd)))
+        step = Decimal(1).scaleb(-decimals(sd))
+        # Numpy's and Python's rounding of a tie in binary may fall either way: never by more than half a step.
+        assert abs(shown - Decimal(repr(sd))) <= step / 2
+        assert Decimal(repr(sd)).quantize(step, ROUND_HALF_EVEN) - shown in (0, step, -step)
+
+
+def test_latex_is_a_whole_table_rounded_as_the_rows_are(saved):
+    text = latex_table(saved)
+    assert [text.count(rf"\{end}{{{name}}}") for end in ("begin", "end") for name in ("table", "tabular")] == [1] * 4
+    for rule in (r"\toprule", r"\midrule", r"\bottomrule"):
+        assert text.count(rule) == 1
+    body = text.split(r"\midrule")[1].split(r"\bottomrule")[0].strip().splitlines()
+    assert len(body) == len(saved.parameters)
+    for line, row in zip(body, paper_rows(saved), strict=True):
+        assert line.rstrip().endswith(r"\\")
+        cells = [cell.strip() for cell in line.rstrip().removesuffix(r"\\").split(" & ")]
+        assert len(cells) == 5
+        assert cells[2].startswith(rf"${row.value} \pm {row.sd}$")
+        # Value and sd end at the same decimal.
+        assert len(row.value.partition(".")[2]) == len(row.sd.partition(".")[2])
+        assert line.count("$") % 2 == 0
+    assert not re.search(r"(?<!\\)[_%#&]", text.split(r"\caption")[1].split("\n")[0])
+    assert r"$\mathrm{10^{-3}\,s/m}$" in text
+    assert "did not converge" in text
+
+
+def test_a_number_the_prior_decides_is_marked(small_fit, tmp_path):
+    content = json.loads((small_fit / "fit.json").read_text(encoding="utf-8"))
+    content["parameters"]["e_x"]["verdict"] = "prior-dominated"
+    content["parameters"]["mu"]["verdict"] = "fixed"
+    (tmp_path / "fit.json").write_text(json.dumps(content), encoding="utf-8")
+    marked = fitball.load_fit(tmp_path)
+    for text in (markdown_table(marked), latex_table(marked)):
+        assert "set by what was assumed beforehand rather than by the impacts" in text
+    (mu,) = (row for row in paper_rows(marked) if row.name == "mu")
+    assert mu.sd == ""
+    assert float(mu.value) == pytest.approx(marked.parameters["mu"].point, rel=1e-3)
+    assert "assumed beforehand" not in markdown_table(fitball.load_fit(small_fit))
+
+
+def test_markdown_has_one_row_a_parameter(saved):
+    lines = markdown_table(saved).splitlines()
+    rows = [line for line in lines if line.startswith("| `")]
+    assert len(rows) == len(saved.parameters)
+    assert all(line.count("|") == 6 for line in rows)
+
+
+def test_netcdf_holds_the_draws_for_arviz(small_fit, saved, tmp_path):
+    place = tmp_path / "draws.nc"
+    assert main(["export", str(small_fit), "--to", "netcdf", "--out", str(place)]) == 0
+    truth = read_netcdf(small_fit / "posterior.nc")
+    with xr.open_datatree(place, engine="h5netcdf") as tree:
+        assert {"posterior", "sample_stats", "prior", "observed_data", "constant_data"} <= set(tree.children)
+        draws = tree["posterior"].to_dataset()
+        for k, name in enumerate(truth.names):
+            np.testing.assert_array_equal(np.sort(draws[name].to_numpy().ravel()), np.sort(truth.draws[:, k]))
+            assert draws[name].dims == ("chain", "draw")
+            assert draws[name].attrs["units"] == saved.parameters[name].unit
+        assert tree["sample_stats"]["lp"].shape == draws["mu"].shape
+        # A score stands beside its own draw.
+        best = np.unravel_index(np.argmax(truth.log_posterior), truth.log_posterior.shape)
+        where = np.unravel_index(np.argmax(tree["sample_stats"]["lp"].to_numpy()), draws["mu"].shape)
+        assert draws["mu"].to_numpy()[where] == truth.values[best][truth.names.index("mu")]
+        np.testing.assert_array_equal(tree["constant_data"]["v_x1"], saved.fitted.impacts.v_x1)
+        assert tree.attrs["model"] == "grip-slip"
+        sample = arviz_base.extract(tree, var_names=["mu", "e_x"])
+        assert sample.sizes == {"sample": truth.draws.shape[0]}
+        assert float(sample["mu"].mean()) == pytest.approx(float(np.mean(truth.draws[:, truth.names.index("mu")])))
+
+
+def test_netcdf_without_or_with_foreign_draws(small_fit, point_only, tmp_path, capsys):
+    folder = tmp_path / "moved"
+    folder.mkdir()
+    shutil.copy(small_fit / "fit.json", folder)
+    assert main(["export", str(folder), "--to", "netcdf"]) == 0
+    assert "posterior.nc is missing" in capsys.readouterr().err
+    with xr.open_datatree(folder / "arviz.nc", engine="h5netcdf") as tree:
+        assert tree["posterior"]["mu"].shape == (1, fitball.load_fit(folder).fitted.draws.shape[0])
+    with xr.open_datatree(small_fit / "posterior.nc", engine="h5netcdf") as tree:
+        other = tree["posterior"].to_dataset() * 1.001
+        content = {name: other if name == "posterior" else tree[name].to_dataset().load() for name in tree.children}
+        xr.DataTree.from_dict(content).to_netcdf(folder / "posterior.nc", engine="h5netcdf")
+    assert main(["export", str(folder), "--to", "netcdf", "--overwrite"]) == 2
+    assert "of another fit" in capsys.readouterr().err
+    assert main(["export", str(point_only), "--to", "netcdf"]) == 2
+    assert "a point fit has no draws" in capsys.readouterr().err
+
+
+def test_every_format_of_a_point_fit(point_only):
+    for name in FORMAT_NAMES:
+        if name != "netcdf":
+            assert main(["export", str(point_only), "--to", name]) == 0
+    assert {path.name for path in point_only.iterdir()} == {
+        "fit.json", "bounce.py", "bounce.h", "golden.csv", "lookup.csv", "lookup.json", "engine.md", "engine.json",
+        "parameters.json", "parameters.toml", "parameters.csv", "parameters.tex", "parameters.md",
+    }  # fmt: skip
+
+
+def test_names_on_the_command_line_are_those_that_exist():
+    assert {*TEXT_FORMATS, "netcdf"} == set(FORMAT_NAMES)
+
+
+def test_manners(small_fit, tmp_path, capsys):
+    call = ["export", str(small_fit), "--to"]
+    place = tmp_path / "p.json"
+    assert main([*call, "json", "--out", str(place)]) == 0
+    before = place.read_bytes()
+    for words, refused in (
+        (["jsn"], "did you mean 'json'"),
+        (["json", "--out", str(place)], "allow it with --overwrite"),
+        (["json", "--out", str(tmp_path / "none" / "p.json")], "make it first"),
+        (["json", "--out", str(small_fit / "fit.json"), "--overwrite"], "belongs to the result"),
+        (["netcdf", "--out", str(small_fit / "posterior.nc"), "--overwrite"], "belongs to the result"),
+        (["netcdf", "--out", "-"], "no text"),
+        (["json", "--range", "v=1"], "--range belongs to --to lookup"),
+        (["c", "--prefix", "9-"], "the beginning of a C name"),
+        (["engine", "--engine-inertia", "2"], "at most 1"),
+    ):
+        assert main([*call, *words]) == 2, words
+        assert refused in capsys.readouterr().err
+    assert place.read_bytes() == before
+    assert main([*call, "json", "--out", str(place), "--overwrite"]) == 0
+    assert place.read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["p.json"]
+    assert main([*call, "c", "--prefix", "clay_", "--out", "-"]) == 0
+    header = capsys.readouterr().out
+    assert "clay_rebound(" in header
+    assert "fitball_" not in header
