@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import fitball
 from fitball.data.read import load_table
 from fitball.inference.outputs import root_mean_square
 from fitball.inference.published_cases import case_errors, compare_cases
+from fitball.inference.results import BudgetLine, ErrorBudget
 from fitball.report.alt_texts import alt_texts
 from fitball.report.budget_rows import budget_table
 from fitball.report.html import page
@@ -208,7 +210,14 @@ def test_the_budget_is_a_table(grip_slip_fit):
     assert rows["omega_2"][1] == "rad/s"
     assert float(rows["omega_2"][3]) == pytest.approx(line.measurement, rel=0.05)
     assert float(rows["omega_2"][4]) == pytest.approx(line.posterior, rel=0.05)
-    assert float(rows["omega_2"][5]) == pytest.approx(line.numerical / min(line.measurement, line.posterior), rel=0.5)
+    # 1e-12 m/s over the smaller of 0.2 and 0.02; the angle in degrees.
+    made = ErrorBudget(3, "x", {"v_x2": BudgetLine(1e-12, 0.2, 0.02), "theta_2": BudgetLine(0.0, 0.01, 0.1)})
+    shown = budget_table(made)
+    assert shown.rows[0] == ("v_x2", "m/s", "1.0e-12", "0.20", "0.020", "5e-11")
+    assert shown.rows[1] == ("theta_2", "deg", "none found", "0.57", "5.7", "none found")
+    assert "at most 5e-11" in shown.sentence
+    assert "limits some outputs" in shown.sentence
+    assert "parameters limit" in budget_table(replace(made, lines={"v_x2": BudgetLine(1e-9, 0.1, 0.5)})).sentence
 
 
 def test_the_page_says_how_to_repeat_it(grip_slip_fit, text):

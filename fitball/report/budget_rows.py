@@ -52,9 +52,11 @@ def _sentence(budget: ErrorBudget, larger: list[str]) -> str:
         if set(larger) == {"measurement"}
         else "the uncertain parameters limit the prediction"
         if set(larger) == {"parameters"}
-        else "measurement and uncertain parameters weigh alike"
+        else "the measurement limits some outputs, the uncertain parameters others"
     )
-    return (
-        f"The arithmetic adds nothing: its error is at most {budget.share:.0e} of the smaller of the other two, "
-        f"found by comparing {budget.impacts} impacts with {budget.reference}; {most}."
+    size = (
+        f"its error is at most {budget.share:.0e} of the smaller of the other two"
+        if budget.share > 0.0
+        else "no error of it was found"
     )
+    return f"The arithmetic adds nothing: {size}, comparing {budget.impacts} impacts with {budget.reference}; {most}."
