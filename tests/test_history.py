@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -40,6 +40,8 @@ CASES = [
      "slide"),
     ("two-mass", {"torsion": "rigid"}, {"mu": 0.5, "eps_10": 0.031, "eps_slope": 0.0}, (3.0, 10.0, 280.0),
      "slide back-slide"),
+    ("two-mass", {"torsion": "rigid"}, {"mu": 0.05, "eps_10": -0.01, "eps_slope": 0.0}, (0.0, 10.0, 0.0),
+     "slide back"),
     ("thesis-exact", {}, {"k_theta": 26.2, "mu": 0.59, "eps_10": 0.0117, "eps_slope": 0.0}, (16.0, 10.4, -204.0),
      "slide-hold-grip-slide back-free"),
     ("two-mass", {"normal": "total", "offset": "grip", "torsion": "free", "spin": "shell"},
@@ -227,6 +229,53 @@ def test_friction_stays_in_its_cone_and_the_ground_never_pulls(case):
     assert found.normal_force.max() <= found.peak_force.value * (1.0 + 1e-12)
     assert found.y.max() == pytest.approx(found.peak_compression.value, rel=1e-5)
     assert found.normal_force.max() == pytest.approx(found.peak_force.value, rel=1e-5)
+
+
+CLOSURES = list(
+    product(
+        ("zero_force", "zero_displacement"), ("inner", "momentum", "total"), ("grip", "contact"), ("shell", "mean"),
+        ("matched", "free", "rigid"),
+    )
+)  # fmt: skip
+
+
+def test_every_composition_at_odd_values():
+    """Phases are those of the rebound, the end is the rebound, friction keeps its cone: also where things touch."""
+    rng = np.random.default_rng(8)
+    followed = 0
+    for chosen in CLOSURES:
+        model = fitball.model(
+            "two-mass", **dict(zip(("release", "normal", "offset", "spin", "torsion"), chosen, strict=True))
+        )
+        for _ in range(12):
+            values = {
+                **PARAMETERS,
+                "eps_slope": 0.0,
+                "k_theta": math.exp(rng.uniform(1.0, 9.0)),
+                "mu": rng.choice([0.0, rng.uniform(0.0, 1.2), rng.uniform(0.0, 0.2)]),
+                "eps_10": rng.choice([0.0, rng.uniform(-0.01, 0.015)]),
+                "zeta_theta": rng.choice([0.0, 1.0, rng.uniform(0.0, 2.0)]),
+                "mass_ratio": rng.uniform(0.6, 0.98),
+                "cor_10": rng.uniform(0.1, 0.95),
+            }
+            values = {name: float(values[name]) for name in model.parameter_names}
+            spin = rng.choice([0.0, rng.uniform(-400.0, 600.0)])
+            # At rest, without slip to rounding, or in flight.
+            speed = rng.choice([0.0, spin * BALL.radius, rng.uniform(-5.0, 25.0)])
+            impact = fitball.impacts(speed, rng.uniform(3.0, 16.0), spin)
+            try:
+                rebound = model.rebound(values, impact)
+            except ParameterError:
+                continue
+            followed += 1
+            found = model.history(values, impact, np.linspace(0.0, 1.0, 41) * rebound.contact_time[0])
+            assert tuple(span.phase for span in found.spans) == unpack_regime(int(rebound.regime[0]))
+            assert found.v_x[-1] == pytest.approx(rebound.v_x2[0], abs=1e-10)
+            if chosen[3] == "shell":
+                assert found.omega_2[-1] == pytest.approx(rebound.omega_2[0], abs=1e-8)
+            limit = values["mu"] * found.normal_force
+            assert np.all(np.abs(found.friction_force) <= limit + 1e-9 * found.peak_force.value)
+    assert followed > 600
 
 
 def test_mirror_symmetry_without_offset():

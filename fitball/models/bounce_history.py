@@ -37,6 +37,8 @@ Y, V_Y, V_X, OMEGA_CORE, OMEGA_SHELL, TWIST, SLIP, NORMAL, FRICTION, COURSES = r
 RIDING, LANDING, OMEGA2, SIGMA, W2, T_FORCE, T_CONTACT, LANDED_V_X, LANDED_OMEGA, FACTS = range(10)
 # Halvings that bring a bracket of the size of the contact to the rounding of its ends.
 BISECTIONS = 60
+# An impulse that stops no slip that a float can hold [N s].
+FIRST_IMPULSE = 1e-300
 
 
 @compiled
@@ -44,6 +46,19 @@ def vertical_at(sigma: float, omega2: float, w2: float, v_y: float, t: float) ->
     """Compression and its rate `t` seconds after landing at `v_y` (Jafri 2004, Eqs 2 and 4)."""
     r, s, _envelope = damped_pair(sigma, w2, omega2, math.sqrt(abs(w2)), t)
     return v_y * s, v_y * (r - sigma * s)
+
+
+@compiled
+def _rigid_phase(
+    slip: float, impulse: float, direction: float, mu: float, drive: float, need: float, compliance: float
+) -> tuple[int, float, float]:
+    friction, slipped, held, onward = friction_impulse(slip, impulse, mu, drive, need, compliance)
+    acting = impulse - slipped - held
+    if abs(onward) > 0.5:
+        return slide_phase(onward), friction, acting
+    if slipped >= impulse and abs(slip) > 0.0:
+        return slide_phase(direction), friction, acting
+    return (HOLD if held > 0.0 else GRIP), friction, acting
 
 
 @compiled
@@ -57,13 +72,11 @@ def rigid_phase(
     direction = 1.0 if slip > 0.0 else -1.0
     if not mu > 0.0:
         return slide_phase(direction), 0.0, 0.0
-    friction, slipped, held, onward = friction_impulse(slip, impulse, mu, drive, need, compliance)
-    acting = impulse - slipped - held
-    if abs(onward) > 0.5:
-        return slide_phase(onward), friction, acting
-    if slipped >= impulse and abs(slip) > 0.0:
-        return slide_phase(direction), friction, acting
-    return (HOLD if held > 0.0 else GRIP), friction, acting
+    if not impulse > 0.0:
+        # Nothing has happened yet; what is about to shows with the first impulse.
+        phase, _friction, _acting = _rigid_phase(slip, FIRST_IMPULSE, direction, mu, drive, need, compliance)
+        return phase, 0.0, 0.0
+    return _rigid_phase(slip, impulse, direction, mu, drive, need, compliance)
 
 
 @compiled
@@ -140,8 +153,7 @@ def rigid_pieces(
 ) -> int:
     """Write the phases of a rigid contact as pieces into `record`; returns their number, one or two."""
     t_force = facts[T_FORCE]
-    # Without a landing impulse the phase at the start is that of the first small one.
-    first = rigid_phase_at(0.5**BISECTIONS * t_force, facts, v_y, slip, mu, drive, need, compliance)
+    first = rigid_phase_at(0.0, facts, v_y, slip, mu, drive, need, compliance)
     last = rigid_phase_at(t_force, facts, v_y, slip, mu, drive, need, compliance)
     left, right = 0.0, t_force
     if last != first:

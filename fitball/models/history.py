@@ -188,13 +188,14 @@ def _after_release(codes: NDArray[np.int64], leaving: Motion, rebound: Rebound) 
 def _spans(record: FloatArray, t_force: float, contact_time: float) -> tuple[Span, ...]:
     """Phases with their times; what lasts no time is none, and pieces of one phase that a series cut are joined."""
     found: list[tuple[Phase, float, float]] = []
-    start = time = 0.0
+    start = time = lasted = 0.0
     for phase, ending, elapsed in record[:, [PIECE_PHASE, PIECE_ENDING, PIECE_TIME]]:
         time += float(elapsed)
+        lasted += float(elapsed)
         if ending != UNFINISHED:
-            if time > start:
+            if lasted > 0.0:
                 found.append((Phase(int(phase)), start, time))
-            start = time
+            start, lasted = time, 0.0
     if found and contact_time > t_force:
         found.append((Phase.FREE, t_force, contact_time))
     if found:

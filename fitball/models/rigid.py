@@ -48,7 +48,7 @@ def rigid_contact(
     if slipped.real > landing.real and abs(turned) < 0.5 and (abs(slip.real) > 0.0 or abs(onward) < 0.5):
         regime = append_phase(regime, count, slide_phase(direction))
         count += 1
-    if onward * direction < 0.0 or (onward > 0.5 and count == 0):
+    if abs(onward) > 0.5:
         regime = append_phase(regime, count, slide_phase(onward))
         count += 1
     elif slipped.real < impulse.real:
