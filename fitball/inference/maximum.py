@@ -10,7 +10,7 @@ import numpy as np
 
 from fitball.errors import FitError
 from fitball.inference.force_noise import best_force_noise
-from fitball.inference.minimiser import Minimiser, minima, simplex
+from fitball.inference.minimiser import SAME_OPTIMUM, Minimiser, minima, simplex
 from fitball.inference.parameters import FORCE_NOISE, NOISE_SPECS, TAILS
 from fitball.inference.posterior import Problem
 from fitball.inference.priors import Prior
@@ -89,8 +89,10 @@ def _best_of(problem: Problem, found: Sequence[Candidate]) -> PointFit:
         raise FitError(f"model {problem.model.name}: no start led to parameters of finite posterior density")
     top_point = candidates[0].coordinates
     best = _climb(problem, top_point) if len(problem.impacts) <= CLIMBED else top_point
-    others = [item for item in candidates[1:] if item.score > candidates[0].score - WORTH_KEEPING]
-    kept = [best, *(item.coordinates for item in others)]
+    others = [item.coordinates for item in candidates[1:] if item.score > candidates[0].score - WORTH_KEEPING]
+    # Searches that were apart at their first noise may have met since; the climb is from the first of all.
+    distinct = _distinct([top_point, best, *others], problem.prior.width)
+    kept = [best, *(item for item in distinct if item is not top_point and item is not best)]
     scores = problem.log_posterior(np.array(kept))
     values = problem.to_values(best[None, :])
     rebound = problem.rebound(values)
@@ -103,6 +105,15 @@ def _best_of(problem: Problem, found: Sequence[Candidate]) -> PointFit:
         optima=tuple(named_values(problem, problem.to_values(at[None, :])[0]) for at in kept),
         optima_log_posterior=tuple(float(score) for score in scores),
     )
+
+
+def _distinct(points: Sequence[FloatArray], width: FloatArray) -> list[FloatArray]:
+    """Those of the points (free,) that lie apart from all before them, in widths of the priors (free,)."""
+    found: list[FloatArray] = []
+    for point in points:
+        if all(np.max(np.abs(point - other) / width) > SAME_OPTIMUM for other in found):
+            found.append(point)
+    return found
 
 
 def _with_best_noise(problem: Problem, at: FloatArray, noise: Mapping[str, float], rounds: int) -> Candidate:

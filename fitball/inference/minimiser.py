@@ -17,6 +17,9 @@ from fitball.inference.residuals import IMPOSSIBLE, Weighting, residuals
 from fitball.models.specs import SPECS
 from fitball.values import FloatArray
 
+# Share of its prior's median below which a positive parameter has vanished: nothing that is measured still depends on
+# it, and left alone its logarithm would go on to where the value is exactly zero and has no logarithm.
+VANISHED = 1e-12
 # Two optima whose standardised parameters differ by less than this are one.
 SAME_OPTIMUM = 1e-2
 # Cube root of the rounding error: the step at which central differences lose as much to it as to curvature.
@@ -99,12 +102,14 @@ class Minimiser:
         """Names of the fitted parameters."""
         return [self.problem.free_names[k] for k in self.columns]
 
-    def parameters(self, start: FloatArray) -> lmfit.Parameters:
-        """Lmfit's parameters at a start (fitted,) in coordinates."""
+    def parameters(self, start: FloatArray, low: FloatArray | None = None) -> lmfit.Parameters:
+        """Lmfit's parameters at a start (fitted,) in coordinates; `low` replaces the lower limits."""
         made = lmfit.Parameters()
-        for k, value, low, high in zip(self.columns, start, *self.limits(), strict=True):
+        least, most = self.limits()
+        least = least if low is None else low
+        for k, value, lowest, highest in zip(self.columns, start, least, most, strict=True):
             # Lmfit takes Python identifiers only; names such as mu_place[clay] are none.
-            made.add(f"x{k}", value=float(value), min=low, max=high)
+            made.add(f"x{k}", value=float(value), min=lowest, max=highest)
         return made
 
     def residual(self, parameters: lmfit.Parameters) -> FloatArray:
@@ -142,16 +147,35 @@ class Minimiser:
             scale[self.columns.index(self.walled)] = 1.0
         return scale
 
+    def floor(self) -> FloatArray:
+        """Coordinates (fitted,) below which a positive parameter has vanished; -inf where there is no such place."""
+        found = []
+        for k in self.columns:
+            prior = self.problem.free[k].prior
+            median = float(prior.quantile(np.array([0.5]))[0])
+            open_below = prior.log and prior.lower <= 0.0 and k != self.walled
+            found.append(np.log(VANISHED * median) if open_below else -np.inf)
+        return np.array(found)
+
     def run(self, start: FloatArray) -> Minimum:
         """Gauss-Newton steps in a trust region from `start` (fitted,).
 
-        The region is reflected at the bounds (scipy's trf): the best fit often lies on one, where the sine with which
-        lmfit otherwise hides bounds has no slope and steps go astray.
+        A search that makes a parameter vanish ends at `floor`. The region is reflected at the bounds (scipy's trf):
+        the best fit often lies on one, where the sine with which lmfit otherwise hides bounds has no slope and steps
+        go astray.
         """
+        low = self.limits()[0]
+        found = self._run(start, low)
+        floor = self.floor()
+        if np.all(found.at >= floor):
+            return found
+        return self._run(np.maximum(found.at, floor), np.maximum(low, floor))
+
+    def _run(self, start: FloatArray, low: FloatArray) -> Minimum:
         many = len(self.problem.impacts) > ONE_SIDED
         # The covariance that lmfit derives on the way is not used, and has no root where a direction is flat.
         with np.errstate(invalid="ignore", divide="ignore"):
-            result = lmfit.Minimizer(self.residual, self.parameters(start)).least_squares(
+            result = lmfit.Minimizer(self.residual, self.parameters(start, low)).least_squares(
                 method="trf",
                 Dfun=self.jacobian,
                 x_scale=self.scale(),
