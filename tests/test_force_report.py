@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import tomllib
 from dataclasses import replace
 from hashlib import sha256
@@ -80,7 +81,7 @@ def test_a_point_fit_judges_by_its_profile(table):
 
 
 def test_the_notes_say_what_was_done(fit):
-    notes = " ".join(fit.problem.notes)
+    notes = " ".join(fit.notes)
     assert "force records found beside the table: drops_force.csv" in notes
     assert "count like" in notes and "found from the record" in notes
     assert NO_CONTACT_TIME not in notes and "MISFIT" not in notes
@@ -92,7 +93,10 @@ def test_files_hold_the_records(table, fit, folder):
     jsonschema.validate(content, schema)
     digest = sha256(table.with_name("drops_force.csv").read_bytes()).hexdigest()
     assert content["data"]["force"]["sha256"] == digest
-    assert tomllib.loads((folder / "run.toml").read_text())["force"] == {"file": "drops_force.csv", "sha256": digest}
+    named = tomllib.loads((folder / "run.toml").read_text())["force"]
+    assert named["sha256"] == digest and (folder / named["file"]).resolve().samefile(
+        table.with_name("drops_force.csv")
+    )
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "Force records (points" in page and "count like" in page
     assert (folder / "force.png").stat().st_size > 10_000
@@ -123,6 +127,17 @@ def test_another_record_is_another_run(table, tmp_path):
     assert mark == fingerprint(problem_of(table), effort)
     assert mark != fingerprint(problem_of(write_case(tmp_path, 5)), effort)
     assert mark != fingerprint(problem_of(table, scene=Scene(force_start_sd=1e-3)), effort)
+
+
+def test_a_run_with_records_is_repeated(folder, table, tmp_path, capsys):
+    assert main(["repeat", str(folder), "--quiet"]) == 0
+    assert "bit-equal" in capsys.readouterr().out
+    moved = tmp_path / "moved.csv"
+    shutil.copyfile(table.with_name("drops_force.csv"), moved)
+    assert main(["repeat", str(folder), "--quiet", "--force", str(moved)]) == 0
+    moved.write_text(moved.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    assert main(["repeat", str(folder), "--quiet", "--force", str(moved)]) == 2
+    assert "changed since the fit" in capsys.readouterr().err
 
 
 def test_no_record_no_figure(tmp_path, capsys):

@@ -41,6 +41,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--data", metavar="FILE", action="append", default=[], help="where the table is now; repeat for several"
     )
+    parser.add_argument("--force", metavar="FILE", help="where its force records are now")
     parser.add_argument("--out", metavar="DIR", help="keep the new result in this folder")
     add_cores(parser)
     parser.add_argument("--json", action="store_true", help="print every comparison as JSON")
@@ -56,14 +57,14 @@ def run(args: argparse.Namespace) -> int:
 
     from fitball.inference.sampling import SamplingInterrupted
     from fitball.report.folder import prepare, write_all
-    from fitball.report.run_record import find_tables, read_run, record_problem
+    from fitball.report.run_record import find_records, find_tables, read_run, record_problem
     from fitball.studies.repetition import Outcome, compared
     from fitball.studies.repetition_text import render, repetition_json
     from fitball.studies.rerun import check_rows, read_kept, rerun, write_numbers
 
     record = read_run(Path(args.fit))
     original = read_kept(record.folder)
-    problem = record_problem(record, find_tables(record, args.data))
+    problem = record_problem(record, find_tables(record, args.data), find_records(record, args.force))
     check_rows(problem, original)
     effort = replace(record.effort, cores=args.cores)
     if args.out is not None:

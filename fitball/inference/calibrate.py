@@ -204,7 +204,8 @@ def _assemble(
     if diagnostics is not None:
         status = RunStatus.CONVERGED if diagnostics.converged else RunStatus.NOT_CONVERGED
     return Fit(
-        problem=replace(problem, notes=(*problem.notes, *force_notes(problem, point))),
+        problem=problem,
+        notes=(*problem.notes, *force_notes(problem, point)),
         balances=scene_balances(problem.table, problem.scene),
         least_squares=squares,
         point=point,

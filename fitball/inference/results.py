@@ -262,9 +262,10 @@ class Timing:
 
 @dataclass(frozen=True)
 class Fit:
-    """All that one calibration found."""
+    """All that one calibration found. `notes` are those of the problem, and what only the fit could tell."""
 
     problem: Problem
+    notes: tuple[str, ...]
     balances: Balances
     least_squares: LeastSquares
     point: PointFit

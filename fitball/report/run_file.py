@@ -17,7 +17,10 @@ from fitball.version import __version__
 RUN_NAME = "run.toml"
 # Version 1, which had no number, named neither the files nor the scene's numbers.
 RUN_SCHEMA = 2
-SCENE_NUMBERS = ("velocity_sd", "spin_sd", "contact_time_sd", "nominal_velocity_sd", "nominal_spin_sd")
+SCENE_NUMBERS = (
+    "velocity_sd", "spin_sd", "contact_time_sd", "nominal_velocity_sd", "nominal_spin_sd",
+    "force_sd", "force_start_sd",
+)  # fmt: skip
 SCENE_TEXTS = ("model", "surface", "description", "citation")
 
 
@@ -33,8 +36,7 @@ def _section(name: str, content: Mapping[str, object], brackets: str = "[]") -> 
 
 
 def _force(records: ForceRecords, folder: Path) -> dict[str, object]:
-    known = {} if records.start_sd is None else {"start_sd": records.start_sd}
-    return _named(Path(records.source), folder) | {"sha256": records.digest, **known}
+    return _named(Path(records.source), folder) | {"sha256": records.digest}
 
 
 def run_text(fit: Fit, folder: Path) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from fitball.data.bundled import bundled_folder
+from fitball.data.force_file import load_force
 from fitball.data.frozen import FrozenMapping
 from fitball.data.join import load_tables
 from fitball.data.scene import Scene
@@ -24,7 +25,9 @@ from fitball.values import Ball
 
 @dataclass(frozen=True)
 class NamedTable:
-    """A table as `run.toml` names it: `file` relative to the result folder, or the name of a bundled one."""
+    """A table, or its force records, as `run.toml` names it: `file` relative to the result folder, or the name of a
+    bundled one.
+    """
 
     file: str
     bundled: bool
@@ -34,11 +37,12 @@ class NamedTable:
 @dataclass(frozen=True)
 class RunRecord:
     """A run: `place` is the file that describes it. `scene` and `choices` together define the problem; `reasons` say
-    why parameters are fixed, `notes` are those of the problem.
+    why parameters are fixed, `notes` are those of the problem; `force` are the force records, if there were any.
     """
 
     place: Path
     tables: tuple[NamedTable, ...]
+    force: NamedTable | None
     scene: Scene
     choices: Choices
     reasons: Mapping[str, str]
@@ -101,13 +105,16 @@ def _record(place: Path, content: Mapping[str, Any]) -> RunRecord:
         offsets=measurement.get("offsets"),
         incident_errors=measurement["incident_errors"],
     )
-    files = tuple(
-        NamedTable(item["file"], item["bundled"], item["sha256"]) for item in content["table"].get("files", ())
-    )
+    files = tuple(map(_named, content["table"].get("files", ())))
+    force = _named(content["force"]) if "force" in content else None
     return RunRecord(
-        place, files, scene, choices, content["fixed_because"], tuple(content["notes"]),
+        place, files, force, scene, choices, content["fixed_because"], tuple(content["notes"]),
         _effort(run, content.get("sampler")),
     )  # fmt: skip
+
+
+def _named(item: Mapping[str, Any]) -> NamedTable:
+    return NamedTable(item["file"], item["bundled"], item["sha256"])
 
 
 def _effort(run: Mapping[str, Any], sampler: Mapping[str, Any] | None) -> Effort:
@@ -145,31 +152,49 @@ def find_tables(record: RunRecord, given: Sequence[str] = ()) -> tuple[Path, ...
             f"{record.place}: made from {count} table{'s' if count > 1 else ''}, --data names {len(given)}; "
             "name each of them, in the order of the fit"
         )
-    chosen = []
-    for k, item in enumerate(record.tables):
-        place = Path(given[k]) if given else _place(record, item)
-        if not place.is_file():
-            raise ResultFolderError(
-                f"{place}: the table of this fit is not there; put it back, or say with --data where it is "
-                f"(SHA-256 {item.digest})"
-            )
-        found = sha256(place.read_bytes()).hexdigest()
-        if found != item.digest:
-            raise ResultFolderError(
-                f"{place}: changed since the fit: its SHA-256 is {found}, the fit was made from {item.digest}; "
-                "put the old table back, name it with --data, or calibrate anew"
-            )
-        chosen.append(place)
-    return tuple(chosen)
+    return tuple(
+        _found(Path(given[k]) if given else _place(record, item), item, "the table", "--data")
+        for k, item in enumerate(record.tables)
+    )
+
+
+def find_records(record: RunRecord, given: str | None = None) -> Path | None:
+    """The file of the run's force records, None where it had none; as `find_tables`."""
+    if record.force is None:
+        if given is not None:
+            raise ResultFolderError(f"{record.place}: made without force records, --force names {given}")
+        return None
+    return _found(Path(given) if given else _place(record, record.force), record.force, "the force record", "--force")
+
+
+def _found(place: Path, item: NamedTable, what: str, option: str) -> Path:
+    """`place`, where it holds what `item` says; ResultFolderError otherwise."""
+    if not place.is_file():
+        raise ResultFolderError(
+            f"{place}: {what} of this fit is not there; put it back, or say with {option} where it is "
+            f"(SHA-256 {item.digest})"
+        )
+    found = sha256(place.read_bytes()).hexdigest()
+    if found != item.digest:
+        raise ResultFolderError(
+            f"{place}: changed since the fit: its SHA-256 is {found}, the fit was made from {item.digest}; "
+            f"put the old file back, name it with {option}, or calibrate anew"
+        )
+    return place
 
 
 def _place(record: RunRecord, item: NamedTable) -> Path:
     return bundled_folder() / item.file if item.bundled else (record.folder / item.file).resolve()
 
 
-def record_problem(record: RunRecord, tables: Sequence[Path]) -> Problem:
-    """The problem of a run, from the files that `find_tables` found. Raises as reading and `build_problem` do."""
-    problem = build_problem(load_tables(tables), record.scene, record.choices)
+def record_problem(record: RunRecord, tables: Sequence[Path], records: Path | None = None) -> Problem:
+    """The problem of a run, from the files that `find_tables` and `find_records` found.
+
+    Raises as reading and `build_problem` do.
+    """
+    table = load_tables(tables)
+    force = None if records is None else load_force(records, table)
+    problem = build_problem(table, record.scene, record.choices, force)
     parameters = tuple(
         replace(item, fixed_because=record.reasons.get(item.name, item.fixed_because)) for item in problem.parameters
     )

@@ -260,4 +260,4 @@ def _unit(name: str) -> str:
 
 def notes(fit: Fit) -> tuple[str, ...]:
     """What the reader of the table and of the scene should know."""
-    return (*map(str, fit.problem.table.notices), *fit.problem.notes)
+    return (*map(str, fit.problem.table.notices), *fit.notes)

@@ -11,7 +11,7 @@ import numpy as np
 from fitball.studies.rerun import Kept
 
 # What says where and with what a fit was made, not what it found.
-IGNORED = ("versions", "table.name", "table.file")
+IGNORED = ("versions", "table.name", "table.file", "data.force.file")
 # Places where list entries are named by their place alone.
 _JOINT = "."
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from textwrap import shorten
 from typing import Any
 
 from fitball.report.rounding import significant
@@ -13,6 +14,8 @@ from fitball.studies.rerun import Kept
 
 # Rows of the table that are printed; JSON holds all.
 SHOWN = 20
+# Characters of a text that are printed; JSON holds all.
+WIDEST = 40
 
 
 def render(found: Repetition, original: Kept) -> str:
@@ -71,7 +74,7 @@ def _row(item: Finding) -> list[str]:
 
 
 def _shown(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:.7g}"
+    return shorten(value, WIDEST, placeholder=" ...") if isinstance(value, str) else f"{value:.7g}"
 
 
 def repetition_json(found: Repetition, original: Mapping[str, Any]) -> dict[str, Any]:
