@@ -15,6 +15,7 @@ from fitball.inference.fitted import FittedModel
 from fitball.inference.simulate import COURSES, DEFAULTS, POINTS, chosen_parameters, simulate, simulate_fit
 from fitball.models.oracle import oracle_rebound
 from fitball.models.types import unpack_regime
+from fitball.report.export import fit_text
 from fitball.report.figure_history import ALL_PANELS, DRAWN, LABELS, history_figure
 from fitball.studies.example_claims import MEASURES, findings, run_example
 from fitball.studies.simulate_examples import EXAMPLES
@@ -160,7 +161,9 @@ def test_from_a_fit_at_the_command_line(tmp_path, capsys):
     # All but the friction is held, so that the fit costs little.
     fix = {name: DEFAULTS[name] for name in fitball.model().parameter_names if name != "mu"}
     fit = fitball.calibrate("wang_topspin.csv", model="two-mass", point_only=True, cores=1, fix=fix)
-    folder = fit.save(tmp_path / "fit")
+    folder = tmp_path / "fit"
+    folder.mkdir()
+    (folder / "fit.json").write_text(fit_text(fit))
     command = ["simulate", "--impact", "v=17, theta=42, spin=100", "--fit", str(folder), "--json"]
     assert main([*command, "--out", str(tmp_path / "point")]) == 0
     said = capsys.readouterr()

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.models.bounce import OK, TORSION_RIGID, bounce, joint, landing_and_offset, vertical_motion
+from fitball.models.bounce import TORSION_RIGID, bounce, joint, landing_and_offset, vertical_motion
 from fitball.models.bounce_jacobian import make_replay_scratch
 from fitball.models.compiled import compiled, compiled_allocating
 from fitball.models.events import POLES, TORSION
@@ -23,8 +23,10 @@ from fitball.models.twist import set_torsion
 from fitball.models.two_mass import (
     EVENT,
     FORCE_ENDED,
+    MAX_PHASES,
     PIECE_ENDING,
     PIECE_PHASE,
+    PIECE_SIZE,
     PIECE_TIME,
     UNFINISHED,
     make_scratch,
@@ -243,47 +245,49 @@ def sprung_courses(
         courses[SLIP, k] = 0.0 if resting else travel - radius * turned
 
 
-@compiled_allocating
-def bounce_history(
+@compiled
+def vertical_courses(
     row: FloatArray,
     codes: NDArray[np.int64],
-    v_x: float,
     v_y: float,
-    omega: float,
     cor: float,
     times: FloatArray,
     courses: FloatArray,
-    phases: NDArray[np.int64],
     facts: FloatArray,
-    record: FloatArray,
-) -> tuple[int, int, int]:
-    """Fill `courses` (COURSES, times), `phases` (times,), `facts` (FACTS,); returns `(status, regime, pieces)`.
-
-    `times` [s] lie within the contact; the pieces of the contact are written into `record`. Phase 0 means that the
-    motion along the court is not followed.
-    """
-    status, _v_x2, _v_y2, _omega_2, _time, regime, pieces = bounce(
-        row, codes, v_x, v_y, omega, cor, make_scratch(), record
-    )
-    if status != OK:
-        return status, regime, 0
+) -> float:
+    """Courses of the vertical motion, and `facts` (FACTS,) but for the landed state; returns the offset [m]."""
     _status, _cor, riding, omega2, sigma, w2, t_force, t_contact = vertical_motion(row, codes, v_y, cor)
     landing, eps = landing_and_offset(row, codes, v_y)
     facts[RIDING], facts[LANDING], facts[OMEGA2], facts[SIGMA], facts[W2] = riding, landing, omega2, sigma, w2
-    facts[T_FORCE], facts[T_CONTACT], facts[LANDED_V_X], facts[LANDED_OMEGA] = t_force, t_contact, v_x, omega
+    facts[T_FORCE], facts[T_CONTACT] = t_force, t_contact
     for k in range(times.shape[0]):
         y, y_rate = vertical_at(sigma, omega2, w2, v_y, times[k])
         courses[Y, k], courses[V_Y, k] = y, y_rate
         # The ground cannot pull: once the force has turned tensile there is none. Where it ends, rounding may have
         # either sign.
         courses[NORMAL, k] = 0.0 if times[k] > t_force else max(riding * (2.0 * sigma * y_rate + omega2 * y), 0.0)
+    return eps
+
+
+def bounce_history(
+    row: FloatArray, codes: NDArray[np.int64], v_x: float, v_y: float, omega: float, cor: float, times: FloatArray
+) -> tuple[FloatArray, NDArray[np.int64], FloatArray, FloatArray]:
+    """Courses (COURSES, times), phases (times,), facts (FACTS,), and the pieces of a contact that has a solution.
+
+    `times` [s] lie within the contact. Phase 0 means that the motion along the court is not followed. The kernels are
+    called one by one: in one they would be compiled all over again.
+    """
+    courses, facts = np.zeros((COURSES, times.shape[0])), np.zeros(FACTS)
+    phases, record = np.zeros(times.shape[0], dtype=np.int64), np.zeros((MAX_PHASES, PIECE_SIZE))
+    eps = vertical_courses(row, codes, v_y, cor, times, courses, facts)
     if codes[7] == 0:
-        courses[V_X, :], courses[OMEGA_CORE, :], courses[OMEGA_SHELL, :] = v_x, omega, omega
-        courses[TWIST, :], courses[FRICTION, :], courses[SLIP, :] = 0.0, 0.0, v_x - row[11] * omega
-        phases[:] = 0
-        return OK, 0, 0
+        courses[[V_X, OMEGA_CORE, OMEGA_SHELL]] = [[v_x], [omega], [omega]]
+        courses[SLIP] = v_x - row[11] * omega
+        facts[[LANDED_V_X, LANDED_OMEGA]] = v_x, omega
+        return courses, phases, facts, record[:0]
     if codes[5] == TORSION_RIGID:
-        pieces = rigid_courses(row, codes[2] == 1, eps, facts, v_x, v_y, omega, times, courses, phases, record)
+        pieces = rigid_courses(row, bool(codes[2]), eps, facts, v_x, v_y, omega, times, courses, phases, record)
     else:
+        *_rebound, pieces = bounce(row, codes, v_x, v_y, omega, cor, make_scratch(), record)
         sprung_courses(row, codes, eps, facts, v_x, v_y, omega, times, courses, phases, record, pieces)
-    return OK, regime, pieces
+    return courses, phases, facts, record[:pieces]

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from fitball.errors import ParameterError
 from fitball.models import bounce_history as kernel
 from fitball.models.bounce import TORSION_RIGID
-from fitball.models.two_mass import MAX_PHASES, PIECE_ENDING, PIECE_PHASE, PIECE_SIZE, PIECE_TIME, UNFINISHED
+from fitball.models.two_mass import PIECE_ENDING, PIECE_PHASE, PIECE_TIME, UNFINISHED
 from fitball.models.types import Phase, Rebound, regime_name
 from fitball.values import FloatArray, Impacts
 
@@ -138,19 +138,14 @@ def two_mass_history(
     wanted = checked_times(times, contact_time)
     v_x, v_y, omega = (float(item[0]) for item in (impact.v_x1, impact.v_y1, impact.omega_1))
     cor = float(impact.cor[0]) if impact.cor is not None else math.nan
-    courses = np.zeros((kernel.COURSES, wanted.size))
-    phases = np.zeros(wanted.size, dtype=np.int64)
-    facts, record = np.zeros(kernel.FACTS), np.zeros((MAX_PHASES, PIECE_SIZE))
-    _status, regime, pieces = kernel.bounce_history(
-        row, codes, v_x, v_y, omega, cor, wanted, courses, phases, facts, record
+    # The end is looked at whether it was asked for or not.
+    all_courses, all_phases, facts, pieces = kernel.bounce_history(
+        row, codes, v_x, v_y, omega, cor, np.append(wanted, contact_time)
     )
-    landed = Motion(float(facts[kernel.LANDED_V_X]), v_y, omega, float(facts[kernel.LANDED_OMEGA]))
-    if codes[5] == TORSION_RIGID:
-        landed = Motion(landed.v_x, v_y, landed.omega_2, landed.omega_2)
-    last = np.array([contact_time])
-    at_end = np.zeros((kernel.COURSES, 1))
-    kernel.bounce_history(row, codes, v_x, v_y, omega, cor, last, at_end, np.zeros(1, dtype=np.int64), facts, record)
-    leaving = Motion(*(float(at_end[k, 0]) for k in (kernel.V_X, kernel.V_Y, kernel.OMEGA_CORE, kernel.OMEGA_SHELL)))
+    courses, phases, at_end = all_courses[:, :-1], all_phases[:-1], all_courses[:, -1]
+    spin = float(facts[kernel.LANDED_OMEGA])
+    landed = Motion(float(facts[kernel.LANDED_V_X]), v_y, spin if codes[5] == TORSION_RIGID else omega, spin)
+    leaving = Motion(*(float(at_end[k]) for k in (kernel.V_X, kernel.V_Y, kernel.OMEGA_CORE, kernel.OMEGA_SHELL)))
     left = _after_release(codes, leaving, rebound)
     mass, radius = float(row[10]), float(row[11])
     peak_compression, peak_force = _peaks(facts, v_y)
@@ -169,8 +164,8 @@ def two_mass_history(
         contact_time=contact_time,
         landing=Jump(Motion(v_x, v_y, omega, omega), landed, float(facts[kernel.LANDING]), mass * (landed.v_x - v_x)),
         release=Jump(leaving, left, 0.0, 0.0),
-        spans=_spans(record[:pieces], float(facts[kernel.T_FORCE]), contact_time),
-        regime=int(regime),
+        spans=_spans(pieces, float(facts[kernel.T_FORCE]), contact_time),
+        regime=int(rebound.regime[0]),
         peak_compression=peak_compression,
         peak_force=peak_force,
         friction=float(row[3]),
