@@ -187,6 +187,16 @@ def test_a_number_the_prior_decides_is_marked(small_fit, tmp_path):
     assert "assumed beforehand" not in markdown_table(fitball.load_fit(small_fit))
 
 
+def test_a_number_is_rounded_in_the_unit_it_is_shown_in(saved):
+    """The offset in mm: as many digits as its sd in mm supports, not as in metres."""
+    (row,) = (row for row in paper_rows(saved) if row.name == "offset")
+    item = saved.parameters["offset"]
+    assert row.unit == "mm"
+    assert len(row.sd.replace(".", "").lstrip("0")) <= 2
+    assert float(row.sd) == pytest.approx(1e3 * item.sd, rel=0.15)
+    assert abs(float(row.value) - 1e3 * item.median) <= 0.5 * 10.0 ** -decimals(1e3 * item.sd)
+
+
 def test_markdown_has_one_row_a_parameter(saved):
     lines = markdown_table(saved).splitlines()
     rows = [line for line in lines if line.startswith("| `")]

@@ -13,7 +13,7 @@ from fitball.report.exports.kernel_source import UnportableError, kernel_source
 from fitball.report.exports.python_port import check_self_contained
 
 CC = shutil.which("cc") or shutil.which("gcc")
-FLAGS = ("-std=c99", "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
+FLAGS = ("-std=c99", "-O0", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
 
 
 @pytest.mark.parametrize(
