@@ -47,6 +47,9 @@ def saved_port(saved: SavedFit) -> Port:
     """The port of a saved fit."""
     table = saved.content["table"]
     origin = f"table {table['file']} ({table['impacts']} impacts), point estimate, fit {saved.status}"
+    pooled = sorted({item["parameter"] for item in saved.content["levels"]})
+    if pooled:
+        origin += f", {', '.join(pooled)} at the value common to all levels"
     return make_port(saved.fitted, saved.golden, origin)
 
 

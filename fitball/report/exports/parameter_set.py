@@ -32,12 +32,23 @@ def parameter_content(saved: SavedFit) -> dict[str, Any]:
         "table": dict(content["table"]),
         "parameters": {name: _parameter(item) for name, item in saved.parameters.items()},
     }
+    if content["levels"]:
+        found["levels"] = _levels(content["levels"])
     if content["correlation"] is not None:
         found["correlation"] = content["correlation"]
     found["golden"] = {
         "impacts": {name: column for name, column in golden["impacts"].items() if column is not None},
         "rebound": {name: column for name, column in golden["rebound"].items() if column is not None},
     }
+    return found
+
+
+def _levels(listed: list[dict[str, Any]]) -> dict[str, Any]:
+    """Values of the parameters that differ between surfaces, balls or tables: by parameter, then by label."""
+    found: dict[str, Any] = {}
+    for item in listed:
+        one = found.setdefault(item["parameter"], {"column": item["column"], "values": {}})
+        one["values"][item["label"]] = {name: item[name] for name in NUMBERS if item[name] is not None}
     return found
 
 
