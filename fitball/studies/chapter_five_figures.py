@@ -27,7 +27,7 @@ CAPTIONS: Mapping[str, str] = {
         "its standard deviation, and the lines: Eq. (53) dashed, the fits with their 95 % bands."
     ),
     "chapter_v": (
-        "Figs 36 to 44: rebound against incidence, three spins by three cases. Black: Wang. Lines: recomputed with "
+        "Figs 36 to 44: rebound against incidence, three spins by three cases. Filled: Wang. Lines: recomputed with "
         "the c_y and the mean restitution of Chapter V. Open marks: what Appendix C prints for the same sets, with "
         "another c_y."
     ),
