@@ -45,8 +45,10 @@ class CaseComparison:
 
 
 def wang_rows(table: ImpactTable) -> NDArray[np.int64] | None:
-    """For each impact of the table its row among Wang's 21, or None when it holds any other impact."""
+    """For each impact of the table its row among Wang's 21, or None when it holds any other impact, or more."""
     wang = load_table(bundled_folder() / "wang_all.csv")
+    if len(table) > len(wang):
+        return None
     mine, theirs = (
         {"v_x1": item.impacts.v_x1, "v_y1": item.impacts.v_y1, "omega_1": item.impacts.omega_1}
         | measured_outputs(item)
