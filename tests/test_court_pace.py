@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -173,15 +173,11 @@ def test_spin_of_the_test_is_within_what_the_itf_allows(tmp_path):
             assert reach.beyond["omega_1"] == pytest.approx(-40.0)
 
 
-def test_a_drop_test_has_no_court_pace(tmp_path):
-    place = tmp_path / "drop.csv"
-    place.write_text("v_y1,v_y2\n4,3.2\n6,4.7\n8,6.1\n10,7.5\n", encoding="utf-8")
-    fit = fitball.calibrate(place, point_only=True, cores=1)
-    assert fit.court_pace is None
-    assert pace_lines(fit) == ()
-    content = json.loads((fit.save(tmp_path / "out") / "fit.json").read_text(encoding="utf-8"))
+def test_a_drop_test_has_no_court_pace(drop_page, grip_slip_fit):
+    content = json.loads((drop_page.parent / "fit.json").read_text(encoding="utf-8"))
     assert content["court_pace"] is None
-    assert "Court pace" not in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "Court pace" not in drop_page.read_text(encoding="utf-8")
+    assert pace_lines(replace(grip_slip_fit, court_pace=None)) == ()
 
 
 def test_a_model_that_needs_the_measured_restitution_says_so(grip_slip_fit):
