@@ -252,7 +252,11 @@ def test_records_follow_their_impacts(problem):
     assert left.force.rows.tolist() == [0, 2, 4]
     with pytest.raises(FitError):
         withheld(problem, np.arange(5))
-    few = thinned_problem(problem, 3)
+    # A record is never thinned away, whatever the rows asked for; impacts without one are.
+    assert len(thinned_problem(problem, 3).impacts) == 5
+    lone = replace(problem, force=problem.force.take(np.arange(1)))
+    assert 0 in thinned_problem(lone, 2).force.rows and len(thinned_problem(lone, 2).impacts) < 5
+    few = thinned_problem(replace(problem, force=problem.force.without(np.array([1, 3]))), 3)
     values = values_of(problem)
     whole = force_residuals(problem, problem.all_values(values)).reshape(5, -1)
     part = force_residuals(few, few.all_values(values)).reshape(len(few.impacts), -1)

@@ -23,8 +23,8 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
     it is with a fitted noise, and with an angle, whose spread falls with the rebound speed. Of a large table a part
     is looked at and counted for the whole.
     """
-    share = len(problem.impacts) / min(len(problem.impacts), LOOKED_AT)
-    problem = thinned_problem(problem, LOOKED_AT)
+    whole, problem = problem, thinned_problem(problem, LOOKED_AT)
+    share = len(whole.impacts) / len(problem.impacts)
     rows = prediction_slopes(problem, coordinates[None, :])[0]
     information = rows.T @ rows
     rebound, slopes = rebound_slopes(problem, coordinates[None, :])
@@ -40,9 +40,9 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
             k = problem.free_names.index(channel.noise)
             growth[:, k] = width[k] if problem.free[k].prior.log else width[k] / coordinates[k]
         information += 2.0 * growth.T @ growth
-    if problem.force is not None:
-        information += force_information(problem, problem.force, coordinates) * np.outer(width, width)
     information *= share
+    if whole.force is not None:
+        information += force_information(whole, whole.force, coordinates) * np.outer(width, width)
     if scene and problem.contact_time is not None:
         row = slopes["contact_time"][0].mean(axis=0) * width / problem.contact_time[1]
         information += np.outer(row, row)

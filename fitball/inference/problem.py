@@ -65,6 +65,8 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     if not channels:
         raise FitError(f"{table.source}: model {name} predicts none of the measured columns")
     incident = _incident(table, choices, notes)
+    if incident is not None and force is not None:
+        notes.append("force records are compared at the stated incident speed, taken as exact")
     contact_time = scene.contact_time if chosen.has_time else None
     records = records_for(chosen, scene, force, notes)
     measured_time = any(channel.name == "contact_time" for channel in channels)

@@ -13,15 +13,25 @@ from fitball.inference.posterior import Problem
 
 # Rows that tell what a first-order look at a large table can tell: sums over the others are alike.
 LOOKED_AT = 3000
+# Impacts with a force record that are kept in any part of a table.
+RECORDED = 20
 
 
 def thinned_rows(problem: Problem, rows: int) -> NDArray[np.int64]:
-    """About `rows` row numbers, spread evenly over incidence angle; all of a problem that has no more."""
+    """About `rows` row numbers, spread evenly over incidence angle; all of a problem that has no more.
+
+    Some impacts with a force record are always among them: it may be all that tells a parameter.
+    """
     count = len(problem.impacts)
     if count <= rows:
         return np.arange(count)
     order = np.argsort(np.arctan2(problem.impacts.v_y1, problem.impacts.v_x1), kind="stable")
-    return np.sort(order[np.linspace(0, count - 1, rows).round().astype(np.int64)])
+    chosen = np.sort(order[np.linspace(0, count - 1, rows).round().astype(np.int64)])
+    if problem.force is None:
+        return chosen
+    recorded = problem.force.rows
+    some = recorded[np.linspace(0, recorded.size - 1, min(RECORDED, recorded.size)).round().astype(np.int64)]
+    return np.union1d(chosen, some)
 
 
 def thinned_problem(problem: Problem, rows: int) -> Problem:
