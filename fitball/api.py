@@ -19,7 +19,7 @@ from fitball.inference.problem import Choices, build_problem
 from fitball.inference.results import Fit
 from fitball.report.export import SavedFit, read_fit
 from fitball.report.folder import prepare, write_all
-from fitball.values import Impacts
+from fitball.values import FloatArray, Impacts
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,18 @@ class Calibration(Fit):
         write_all(self, path)
         return path
 
-    def predict_interval(self, impacts: Impacts, observed: Sequence[Channel] = (), *, seed: int = 1) -> NewPrediction:
+    def predict_interval(
+        self,
+        impacts: Impacts,
+        observed: Sequence[Channel] = (),
+        *,
+        seed: int = 1,
+        incident_covariance: FloatArray | None = None,
+    ) -> NewPrediction:
         """See `new_impacts.predict_new`: the same numbers as from the fit when it is saved and read back."""
         found = self.posterior
         fitted = self.fitted if found is None else self.fitted.with_draws(found.names, thinned(found, DRAWS))
-        return predict_new(fitted, impacts, observed, seed)
+        return predict_new(fitted, impacts, observed, seed, incident_covariance)
 
 
 def calibrate(

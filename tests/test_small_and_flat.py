@@ -17,7 +17,7 @@ from fitball.inference.problem import Choices, build_problem
 from fitball.inference.starts import starting_points
 
 HEAD = "id,v_x1 [m/s],v_y1 [m/s],omega_1 [rpm],v_x2 [m/s],v_y2 [m/s],omega_2 [rpm]"
-TWO = f"{HEAD}\na,16.0,5.0,0,11.5,4.1,2400\nb,10.0,13.0,-30,5.6,9.5,1900\n"
+TWO = f"{HEAD}\na,16.0,5.0,0,11.5,4.1,2400\nb,15.0,7.5,50,8.9,6.0,2700\n"
 NO_SPIN = """id,v_x1,v_y1,v_x2,v_y2
 a,16.0,5.0,11.5,4.1
 b,15.0,7.5,8.9,6.0

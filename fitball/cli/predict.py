@@ -14,19 +14,24 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from fitball.data.table import ImpactTable
-    from fitball.values import Impacts
+    from fitball.values import FloatArray, Impacts
 
 HELP = "predict rebounds of new impacts from a fit, with intervals"
 DESCRIPTION = """Predict rebounds of new impacts from a fit.
 
 Two kinds of interval: of the rebound itself, which the uncertain parameters leave open, and of a new
-measurement of it, which the noise widens. An impact unlike those the fit was made from is flagged. Rebound
-columns, where DATA has any, are compared with the prediction."""
+measurement of it, which the noise widens. Where the sd of the incident state is stated (columns v_1_sd,
+theta_1_sd, omega_1_sd, ..., or "v=38±1 mph") both contain it, and what each source adds is told. An impact
+unlike those the fit was made from is flagged. Rebound columns, where DATA has any, are compared with the
+prediction."""
 EXAMPLE = """examples:
   fitball predict fits/wang_all/two-mass new_balls.csv
   fitball predict fits/wang_all/two-mass --impact "v=38 mph, theta=18 deg, spin=950 rpm top"
+  fitball predict fits/wang_all/two-mass --impact "v=38±1 mph, theta=18±0.5 deg, spin=950±50 rpm top"
   fitball predict fits/wang_topspin/two-mass wang_backspin.csv --out predicted.csv"""
 
+DRAWN = "the incident state is uncertain: it is drawn anew for each draw of the parameters"
+IGNORED = "the stated uncertainty of the incident state is not used"
 POINT_ONLY = "a point fit has no posterior: values at the point estimate, without intervals"
 
 
@@ -47,6 +52,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         action="append",
         default=[],
         help='one impact instead of DATA, e.g. "v=17, theta=18, spin=100" (default: m/s, deg, rad/s); repeatable',
+    )
+    parser.add_argument(
+        "--exact-incidence", action="store_true", help="take the incident state as exact even where its sd is stated"
     )
     parser.add_argument("--out", metavar="FILE.csv", help="write every number to a CSV file")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the simulated noise (default 1)")
@@ -71,13 +79,18 @@ def run(args: argparse.Namespace) -> int:
     from fitball.report.tables import csv_text
 
     saved = load_fit(args.fit)
-    impacts, ids, table = _impacts(args.data, args.impact)
+    impacts, ids, table, covariance = _impacts(args.data, args.impact)
+    stated, point_only = covariance is not None, saved.status is RunStatus.POINT_ONLY
+    if args.exact_incidence:
+        covariance = None
     channels, unused = observed_channels(saved.fitted, table) if table is not None else ((), ())
-    prediction = saved.predict_interval(impacts, channels, seed=args.seed)
+    prediction = saved.predict_interval(impacts, channels, seed=args.seed, incident_covariance=covariance)
     judged = scores(prediction)
     notes = [*([] if table is None else map(str, table.notices)), *unused]
-    if saved.status is RunStatus.POINT_ONLY:
+    if point_only:
         notes.append(POINT_ONLY)
+    if stated:
+        notes.append(IGNORED if point_only or args.exact_incidence else DRAWN)
     if saved.status is RunStatus.NOT_CONVERGED:
         notes.append("the sampler of this fit did not converge: intervals may change")
     unknown = [item.name for item in prediction.outputs if item.rebound is not None and item.measured is None]
@@ -104,17 +117,22 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _impacts(data: str | None, texts: Sequence[str]) -> tuple[Impacts, tuple[str, ...], ImpactTable | None]:
-    """Impacts, their names, and the table they come from."""
+def _impacts(
+    data: str | None, texts: Sequence[str]
+) -> tuple[Impacts, tuple[str, ...], ImpactTable | None, FloatArray | None]:
+    """Impacts, their names, the table they come from, and the covariance of their incident states."""
     import numpy as np
 
-    from fitball.data.impact_text import parse_impact
+    from fitball.data.impact_text import parse_uncertain_impact
     from fitball.data.read import load_table
     from fitball.values import Impacts
 
     if data is not None:
         table = load_table(data, rebound=False)
-        return table.impacts, table.ids, table
-    parsed = [parse_impact(text) for text in texts]
-    joined = [np.concatenate([getattr(item, name) for item in parsed]) for name in ("v_x1", "v_y1", "omega_1")]
-    return Impacts(*joined), tuple(f"impact {k}" for k in range(1, len(parsed) + 1)), None
+        return table.impacts, table.ids, table, table.incident_covariance
+    parsed = [parse_uncertain_impact(text) for text in texts]
+    joined = [np.concatenate([getattr(item, name) for item, _ in parsed]) for name in ("v_x1", "v_y1", "omega_1")]
+    covariance = None
+    if any(item is not None for _, item in parsed):
+        covariance = np.concatenate([np.zeros((1, 3, 3)) if item is None else item for _, item in parsed])
+    return Impacts(*joined), tuple(f"impact {k}" for k in range(1, len(parsed) + 1)), None, covariance

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
-from math import cos, isfinite, pi, sin
+from math import isfinite, pi
 
 import numpy as np
 
+from fitball.data.propagation import Uncertain, covariance_matrix
 from fitball.data.units import Dimension, parse_unit
+from fitball.data.velocity import velocity
 from fitball.errors import ParameterError, UnitError, suggestion
-from fitball.values import Impacts
+from fitball.values import FloatArray, Impacts
 
 # What a quantity may be called, and what it measures; the first name of each is that of the tables.
 _NAMES = {
@@ -26,16 +28,24 @@ _NAMES = {
     "spin": ("omega_1", Dimension.SPIN),
 }
 _SENSES = {"top": 1.0, "topspin": 1.0, "back": -1.0, "backspin": -1.0}
-_VALUE = re.compile(r"^(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<rest>.*)$")
+_SIZE = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_VALUE = re.compile(rf"^(?P<number>[+-]?{_SIZE})\s*(?:(?:±|\+/-|\+-)\s*(?P<sd>{_SIZE}))?\s*(?P<rest>.*)$")
 _FORMS = "expected v and theta, or v_x and v_y, or v_y alone for a dropped ball; spin where there is any"
 
 
 def parse_impact(text: str) -> Impacts:
-    """One impact from NAME=VALUE UNIT items divided by commas.
+    """One impact; see `parse_uncertain_impact`, of which this is the state alone."""
+    return parse_uncertain_impact(text)[0]
+
+
+def parse_uncertain_impact(text: str) -> tuple[Impacts, FloatArray | None]:
+    """One impact from NAME=VALUE UNIT items divided by commas, and its covariance (1, 3, 3) of (v_x1, v_y1, omega_1).
 
     Names: `v`, `theta`, `v_x`, `v_y`, `spin` or `omega`, or as in tables (`v_x1`, ...). Without a unit a number is in
     m/s, degrees or rad/s. Spin is topspin when positive; `top` or `back` behind the unit says it in words, and
-    then the number has no sign. Spin left out is zero. Raises ParameterError that quotes the text.
+    then the number has no sign. Spin left out is zero. `38±1 mph` (or `38 +/- 1 mph`) states one standard deviation,
+    which is propagated to the components to first order; without any the covariance is None. Raises ParameterError
+    that quotes the text.
     """
     try:
         return _impact(_values(text))
@@ -43,9 +53,9 @@ def parse_impact(text: str) -> Impacts:
         raise ParameterError(f"impact '{text}': {error}") from None
 
 
-def _values(text: str) -> dict[str, float]:
+def _values(text: str) -> dict[str, Uncertain]:
     """Quantities by the tables' names, in SI."""
-    found: dict[str, float] = {}
+    found: dict[str, Uncertain] = {}
     for item in text.split(","):
         key, equals, value = (part.strip() for part in item.partition("="))
         if not equals or not key or not value:
@@ -55,11 +65,14 @@ def _values(text: str) -> dict[str, float]:
         name, dimension = _NAMES[key]
         if name in found:
             raise ParameterError(f"{key} is given twice")
-        found[name] = _number(key, value, dimension)
+        number, sd = _number(key, value, dimension)
+        at = np.array([number])
+        found[name] = Uncertain.exact(at) if sd is None else Uncertain.measured(name, at, np.array([sd]))
     return found
 
 
-def _number(key: str, text: str, dimension: Dimension) -> float:
+def _number(key: str, text: str, dimension: Dimension) -> tuple[float, float | None]:
+    """A quantity and its standard deviation, if one is stated, in SI."""
     matched = _VALUE.match(text)
     if matched is None:
         raise ParameterError(f"{key}: read '{text}', expected a number and a unit")
@@ -74,24 +87,30 @@ def _number(key: str, text: str, dimension: Dimension) -> float:
         unit = parse_unit(" ".join(words) or None, dimension)
     except UnitError as error:
         raise UnitError(f"{key}: {error}") from None
-    return unit.to_si(number)
+    if matched["sd"] is None:
+        return unit.to_si(number), None
+    sd = float(matched["sd"])
+    if not (isfinite(sd) and sd > 0.0):
+        raise ParameterError(f"{key}: read '{text}', expected a positive standard deviation behind the sign")
+    return unit.to_si(number), unit.to_si(sd)
 
 
-def _impact(found: dict[str, float]) -> Impacts:
+def _impact(found: dict[str, Uncertain]) -> tuple[Impacts, FloatArray | None]:
     """Components from what was given. Raises ParameterError for too little, too much or the impossible."""
-    velocity = frozenset(found) - {"omega_1"}
-    if velocity == {"v_1", "theta_1"}:
-        speed, angle = found["v_1"], found["theta_1"]
-        if not speed > 0.0:
+    given = frozenset(found) - {"omega_1"}
+    if given == {"v_1", "theta_1"}:
+        if not found["v_1"].value[0] > 0.0:
             raise ParameterError("expected a positive speed v")
-        if not 0.0 < angle < pi:
+        if not 0.0 < found["theta_1"].value[0] < pi:
             raise ParameterError("expected an angle theta to the court between 0 and 180 deg")
-        v_x1, v_y1 = speed * cos(angle), speed * sin(angle)
-    elif velocity in ({"v_x1", "v_y1"}, {"v_y1"}):
-        v_x1, v_y1 = found.get("v_x1", 0.0), found["v_y1"]
-        if not v_y1 > 0.0:
+    elif given in ({"v_x1", "v_y1"}, {"v_y1"}):
+        if not found["v_y1"].value[0] > 0.0:
             raise ParameterError("expected a positive speed v_y towards the court")
     else:
-        given = ", ".join(sorted(velocity)) or "no velocity"
-        raise ParameterError(f"read {given}; {_FORMS}")
-    return Impacts(np.array([v_x1]), np.array([v_y1]), np.array([found.get("omega_1", 0.0)]))
+        words = ", ".join(sorted(given)) or "no velocity"
+        raise ParameterError(f"read {words}; {_FORMS}")
+    nothing = Uncertain.exact(np.zeros(1))
+    along = velocity(found, "1")
+    state = [along.x or nothing, along.y or nothing, found.get("omega_1", nothing)]
+    known = any(item.parts for item in state)
+    return Impacts(*(item.value for item in state)), covariance_matrix(state, 1) if known else None

@@ -8,7 +8,7 @@ Measurement (JCGM 100:2008, Eq. 10).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,3 +100,16 @@ class Uncertain:
     def _through(self, value: FloatArray, slope: FloatArray) -> Uncertain:
         """`value`, a function of this alone whose derivative is `slope`."""
         return Uncertain(value, {name: slope * part for name, part in self.parts.items()})
+
+
+def covariance_matrix(items: Sequence[Uncertain | None], count: int) -> FloatArray:
+    """Covariance (count, items, items) of numbers (count,) that may share inputs; zeros for an item that is None."""
+    found = np.zeros((count, len(items), len(items)))
+    for i, one in enumerate(items):
+        for j, other in enumerate(items):
+            if one is None or other is None:
+                continue
+            for name, part in one.parts.items():
+                if name in other.parts:
+                    found[:, i, j] += part * other.parts[name]
+    return found

@@ -16,7 +16,7 @@ from fitball.data.columns import REBOUND, SD_SUFFIX, Header, read_header
 from fitball.data.completeness import check_columns
 from fitball.data.frozen import FrozenMapping
 from fitball.data.number_column import NumberColumn, read_column
-from fitball.data.propagation import Uncertain
+from fitball.data.propagation import Uncertain, covariance_matrix
 from fitball.data.raw import RawRow, RawTable, read_raw
 from fitball.data.redundancy import check_redundant, independent
 from fitball.data.table import ImpactTable, Measurement, Notice
@@ -156,13 +156,7 @@ def _incident(
     sds = {name: _frozen(item.sd) for name, item in present.items() if item.parts}
     covariance = None
     if sds:
-        parts = [present[name].parts if name in present else {} for name in state]
-        covariance = np.zeros((count, 3, 3))
-        for i, one in enumerate(parts):
-            for j, other in enumerate(parts):
-                for shared in one.keys() & other.keys():
-                    covariance[:, i, j] += one[shared] * other[shared]
-        covariance = _frozen(covariance)
+        covariance = _frozen(covariance_matrix(list(state.values()), count))
     return impacts, tuple(present), sds, covariance
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from fitball.inference.calibrated_range import CalibratedRange, calibrated_range
 from fitball.inference.channels import NOISE_OF, TANGENTIAL, Channel, build_channels
 from fitball.inference.fitted import FittedModel
 from fitball.inference.predictive import bands, regime_shares, with_noise
+from fitball.inference.uncertain_incidence import Shares, drawn_rebound, shares
 from fitball.models.types import STATUS_REASON, Rebound, Status
 from fitball.values import FloatArray, Impacts
 
@@ -32,6 +33,7 @@ class OutputPrediction:
     `rebound` are the quantiles `predictive.BANDS` of the rebound itself (what the parameters leave open), `measured`
     those of a new measurement, `mean` and `sd` its moments. None where there is no posterior, and for `measured`,
     `mean`, `sd` where the noise is not known. `point` is at the point estimate; `observed` what the table says.
+    Where the incident state is uncertain all but `point` contain that, and `shares` says what comes from where.
     """
 
     name: str
@@ -41,6 +43,7 @@ class OutputPrediction:
     mean: FloatArray | None
     sd: FloatArray | None
     observed: FloatArray | None
+    shares: Shares | None = None
 
     @property
     def residual(self) -> FloatArray | None:
@@ -79,9 +82,16 @@ class NewPrediction:
 
 
 def predict_new(
-    fitted: FittedModel, impacts: Impacts, observed: Sequence[Channel] = (), seed: int = 1
+    fitted: FittedModel,
+    impacts: Impacts,
+    observed: Sequence[Channel] = (),
+    seed: int = 1,
+    incident_covariance: FloatArray | None = None,
 ) -> NewPrediction:
     """Predict the rebounds of new impacts from every draw of `fitted`.
+
+    `incident_covariance` (impacts, 3, 3) is that of `(v_x1, v_y1, omega_1)` in SI; None: they are exact. A point fit,
+    which has no draws, takes no notice of it.
 
     `observed` are measured columns of the same impacts: their own sds, where stated, are the noise of a new
     measurement. Raises ModelError when the model needs each impact's own restitution and there is none.
@@ -93,10 +103,15 @@ def predict_new(
         )
     channels = output_channels(fitted, len(impacts), observed)
     rng = np.random.default_rng(seed)
-    parts = [
-        _batch(fitted, _part(impacts, rows), [_rows_of(item, rows) for item in channels], rng)
-        for rows in (slice(k, k + BATCH) for k in range(0, len(impacts), BATCH))
-    ]
+    # A stream of its own: the noise is the same with and without uncertainty of the incident state.
+    states = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
+    parts = []
+    for rows in (slice(k, k + BATCH) for k in range(0, len(impacts), BATCH)):
+        mine, cut = _part(impacts, rows), [_rows_of(item, rows) for item in channels]
+        if incident_covariance is None or fitted.draws.shape[0] == 0:
+            parts.append(_batch(fitted, mine, cut, rng))
+        else:
+            parts.append(_uncertain_batch(fitted, mine, cut, incident_covariance[rows], rng, states))
     known = {item.name for item in observed}
     outputs = tuple(
         _joined([part[0][k] for part in parts], channel.observed if channel.name in known else None)
@@ -157,6 +172,29 @@ def _batch(fitted: FittedModel, impacts: Impacts, channels: Sequence[Channel], r
     return found, regime_shares(drawn), _failures(drawn)
 
 
+def _uncertain_batch(
+    fitted: FittedModel,
+    impacts: Impacts,
+    channels: Sequence[Channel],
+    covariance: FloatArray,
+    rng: np.random.Generator,
+    states: np.random.Generator,
+) -> _Part:
+    at_point, fixed = fitted.rebound(impacts), fitted.rebound(impacts, fitted.draws)
+    one, other = (drawn_rebound(fitted, impacts, covariance, states) for _ in range(2))
+    columns = dict(zip(fitted.names, fitted.draws.T, strict=True))
+    found = []
+    for item in channels:
+        made = _output(item, item.predict(at_point)[0], columns, one, rng)
+        noise = None
+        if made.measured is not None:
+            # The noise of a measurement at the stated incident state, from numbers of its own.
+            predicted, _spread, data = with_noise(item, columns, fixed, states)
+            noise = data - predicted
+        found.append(replace(made, shares=shares(item.predict(fixed), item.predict(one), item.predict(other), noise)))
+    return found, regime_shares(one), _failures(one)
+
+
 def _output(
     channel: Channel, point: FloatArray, columns: Mapping[str, FloatArray], drawn: Rebound, rng: np.random.Generator
 ) -> OutputPrediction:
@@ -185,7 +223,25 @@ def _joined(parts: Sequence[OutputPrediction], observed: FloatArray | None) -> O
 
     point: FloatArray = np.concatenate([part.point for part in parts])
     return OutputPrediction(
-        parts[0].name, point, together("rebound"), together("measured"), together("mean"), together("sd"), observed
+        parts[0].name,
+        point,
+        together("rebound"),
+        together("measured"),
+        together("mean"),
+        together("sd"),
+        observed,
+        _joined_shares([part.shares for part in parts if part.shares is not None]),
+    )
+
+
+def _joined_shares(parts: Sequence[Shares]) -> Shares | None:
+    if not parts:
+        return None
+    measured = [part.measurement for part in parts if part.measurement is not None]
+    return Shares(
+        np.concatenate([part.parameters for part in parts]),
+        np.concatenate([part.incident for part in parts]),
+        np.concatenate(measured) if measured else None,
     )
 
 

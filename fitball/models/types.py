@@ -89,6 +89,7 @@ class Status(IntEnum):
     NO_INERTIA = 7
     TOO_RAPID = 8
     LEVEL_OUT_OF_BOUNDS = 9
+    NO_IMPACT = 10
 
 
 STATUS_REASON = {
@@ -113,6 +114,7 @@ STATUS_REASON = {
         "a mass_ratio further from 1"
     ),
     Status.LEVEL_OUT_OF_BOUNDS: "a parameter that differs between surfaces or balls leaves its bounds on one of them",
+    Status.NO_IMPACT: "with its uncertainty the incident state may move away from the court: then there is no impact",
     Status.TOO_MANY_PHASES: "the contact point changed between slip and grip more often than the solver follows",
 }
 

@@ -198,7 +198,14 @@ class SavedFit:
     content: Mapping[str, Any]
     place: Path
 
-    def predict_interval(self, impacts: Impacts, observed: Sequence[Channel] = (), *, seed: int = 1) -> NewPrediction:
+    def predict_interval(
+        self,
+        impacts: Impacts,
+        observed: Sequence[Channel] = (),
+        *,
+        seed: int = 1,
+        incident_covariance: FloatArray | None = None,
+    ) -> NewPrediction:
         """See `new_impacts.predict_new`, with draws of the posterior saved beside `fit.json`.
 
         Raises ResultFolderError when that is missing, damaged or of another fit.
@@ -206,7 +213,7 @@ class SavedFit:
         point_only = self.status is RunStatus.POINT_ONLY
         posterior = self.place.with_name(POSTERIOR_NAME)
         fitted = self.fitted if point_only else saved_draws(self.fitted, posterior, DRAWS)
-        return predict_new(fitted, impacts, observed, seed)
+        return predict_new(fitted, impacts, observed, seed, incident_covariance)
 
     def predict(self, impacts: Impacts) -> Mapping[str, FloatArray]:
         """See `FittedModel.predict`: the same numbers as from the fit that was saved."""

@@ -37,6 +37,10 @@ def _columns(item: OutputPrediction) -> dict[str, FloatArray]:
         found |= {f"mean_{name}": item.rebound[k] for k, name in enumerate(LEVELS) if name != "median"}
     if item.measured is not None:
         found |= {f"data_{name}": item.measured[k] for k, name in enumerate(LEVELS) if name != "median"}
+    if item.shares is not None:
+        found |= {"sd_parameters": item.shares.parameters, "sd_incident": item.shares.incident}
+        if item.shares.measurement is not None:
+            found["sd_measurement"] = item.shares.measurement
     residual = item.residual
     if item.observed is not None and residual is not None:
         found |= {"measured": item.observed, "residual": residual}

@@ -60,9 +60,25 @@ def _in_full(prediction: NewPrediction, row: int, name: str) -> list[str]:
         heads += ["measured", "z"] if measured else []
     body = [_cells(item, row, measured) for item in prediction.outputs]
     lines += [f"  {line}" for line in columns([heads, *body])]
+    lines += _shares(prediction, row)
     if prediction.regimes[row]:
         lines += _wrapped("regime: " + _regimes(prediction, row))
     return lines + [line for text in remarks_on(prediction, row) for line in _wrapped(text)]
+
+
+def _shares(prediction: NewPrediction, row: int) -> list[str]:
+    """Standard deviations by what they come from; nothing where the incident state is exact."""
+    body = []
+    for item in prediction.outputs:
+        if item.shares is None:
+            continue
+        scale = output_scale(item.name)
+        found = (item.shares.parameters, item.shares.incident, item.shares.measurement)
+        sizes = [None if sd is None else float(sd[row] * scale.factor) for sd in found]
+        cells = [fixed(size, 0 if size is None else min(max(decimals(size), 0), 3)) for size in sizes]
+        body.append([f"{item.name} [{scale.unit}]", *cells])
+    heads = ["one sd owed to", "parameters", "incident state", "measurement"]
+    return ["", *(f"  {line}" for line in columns([heads, *body]))] if body else []
 
 
 def _places(item: OutputPrediction, row: int) -> int:
