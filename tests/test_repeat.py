@@ -201,7 +201,10 @@ def test_a_changed_verdict_is_a_difference(home, copy, problem):
     text = json.loads((copy / "fit" / "fit.json").read_text(encoding="utf-8"))
     text["parameters"]["mu"]["verdict"] = "prior-dominated"
     (copy / "fit" / "fit.json").write_text(json.dumps(text), encoding="utf-8")
-    found = compared(problem, read_kept(copy / "fit"), read_kept(home / "fit"))
+    # Beside other draws, where bits say nothing.
+    other = read_kept(home / "fit")
+    shifted = replace(other.posterior, values=other.posterior.values * (1.0 + 1e-7))
+    found = compared(problem, read_kept(copy / "fit"), replace(other, posterior=shifted, chains=None))
     assert [item.what for item in found.different] == ["mu verdict"]
 
 
@@ -259,11 +262,6 @@ def test_measurements_changed_in_fit_json_are_refused(copy, capsys):
 def test_a_run_file_that_cannot_be_used(copy, capsys, old, new, words):
     assert main(["repeat", edited(copy, old, new)]) == 2
     assert words in capsys.readouterr().err
-
-
-def test_a_folder_without_a_run(tmp_path, capsys):
-    assert main(["repeat", str(tmp_path)]) == 2
-    assert "expected a result folder" in capsys.readouterr().err
 
 
 def test_the_new_result_can_be_kept_but_not_over_the_old(copy, capsys, monkeypatch):
