@@ -75,8 +75,11 @@ def marginal_terms(
     draws, rows = np.nonzero(np.any(np.abs(towards) > 0.0, axis=-1))
     for start in range(0, draws.size, PAIRS):
         some, of = draws[start : start + PAIRS], rows[start : start + PAIRS]
-        mine = [item.paired(some, of) for item in measured]
-        found = _mixture(problem, problem.paired(columns, some, of), mine, of, root[of], towards[some, of])
+        pairs = Pairs(
+            problem.paired(columns, some, of), [item.paired(some, of) for item in measured], _upright(problem, of),
+            root[of], towards[some, of],
+        )  # fmt: skip
+        found = _mixture(problem, pairs)
         for place, term in enumerate(terms):
             term[some, of] = found if place == 0 else 0.0
     return {item.channel.name: term for item, term in zip(measured, terms, strict=True)}
@@ -126,50 +129,52 @@ def _log_densities(
     return [np.where(sd < UNKNOWN, log_density(one, tails) - np.log(sd), 0.0) for one, sd in zip(z, sds, strict=True)]
 
 
-def _mixture(
-    problem: Problem,
-    columns: Columns,
-    measured: Sequence[Seen],
-    rows: NDArray[np.int64],
-    root: FloatArray,
-    towards: FloatArray,
-) -> FloatArray:
-    """Log density (pairs,) of all measurements of the table's `rows`, their incident errors split.
+@dataclass(frozen=True)
+class Pairs:
+    """Pairs of a draw and an impact of the table near a change of regime.
 
-    `columns`, `measured`, `root` (pairs, 3, 3) and `towards` (pairs, 3) are those of the pairs.
+    `columns` parameters (pairs,), `measured` what was seen, `states` incident states (pairs, 1); `root` (pairs, 3, 3)
+    as in `kinks.roots`, `towards` (pairs, 3) a direction, in principal axes, in which the regime changes.
     """
-    across = _across(problem, columns, measured, rows, root, towards)
-    along = np.einsum("pij,pj->pi", root, across)
-    states, possible = kinks.displaced(_upright(problem, rows), kinks.parts()[0][:, None] * along[:, None, :])
-    rebound, slopes = problem.linearised(columns, states)
-    narrow = kinks.narrowed(root, across)[:, None]
-    density = np.sum(_log_densities(measured, columns, rebound, slopes, narrow), axis=0)
+
+    columns: Columns
+    measured: Sequence[Seen]
+    states: kinks.States
+    root: FloatArray
+    towards: FloatArray
+
+
+def _mixture(problem: Problem, pairs: Pairs) -> FloatArray:
+    """Log density (pairs,) of all measurements of each impact, its incident errors split."""
+    across = _across(problem, pairs)
+    along = np.einsum("pij,pj->pi", pairs.root, across)
+    states, possible = kinks.displaced(pairs.states, kinks.parts()[0][:, None] * along[:, None, :])
+    rebound, slopes = problem.linearised(pairs.columns, states)
+    narrow = kinks.narrowed(pairs.root, across)[:, None]
+    density = np.sum(_log_densities(pairs.measured, pairs.columns, rebound, slopes, narrow), axis=0)
     return kinks.mixed(np.where(possible & (rebound.status == 0), density, -np.inf))
 
 
-def _across(
-    problem: Problem,
-    columns: Columns,
-    measured: Sequence[Seen],
-    rows: NDArray[np.int64],
-    root: FloatArray,
-    towards: FloatArray,
-) -> FloatArray:
-    """Directions (pairs, 3), in principal axes, across the boundaries that lie `towards` (pairs, 3) somewhere.
+def _across(problem: Problem, pairs: Pairs) -> FloatArray:
+    """Directions (pairs, 3), in principal axes, across the boundaries that lie `towards` somewhere.
 
     The rebound is continuous, so that its derivative jumps by a matrix of rank one whose rows point across.
     """
-    moves = kinks.REACH * np.einsum("pij,pj->pi", root, towards)
-    states, possible = kinks.displaced(_upright(problem, rows), np.stack([np.zeros_like(moves), moves], axis=1))
-    rebound, found = problem.linearised(columns, states)
+    moves = kinks.REACH * np.einsum("pij,pj->pi", pairs.root, pairs.towards)
+    states, possible = kinks.displaced(pairs.states, np.stack([np.zeros_like(moves), moves], axis=1))
+    rebound, found = problem.linearised(pairs.columns, states)
     # In units of any noise: only the direction of the jump is wanted.
     by_channel = np.stack(
-        [channel_slopes(item.channel, rebound, found) / _typical_noise(item, columns) for item in measured], axis=2
+        [
+            channel_slopes(item.channel, rebound, found) / _typical_noise(item, pairs.columns)
+            for item in pairs.measured
+        ],
+        axis=2,
     )
-    jump = np.matmul(by_channel[:, 1] - by_channel[:, 0], root)
+    jump = np.matmul(by_channel[:, 1] - by_channel[:, 0], pairs.root)
     # Where the other side has no derivative the way that was looked is all that is known.
     known = np.isfinite(jump).all(axis=(1, 2)) & possible[:, 1]
-    across = towards.copy()
+    across = pairs.towards.copy()
     across[known] = np.linalg.svd(jump[known])[2][:, 0]
     return across
 

@@ -6,13 +6,12 @@ import json
 from functools import partial
 from pathlib import Path
 
-from fitball.errors import ResultFolderError
 from fitball.inference.comparison import Comparison
 from fitball.report.compare_rows import csv_rows, json_content
 from fitball.report.compare_text import render
 from fitball.report.figure_compare import compare_figure
 from fitball.report.files import write_text, write_whole
-from fitball.report.folder import make_folder, save_png
+from fitball.report.folder import holds_older, save_png
 from fitball.report.tables import csv_text
 
 JSON_NAME = "compare.json"
@@ -24,14 +23,8 @@ def prepare(folder: Path, *, overwrite: bool) -> None:
     Raises ResultFolderError. With `overwrite` the old `compare.json` is removed first, so that no mixture of two
     results can pass for one.
     """
-    make_folder(folder)
-    if not (folder / JSON_NAME).exists():
-        return
-    if not overwrite:
-        raise ResultFolderError(
-            f"{folder}: holds {JSON_NAME} of an older run; use --overwrite to replace it, or --out to write elsewhere"
-        )
-    (folder / JSON_NAME).unlink()
+    if holds_older(folder, JSON_NAME, overwrite=overwrite):
+        (folder / JSON_NAME).unlink()
 
 
 def json_text(found: Comparison, words: str) -> str:

@@ -44,6 +44,21 @@ def prepare(folder: Path, *, overwrite: bool, resume: bool) -> None:
         (folder / name).unlink()
 
 
+def holds_older(folder: Path, record: str, *, overwrite: bool) -> bool:
+    """Make a folder that can be written; whether it holds an older `record` that is to be replaced.
+
+    Raises ResultFolderError when it cannot be made, or holds one that may not.
+    """
+    make_folder(folder)
+    if not (folder / record).exists():
+        return False
+    if not overwrite:
+        raise ResultFolderError(
+            f"{folder}: holds {record} of an older run; use --overwrite to replace it, or --out to write elsewhere"
+        )
+    return True
+
+
 def make_folder(folder: Path) -> None:
     """Make a folder that can be written. Raises ResultFolderError."""
     if folder.exists() and not folder.is_dir():

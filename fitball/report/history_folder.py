@@ -9,9 +9,8 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from fitball.errors import ResultFolderError
 from fitball.report.files import write_text
-from fitball.report.folder import make_folder
+from fitball.report.folder import holds_older
 from fitball.report.plots import save_figure
 
 JSON_NAME = "simulate.json"
@@ -25,13 +24,8 @@ def prepare(folder: Path, *, overwrite: bool) -> None:
     Raises ResultFolderError. With `overwrite` the old files are removed first, the figure in whatever format, so that
     no mixture of two results can pass for one.
     """
-    make_folder(folder)
-    if not (folder / JSON_NAME).exists():
+    if not holds_older(folder, JSON_NAME, overwrite=overwrite):
         return
-    if not overwrite:
-        raise ResultFolderError(
-            f"{folder}: holds {JSON_NAME} of an older run; use --overwrite to replace it, or --out to write elsewhere"
-        )
     for place in (folder / JSON_NAME, folder / CSV_NAME, *sorted(folder.glob(f"{FIGURE_STEM}.*"))):
         place.unlink(missing_ok=True)
 
