@@ -12,7 +12,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-from fitball.data.bundled import bundled_tables
+from fitball.data.bundled import bundled_names, bundled_tables
 from fitball.data.scene import Scene, load_scene
 from fitball.data.scene_file import FREE, KEYS, Kind
 from fitball.errors import SceneError, TableError
@@ -178,7 +178,12 @@ def test_not_utf_8(tmp_path: Path) -> None:
 @pytest.mark.parametrize("item", bundled_tables(), ids=lambda item: item.name)
 def test_bundled_scenes(item: Any) -> None:
     jsonschema.validate(tomllib.loads(item.path.with_suffix(".toml").read_text(encoding="utf-8")), SCHEMA)
-    scene = load_scene(item.path)
+    assert load_scene(item.path).description == item.description
+
+
+@pytest.mark.parametrize("name", [name for name in bundled_names() if name.startswith("wang")])
+def test_scenes_of_wang(name: str) -> None:
+    scene = load_scene(name)
     assert (scene.ball.mass, scene.ball.radius) == (0.0576, 0.03302)
     assert scene.ball.inertia_ratio == pytest.approx(0.56, rel=1e-15)
     assert scene.ball_sd == {}

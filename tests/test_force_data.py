@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from force_case import write_case
+from synthetic_drop import write_case
 
 from fitball.cli.main import main
 from fitball.data.force_file import load_force

@@ -7,10 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from force_case import COR, K_Y, MASS, SPEEDS, force_at, problem_of, write_case
+from force_case import problem_of
 from scipy.integrate import quad_vec
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
+from synthetic_drop import COR, K_Y, MASS, SPEEDS, force_at, write_case
 
 from fitball.data.scene import Scene
 from fitball.errors import FitError

@@ -12,10 +12,12 @@ from importlib.resources import files
 import jsonschema
 import numpy as np
 import pytest
-from force_case import COR, K_Y, force_at, problem_of, write_case
+from force_case import problem_of
+from synthetic_drop import COR, K_Y, force_at, write_case
 
 import fitball
 from fitball.cli.main import main
+from fitball.data.bundled import bundled_folder, bundled_names
 from fitball.data.read import load_table
 from fitball.data.scene import NO_CONTACT_TIME, Scene
 from fitball.inference.calibrate import Effort, fingerprint, run
@@ -235,3 +237,23 @@ def test_the_scene_sentence_goes_when_time_was_measured(tmp_path):
     assert NO_CONTACT_TIME in problem_of(table, records=False, scene=silent).notes
     unused = replace(silent, force_file="drops_force.csv")
     assert any("are not used here" in note for note in problem_of(table, records=False, scene=unused).notes)
+
+
+def test_the_bundled_drop_is_what_its_script_writes(tmp_path):
+    made = write_case(tmp_path, 1, name="synthetic_drop")
+    for name in ("synthetic_drop.csv", "synthetic_drop_force.csv"):
+        kept = np.genfromtxt(bundled_folder() / name, delimiter=",", skip_header=1)
+        # The last printed digit may differ with the library of linear algebra.
+        np.testing.assert_allclose(np.genfromtxt(made.with_name(name), delimiter=",", skip_header=1), kept, atol=2e-4)
+    assert "synthetic_drop_force.csv" not in bundled_names() and "synthetic_drop.csv" in bundled_names()
+
+
+def test_the_bundled_drop_tells_its_stiffness_and_without_records_does_not():
+    fit = fitball.calibrate("synthetic_drop", **SHORT)
+    assert fit.parameters["k_y"].verdict is Verdict.IDENTIFIED
+    assert fit.parameters["k_y"].q025 < K_Y < fit.parameters["k_y"].q975
+    left_out = fitball.calibrate("synthetic_drop", force="none", point_only=True, cores=1)
+    assert left_out.parameters["k_y"].verdict is Verdict.FIXED
+    assert "force records are left out on request" in left_out.notes
+    # No note about what takes no part.
+    assert not any("friction" in note or "spins" in note for note in left_out.notes)

@@ -46,11 +46,8 @@ def test_layers():
 
 
 def test_tables_and_numbers_in_the_readme_are_current():
-    sys.path.insert(0, str(ROOT / "scripts"))
-    try:
-        from readme import updated
-    finally:
-        sys.path.pop(0)
+    from readme import updated
+
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert updated(text) == text
 

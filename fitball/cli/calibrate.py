@@ -54,7 +54,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--force",
         metavar="FILE",
-        help="force-time records: columns id, t, F (default: <table>_force.csv beside DATA)",
+        help="force-time records: columns id, t, F (default: <table>_force.csv beside DATA); none: without",
     )
     add_structure(parser)
     parser.add_argument("--point-only", action="store_true", help="no posterior: the best values only")

@@ -10,6 +10,9 @@ from pathlib import Path
 
 from fitball.errors import Fault, TableError, suggestion
 
+# Force records of `<table>.csv` lie beside it as `<table>_force.csv`.
+FORCE_ENDING = "_force"
+
 
 @dataclass(frozen=True)
 class BundledTable:
@@ -28,8 +31,9 @@ def bundled_folder() -> Path:
 
 
 def bundled_names() -> tuple[str, ...]:
-    """File names of the bundled tables, sorted."""
-    return tuple(sorted(path.name for path in bundled_folder().glob("*.csv")))
+    """File names of the bundled tables, sorted; force records beside a table are none."""
+    found = {path.stem for path in bundled_folder().glob("*.csv")}
+    return tuple(f"{name}.csv" for name in sorted(found - {name + FORCE_ENDING for name in found}))
 
 
 def bundled_tables() -> tuple[BundledTable, ...]:

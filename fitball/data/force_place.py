@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from fitball.data.bundled import resolve_table
+from fitball.data.bundled import FORCE_ENDING, resolve_table
 from fitball.data.force_file import ForceFile, load_force
 from fitball.data.raw import PARQUET_SUFFIXES
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.errors import SceneError, TableError
 
-ENDING = "_force"
+NONE = "none"
 
 
 def find_force(
@@ -20,10 +20,12 @@ def find_force(
 ) -> tuple[ForceFile | None, tuple[str, ...]]:
     """The force records of a table read from `sources`, None where there are none, and what to tell the user.
 
-    What is `named` wins over the scene's `[force] file` (relative to the scene), and that over a file
-    `<table>_force.csv` (or Parquet) beside a single table. Raises TableError as `load_force` does, SceneError for a
-    scene that says how records are and no record.
+    `named` "none" leaves them out. What is `named` wins over the scene's `[force] file` (relative to the scene), and
+    that over a file `<table>_force.csv` (or Parquet) beside a single table. Raises TableError as `load_force` does,
+    SceneError for a scene that says how records are and no record.
     """
+    if named == NONE:
+        return None, ("force records are left out on request",)
     if named is not None:
         return load_force(Path(named), table), ()
     if scene.force_file is not None:
@@ -49,5 +51,5 @@ def _beside(source: str) -> Path | None:
     except TableError:
         # A table made in memory lies nowhere.
         return None
-    places = [table.with_name(table.stem + ENDING + suffix) for suffix in (".csv", *PARQUET_SUFFIXES)]
+    places = [table.with_name(table.stem + FORCE_ENDING + suffix) for suffix in (".csv", *PARQUET_SUFFIXES)]
     return next((place for place in places if place.is_file()), None)

@@ -24,12 +24,12 @@ _BALL_WORDS = {
     "radius": f"a ball of radius {1e3 * WANG_RADIUS:g} mm (the ITF allows 32.7 to 34.3 mm)",
     "inertia_ratio": f"a ball with I/(M R^2) = {WANG_INERTIA_RATIO:g}, that of a tennis ball's thick shell",
 }
-_NO_MU = "nothing is known of the friction coefficient: its prior is wide"
+NO_MU = "nothing is known of the friction coefficient: its prior is wide"
 NO_CONTACT_TIME = "the contact time is not known: the stiffness k_y rests on its prior"
-_NO_VELOCITY_SD = (
+NO_VELOCITY_SD = (
     f"the noise of the velocities is not known: it is fitted, and expected around {NOMINAL_VELOCITY_SD:g} m/s"
 )
-_NO_SPIN_SD = f"the noise of the spins is not known: it is fitted, and expected around {NOMINAL_SPIN_SD:g} rad/s"
+NO_SPIN_SD = f"the noise of the spins is not known: it is fitted, and expected around {NOMINAL_SPIN_SD:g} rad/s"
 
 
 @dataclass(frozen=True)
@@ -96,10 +96,10 @@ def _make_scene(file: SceneFile | None) -> Scene:
     silences = {
         _NO_FILE: file is None,
         **{f"assumed {words}": not _says(known, name) for name, words in _BALL_WORDS.items()},
-        _NO_MU: mu is None,
+        NO_MU: mu is None,
         NO_CONTACT_TIME: time is None,
-        _NO_VELOCITY_SD: velocity_sd is None and nominal_velocity is None,
-        _NO_SPIN_SD: spin_sd is None and nominal_spin is None,
+        NO_VELOCITY_SD: velocity_sd is None and nominal_velocity is None,
+        NO_SPIN_SD: spin_sd is None and nominal_spin is None,
     }
     return Scene(
         source=known.source,

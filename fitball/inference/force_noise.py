@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -30,14 +31,14 @@ def records_for(chosen: Model, scene: Scene, force: ForceFile | None, notes: lis
             notes.append(f"the force records of {scene.force_file} are not used here")
         return None
     if not isinstance(chosen, TwoMassModel):
-        notes.append(f"{force.source} is not used: model {chosen.name} has no force-time course")
+        notes.append(f"{Path(force.source).name} is not used: model {chosen.name} has no force-time course")
         return None
     records = build_records(force, scene.force_start_sd)
     counts = [item.samples for item in records.records]
     notes.append(
-        f"force records of {len(counts)} impacts ({force.source}): {min(counts)} to {max(counts)} samples each, "
-        f"averaged to {records.nodes} means; sensor noise is independent, what the model's force misses is taken "
-        "as a slow course that counts once, not once a sample"
+        f"force records of {len(counts)} impacts ({Path(force.source).name}): {min(counts)} to {max(counts)} samples "
+        f"each, averaged to {records.nodes} means; sensor noise is independent, what the model's force misses is "
+        "taken as a slow course that counts once, not once a sample"
     )
     notes.append(
         f"t = 0 of a force record is taken as the start of contact within {1e3 * scene.force_start_sd:g} ms"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fitball.data.force_file import ForceFile
-from fitball.data.scene import NO_CONTACT_TIME, Scene
+from fitball.data.scene import NO_CONTACT_TIME, NO_MU, NO_SPIN_SD, NO_VELOCITY_SD, Scene
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError, ParameterError, suggestion
 from fitball.inference.channels import Channel, build_channels
@@ -101,7 +101,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
         impacts=impacts_with_cor(table, chosen),
         contact_time=contact_time,
         notes=(
-            *(item for item in scene.assumed if item != NO_CONTACT_TIME or not timed),
+            *(item for item in scene.assumed if item not in _idle(known, timed)),
             *notes,
             *([REPRODUCTION_ONLY] if name == THESIS else []),
         ),
@@ -110,6 +110,12 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
         incident=incident,
         force=records,
     )
+
+
+def _idle(parameters: Set[str], timed: bool) -> set[str]:
+    """Assumptions of a scene that no parameter of the problem rests on."""
+    about = {NO_MU: "mu", NO_VELOCITY_SD: "velocity_sd", NO_SPIN_SD: "spin_sd", NO_CONTACT_TIME: "k_y"}
+    return {text for text, name in about.items() if name not in parameters} | ({NO_CONTACT_TIME} if timed else set())
 
 
 def _incident(table: ImpactTable, choices: Choices, notes: list[str]) -> IncidentErrors | None:
