@@ -173,6 +173,24 @@ def test_levels_and_offsets_keep_to_their_impacts_on_a_kink():
     np.testing.assert_allclose(found, exact, atol=0.04)
 
 
+def test_a_state_that_leaves_the_court_has_no_impact():
+    states = (np.array([[10.0, 12.0]]), np.array([[1.0, 5.0]]), np.zeros((1, 2)), None)
+    moves = np.zeros((3, 2, 3))
+    moves[1, 0, 1], moves[2, 0, 1], moves[2, 1, 1] = -1.0, -0.5, -5.5
+    found, possible = kinks.displaced(states, moves)
+    np.testing.assert_array_equal(possible, [[True, True], [False, True], [True, False]])
+    np.testing.assert_array_equal(found.v_y1, [[1.0, 5.0], [1.0, 5.0], [0.5, 5.0]])
+
+
+def test_slow_impacts_keep_a_likelihood():
+    """Where much of what the incident state may be does not reach the court."""
+    covariance = covariances(6, 0.8, 10.0)
+    table = simulated("grip-slip", np.linspace(2.0, 12.0, 6), covariances(6, 0.05, 10.0), 9)
+    problem = problem_of(replace(table, incident_covariance=covariance), "grip-slip")
+    assert (problem.impacts.v_y1 < 4.0 * 0.8).any()
+    assert np.isfinite(total(problem, at_truth(problem))).all()
+
+
 def test_exact_incidence_is_the_limit_of_small_errors():
     table = simulated("two-mass", np.linspace(12.0, 60.0, 8), covariances(8, 1e-7, 1e-6), 3)
     problem = problem_of(table, "two-mass")
