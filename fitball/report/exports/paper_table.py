@@ -88,7 +88,8 @@ def latex_table(saved: SavedFit) -> str:
         r"\begin{table}",
         r"  \centering",
         rf"  \caption{{{_escaped(_caption(saved))}}}",
-        r"  \begin{tabular}{llrll}",
+        r"  \small",
+        r"  \begin{tabular}{@{}lp{0.28\linewidth}rll@{}}",
         r"    \toprule",
         r"    Parameter & & Value & 95\,\% interval & Unit \\",
         r"    \midrule",
@@ -98,7 +99,9 @@ def latex_table(saved: SavedFit) -> str:
         symbol = row.label or _escaped(row.name)
         value = rf"${row.value} \pm {row.sd}${mark}" if row.sd else f"${_power(row.value)}$"
         spread = f"${row.interval_95}$" if row.interval_95 else ""
-        lines.append(rf"    {symbol} & {_escaped(row.meaning)} & {value} & {spread} & {_unit(row.unit)} \\")
+        lines.append(
+            rf"    {symbol} & \raggedright {_escaped(row.meaning)} & {value} & {spread} & {_unit(row.unit)} \\"
+        )
     lines += [r"    \bottomrule", r"  \end{tabular}"]
     lines += [rf"  \par\smallskip\footnotesize $^{{\mathrm{{{mark}}}}}$ {note}." for mark, note in _notes(saved)]
     return "\n".join([*lines, r"\end{table}"]) + "\n"
@@ -121,7 +124,7 @@ def _power(number: str) -> str:
 def _unit(unit: str) -> str:
     if not unit:
         return ""
-    text = re.sub(r"\b1e(-?\d+) ", r"10^{\1}\\,", unit).replace(" ", r"\,")
+    text = re.sub(r"\b1e(-?\d+) ", r"10^{\1}\\,", unit).replace(" ", r"\,").replace("%", r"\%")
     return rf"$\mathrm{{{text}}}$"
 
 
