@@ -75,7 +75,7 @@ def calibrate(
     holds values in SI. `noise` is "normal" or "student-t"; `pool` maps parameters to the label column over whose
     levels they differ (pooled in part), `offsets` names the label column whose groups may be biased; without
     `incident_errors` the incident state counts as exact. `force` is a file of force-time records (see
-    `data.force_file`), by default what the scene names or what lies beside the table. Raises
+    `data.force_file`), by default what the scene names or what lies beside the table, "none" for none. Raises
     subclasses of FitballError for everything a caller can mend.
     """
     loaded = table if isinstance(table, ImpactTable) else load_table(table)

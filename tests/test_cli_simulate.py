@@ -280,3 +280,23 @@ def test_an_example_at_the_command_line(tmp_path, capsys):
     rows = pd.read_csv(tmp_path / "fig24" / "history.csv")
     assert list(dict.fromkeys(rows["curve"])) == ["zero spin", "topspin 100 rad/s", "backspin 100 rad/s"]
     assert {f"{name}" for name in COURSES} <= {column.split(" ")[0] for column in rows.columns}
+
+
+def test_a_file_of_the_user_is_not_replaced(tmp_path, capsys):
+    kept = tmp_path / "mine.csv"
+    kept.write_text("dear to me", encoding="utf-8")
+    words = ["simulate", "--impact", "v=17, theta=18", "--quiet", "--out", str(tmp_path / "a"), "--csv", str(kept)]
+    assert main(words) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert kept.read_text(encoding="utf-8") == "dear to me" and not (tmp_path / "a").exists()
+    assert main([*words, "--overwrite"]) == 0
+    assert kept.read_text(encoding="utf-8") != "dear to me"
+
+
+def test_predictions_do_not_replace_the_table_they_are_of(small_fit, tmp_path, capsys):
+    table = tmp_path / "new.csv"
+    table.write_text("v_1,theta_1,omega_1\n17,30,0\n", encoding="utf-8")
+    before = table.read_bytes()
+    words = ["predict", str(small_fit), str(table), "--quiet", "--out", str(table)]
+    assert main(words) == 2
+    assert "exists already" in capsys.readouterr().err and table.read_bytes() == before

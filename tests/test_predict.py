@@ -314,7 +314,7 @@ def test_predict_prints_json_and_csv(folder, tmp_path, capsys):
     assert frame["v_x2_median [m/s]"][0] == first["v_x2"]["median"]
     assert frame["theta_2_data_q975 [deg]"][0] == pytest.approx(math.degrees(first["theta_2"]["data_q975"]))
     assert frame["outside"].tolist() == ["no", "yes"]
-    assert main(["predict", str(folder), *IMPACT, "--quiet", "--out", str(place)]) == 0
+    assert main(["predict", str(folder), *IMPACT, "--quiet", "--out", str(place), "--overwrite"]) == 0
     assert capsys.readouterr().out.strip() == str(place)
 
 
@@ -359,7 +359,7 @@ def test_draws_missing_damaged_or_of_another_fit_are_refused(folder, tmp_path, c
         (["nowhere.csv"], "no such file"),
         (["bad.csv"], "row 1 (line 2), column 'v_y1': read -3"),
         (["wang_all.csv", "--seed", "-1"], "seed = -1"),
-        (["wang_all.csv", "--out", "nowhere/x.csv"], "cannot be written"),
+        (["wang_all.csv", "--out", "nowhere/x.csv"], "there is no folder"),
     ],
 )
 def test_bad_input_ends_with_two_and_words(folder, tmp_path, monkeypatch, capsys, words, said):

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fitball.errors import ParameterError, ResultFolderError, suggestion
+from fitball.errors import ParameterError, suggestion
 
 if TYPE_CHECKING:
     from fitball.report.export import SavedFit
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 FORMAT_NAMES = (
     "python", "c", "golden", "lookup", "engine", "json", "toml", "csv", "latex", "markdown", "netcdf",
 )  # fmt: skip
+# Options that one format alone has.
+OWNERS = {"prefix": "c", "inputs_only": "golden", "range": "lookup", "at": "engine", "engine_inertia": "engine"}
 EXAMPLE = """formats:
   python     a module that needs only math: rebound(v_x1, v_y1, omega_1), with a self-test
   c          a C99 header with the same, self-test under FITBALL_SELF_TEST
@@ -50,14 +52,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--to", metavar="FORMAT", required=True, help=", ".join(FORMAT_NAMES))
     parser.add_argument("--out", metavar="FILE", help="file, or - for stdout (default: a name beside fit.json)")
     parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
-    parser.add_argument("--prefix", default="fitball_", metavar="TEXT", help="c: beginning of every name (fitball_)")
+    parser.add_argument("--prefix", metavar="TEXT", help="c: beginning of every name (fitball_)")
     parser.add_argument("--inputs-only", action="store_true", help="golden: without the expected rebounds")
     parser.add_argument("--range", metavar="TEXT", help="lookup: the grid (default: the calibrated range)")
     parser.add_argument(
         "--at", metavar="TEXT", help="engine: operating point (default: middle of the calibrated range)"
     )
     parser.add_argument(
-        "--engine-inertia", type=float, default=0.4, metavar="X", help="engine: I/(M R^2) of its sphere (0.4: solid)"
+        "--engine-inertia", type=float, metavar="X", help="engine: I/(M R^2) of its sphere (0.4: solid)"
     )
     parser.set_defaults(run=run)
 
@@ -74,8 +76,8 @@ def run(args: argparse.Namespace) -> int:
     if args.to == "netcdf":
         return _netcdf(args, saved)
     chosen = TEXT_FORMATS[args.to]
-    options = Options(args.prefix, args.inputs_only, args.range, args.at, args.engine_inertia)
-    texts = chosen.make(saved, options)
+    given = {name: getattr(args, name) for name in OWNERS if getattr(args, name) is not None}
+    texts = chosen.make(saved, Options(**given))
     note = chosen.note(texts)
     if args.out == "-":
         sys.stdout.write(next(iter(texts.values())))
@@ -89,10 +91,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _refuse_idle(args: argparse.Namespace) -> None:
     """Raise ParameterError for an option that the format does not have."""
-    owners = {"prefix": "c", "inputs_only": "golden", "range": "lookup", "at": "engine", "engine_inertia": "engine"}
-    defaults = {"prefix": "fitball_", "inputs_only": False, "range": None, "at": None, "engine_inertia": 0.4}
-    for name, owner in owners.items():
-        if getattr(args, name) != defaults[name] and args.to != owner:
+    for name, owner in OWNERS.items():
+        if getattr(args, name) not in (None, False) and args.to != owner:
             raise ParameterError(f"--{name.replace('_', '-')} belongs to --to {owner}, not to --to {args.to}")
 
 
@@ -109,7 +109,7 @@ def _places(args: argparse.Namespace, folder: Path, stem: str, texts: Mapping[st
 
 
 def _write(places: Mapping[str, Path], texts: Mapping[str, str], overwrite: bool) -> None:
-    from fitball.report.files import write_text
+    from fitball.report.files import refuse_existing, write_text
 
     for place in places.values():
         refuse_existing(place, overwrite)
@@ -118,26 +118,9 @@ def _write(places: Mapping[str, Path], texts: Mapping[str, str], overwrite: bool
         print(place)
 
 
-# Files of a result folder: what is derived from them never takes their place.
-OWN_FILES = ("fit.json", "posterior.nc", "posterior.h5")
-
-
-def refuse_existing(place: Path, overwrite: bool) -> None:
-    """Raise ResultFolderError for a file that is there, unless it may be replaced, and for a missing folder."""
-    if place.name in OWN_FILES:
-        raise ResultFolderError(
-            f"{place}: this name belongs to the result of a calibration; choose another with --out"
-        )
-    if place.exists() and not overwrite:
-        raise ResultFolderError(
-            f"{place}: exists already; choose another name with --out, or allow it with --overwrite"
-        )
-    if not place.parent.is_dir():
-        raise ResultFolderError(f"{place}: there is no folder {place.parent}; make it first")
-
-
 def _netcdf(args: argparse.Namespace, saved: SavedFit) -> int:
     from fitball.report.exports.arviz_file import write_arviz
+    from fitball.report.files import refuse_existing
 
     if args.out == "-":
         raise ParameterError("--out -: netCDF is no text; name a file")

@@ -57,6 +57,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--exact-incidence", action="store_true", help="take the incident state as exact even where its sd is stated"
     )
     parser.add_argument("--out", metavar="FILE.csv", help="write every number to a CSV file")
+    parser.add_argument("--overwrite", action="store_true", help="replace that file if it exists")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the simulated noise (default 1)")
     parser.add_argument("--json", action="store_true", help="print JSON (SI units, angles in radians)")
     parser.add_argument("--quiet", action="store_true", help="no table and no notes: only errors and files")
@@ -73,11 +74,13 @@ def run(args: argparse.Namespace) -> int:
     from fitball.inference.new_impacts import observed_channels
     from fitball.inference.results import RunStatus, Verdict
     from fitball.inference.validation import impacts_seen, scores
-    from fitball.report.files import write_text
+    from fitball.report.files import refuse_existing, write_text
     from fitball.report.new_impact_rows import prediction_csv_rows, prediction_json
     from fitball.report.new_impact_text import render_prediction, render_scores
     from fitball.report.tables import csv_text
 
+    if args.out is not None:
+        refuse_existing(Path(args.out), args.overwrite)
     saved = load_fit(args.fit)
     impacts, ids, table, covariance = _impacts(args.data, args.impact)
     stated, point_only = covariance is not None, saved.status is RunStatus.POINT_ONLY

@@ -59,7 +59,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--out", metavar="DIR", help=f"result folder (default: one named for the impact in {DEFAULT_FOLDER}/)"
     )
-    parser.add_argument("--overwrite", action="store_true", help="replace an older result in the folder")
+    parser.add_argument("--overwrite", action="store_true", help="replace an older result, and FILE.csv")
     parser.add_argument("--format", default="png", metavar="FORMAT", help="of the figure: png (default), svg or pdf")
     parser.add_argument("--csv", metavar="FILE.csv", help="write the courses to this file too")
     parser.add_argument("--json", action="store_true", help="print JSON (SI units)")
@@ -77,10 +77,13 @@ def run(args: argparse.Namespace) -> int:
 
         print(list_text())
         return 0
+    from fitball.report.files import refuse_existing
     from fitball.report.history_folder import prepare
 
     solved, name, content, text, title, panels = _example(args) if args.example else _one(args)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER / name
+    if args.csv is not None:
+        refuse_existing(Path(args.csv), args.overwrite)
     prepare(folder, overwrite=args.overwrite)
     _write(args, folder, solved, content, text, title, panels)
     return 0

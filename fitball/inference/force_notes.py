@@ -10,8 +10,7 @@ from fitball.inference.force import MISFIT, SD, aligned, mean_forces, rotated
 from fitball.inference.posterior import Problem
 from fitball.inference.results import PointFit
 
-# Misfit, as a share of the peak, from which the shape or the size of the force is no longer the model's: a half-sine
-# against the measured pulses of tennis balls leaves some 5 %.
+# Misfit, as a share of the peak, from which it is no detail any more: over three times what its prior expects.
 LARGE = 0.1
 # Mean square of a standardised deviation that says the stated noise is wrong, and ratios of impulses that do.
 EXCESS = 2.0

@@ -7,6 +7,9 @@ from pathlib import Path
 
 from fitball.errors import ResultFolderError
 
+# Files of a result folder: what is derived from them never takes their place.
+OWN_FILES = ("fit.json", "posterior.nc", "posterior.h5")
+
 
 def write_whole(path: Path, write: Callable[[Path], None]) -> None:
     """Let `write` fill a temporary file and rename it to `path`; the temporary one never stays behind.
@@ -30,3 +33,13 @@ def write_text(path: Path, text: str) -> None:
         place.write_bytes(text.encode("utf-8"))
 
     write_whole(path, write)
+
+
+def refuse_existing(place: Path, overwrite: bool) -> None:
+    """Raise ResultFolderError for a file that is there, unless it may be replaced, and for a missing folder."""
+    if place.name in OWN_FILES:
+        raise ResultFolderError(f"{place}: this name belongs to the result of a calibration; choose another")
+    if place.exists() and not overwrite:
+        raise ResultFolderError(f"{place}: exists already; choose another name, or allow it with --overwrite")
+    if not place.parent.is_dir():
+        raise ResultFolderError(f"{place}: there is no folder {place.parent}; make it first")

@@ -23,7 +23,7 @@ class Options:
 
     prefix: str = "fitball_"
     inputs_only: bool = False
-    grid: str | None = None
+    range: str | None = None
     at: str | None = None
     engine_inertia: float = 0.4
 
@@ -62,7 +62,7 @@ def _c(saved: SavedFit, options: Options) -> Mapping[str, str]:
 TEXT_FORMATS: Mapping[str, TextFormat] = {
     "python": TextFormat("bounce", lambda saved, _options: {".py": python_port(saved_port(saved))}),
     "c": TextFormat("bounce", _c),
-    "lookup": TextFormat("lookup", lambda saved, options: lookup_texts(saved, options.grid), lookup_note),
+    "lookup": TextFormat("lookup", lambda saved, options: lookup_texts(saved, options.range), lookup_note),
     "engine": TextFormat("engine", lambda saved, options: engine_texts(saved, options.at, options.engine_inertia)),
     "json": _parameters(".json", json_text),
     "toml": _parameters(".toml", toml_text),
