@@ -76,7 +76,7 @@ def best_force_noise(
     free = [item for item in problem.free if item.name in FORCE_NOISE]
     for _ in range(TURNS):
         for item in free:
-            values = item.prior.value(np.linspace(*item.prior.ends, GRID))
+            values = item.prior.value(np.linspace(*item.prior.support, GRID))
             tried = {name: np.full(GRID, value) for name, value in best.items()} | {item.name: values}
             spreads = spread(records, tried[SD], tried[MISFIT])
             cost = np.where(records.mask, 0.5 * (rest / spreads) ** 2 + freedom * np.log(spreads), 0.0).sum(

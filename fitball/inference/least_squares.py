@@ -12,7 +12,6 @@ from fitball.inference.parameters import NOISE_SPECS
 from fitball.inference.posterior import Problem
 from fitball.inference.residuals import Weighting, default_noise, named_values, root_mean_squares
 from fitball.inference.results import LeastSquares
-from fitball.models.specs import SPECS
 from fitball.values import FloatArray
 
 
@@ -90,6 +89,6 @@ def _standard_errors(
         column = minimiser.columns[k]
         if column == minimiser.walled:
             values = minimiser.values(at[None, :])
-            sd *= float(SPECS["mass_ratio"].upper - minimiser.wall(values)[0])
+            sd *= float(minimiser.highest - minimiser.wall(values)[0])
         stderr[names[k]] = sd * (math.exp(at[k]) if problem.free[column].prior.log else 1.0)
     return stderr, missing

@@ -184,7 +184,7 @@ def _best_tails(prior: Prior, z: FloatArray) -> float:
 
 def _peak(prior: Prior, count: int, score: Callable[[FloatArray], FloatArray]) -> float:
     """The value on an even grid of the prior's coordinate at which prior and `score` together are highest."""
-    low, high = prior.ends
+    low, high = prior.support
     grid = np.linspace(low, high, count)
     values = prior.value(grid)
     return float(values[np.argmax(score(values) + prior.log_density(grid))])

@@ -54,6 +54,10 @@ class Minimiser:
         # The wall of parameters that differ between levels is not one number.
         walled = walled and not {"mass_ratio", "cor_10", "cor_slope"} & {item.parameter for item in problem.levels}
         self.walled = names.index("mass_ratio") if walled else None
+        # The mass ratio lies between the wall, or this if it is higher, and this.
+        self.lowest, self.highest = SPECS["mass_ratio"].lower, SPECS["mass_ratio"].upper
+        if self.walled is not None and weighting.penalised:
+            self.lowest, self.highest = problem.free[self.walled].prior.support
         self.evaluations = 0
 
     def wall(self, values: FloatArray) -> FloatArray:
@@ -67,7 +71,7 @@ class Minimiser:
         else:
             lines = [columns["cor_10"]]
         # A hair above the wall, so that rounding does not put the restitution of the core above 1.
-        wall: FloatArray = np.maximum(np.max(lines, axis=0) * (1.0 + 1e-12), SPECS["mass_ratio"].lower)
+        wall: FloatArray = np.maximum(np.max(lines, axis=0) * (1.0 + 1e-12), self.lowest)
         return wall
 
     def to_fitted(self, values: FloatArray) -> FloatArray:
@@ -75,7 +79,7 @@ class Minimiser:
         coordinates = self.problem.to_coordinates(values)
         if self.walled is not None:
             wall = self.wall(values)
-            room = np.maximum(SPECS["mass_ratio"].upper - wall, 1e-6)
+            room = np.maximum(self.highest - wall, 1e-6)
             coordinates[:, self.walled] = (values[:, self.walled] - wall) / room
         return coordinates[:, self.columns]
 
@@ -89,7 +93,7 @@ class Minimiser:
         values = self.problem.to_values(full)
         if self.walled is not None:
             wall = self.wall(values)
-            values[:, self.walled] = wall + (SPECS["mass_ratio"].upper - wall) * full[:, self.walled]
+            values[:, self.walled] = wall + (self.highest - wall) * full[:, self.walled]
         return values
 
     def at(self, coordinates: FloatArray) -> FloatArray:
@@ -135,9 +139,12 @@ class Minimiser:
         return slopes.T
 
     def limits(self) -> tuple[FloatArray, FloatArray]:
-        """Bounds of the fitted coordinates, (fitted,) each."""
-        ends = [(0.0, 1.0) if k == self.walled else self.problem.free[k].prior.ends for k in self.columns]
-        low, high = np.array(ends).T
+        """Bounds of the fitted coordinates, (fitted,) each; where priors take part, a uniform one brings its ends."""
+        priors = [self.problem.free[k].prior for k in self.columns]
+        ends = [prior.support if self.weighting.penalised else prior.ends for prior in priors]
+        low, high = np.array(
+            [(0.0, 1.0) if k == self.walled else end for k, end in zip(self.columns, ends, strict=True)]
+        ).T
         return low, high
 
     def scale(self) -> FloatArray:
