@@ -211,6 +211,29 @@ def test_a_figure_shows_the_courses_it_names():
     assert set(DRAWN) == set(LABELS) >= {panel for example in EXAMPLES for panel in example.panels}
 
 
+def test_curves_of_several_are_not_mixed_up():
+    """Two impacts in one figure: each course in its own colour, surfaces dashed, marks where its phases change."""
+    values = {name: DEFAULTS[name] for name in fitball.model("two-mass").parameter_names}
+    model = fitball.model("two-mass")
+    pair = [simulate(model, values, fitball.impacts(12.0, 10.0, spin), label=f"{spin:g}") for spin in (-50.0, 250.0)]
+    figure = history_figure(pair, "two", panels=("y", "v_x"))
+    height, along = figure.axes
+    for axis, colour_of_first in ((height, height.lines[0].get_color()), (along, height.lines[0].get_color())):
+        colours = {line.get_color() for line in axis.lines}
+        assert len(colours) == 2 and colour_of_first in colours
+    solid = [line for line in along.lines if line.get_linestyle() == "-" and len(line.get_xdata()) == POINTS]
+    dashed = [line for line in along.lines if line.get_linestyle() == "--"]
+    dots = [line for line in along.lines if line.get_marker() == "o"]
+    assert len(solid) == len(dashed) == len(dots) == 2
+    for item, centre, surface, marks in zip(pair, solid, dashed, dots, strict=True):
+        np.testing.assert_array_equal(centre.get_ydata(), item.history.v_x)
+        np.testing.assert_array_equal(surface.get_ydata(), item.history.radius * item.history.omega_2)
+        np.testing.assert_array_equal(marks.get_xdata(), item.history.transition_shares)
+        assert centre.get_color() == surface.get_color() == marks.get_color()
+    assert not [line for line in height.lines if line.get_marker() == "o"]
+    assert {text.get_text() for text in figure.legends[0].get_texts()} >= {"-50", "250", "transition"}
+
+
 def test_every_figure_of_chapter_three_is_there(capsys):
     assert [example.name for example in EXAMPLES] == [f"fig{k}" for k in range(8, 29)]
     assert main(["simulate", "--example", "list"]) == 0

@@ -94,6 +94,17 @@ def test_a_gripping_point_says_from_where_friction_is_idle():
     assert sphere(best.e, 0.9 * best.mu_from, 0.4, *impact) != pytest.approx(sphere(best.e, 9.0, 0.4, *impact))
 
 
+@pytest.mark.parametrize("omega", [-150.0, 0.0, 120.0])
+def test_spin_counts_in_the_slip_that_friction_must_stop(omega):
+    """Backspin makes the surface faster along the court, topspin slower; the answer is checked by bouncing."""
+    impact = (6.0, 15.0, omega)
+    best = fit_engine(fitted([0.9, 0.1, 0.0, 0.77, -0.015]), fitball.impacts(*([x] for x in impact)), 0.4).at_point
+    assert best.mu_from == pytest.approx((6.0 - BALL.radius * omega) / (3.5 * (1.0 + best.e) * 15.0), rel=1e-12)
+    idle = sphere(best.e, 9.0, 0.4, *impact)
+    assert sphere(best.e, 1.0001 * best.mu_from, 0.4, *impact) == pytest.approx(idle, rel=1e-12)
+    assert sphere(best.e, 0.9 * best.mu_from, 0.4, *impact) != pytest.approx(idle, rel=1e-3)
+
+
 def test_the_range_settings_err_less_over_the_range():
     found = fit_engine(fitted([0.55, 0.1, 2e-3, 0.77, -0.015]), fitball.impacts([20.0], [5.0], [0.0]), 0.4)
     near, wide = found.at_point.rms, found.over_range.rms

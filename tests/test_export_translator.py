@@ -61,6 +61,28 @@ def test_the_translator_keeps_what_python_means(tmp_path):
     assert [float(item) for item in done.stdout.split()] == [scope["kernel"](1.3, 5), scope["kernel"](-0.7, 3)]
 
 
+@pytest.mark.parametrize("name", ["min", "max"])
+def test_least_and_greatest_of_whole_and_real_numbers(name):
+    """Two numbers, whole or real, mixed ones as real; nothing else, and of more than two nothing at all."""
+
+    def translated(call, kinds):
+        listed = ", ".join(f"{letter}: {kind}" for letter, kind in zip("abc", kinds, strict=False))
+        source = f"def kernel({listed}) -> float:\n    return 1.0 * {call}\n"
+        function = ast.parse(source).body[0]
+        return c_function(function, {"kernel": signature(function)}, {}, "p_")
+
+    assert f"p_{name}_whole(a, b)" in translated(f"{name}(a, b)", ["int", "int"])
+    for kinds in (["int", "float"], ["float", "int"], ["float", "float"]):
+        assert f"p_{name}_real(a, b)" in translated(f"{name}(a, b)", kinds)
+    for call, kinds in (
+        (f"{name}(a, b, c)", ["float"] * 3),
+        (f"{name}(a)", ["float"]),
+        (f"{name}(a, b)", ["bool"] * 2),
+    ):
+        with pytest.raises(UnportableError):
+            translated(call, kinds)
+
+
 def test_a_module_that_needs_more_than_math_is_refused():
     with pytest.raises(UnportableError, match="imports more than math"):
         check_self_contained("import numpy\n")

@@ -102,6 +102,18 @@ def test_headers_and_units(tmp_path, header, words):
     assert words in str(caught.value)
 
 
+@pytest.mark.parametrize(("level", "end"), [(0.195, 0), (0.205, 0), (0.195, -1), (0.205, -1)])
+def test_a_fifth_of_the_peak_is_where_a_record_counts_as_cut_off(tmp_path, level, end):
+    forces = pulse()
+    forces[end] = level * forces.max()
+    place, table = written(tmp_path, lines("a", forces=forces))
+    if level < 0.2:
+        assert len(load_force(place, table).records) == 1
+        return
+    with pytest.raises(TableError, match="of its peak; expected samples from before landing until after release"):
+        load_force(place, table)
+
+
 def test_where_records_are_looked_for(tmp_path):
     place, table = written(tmp_path, lines("a"))
     source = str(tmp_path / "table.csv")

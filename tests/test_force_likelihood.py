@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -13,11 +14,14 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 from synthetic_drop import COR, K_Y, MASS, SPEEDS, force_at, write_case
 
+from fitball.data.force_file import load_force
+from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitError
 from fitball.inference.force import (
     aligned,
     force_cost,
+    force_information,
     force_log_likelihood,
     force_residuals,
     force_slopes,
@@ -27,6 +31,7 @@ from fitball.inference.force_noise import noise_held
 from fitball.inference.force_notes import force_notes
 from fitball.inference.information import fisher_information, information_looks
 from fitball.inference.maximum import follow_maximum
+from fitball.inference.priors import parse_prior
 from fitball.inference.subsample import thinned_problem, withheld
 from fitball.models.dual import STEP
 from fitball.models.registry import model
@@ -117,6 +122,44 @@ def test_means_are_those_of_the_course(problem):
         np.testing.assert_allclose(force[0, place, : times.size], seen, atol=3e-4 * item.peak)
         differences = np.gradient(force[0, place, : times.size], item.spacing)
         assert np.corrcoef(differences, rate[0, place, : times.size])[0, 1] > 0.95
+
+
+def test_the_samples_of_a_record_are_counted(problem, tmp_path):
+    """The pulse and a quarter of its length on either side, as far as the record goes."""
+    table = write_case(tmp_path, 1)
+    force = load_force(table.with_name("drops_force.csv"), load_table(table))
+    for record, found in zip(force.records, problem.force.records, strict=True):
+        inside = np.flatnonzero(record.force >= 0.05 * record.force.max())
+        top = int(np.argmax(record.force))
+        gaps = np.flatnonzero(np.diff(inside) > 1)
+        first = max([inside[0], *(inside[g + 1] for g in gaps if inside[g] < top)])
+        last = min([inside[-1], *(inside[g] for g in gaps if inside[g] >= top)])
+        margin = math.ceil(0.25 * (last - first + 1))
+        kept = range(max(0, first - margin), min(record.force.size, last + margin + 1))
+        assert found.samples == len(kept)
+
+
+def test_information_of_records_is_the_curvature_they_would_have(problem):
+    """Where records follow the model, the expected information is the Hessian of their cost, in the noise too, whose
+    prior may be on the value or on its logarithm."""
+    flat = replace(
+        problem,
+        parameters=tuple(
+            replace(item, prior=parse_prior(item.name, "uniform(0.001, 1)", 1e-4, 3.0))
+            if item.name == "force_misfit"
+            else item
+            for item in problem.parameters
+        ),
+    )
+    found = {}
+    for one in (problem, flat):
+        at = one.to_coordinates(values_of(one))[0]
+        information = force_information(one, one.force, at)
+        k = one.free_names.index("force_misfit")
+        found[one is flat] = information[k, k]
+    # A coordinate is the logarithm or the value: I(value) = I(log) / value^2.
+    assert found[True] == pytest.approx(found[False] / TRUTH["force_misfit"] ** 2, rel=1e-9)
+    assert found[False] > 1.0
 
 
 def test_likelihood_is_the_integral_over_the_start(problem):

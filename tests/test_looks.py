@@ -121,6 +121,21 @@ def test_combinations_in_words():
     assert relative(2.0) == "a factor of 7.4"
 
 
+@pytest.mark.parametrize(("loss", "words"), [(1.2, "k_theta/k_y"), (1.3, "k_theta/k_y^0.5")])
+def test_exponents_are_rounded_as_long_as_that_costs_a_quarter_at_most(loss, words):
+    """A direction with exponents 1 and -0.6; whole numbers would stand for it at `loss` times its error."""
+    items = problem_of("wang_zero_spin.csv").free[1:3]
+    sds = np.array([1.0, 1.0])
+    exact, rounded = np.array([-0.6, 1.0]), np.array([-1.0, 1.0])
+    vector = exact / np.linalg.norm(exact)
+    # Variance along the vector, and across it as much as makes the rounded combination worse by the loss asked for.
+    across = np.array([vector[1], -vector[0]])
+    along = (rounded @ vector) ** 2 / (rounded @ rounded)
+    variance = (loss**2 - along) / (1.0 - along)
+    covariance = 1e-4 * (np.outer(vector, vector) + variance * np.outer(across, across))
+    assert combination(items, vector, sds, covariance)[0] == words
+
+
 def test_when_every_ball_grips_friction_acts_nowhere_and_is_bounded_from_below():
     truth = GRIP_SLIP | {"mu": 1.5, "velocity_sd": 0.05, "spin_sd": 2.0}
     problem = synthetic(problem_of("wang_zero_spin.csv", "grip-slip", mu=None), truth, 8)
@@ -132,6 +147,15 @@ def test_when_every_ball_grips_friction_acts_nowhere_and_is_bounded_from_below()
         assert look.profile.ends == (End.CLOSED, End.BOUND)
         assert fit.parameters["e_x"].verdict is Verdict.IDENTIFIED
         assert len(fit.examination.looks["e_x"].action.impacts) >= 6
+        for item in problem.free:
+            narrowed = fit.examination.looks[item.name].contraction
+            assert (narrowed is None) == point_only
+            if narrowed is not None:
+                draws, before = (
+                    item.prior.coordinate(kept[:, problem.free_names.index(item.name)])
+                    for kept in (fit.posterior.draws, fit.posterior.reference)
+                )
+                assert narrowed.contraction == pytest.approx(1.0 - draws.var() / before.var(), abs=1e-9)
     # The maximum lies at the edge of grip, where the prior draws it; over the posterior friction acts nowhere.
     assert look.action.impacts == ()
     assert "moves the rebound of none of the 7 impacts (grip)" in mu.reason

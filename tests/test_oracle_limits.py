@@ -11,6 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fitball.errors import ParameterError
+from fitball.models import oracle_phases
 from fitball.models.oracle import oracle_rebound, oracle_rebound_mp
 from fitball.models.types import Closures, Phase, Rebound, Status, unpack_regime
 from fitball.values import Ball, Impacts, impacts
@@ -168,6 +169,19 @@ def test_status(solve: Any, changes: dict[str, float], status: Status) -> None:
     assert rebound.status[0] == status
     assert np.isnan(rebound.v_x2[0]) == (status is not Status.OK)
     assert (rebound.regime[0] == 0) == (status is not Status.OK)
+
+
+def test_a_contact_without_end_is_said_to_be_one(monkeypatch) -> None:
+    """More phases than are followed: no number is left that could pass for a rebound."""
+    at = impacts([5.0, 5.0], [10.0, 10.0], [0.0, 0.0])
+    ended = oracle_rebound(DEFAULT, BALL, PARAMETERS, at)
+    assert np.all(ended.status == Status.OK)
+    monkeypatch.setattr(oracle_phases, "PHASE_LIMIT", 1)
+    rebound = oracle_rebound(DEFAULT, BALL, PARAMETERS, at)
+    assert np.all(rebound.status == Status.TOO_MANY_PHASES)
+    for column in (rebound.v_x2, rebound.v_y2, rebound.omega_2, rebound.contact_time):
+        assert np.all(np.isnan(column))
+    assert np.all(rebound.regime == 0)
 
 
 def test_each_impact_stands_alone() -> None:

@@ -13,6 +13,7 @@ from scipy.stats import chi2, norm
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Measurement
+from fitball.inference import profile
 from fitball.inference.ascent import descend
 from fitball.inference.looks import End
 from fitball.inference.march import best_top, march, searches, sweep
@@ -249,6 +250,22 @@ def test_a_likelihood_without_a_maximum_is_said_to_have_none(tmp_path):
     found = profiles(problem, start(problem))
     assert "velocity_sd falls to its bound" in found.missing
     assert not found.by_name
+
+
+def test_a_maximum_that_keeps_being_surpassed_ends_in_words(grip_slip, monkeypatch):
+    """Each search meets a higher maximum: after so many there is no profile, and it says so."""
+    walked = []
+
+    def surpassed(surface, columns, top, scene):
+        walked.append(columns)
+        return {}, top.x
+
+    monkeypatch.setattr(profile, "march", surpassed)
+    found = profiles(grip_slip, start(grip_slip), names=["mu"])
+    assert len(walked) == profile.RESTARTS
+    assert not found.by_name
+    assert found.missing == f"after {profile.RESTARTS} searches a higher maximum is still met on the way"
+    assert not profiles(grip_slip, start(grip_slip), names=[]).missing
 
 
 def test_the_cost_is_the_negative_log_likelihood(grip_slip):

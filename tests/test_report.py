@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import tomllib
 from html.parser import HTMLParser
@@ -26,7 +27,7 @@ from fitball.report.folder import prepare, write_all
 from fitball.report.rounding import decimals, fixed
 from fitball.report.summary import parameter_rows, prediction_table, thesis_rows
 from fitball.report.terminal import render, render_json
-from fitball.report.units import THESIS
+from fitball.report.units import HANDY, THESIS
 
 
 @pytest.fixture(scope="module")
@@ -158,6 +159,18 @@ def test_thesis_units():
     # Table 9 of the thesis: 80 lb/in and 1000 lb in/rad.
     assert 80.0 / THESIS["k_y"].factor == pytest.approx(14010.1, rel=1e-5)
     assert 1000.0 / THESIS["k_theta"].factor == pytest.approx(112.985, rel=1e-5)
+
+
+def test_what_a_person_reads_is_si_times_its_unit():
+    """One of each displayed unit, in SI, written out from its definition."""
+    one = {
+        "kN/m": 1000.0, "%": 0.01, "mm": 1e-3, "mm/(m/s)": 1e-3, "1e-3 s/m": 1e-3, "ms": 1e-3, "g": 1e-3,
+        "deg": math.pi / 180.0, "lb/in": 4.4482216152605 / 0.0254, "lb in/rad": 4.4482216152605 * 0.0254,
+        "in": 0.0254, "in/(m/s)": 0.0254, "lb": 0.45359237, "s": 1.0,
+    }  # fmt: skip
+    for scales in (HANDY, THESIS):
+        for name, scale in scales.items():
+            assert scale.factor * one[scale.unit] == pytest.approx(1.0, rel=1e-15), name
 
 
 def test_the_offset_line_is_quoted_at_zero_too(two_mass):

@@ -69,7 +69,7 @@ def profiles(
         top, others = best_top(surface, np.concatenate([better[None, :], top.x[None, :], others]), scene)
     if columns and not found:
         return Profiles(-top.cost, scene, {}, f"after {RESTARTS} searches a higher maximum is still met on the way")
-    lowest = min(top.cost, *(point.cost for points in found.values() for point in points))
+    lowest = min([top.cost, *(point.cost for points in found.values() for point in points)])
     named = {problem.free[k].name: _profile(surface, k, points, lowest) for k, points in found.items()}
     return Profiles(-lowest, scene, named)
 
