@@ -50,7 +50,7 @@ def fit_content(fit: Fit) -> dict[str, Any]:
             "sha256": problem.table.digest,
             "impacts": len(problem.table),
         },
-        "notes": [*map(str, problem.table.notices), *fit.notes],
+        "notes": [*problem.table.remarks, *fit.notes],
         "parameters": {item.name: _estimate(item) for item in fit.estimates},
         "covariance": _matrix(problem.free_names, fit.covariance),
         "correlation": _matrix(problem.free_names, fit.correlation),
