@@ -114,7 +114,7 @@ def run(args: argparse.Namespace) -> int:
     elif not args.quiet:
         print(render_prediction(prediction, ids))
         if judged:
-            print("\n" + render_scores(judged, impacts_seen(saved.fitted, impacts), len(ids)))
+            print("\n" + render_scores(judged, impacts_seen(saved.impacts, impacts), len(ids)))
     if args.out is not None and not args.json:
         print(args.out)
     return 0

@@ -18,7 +18,7 @@ from fitball.values import FloatArray, Impacts
 ORIGIN = "table"
 
 
-def load_tables(sources: Sequence[str | os.PathLike[str]], scene: Scene) -> ImpactTable:
+def load_tables(sources: Sequence[str | os.PathLike[str]], scene: Scene | None = None) -> ImpactTable:
     """One table, or several joined. Raises TableError for each as `load_table` does, and for tables that differ."""
     return joined([load_table(source, scene=scene) for source in sources])
 
