@@ -19,14 +19,15 @@ from fitball.inference.new_impacts import DRAWS, NewPrediction, predict_new
 from fitball.inference.parameters import NOISE_SPECS
 from fitball.inference.results import Estimate, Fit, Golden, RunStatus, Verdict
 from fitball.models.types import Rebound
-from fitball.report.data_content import data_content
+from fitball.report.data_file import DATA_NAME, data_content, read_data
 from fitball.report.looks_content import looks_content
 from fitball.report.netcdf import saved_draws
 from fitball.report.units import THESIS
 from fitball.values import Ball, FloatArray, Impacts
 from fitball.version import __version__
 
-SCHEMA_VERSION = 1
+# Version 1 held the measurements themselves, which lie in `data.nc` now.
+SCHEMA_VERSION = 2
 FIT_NAME = "fit.json"
 POSTERIOR_NAME = "posterior.nc"
 PACKAGES = ("numpy", "scipy", "numba", "lmfit", "emcee", "arviz-stats", "h5py")
@@ -50,7 +51,7 @@ def fit_content(fit: Fit) -> dict[str, Any]:
             "sha256": problem.table.digest,
             "impacts": len(problem.table),
         },
-        "notes": [*map(str, problem.table.notices), *fit.notes],
+        "notes": [*problem.table.remarks, *fit.notes],
         "parameters": {item.name: _estimate(item) for item in fit.estimates},
         "covariance": _matrix(problem.free_names, fit.covariance),
         "correlation": _matrix(problem.free_names, fit.correlation),
@@ -215,6 +216,16 @@ class SavedFit:
         fitted = self.fitted if point_only else saved_draws(self.fitted, posterior, DRAWS)
         return predict_new(fitted, impacts, observed, seed, incident_covariance)
 
+    @property
+    def impacts(self) -> Impacts:
+        """Every impact of the fit. Of a long table `fit.json` holds those alone that span its range, and the others
+        are read from `data.nc`; ResultFolderError where that is missing, damaged or of another fit.
+        """
+        known = self.fitted.impacts
+        if len(known) == self.content["table"]["impacts"]:
+            return known
+        return read_data(self.content["data"], self.place.with_name(DATA_NAME)).impacts
+
     def predict(self, impacts: Impacts) -> Mapping[str, FloatArray]:
         """See `FittedModel.predict`: the same numbers as from the fit that was saved."""
         return self.fitted.predict(impacts)
@@ -236,7 +247,8 @@ def read_fit(path: Path) -> SavedFit:
         raise ResultFolderError(f"{place}: valid JSON, but not a {FIT_NAME} of fitball")
     if content.get("schema_version") != SCHEMA_VERSION:
         raise ResultFolderError(
-            f"{place}: schema_version {content.get('schema_version')!r}; this fitball reads version {SCHEMA_VERSION}"
+            f"{place}: schema_version {content.get('schema_version')!r}; this fitball reads version "
+            f"{SCHEMA_VERSION}: run calibrate again"
         )
     try:
         return _from_content(content, place)

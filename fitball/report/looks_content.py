@@ -71,9 +71,11 @@ def _looks(item: Mapping[str, Any]) -> Looks:
 def _action(item: Mapping[str, Any]) -> ActionLook:
     return ActionLook(
         impacts=tuple(item["impacts"]),
+        acting=item["acting"],
         of=item["of"],
         regimes=tuple(item["regimes"]),
         doubtful=tuple(item["doubtful"]),
+        in_doubt=item["in_doubt"],
         share_doubtful=item["share_doubtful"],
     )
 

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from fitball.data.scene import Scene
-from fitball.data.table import ImpactTable, Measurement
+from fitball.data.table import ImpactTable
 from fitball.errors import FitballError, ResultFolderError
 from fitball.inference.channels import build_channels
 from fitball.inference.looks import Examination
@@ -23,10 +23,10 @@ from fitball.inference.problem import impacts_with_cor
 from fitball.inference.results import Diagnostics, PointFit, Posterior, Predictive, Verdict
 from fitball.models.registry import model
 from fitball.models.specs import SPECS
-from fitball.report.data_content import read_force
+from fitball.report.data_file import DATA_NAME, MeasuredData, read_data
 from fitball.report.export import FIT_NAME, SavedFit, read_fit
 from fitball.report.looks_content import read_examination
-from fitball.values import FloatArray, Impacts
+from fitball.values import FloatArray
 
 POSTERIOR_NAME = "posterior.nc"
 
@@ -50,15 +50,13 @@ def restore(path: Path) -> Restored:
     """
     saved = read_fit(path)
     place = path / FIT_NAME if path.is_dir() else path
-    if "data" not in saved.content or "identifiability" not in saved.content:
-        raise ResultFolderError(
-            f"{place}: made by a fitball that did not keep the measurements in it; run calibrate again"
-        )
     try:
-        problem = _problem(saved)
+        problem = _problem(saved, read_data(saved.content["data"], place.with_name(DATA_NAME)))
         point = _point(problem, saved)
         diagnostics = _diagnostics(saved.content)
         examination = read_examination(saved.content["identifiability"])
+    except ResultFolderError:
+        raise
     except (KeyError, TypeError, ValueError, FitballError) as error:
         raise ResultFolderError(f"{place}: damaged: {type(error).__name__}: {error}") from None
     posterior = None if diagnostics is None else read_posterior(place.with_name(POSTERIOR_NAME), problem)
@@ -68,24 +66,20 @@ def restore(path: Path) -> Restored:
     return Restored(problem, point, found, diagnostics, examination, posterior)
 
 
-def _problem(saved: SavedFit) -> Problem:
+def _problem(saved: SavedFit, measured: MeasuredData) -> Problem:
     content, data = saved.content, saved.content["data"]
     fitted = saved.fitted
-    impacts = Impacts(*(np.array(data["impacts"][name]) for name in ("v_x1", "v_y1", "omega_1")))
     table = ImpactTable(
         name=content["table"]["name"],
         source=content["table"]["file"],
         digest=content["table"]["sha256"],
-        ids=tuple(data["ids"]),
-        impacts=impacts,
+        ids=measured.ids,
+        impacts=measured.impacts,
         incident_columns=tuple(data["incident_columns"]),
         incident_sd={},
-        measurements=tuple(
-            Measurement(item["name"], np.array(item["values"]), None if item["sd"] is None else np.array(item["sd"]))
-            for item in data["measurements"]
-        ),
+        measurements=measured.measurements,
         redundant=(),
-        labels={name: tuple(column) for name, column in data["labels"].items()},
+        labels=measured.labels,
         units={},
         notices=(),
     )
@@ -107,7 +101,7 @@ def _problem(saved: SavedFit) -> Problem:
         impacts=impacts_with_cor(table, chosen),
         contact_time=time,
         notes=tuple(content["notes"]),
-        force=read_force(data),
+        force=measured.force,
     )
 
 
