@@ -108,7 +108,7 @@ def test_short_tables_share_one_noise_and_say_so():
         assert len(told) == tied
         if tied:
             assert f"{len(table)} rows" in told[0]
-            assert f"{enough} could" in told[0]
+            assert f"{enough} could" in told[0] and "--velocity-noise separate" in told[0]
     # Three biases a column leave three rows less.
     labels = {"group": tuple("abc"[k % 3] for k in range(enough + 2))}
     short = replace(first_rows(enough + 2), labels=labels)
@@ -148,7 +148,10 @@ NAMED = {
 @pytest.mark.parametrize("kind", NAMED)
 def test_what_is_named_decides(kind):
     table, scene, choices, expected = NAMED[kind]
-    assert noises(table, Scene(**scene), **choices)[1] == expected
+    _, named, notes = noises(table, Scene(**scene), **choices)
+    assert named == expected
+    told = any("share one noise, velocity_sd: a value or prior of it is given" in note for note in notes)
+    assert told == ("velocity_sd" in expected and len(expected) == 2 and "velocity_noise" not in {*scene, *choices})
 
 
 def test_contradictions_name_what_to_write(tmp_path, monkeypatch, capsys):

@@ -53,22 +53,25 @@ def noise_by_column(
             f"velocity noise 'tied' beside a value or prior of {' and '.join(own)}: expected {SHARED_SD} there, or "
             f"velocity noise '{SEPARATE}'"
         )
-    if wanted == SEPARATE and SHARED_SD in named:
+    each = " and ".join(NOISE_OF[name] for name in columns)
+    if wanted == SEPARATE and SHARED_SD in named and columns:
         raise ParameterError(
-            f"velocity noise 'separate' beside a value or prior of {SHARED_SD}, the noise that all of "
-            f"{_listed(columns)} share: expected {_listed([NOISE_OF[name] for name in columns])} there, or velocity "
-            f"noise '{TIED}'"
+            f"velocity noise 'separate' beside a value or prior of {SHARED_SD}, which all columns of the velocity "
+            f"share: expected {each} there, or velocity noise '{TIED}'"
         )
-    freedom = len(table) - SPENT - groups
+    enough = FREEDOM + SPENT + groups
     shared = wanted == TIED or SHARED_SD in named
     if not (shared or own or wanted == SEPARATE):
-        shared = len(columns) < 2 or freedom < FREEDOM
-        if shared and len(columns) > 1:
-            notes.append(
-                f"{_listed(columns)} share one noise, {SHARED_SD}: {len(table)} rows cannot tell two apart that "
-                f"differ by a factor of {FACTOR:g}, {FREEDOM + SPENT + groups} could; with velocity noise "
-                f"'{SEPARATE}' they have {_listed([NOISE_OF[name] for name in columns])} all the same"
-            )
+        shared = len(columns) < 2 or len(table) < enough
+    rest = [name for name in columns if NOISE_OF[name] not in own]
+    if shared and wanted is None and len(rest) > 1:
+        why = (
+            "a value or prior of it is given"
+            if SHARED_SD in named
+            else f"{len(table)} rows cannot tell two apart that differ by a factor of {FACTOR:g}, {enough} could "
+            f"(--velocity-noise separate fits {each} all the same)"
+        )
+        notes.append(f"{' and '.join(rest)} share one noise, {SHARED_SD}: {why}")
     found = dict(NOISE_OF)
     if shared:
         found |= {name: SHARED_SD for name in VELOCITIES if NOISE_OF[name] not in own}
@@ -96,7 +99,7 @@ def expected_sizes(scene: Scene, table: ImpactTable) -> Mapping[str, float]:
     speed = float(np.median(np.hypot(table.impacts.v_x1, table.impacts.v_y1)))
     by_unit = {
         "m/s": scene.nominal_velocity_sd,
-        "rad": float(np.arctan2(scene.nominal_velocity_sd, speed)),
+        "rad": float(f"{np.arctan2(scene.nominal_velocity_sd, speed):.2g}"),
         "rad/s": scene.nominal_spin_sd,
         "s": CONTACT_TIME,
     }
@@ -168,7 +171,3 @@ def _gradient(name: str, rebound: Rebound) -> tuple[FloatArray, FloatArray]:
 
 def _cross(one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]) -> FloatArray:
     return one[0] * other[1] - one[1] * other[0]
-
-
-def _listed(names: Sequence[str]) -> str:
-    return " and ".join(names)
