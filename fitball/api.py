@@ -62,6 +62,7 @@ def calibrate(
     pool: Mapping[str, str] | None = None,
     offsets: str | None = None,
     incident_errors: bool = True,
+    velocity_noise: str | None = None,
     force: str | os.PathLike[str] | None = None,
     seed: int = 1,
     point_only: bool = False,
@@ -74,7 +75,8 @@ def calibrate(
     The scene defaults to the TOML file beside the table. `priors` are texts such as `normal(0.55, 0.05)`, `fix`
     holds values in SI. `noise` is "normal" or "student-t"; `pool` maps parameters to the label column over whose
     levels they differ (pooled in part), `offsets` names the label column whose groups may be biased; without
-    `incident_errors` the incident state counts as exact. `force` is a file of force-time records (see
+    `incident_errors` the incident state counts as exact; `velocity_noise` is "tied" or "separate" (default: as the
+    table can tell). `force` is a file of force-time records (see
     `data.force_file`), by default what the scene names or what lies beside the table, "none" for none. Raises
     subclasses of FitballError for everything a caller can mend.
     """
@@ -82,7 +84,9 @@ def calibrate(
     if known is None:
         known = load_scene(table.source if isinstance(table, ImpactTable) else table)
     loaded = table if isinstance(table, ImpactTable) else load_table(table, scene=known)
-    choices = Choices(model, closures or {}, priors or {}, fix or {}, noise, pool or {}, offsets, incident_errors)
+    choices = Choices(
+        model, closures or {}, priors or {}, fix or {}, noise, pool or {}, offsets, incident_errors, velocity_noise
+    )
     records, found = find_force([loaded.source], loaded, known, None if force is None else os.fspath(force))
     problem = build_problem(loaded, known, choices, records)
     problem = replace(problem, notes=(*found, *problem.notes))

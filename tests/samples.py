@@ -30,10 +30,12 @@ COMPOSITIONS = [
 # Parameters near those of Wang's balls.
 GRIP_SLIP = {
     "mu": 0.55, "e_x": 0.1, "offset": 2e-3, "cor_10": 0.76, "cor_slope": -0.013, "velocity_sd": 0.25, "spin_sd": 10.0,
+    "v_x_sd": 0.25, "v_y_sd": 0.25,
 }  # fmt: skip
 TWO_MASS = {
     "mass_ratio": 0.87, "k_y": 1.9e4, "k_theta": 15.0, "mu": 0.55, "eps_10": 2.5e-3, "eps_slope": 0.0,
     "cor_10": 0.775, "cor_slope": -0.0145, "velocity_sd": 0.25, "spin_sd": 11.0,
+    "v_x_sd": 0.25, "v_y_sd": 0.25,
 }  # fmt: skip
 # Speeds and angles, whose spread depends on the parameters.
 POLAR = (

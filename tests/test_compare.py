@@ -39,7 +39,7 @@ def synthetic_table(model, seed, **truth):
     """Wang's incident conditions with rebounds of `model` and noise of 0.25 m/s and 8 rad/s."""
     problem = problem_of("wang_all.csv", model=model)
     rng = np.random.default_rng(seed)
-    truth |= {"velocity_sd": 0.25, "spin_sd": 8.0}
+    truth |= {"v_x_sd": 0.25, "v_y_sd": 0.25, "spin_sd": 8.0}
     values = np.array([[truth[name] for name in problem.free_names]])
     rebound = problem.rebound(values)
     assert not np.any(rebound.status)

@@ -98,7 +98,8 @@ def test_maximum_posterior_is_a_maximum():
     for reach in (1e-4, 1e-3, 1e-2):
         steps = top + reach * problem.prior.width * rng.standard_normal((300, problem.dimension))
         assert problem.log_posterior(steps).max() <= point.log_posterior + 2e-3
-    assert point.values["velocity_sd"] == pytest.approx(0.40, abs=0.02)
+    assert point.values["v_x_sd"] == pytest.approx(0.49, abs=0.02)
+    assert point.values["v_y_sd"] == pytest.approx(0.28, abs=0.02)
 
 
 def test_likelihood_is_the_normal_density_written_out():

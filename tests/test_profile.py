@@ -26,6 +26,7 @@ from fitball.inference.surface import Surface
 DROP_95 = 0.5 * chi2.ppf(0.95, 1)
 TRUTH = {
     "mu": 0.55, "e_x": 0.1, "offset": 2e-3, "cor_10": 0.76, "cor_slope": -0.013, "velocity_sd": 0.25, "spin_sd": 10.0,
+    "v_x_sd": 0.25, "v_y_sd": 0.25,
 }  # fmt: skip
 
 

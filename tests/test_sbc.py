@@ -178,8 +178,8 @@ def test_simulated_tables_scatter_as_the_noise_says():
     assert z.std() == pytest.approx(1.0, abs=3.5 / np.sqrt(2 * z.size))
     wrong = BounceExperiment("wang_all.csv", "grip-slip", 0.5)
     told = {item.name: item.fixed for item in wrong.simulated(values, np.random.default_rng(0)).parameters}
-    assert told["velocity_sd"] == pytest.approx(0.5 * named["velocity_sd"])
-    assert "velocity_sd" not in wrong.names
+    assert told["v_x_sd"] == pytest.approx(0.5 * named["v_x_sd"])
+    assert "v_x_sd" not in wrong.names
 
 
 def test_the_command_end_to_end(tmp_path, capsys):

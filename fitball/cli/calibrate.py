@@ -116,6 +116,7 @@ def run(args: argparse.Namespace) -> int:
         pool=pairs("--pool", args.pool, str),
         offsets=args.offsets,
         incident_errors=not args.exact_incidence,
+        velocity_noise=args.velocity_noise,
     )
     force, found = find_force(args.data, table, scene, args.force)
     problem = build_problem(table, scene, choices, force)

@@ -31,6 +31,11 @@ def add_structure(parser: argparse.ArgumentParser) -> None:
     """Add what a likelihood may have beyond independent normal noise."""
     parser.add_argument("--noise", metavar="KIND", help="normal (default), or student-t, which allows outliers")
     parser.add_argument(
+        "--velocity-noise", metavar="KIND",
+        help="tied (one velocity_sd for all columns of the rebound velocity) or separate (v_x_sd and v_y_sd, or "
+        "speed_sd and angle_sd); by default separate where the table has rows enough to tell them apart",
+    )  # fmt: skip
+    parser.add_argument(
         "--pool", metavar="NAME=COLUMN", action="append", default=[],
         help="let a parameter differ between surfaces, balls or tables, pooled in part, e.g. mu=surface",
     )  # fmt: skip

@@ -16,12 +16,13 @@ import numpy as np
 from fitball.data.frozen import FrozenMapping
 from fitball.data.propagation import Uncertain
 from fitball.data.scene import Scene
-from fitball.data.table import ImpactTable, Measurement
+from fitball.data.table import NOISE_OF, ImpactTable, Measurement
 from fitball.data.velocity import velocity
 from fitball.errors import ParameterError
 from fitball.values import Ball, FloatArray
 
 STATED = "stated in the table"
+KNOWN = "known from the scene"
 NO_SPREAD = "taken as exact"
 
 
@@ -84,9 +85,10 @@ def scene_balances(table: ImpactTable, scene: Scene) -> Balances:
         table,
         scene.ball,
         scene.nominal_velocity_sd if scene.velocity_sd is None else scene.velocity_sd,
-        scene.nominal_spin_sd if scene.spin_sd is None else scene.spin_sd,
-        velocity_origin="nominal" if scene.velocity_sd is None else "known from the scene",
-        spin_origin="nominal" if scene.spin_sd is None else "known from the scene",
+        scene.nominal_spin_sd,
+        known={name: sd for name, noise in NOISE_OF.items() if (sd := getattr(scene, noise)) is not None},
+        velocity_origin="nominal" if scene.velocity_sd is None else KNOWN,
+        spin_origin="nominal",
     )
 
 
@@ -96,13 +98,15 @@ def balances(
     velocity_sd: float,
     spin_sd: float,
     *,
+    known: Mapping[str, float] | None = None,
     velocity_origin: str = "given",
     spin_origin: str = "given",
 ) -> Balances:
     """Balances of every impact.
 
     `velocity_sd` [m/s] and `spin_sd` [rad/s] stand in for sds that the table does not state; an angle
-    without one gets `velocity_sd` across the direction of flight. Incident quantities are exact unless
+    without one gets `velocity_sd` across the direction of flight. Before them goes what is `known` of a column's own
+    noise, by name of the column in its SI unit. Incident quantities are exact unless
     the table states their sd. Deviations propagate linearly (see `propagation`) and do not include
     those of the ball. Raises ParameterError for an sd that is not positive and finite.
     """
@@ -110,15 +114,20 @@ def balances(
         if not (np.isfinite(sd) and sd > 0.0):
             raise ParameterError(f"{name} = {sd!r}: expected a positive, finite number")
     origin: dict[str, str] = {}
-    known = _incident(table, origin)
+    own = known or {}
+    seen = _incident(table, origin)
     for item in table.measurements:
         if item.name == "contact_time":
             continue
-        spread = _default_sd(table, item, velocity_sd, spin_sd) if item.sd is None else item.sd
-        known[item.name] = Uncertain.measured(item.name, item.values, spread)
-        assumed = spin_origin if item.name == "omega_2" else velocity_origin
-        origin[item.name] = assumed if item.sd is None else STATED
-    quantities = _quantities(table, ball, known)
+        if item.sd is not None:
+            spread, origin[item.name] = item.sd, STATED
+        elif item.name in own:
+            spread, origin[item.name] = np.full(len(table), own[item.name]), KNOWN
+        else:
+            spread = _default_sd(table, item, velocity_sd, spin_sd)
+            origin[item.name] = spin_origin if item.name == "omega_2" else velocity_origin
+        seen[item.name] = Uncertain.measured(item.name, item.values, spread)
+    quantities = _quantities(table, ball, seen)
     made = {name: _finish(name, quantities[name], len(table)) for name in _MEANING}
     return Balances(ids=table.ids, sd_origin=FrozenMapping(origin), **made)
 

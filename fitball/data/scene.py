@@ -10,6 +10,7 @@ from pathlib import Path
 from fitball.data.bundled import resolve_table
 from fitball.data.frozen import FrozenMapping
 from fitball.data.scene_file import Quantity, SceneFile, read_scene_file
+from fitball.data.table import NOISE_OF, SHARED_SD
 from fitball.errors import ParameterError, SceneError
 from fitball.values import WANG_INERTIA_RATIO, WANG_MASS, WANG_RADIUS, Ball
 
@@ -38,9 +39,11 @@ class Scene:
 
     `source` is the scene file (None: there is none). `ball_sd` has some of the keys mass, radius and
     inertia_ratio. `mu` is (value, sd or None), `contact_time` (value, sd), None when unknown.
-    `velocity_sd`, `spin_sd`, `contact_time_sd` are known measurement noise, not to be fitted;
-    the nominal ones are orders of magnitude. `priors` are texts such as `normal(0.55, 0.05)` by parameter.
-    `distribution` is that of the noise; `pool` maps parameters to the label column over whose levels they differ,
+    `velocity_sd` (of each component) and those in `data.table.NOISE_OF` are known measurement noise, not to be
+    fitted; the nominal ones are orders of magnitude. `velocity_noise` says whether the columns of the velocity share
+    one noise ("tied") or have one each ("separate"), None: as the table can tell. `priors` are texts such as
+    `normal(0.55, 0.05)` by parameter. `distribution` is that of the noise; `pool` maps parameters to the label column
+    over whose levels they differ,
     `offsets` is the label column whose groups may be biased. `force_file` holds force records, named relative to the
     scene file; `force_sd` [N] is the known noise of a sample, `force_start_sd` [s] how well t = 0 is known to be the
     start of contact (None: it is found from the record). `assumed` says in sentences what was taken because
@@ -54,10 +57,15 @@ class Scene:
     mu: tuple[float, float | None] | None = None
     contact_time: tuple[float, float] | None = None
     velocity_sd: float | None = None
+    v_x_sd: float | None = None
+    v_y_sd: float | None = None
+    speed_sd: float | None = None
+    angle_sd: float | None = None
     spin_sd: float | None = None
     contact_time_sd: float | None = None
     nominal_velocity_sd: float = NOMINAL_VELOCITY_SD
     nominal_spin_sd: float = NOMINAL_SPIN_SD
+    velocity_noise: str | None = None
     model: str = DEFAULT_MODEL
     closures: Mapping[str, str] = field(default_factory=FrozenMapping)
     priors: Mapping[str, str] = field(default_factory=FrozenMapping)
@@ -88,7 +96,7 @@ def _make_scene(file: SceneFile | None) -> Scene:
     known = file or SceneFile(None, {})
     ball, ball_sd = _ball(known)
     mu, time, time_sd = (known.quantity(key) for key in ("surface.mu", "contact_time.value", "contact_time.sd"))
-    velocity_sd, spin_sd = known.number("measurement.velocity_sd"), known.number("measurement.spin_sd")
+    sds = {name: known.number(f"measurement.{name}") for name in (SHARED_SD, *NOISE_OF.values())}
     nominal_velocity, nominal_spin = (
         known.number("measurement.nominal_velocity_sd"),
         known.number("measurement.nominal_spin_sd"),
@@ -98,8 +106,8 @@ def _make_scene(file: SceneFile | None) -> Scene:
         **{f"assumed {words}": not _says(known, name) for name, words in _BALL_WORDS.items()},
         NO_MU: mu is None,
         NO_CONTACT_TIME: time is None,
-        NO_VELOCITY_SD: velocity_sd is None and nominal_velocity is None,
-        NO_SPIN_SD: spin_sd is None and nominal_spin is None,
+        NO_VELOCITY_SD: sds[SHARED_SD] is None and nominal_velocity is None,
+        NO_SPIN_SD: sds["spin_sd"] is None and nominal_spin is None,
     }
     return Scene(
         source=known.source,
@@ -108,15 +116,13 @@ def _make_scene(file: SceneFile | None) -> Scene:
         surface=known.text("surface.name"),
         mu=None if mu is None else (mu.value, mu.sd),
         contact_time=None if time is None or time_sd is None else (time.value, time_sd.value),
-        velocity_sd=velocity_sd,
-        spin_sd=spin_sd,
-        contact_time_sd=known.number("measurement.contact_time_sd"),
         nominal_velocity_sd=NOMINAL_VELOCITY_SD if nominal_velocity is None else nominal_velocity,
         nominal_spin_sd=NOMINAL_SPIN_SD if nominal_spin is None else nominal_spin,
         model=known.text("model.name") or DEFAULT_MODEL,
         closures=FrozenMapping(known.texts("model.closures")),
         priors=FrozenMapping(known.texts("priors")),
         fix=FrozenMapping(known.numbers("fix")),
+        velocity_noise=known.text("measurement.velocity_noise"),
         distribution=known.text("measurement.distribution") or "normal",
         pool=FrozenMapping(known.texts("pool")),
         offsets=known.text("measurement.offsets"),
@@ -126,6 +132,7 @@ def _make_scene(file: SceneFile | None) -> Scene:
         assumed=tuple(sentence for sentence, silent in silences.items() if silent),
         description=known.text("source.description") or "",
         citation=known.text("source.citation") or "",
+        **sds,
     )
 
 

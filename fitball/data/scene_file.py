@@ -13,6 +13,7 @@ from enum import Enum
 from math import isfinite
 from pathlib import Path
 
+from fitball.data.table import NOISE_OF, SHARED_SD
 from fitball.errors import SceneError, suggestion
 
 
@@ -41,11 +42,10 @@ KEYS: Mapping[str, Kind | Mapping[str, Kind]] = {
     "surface": {"name": Kind.TEXT, "mu": Kind.QUANTITY},
     "contact_time": {"value": Kind.POSITIVE, "sd": Kind.POSITIVE},
     "measurement": {
-        "velocity_sd": Kind.POSITIVE,
-        "spin_sd": Kind.POSITIVE,
-        "contact_time_sd": Kind.POSITIVE,
+        **dict.fromkeys((SHARED_SD, *NOISE_OF.values()), Kind.POSITIVE),
         "nominal_velocity_sd": Kind.POSITIVE,
         "nominal_spin_sd": Kind.POSITIVE,
+        "velocity_noise": Kind.TEXT,
         "distribution": Kind.TEXT,
         "offsets": Kind.TEXT,
     },

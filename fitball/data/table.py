@@ -16,6 +16,18 @@ REBOUND_UNITS: Mapping[str, str] = {
     "theta_2": "rad",
     "contact_time": "s",
 }
+# The noise of each, one standard deviation in its unit common to all rows that state none of their own; and the noise
+# of a velocity component [m/s], which all columns of the velocity may share.
+NOISE_OF: Mapping[str, str] = {
+    "v_x2": "v_x_sd",
+    "v_y2": "v_y_sd",
+    "v_2": "speed_sd",
+    "theta_2": "angle_sd",
+    "omega_2": "spin_sd",
+    "contact_time": "contact_time_sd",
+}
+SHARED_SD = "velocity_sd"
+VELOCITIES = ("v_x2", "v_y2", "v_2", "theta_2")
 # Notices of one kind that are told one by one.
 SAID = 3
 

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.data.table import ImpactTable
+from fitball.data.table import SHARED_SD, ImpactTable
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
 
-NOISE_OF: Mapping[str, str] = {
-    "v_x2": "velocity_sd",
-    "v_y2": "velocity_sd",
-    "v_2": "velocity_sd",
-    "theta_2": "velocity_sd",
-    "omega_2": "spin_sd",
-    "contact_time": "contact_time_sd",
-}
+# Noise parameters by name, (draws,) or numbers.
+Sizes = Mapping[str, FloatArray] | Mapping[str, float]
 PREDICTED: Mapping[str, Callable[[Rebound], FloatArray]] = {
     "v_x2": lambda rebound: rebound.v_x2,
     "v_y2": lambda rebound: rebound.v_y2,
@@ -48,16 +42,26 @@ class Channel:
         """What the model says, (draws, impacts) or (impacts,)."""
         return self._mine(PREDICTED[self.name](rebound))
 
-    def spread(self, noise: FloatArray | float, rebound: Rebound) -> FloatArray:
-        """Standard deviation, broadcastable to (draws, impacts); `noise` is (draws, 1) or a number.
+    @property
+    def turned(self) -> bool:
+        """Whether this is an angle with the noise of a velocity component: that noise over the rebound speed."""
+        return self.name == "theta_2" and self.noise == SHARED_SD
 
-        The noise of a velocity component turns an angle by that noise over the rebound speed.
-        """
+    def known(self, names: Collection[str]) -> bool:
+        """Whether the noise of this column is stated, or among the parameters `names`."""
+        return self.sd is not None or self.noise in names
+
+    def spread(self, noise: FloatArray | float, rebound: Rebound) -> FloatArray:
+        """Standard deviation, broadcastable to (draws, impacts); `noise` is (draws, 1) or a number."""
         if self.sd is not None:
             return self.sd
-        if self.name == "theta_2":
+        if self.turned:
             return noise / self._mine(np.hypot(rebound.v_x2, rebound.v_y2))
         return np.asarray(noise, dtype=np.float64)
+
+    def sds(self, sizes: Sizes, rebound: Rebound) -> FloatArray:
+        """`spread` for the noise parameters among `sizes`."""
+        return self.spread(0.0 if self.noise is None else np.asarray(sizes[self.noise])[..., None], rebound)
 
     def at(self, entries: NDArray[np.int64]) -> Channel:
         """The column with some of its entries alone; `rows` still say which impacts of the problem they belong to."""
@@ -82,9 +86,12 @@ class Channel:
 
 
 def build_channels(
-    table: ImpactTable, tangential: bool, has_time: bool, needs_cor: bool
+    table: ImpactTable, tangential: bool, has_time: bool, needs_cor: bool, noise_of: Mapping[str, str]
 ) -> tuple[tuple[Channel, ...], list[str]]:
-    """Channels the model can answer for, and a sentence for each column it cannot."""
+    """Channels the model can answer for, and a sentence for each column it cannot.
+
+    `noise_of` names the noise parameter of each column.
+    """
     channels, notes = [], []
     for item in table.measurements:
         if item.name in TANGENTIAL and not tangential:
@@ -94,6 +101,6 @@ def build_channels(
         elif item.name in ("v_y2", "v_2") and needs_cor:
             notes.append(f"{item.name} is not scored: the measured coefficient of restitution is an input")
         else:
-            noise = NOISE_OF[item.name] if item.sd is None else None
+            noise = noise_of[item.name] if item.sd is None else None
             channels.append(Channel(item.name, item.values, item.sd, noise))
     return tuple(channels), notes

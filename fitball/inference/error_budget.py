@@ -33,11 +33,10 @@ def error_budget(
         error, reference = _against_oracle(chosen, golden), INDEPENDENT
     else:
         error, reference = _by_rounding(fitted, golden), ROUNDED
-    noise = {name: np.array([[value]]) for name, value in point.values.items()}
     widths = {} if prediction is None else {item.name: item.mean_q84 - item.mean_q16 for item in prediction.channels}
     lines = {}
     for channel in problem.channels:
-        sd = channel.spread(0.0 if channel.noise is None else noise[channel.noise], point.rebound)
+        sd = channel.sds(point.values, point.rebound)
         lines[channel.name] = BudgetLine(
             numerical=float(np.max(error[channel.name], initial=0.0)),
             measurement=float(np.median(sd)),

@@ -33,7 +33,7 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
         if channel.noise is None:
             continue
         growth = np.zeros((channel.observed.size, problem.dimension))
-        if channel.name == "theta_2":
+        if channel.turned:
             speed = np.hypot(rebound.v_x2, rebound.v_y2)[0, :, None]
             growth -= CHANNEL_SLOPES["v_2"](rebound, slopes)[0] / speed * width
         if channel.noise in problem.free_names:

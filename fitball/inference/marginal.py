@@ -113,10 +113,9 @@ def standardised(
     for item in measured:
         channel = replace(item.channel, observed=item.observed, sd=item.sd)
         gap = item.observed - channel.predict(rebound) - item.bias
-        noise = columns[channel.noise][:, None] if channel.noise is not None else 0.0
         missing = np.broadcast_to(np.isnan(item.observed), gap.shape)
         gaps.append(np.where(missing, 0.0, gap))
-        spreads.append(np.where(missing, UNKNOWN, np.broadcast_to(channel.spread(noise, rebound), gap.shape)))
+        spreads.append(np.where(missing, UNKNOWN, np.broadcast_to(channel.sds(columns, rebound), gap.shape)))
     return whitened(gaps, spreads, spread_by_input(by_channel, covariance))
 
 
@@ -190,4 +189,4 @@ def _typical_noise(item: Seen, columns: Columns) -> FloatArray:
     if item.channel.sd is not None:
         return np.asarray(np.median(item.channel.sd))
     size = columns[str(item.channel.noise)][:, None, None]
-    return TURN * size if item.channel.name == "theta_2" else size
+    return TURN * size if item.channel.turned else size

@@ -153,10 +153,7 @@ def _best_noise(problem: Problem, values: FloatArray, current: Mapping[str, floa
         best |= best_force_noise(problem, problem.force, columns, best)
     tails = next((item for item in problem.free if item.name == TAILS), None)
     if tails is not None:
-        z = [
-            gaps[channel.name] / channel.spread(best[channel.noise] if channel.noise else 0.0, rebound)
-            for channel in problem.channels
-        ]
+        z = [gaps[channel.name] / channel.sds(best, rebound) for channel in problem.channels]
         best[TAILS] = _best_tails(tails.prior, np.concatenate([item.ravel() for item in z]))
     return best
 

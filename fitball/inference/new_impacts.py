@@ -11,8 +11,9 @@ import numpy as np
 from fitball.data.table import ImpactTable
 from fitball.errors import ModelError
 from fitball.inference.calibrated_range import CalibratedRange, calibrated_range
-from fitball.inference.channels import NOISE_OF, TANGENTIAL, Channel, build_channels
+from fitball.inference.channels import TANGENTIAL, Channel, build_channels
 from fitball.inference.fitted import FittedModel
+from fitball.inference.measurement_noise import derived, noise_in
 from fitball.inference.predictive import bands, regime_shares, with_noise
 from fitball.inference.uncertain_incidence import Shares, drawn_rebound, shares
 from fitball.models.types import STATUS_REASON, Rebound, Status
@@ -137,9 +138,9 @@ def predict_new(
 def output_channels(fitted: FittedModel, count: int, observed: Sequence[Channel]) -> tuple[Channel, ...]:
     """Every output the model has, measured or not."""
     measured = {item.name: item for item in observed}
-    nothing = np.full(count, np.nan)
+    nothing, noise_of = np.full(count, np.nan), noise_in(fitted.names)
     return tuple(
-        measured.get(name, Channel(name, nothing, None, NOISE_OF[name]))
+        measured.get(name, derived(Channel(name, nothing, None, noise_of[name]), fitted.names))
         for name in OUTPUTS
         if (fitted.tangential or name not in (*TANGENTIAL, "v_2"))
         and (fitted.model.has_time or name != "contact_time")
@@ -152,8 +153,7 @@ def _part(impacts: Impacts, rows: slice) -> Impacts:
 
 
 def _rows_of(channel: Channel, rows: slice) -> Channel:
-    sd = None if channel.sd is None else channel.sd[rows]
-    return Channel(channel.name, channel.observed[rows], sd, channel.noise)
+    return replace(channel, observed=channel.observed[rows], sd=None if channel.sd is None else channel.sd[rows])
 
 
 _Part = tuple[list[OutputPrediction], tuple[Mapping[str, float], ...], tuple[Mapping[str, float], ...]]
@@ -198,7 +198,7 @@ def _uncertain_batch(
 def _output(
     channel: Channel, point: FloatArray, columns: Mapping[str, FloatArray], drawn: Rebound, rng: np.random.Generator
 ) -> OutputPrediction:
-    if channel.sd is None and channel.noise not in columns:
+    if not channel.known(columns.keys()):
         return OutputPrediction(channel.name, point, bands(channel.predict(drawn)), None, None, None, None)
     predicted, _spread, data = with_noise(channel, columns, drawn, rng)
     # Impacts that no draw can evaluate have no moments either.
@@ -247,5 +247,7 @@ def _joined_shares(parts: Sequence[Shares]) -> Shares | None:
 
 def observed_channels(fitted: FittedModel, table: ImpactTable) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
     """The measured columns of a table that `fitted` can answer for, and a sentence for each that it cannot."""
-    channels, notes = build_channels(table, fitted.tangential, fitted.model.has_time, fitted.model.needs_cor)
-    return channels, tuple(notes)
+    channels, notes = build_channels(
+        table, fitted.tangential, fitted.model.has_time, fitted.model.needs_cor, noise_in(fitted.names)
+    )
+    return tuple(derived(channel, fitted.names) for channel in channels), tuple(notes)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fitball.data.table import REBOUND_UNITS, ImpactTable
 from fitball.errors import FitError
-from fitball.inference.channels import NOISE_OF, Channel
+from fitball.inference.channels import Channel
 from fitball.inference.levels import labels_of
 from fitball.models.specs import ParameterSpec
 from fitball.values import FloatArray
@@ -65,8 +65,8 @@ class GroupOffsets:
 def _expected_noise(channel: Channel, nominal: Mapping[str, float]) -> float:
     if channel.sd is not None:
         return float(np.median(channel.sd))
-    size = nominal[NOISE_OF[channel.name]]
-    return ANGLE_OF_SPEED * size if channel.name == "theta_2" else size
+    size = nominal[str(channel.noise)]
+    return ANGLE_OF_SPEED * size if channel.turned else size
 
 
 def build_offsets(table: ImpactTable, column: str) -> GroupOffsets:

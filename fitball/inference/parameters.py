@@ -5,20 +5,24 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from fitball.data.table import SHARED_SD
 from fitball.errors import ParameterError, suggestion
 from fitball.inference.priors import Prior, parse_prior
 from fitball.models.specs import SPECS, ParameterSpec
 
+
+def _speed(name: str, meaning: str, label: str) -> ParameterSpec:
+    return ParameterSpec(name, "m/s", 1e-4, 10.0, "lognormal(0.25, 0.7)", meaning, label)
+
+
 # Noise of the measurement, one standard deviation, common to all rows that state none of their own.
-_SD_SPECS: Mapping[str, ParameterSpec] = {
-    "velocity_sd": ParameterSpec(
-        "velocity_sd",
-        "m/s",
-        1e-4,
-        10.0,
-        "lognormal(0.25, 0.7)",
-        "noise of each velocity component",
-        r"$\sigma_v$",
+SD_SPECS: Mapping[str, ParameterSpec] = {
+    SHARED_SD: _speed(SHARED_SD, "noise of each velocity component, where they share one", r"$\sigma_v$"),
+    "v_x_sd": _speed("v_x_sd", "noise of v_x2", r"$\sigma_{v_x}$"),
+    "v_y_sd": _speed("v_y_sd", "noise of v_y2", r"$\sigma_{v_y}$"),
+    "speed_sd": _speed("speed_sd", "noise of v_2", r"$\sigma_{|v|}$"),
+    "angle_sd": ParameterSpec(
+        "angle_sd", "rad", 1e-5, 1.0, "lognormal(0.025, 0.7)", "noise of theta_2", r"$\sigma_\theta$"
     ),
     "spin_sd": ParameterSpec(
         "spin_sd", "rad/s", 1e-2, 1e3, "lognormal(10, 0.7)", "noise of the spin", r"$\sigma_\omega$"
@@ -44,7 +48,7 @@ _FORCE_SPECS: Mapping[str, ParameterSpec] = {
     ),
 }  # fmt: skip
 NOISE_SPECS: Mapping[str, ParameterSpec] = {
-    **_SD_SPECS,
+    **SD_SPECS,
     **_FORCE_SPECS,
     TAILS: ParameterSpec(
         TAILS,

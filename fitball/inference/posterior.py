@@ -243,8 +243,7 @@ class Problem:
         tails = columns[TAILS][:, None] if TAILS in columns else None
         terms: dict[str, FloatArray] = {}
         for channel in self.channels:
-            noise = columns[channel.noise][:, None] if channel.noise is not None else 0.0
-            sd = channel.spread(noise, rebound)
+            sd = channel.sds(columns, rebound)
             z = self.deviation(columns, channel, rebound) / sd
             terms[channel.name] = log_density(z, tails) - np.log(sd)
         return terms

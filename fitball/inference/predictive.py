@@ -78,9 +78,8 @@ def with_noise(
 
     `columns` are the draws of each parameter by name, (draws,); `incident_sd` is what incident errors add.
     """
-    noise = columns[channel.noise][:, None] if channel.noise is not None else 0.0
     predicted = channel.predict(rebound)
-    spread = np.hypot(np.broadcast_to(channel.spread(noise, rebound), predicted.shape), incident_sd)
+    spread = np.hypot(np.broadcast_to(channel.sds(columns, rebound), predicted.shape), incident_sd)
     tails = columns[TAILS][:, None] if TAILS in columns else None
     return predicted, spread, predicted + spread * draw(rng, predicted.shape, tails)
 

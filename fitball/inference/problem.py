@@ -9,12 +9,13 @@ import numpy as np
 
 from fitball.data.force_file import ForceFile
 from fitball.data.scene import NO_CONTACT_TIME, NO_MU, NO_SPIN_SD, NO_VELOCITY_SD, Scene
-from fitball.data.table import ImpactTable
+from fitball.data.table import NOISE_OF, SHARED_SD, VELOCITIES, ImpactTable
 from fitball.errors import FitError, ParameterError, suggestion
 from fitball.inference.channels import Channel, build_channels
 from fitball.inference.force_noise import force_noise, records_for
 from fitball.inference.incident import IncidentErrors
 from fitball.inference.levels import Levels, build_levels
+from fitball.inference.measurement_noise import expected_sizes, named_noise, noise_by_column, noise_parameters
 from fitball.inference.offsets import GroupOffsets, build_offsets
 from fitball.inference.parameters import NOISE_SPECS, TAILS, build_parameters
 from fitball.inference.posterior import Problem
@@ -37,7 +38,8 @@ class Choices:
 
     `noise` is one of `scatter.DISTRIBUTIONS`, `pool` maps parameters to the label column over whose levels they
     differ, `offsets` names the label column whose groups may be biased. Without `incident_errors` the incident state
-    counts as exact even where its sd is stated.
+    counts as exact even where its sd is stated. `velocity_noise` is "tied", "separate" or None, see
+    `measurement_noise.noise_by_column`.
     """
 
     model: str | None = None
@@ -48,6 +50,7 @@ class Choices:
     pool: Mapping[str, str] = field(default_factory=dict)
     offsets: str | None = None
     incident_errors: bool = True
+    velocity_noise: str | None = None
 
 
 def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: ForceFile | None = None) -> Problem:
@@ -60,7 +63,8 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     name = choices.model or scene.model
     closures = {**(scene.closures if name == scene.model else {}), **choices.closures}
     chosen, fixed, notes = _compose(table, scene, name, closures)
-    channels, unused = build_channels(table, table.has_tangential, chosen.has_time, chosen.needs_cor)
+    noise_of = _noise_of(table, scene, choices, notes)
+    channels, unused = build_channels(table, table.has_tangential, chosen.has_time, chosen.needs_cor, noise_of)
     notes += unused
     if not channels:
         raise FitError(f"{table.source}: model {name} predicts none of the measured columns")
@@ -74,7 +78,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     if "k_y" in chosen.parameter_names and "k_theta" not in chosen.parameter_names and not timed:
         fixed["k_y"] = (2.0e4, "it acts on the contact time only, and none is known")
     priors = _scene_priors(scene, fixed)
-    noise = _noise(channels, scene, priors, fixed)
+    noise = noise_parameters(channels, table, scene, priors, fixed)
     if records is not None:
         noise += force_noise(records, scene, priors, fixed)
     ball_names = tuple(item for item in BALL_PARAMETERS if item.removeprefix("ball_") in scene.ball_sd)
@@ -101,7 +105,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
         impacts=impacts_with_cor(table, chosen),
         contact_time=contact_time,
         notes=(
-            *(item for item in scene.assumed if item not in _idle(known, timed)),
+            *(item for item in scene.assumed if item not in _idle(known, fixed.keys(), timed)),
             *notes,
             *([REPRODUCTION_ONLY] if name == THESIS else []),
         ),
@@ -112,10 +116,19 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     )
 
 
-def _idle(parameters: Set[str], timed: bool) -> set[str]:
+def _noise_of(table: ImpactTable, scene: Scene, choices: Choices, notes: list[str]) -> Mapping[str, str]:
+    """The noise parameter of each column; a table's is the same whatever the model."""
+    column = choices.offsets or scene.offsets
+    groups = 0 if column is None else len(set(table.labels.get(column, ())))
+    named = named_noise(scene, scene.priors, scene.fix, choices.priors, choices.fix)
+    return noise_by_column(table, choices.velocity_noise or scene.velocity_noise, named, groups, notes)
+
+
+def _idle(parameters: Set[str], fixed: Set[str], timed: bool) -> set[str]:
     """Assumptions of a scene that no parameter of the problem rests on."""
-    about = {NO_MU: "mu", NO_VELOCITY_SD: "velocity_sd", NO_SPIN_SD: "spin_sd", NO_CONTACT_TIME: "k_y"}
-    return {text for text, name in about.items() if name not in parameters} | ({NO_CONTACT_TIME} if timed else set())
+    velocities = {SHARED_SD, *(NOISE_OF[name] for name in VELOCITIES)} - fixed
+    about = {NO_MU: {"mu"}, NO_VELOCITY_SD: velocities, NO_SPIN_SD: {"spin_sd"}, NO_CONTACT_TIME: {"k_y"}}
+    return {text for text, names in about.items() if not names & parameters} | ({NO_CONTACT_TIME} if timed else set())
 
 
 def _incident(table: ImpactTable, choices: Choices, notes: list[str]) -> IncidentErrors | None:
@@ -159,12 +172,8 @@ def _structure(
     column = choices.offsets or scene.offsets
     offsets = None if column is None else build_offsets(table, column)
     if offsets is not None:
-        nominal = {
-            "velocity_sd": scene.velocity_sd or scene.nominal_velocity_sd,
-            "spin_sd": scene.spin_sd or scene.nominal_spin_sd,
-            "contact_time_sd": scene.contact_time_sd or 2e-4,
-        }
-        extra |= offsets.specs(channels, nominal)
+        sizes = {name: getattr(scene, name) or size for name, size in expected_sizes(scene, table).items()}
+        extra |= offsets.specs(channels, sizes)
     return levels, offsets, extra
 
 
@@ -212,26 +221,6 @@ def _scene_priors(scene: Scene, fixed: dict[str, tuple[float, str]]) -> dict[str
         name = key if key == "inertia_ratio" else f"ball_{key}"
         priors[name] = f"normal({balls[key]:.10g}, {sd:.10g})"
     return priors
-
-
-def _noise(
-    channels: tuple[Channel, ...], scene: Scene, priors: dict[str, str], fixed: dict[str, tuple[float, str]]
-) -> tuple[str, ...]:
-    """Noise parameters the channels use; a sd known to the scene fixes one, a nominal one centres its prior."""
-    used = tuple(dict.fromkeys(channel.noise for channel in channels if channel.noise is not None))
-    known = {
-        "velocity_sd": scene.velocity_sd,
-        "spin_sd": scene.spin_sd,
-        "contact_time_sd": scene.contact_time_sd,
-    }
-    nominal = {"velocity_sd": scene.nominal_velocity_sd, "spin_sd": scene.nominal_spin_sd}
-    for name in used:
-        value = known[name]
-        if value is not None:
-            fixed[name] = (value, "known from the scene")
-        elif name in nominal:
-            priors[name] = f"lognormal({nominal[name]:.10g}, 0.7)"
-    return used
 
 
 def impacts_with_cor(table: ImpactTable, chosen: Model) -> Impacts:

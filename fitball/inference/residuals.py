@@ -40,8 +40,7 @@ def residuals(problem: Problem, values: FloatArray, weighting: Weighting) -> Flo
         found, _ = standardised(seen(problem, held), held, rebound, slopes, problem.incident.covariance)
         rows = [as_residual(-z, tails) for z in found]
     for channel in problem.channels if problem.incident is None else ():
-        noise = weighting.noise[channel.noise] if channel.noise is not None else 0.0
-        z = problem.deviation(columns, channel, rebound) / channel.spread(noise, rebound)
+        z = problem.deviation(columns, channel, rebound) / channel.sds(weighting.noise, rebound)
         rows.append(as_residual(-z, tails))
     if problem.contact_time is not None:
         value, sd = problem.contact_time

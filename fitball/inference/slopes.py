@@ -112,8 +112,7 @@ def prediction_slopes(problem: Problem, coordinates: FloatArray) -> FloatArray:
         worth = np.sqrt((nu + 1.0) / (nu + 3.0))
     rows = []
     for channel in problem.channels:
-        noise = columns[channel.noise][:, None] if channel.noise is not None else 0.0
-        spread = np.broadcast_to(channel.spread(noise, rebound), rebound.v_x2.shape)
+        spread = np.broadcast_to(channel.sds(columns, rebound), rebound.v_x2.shape)
         spread = np.hypot(spread, by_incidence[channel.name])
         rows.append(worth * channel_slopes(problem, channel, rebound, slopes) / spread[..., None])
     scaled: FloatArray = np.concatenate(rows, axis=1) * problem.prior.width

@@ -192,8 +192,7 @@ class Surface:
         sizes = self._noise(columns, rebound, given)
         total = np.zeros(rebound.v_x2.shape[0])
         for channel in self.problem.channels:
-            noise = sizes[channel.noise][:, None] if channel.noise is not None else 0.0
-            spread = channel.spread(noise, rebound)
+            spread = channel.sds(sizes, rebound)
             z = self.problem.deviation(columns, channel, rebound) / spread
             total = total + np.sum(0.5 * (z * z + LOG_TAU) + np.log(spread), axis=1)
         if self.problem.force is not None:
@@ -224,11 +223,10 @@ class Surface:
             curvature = curvature + np.einsum("bmk,bml->bkl", slope, slope)
 
         for channel in self.problem.channels:
-            noise = sizes[channel.noise][:, None] if channel.noise is not None else 0.0
-            spread = np.broadcast_to(channel.spread(noise, rebound), rebound.v_x2.shape)
+            spread = np.broadcast_to(channel.sds(sizes, rebound), rebound.v_x2.shape)
             z = -self.problem.deviation(columns, channel, rebound) / spread
             slope = channel_slopes(self.problem, channel, rebound, slopes)[..., self.columns] * chain[:, None, :]
-            if channel.name == "theta_2" and channel.sd is None:
+            if channel.turned:
                 # The spread of an angle falls with the rebound speed: z = (angle - observed) speed/noise.
                 speed = np.hypot(rebound.v_x2, rebound.v_y2)
                 growth = CHANNEL_SLOPES["v_2"](rebound, slopes)[..., self.columns] * chain[:, None, :]

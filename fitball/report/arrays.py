@@ -141,8 +141,7 @@ def _median_and_sd(fit: Drawable, name: str) -> tuple[FloatArray, FloatArray]:
         found: ChannelPrediction = next(item for item in fit.predictive.channels if item.name == name)
         return found.median, found.sd
     channel = next(item for item in fit.problem.channels if item.name == name)
-    noise = fit.point.values[channel.noise] if channel.noise is not None else 0.0
-    spread = np.broadcast_to(channel.spread(noise, fit.point.rebound), (1, len(fit.problem.table)))[0]
+    spread = np.broadcast_to(channel.sds(fit.point.values, fit.point.rebound), (1, len(fit.problem.table)))[0]
     return channel.predict(fit.point.rebound)[0], spread
 
 

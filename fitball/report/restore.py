@@ -15,6 +15,7 @@ from fitball.data.table import ImpactTable
 from fitball.errors import FitballError, ResultFolderError
 from fitball.inference.channels import build_channels
 from fitball.inference.looks import Examination
+from fitball.inference.measurement_noise import noise_in
 from fitball.inference.parameters import NOISE_SPECS, Parameter
 from fitball.inference.posterior import Problem
 from fitball.inference.predictive import predictive, predictive_generator
@@ -85,7 +86,8 @@ def _problem(saved: SavedFit, measured: MeasuredData) -> Problem:
     )
     time = None if data["contact_time"] is None else (data["contact_time"][0], data["contact_time"][1])
     chosen = model(fitted.model_name, ball=fitted.ball, tangential=fitted.tangential, **fitted.options)
-    channels, _unused = build_channels(table, table.has_tangential, chosen.has_time, chosen.needs_cor)
+    noise_of = noise_in(saved.parameters)
+    channels, _unused = build_channels(table, table.has_tangential, chosen.has_time, chosen.needs_cor, noise_of)
     parameters = []
     for name, item in saved.parameters.items():
         spec = NOISE_SPECS.get(name) or SPECS[name]

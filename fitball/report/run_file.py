@@ -10,17 +10,14 @@ from pathlib import Path
 from fitball.data.bundled import bundled_folder
 from fitball.data.scene import Scene
 from fitball.inference.force_records import ForceRecords
-from fitball.inference.parameters import TAILS
+from fitball.inference.parameters import SD_SPECS, TAILS
 from fitball.inference.results import Fit
 from fitball.version import __version__
 
 RUN_NAME = "run.toml"
 # Version 1, which had no number, named neither the files nor the scene's numbers.
 RUN_SCHEMA = 2
-SCENE_NUMBERS = (
-    "velocity_sd", "spin_sd", "contact_time_sd", "nominal_velocity_sd", "nominal_spin_sd",
-    "force_sd", "force_start_sd",
-)  # fmt: skip
+SCENE_NUMBERS = (*SD_SPECS, "nominal_velocity_sd", "nominal_spin_sd", "force_sd", "force_start_sd")
 SCENE_TEXTS = ("model", "surface", "description", "citation")
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from fitball.data.table import NOISE_OF
+
 INCH = 0.0254
 POUND_FORCE = 4.4482216152605
 POUND = 0.45359237
@@ -19,18 +21,22 @@ class Scale:
 
 
 # Multiples of SI that keep typical values between 0.1 and 1000.
-HANDY: Mapping[str, Scale] = {
+_MULTIPLES: Mapping[str, Scale] = {
     "k_y": Scale("kN/m", 1e-3),
     "force_misfit": Scale("%", 1e2),
     "eps_10": Scale("mm", 1e3),
     "eps_slope": Scale("mm/(m/s)", 1e3),
     "cor_slope": Scale("1e-3 s/m", 1e3),
     "offset": Scale("mm", 1e3),
-    "contact_time_sd": Scale("ms", 1e3),
     "ball_mass": Scale("g", 1e3),
     "ball_radius": Scale("mm", 1e3),
     "theta_2": Scale("deg", 57.29577951308232),
     "contact_time": Scale("ms", 1e3),
+}
+# The noise of a column reads in the unit of the column.
+HANDY: Mapping[str, Scale] = {
+    **_MULTIPLES,
+    **{noise: _MULTIPLES[column] for column, noise in NOISE_OF.items() if column in _MULTIPLES},
 }
 
 # Jafri (2004), Appendix B: inch, pound force, second; speeds in metres per second.

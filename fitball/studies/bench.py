@@ -46,6 +46,8 @@ class Pace:
 FULL = Pace(0.5, (50, 100, 200, 400, 800, 1600, 3200, 6400), (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13), 100_000, 5)
 QUICK = Pace(0.05, (100, 400, 1600), (1e-3, 1e-6, 1e-9), 20_000, 3)
 METHODS: tuple[Method, ...] = ("RK45", "DOP853", "LSODA", "Radau")
+# Noise at which densities are timed: as large as in Wang's tables.
+NOISE = {"velocity_sd": 0.4, "v_x_sd": 0.4, "v_y_sd": 0.4, "spin_sd": 14.0}
 # Radau has no tolerance below this that scipy's own limits allow it to reach in reasonable time.
 TIGHTEST = {"RK45": 1e-9, "LSODA": 1e-11, "Radau": 1e-7}
 
@@ -240,7 +242,7 @@ def growth_costs(pace: Pace) -> pd.DataFrame:
     rows = []
     for count in (7, 21, 210, 2100, 21_000, 100_000):
         problem = build_problem(enlarged(table, count), scene, Choices())
-        point = np.array([[{**BASE, "velocity_sd": 0.4, "spin_sd": 14.0}[name] for name in problem.free_names]])
+        point = np.array([[{**BASE, **NOISE}[name] for name in problem.free_names]])
         at = problem.to_coordinates(point)
         seconds = timed(partial(problem.log_posterior, at), pace.seconds, pace.repeats)
         row: dict[str, object] = {"rows": count, "draws": 1, "milliseconds": 1e3 * seconds,
@@ -251,7 +253,7 @@ def growth_costs(pace: Pace) -> pd.DataFrame:
             row["point fit [s]"] = time.perf_counter() - begun
         rows.append(row)
     problem = build_problem(table, scene, Choices())
-    point = np.array([[{**BASE, "velocity_sd": 0.4, "spin_sd": 14.0}[name] for name in problem.free_names]])
+    point = np.array([[{**BASE, **NOISE}[name] for name in problem.free_names]])
     for draws in (10, 100, 1000):
         at = np.repeat(problem.to_coordinates(point), draws, axis=0)
         seconds = timed(partial(problem.log_posterior, at), pace.seconds, pace.repeats)

@@ -77,7 +77,7 @@ def _log_latent(problem: Problem, at: FloatArray) -> FloatArray:
     rebound = problem.rebound_like(columns, states, np.arange(count))
     found = np.zeros(len(inside))
     for channel in problem.channels:
-        sd = channel.spread(columns[channel.noise][:, None] if channel.noise is not None else 0.0, rebound)
+        sd = channel.sds(columns, rebound)
         gap = problem.deviation(columns, channel, rebound) / sd
         found += np.sum(-0.5 * gap * gap - np.log(sd), axis=1)
     total[inside] += np.where(np.all(possible & (rebound.status == 0), axis=1), found, -np.inf)
