@@ -93,9 +93,10 @@ def test_a_restitution_above_one_within_its_noise_is_a_notice(tmp_path: Path) ->
 def test_expected_noise_counts_where_none_is_stated(tmp_path: Path) -> None:
     rows = "4,3\n5,5.5\n8,6"
     assert len(load_table(written(tmp_path, rows, head="v_y1,v_y2")).notices) == 1
-    quiet = "[measurement]\nvelocity_sd = 0.02\n"
-    with pytest.raises(TableError, match=r"row 2 .*25 sd of the noise.*\[measurement\]"):
-        load_table(written(tmp_path, rows, quiet, head="v_y1,v_y2"))
+    # Noise of the one column or of all velocities: the column's own is what counts.
+    for known in ("velocity_sd = 0.02", "v_y_sd = 0.02", "velocity_sd = 0.5\nv_y_sd = 0.02"):
+        with pytest.raises(TableError, match=r"row 2 .*25 sd of the noise.*\[measurement\]"):
+            load_table(written(tmp_path, rows, f"[measurement]\n{known}\n", head="v_y1,v_y2"))
 
 
 def simulated(rows: int, sd: float, seed: int = 5) -> np.ndarray:

@@ -16,7 +16,7 @@ from fitball.data.propagation import Uncertain
 from fitball.data.raw import RawRow
 from fitball.data.redundancy import independent
 from fitball.data.scene import Scene
-from fitball.data.table import Notice
+from fitball.data.table import NOISE_OF, Notice
 from fitball.data.velocity import velocity
 from fitball.errors import Fault
 from fitball.values import FloatArray
@@ -124,7 +124,6 @@ def _reach(count: int) -> float:
 def _known(columns: Mapping[str, NumberColumn], scene: Scene) -> dict[str, Uncertain]:
     """The columns that count, each with its noise: as stated, or else as the scene expects it of the rebound."""
     velocity_sd = scene.nominal_velocity_sd if scene.velocity_sd is None else scene.velocity_sd
-    spin_sd = scene.nominal_spin_sd if scene.spin_sd is None else scene.spin_sd
     found = {}
     for name in (*independent(columns, "1"), *independent(columns, "2"), "omega_1", "omega_2"):
         if name not in columns:
@@ -133,8 +132,10 @@ def _known(columns: Mapping[str, NumberColumn], scene: Scene) -> dict[str, Uncer
         sd = np.zeros_like(values)
         if name + SD_SUFFIX in columns:
             sd = columns[name + SD_SUFFIX].values
+        elif name in NOISE_OF and (own := getattr(scene, NOISE_OF[name])) is not None:
+            sd = np.full_like(values, own)
         elif name == "omega_2":
-            sd = np.full_like(values, spin_sd)
+            sd = np.full_like(values, scene.nominal_spin_sd)
         elif name == "theta_2" and "v_2" in columns:
             # The noise across the flight.
             sd = velocity_sd / np.abs(columns["v_2"].values)
