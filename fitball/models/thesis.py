@@ -172,6 +172,16 @@ def thesis_motion(
 
 
 @compiled
+def stray_impulse(core_mass: float, sigma: float, v_y: float, z: complex, end: complex) -> float:
+    """Impulse that no force made, `end` being `e^{z t_c}`.
+
+    SLIP: at the end of a contact that slides throughout, not on the way to it, the damper's share of Eq. (73) has a
+    cosine beside its sine; `c_y` times displacement should be zero there.
+    """
+    return 2.0 * core_mass * sigma * v_y * sigma / (z.imag * z.imag) * -end.real
+
+
+@compiled
 def thesis_bounce(
     row: FloatArray, damping_formula: int, cor: float, v_x: float, v_y: float, omega: float
 ) -> tuple[int, float, float, float, float, int]:
@@ -205,10 +215,7 @@ def thesis_bounce(
     # SLIP: the rebound velocity is not that of Eqs (5)-(7) but each impact's measured restitution.
     v_y2 = cor * v_y
     if math.isnan(t_r):
-        # SLIP: at the end of a contact that slides throughout, not on the way to it, the damper's share of Eq. (73)
-        # has a cosine beside its sine; `c_y` times displacement should be zero there.
-        stray = 2.0 * core_mass * sigma * v_y * sigma / (z.imag * z.imag) * -end.real
-        v_x2 = v_x - (friction * (end - 1.0)).real - sign * mu / mass * stray
+        v_x2 = v_x - (friction * (end - 1.0)).real - sign * mu / mass * stray_impulse(core_mass, sigma, v_y, z, end)
         return OK, v_x2, v_y2, omega + (slide * (end - 1.0)).real, t_c, regime
     start = exponential(z, t_r)
     omega_2 = omega + (slide * (start - 1.0)).real + (roll * (end - start)).real

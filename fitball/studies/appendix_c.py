@@ -50,7 +50,7 @@ def with_corrected_inputs(rows: pd.DataFrame, errata: pd.DataFrame) -> pd.DataFr
     for item in errata.itertuples():
         if item.kind == "input" and str(item.table).startswith("C"):
             column = INPUTS[str(item.column)]
-            corrected.loc[_selects(rows, str(item.table), str(item.row)), column] = float(str(item.correct))
+            corrected.loc[selects(rows, str(item.table), str(item.row)), column] = float(str(item.correct))
     return corrected
 
 
@@ -116,7 +116,7 @@ def reproduce() -> AppendixC:
         (int(k), str(item["column"])): index
         for index, item in enumerate(entries)
         if item["kind"] != "input" and item["column"] in COLUMNS
-        for k in np.flatnonzero(_selects(rows, str(item["table"]), str(item["row"])))
+        for k in np.flatnonzero(selects(rows, str(item["table"]), str(item["row"])))
     }
     exceptions: list[dict[str, object]] = []
     unlisted, used = [], set()
@@ -148,7 +148,7 @@ def _tolerance(name: str, printed: float) -> float:
     return float(max(inputs, 100.0 * last_digit / printed))
 
 
-def _selects(rows: pd.DataFrame, table: str, case: str) -> FloatArray:
+def selects(rows: pd.DataFrame, table: str, case: str) -> FloatArray:
     """Which rows an erratum means; `table` and `case` may be `*` behind a letter or alone, or list cases as `1 2`."""
     tables = rows["table"].str.startswith(table.rstrip("*")) if table.endswith("*") else rows["table"] == table
     cases = np.full(len(rows), True) if case == "*" else rows["case"].astype(str).isin(case.split()).to_numpy()

@@ -12,7 +12,7 @@ from uncertainties.core import Variable
 from fitball.data.thesis_tables import thesis_table
 from fitball.inference.calibrate import Effort
 from fitball.inference.published_cases import chapter_five_predictions
-from fitball.studies import appendix_c, appendix_d, printed_tables, ranking, recalibration, vertical_damping
+from fitball.studies import appendix_c, appendix_d, printed_tables, ranking, recalibration, slips, vertical_damping
 from fitball.studies.check import Check
 
 # What the recomputation gave when it was last looked at by a person; `Check.holds` compares against it.
@@ -42,6 +42,7 @@ class ChapterFive:
     fits: Mapping[str, recalibration.Recalibration]
     checks: tuple[Check, ...]
     verdicts: Mapping[str, str]
+    slips: pd.DataFrame
 
     @property
     def holds(self) -> bool:
@@ -55,7 +56,7 @@ def derive(effort: Effort, report: Callable[[str], None]) -> ChapterFive:
     report("Appendix C")
     printed = thesis_table("appendix_c")
     strict = appendix_c.recompute(printed)
-    rows_c = appendix_c.reproduce()
+    rows_c, slip_cells = appendix_c.reproduce(), slips.recomputed()
     report("Appendix D and Tables 2 to 8")
     rows_d = appendix_d.recompute()
     energies, friction = printed_tables.energies(), printed_tables.mean_friction()
@@ -69,6 +70,7 @@ def derive(effort: Effort, report: Callable[[str], None]) -> ChapterFive:
     fits = {name: recalibration.recalibrate(name, effort, report) for name in recalibration.MODELS}
     checks = (
         _check_appendix_c(rows_c, strict),
+        slips.check(slip_cells),
         _check_appendix_d(rows_d),
         _check_energies(energies),
         _check_friction(friction),
@@ -79,6 +81,7 @@ def derive(effort: Effort, report: Callable[[str], None]) -> ChapterFive:
     return ChapterFive(
         rows_c, strict, rows_d, energies, friction, ratio, inertia, inertia_shares, damping, examples,
         by_print, by_model, by_chapter, fits, checks, _verdicts(by_print, by_chapter, fits),
+        slip_cells,
     )  # fmt: skip
 
 

@@ -53,6 +53,7 @@ def tables(found: ChapterFive) -> dict[str, pd.DataFrame]:
         "appendix_c_shares_as_printed": appendix_c.shares(found.strict),
         "appendix_c_shares_by_case": appendix_c.shares_by_case(found.appendix_c.rows),
         "appendix_c_exceptions": found.appendix_c.exceptions,
+        "slips": found.slips,
         "appendix_d": found.appendix_d,
         "appendix_d_exceptions": appendix_d.deviations(found.appendix_d),
         "energies": found.energies,
