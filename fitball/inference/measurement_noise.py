@@ -127,15 +127,15 @@ def noise_parameters(
 
 @dataclass(frozen=True)
 class Derived(Channel):
-    """A quantity of the velocity that was not measured itself; its noise follows, to first order, from the
-    independent noises of two that were, the columns `of`.
+    """A quantity of the velocity that a fit has no noise for; it follows, to first order, from the independent
+    noises of two columns `of` that it has.
     """
 
     of: tuple[str, str] = ("v_x2", "v_y2")
 
-    def known(self, names: Collection[str]) -> bool:
-        """See `Channel`."""
-        return self.sd is not None or all(NOISE_OF[name] in names for name in self.of)
+    def known(self, _names: Collection[str]) -> bool:
+        """Always: see `derived`, which makes these."""
+        return True
 
     def sds(self, sizes: Sizes, rebound: Rebound) -> FloatArray:
         """See `Channel`."""

@@ -22,7 +22,7 @@ SD_SPECS: Mapping[str, ParameterSpec] = {
     "v_y_sd": _speed("v_y_sd", "noise of v_y2", r"$\sigma_{v_y}$"),
     "speed_sd": _speed("speed_sd", "noise of v_2", r"$\sigma_{|v|}$"),
     "angle_sd": ParameterSpec(
-        "angle_sd", "rad", 1e-5, 1.0, "lognormal(0.025, 0.7)", "noise of theta_2", r"$\sigma_\theta$"
+        "angle_sd", "rad", 1e-5, 1.6, "lognormal(0.025, 0.7)", "noise of theta_2", r"$\sigma_\theta$"
     ),
     "spin_sd": ParameterSpec(
         "spin_sd", "rad/s", 1e-2, 1e3, "lognormal(10, 0.7)", "noise of the spin", r"$\sigma_\omega$"
