@@ -6,7 +6,8 @@ traceback and exits with 2. The message says what was read, where, what was expe
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
 
@@ -33,6 +34,22 @@ class SceneError(FitballError):
 
 class ResultFolderError(FitballError):
     """A result folder that cannot be written, read or resumed."""
+
+
+class MemoryShortageError(FitballError):
+    """Work that does not fit into the memory of the machine."""
+
+
+@contextmanager
+def enough_memory() -> Iterator[None]:
+    """Raise MemoryShortageError where what is done inside (or by a function decorated so) runs out of memory."""
+    try:
+        yield
+    except MemoryError as error:
+        raise MemoryShortageError(
+            f"the memory of this machine does not suffice ({error or 'nothing left'}): fit fewer rows or models at "
+            "once, with fewer --cores and --walkers, or calibrate with --point-only, which needs least"
+        ) from None
 
 
 class FitError(FitballError):

@@ -2,20 +2,39 @@
 
 from __future__ import annotations
 
+import json
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import fitball
+from fitball.cli.main import main
+from fitball.data.force_file import load_force
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
-from fitball.inference import information, parallel, point
+from fitball.inference import information, parallel, point, posterior
+from fitball.inference.action import action_looks
+from fitball.inference.calibrate import Effort
+from fitball.inference.calibrate import run as calibrate_problem
+from fitball.inference.calibrated_range import SPANNING, calibrated_range, spanning_impacts
 from fitball.inference.least_squares import least_squares
 from fitball.inference.maximum import maximum_posterior
+from fitball.inference.minimiser import Minimum
 from fitball.inference.point import point_fit
+from fitball.inference.posterior import Problem
+from fitball.inference.predictive import predictive
 from fitball.inference.problem import Choices, build_problem
+from fitball.inference.reference import reference_draws
+from fitball.inference.residuals import IMPOSSIBLE
+from fitball.inference.results import Posterior
 from fitball.inference.starts import STARTS, starting_points
 from fitball.inference.subsample import thinned_problem
+from fitball.report.data_file import data_content, read_data, write_data
+from fitball.report.export import fit_text
+from fitball.report.html import page
+from fitball.report.terminal import render
 from fitball.studies.bench import enlarged, spread_draws
 
 
@@ -88,3 +107,161 @@ def test_a_part_of_a_large_table_counts_for_the_whole(monkeypatch):
     part = information.fisher_information(problem, at, scene=False)
     # A quarter of the rows, laid evenly over incidence, tells a sum over all of them to some percent.
     np.testing.assert_allclose(np.diag(part), np.diag(whole), rtol=0.15)
+
+
+@pytest.fixture
+def evaluated(monkeypatch):
+    """Draws times impacts of every evaluation of a model."""
+    sizes = []
+    original = Problem._evaluate
+
+    def counted(problem, columns, impacts):
+        sizes.append(len(next(iter(columns.values()))) * len(impacts))
+        return original(problem, columns, impacts)
+
+    monkeypatch.setattr(Problem, "_evaluate", counted)
+    return sizes
+
+
+def test_batches_change_no_number_and_stay_below_the_ceiling(monkeypatch, evaluated):
+    problem = problem_of(60, model="grip-slip")
+    values = starting_points(problem, np.random.default_rng(2), 16)
+    draws = values[np.arange(128) % len(values)] * np.random.default_rng(3).uniform(0.99, 1.01, (128, 1))
+    kept = Posterior(problem.free_names, draws.reshape(2, 8, 8, -1), np.zeros((2, 8, 8)), draws)
+    at_point = maximum_posterior(problem, values[:1])
+
+    def everything():
+        made = predictive(problem, at_point, kept, np.random.default_rng(1))
+        names = ("observed", "median", "mean_q16", "sd", "point")
+        return (
+            problem.log_posterior(problem.to_coordinates(draws)),
+            problem.log_reference(problem.to_coordinates(draws)),
+            reference_draws(problem, np.random.default_rng(4), 50, 100),
+            np.array([[getattr(item, name) for name in names] for item in made.channels]),
+            made.regimes,
+            action_looks(problem, problem.to_coordinates(draws[:20]), made.regimes),
+        )
+
+    *whole, regimes, looks = everything()
+    monkeypatch.setattr(posterior, "CELLS", 900)
+    # Curves for figures have as many points whatever the table.
+    monkeypatch.setattr("fitball.inference.predictive.curves", lambda *_: {})
+    evaluated.clear()
+    *parts, regimes_again, looks_again = everything()
+    assert len(evaluated) > 50 and max(evaluated) <= 900
+    for one, other in zip(whole, parts, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert regimes == regimes_again
+    for name, look in looks.items():
+        again = looks_again[name]
+        assert replace(again, share_doubtful=0.0) == replace(look, share_doubtful=0.0)
+        assert again.share_doubtful == pytest.approx(look.share_doubtful, abs=1e-12)
+
+
+def test_memory_does_not_grow_with_draws_times_impacts():
+    problem = problem_of(20_000, model="grip-slip")
+    at = problem.to_coordinates(starting_points(thinned_problem(problem, 100), np.random.default_rng(2), 1))
+    tracemalloc.start()
+    try:
+        # Eight million cells: at once they take more than a gigabyte.
+        density = problem.log_posterior(np.repeat(at, 400, axis=0))
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert np.isfinite(density).all()
+    assert peak < 400e6
+
+
+def test_a_long_table_may_have_a_large_chi_square():
+    """What the model cannot evaluate is told by the mean square residual, not by the sum."""
+    problem = problem_of(60, model="grip-slip", fix={"velocity_sd": 1e-3, "spin_sd": 1e-2})
+    found = least_squares(problem, starting_points(problem, np.random.default_rng(3), 4))
+    assert found.chi_square > IMPOSSIBLE**2
+    assert not Minimum(180 * IMPOSSIBLE**2, np.zeros(1), 180).possible
+
+
+@pytest.fixture(scope="module")
+def long_fits():
+    """Point fits of the same kind of table, 310 and 1,240 rows."""
+    return [
+        calibrate_problem(problem_of(rows, model="grip-slip"), Effort(point_only=True, cores=1))
+        for rows in (310, 1240)
+    ]
+
+
+def test_text_and_files_do_not_grow_with_rows(long_fits, tmp_path):
+    lines = [render(fit, tmp_path).splitlines() for fit in long_fits]
+    assert abs(len(lines[0]) - len(lines[1])) <= 4 and len(lines[1]) < 160
+    assert "... and 1,200 more: predictions.csv" in lines[1] and "... and 1,200 more: balances.csv" in lines[1]
+    for text in (fit_text, lambda fit: page(fit, {})):
+        short, long = (len(text(fit)) for fit in long_fits)
+        assert long < 1.05 * short
+    assert all(len(fit.fitted.impacts) <= SPANNING for fit in long_fits)
+
+
+def test_a_long_fit_is_read_back_whole(long_fits, tmp_path, capsys):
+    fit = long_fits[1]
+    folder = fitball.api.Calibration(**vars(fit)).save(tmp_path / "fit")
+    # Every row is in the files that hold rows.
+    assert len((folder / "predictions.csv").read_text(encoding="utf-8").splitlines()) == 3 * 1240 + 1
+    assert len((folder / "balances.csv").read_text(encoding="utf-8").splitlines()) == 1241
+    saved = fitball.load_fit(folder)
+    np.testing.assert_array_equal(saved.impacts.v_y1, fit.problem.impacts.v_y1)
+    assert len(saved.fitted.impacts) <= SPANNING
+    assert main(["plot", str(folder), "residuals", "--out", str(tmp_path), "--quiet"]) == 0
+    (folder / "data.nc").unlink()
+    # To predict takes no data, and a look at the range what fit.json holds.
+    assert main(["predict", str(folder), "--impact", "v=17, theta=30"]) == 0
+    assert main(["plot", str(folder), "residuals", "--out", str(tmp_path)]) == 2
+    assert "data.nc: there is no such file" in capsys.readouterr().err
+
+
+def test_spanning_impacts_have_the_same_range():
+    rng = np.random.default_rng(8)
+    points = rng.standard_normal((5000, 3)) * (4.0, 2.0, 60.0) + (15.0, 9.0, 50.0)
+    given = fitball.impacts(points[:, 0], np.abs(points[:, 1]) + 0.5, points[:, 2])
+    few = spanning_impacts(given, 0.033)
+    assert len(few) <= SPANNING
+    # A place all around lies as far outside the one as outside the other: 2 % of the size of the cloud at most.
+    angle = np.linspace(0.0, 2.0 * np.pi, 7)[:-1]
+    new = fitball.impacts(
+        15.0 + 25.0 * np.cos(angle), 26.0 + 25.0 * np.sin(angle), 50.0 + 900.0 * np.cos(3.0 * angle)
+    )
+    one, other = (calibrated_range(item, new, 0.033, True, ()) for item in (given, few))
+    assert one.limits == other.limits
+    np.testing.assert_allclose(other.hull_distance, one.hull_distance, atol=0.5)
+    assert np.all(other.hull_distance >= one.hull_distance - 1e-9)
+    assert len(spanning_impacts(given.take(np.arange(200)), 0.033)) == 200
+
+
+def test_data_are_read_back_as_they_were(tmp_path):
+    """Labels may be called anything; stated sds and force records are kept."""
+    path = tmp_path / "t.csv"
+    path.write_text("id,impact,a/b,v_y1,v_y2,v_y2_sd\nx,1,,5,4,0.1\ny,2,über,6,4.7,0.2\n", encoding="utf-8")
+    records = tmp_path / "t_force.csv"
+    times = np.arange(0.0, 6e-3, 1e-4)
+    force = 1000.0 * np.maximum(np.sin(np.pi * (times - 1e-3) / 4e-3), 0.0) * (times < 5e-3)
+    rows = [f"y,{1e3 * t:.3f},{f:.3f}" for t, f in zip(times, force, strict=True)]
+    records.write_text("\n".join(["id,t [ms],F [N]", *rows]) + "\n", encoding="utf-8")
+    table = load_table(path)
+    problem = build_problem(table, load_scene(path), Choices(), load_force(records, table))
+    write_data(problem, tmp_path / "data.nc")
+    found = read_data(json.loads(json.dumps(data_content(problem))), tmp_path / "data.nc")
+    assert (found.ids, found.labels) == (("x", "y"), {"impact": ("1", "2"), "a/b": ("", "über")})
+    (item,) = found.measurements
+    np.testing.assert_array_equal(item.sd, [0.1, 0.2])
+    assert replace(found.force, source="") == replace(problem.force, source="")
+
+
+@pytest.mark.parametrize("place", ["fitball.inference.calibrate.point_fit", "fitball.data.join.load_table"])
+def test_running_out_of_memory_is_said_in_words(place, tmp_path, monkeypatch, capsys):
+    def full(*_arguments, **_named):
+        raise MemoryError("Unable to allocate 2.9 GiB")
+
+    monkeypatch.setattr(place, full)
+    command = ["calibrate", "wang_zero_spin.csv", "--point-only", "--out", str(tmp_path / "fit"), "--quiet"]
+    assert main(command) == 2
+    err = capsys.readouterr().err
+    assert "memory of this machine does not suffice (Unable to allocate 2.9 GiB)" in err
+    assert "Traceback" not in err
+    assert not list((tmp_path / "fit").glob("fit.json"))

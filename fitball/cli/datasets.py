@@ -89,7 +89,7 @@ def _show(args: argparse.Namespace) -> int:
     from fitball.data.read import load_table
     from fitball.data.scene import load_scene
     from fitball.report.balance_table import balance_table
-    from fitball.report.terminal import columns
+    from fitball.report.terminal import MOST_LINES, columns, more
 
     scene = load_scene(args.data)
     table = load_table(args.data, scene=scene)
@@ -102,9 +102,10 @@ def _show(args: argparse.Namespace) -> int:
             print(line)
     print()
     _print_columns(table)
-    balances = balance_table(scene_balances(table, scene))
+    balances = balance_table(scene_balances(table, scene), MOST_LINES)
     print("\nmodel-free, from the measurements alone:")
-    for line in (*columns([balances.heads, *balances.rows]), *(f"  {item}" for item in balances.legend)):
+    rest = more(len(table), "--json for the table, balances.csv of a fit")
+    for line in (*columns([balances.heads, *balances.rows]), *rest, *(f"  {item}" for item in balances.legend)):
         print(line)
     for heading, lines in (
         ("known", _known(scene)),
@@ -190,16 +191,19 @@ def _columns(table: ImpactTable) -> dict[str, Any]:
 def _print_columns(table: ImpactTable) -> None:
     """The table, aligned; in SI units but for angles, which people read in degrees."""
     from fitball.data.units import UNITS
+    from fitball.report.terminal import MOST_LINES, more
 
-    cells = {"id": list(table.ids)}
+    cells = {"id": list(table.ids[:MOST_LINES])}
     for name, values in _columns(table).items():
         angle = name.endswith(" [rad]")
-        shown = UNITS["deg"].from_si(values) if angle else values
+        shown = (UNITS["deg"].from_si(values) if angle else values)[:MOST_LINES]
         cells[name.replace("[rad]", "[deg]") if angle else name] = [f"{value:.6g}" for value in shown]
     widths = {name: max(len(name), *(len(cell) for cell in column)) for name, column in cells.items()}
     print("  ".join(f"{name:>{widths[name]}}" for name in cells))
-    for index in range(len(table)):
+    for index in range(len(cells["id"])):
         print("  ".join(f"{column[index]:>{widths[name]}}" for name, column in cells.items()))
+    for line in more(len(table), "--json"):
+        print(line)
 
 
 def _known(scene: Scene) -> tuple[str, ...]:

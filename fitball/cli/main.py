@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from fitball.cli import bench, calibrate, compare, datasets, export, plot, predict, rederive, repeat, simulate, verify
-from fitball.errors import FitballError, suggestion
+from fitball.errors import FitballError, enough_memory, suggestion
 from fitball.version import __version__
 
 DESCRIPTION = "fitball: what the bounce of a tennis ball says about the ball and the court."
@@ -71,7 +71,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.print_help()
         return 2
     try:
-        return int(args.run(args))
+        with enough_memory():
+            return int(args.run(args))
     except FitballError as error:
         print(f"fitball: {error}", file=sys.stderr)
         return 2

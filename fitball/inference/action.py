@@ -36,12 +36,18 @@ def action_looks(
     problem = thinned_problem(problem, LOOKED_AT)
     regimes = [regimes[k] for k in kept] if regimes else ()
     count = len(problem.impacts)
-    slopes = prediction_slopes(problem, coordinates).reshape(coordinates.shape[0], -1, count, problem.dimension)
-    # A draw at the very edge of what the model can evaluate has no derivative: it says nothing.
-    if problem.force is not None:
-        slopes = np.concatenate([slopes, _on_records(problem, problem.force, coordinates)], axis=1)
-    squares = np.nanmean(np.sum(slopes**2, axis=1), axis=0)
-    acting = np.nanmean(np.nanmax(np.abs(slopes), axis=1) > ACTS, axis=0)
+    squares, acting, known = (np.zeros((count, problem.dimension)) for _ in range(3))
+    for some in problem.batches(coordinates.shape[0], cost=2 * problem.dimension + 1):
+        mine = coordinates[some]
+        slopes = prediction_slopes(problem, mine).reshape(mine.shape[0], -1, count, problem.dimension)
+        if problem.force is not None:
+            slopes = np.concatenate([slopes, _on_records(problem, problem.force, mine)], axis=1)
+        # A draw at the very edge of what the model can evaluate has no derivative: it says nothing.
+        square = np.sum(slopes**2, axis=1)
+        known += np.sum(~np.isnan(square), axis=0)
+        squares += np.nansum(square, axis=0)
+        acting += np.sum(np.nanmax(np.abs(slopes), axis=1) > ACTS, axis=0)
+    squares, acting = squares / np.maximum(known, 1.0), acting / coordinates.shape[0]
     ids = problem.table.ids
     doubtful = [k for k, shares in enumerate(regimes) if DOUBT[0] < max(shares.values(), default=1.0) < DOUBT[1]]
     # Without motion along the court a contact has no phases, and no name.

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fitball.data.balances import scene_balances
-from fitball.errors import ParameterError
+from fitball.errors import ParameterError, enough_memory
 from fitball.inference.calibrated_range import spanning_impacts
 from fitball.inference.chain_file import ChainFile
 from fitball.inference.court_pace import court_pace
@@ -118,6 +118,7 @@ def fingerprint(problem: Problem, effort: Effort) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
+@enough_memory()
 def run(
     problem: Problem,
     effort: Effort,
@@ -127,8 +128,8 @@ def run(
 ) -> Fit:
     """Fit a problem.
 
-    `report` is told the stage and, while sampling, the progress. Raises FitError, ParameterError, and
-    `sampling.Interrupted` on Ctrl-C with the chain kept.
+    `report` is told the stage and, while sampling, the progress. Raises FitError, ParameterError, MemoryShortageError
+    and `sampling.Interrupted` on Ctrl-C with the chain kept.
     """
     settings = effort.settings(problem)
     seeds = np.random.SeedSequence(effort.seed).spawn(3)

@@ -31,10 +31,16 @@ ONE_SIDED = 1000
 
 @dataclass(frozen=True)
 class Minimum:
-    """A minimum: its chi-square and the fitted coordinates, (fitted,)."""
+    """A minimum: its chi-square, the fitted coordinates, (fitted,), and how many `residuals` there are."""
 
     chi_square: float
     at: FloatArray
+    residuals: int
+
+    @property
+    def possible(self) -> bool:
+        """Whether the model can evaluate it."""
+        return self.chi_square < self.residuals * IMPOSSIBLE**2
 
 
 class Minimiser:
@@ -191,7 +197,8 @@ class Minimiser:
                 gtol=None,
                 max_nfev=100,
             )
-        return Minimum(float(result.chisqr), np.array([item.value for item in result.params.values()]))
+        at = np.array([item.value for item in result.params.values()])
+        return Minimum(float(result.chisqr), at, int(result.ndata))
 
 
 def minima(problem: Problem, weighting: Weighting, starts: FloatArray) -> tuple[list[Minimum], int]:
@@ -203,7 +210,7 @@ def minima(problem: Problem, weighting: Weighting, starts: FloatArray) -> tuple[
     distinct: list[Minimum] = []
     for item in found:
         apart = [np.max(np.abs(item.at - other.at) / minimiser.scale()) > SAME_OPTIMUM for other in distinct]
-        if all(apart) and item.chi_square < IMPOSSIBLE**2:
+        if all(apart) and item.possible:
             distinct.append(item)
     return distinct, minimiser.evaluations
 

@@ -29,13 +29,13 @@ def power_looks(problem: Problem, posterior: Posterior) -> dict[str, PowerLook]:
     """The look at every free parameter, in the coordinate of its prior, on a few thousand draws."""
     values = thinned(posterior, DRAWS)
     coordinates = problem.to_coordinates(values)
-    rebound = problem.rebound(values)
+    found = problem.densities(values)
     each = np.stack([item.prior.log_density(coordinates[:, k]) for k, item in enumerate(problem.free)], axis=1)
     priors = sensitivities(coordinates, each.sum(axis=1))
-    likelihood = sensitivities(coordinates, problem.log_likelihood(values, rebound))
+    likelihood = sensitivities(coordinates, found.likelihood)
     scene = None
     if problem.contact_time is not None:
-        scene = sensitivities(coordinates, problem.log_knowledge(rebound))
+        scene = sensitivities(coordinates, found.knowledge)
     looks = {}
     for k, name in enumerate(problem.free_names):
         looks[name] = PowerLook(

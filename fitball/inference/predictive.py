@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,7 @@ from fitball.inference.parameters import TAILS
 from fitball.inference.posterior import Problem
 from fitball.inference.results import ChannelPrediction, Curve, PointFit, Posterior, Predictive
 from fitball.inference.scatter import draw
+from fitball.inference.subsample import part_of
 from fitball.models.types import Rebound, regime_name
 from fitball.values import FloatArray, Impacts
 
@@ -37,8 +40,31 @@ def predictive_generator(seed: int) -> np.random.Generator:
 
 
 def predictive(problem: Problem, point: PointFit, posterior: Posterior, rng: np.random.Generator) -> Predictive:
-    """Quantiles of each channel at each impact, with and without noise; regimes; curves."""
+    """Quantiles of each channel at each impact, with and without noise; regimes; curves.
+
+    Impacts are taken some at a time, so that memory does not grow with draws times impacts.
+    """
     values = thinned(posterior, DRAWS)
+    count, size = len(problem.impacts), max(1, problem.cells // len(values))
+    parts = []
+    for place in (np.arange(k, min(k + size, count)) for k in range(0, count, size)):
+        part = problem if place.size == count else part_of(problem, place)
+        parts.append(_at_impacts(part, point.rebound.take(place), values, rng))
+    channels = tuple(_joined([item[0][k] for item in parts]) for k in range(len(problem.channels)))
+    regimes = tuple(share for item in parts for share in item[1])
+    return Predictive(channels, regimes, curves(problem, thinned(posterior, CURVE_DRAWS)))
+
+
+def _joined(parts: Sequence[ChannelPrediction]) -> ChannelPrediction:
+    arrays = [name for name, value in vars(parts[0]).items() if isinstance(value, np.ndarray)]
+    joined: dict[str, Any] = {name: np.concatenate([getattr(item, name) for item in parts]) for name in arrays}
+    return replace(parts[0], **joined)
+
+
+def _at_impacts(
+    problem: Problem, at_point: Rebound, values: FloatArray, rng: np.random.Generator
+) -> tuple[list[ChannelPrediction], tuple[Mapping[str, float], ...]]:
+    """Every channel, and the regimes, at the impacts of the problem."""
     rebound = problem.rebound(values)
     columns = problem.all_values(values)
     by_incidence = incident_sds(problem, columns, rebound)
@@ -54,7 +80,7 @@ def predictive(problem: Problem, point: PointFit, posterior: Posterior, rng: np.
                 unit=REBOUND_UNITS[channel.name],
                 observed=channel.observed,
                 sd=np.median(spread, axis=0),
-                point=channel.predict(point.rebound)[0],
+                point=channel.predict(at_point)[0],
                 median=median,
                 mean_q025=low,
                 mean_q16=mid_low,
@@ -64,7 +90,7 @@ def predictive(problem: Problem, point: PointFit, posterior: Posterior, rng: np.
                 data_q975=np.quantile(data, BANDS[-1], axis=0),
             )
         )
-    return Predictive(tuple(channels), regime_shares(rebound), curves(problem, thinned(posterior, CURVE_DRAWS)))
+    return channels, regime_shares(rebound)
 
 
 def with_noise(
@@ -100,12 +126,13 @@ def curves(problem: Problem, values: FloatArray) -> dict[str, Curve]:
     Between measured impacts speed, angle and spin are interpolated; a drop test is drawn along its speed.
     """
     labels = problem.groups
+    names = np.array(labels or [""] * len(problem.table))
     groups = sorted(set(labels)) if labels else [""]
     result = {}
     for group in groups:
-        rows = [k for k in range(len(problem.table)) if labels is None or labels[k] == group]
-        if len(rows) >= 2:
-            result[group] = _curve(problem, values, np.array(rows))
+        rows = np.flatnonzero(names == group)
+        if rows.size >= 2:
+            result[group] = _curve(problem, values, rows)
     return result
 
 

@@ -24,9 +24,8 @@ def reference_draws(
     peak = 0.0 if value_sd is None else -0.5 * float(np.log(2.0 * np.pi)) - float(np.log(value_sd[1]))
     for _ in range(MOST_BATCHES):
         values = prior_draws(problem, rng, batch)
-        rebound = problem.rebound(values)
-        possible = ~np.any(rebound.status, axis=1)
-        chance = np.where(possible, np.exp(problem.log_knowledge(rebound) - peak), 0.0)
+        found = problem.densities(values, measured=False)
+        chance = np.where(found.possible, np.exp(found.knowledge - peak), 0.0)
         accepted.append(values[rng.uniform(size=batch) < chance])
         if sum(map(len, accepted)) >= wanted:
             break

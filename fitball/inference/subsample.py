@@ -36,11 +36,12 @@ def thinned_rows(problem: Problem, rows: int) -> NDArray[np.int64]:
 
 def thinned_problem(problem: Problem, rows: int) -> Problem:
     """The same problem on its `thinned_rows`; the problem itself if it has no more."""
-    if len(problem.impacts) <= rows:
-        return problem
-    given = problem.impacts
-    kept = thinned_rows(problem, rows)
-    impacts = given.take(kept)
+    return problem if len(problem.impacts) <= rows else part_of(problem, thinned_rows(problem, rows))
+
+
+def part_of(problem: Problem, kept: NDArray[np.int64]) -> Problem:
+    """The same problem on the impacts `kept` (sorted) alone."""
+    impacts = problem.impacts.take(kept)
     channels = tuple(_renumbered(item, kept) for item in problem.channels)
     table = replace(
         problem.table,

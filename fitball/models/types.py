@@ -158,3 +158,7 @@ class Rebound:
     contact_time: FloatArray
     regime: NDArray[np.int64]
     status: NDArray[np.int8]
+
+    def take(self, impacts: NDArray[np.int64]) -> Rebound:
+        """Those of some of the impacts."""
+        return Rebound(*(getattr(self, item.name)[..., impacts] for item in fields(self)))

@@ -38,7 +38,8 @@ def regime_bars(fit: Drawable, predictive: Predictive) -> RegimeBars:
     angle = np.degrees(np.arctan2(impacts.v_y1, impacts.v_x1))
     groups = group_of(fit)
     along = angle if fit.problem.table.has_tangential else impacts.v_y1
-    order = sorted(range(len(impacts)), key=lambda k: (groups.index(groups[k]), float(along[k])))
+    place = {group: k for k, group in enumerate(dict.fromkeys(groups))}
+    order = sorted(range(len(impacts)), key=lambda k: (place[groups[k]], float(along[k])))
     if len(order) > MOST_BARS:
         order = [order[k] for k in np.linspace(0, len(order) - 1, MOST_BARS).round().astype(int)]
     peaks: dict[str, float] = {}

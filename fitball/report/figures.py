@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from fitball.inference.results import Posterior
@@ -20,6 +21,8 @@ from fitball.report.units import handy
 # Colour-blind safe (Okabe and Ito).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 MARKERS = ("o", "s", "^", "D", "v", "P")
+# Impacts that a figure draws one by one: more are a blot, and cost more memory than the fit.
+MOST_POINTS = 4000
 TITLES = {
     "v_x2": ("horizontal rebound velocity", r"$v_{x2}$", "m/s"),
     "v_y2": ("vertical rebound velocity", r"$v_{y2}$", "m/s"),
@@ -28,6 +31,17 @@ TITLES = {
     "v_2": ("rebound speed", r"$v_2$", "m/s"),
     "contact_time": ("contact time", r"$t_c$", "s"),
 }
+
+
+def shown_rows(count: int) -> NDArray[np.int64]:
+    """Of `count` impacts those that a figure draws, evenly spread; all of them if it can."""
+    return np.unique(np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(np.int64))
+
+
+def _drawn(fit: Drawable) -> str:
+    """Which impacts a figure shows, for its title; nothing when it shows all."""
+    count = len(fit.problem.table)
+    return f" ({MOST_POINTS:,} of {count:,} impacts)" if count > MOST_POINTS else ""
 
 
 def new_figure(width: float, height: float, layout: Literal["constrained"] | None = "constrained") -> Figure:
@@ -62,7 +76,7 @@ def predictive_figure(fit: Drawable) -> Figure:
         axis.set_visible(False)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)), frameon=False)
-    figure.suptitle(f"{fit.problem.model.name} on {fit.problem.table.name}: measured and predicted")
+    figure.suptitle(f"{fit.problem.model.name} on {fit.problem.table.name}: measured and predicted{_drawn(fit)}")
     return figure
 
 
@@ -78,7 +92,8 @@ def _draw_predictive(axis: Axes, fit: Drawable, name: str, styles: dict[str, tup
             axis.fill_between(along, bands[0], bands[4], color=colour, alpha=0.15, linewidth=0)
             axis.fill_between(along, bands[1], bands[3], color=colour, alpha=0.3, linewidth=0)
             axis.plot(along, bands[2], color=colour, linewidth=1.3)
-        mine = np.array([item == group for item in points.groups])
+        rows = shown_rows(len(points.groups))
+        mine = rows[[points.groups[k] == group for k in rows]]
         label = f"measured: {group}" if group else "measured"
         axis.errorbar(
             points.along[mine],
@@ -105,12 +120,13 @@ def residual_figure(fit: Drawable) -> Figure:
     figure = new_figure(10.0, 0.8 + 2.5 * len(data))
     grid = np.atleast_2d(figure.subplots(len(data), 2, width_ratios=[2, 1]))
     styles = _styles(group_of(fit))
+    rows = shown_rows(len(fit.problem.table))
     for row, item in zip(grid, data, strict=True):
         for limit, alpha in ((2.0, 0.12), (1.0, 0.12)):
             row[0].axhspan(-limit, limit, color="0.5", alpha=alpha, linewidth=0)
         row[0].axhline(0.0, color="0.3", linewidth=0.8)
         for group, (colour, marker) in styles.items():
-            mine = np.array([label == group for label in item.groups])
+            mine = rows[[item.groups[k] == group for k in rows]]
             row[0].plot(
                 item.along[mine], item.values[mine], marker, color=colour, markersize=5, label=group or "impacts"
             )
@@ -121,14 +137,16 @@ def residual_figure(fit: Drawable) -> Figure:
         normal = ndtri((np.arange(order.size) + 0.5) / order.size)
         reach = 1.1 * max(2.0, float(np.max(np.abs(order))))
         row[1].plot([-reach, reach], [-reach, reach], color="0.5", linewidth=0.8)
-        row[1].plot(normal, order, "o", color="0.2", markersize=4)
+        row[1].plot(normal[rows], order[rows], "o", color="0.2", markersize=4)
         row[1].set_xlabel("normal quantile")
         row[1].set_ylabel("residual / sd")
         row[1].grid(alpha=0.3)
     if len(styles) > 1:
         handles, labels = grid[0][0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
-    figure.suptitle(f"{fit.problem.model.name} on {fit.problem.table.name}: residuals (bands: 1 and 2 sd)")
+    figure.suptitle(
+        f"{fit.problem.model.name} on {fit.problem.table.name}: residuals (bands: 1 and 2 sd){_drawn(fit)}"
+    )
     return figure
 
 

@@ -19,7 +19,7 @@ from fitball.report.netcdf import write_netcdf
 from fitball.report.page_figures import page_figures
 from fitball.report.plots import KINDS, drawable_kinds
 from fitball.report.run_file import RUN_NAME, run_text
-from fitball.report.tables import csv_text, prediction_rows, regime_rows, summary_rows
+from fitball.report.tables import prediction_rows, regime_rows, summary_rows, write_csv
 
 CHAIN_NAME = "posterior.h5"
 DPI = 150
@@ -81,16 +81,17 @@ def write_all(fit: Fit, folder: Path, command: str | None = None) -> None:
     posterior = fit.posterior
     if posterior is not None:
         write_netcdf(fit, posterior, folder / POSTERIOR_NAME)
-        write_text(folder / "regimes.csv", csv_text(regime_rows(fit)))
+    if fit.predictive is not None:
+        write_csv(folder / "regimes.csv", regime_rows(fit, fit.predictive))
     figures = {name: KINDS[name].draw(fit, posterior) for name in drawable_kinds(fit, posterior)}
     for name, figure in figures.items():
         write_whole(folder / f"{name}.png", partial(save_png, figure))
         # Laid out once: the page draws it again as it stands.
         figure.set_layout_engine("none")
     write_data(fit.problem, folder / DATA_NAME)
-    write_text(folder / "summary.csv", csv_text(summary_rows(fit)))
-    write_text(folder / "predictions.csv", csv_text(prediction_rows(fit)))
-    write_text(folder / "balances.csv", csv_text(fit.balances.rows()))
+    write_csv(folder / "summary.csv", summary_rows(fit))
+    write_csv(folder / "predictions.csv", prediction_rows(fit))
+    write_csv(folder / "balances.csv", fit.balances.rows())
     write_text(folder / RUN_NAME, run_text(fit, folder))
     shown = page_figures(figures, CAPTIONS, alt_texts(fit), len(fit.problem.table))
     write_text(folder / "report.html", page(fit, shown, command))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping
-from dataclasses import replace
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
@@ -69,7 +68,7 @@ def page(fit: Fit, figures: Mapping[str, PageFigure], command: str | None = None
     problem = fit.problem
     pace, cases, remarks = pace_table(fit), case_table(fit), notes(fit)
     absent = {"court-pace": pace is None, "thesis": cases is None, "notes": not remarks}
-    predictions, balances = prediction_table(fit), balance_table(fit.balances)
+    predictions, balances = prediction_table(fit, MOST_ROWS), balance_table(fit.balances, MOST_ROWS)
     return render_template(
         "fitball.report",
         "report.html.j2",
@@ -89,8 +88,8 @@ def page(fit: Fit, figures: Mapping[str, PageFigure], command: str | None = None
         levels=level_rows(fit),
         pace=pace,
         cases=cases,
-        predictions=replace(predictions, rows=predictions.rows[:MOST_ROWS]),
-        balances=replace(balances, rows=balances.rows[:MOST_ROWS]),
+        predictions=predictions,
+        balances=balances,
         not_shown=max(0, len(problem.table) - MOST_ROWS),
         diagnosis=diagnosis_lines(fit, budget=False),
         budget=budget_table(fit.error_budget),

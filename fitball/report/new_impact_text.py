@@ -11,7 +11,7 @@ from fitball.inference.new_impacts import NewPrediction, OutputPrediction
 from fitball.inference.validation import ChannelScore
 from fitball.report.new_impact_rows import RANGE_UNITS, output_scale
 from fitball.report.rounding import decimals, fixed, interval, significant
-from fitball.report.terminal import WIDTH, columns
+from fitball.report.terminal import MOST_LINES, WIDTH, columns, more
 
 # Up to so many impacts each has a table of its own; more stand one a line.
 IN_FULL = 4
@@ -26,7 +26,8 @@ def render_prediction(prediction: NewPrediction, ids: Sequence[str]) -> str:
         blocks = [_in_full(prediction, k, name) for k, name in enumerate(ids)]
         return "\n\n".join("\n".join(block) for block in blocks)
     lines = _in_brief(prediction, ids)
-    remarks = [(name, text) for k, name in enumerate(ids) for text in remarks_on(prediction, k)]
+    odd = [k for k in range(count) if prediction.range.outside[k] or prediction.failures[k]]
+    remarks = [(ids[k], text) for k in odd for text in remarks_on(prediction, k)]
     if remarks:
         lines += [
             "",
@@ -137,13 +138,13 @@ def _in_brief(prediction: NewPrediction, ids: Sequence[str]) -> list[str]:
     shown = [item for item in prediction.outputs if item.name not in ("v_2", "contact_time")]
     heads += [f"{item.name} [{output_scale(item.name).unit}]" for item in shown]
     rows = []
-    for k, name in enumerate(ids):
+    for k, name in enumerate(ids[:MOST_LINES]):
         mark = "*" if prediction.range.outside[k] or prediction.failures[k] else ""
         angle = np.degrees(np.arctan2(impacts.v_y1[k], impacts.v_x1[k]))
         speed = np.hypot(impacts.v_x1[k], impacts.v_y1[k])
         cells = [name + mark, f"{speed:.1f}", f"{angle:.1f}", f"{impacts.omega_1[k]:.0f}"]
         rows.append([*cells, *(_brief_cell(item, k) for item in shown)])
-    lines = columns([heads, *rows])
+    lines = [*columns([heads, *rows]), *more(len(ids), "see --out or --json")]
     if prediction.draws:
         lines += [
             "",

@@ -157,12 +157,13 @@ def _offset_at_zero(fit: Fit) -> list[ParameterRow]:
     ]
 
 
-def prediction_table(fit: Fit) -> PredictionTable:
+def prediction_table(fit: Fit, most: int | None = None) -> PredictionTable:
     """Measured against predicted: the posterior median with the 68 % half-width of the noise-free prediction, or
-    the point estimate where there is no posterior.
+    the point estimate where there is no posterior; of the first `most` impacts.
     """
     problem = fit.problem
     impacts = problem.impacts
+    shown = range(len(impacts))[:most]
     theta = np.degrees(np.arctan2(impacts.v_y1, impacts.v_x1))
     speed = np.hypot(impacts.v_x1, impacts.v_y1)
     heads, columns = [], []
@@ -175,9 +176,7 @@ def prediction_table(fit: Fit) -> PredictionTable:
             found = next(item for item in fit.predictive.channels if item.name == channel.name)
             predicted = found.median * scale.factor
             half = 0.5 * (found.mean_q84 - found.mean_q16) * scale.factor
-        columns.append(
-            [_cell(channel.observed[k] * scale.factor, predicted[k], half, k) for k in range(len(impacts))]
-        )
+        columns.append([_cell(channel.observed[k] * scale.factor, predicted[k], half, k) for k in shown])
     rows = tuple(
         PredictionRow(
             id=problem.table.ids[k],
@@ -186,7 +185,7 @@ def prediction_table(fit: Fit) -> PredictionTable:
             regime=_regime(fit, k),
             cells=tuple(column[k] for column in columns),
         )
-        for k in range(len(impacts))
+        for k in shown
     )
     return PredictionTable(tuple(heads), rows)
 

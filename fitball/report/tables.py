@@ -4,22 +4,41 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
-from fitball.inference.results import Fit
+from fitball.inference.results import Fit, Predictive
+from fitball.report.files import write_whole
 from fitball.report.units import THESIS
 
 
 def csv_text(rows: Iterable[Mapping[str, object]]) -> str:
     """Rows with equal keys as CSV text; None becomes an empty cell."""
-    listed = list(rows)
     out = io.StringIO()
-    writer = csv.DictWriter(out, fieldnames=list(listed[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({key: "" if value is None else value for key, value in row.items()} for row in listed)
+    _write_rows(out, rows)
     return out.getvalue()
+
+
+def write_csv(path: Path, rows: Iterable[Mapping[str, object]]) -> None:
+    """The same as a file, whole or not at all, without holding all rows in memory. Raises ResultFolderError."""
+
+    def write(place: Path) -> None:
+        with place.open("w", encoding="utf-8", newline="") as out:
+            _write_rows(out, rows)
+
+    write_whole(path, write)
+
+
+def _write_rows(out: TextIO, rows: Iterable[Mapping[str, object]]) -> None:
+    writer: csv.DictWriter[str] | None = None
+    for row in rows:
+        if writer is None:
+            writer = csv.DictWriter(out, fieldnames=list(row), lineterminator="\n")
+            writer.writeheader()
+        writer.writerow({key: "" if value is None else value for key, value in row.items()})
 
 
 def summary_rows(fit: Fit) -> list[dict[str, object]]:
@@ -56,9 +75,8 @@ def summary_rows(fit: Fit) -> list[dict[str, object]]:
     return rows
 
 
-def prediction_rows(fit: Fit) -> list[dict[str, object]]:
+def prediction_rows(fit: Fit) -> Iterator[dict[str, object]]:
     """One row an impact and measured column: measured, predicted, with intervals in SI (angles in radians)."""
-    rows: list[dict[str, object]] = []
     for channel in fit.problem.channels:
         point = channel.predict(fit.point.rebound)[0]
         found = None
@@ -73,16 +91,11 @@ def prediction_rows(fit: Fit) -> list[dict[str, object]]:
             }
             for key in ("median", "mean_q025", "mean_q16", "mean_q84", "mean_q975", "data_q025", "data_q975", "sd"):
                 row[key] = None if found is None else float(getattr(found, key)[k])
-            rows.append(row)
-    return rows
+            yield row
 
 
-def regime_rows(fit: Fit) -> list[dict[str, object]]:
+def regime_rows(fit: Fit, found: Predictive) -> Iterator[dict[str, object]]:
     """One row an impact and phase sequence with its posterior probability."""
-    if fit.predictive is None:
-        return []
-    return [
-        {"id": name, "regime": regime, "probability": float(np.round(share, 6))}
-        for name, shares in zip(fit.problem.table.ids, fit.predictive.regimes, strict=True)
-        for regime, share in shares.items()
-    ]
+    for name, shares in zip(fit.problem.table.ids, found.regimes, strict=True):
+        for regime, share in shares.items():
+            yield {"id": name, "regime": regime, "probability": float(np.round(share, 6))}

@@ -15,6 +15,8 @@ from fitball.report.pace_rows import pace_lines
 from fitball.report.summary import diagnosis_lines, level_rows, notes, parameter_rows, prediction_table, thesis_rows
 
 WIDTH = 100
+# Rows of a table that a person reads on a terminal.
+MOST_LINES = 40
 
 
 def columns(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
@@ -28,6 +30,11 @@ def columns(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
         ]
         lines.append("  ".join(cells).rstrip())
     return lines
+
+
+def more(count: int, where: str) -> list[str]:
+    """A line that says how many of `count` rows are not shown, and where they are; nothing when all are."""
+    return [f"... and {count - MOST_LINES:,} more: {where}"] if count > MOST_LINES else []
 
 
 def _wrapped(text: str) -> list[str]:
@@ -67,15 +74,16 @@ def render(fit: Fit, folder: Path) -> str:
         parts += _wrapped(f"{row.name}: {row.verdict}; {row.reason}")
     parts += [line for remark in look_rows(fit).remarks for line in _wrapped(f"note: {remark}")]
     parts += ["", "Measured | predicted (median +- half of the 68 % interval, without noise):", ""]
-    predictions = prediction_table(fit)
+    predictions = prediction_table(fit, MOST_LINES)
     top = ["impact", "theta_1 [deg]", *predictions.heads, "contact"]
     cells = [
         [row.id, row.theta_1, *(f"{measured} | {predicted}" for measured, predicted in row.cells), row.regime]
         for row in predictions.rows
     ]
-    parts += columns([top, *cells])
-    balances = balance_table(fit.balances)
+    parts += [*columns([top, *cells]), *more(len(table), "predictions.csv")]
+    balances = balance_table(fit.balances, MOST_LINES)
     parts += ["", "Model-free, from the measurements alone:", "", *columns([balances.heads, *balances.rows])]
+    parts += more(len(table), "balances.csv")
     for item in balances.legend:
         parts += _wrapped(item)
     parts.append("")
