@@ -11,6 +11,9 @@ from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Measurement
 from fitball.inference.problem import Choices, build_problem
 
+# Seconds after which a process is taken to hang: no measure of how fast a machine is.
+HANG = 900.0
+
 # Model and closures: every closure at least once.
 COMPOSITIONS = [
     ("two-mass", {}),
