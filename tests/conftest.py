@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import leave_out_figures
 
 import fitball
 from fitball.api import Calibration
@@ -21,6 +22,12 @@ from fitball.models.model import Model
 from fitball.report.export import fit_text
 from fitball.report.netcdf import write_netcdf
 from fitball.values import FloatArray, Impacts
+
+
+@pytest.fixture
+def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Results are saved without their figures."""
+    leave_out_figures(monkeypatch)
 
 
 @pytest.fixture
@@ -99,10 +106,15 @@ def grip_slip_folder(grip_slip_fit: Calibration, tmp_path_factory: pytest.TempPa
 
 
 @pytest.fixture(scope="session")
-def point_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The page of a point fit of the default model."""
-    fit = fitball.calibrate("wang_zero_spin.csv", point_only=True, cores=2)
-    return fit.save(tmp_path_factory.mktemp("point")) / "report.html"
+def point_fit() -> Calibration:
+    """A point fit of the default model."""
+    return fitball.calibrate("wang_zero_spin.csv", point_only=True, cores=2)
+
+
+@pytest.fixture(scope="session")
+def point_page(point_fit: Calibration, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its page."""
+    return point_fit.save(tmp_path_factory.mktemp("point")) / "report.html"
 
 
 @pytest.fixture(scope="session")

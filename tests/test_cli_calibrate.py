@@ -45,7 +45,7 @@ def test_a_users_own_table(here, capsys):
     assert "--overwrite" in capsys.readouterr().err
 
 
-def test_too_few_steps_end_with_one(here, capsys):
+def test_too_few_steps_end_with_one(here, capsys, without_figures):
     assert main(["calibrate", "balls.csv", *QUICK, "--quiet"]) == 1
     content = json.loads((here / "fits/balls/grip-slip/fit.json").read_text(encoding="utf-8"))
     assert content["status"] == "not converged"
@@ -55,14 +55,14 @@ def test_too_few_steps_end_with_one(here, capsys):
     assert json.loads(capsys.readouterr().out)["status"] == "converged"
 
 
-def test_point_only(here, capsys):
+def test_point_only(here, capsys, without_figures):
     assert main(["calibrate", "balls.csv", "--point-only", "--out", "point"]) == 0
     assert "Point fit only" in capsys.readouterr().out
     assert not (here / "point" / "posterior.h5").exists()
     assert (here / "point" / "fit.json").exists()
 
 
-def test_a_drop_test_fits_the_vertical_motion_and_nothing_else(here, capsys):
+def test_a_drop_test_fits_the_vertical_motion_and_nothing_else(here, capsys, without_figures):
     rows = "\n".join(f"{v},{v * (0.86 - 0.012 * v):.3f}" for v in (3.0, 5.0, 7.0, 9.0, 11.0))
     (here / "drop.csv").write_text(f"v_y1,v_y2\n{rows}\n", encoding="utf-8")
     assert main(["calibrate", "drop.csv", "--json"]) == 0
@@ -74,7 +74,7 @@ def test_a_drop_test_fits_the_vertical_motion_and_nothing_else(here, capsys):
     assert "only the vertical motion is fitted" in captured.err
 
 
-def test_a_table_without_spin_does_not_fit_torsion(here, capsys):
+def test_a_table_without_spin_does_not_fit_torsion(here, capsys, without_figures):
     text = "\n".join(",".join(line.split(",")[k] for k in (0, 1, 2, 4, 5)) for line in GOOD.splitlines())
     (here / "nospin.csv").write_text(text + "\n", encoding="utf-8")
     assert main(["calibrate", "nospin.csv", "--json", "--out", "o"]) == 0
@@ -204,7 +204,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-def test_ctrl_c_keeps_the_chain_and_resume_gives_the_same_bytes(here, start, capsys):
+def test_ctrl_c_keeps_the_chain_and_resume_gives_the_same_bytes(here, start, capsys, without_figures):
     """The real thing: a process, a signal, exit 130, and the same result as without."""
     words = ["calibrate", "balls.csv", "--model", "grip-slip", "--max-steps", "300", "--quiet"]
     process = start("-c", AT_STEP_100, *words, "--out", "a", cwd=here)
@@ -219,5 +219,5 @@ def test_ctrl_c_keeps_the_chain_and_resume_gives_the_same_bytes(here, start, cap
         assert main([*words, "--out", out, *more]) == 1
         # It did go on, and was not begun anew.
         assert "holds no chain" not in capsys.readouterr().err
-    for name in ("fit.json", "posterior.h5", "posterior.nc", "summary.csv", "corner.png", "run.toml"):
+    for name in ("fit.json", "posterior.h5", "posterior.nc", "summary.csv", "predictions.csv", "run.toml"):
         assert (here / "a" / name).read_bytes() == (here / "b" / name).read_bytes(), name
