@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import leave_out_figures
 
 import fitball
 from fitball.api import Calibration
@@ -17,6 +23,44 @@ from fitball.report.data_file import write_data
 from fitball.report.export import fit_text
 from fitball.report.netcdf import write_netcdf
 from fitball.values import FloatArray, Impacts
+
+
+@pytest.fixture
+def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Results are saved without their figures."""
+    leave_out_figures(monkeypatch)
+
+
+@pytest.fixture
+def interrupts() -> Iterator[None]:
+    """Ctrl-C works as in a terminal, here and in processes started here; a job in the background has it ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
+def start(interrupts: None) -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """A function that starts Python with some words in a process group of its own, as a terminal does, in the folder
+    `cwd`; modules of the folder `first` come before all others. No process outlives its test.
+    """
+    begun: list[subprocess.Popen[str]] = []
+
+    def start_python(*words: str, cwd: Path, first: Path | None = None) -> subprocess.Popen[str]:
+        places = [str(place) for place in (first, Path(__file__).resolve().parent.parent) if place is not None]
+        process = subprocess.Popen(
+            [sys.executable, *words], cwd=cwd, env=dict(os.environ, PYTHONPATH=os.pathsep.join(places)),
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        )  # fmt: skip
+        begun.append(process)
+        return process
+
+    yield start_python
+    for process in begun:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        with process:
+            pass
 
 
 @pytest.fixture(scope="session")
@@ -64,10 +108,15 @@ def grip_slip_folder(grip_slip_fit: Calibration, tmp_path_factory: pytest.TempPa
 
 
 @pytest.fixture(scope="session")
-def point_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The page of a point fit of the default model."""
-    fit = fitball.calibrate("wang_zero_spin.csv", point_only=True, cores=2)
-    return fit.save(tmp_path_factory.mktemp("point")) / "report.html"
+def point_fit() -> Calibration:
+    """A point fit of the default model."""
+    return fitball.calibrate("wang_zero_spin.csv", point_only=True, cores=2)
+
+
+@pytest.fixture(scope="session")
+def point_page(point_fit: Calibration, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its page."""
+    return point_fit.save(tmp_path_factory.mktemp("point")) / "report.html"
 
 
 @pytest.fixture(scope="session")

@@ -16,9 +16,9 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from samples import HANG
+
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-# Seconds within which a browser on a busy machine answers; longer is a hang.
-PATIENCE = 60.0
 FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-extensions",
@@ -93,7 +93,7 @@ class Browser:
         if self._process.poll() is None:
             try:
                 self.call("Browser.close")
-                self._process.wait(timeout=10.0)
+                self._process.wait(timeout=HANG)
             except (OSError, RuntimeError, TimeoutError, subprocess.TimeoutExpired):
                 self._process.kill()
                 self._process.wait()
@@ -107,7 +107,7 @@ class Browser:
         if session is not None:
             message["sessionId"] = session
         os.write(self._out, json.dumps(message).encode() + b"\0")
-        until = time.monotonic() + PATIENCE
+        until = time.monotonic() + HANG
         while True:
             found = self._next(until)
             if found.get("id") == self._count:
@@ -118,7 +118,7 @@ class Browser:
 
     def wait(self, method: str, session: str) -> None:
         """Until such an event has come."""
-        until = time.monotonic() + PATIENCE
+        until = time.monotonic() + HANG
         while not any(item.get("method") == method and item.get("sessionId") == session for item in self._events):
             self._events.append(self._next(until))
 

@@ -5,11 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Measurement
 from fitball.inference.problem import Choices, build_problem
+
+# Seconds after which a process is taken to hang: no measure of how fast a machine is.
+HANG = 900.0
 
 # Model and closures: every closure at least once.
 COMPOSITIONS = [
@@ -42,6 +46,18 @@ POLAR = (
     "id,v_1 [m/s],theta_1 [deg],omega_1 [rpm],v_2 [m/s],theta_2 [deg],omega_2 [rpm]\n"
     "a,17,18,0,12.2,20,2400\nb,17,27,50,10.7,34,2700\nc,16.4,38,0,10.7,45,2500\nd,16.4,52,-30,11,59,1900\n"
 )
+
+
+def leave_out_figures(patch):
+    """Results are saved without their figures, half of the time a save takes: for tests that look at other files."""
+    patch.setattr("fitball.report.folder.drawable_kinds", lambda _fit, _posterior: [])
+
+
+def save_without_figures(fit, folder):
+    """Save a fit but for its figures."""
+    with pytest.MonkeyPatch.context() as patch:
+        leave_out_figures(patch)
+        return fit.save(folder)
 
 
 def polar_problem(folder):

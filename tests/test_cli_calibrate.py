@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-import signal
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
+from samples import HANG
 
 from fitball.cli.main import main
 
@@ -48,7 +45,7 @@ def test_a_users_own_table(here, capsys):
     assert "--overwrite" in capsys.readouterr().err
 
 
-def test_too_few_steps_end_with_one(here, capsys):
+def test_too_few_steps_end_with_one(here, capsys, without_figures):
     assert main(["calibrate", "balls.csv", *QUICK, "--quiet"]) == 1
     content = json.loads((here / "fits/balls/grip-slip/fit.json").read_text(encoding="utf-8"))
     assert content["status"] == "not converged"
@@ -58,14 +55,14 @@ def test_too_few_steps_end_with_one(here, capsys):
     assert json.loads(capsys.readouterr().out)["status"] == "converged"
 
 
-def test_point_only(here, capsys):
+def test_point_only(here, capsys, without_figures):
     assert main(["calibrate", "balls.csv", "--point-only", "--out", "point"]) == 0
     assert "Point fit only" in capsys.readouterr().out
     assert not (here / "point" / "posterior.h5").exists()
     assert (here / "point" / "fit.json").exists()
 
 
-def test_a_drop_test_fits_the_vertical_motion_and_nothing_else(here, capsys):
+def test_a_drop_test_fits_the_vertical_motion_and_nothing_else(here, capsys, without_figures):
     rows = "\n".join(f"{v},{v * (0.86 - 0.012 * v):.3f}" for v in (3.0, 5.0, 7.0, 9.0, 11.0))
     (here / "drop.csv").write_text(f"v_y1,v_y2\n{rows}\n", encoding="utf-8")
     assert main(["calibrate", "drop.csv", "--json"]) == 0
@@ -77,7 +74,7 @@ def test_a_drop_test_fits_the_vertical_motion_and_nothing_else(here, capsys):
     assert "only the vertical motion is fitted" in captured.err
 
 
-def test_a_table_without_spin_does_not_fit_torsion(here, capsys):
+def test_a_table_without_spin_does_not_fit_torsion(here, capsys, without_figures):
     text = "\n".join(",".join(line.split(",")[k] for k in (0, 1, 2, 4, 5)) for line in GOOD.splitlines())
     (here / "nospin.csv").write_text(text + "\n", encoding="utf-8")
     assert main(["calibrate", "nospin.csv", "--json", "--out", "o"]) == 0
@@ -189,28 +186,38 @@ def test_out_is_a_file(here, capsys):
     assert "is a file" in capsys.readouterr().err
 
 
-def test_ctrl_c_keeps_the_chain_and_resume_gives_the_same_bytes(here):
+# Ctrl-C at the hundredth step of the first ensemble to get there, while others are at work.
+AT_STEP_100 = """
+import os, signal, sys
+from fitball.cli.main import main
+from fitball.inference.sampling import Ensemble
+
+advance, sent = Ensemble.advance_to, []
+
+def advance_or_interrupt(self, step, stop):
+    if self.steps >= 100 and not sent:
+        sent.append(os.kill(os.getpid(), signal.SIGINT))
+    advance(self, step, stop)
+
+Ensemble.advance_to = advance_or_interrupt
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_ctrl_c_keeps_the_chain_and_resume_gives_the_same_bytes(here, start, capsys, without_figures):
     """The real thing: a process, a signal, exit 130, and the same result as without."""
-    env = dict(os.environ, PYTHONPATH=str(Path(__file__).resolve().parent.parent))
-    command = [sys.executable, "-m", "fitball", "calibrate", "balls.csv", "--model", "grip-slip", "--walkers", "60"]
-    process = subprocess.Popen(
-        [*command, "--out", "a"], cwd=here, env=env, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    seen = []
-    for line in process.stderr:
-        seen.append(line)
-        if line.startswith("sampling"):
-            break
-    process.send_signal(signal.SIGINT)
-    _, rest = process.communicate(timeout=60)
-    assert process.returncode == 130, "".join(seen) + rest
-    assert "--resume" in rest
+    words = ["calibrate", "balls.csv", "--model", "grip-slip", "--max-steps", "300", "--quiet"]
+    process = start("-c", AT_STEP_100, *words, "--out", "a", cwd=here)
+    out, err = process.communicate(timeout=HANG)
+    assert process.returncode == 130, err
+    assert not out
+    assert "--resume" in err
+    assert "Traceback" not in err
     assert (here / "a" / "posterior.h5").exists()
     assert not (here / "a" / "fit.json").exists()
     for out, more in (("a", ["--resume"]), ("b", [])):
-        done = subprocess.run(
-            [*command, "--out", out, "--quiet", *more], cwd=here, env=env, capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 0, done.stderr
-    for name in ("fit.json", "posterior.h5", "posterior.nc", "summary.csv", "corner.png", "run.toml"):
+        assert main([*words, "--out", out, *more]) == 1
+        # It did go on, and was not begun anew.
+        assert "holds no chain" not in capsys.readouterr().err
+    for name in ("fit.json", "posterior.h5", "posterior.nc", "summary.csv", "predictions.csv", "run.toml"):
         assert (here / "a" / name).read_bytes() == (here / "b" / name).read_bytes(), name

@@ -6,13 +6,11 @@ import csv
 import json
 import os
 import signal
-import subprocess
-import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import HANG
 
 from fitball.cli.main import main
 
@@ -146,35 +144,52 @@ def test_differences_of_errors_have_the_sign_of_the_first_less_the_second(done):
     assert "Do two masses" not in content["words"]
 
 
-def gone(group, within):
-    """Whether a process group ends, within some seconds."""
-    deadline = time.monotonic() + within
-    while time.monotonic() < deadline:
-        try:
-            os.killpg(group, 0)
-        except ProcessLookupError:
-            return True
+# Run by every Python that finds it: a worker says that it has begun, and begins in earnest when Ctrl-C has come.
+WORKERS_WAIT = """
+import os, signal, sys, time
+from pathlib import Path
+
+if "--multiprocessing-fork" in sys.orig_argv:
+    Path(__file__).with_name(f"{os.getpid()}.begun").touch()
+    while signal.SIGINT not in signal.sigpending():
+        time.sleep(0.01)
+"""
+
+
+def wait_for(state):
+    """Until it is true."""
+    for _ in range(int(HANG / 0.05)):
+        if state():
+            return
         time.sleep(0.05)
+    raise AssertionError("it never came")
+
+
+def gone(group):
+    """Whether no process of a group is left."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return True
     return False
 
 
-def test_ctrl_c_ends_every_process_and_says_so(tmp_path):
-    """The real thing: a terminal's Ctrl-C reaches parent and workers."""
-    env = dict(os.environ, PYTHONPATH=str(Path(__file__).resolve().parent.parent))
-    command = [sys.executable, "-m", "fitball", "compare", "wang_all.csv", "--cores", "2", "--out", "a"]
-    process = subprocess.Popen(
-        command, cwd=tmp_path, env=env, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        start_new_session=True,
-    )  # fmt: skip
-    for line in process.stderr:
-        if "in 2 processes" in line:
-            break
+@pytest.mark.skipif(os.name != "posix", reason="there are no process groups")
+def test_ctrl_c_ends_every_process_and_says_so(tmp_path, start):
+    """The real thing: a terminal's Ctrl-C reaches parent and workers, these halfway through their start."""
+    first = tmp_path / "first"
+    first.mkdir()
+    (first / "sitecustomize.py").write_text(WORKERS_WAIT, encoding="utf-8")
+    words = ("-m", "fitball", "compare", "wang_all.csv", "--cores", "2", "--out", "a")
+    process = start(*words, cwd=tmp_path, first=first)
+    wait_for(lambda: len([*first.glob("*.begun")]) == 2 or process.poll() is not None)
     os.killpg(process.pid, signal.SIGINT)
-    out, rest = process.communicate(timeout=60)
-    assert process.returncode == 130, rest
-    assert "interrupted" in rest
-    assert "Traceback" not in rest
+    out, err = process.communicate(timeout=HANG)
+    assert process.returncode == 130, err
+    assert "in 2 processes" in err
+    assert "interrupted" in err
+    assert "Traceback" not in err
     assert not out
     assert not (tmp_path / "a" / "compare.json").exists()
     # No worker stays behind; the tracker of multiprocessing sees that its parent is gone, and leaves a moment later.
-    assert gone(process.pid, within=10.0)
+    wait_for(lambda: gone(process.pid))

@@ -112,7 +112,7 @@ def test_an_interrupted_comparison_keeps_what_is_done():
 
 
 def test_the_same_seed_gives_the_same_scores():
-    table, scene = drop_table(np.random.default_rng(1)), Scene()
+    table, scene = drop_table(np.random.default_rng(1), count=4), Scene()
     ladder = build_ladder(table, scene, ("brody", "two-mass+cor=mean"))
     one, two, other = (
         compare(table, ladder, Effort(seed=seed, cores=cores, max_steps=100, ensembles=2))

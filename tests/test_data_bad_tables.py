@@ -1,8 +1,11 @@
 """Bad tables: each ends in a TableError that names row, line, column, what was read and what to do."""
 
+import sys
 from pathlib import Path
 
+import numpy as np
 import pandas
+import pyarrow.parquet
 import pytest
 
 from fitball.data.read import load_table
@@ -292,34 +295,43 @@ def test_what_cannot_be_opened(tmp_path: Path) -> None:
         load_table(tmp_path / "absent.csv")
 
 
-def test_parquet_reads_like_csv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_parquet_reads_like_csv(tmp_path: Path) -> None:
     frame = pandas.DataFrame({"v_y1 [km/h]": [36.0, 54.0], "v_y2": [7, 8], "surface": ["a", "b"]})
-    monkeypatch.setattr(pandas, "read_parquet", lambda _: frame)
-    (tmp_path / "t.parquet").write_bytes(b"PAR1")
+    frame.to_parquet(tmp_path / "t.parquet")
     table = load_table(tmp_path / "t.parquet")
     assert table.impacts.v_y1.tolist() == [10.0, 15.0]
     assert table.labels["surface"] == ("a", "b")
     frame.loc[1, "v_y1 [km/h]"] = float("nan")
+    frame.to_parquet(tmp_path / "t.pq", compression="zstd", index=False)
     with pytest.raises(TableError) as caught:
-        load_table(tmp_path / "t.parquet")
+        load_table(tmp_path / "t.pq")
     (fault,) = caught.value.faults
     assert (fault.row, fault.line, fault.column) == (2, None, "v_y1")
 
 
-@pytest.mark.parametrize(
-    ("error", "expected"),
-    [
-        (ImportError("pyarrow"), "needs the package 'pyarrow'"),
-        (ValueError("magic bytes"), "not a Parquet file"),
-    ],
-)
-def test_parquet_that_cannot_be_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, expected: str
-) -> None:
-    def fail(_: object) -> None:
-        raise error
+@pytest.mark.parametrize("kept", [0.01, 0.3, 0.9, 1.0])
+def test_a_damaged_parquet_file_is_refused_in_words(tmp_path: Path, kept: float) -> None:
+    """Files cut short, and one whose footer does not say how long it is."""
+    place = tmp_path / "t.parquet"
+    pandas.DataFrame({"v_y1": np.linspace(5.0, 6.0, 50), "v_y2": 4.0}).to_parquet(place)
+    whole = place.read_bytes()
+    place.write_bytes(whole[: int(kept * len(whole))] if kept < 1.0 else whole[:-8] + b"\xff" * 4 + whole[-4:])
+    with pytest.raises(FitballError, match="not a Parquet file"):
+        load_table(place)
 
-    monkeypatch.setattr(pandas, "read_parquet", fail)
-    (tmp_path / "t.parquet").write_bytes(b"PAR1")
-    with pytest.raises(FitballError, match=expected):
+
+@pytest.mark.parametrize("notes", [b"{}", b'{"index_columns": [{"kind": "range"}]}', b'{"columns": 1}', b"no JSON"])
+def test_parquet_with_damaged_notes_of_pandas_is_refused_in_words(tmp_path: Path, notes: bytes) -> None:
+    """What pandas keeps of its columns in the file, as a flipped byte leaves it."""
+    table = pyarrow.table({"v_y1": [5.0, 6.0], "v_y2": [4.0, 4.7]}).replace_schema_metadata({"pandas": notes})
+    pyarrow.parquet.write_table(table, tmp_path / "t.parquet")
+    with pytest.raises(FitballError, match="not a Parquet file"):
+        load_table(tmp_path / "t.parquet")
+
+
+def test_parquet_without_pyarrow_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pandas.DataFrame({"v_y1": [5.0, 6.0], "v_y2": [4.0, 4.7]}).to_parquet(tmp_path / "t.parquet")
+    # pandas asks anew each time; None in this place is how Python notes that a module is not there.
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(FitballError, match="needs the package 'pyarrow'"):
         load_table(tmp_path / "t.parquet")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas
 import pytest
 from synthetic_drop import write_case
 
@@ -47,8 +48,6 @@ def test_units_order_and_digest(tmp_path):
 
 
 def test_parquet_says_the_same(tmp_path):
-    pandas = pytest.importorskip("pandas")
-    pytest.importorskip("pyarrow")
     place, table = written(tmp_path, lines("a"))
     frame = pandas.DataFrame({"id": "a", "t [ms]": TIMES, "F": pulse()})
     frame.to_parquet(tmp_path / "forces.parquet")

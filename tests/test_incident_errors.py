@@ -237,7 +237,7 @@ def test_the_posterior_agrees_with_one_over_all_latent_states():
     assert (np.abs(np.log(found["width"])) < 0.3).all()
 
 
-def test_the_command_line_can_ignore_them(tmp_path, monkeypatch, capsys):
+def test_the_command_line_can_ignore_them(tmp_path, monkeypatch, capsys, without_figures):
     monkeypatch.chdir(tmp_path)
     rows = "\n".join(
         f"{x},{y},0,0.3,0.3,{x - 0.55 * 1.7 * y:.3f},{0.75 * y:.3f},{200 + 5 * k}"

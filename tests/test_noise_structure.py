@@ -230,7 +230,7 @@ def test_impossible_structures_are_named(choices, error, words):
         problem_of(table, **choices)
 
 
-def test_the_command_line_and_the_scene_say_the_same(tmp_path, monkeypatch, capsys):
+def test_the_command_line_and_the_scene_say_the_same(tmp_path, monkeypatch, capsys, without_figures):
     monkeypatch.chdir(tmp_path)
     words = ["calibrate", "wang_all.csv", "--model", "grip-slip", "--point-only", "--quiet"]
     assert main([*words, "--noise", "student-t", "--offsets", "group", "--pool", "mu=group", "--out", "a"]) == 0
@@ -250,7 +250,7 @@ def test_the_command_line_and_the_scene_say_the_same(tmp_path, monkeypatch, caps
     assert "normal" in capsys.readouterr().err
 
 
-def test_several_tables_on_the_command_line(tmp_path, monkeypatch, capsys):
+def test_several_tables_on_the_command_line(tmp_path, monkeypatch, capsys, without_figures):
     monkeypatch.chdir(tmp_path)
     words = ["wang_zero_spin.csv", "wang_topspin.csv", "--model", "grip-slip", "--pool", "mu=table", "--point-only"]
     assert main(["calibrate", *words]) == 0

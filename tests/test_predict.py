@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from samples import save_without_figures
 
 import fitball
 from fitball.cli.main import main
@@ -270,14 +271,13 @@ def fit():
 
 @pytest.fixture(scope="module")
 def folder(fit, tmp_path_factory):
-    return fit.save(tmp_path_factory.mktemp("predict") / "fit")
+    return save_without_figures(fit, tmp_path_factory.mktemp("predict") / "fit")
 
 
 @pytest.fixture(scope="module")
 def point_folder(tmp_path_factory):
-    return fitball.calibrate("wang_all.csv", model="grip-slip", point_only=True).save(
-        tmp_path_factory.mktemp("p") / "f"
-    )
+    fit = fitball.calibrate("wang_all.csv", model="grip-slip", point_only=True)
+    return save_without_figures(fit, tmp_path_factory.mktemp("p") / "f")
 
 
 IMPACT = ["--impact", "v=38 mph, theta=18 deg, spin=950 rpm top"]

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from samples import save_without_figures
 from scipy.stats import norm
 from test_predict import LEVELS, bounce, fitted_grip_slip
 
@@ -166,9 +167,7 @@ def test_a_bad_standard_deviation_is_quoted(text):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     made = fitball.calibrate("wang_all.csv", model="grip-slip", seed=4, cores=1, max_steps=100, walkers=14)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fitball.report.folder.save_png", lambda _figure, place: place.write_bytes(b"figure"))
-        return made.save(tmp_path_factory.mktemp("predict") / "fit")
+    return save_without_figures(made, tmp_path_factory.mktemp("predict") / "fit")
 
 
 def test_at_the_command_line(folder, tmp_path, capsys):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import shutil
 import tomllib
 from html.parser import HTMLParser
 from importlib.resources import files
@@ -15,6 +16,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from samples import save_without_figures
 
 import fitball
 from fitball.data.balances import scene_balances
@@ -38,7 +40,13 @@ def fit(grip_slip_fit):
 @pytest.fixture(scope="module")
 def two_mass():
     """The default model, quickly: too few steps to converge, all there is to show."""
-    return fitball.calibrate("wang_zero_spin.csv", seed=4, cores=2, max_steps=600)
+    return fitball.calibrate("wang_zero_spin.csv", seed=4, cores=2, max_steps=200)
+
+
+@pytest.fixture(scope="module")
+def two_mass_folder(two_mass, tmp_path_factory):
+    """Its result folder, without figures."""
+    return save_without_figures(two_mass, tmp_path_factory.mktemp("two-mass") / "fit")
 
 
 @pytest.fixture(scope="module")
@@ -46,10 +54,10 @@ def folder(grip_slip_folder):
     return grip_slip_folder
 
 
-def test_fit_json_follows_its_schema(fit, two_mass):
+def test_fit_json_follows_its_schema(fit, two_mass, point_fit):
     schema = json.loads((files("fitball.report") / "fit.schema.json").read_text(encoding="utf-8"))
     jsonschema.Draft202012Validator.check_schema(schema)
-    for item in (fit, two_mass, fitball.calibrate("wang_zero_spin.csv", point_only=True)):
+    for item in (fit, two_mass, point_fit):
         jsonschema.validate(json.loads(fit_text(item)), schema)
     broken = json.loads(fit_text(fit))
     broken["parameters"]["mu"]["verdict"] = "certain"
@@ -69,8 +77,8 @@ def test_a_saved_fit_predicts_the_same_bytes(fit, folder):
     assert fitball.load_fit(folder).verdict == fit.verdict
 
 
-def test_golden_impacts_hold_to_the_last_digit(two_mass, tmp_path):
-    saved = fitball.load_fit(two_mass.save(tmp_path / "golden"))
+def test_golden_impacts_hold_to_the_last_digit(two_mass, two_mass_folder):
+    saved = fitball.load_fit(two_mass_folder)
     golden = saved.golden
     assert len(golden.impacts) >= 10
     model = fitball.model(two_mass.problem.model.name)
@@ -120,8 +128,8 @@ def test_folder_is_refused_or_replaced(fit, folder, tmp_path):
         prepare(file / "below", overwrite=False, resume=False)
 
 
-def test_an_interrupted_writing_leaves_no_fit_json(fit, tmp_path, monkeypatch):
-    place = fit.save(tmp_path / "whole")
+def test_an_interrupted_writing_leaves_no_fit_json(fit, folder, tmp_path, monkeypatch, without_figures):
+    place = shutil.copytree(folder, tmp_path / "whole")
     assert (place / "fit.json").exists()
 
     def stop(*_arguments):
@@ -285,9 +293,8 @@ def test_the_page_needs_nothing_but_itself(fit, folder):
         assert item.verdict in text
 
 
-def test_the_chain_survives_saving_beside_it(two_mass, tmp_path):
-    place = two_mass.save(tmp_path / "a")
-    with h5py.File(place / "posterior.nc") as file:
+def test_the_chain_survives_saving_beside_it(two_mass_folder):
+    with h5py.File(two_mass_folder / "posterior.nc") as file:
         assert "posterior" in file
 
 

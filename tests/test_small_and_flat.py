@@ -16,6 +16,7 @@ from fitball.inference.maximum import Candidate, _best_of, maximum_posterior
 from fitball.inference.minimiser import SAME_OPTIMUM
 from fitball.inference.problem import Choices, build_problem
 from fitball.inference.starts import starting_points
+from fitball.report.export import fit_text
 
 HEAD = "id,v_x1 [m/s],v_y1 [m/s],omega_1 [rpm],v_x2 [m/s],v_y2 [m/s],omega_2 [rpm]"
 TWO = f"{HEAD}\na,16.0,5.0,0,11.5,4.1,2400\nb,15.0,7.5,50,8.9,6.0,2700\n"
@@ -45,7 +46,12 @@ def test_two_impacts_are_fitted_and_mostly_the_priors_speak(tmp_path, monkeypatc
     assert "cannot determine" in squares.missing["mu"]
     point = maximum_posterior(problem, starting_points(problem, np.random.default_rng(1), 4))
     assert np.isfinite(point.log_posterior)
+    # Too short to converge: walkers sit, and their draws are tied.
     found = run(problem, Effort(max_steps=500, walkers=22, ensembles=2, cores=1))
+    assert len(np.unique(found.posterior.draws, axis=0)) < len(found.posterior.draws) / 4
+    # Its JSON has no room for what is not a number.
+    powers = [item["power"] for item in json.loads(fit_text(found))["identifiability"]["looks"].values()]
+    assert all(item["likelihood"] > 0.0 for item in powers)
     verdicts = {item.name: str(item.verdict) for item in found.estimates}
     assert {verdicts[name] for name in ("k_y", "k_theta", "velocity_sd", "spin_sd")} == {"prior-dominated"}
 

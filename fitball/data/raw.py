@@ -176,7 +176,8 @@ def _read_parquet(path: Path, data: bytes) -> RawTable:
             "reading Parquet needs the package 'pyarrow', which is not installed: "
             "install it (pip install pyarrow) or save the table as CSV",
         ) from None
-    except (ValueError, OSError) as error:  # pyarrow.ArrowInvalid is a ValueError
+    # pyarrow.ArrowInvalid is a ValueError; what pandas notes of its columns in the file may be anything.
+    except (ValueError, OSError, KeyError, TypeError) as error:
         raise _single(
             source, f"not a Parquet file ({error}); expected Parquet, or CSV with the ending .csv"
         ) from None

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from arviz_stats.base.array import array_stats
 
+from fitball.errors import FitError
 from fitball.values import FloatArray
 
 TARGET_ESS = 1000.0
@@ -48,7 +49,8 @@ def convergence(names: tuple[str, ...], coordinates: FloatArray) -> Convergence:
     """Diagnose chains (ensembles, steps, walkers, free).
 
     Walkers are the chains of the effective sample size; ensembles are the superchains of R-hat (Margossian et al.
-    2024), because walkers of one ensemble are not independent starts.
+    2024), because walkers of one ensemble are not independent starts. Raises FitError for a parameter that never
+    moved, for which none of these numbers exists.
     """
     ensembles, steps, walkers, _ = coordinates.shape
     chains = coordinates.transpose(0, 2, 1, 3).reshape(ensembles * walkers, steps, -1)
@@ -56,6 +58,10 @@ def convergence(names: tuple[str, ...], coordinates: FloatArray) -> Convergence:
     bulk, tail, r_hat = {}, {}, {}
     for k, name in enumerate(names):
         column = np.ascontiguousarray(chains[:, :, k])
+        if np.ptp(column) <= 0.0:
+            raise FitError(
+                f"the sampler never moved {name}: all its draws are the same; loosen its prior, or --fix it"
+            )
         bulk[name] = float(array_stats.ess(column, chain_axis=0, draw_axis=1, method="bulk"))
         tail[name] = float(array_stats.ess(column, chain_axis=0, draw_axis=1, method="tail", prob=TAILS))
         r_hat[name] = float(

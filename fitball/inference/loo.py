@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from arviz_stats.base.array import array_stats
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from fitball.inference.importance import smoothed
 from fitball.inference.leave_out import refit
 from fitball.inference.posterior import Problem
 from fitball.inference.predictive import thinned
@@ -58,9 +58,12 @@ def smoothed_elpd(whole: FloatArray, scored: FloatArray, efficiency: float) -> t
     takes away; `scored` (draws, impacts) that of the measurements to be scored, the same or a part of it.
     `efficiency` is the effective sample size over the number of draws (Vehtari, Gelman and Gabry 2017).
     """
-    log_weights, pareto_k = array_stats.psislw(np.ascontiguousarray(whole.T), r_eff=efficiency, axis=-1)
-    elpd: FloatArray = logsumexp(log_weights + scored.T, axis=1)
-    return elpd, np.asarray(pareto_k, dtype=np.float64)
+    count = whole.shape[1]
+    elpd, pareto_k = np.empty(count), np.empty(count)
+    for row in range(count):
+        log_weights, pareto_k[row] = smoothed(-whole[:, row], efficiency)
+        elpd[row] = logsumexp(log_weights + scored[:, row])
+    return elpd, pareto_k
 
 
 def pointwise(problem: Problem, values: FloatArray, columns: Sequence[str]) -> tuple[FloatArray, FloatArray]:

@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 from arviz_stats.base.array import array_stats
 
+from fitball.inference.diagnostics import TAILS
+from fitball.inference.importance import smoothed
 from fitball.inference.looks import PowerLook
 from fitball.inference.posterior import Problem
 from fitball.inference.predictive import thinned
@@ -50,20 +52,18 @@ def power_looks(problem: Problem, posterior: Posterior) -> dict[str, PowerLook]:
 
 def sensitivities(draws: FloatArray, log_density: FloatArray) -> FloatArray:
     """Power-scaling sensitivity (columns,) of each column of `draws` (draws, columns) to a part of the log density
-    (draws,); zero for a part that is the same at every draw, which no power changes.
+    (draws,); zero for a part that is the same at every draw, which no power changes, and for a column that is, which
+    no weights move. Draws may be tied, as those of a walker are that sat.
     """
     if np.ptp(log_density) <= 0.0:
         return np.zeros(draws.shape[1])
-    weights = []
-    for power in POWERS:
-        weight = np.exp(array_stats.power_scale_lw(log_density, alpha=power))
-        weights.append(weight / weight.sum())
-    lower, upper = (weight[None, :] for weight in weights)
-    found = [
-        array_stats.power_scale_sense(column[None, :], lower, upper, lower_alpha=POWERS[0], upper_alpha=POWERS[1])
-        for column in draws.T
-    ]
-    return np.array(found, dtype=np.float64)
+    efficiency = float(array_stats.ess(log_density[None, :], method="tail", prob=TAILS)) / log_density.size
+    lower, upper = (np.exp(smoothed((power - 1.0) * log_density, efficiency)[0])[None, :] for power in POWERS)
+    found = np.zeros(draws.shape[1])
+    for k in np.flatnonzero(np.ptp(draws, axis=0) > 0.0):
+        column = draws[None, :, k]
+        found[k] = array_stats.power_scale_sense(column, lower, upper, lower_alpha=POWERS[0], upper_alpha=POWERS[1])
+    return found
 
 
 def diagnosis(prior: float, likelihood: float) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -19,6 +18,7 @@ from fitball.inference.criteria import criteria
 from fitball.inference.ladder import Rung
 from fitball.inference.leave_out import FOLLOWED, Fold, leave_out
 from fitball.inference.loo import leave_one_out
+from fitball.inference.workers import die_on_interrupt, interrupts_held
 
 # Ensembles of an exact refit: enough to see that they agree.
 REFIT_ENSEMBLES = 2
@@ -50,9 +50,11 @@ def scored(tasks: Sequence[Task], cores: int, report: Callable[[str], None]) -> 
     report(f"{count} models in {workers} processes")
     # A fresh interpreter each: a forked one would inherit threads in unknown states.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_die_on_interrupt) as pool:
-        futures = [pool.submit(score_model, replace(task, effort=replace(task.effort, cores=1))) for task in tasks]
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=die_on_interrupt) as pool:
         try:
+            shares = [replace(task, effort=replace(task.effort, cores=1)) for task in tasks]
+            with interrupts_held():
+                futures = [pool.submit(score_model, share) for share in shares]
             for k, future in enumerate(as_completed(futures)):
                 score = future.result()
                 report(f"{score.name}: done ({k + 1} of {count})")
@@ -64,15 +66,6 @@ def scored(tasks: Sequence[Task], cores: int, report: Callable[[str], None]) -> 
             ) from None
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
-
-
-def _die_on_interrupt() -> None:
-    """Ctrl-C reaches every process of a terminal; only the parent has something to say about it.
-
-    A run in the background, for which the shell had it ignored, goes on ignoring it.
-    """
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _naming(report: Callable[[str], None], name: str) -> Callable[[str], None]:

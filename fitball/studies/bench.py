@@ -23,6 +23,7 @@ from fitball.data.scene import load_scene
 from fitball.data.table import ImpactTable, Measurement
 from fitball.inference.calibrate import Effort, run
 from fitball.inference.problem import Choices, build_problem
+from fitball.inference.workers import die_on_interrupt
 from fitball.models.oracle import oracle_rebound
 from fitball.studies.bench_rivals import Method, adaptive, set_up, stepped
 from fitball.studies.bench_scenes import HARD, Scene, default_model, scenes
@@ -70,7 +71,7 @@ def measure(pace: Pace, cores: int, report: Callable[[str], None]) -> Bench:
     """Measure everything; minutes at full pace."""
     report("exact answers")
     # Started afresh, not forked: threads and locks of this process do not come along.
-    with ProcessPoolExecutor(cores, get_context("spawn")) as pool:
+    with ProcessPoolExecutor(cores, get_context("spawn"), die_on_interrupt) as pool:
         found = scenes(pool)
     report("speed against error")
     precision = pd.DataFrame(list(work_precision(found, pace)))

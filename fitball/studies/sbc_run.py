@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import multiprocessing
-import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
+from fitball.inference.workers import ignore_interrupts, interrupts_held
 from fitball.studies.sbc import Experiment, Ranked, run_replicate
 from fitball.studies.sbc_record import RankFile
 
@@ -42,12 +42,10 @@ def _computed(replicate: Callable[[int], Ranked], numbers: range, cores: int) ->
         return
     # Fresh processes: forking one that runs threads (as numerical libraries do) may hang.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(cores, len(numbers)), context, _leave_signals_to_the_parent) as pool:
+    with ProcessPoolExecutor(min(cores, len(numbers)), context, ignore_interrupts) as pool:
         try:
-            yield from zip(numbers, pool.map(replicate, numbers), strict=True)
+            with interrupts_held():
+                found = pool.map(replicate, numbers)
+            yield from zip(numbers, found, strict=True)
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _leave_signals_to_the_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
