@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from fitball.cli.options import count
+from fitball.cli.visible_stream import own_stream, visible_streams
 from fitball.errors import FitballError, ParameterError, suggestion
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ class Counter:
         self, title: str, total: int, quiet: bool, unit: str = "replicates", stream: TextIO | None = None
     ) -> None:
         self.title, self.total, self.quiet, self.unit = title, total, quiet, unit
-        self.stream = sys.stderr if stream is None else stream
+        self.stream = own_stream(sys.stderr) if stream is None else stream
         self.first: int | None = None
         self.begun = time.monotonic()
         self.told = -1
@@ -97,7 +98,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run; returns the exit code."""
     args = make_parser().parse_args(argv)
     try:
-        return _run(args) if args.fuzz is None else _fuzz(args)
+        with visible_streams():
+            return _run(args) if args.fuzz is None else _fuzz(args)
     except FitballError as error:
         print(f"fitball: {error}", file=sys.stderr)
         return 2

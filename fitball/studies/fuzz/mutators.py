@@ -98,8 +98,8 @@ TEXT_WAYS: tuple[Callable[[str, Random], str], ...] = (
 
 
 def damaged(text: str, rng: Random) -> str:
-    """`text`, damaged once to three times."""
-    for _ in range(int(rng.integers(1, 4))):
+    """`text`, damaged once, twice or, seldom, three times."""
+    for _ in range(1 + int(rng.integers(2)) * int(rng.integers(1, 3))):
         text = TEXT_WAYS[rng.integers(len(TEXT_WAYS))](text, rng)
     return text
 

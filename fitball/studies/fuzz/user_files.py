@@ -11,7 +11,8 @@ import numpy as np
 from fitball.data.bundled import bundled_folder
 from fitball.studies.fuzz.examples import IMPACTS, PRIORS, SCENE, TABLES
 from fitball.studies.fuzz.harness import Target
-from fitball.studies.fuzz.mutators import damage_file, damage_text_file, damaged
+from fitball.studies.fuzz.mutators import damage_file, damaged
+from fitball.studies.fuzz.structured import damage_table, damage_toml
 
 TABLE = "impacts.csv"
 SHOWN = (
@@ -21,17 +22,19 @@ SHOWN = (
     ("datasets", "show", "{folder}/" + TABLE, "--json"),
 )
 _OUT = ("--out", "{folder}/out")
-_FIT = ("calibrate", "{folder}/" + TABLE, "--point-only", "--cores", "1", *_OUT)
-_GRIP_SLIP = (*_FIT, "--model", "grip-slip")
+_SIMULATED = ("simulate", "--impact", "v=17, theta=18", *_OUT)
+_GRIP_SLIP = ("calibrate", "{folder}/" + TABLE, "--point-only", "--cores", "1", *_OUT, "--model", "grip-slip")
 # Options, texts they take, and a command to use them with.
 OPTIONS = (
     ("--impact", IMPACTS, ("simulate", "--quiet", *_OUT)),
-    ("--set", ("mu=0.6", "zeta_y=0.2"), ("simulate", "--impact", "v=17, theta=18", *_OUT)),
+    ("--set", ("mu=0.6", "zeta_y=0.2"), _SIMULATED),
     ("--prior", PRIORS, _GRIP_SLIP),
     ("--fix", ("mu=0.6", "e_x = 0.2", "cor_10=0.7"), _GRIP_SLIP),
     ("--pool", ("mu=surface", "e_x=group"), _GRIP_SLIP),
-    ("--closure", ("normal=total", "torsion=free"), _FIT),
-    ("--model", ("grip-slip", "brody"), _FIT),
+    ("--closure", ("normal=total", "torsion=free"), _GRIP_SLIP),
+    ("--model", ("two-mass+normal=total", "thesis-exact", "two-mass+torsion=free"), _SIMULATED),
+    ("--noise", ("normal", "student-t"), _GRIP_SLIP),
+    ("--offsets", ("group", "surface"), _GRIP_SLIP),
 )  # fmt: skip
 
 
@@ -42,7 +45,7 @@ def _build_tables(folder: Path) -> None:
 
 def _damage_table(folder: Path, rng: np.random.Generator) -> str:
     (folder / f"table{rng.integers(len(TABLES))}.csv").rename(folder / TABLE)
-    return damage_text_file(folder / TABLE, rng)
+    return damage_table(folder / TABLE, rng)
 
 
 def _build_parquet(folder: Path) -> None:
@@ -100,24 +103,20 @@ def _build_force(folder: Path) -> None:
     (folder / "impacts_force.csv").write_text("".join([head, *kept]), encoding="utf-8")
 
 
-def _damage(name: str) -> Callable[[Path, np.random.Generator], str]:
-    def mutate(folder: Path, rng: np.random.Generator) -> str:
-        return damage_text_file(folder / name, rng)
-
-    return mutate
-
-
 def hand_written() -> tuple[Target, ...]:
     """The targets that need no fit."""
     return (
-        Target("table", _build_tables, _damage_table, (*SHOWN, _GRIP_SLIP)),
+        Target("table", _build_tables, _damage_table, (*SHOWN, _GRIP_SLIP), few=40),
         Target(
             "parquet", _build_parquet, _damage_parquet,
             tuple(tuple(word.replace(".csv", ".parquet") for word in command) for command in SHOWN),
         ),
-        Target("scene", _build_scene, _damage("impacts.toml"), (*SHOWN, _GRIP_SLIP)),
-        Target("force", _build_force, _damage("impacts_force.csv"), (SHOWN[0],)),
-        *(option_target(name, _build_table, texts, (*command, name, "{text}")) for name, texts, command in OPTIONS),
+        Target("scene", _build_scene, lambda folder, rng: damage_toml(folder / "impacts.toml", rng),
+               (*SHOWN, _GRIP_SLIP), few=40),
+        Target("force", _build_force, lambda folder, rng: damage_table(folder / "impacts_force.csv", rng),
+               (SHOWN[0],)),
+        *(option_target(name, _build_table, texts, (*command, name, "{text}"), few=3)
+          for name, texts, command in OPTIONS),
     )  # fmt: skip
 
 
@@ -126,14 +125,14 @@ def _build_table(folder: Path) -> None:
 
 
 def option_target(
-    name: str, build: Callable[[Path], None], texts: tuple[str, ...], *commands: tuple[str, ...]
+    name: str, build: Callable[[Path], None], texts: tuple[str, ...], *commands: tuple[str, ...], few: int = 20
 ) -> Target:
     """The target of an option whose valid texts are `texts`; `{text}` in `commands` is the damaged one."""
 
     def mutate(_folder: Path, rng: np.random.Generator) -> str:
         return _as_argument(damaged(texts[rng.integers(len(texts))], rng))
 
-    return Target(name, build, mutate, commands)
+    return Target(name, build, mutate, commands, few=few)
 
 
 def _as_argument(text: str) -> str:

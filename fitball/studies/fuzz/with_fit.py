@@ -9,7 +9,7 @@ from fitball.report.export import read_fit
 from fitball.report.exports.formats import TEXT_FORMATS, Options
 from fitball.studies.fuzz.examples import GRIDS, IMPACTS, POINTS, TABLES
 from fitball.studies.fuzz.harness import Target
-from fitball.studies.fuzz.mutators import damage_text_file
+from fitball.studies.fuzz.structured import damage_table
 from fitball.studies.fuzz.user_files import TABLE, option_target
 
 FIT = "{folder}/fit"
@@ -28,9 +28,9 @@ def with_fit(make_fit: MakeFit) -> tuple[Target, ...]:
     verify = ("verify", "{folder}/port.csv", "--fit", FIT)
     predict = ("predict", FIT, "{folder}/" + TABLE)
     return (
-        Target("port", build, lambda folder, rng: damage_text_file(folder / "port.csv", rng),
+        Target("port", build, lambda folder, rng: damage_table(folder / "port.csv", rng),
                (verify, (*verify, "--json"), (*verify, "--quiet")), (0, 1, 2)),
-        Target("new impacts", build, lambda folder, rng: damage_text_file(folder / TABLE, rng),
+        Target("new impacts", build, lambda folder, rng: damage_table(folder / TABLE, rng),
                (predict, (*predict, "--json"), (*predict, "--out", "{folder}/predicted.csv"))),
         option_target("--impact of a fit", build, IMPACTS, ("predict", FIT, "--impact", "{text}"),
                ("predict", FIT, "--impact", "{text}", "--json")),
