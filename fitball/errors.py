@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
 
+from fitball.visible import folded, kind_of, one_line
+
 
 class FitballError(Exception):
     """Base of all errors that a user, not a programmer, has to mend."""
@@ -30,6 +32,13 @@ class UnitError(FitballError):
 
 class SceneError(FitballError):
     """A scene file (TOML) that cannot be used."""
+
+
+def fault_list(source: str, count: int, lines: Iterable[str]) -> str:
+    """The message that lists the faults of a file."""
+    return "\n".join(
+        [f"{one_line(source)}: {count} fault{'s' if count != 1 else ''}", *(f"  - {line}" for line in lines)]
+    )
 
 
 class ResultFolderError(FitballError):
@@ -77,18 +86,17 @@ class Fault:
             where.append(f"line {self.line}")
         if self.column is not None:
             where.append(f"column '{self.column}'")
-        return f"{', '.join(where)}: {self.message}" if where else self.message
+        return one_line(f"{', '.join(where)}: {self.message}" if where else self.message)
 
 
 class TableError(FitballError):
-    """An impact table that cannot be used; carries every fault found, not only the first."""
+    """An impact table that cannot be used; carries every fault found; its message names the first of each kind."""
 
     def __init__(self, source: str, faults: Iterable[Fault]) -> None:
         self.source = source
         self.faults = tuple(faults)
-        count = len(self.faults)
-        head = f"{source}: {count} fault{'s' if count != 1 else ''}"
-        super().__init__("\n".join([head, *(f"  - {fault}" for fault in self.faults)]))
+        kinds = (((fault.column, kind_of(fault.message)), str(fault)) for fault in self.faults)
+        super().__init__(fault_list(source, len(self.faults), folded(kinds)))
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:

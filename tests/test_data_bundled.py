@@ -147,7 +147,10 @@ def test_an_unknown_name_lists_the_bundled_ones() -> None:
 def test_an_installed_package_carries_its_tables(tmp_path: Path) -> None:
     """A wheel holds the tables as `fitball/_datasets`; nothing stands beside the package there."""
     package = Path(fitball.data.__file__).parents[1]
-    for source in (package / "errors.py", package / "values.py", *(package / "data").iterdir()):
+    for source in (
+        *(package / f"{name}.py" for name in ("errors", "values", "visible")),
+        *(package / "data").iterdir(),
+    ):
         if source.is_file():
             target = tmp_path / "fitball" / source.relative_to(package)
             target.parent.mkdir(parents=True, exist_ok=True)

@@ -13,6 +13,8 @@ import jsonschema
 import pytest
 
 from fitball.data.bundled import bundled_names, bundled_tables
+from fitball.data.force_place import find_force
+from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.scene_file import FREE, KEYS, Kind
 from fitball.errors import SceneError, TableError
@@ -163,7 +165,7 @@ def test_faults(tmp_path: Path, text: str, words: tuple[str, ...]) -> None:
 
 
 def test_all_faults_of_a_file_at_once(tmp_path: Path) -> None:
-    message = refused(tmp_path, "[ball]\nmas = 1\nradius = 0\n[fix]\nmu = true\n[contact_time]\nsd = 1\n[sorce]\n")
+    message = refused(tmp_path, "[ball]\nmas = 1\nradius = 0\n[fix]\nmu = true\n[contact_time]\nsd = 1e-3\n[sorce]\n")
     assert "5 faults" in message
     for word in ("ball.mas", "ball.radius", "fix.mu", "[contact_time]", "'source'"):
         assert word in message
@@ -238,3 +240,53 @@ def test_scenes_are_frozen_and_travel_between_processes() -> None:
     with pytest.raises(TypeError):
         scene.priors["mu"] = ""  # type: ignore[index]
     assert pickle.loads(pickle.dumps(scene)) == scene
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[ball]\nmass = 57.6", "ball.mass = 57.6: expected 1 mg to 20 kg, in kg"),
+        ("[ball]\nradius = 1e200", "ball.radius = 1e+200: expected 0.1 mm to 0.5 m, in m"),
+        ("[ball]\nradius = { value = 0.033, sd = 1e300 }", "ball.radius: sd = 1e+300: expected"),
+        ("[ball]\nmass = { value = 0.058, sd = 1e-300 }", "ball.mass: sd = 1e-300: expected"),
+        ("[ball]\ninertia = 1e-300", "inertia 1e-300 kg m^2 makes ball.inertia_ratio"),
+        ("[surface]\nmu = 1e20", "surface.mu = 1e+20: expected 1e-6 to 100"),
+        ("[contact_time]\nvalue = 5.0\nsd = 0.05", "contact_time.value = 5: expected 0.1 to 100 ms, in s"),
+        ("[measurement]\nspin_sd = 1e300", "measurement.spin_sd = 1e+300"),
+        ("[measurement]\nnominal_velocity_sd = 1e-300", "measurement.nominal_velocity_sd = 1e-300"),
+        ("[force]\nsd = 1e300", "force.sd = 1e+300"),
+        ("x = " + "[" * 5000, "not TOML"),
+        ("x = " + "9" * 5000, "not TOML"),
+        ("[ball]\nmass = 1\nmass = 2", "not TOML"),
+        ("\0", "not TOML"),
+        ("[surface]\nname = 5" + "0" * 300, "surface.name = 500"),
+        ("\n".join(f"[unknown{k}]" for k in range(5000)), "5000 faults"),
+    ],
+)
+def test_what_no_scene_holds_is_refused_in_few_words(tmp_path: Path, text: str, words: str) -> None:
+    message = refused(tmp_path, text)
+    assert words in message
+    assert len(message) < 12_000
+
+
+def test_a_long_text_is_shortened_in_the_message(tmp_path: Path) -> None:
+    message = refused(tmp_path, f'[ball]\nmass = "{"a" * 100_000}"\n{"b" * 100_000} = 1')
+    assert len(message) < 3000 and message.count("characters in all") == 2
+
+
+@pytest.mark.parametrize(("make", "words"), [(Path.mkdir, "directory"), (lambda p: p.symlink_to(p.name), "links")])
+def test_a_scene_beside_the_table_that_is_no_file_is_not_passed_over(tmp_path: Path, make: Any, words: str) -> None:
+    (tmp_path / "t.csv").write_text(TABLE)
+    make(tmp_path / "t.toml")
+    with pytest.raises(SceneError, match=words):
+        load_scene(tmp_path / "t.csv")
+
+
+def test_a_byte_order_mark_is_no_fault(tmp_path: Path) -> None:
+    assert scene_of(tmp_path, "\ufeff[surface]\nmu = 0.5").mu == (0.5, None)
+
+
+def test_force_records_with_a_name_too_long_for_the_system(tmp_path: Path) -> None:
+    scene = scene_of(tmp_path, f'[force]\nfile = "{"a" * 5000}"')
+    with pytest.raises(SceneError, match="there is no file"):
+        find_force([str(tmp_path / "t.csv")], load_table(tmp_path / "t.csv"), scene)

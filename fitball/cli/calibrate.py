@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from fitball.cli.options import add_cores, add_structure, count
+from fitball.cli.options import add_cores, add_structure, count, tell_notes
 from fitball.cli.progress import ProgressLine
 from fitball.errors import ParameterError
 
@@ -130,8 +130,7 @@ def run(args: argparse.Namespace) -> int:
     prepare(folder, overwrite=args.overwrite, resume=args.resume)
     if not args.quiet:
         progress.finish()
-        for line in (*table.remarks, *problem.notes):
-            print(f"note: {line}", file=sys.stderr)
+        tell_notes([*table.remarks, *problem.notes])
     chain = None if args.point_only else ChainFile(folder / CHAIN_NAME, mark)
     resume = args.resume and chain is not None and chain.path.exists()
     if args.resume and not resume:

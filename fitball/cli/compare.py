@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from pathlib import Path
 
+from fitball.cli.options import tell_notes
 from fitball.cli.progress import ProgressLine
 from fitball.errors import ModelError
 
@@ -80,8 +80,7 @@ def run(args: argparse.Namespace) -> int:
     prepare(folder, overwrite=args.overwrite)
     if not args.quiet:
         progress.finish()
-        for line in (*table.remarks, *scene.assumed, *said):
-            print(f"note: {line}", file=sys.stderr)
+        tell_notes([*table.remarks, *scene.assumed, *said])
     published = published_sets(table)
     found = compare(table, ladder, effort, args.quick, published, lambda stage: progress(stage, None))
     progress("figure and files", None)

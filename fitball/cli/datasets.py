@@ -7,6 +7,7 @@ import json
 from typing import TYPE_CHECKING, Any
 
 from fitball.errors import FitballError, SceneError, TableError
+from fitball.visible import one_line
 
 if TYPE_CHECKING:
     from fitball.data.scene import Scene
@@ -96,10 +97,14 @@ def _show(args: argparse.Namespace) -> int:
     if args.json:
         _print_json(_as_json(table, scene))
         return 0
-    print(f"{table.name}: {scene.description or table.source}")
-    for line in (scene.citation, f"file {table.source}", f"SHA-256 {table.digest}"):
+    for line in (
+        f"{table.name}: {scene.description or table.source}",
+        scene.citation,
+        f"file {table.source}",
+        f"SHA-256 {table.digest}",
+    ):
         if line:
-            print(line)
+            print(one_line(line))
     print()
     _print_columns(table)
     balances = balance_table(scene_balances(table, scene), MOST_LINES)
@@ -115,7 +120,7 @@ def _show(args: argparse.Namespace) -> int:
         if lines:
             print(f"\n{heading}:")
             for line in lines:
-                print(f"  - {line}")
+                print(f"  - {one_line(line)}")
     return 0
 
 
@@ -159,7 +164,7 @@ def _check(args: argparse.Namespace) -> int:
         if table is not None and not args.quiet:
             print(f"{table.source}: {len(table)} impacts{', no fault' if not errors else ''}")
             for line in (*table.remarks, *found):
-                print(f"  - {line}")
+                print(f"  - {one_line(line)}")
     return 2 if errors else 0
 
 
@@ -191,18 +196,14 @@ def _columns(table: ImpactTable) -> dict[str, Any]:
 def _print_columns(table: ImpactTable) -> None:
     """The table, aligned; in SI units but for angles, which people read in degrees."""
     from fitball.data.units import UNITS
-    from fitball.report.terminal import MOST_LINES, more
+    from fitball.report.terminal import MOST_LINES, columns, more
 
-    cells = {"id": list(table.ids[:MOST_LINES])}
+    cells = [["id", *table.ids[:MOST_LINES]]]
     for name, values in _columns(table).items():
         angle = name.endswith(" [rad]")
         shown = (UNITS["deg"].from_si(values) if angle else values)[:MOST_LINES]
-        cells[name.replace("[rad]", "[deg]") if angle else name] = [f"{value:.6g}" for value in shown]
-    widths = {name: max(len(name), *(len(cell) for cell in column)) for name, column in cells.items()}
-    print("  ".join(f"{name:>{widths[name]}}" for name in cells))
-    for index in range(len(cells["id"])):
-        print("  ".join(f"{column[index]:>{widths[name]}}" for name, column in cells.items()))
-    for line in more(len(table), "--json"):
+        cells.append([name.replace("[rad]", "[deg]") if angle else name, *(f"{value:.6g}" for value in shown)])
+    for line in (*columns(list(zip(*cells, strict=True)), left=0), *more(len(table), "--json")):
         print(line)
 
 

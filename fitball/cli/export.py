@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fitball.cli.options import tell_notes
 from fitball.errors import ParameterError, suggestion
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     places = _places(args, saved.place.parent, chosen.stem, texts)
     _write(places, texts, args.overwrite)
     if note:
-        print(f"note: {note}", file=sys.stderr)
+        tell_notes([note])
     return 0
 
 
@@ -128,6 +129,6 @@ def _netcdf(args: argparse.Namespace, saved: SavedFit) -> int:
     refuse_existing(place, args.overwrite)
     note = write_arviz(saved, place)
     if note:
-        print(f"note: {note}", file=sys.stderr)
+        tell_notes([note])
     print(place)
     return 0

@@ -13,8 +13,10 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from fitball.cli import bench, calibrate, compare, datasets, export, plot, predict, rederive, repeat, simulate, verify
+from fitball.cli.visible_stream import visible_streams
 from fitball.errors import FitballError, enough_memory, suggestion
 from fitball.version import __version__
+from fitball.visible import one_line
 
 DESCRIPTION = "fitball: what the bounce of a tennis ball says about the ball and the court."
 EPILOG = """examples:
@@ -59,11 +61,16 @@ def make_parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
+    with visible_streams():
+        return _main(argv)
+
+
+def _main(argv: Sequence[str] | None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     parser = make_parser()
     known = next(action for action in parser._actions if isinstance(action, argparse._SubParsersAction)).choices
     if words and not words[0].startswith("-") and words[0] not in known:
-        print(f"fitball: unknown verb '{words[0]}': {suggestion(words[0], known)}", file=sys.stderr)
+        print(f"fitball: unknown verb '{one_line(words[0])}': {suggestion(words[0], known)}", file=sys.stderr)
         return 2
     args = parser.parse_args(words)
     args.command = shlex.join(["fitball", *words])
@@ -74,12 +81,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         with enough_memory():
             return int(args.run(args))
     except FitballError as error:
-        print(f"fitball: {error}", file=sys.stderr)
+        print("\n".join(map(one_line, f"fitball: {error}".split("\n"))), file=sys.stderr)
         return 2
     except BrokenPipeError:
         # The reader of our output has left; there is nobody to tell.
         sys.stderr.close()
         return 0
+    except OSError as error:
+        # What the system refuses (no space, no permission, a name too long) is for the user to mend.
+        where = "" if error.filename is None else f"{error.filename}: "
+        print(one_line(f"fitball: {where}cannot be used: {error.strerror or error}"), file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         print("fitball: interrupted", file=sys.stderr)
         return 130

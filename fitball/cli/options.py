@@ -5,8 +5,10 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+
+from fitball.visible import one_line
 
 
 def count(text: str) -> int:
@@ -53,6 +55,12 @@ def add_study(parser: argparse.ArgumentParser, folder: Path) -> None:
     add_cores(parser)
     parser.add_argument("--json", action="store_true", help="print JSON for other programs")
     parser.add_argument("--quiet", action="store_true", help="no progress")
+
+
+def tell_notes(notes: Iterable[object]) -> None:
+    """What one should know of a result, on stderr, each in a line."""
+    for note in notes:
+        print(one_line(f"note: {note}"), file=sys.stderr)
 
 
 def stages(quiet: bool) -> Callable[[str], None]:

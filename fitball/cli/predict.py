@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fitball.cli.options import tell_notes
 from fitball.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -107,8 +107,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out is not None:
         write_text(Path(args.out), csv_text(prediction_csv_rows(prediction, ids)))
     if not args.quiet:
-        for note in notes:
-            print(f"note: {note}", file=sys.stderr)
+        tell_notes(notes)
     if args.json:
         print(json.dumps(prediction_json(prediction, ids, judged, notes), indent=1, allow_nan=False))
     elif not args.quiet:

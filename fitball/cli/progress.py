@@ -6,6 +6,9 @@ import sys
 import time
 from typing import TYPE_CHECKING, TextIO
 
+from fitball.cli.visible_stream import own_stream
+from fitball.visible import visible
+
 if TYPE_CHECKING:
     from fitball.inference.sampling import Progress
 
@@ -15,7 +18,7 @@ class ProgressLine:
 
     def __init__(self, quiet: bool, stream: TextIO | None = None) -> None:
         self.quiet = quiet
-        self.stream = sys.stderr if stream is None else stream
+        self.stream = own_stream(sys.stderr) if stream is None else stream
         self.rewrites = self.stream.isatty()
         self.begun = time.monotonic()
         self.first_step: int | None = None
@@ -53,6 +56,7 @@ class ProgressLine:
         return ", ".join(parts)
 
     def _show(self, text: str, lasting: bool) -> None:
+        text = visible(text)
         if self.rewrites:
             self.stream.write("\r" + text.ljust(self.width))
             self.width = len(text)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fitball.cli.options import count
+from fitball.cli.options import count, tell_notes
 from fitball.errors import ParameterError, suggestion
 
 if TYPE_CHECKING:
@@ -114,8 +113,7 @@ def _one(args: argparse.Namespace) -> _Made:
     impact = parse_impact(args.impact)
     found, source, notes = _from_fit(args, impact) if args.fit is not None else _from_values(args, impact)
     if not args.quiet:
-        for note in notes:
-            print(f"note: {note}", file=sys.stderr)
+        tell_notes(notes)
     v_x, v_y, omega = (float(item[0]) for item in (impact.v_x1, impact.v_y1, impact.omega_1))
     title = f"{found.model.name}: {v_x:.2f} m/s along, {v_y:.2f} m/s towards the court, {omega:.0f} rad/s"
     name = f"{source}_{v_x:.4g}_{v_y:.4g}_{omega:.4g}"

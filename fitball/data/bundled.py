@@ -52,14 +52,15 @@ def resolve_table(source: str | os.PathLike[str]) -> Path:
     A path that exists wins. Raises TableError when there is neither.
     """
     path = Path(source)
-    if path.is_file():
+    # Unlike those of Path, these answer for a name too long for the system.
+    if os.path.isfile(path):  # noqa: PTH113
         return path
     names = bundled_names()
     wanted = str(source)
     for name in (wanted, f"{wanted}.csv"):
         if name in names:
             return bundled_folder() / name
-    if path.is_dir():
+    if os.path.isdir(path):  # noqa: PTH112
         raise TableError(wanted, [Fault("is a folder; expected a CSV or Parquet file")])
     hint = suggestion(wanted.removesuffix(".csv"), [name.removesuffix(".csv") for name in names])
     near = f"; {hint}" if hint.startswith("did") else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -30,7 +31,7 @@ def find_force(
         return load_force(Path(named), table), ()
     if scene.force_file is not None:
         place = Path(scene.source or ".").parent / scene.force_file
-        if not place.is_file():
+        if not os.path.lexists(place):
             raise SceneError(f"{scene.source}: [force] file = '{scene.force_file}': there is no file {place}")
         return load_force(place, table), ()
     beside = [found for found in map(_beside, sources) if found is not None]
@@ -52,4 +53,4 @@ def _beside(source: str) -> Path | None:
         # A table made in memory lies nowhere.
         return None
     places = [table.with_name(table.stem + FORCE_ENDING + suffix) for suffix in (".csv", *PARQUET_SUFFIXES)]
-    return next((place for place in places if place.is_file()), None)
+    return next((place for place in places if os.path.lexists(place)), None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from math import pi
@@ -9,12 +10,15 @@ from math import pi
 import numpy as np
 
 from fitball.data.impact_text import _NAMES
+from fitball.data.limits import refuse_beyond
 from fitball.data.units import Unit, parse_unit
 from fitball.errors import ParameterError, UnitError, suggestion
 from fitball.values import FloatArray, Impacts
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_RANGE = re.compile(rf"^(?P<low>{_NUMBER})\s*\.\.\s*(?P<high>{_NUMBER})\s*(?P<unit>[^:]*?)\s*:\s*(?P<count>\d+)$")
+_RANGE = re.compile(
+    rf"^(?P<low>{_NUMBER})\s*\.\.\s*(?P<high>{_NUMBER})\s*(?P<unit>[^:]*?)\s*:\s*(?P<count>\d{1, 9})$"
+)
 _SINGLE = re.compile(rf"^(?P<low>{_NUMBER})\s*(?P<unit>[^:]*?)$")
 _FORM = "expected LOW..HIGH UNIT:COUNT, such as theta=10..60 deg:16, or one VALUE UNIT"
 VELOCITIES = (("v_1", "theta_1"), ("v_x1", "v_y1"), ("v_y1",))
@@ -63,9 +67,13 @@ def _axis(item: str) -> Axis:
         raise ParameterError(f"{key}: read '{value}', {_FORM}")
     unit = parse_unit(match["unit"] or None, dimension)
     low = unit.to_si(float(match["low"]))
+    high = low if several is None else unit.to_si(float(several["high"]))
+    refuse_beyond(name, np.array([low, high]))
     if several is None:
         return Axis(name, np.array([low]), unit)
-    high, count = unit.to_si(float(several["high"])), int(several["count"])
+    count = int(several["count"])
+    if count > MOST_POINTS:
+        raise ParameterError(f"{key}: {count} points: expected {MOST_POINTS} at most")
     if not (high > low and count >= 2):
         raise ParameterError(f"{key}: read '{value}', expected a rising range and two points or more")
     return Axis(name, np.linspace(low, high, count), unit)
@@ -86,7 +94,7 @@ def _ordered(listed: list[Axis]) -> tuple[Axis, ...]:
             raise ParameterError(f"{name}: expected speeds above 0")
     if "theta_1" in bounds and not 0.0 < bounds["theta_1"][0] <= bounds["theta_1"][1] < pi:
         raise ParameterError("theta: expected angles to the court between 0 and 180 deg")
-    size = int(np.prod([axis.values.size for axis in axes]))
+    size = math.prod(axis.values.size for axis in axes)
     if size > MOST_POINTS:
         raise ParameterError(f"{size} points: expected {MOST_POINTS} at most")
     return axes

@@ -7,6 +7,8 @@ from math import isfinite, pi
 
 import numpy as np
 
+from fitball.data.columns import SD_SUFFIX
+from fitball.data.limits import refuse_beyond
 from fitball.data.propagation import Uncertain, covariance_matrix
 from fitball.data.units import Dimension, parse_unit
 from fitball.data.velocity import velocity
@@ -67,6 +69,9 @@ def _values(text: str) -> dict[str, Uncertain]:
             raise ParameterError(f"{key} is given twice")
         number, sd = _number(key, value, dimension)
         at = np.array([number])
+        refuse_beyond(name, at)
+        if sd is not None:
+            refuse_beyond(name + SD_SUFFIX, np.array([sd]))
         found[name] = Uncertain.exact(at) if sd is None else Uncertain.measured(name, at, np.array([sd]))
     return found
 

@@ -16,9 +16,12 @@ from fitball.errors import Fault
 from fitball.values import FloatArray
 
 # Stricter than float(): no "1_000", no "nan" or "inf", no digits of other scripts.
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
 _ABSENT = ("", "nan", "na", "n/a", "null", "none", "-", "--", "<na>")
 _INFINITE = ("inf", "infinity", "∞")
+
+# Digits of a double, and the largest power of ten that is one.
+DIGITS, MOST_EXPONENT = 15, 308
 
 
 @dataclass(frozen=True)
@@ -34,8 +37,11 @@ class NumberColumn:
     decimals: int
 
     def shown(self, value: float) -> str:
-        """An SI value as the file would print it."""
-        return f"{self.unit.from_si(float(value)):.{self.decimals}f} {self.unit.symbol}"
+        """An SI value as the file would print it, shorter where that takes more digits than a number has."""
+        number = self.unit.from_si(float(value))
+        if abs(number) >= 10.0**DIGITS or self.decimals > DIGITS:
+            return f"{number:.6g} {self.unit.symbol}"
+        return f"{number:.{self.decimals}f} {self.unit.symbol}"
 
 
 def read_column(column: Column, rows: tuple[RawRow, ...], faults: list[Fault]) -> NumberColumn:
@@ -50,7 +56,13 @@ def read_column(column: Column, rows: tuple[RawRow, ...], faults: list[Fault]) -
     exponents = [int(number.as_tuple().exponent) for number in numbers if number is not None]
     exponent = min(exponents, default=0)
     trusted = [float("nan") if item is None or column.unit is None else float(item) for item in numbers]
-    values = unit.to_si(np.array(trusted, dtype=np.float64))
+    with np.errstate(over="ignore"):
+        values = unit.to_si(np.array(trusted, dtype=np.float64))
+    for index in np.flatnonzero(np.isinf(values)):
+        row = rows[index]
+        message = f"read '{row.cells[column.index]}', which is not finite in SI units; expected a number"
+        faults.append(Fault(message, row=row.number, line=row.line, column=column.name))
+        values[index] = np.nan
     half_width = unit.to_si(0.5 * 10.0**exponent)
     return NumberColumn(column.name, values, half_width, unit, max(0, -exponent))
 
@@ -58,7 +70,10 @@ def read_column(column: Column, rows: tuple[RawRow, ...], faults: list[Fault]) -
 def _read_cell(row: RawRow, column: Column, faults: list[Fault]) -> Decimal | None:
     text = row.cells[column.index]
     if _NUMBER.fullmatch(text) and isfinite(float(text)):
-        return Decimal(text)
+        number = Decimal(text)
+        # "0e400" is zero, but no digit of it stands where a number can have one.
+        if int(number.as_tuple().exponent) <= MOST_EXPONENT:
+            return number
     faults.append(Fault(_explain(text, column.name), row=row.number, line=row.line, column=column.name))
     return None
 

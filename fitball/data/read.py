@@ -12,9 +12,10 @@ import numpy as np
 from fitball.data.bounds import check_bounds, normal_speed
 from fitball.data.bundled import resolve_table
 from fitball.data.checks import check_pairs, check_ranges, one_sign
-from fitball.data.columns import REBOUND, SD_SUFFIX, Header, read_header
+from fitball.data.columns import LABELS, REBOUND, SD_SUFFIX, Header, read_header
 from fitball.data.completeness import check_columns
 from fitball.data.frozen import FrozenMapping
+from fitball.data.limits import within_limits
 from fitball.data.number_column import NumberColumn, read_column
 from fitball.data.propagation import Uncertain, covariance_matrix
 from fitball.data.raw import RawRow, RawTable, read_raw
@@ -26,6 +27,7 @@ from fitball.errors import Fault, TableError
 from fitball.values import FloatArray, Impacts
 
 LEAST_IMPACTS = 2
+LONGEST_LABEL = 200
 
 
 def load_table(source: str | os.PathLike[str], *, rebound: bool = True, scene: Scene | None = None) -> ImpactTable:
@@ -44,12 +46,14 @@ def load_table(source: str | os.PathLike[str], *, rebound: bool = True, scene: S
     check_columns(header, raw.header_line, faults, notices, rebound)
     _check_count(raw, faults, LEAST_IMPACTS if rebound else 1)
     columns = {name: read_column(column, raw.rows, faults) for name, column in header.numbers.items()}
+    columns = within_limits(columns, raw.rows, faults)
     columns = one_sign(columns, raw.rows, faults, notices)
     check_ranges(columns, raw.rows, faults)
     for end in ("1", "2"):
         check_redundant(columns, end, raw.rows, faults, notices)
     check_pairs(columns, raw.rows, faults)
     check_bounds(columns, raw.rows, scene or load_scene(source), faults, notices)
+    _check_labels(header, raw.rows, faults)
     ids = _ids(header, raw.rows, faults)
     if faults:
         # Header first, then row by row, so that the list can be worked off from the top of the file.
@@ -69,6 +73,18 @@ def _check_count(raw: RawTable, faults: list[Fault], least: int) -> None:
     elif count < least:
         message = f"read one row only; expected at least {least} impacts: one impact cannot fix any scatter"
         faults.append(Fault(message, row=1, line=raw.rows[0].line if raw.rows else raw.faults[0].line))
+
+
+def _check_labels(header: Header, rows: tuple[RawRow, ...], faults: list[Fault]) -> None:
+    """Add a fault for every label that is no name: labels head tables and figures."""
+    for name in LABELS:
+        if name not in header.texts:
+            continue
+        for row in rows:
+            length = len(row.cells[header.texts[name].index])
+            if length > LONGEST_LABEL:
+                message = f"read a text of {length} characters; expected a name of at most {LONGEST_LABEL}"
+                faults.append(Fault(message, row.number, row.line, name))
 
 
 def _ids(header: Header, rows: tuple[RawRow, ...], faults: list[Fault]) -> tuple[str, ...]:

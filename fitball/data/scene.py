@@ -10,6 +10,7 @@ from pathlib import Path
 from fitball.data.bundled import resolve_table
 from fitball.data.frozen import FrozenMapping
 from fitball.data.scene_file import Quantity, SceneFile, read_scene_file
+from fitball.data.scene_limits import range_fault
 from fitball.data.table import NOISE_OF, SHARED_SD
 from fitball.errors import ParameterError, SceneError
 from fitball.values import WANG_INERTIA_RATIO, WANG_MASS, WANG_RADIUS, Ball
@@ -89,7 +90,8 @@ def load_scene(table_source: str | os.PathLike[str], config: str | os.PathLike[s
     if config is not None:
         return _make_scene(read_scene_file(Path(config)))
     beside = resolve_table(table_source).with_suffix(".toml")
-    return _make_scene(read_scene_file(beside) if beside.is_file() else None)
+    # A folder or a link to nowhere of that name is no scene, and reading it says so.
+    return _make_scene(read_scene_file(beside) if os.path.lexists(beside) else None)
 
 
 def _make_scene(file: SceneFile | None) -> Scene:
@@ -156,5 +158,8 @@ def _ball(known: SceneFile) -> tuple[Ball, dict[str, float]]:
         ball = Ball(mass.value, radius.value, moment)
     except ParameterError as error:
         raise SceneError(f"{known.source}: [ball]: {error}") from None
+    fault = range_fault("ball.inertia_ratio", ball.inertia_ratio, ratio.sd)
+    if fault is not None:
+        raise SceneError(f"{known.source}: [ball]: inertia {moment:g} kg m^2 makes {fault}")
     stated = {"mass": mass.sd, "radius": radius.sd, "inertia_ratio": ratio.sd}
     return ball, {name: sd for name, sd in stated.items() if sd is not None}

@@ -13,8 +13,10 @@ from enum import Enum
 from math import isfinite
 from pathlib import Path
 
+from fitball.data.scene_limits import range_fault
 from fitball.data.table import NOISE_OF, SHARED_SD
-from fitball.errors import SceneError, suggestion
+from fitball.errors import SceneError, fault_list, suggestion
+from fitball.visible import folded, kind_of
 
 
 class Kind(Enum):
@@ -131,7 +133,7 @@ def read_scene_file(path: Path) -> SceneFile:
         raise SceneError(f"{path}: cannot be opened: {reason}; expected a scene file (TOML)") from None
     except UnicodeDecodeError as error:
         raise SceneError(f"{path}: byte {error.start} is not UTF-8; expected TOML, which is UTF-8") from None
-    except ValueError as error:  # TOMLDecodeError, or an integer of thousands of digits
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError, an integer of thousands of digits, deep nesting
         raise SceneError(f"{path}: not TOML: {error}; mend that place") from None
     faults: list[str] = []
     values: dict[str, Value] = {}
@@ -149,8 +151,7 @@ def read_scene_file(path: Path) -> SceneFile:
     if isinstance(contact, dict) and ("value" in contact) != ("sd" in contact):
         faults.append("[contact_time]: expected both value and sd")
     if faults:
-        count = f"{len(faults)} fault{'s' if len(faults) != 1 else ''}"
-        raise SceneError("\n".join([f"{path}: {count}", *(f"  - {fault}" for fault in faults)]))
+        raise SceneError(fault_list(str(path), len(faults), folded((kind_of(fault), fault) for fault in faults)))
     return SceneFile(str(path), values)
 
 
@@ -177,8 +178,12 @@ def _read(
     value = _checked(content, kind)
     if value is None:
         faults.append(f"{key} = {_shown(content)}: expected {kind.value}")
-    else:
-        values[key] = value
+        return
+    if not isinstance(value, str):
+        number, sd = (value.value, value.sd) if isinstance(value, Quantity) else (value, None)
+        fault = range_fault(key, number, sd)
+        faults += [fault] if fault is not None else []
+    values[key] = value
 
 
 def _read_free(key: str, content: object, kind: Kind, values: dict[str, Value], faults: list[str]) -> None:

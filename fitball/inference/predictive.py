@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.table import REBOUND_UNITS
-from fitball.inference.channels import Channel
+from fitball.inference.channels import PREDICTED, Channel
 from fitball.inference.marginal import incident_sds
 from fitball.inference.parameters import TAILS
 from fitball.inference.posterior import Problem
@@ -151,13 +151,7 @@ def _curve(problem: Problem, values: FloatArray, rows: NDArray[np.int64]) -> Cur
     impacts = Impacts(fast * np.cos(angle), fast * np.sin(angle), between(problem.impacts.omega_1[rows]), cor)
     alike = all(np.unique(item.index[rows]).size == 1 for item in problem.levels)
     rebound = problem.rebound(values, impacts, int(rows[0]) if alike else None)
-    outputs = {
-        "v_x2": rebound.v_x2,
-        "v_y2": rebound.v_y2,
-        "omega_2": rebound.omega_2,
-        "theta_2": np.arctan2(rebound.v_y2, rebound.v_x2),
-    }
-    return Curve(angle, impacts, {name: bands(array) for name, array in outputs.items()})
+    return Curve(angle, impacts, {name: bands(predict(rebound)) for name, predict in PREDICTED.items()})
 
 
 def bands(array: FloatArray) -> FloatArray:

@@ -173,7 +173,7 @@ class ChannelPrediction:
 @dataclass(frozen=True)
 class Curve:
     """Noise-free predictions along incidence angle for one group: `theta_1` [rad] (points,), the impacts
-    interpolated between those measured, and per output name (v_x2, v_y2, omega_2, theta_2 [rad]) rows
+    interpolated between those measured, and per output name in SI (NaN where the model has none) rows
     of quantiles (2.5, 16, 50, 84, 97.5 %) of shape (5, points).
     """
 

@@ -156,7 +156,7 @@ class MeasuredPoints:
 
 
 def measured_points(fit: Drawable) -> Mapping[str, MeasuredPoints]:
-    """Outputs v_x2, v_y2, theta_2, omega_2 as measured; the angle follows from components with their noise."""
+    """Outputs as measured; the angle follows from components with their noise where it was not."""
     along = incidence(fit)[1]
     groups = group_of(fit)
     raw = {channel.name: channel.observed for channel in fit.problem.channels}
@@ -167,7 +167,7 @@ def measured_points(fit: Drawable) -> Mapping[str, MeasuredPoints]:
         across = np.hypot(spread["v_x2"] * v_y, spread["v_y2"] * v_x)
         spread["theta_2"] = across / (v_x**2 + v_y**2)
     found: dict[str, MeasuredPoints] = {}
-    for name in ("v_x2", "v_y2", "theta_2", "omega_2"):
+    for name in ("v_x2", "v_y2", "theta_2", "omega_2", "v_2", "contact_time"):
         if name in raw:
             factor = handy(name, "").factor
             found[name] = MeasuredPoints(along, raw[name] * factor, spread[name] * factor, groups)

@@ -13,14 +13,18 @@ from fitball.report.balance_table import balance_table
 from fitball.report.looks_rows import look_rows
 from fitball.report.pace_rows import pace_lines
 from fitball.report.summary import diagnosis_lines, level_rows, notes, parameter_rows, prediction_table, thesis_rows
+from fitball.visible import one_line
 
 WIDTH = 100
 # Rows of a table that a person reads on a terminal.
 MOST_LINES = 40
+# A cell that is longer than the texts of this program is a label of the user's: a few words of it tell which.
+WIDEST = 80
 
 
 def columns(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
-    """Rows of cells as lines: the first `left` columns flush left, the others right."""
+    """Rows of cells as lines: the first `left` columns flush left, the others right. A cell stays in its line."""
+    rows = [[one_line(cell, WIDEST) for cell in row] for row in rows]
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     lines = []
     for row in rows:

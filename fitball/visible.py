@@ -1,0 +1,66 @@
+"""Text from files and command lines as it may be shown: nothing steers a terminal, nothing scrolls for minutes."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Hashable, Iterable
+
+# Control characters of ISO 646 and 8859 but line feed and tab, surrogates, marks that turn the direction of text
+# (Unicode Standard Annex 9), line separators, and signs without width that hide in a name. Joiners stay: Persian and
+# the scripts of India are not written without them.
+_UNSEEN = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f"
+    "\ud800-\udfff\ufeff\ufff9-\ufffb\U000e0000-\U000e007f]"
+)
+_BREAK = re.compile("[\n\t]")
+# What tells two faults of a kind apart: the values that were read.
+_VALUES = re.compile(r"'[^']*'|\"[^\"]*\"|[0-9][0-9.eE+-]*")
+LINE = 400
+EACH, LINES = 5, 40
+
+
+def _escaped(found: re.Match[str]) -> str:
+    """As JSON and Python write it, so that JSON stays JSON."""
+    code = ord(found[0])
+    if code < 0x10000:
+        return f"\\u{code:04x}"
+    return f"\\u{0xD800 + (code - 0x10000 >> 10):04x}\\u{0xDC00 + (code & 0x3FF):04x}"
+
+
+def visible(text: str) -> str:
+    """`text` with an escape, as in JSON, for every character that a terminal obeys or hides; lines stay lines."""
+    return _UNSEEN.sub(_escaped, text)
+
+
+def one_line(text: str, most: int = LINE) -> str:
+    """`text` in one line of at most `most` characters: its beginning, and its end, where messages say what to do."""
+    line = _BREAK.sub(_escaped, visible(text))
+    if len(line) <= most:
+        return line
+    mark = f" [... {len(line)} characters in all ...] "
+    first, last = (most - len(mark)) * 2 // 3, (most - len(mark)) // 3
+    return f"{line[:first]}{mark}{line[-last:]}"
+
+
+def kind_of(message: str) -> str:
+    """A message without the values in it: equal for two faults of a kind."""
+    return _VALUES.sub("", message)
+
+
+def folded(lines: Iterable[tuple[Hashable, str]]) -> list[str]:
+    """Lines, each given with its kind: the first few of each kind, then how many more there are, bounded in all."""
+    shown: list[str] = []
+    first: dict[Hashable, str] = {}
+    seen: Counter[Hashable] = Counter()
+    untold = 0
+    for kind, line in lines:
+        if kind not in first and len(shown) >= LINES:
+            untold += 1
+            continue
+        first.setdefault(kind, one_line(line, LINE // 2))
+        seen[kind] += 1
+        if seen[kind] <= EACH:
+            shown.append(one_line(line))
+    shown += [f"... and {seen[kind] - EACH} more like: {line}" for kind, line in first.items() if seen[kind] > EACH]
+    return [*shown, f"... and {untold} others"] if untold else shown
