@@ -165,7 +165,7 @@ def test_a_bad_standard_deviation_is_quoted(text):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    made = fitball.calibrate("wang_all.csv", model="grip-slip", seed=4, cores=1, max_steps=100, walkers=14)
+    made = fitball.calibrate("wang_all.csv", model="grip-slip", seed=4, cores=1, max_steps=100, walkers=16)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("fitball.report.folder.save_png", lambda _figure, place: place.write_bytes(b"figure"))
         return made.save(tmp_path_factory.mktemp("predict") / "fit")
