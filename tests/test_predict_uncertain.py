@@ -166,7 +166,7 @@ def test_a_bad_standard_deviation_is_quoted(text):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    made = fitball.calibrate("wang_all.csv", model="grip-slip", seed=4, cores=1, max_steps=100, walkers=14)
+    made = fitball.calibrate("wang_all.csv", model="grip-slip", seed=4, cores=1, max_steps=100, walkers=16)
     return save_without_figures(made, tmp_path_factory.mktemp("predict") / "fit")
 
 

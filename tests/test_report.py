@@ -241,7 +241,7 @@ def test_corner_shows_the_prior_as_it_is(fit):
 
 def test_prior_density_of_a_log_prior_is_per_value(fit):
     data = arrays.corner_data(fit, fit.posterior)
-    k = fit.posterior.names.index("velocity_sd")
+    k = fit.posterior.names.index("v_x_sd")
     edges, density = data.prior[k]
     from scipy.stats import lognorm
 
@@ -257,9 +257,12 @@ def test_residuals_and_points_are_the_measurements(fit):
     table = fit.problem.table
     angle = np.degrees(np.arctan2(table.measurement("v_y2").values, table.measurement("v_x2").values))
     np.testing.assert_allclose(points["theta_2"].values, angle)
-    # The noise of a component turns the angle by that noise over the speed.
+    # The noise across the flight turns the angle by that noise over the speed.
     speed = np.hypot(table.measurement("v_x2").values, table.measurement("v_y2").values)
-    np.testing.assert_allclose(np.radians(points["theta_2"].sd), channel_sd(fit, "v_x2") / speed, rtol=1e-6)
+    x, y = channel_sd(fit, "v_x2"), channel_sd(fit, "v_y2")
+    across = np.hypot(x * np.sin(np.radians(angle)), y * np.cos(np.radians(angle)))
+    np.testing.assert_allclose(np.radians(points["theta_2"].sd), across / speed, rtol=1e-6)
+    assert np.all(x > 1.2 * y)
     assert set(points["v_x2"].groups) == set(table.labels["group"])
 
 
