@@ -13,6 +13,7 @@ import jsonschema
 import numpy as np
 import pytest
 from force_case import problem_of
+from samples import save_without_figures
 from synthetic_drop import COR, K_Y, force_at, write_case
 
 import fitball
@@ -131,7 +132,8 @@ def test_another_record_is_another_run(table, tmp_path):
     assert mark != fingerprint(problem_of(table, scene=Scene(force_start_sd=1e-3)), effort)
 
 
-def test_a_run_with_records_is_repeated(folder, table, tmp_path, capsys):
+def test_a_run_with_records_is_repeated(table, tmp_path, capsys):
+    folder = save_without_figures(fitball.calibrate(table, point_only=True, cores=1), tmp_path / "fit")
     assert main(["repeat", str(folder), "--quiet"]) == 0
     assert "bit-equal" in capsys.readouterr().out
     moved = tmp_path / "moved.csv"
