@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import threading
+import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
+from fitball.cli import validate
 from fitball.cli.main import main
+from fitball.studies.fuzz import campaign
 from fitball.studies.fuzz.campaign import Finding, finding_text
-from fitball.studies.fuzz.harness import complaints, make_case, run_case
+from fitball.studies.fuzz.harness import Case, Main, Target, complaints, make_case, run_case
 from fitball.studies.fuzz.targets import all_targets
 
 
@@ -27,3 +33,108 @@ def test_damaged_input_is_used_or_refused(name: str, small_fit: Path, tmp_path: 
         if said:
             found.append(finding_text(Finding(case, tuple(said), ending.error)))
     assert not found, "\n".join(found)
+
+
+def explode(_words: Sequence[str]) -> int:
+    return 1 // 0
+
+
+def chatter(_words: Sequence[str]) -> int:
+    print("x" * 30_000)
+    return 0
+
+
+def steer(_words: Sequence[str]) -> int:
+    print("\x1b[2J")
+    return 0
+
+
+def warn(_words: Sequence[str]) -> int:
+    warnings.warn("overflow", RuntimeWarning, stacklevel=1)
+    return 0
+
+
+def fail(_words: Sequence[str]) -> int:
+    raise SystemExit("no")
+
+
+def sulk(_words: Sequence[str]) -> int:
+    return 2
+
+
+def behave(_words: Sequence[str]) -> int:
+    return 0
+
+
+def die(_words: Sequence[str]) -> int:
+    os._exit(3)
+
+
+def hang(_words: Sequence[str]) -> int:
+    threading.Event().wait()
+    return 0
+
+
+def case_of(folder: Path) -> tuple[Target, Case]:
+    target = all_targets()["scene"]
+    (folder / "valid").mkdir()
+    target.build(folder / "valid")
+    return target, make_case(target, folder / "valid", folder / "case", 1, 0)
+
+
+@pytest.mark.parametrize(
+    ("main", "words"),
+    [
+        (explode, "exception: ZeroDivisionError"),
+        (chatter, "30001 characters of text"),
+        (steer, "control characters on the terminal: U+001B"),
+        (warn, "a warning of a library"),
+        (fail, "exit 1"),
+        (sulk, "exit 2 without a word"),
+    ],
+)
+def test_the_rule_has_teeth(main: Main, words: str, tmp_path: Path) -> None:
+    target, case = case_of(tmp_path)
+    (said,) = complaints(target, case, run_case(case, main))
+    assert words in said
+
+
+def test_cases_are_told_by_seed_and_index_alone(tmp_path: Path) -> None:
+    target, case = case_of(tmp_path)
+    again = make_case(target, tmp_path / "valid", tmp_path / "again", 1, 0)
+    make_case(target, tmp_path / "valid", tmp_path / "other", 1, 1)
+    assert (again.damage, again.words[0]) == (case.damage, case.words[0])
+    scenes = [(tmp_path / name / "impacts.toml").read_bytes() for name in ("case", "again", "other", "valid")]
+    assert scenes[0] == scenes[1] and len(set(scenes)) == 3
+    assert complaints(target, case, run_case(case, behave)) == []
+
+
+@pytest.mark.parametrize(
+    ("main", "seconds", "memory", "words"),
+    [
+        (die, 600.0, campaign.MOST_BYTES, "the process died: exit code 3"),
+        (behave, 600.0, 1, "GB of memory"),
+        # However slow the machine, it never comes back.
+        (hang, 0.1, campaign.MOST_BYTES, "over 0.1 s"),
+    ],
+)
+def test_a_campaign_survives_and_tells(
+    main: Main, seconds: float, memory: int, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(campaign, "MOST_SECONDS", seconds)
+    monkeypatch.setattr(campaign, "MOST_BYTES", memory)
+    told: list[int] = []
+    found = campaign.run_target(all_targets()["scene"], 1, 2, tmp_path, main, told.append)
+    assert [item.case.index for item in found] == [0, 1] and told == [1, 2]
+    assert all(words in " ".join(item.complaints) for item in found)
+    assert sorted(item.name for item in (tmp_path / "cases").iterdir()) == ["scene_0", "scene_1"]
+    assert words in finding_text(found[0])
+
+
+def test_validate_fuzz_tells_how_many(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--fuzz", "2", "--targets", "scene,force", "--out", str(tmp_path), "--quiet"]
+    assert validate.main(words) == 0
+    assert "scene: 2 cases, 0 broke the rule" in (text := capsys.readouterr().out)
+    assert "4 cases (seed 1), 0 broke the rule" in text
+    assert validate.main(["--fuzz", "2", "--targets", "scenes"]) == 2
+    assert "did you mean 'scene'" in capsys.readouterr().err

@@ -156,7 +156,7 @@ def _fuzz(args: argparse.Namespace) -> int:
     broken = 0
     for name in names:
         counter = Counter(name, args.fuzz, args.quiet, "cases")
-        found = run_target(name, args.seed, args.fuzz, folder, fitball_main, counter)
+        found = run_target(known[name], args.seed, args.fuzz, folder, fitball_main, counter)
         broken += len(found)
         for finding in found:
             print(finding_text(finding))

@@ -13,8 +13,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
-from fitball.studies.fuzz.harness import Case, Main, complaints, make_case, run_case
-from fitball.studies.fuzz.targets import all_targets
+from fitball.studies.fuzz.harness import Case, Main, Target, complaints, make_case, run_case
 
 # What a command on a small damaged input may take: it is read, refused or fitted to its best point.
 MOST_SECONDS = 60.0
@@ -31,22 +30,21 @@ class Finding:
 
 
 def run_target(
-    name: str, seed: int, cases: int, folder: Path, main: Main, report: Callable[[int], None]
+    target: Target, seed: int, cases: int, folder: Path, main: Main, report: Callable[[int], None]
 ) -> list[Finding]:
     """Run cases 0 to `cases` - 1 of a target below `folder`; the files of those that broke the rule are left there.
 
     `report` is told the number of cases done.
     """
-    target = all_targets()[name]
-    valid = folder / "valid" / name
+    valid = folder / "valid" / target.name
     shutil.rmtree(valid, ignore_errors=True)
     valid.mkdir(parents=True)
     target.build(valid)
     found = []
-    worker = _Worker(main)
+    worker = _Worker(target, main)
     try:
         for index in range(cases):
-            place = folder / "cases" / f"{name}_{index}"
+            place = folder / "cases" / f"{target.name}_{index}"
             shutil.rmtree(place, ignore_errors=True)
             place.parent.mkdir(parents=True, exist_ok=True)
             case = make_case(target, valid, place, seed, index)
@@ -75,7 +73,8 @@ def finding_text(finding: Finding) -> str:
 class _Worker:
     """A process that runs cases one after the other; a new one after each that hung, died or took much memory."""
 
-    def __init__(self, main: Main) -> None:
+    def __init__(self, target: Target, main: Main) -> None:
+        self.target = target
         self.main = main
         self.process: BaseProcess | None = None
 
@@ -87,17 +86,18 @@ class _Worker:
             self.stop()
             return Finding(case, (f"over {MOST_SECONDS:g} s",))
         try:
-            said, error, peak = self.pipe.recv()
+            ending, peak = self.pipe.recv()
         except EOFError:
             assert self.process is not None
             self.process.join()
             code, self.process = self.process.exitcode, None
             return Finding(case, (f"the process died: exit code {code}",))
+        said = complaints(self.target, case, ending)
         if peak > MOST_BYTES:
             # The peak of a process never falls: the next case begins with a new one.
-            said = [*said, f"{peak / 1e9:.2f} GB of memory"]
+            said.append(f"{peak / 1e9:.2f} GB of memory")
             self.stop()
-        return Finding(case, tuple(said), error) if said else None
+        return Finding(case, tuple(said), ending.error) if said else None
 
     def _start(self) -> None:
         if self.process is not None:
@@ -119,11 +119,8 @@ class _Worker:
 
 def _serve(pipe: Connection, main: Main) -> None:
     """Run cases as they come, until the other side leaves."""
-    targets = all_targets()
     for case in _received(pipe):
-        ending = run_case(case, main)
-        said = complaints(targets[case.target], case, ending)
-        pipe.send((said, ending.error, _peak_bytes()))
+        pipe.send((run_case(case, main), _peak_bytes()))
 
 
 def _received(pipe: Connection) -> Iterator[Case]:

@@ -50,11 +50,14 @@ class Case:
 
 @dataclass(frozen=True)
 class Ending:
-    """How a command ended: its exit code (None after an exception), what it printed, `error` the traceback."""
+    """How a command ended: its exit code (None after an exception), what it printed, warnings of libraries, `error`
+    the traceback.
+    """
 
     code: int | None
     out: str
     err: str
+    warned: tuple[str, ...] = ()
     error: str = ""
 
 
@@ -74,11 +77,15 @@ def make_case(target: Target, valid: Path, place: Path, seed: int, index: int) -
 def run_case(case: Case, main: Main) -> Ending:
     """Run the command in this process, as a user's terminal would see it.
 
-    Streams are UTF-8 and as strict as Python makes them. Warnings of libraries are printed, as they would be.
+    Streams are UTF-8 and as strict as Python makes them.
     """
     streams = [io.TextIOWrapper(io.BytesIO(), "utf-8", errors) for errors in ("strict", "backslashreplace")]
     error, code = "", None
-    with contextlib.redirect_stdout(streams[0]), contextlib.redirect_stderr(streams[1]), warnings.catch_warnings():
+    with (
+        contextlib.redirect_stdout(streams[0]),
+        contextlib.redirect_stderr(streams[1]),
+        warnings.catch_warnings(record=True) as caught,
+    ):
         warnings.simplefilter("always")
         try:
             code = main(case.words)
@@ -87,7 +94,8 @@ def run_case(case: Case, main: Main) -> Ending:
         except Exception:
             error = traceback.format_exc()
     out, err = (_text(stream) for stream in streams)
-    return Ending(code, out, err, error)
+    warned = tuple(f"{item.filename}:{item.lineno}: {item.category.__name__}: {item.message}" for item in caught)
+    return Ending(code, out, err, warned, error)
 
 
 def _text(stream: io.TextIOWrapper) -> str:
@@ -106,9 +114,8 @@ def complaints(target: Target, case: Case, ending: Ending) -> list[str]:
         found.append(f"exception: {lines[-1][:300]} ({place[-120:]})")
     elif ending.code not in target.exits:
         found.append(f"exit {ending.code}")
-    if "Warning: " in ending.err and ".py:" in ending.err:
-        line = next(line for line in ending.err.splitlines() if "Warning: " in line)
-        found.append(f"a warning of a library: {line[:300]}")
+    if ending.warned:
+        found.append(f"a warning of a library: {ending.warned[0][-300:]}")
     if ending.code == 2 and not ending.err.strip() and not ending.out.strip():
         found.append("exit 2 without a word")
     # Data for programs is as long as the data.

@@ -51,7 +51,7 @@ def _scaled(text: str, rng: Random) -> str:
     if not found:
         return text
     at = found[rng.integers(len(found))]
-    return text[: at.start()] + f"{float(at[0]) * 10.0 ** rng.integers(-8, 9):.6g}" + text[at.end() :]
+    return text[: at.start()] + f"{float(at[0]) * 10.0 ** int(rng.integers(-8, 9)):.6g}" + text[at.end() :]
 
 
 def _word(text: str, rng: Random) -> str:
