@@ -184,7 +184,9 @@ class Minimiser:
                 gtol=None,
                 max_nfev=100,
             )
-        return Minimum(float(result.chisqr), np.array([item.value for item in result.params.values()]))
+        at = np.array([item.value for item in result.params.values()])
+        # Where no neighbour of the start can be evaluated a search leads nowhere.
+        return Minimum(float(result.chisqr), at) if np.all(np.isfinite(at)) else Minimum(np.inf, start)
 
 
 def minima(problem: Problem, weighting: Weighting, starts: FloatArray) -> tuple[list[Minimum], int]:
