@@ -40,8 +40,10 @@ def action_looks(
     # A draw at the very edge of what the model can evaluate has no derivative: it says nothing.
     if problem.force is not None:
         slopes = np.concatenate([slopes, _on_records(problem, problem.force, coordinates)], axis=1)
-    squares = np.nanmean(np.sum(slopes**2, axis=1), axis=0)
-    acting = np.nanmean(np.nanmax(np.abs(slopes), axis=1) > ACTS, axis=0)
+    sums = np.sum(slopes**2, axis=1)
+    known = np.isfinite(sums)
+    squares = np.where(known, sums, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    acting = np.mean(np.max(np.where(np.isfinite(slopes), np.abs(slopes), 0.0), axis=1) > ACTS, axis=0)
     ids = problem.table.ids
     doubtful = [k for k, shares in enumerate(regimes) if DOUBT[0] < max(shares.values(), default=1.0) < DOUBT[1]]
     # Without motion along the court a contact has no phases, and no name.
