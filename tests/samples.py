@@ -107,3 +107,21 @@ def synthetic(problem, truth, seed=None):
         made.append(Measurement(channel.name, values))
     table = replace(problem.table, measurements=tuple(made), redundant=())
     return build_problem(table, problem.scene, Choices(model=problem.model.name))
+
+
+# A hard sphere of 2.5 mm on glass (Kharaz, Gorham and Salman 2001), all lengths scaled to 33 mm with R omega kept.
+HARD_SPHERE = (
+    "v_x1 [m/s],v_y1 [m/s],omega_1 [rad/s],v_x2 [m/s],v_y2 [m/s],omega_2 [rad/s]\n"
+    "0.6434,3.8466,0,0.4327,3.8081,17.1061\n1.3346,3.6645,0,0.7967,3.6279,40.9091\n"
+    "1.9575,3.3732,0,1.3459,3.3394,46.1515\n2.4745,3.0144,0,1.9090,2.9843,44.8864\n"
+    "2.9741,2.5228,0,2.5209,2.4976,34.9621\n3.3782,1.9488,0,3.0452,1.9293,29.1136\n"
+)
+
+
+def hard_sphere(folder, model, **choices):
+    place = folder / "sphere.csv"
+    place.write_text(HARD_SPHERE, encoding="utf-8")
+    place.with_suffix(".toml").write_text(
+        "[ball]\nmass = 0.058\nradius = 0.033\ninertia_ratio = 0.4\n", encoding="utf-8"
+    )
+    return build_problem(load_table(place), load_scene(place), Choices(model=model, **choices))

@@ -44,9 +44,9 @@ def action_looks(
             slopes = np.concatenate([slopes, _on_records(problem, problem.force, mine)], axis=1)
         # A draw at the very edge of what the model can evaluate has no derivative: it says nothing.
         square = np.sum(slopes**2, axis=1)
-        known += np.sum(~np.isnan(square), axis=0)
-        squares += np.nansum(square, axis=0)
-        acting += np.sum(np.nanmax(np.abs(slopes), axis=1) > ACTS, axis=0)
+        known += np.isfinite(square).sum(axis=0)
+        squares += np.where(np.isfinite(square), square, 0.0).sum(axis=0)
+        acting += np.sum(np.max(np.where(np.isfinite(slopes), np.abs(slopes), 0.0), axis=1) > ACTS, axis=0)
     squares, acting = squares / np.maximum(known, 1.0), acting / coordinates.shape[0]
     ids = problem.table.ids
     doubtful = [k for k, shares in enumerate(regimes) if DOUBT[0] < max(shares.values(), default=1.0) < DOUBT[1]]

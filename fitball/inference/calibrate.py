@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -41,6 +41,8 @@ from fitball.inference.results import (
     Verdict,
 )
 from fitball.inference.sampling import ENSEMBLES, Progress, Sampled, Schedule, Settings, default_walkers, sample
+from fitball.inference.second_search import search_again
+from fitball.inference.stragglers import left_behind_words
 from fitball.models.two_mass_model import TwoMassModel
 from fitball.values import FloatArray
 from fitball.version import __version__
@@ -125,18 +127,21 @@ def run(
     chain_file: ChainFile | None = None,
     resume: bool = False,
     report: Callable[[str, Progress | None], None] = lambda _stage, _progress: None,
+    beside: Sequence[Mapping[str, float]] = (),
 ) -> Fit:
     """Fit a problem.
 
-    `report` is told the stage and, while sampling, the progress. Raises FitError, ParameterError, MemoryShortageError
-    and `sampling.Interrupted` on Ctrl-C with the chain kept.
+    `report` is told the stage and, while sampling, the progress; the point is searched from `beside` (all parameters
+    by name) too. Raises FitError, ParameterError, MemoryShortageError and `sampling.Interrupted` on Ctrl-C with the
+    chain kept.
     """
     settings = effort.settings(problem)
     seeds = np.random.SeedSequence(effort.seed).spawn(3)
     watch = Stopwatch()
     report("point fit", None)
     with watch.stage("point fit"):
-        squares, point = point_fit(replace(problem, threads=settings.cores), np.random.default_rng(seeds[0]))
+        shared = replace(problem, threads=settings.cores)
+        squares, point = point_fit(shared, np.random.default_rng(seeds[0]), beside)
     if effort.point_only:
         profiled = _profiles(problem, settings, squares, point, watch, report)
         return _assemble(problem, effort, squares, point, profiled, None, None, watch)
@@ -159,8 +164,10 @@ def run(
             sampled.log_posterior[:, sampled.warm_up :],
             reference_draws(problem, np.random.default_rng(seeds[1])),
         )
+        squares, point, said = search_again(shared, squares, point, sampled)
     profiled = _profiles(problem, settings, squares, point, watch, report)
-    return _assemble(problem, effort, squares, point, profiled, sampled, posterior, watch)
+    said = (*left_behind_words(sampled.moved), *said)
+    return _assemble(problem, effort, squares, point, profiled, sampled, posterior, watch, said)
 
 
 def _profiles(
@@ -185,6 +192,7 @@ def _assemble(
     sampled: Sampled | None,
     posterior: Posterior | None,
     watch: Stopwatch,
+    said: tuple[str, ...] = (),
 ) -> Fit:
     covariance = correlation = None
     prediction = diagnostics = None
@@ -207,7 +215,7 @@ def _assemble(
         status = RunStatus.CONVERGED if diagnostics.converged else RunStatus.NOT_CONVERGED
     return Fit(
         problem=problem,
-        notes=(*problem.notes, *force_notes(problem, point)),
+        notes=(*problem.notes, *said, *force_notes(problem, point)),
         balances=scene_balances(problem.table, problem.scene),
         least_squares=squares,
         point=point,

@@ -13,6 +13,7 @@ from fitball.inference.calibrate import Effort
 from fitball.inference.comparison import FEW, Comparison, FixedPrediction, ModelScore
 from fitball.inference.ladder import Ladder
 from fitball.inference.leave_out import make_folds
+from fitball.inference.nesting import alarm_words, overtaken, settled_words
 from fitball.inference.results import RunStatus
 from fitball.inference.sampling import SamplingInterrupted
 from fitball.inference.scoring import Task, scored
@@ -56,16 +57,19 @@ def compare(
         for rung, seed in zip(ladder.rungs, model_seeds, strict=True)
     ]
     scores: list[ModelScore] = []
+    interrupted, alarms = False, list[str]()
     try:
         for score in scored(tasks, effort.cores, report):
             scores.append(score)  # noqa: PERF402 - what is done must stay when the rest is interrupted
+        scores, said, alarms = _searched_again(tasks, scores, effort.cores, report)
+        notes = [*alarms, *said, *notes]
     except (KeyboardInterrupt, SamplingInterrupted):
         if len(scores) < 2:
             raise KeyboardInterrupt from None
+        interrupted = True
         done = {item.name for item in scores}
         missing = ", ".join(rung.name for rung in ladder.rungs if rung.name not in done)
-        notes.append(f"interrupted: {missing} not compared")
-    interrupted = len(scores) < len(tasks)
+        notes.append(f"interrupted: {missing} not compared" if missing else "interrupted while searching again")
     order = [rung.name for rung in ladder.rungs]
     scores.sort(key=lambda item: (-item.loo.total, order.index(item.name)))
     elpd = np.stack([item.loo.elpd for item in scores], axis=1)
@@ -74,7 +78,7 @@ def compare(
     stacking, pseudo_bma = (dict(zip(names, map(float, found), strict=True)) for found in shares)
     if len(table) < FEW:
         notes.insert(0, f"with {len(table)} impacts leave-one-out scores mean nothing: no model is recommended")
-    settled = all(item.fit.status is RunStatus.CONVERGED and not item.loo.unsettled for item in scores)
+    settled = not alarms and all(item.fit.status is RunStatus.CONVERGED and not item.loo.unsettled for item in scores)
     status = RunStatus.CONVERGED if settled else RunStatus.NOT_CONVERGED
     return Comparison(
         table=table,
@@ -89,3 +93,30 @@ def compare(
         quick=quick,
         seconds=time.perf_counter() - begun,
     )
+
+
+def _searched_again(
+    tasks: Sequence[Task], scores: Sequence[ModelScore], cores: int, report: Callable[[str], None]
+) -> tuple[list[ModelScore], list[str], list[str]]:
+    """Scores in which no model fits worse than one it contains, with what was done about it, and about which models
+    nothing could be done.
+    """
+    behind = {item.name: found for item in scores if (found := overtaken(item, scores))}
+    again = [
+        task.again(start for starts in behind[task.rung.name].values() for start in starts)
+        for task in tasks
+        if task.rung.name in behind
+    ]
+    if not again:
+        return list(scores), [], []
+    report(f"{', '.join(behind)} searched again")
+    better = {item.name: item for item in scored(again, cores, report)}
+    mended = [better.get(item.name, item) for item in scores]
+    said, alarms = [], []
+    for name, item in better.items():
+        still = overtaken(item, mended)
+        if still:
+            alarms.append(alarm_words(name, tuple(still)))
+        else:
+            said.append(settled_words(item, tuple(behind[name])))
+    return mended, sorted(said), sorted(alarms)

@@ -99,7 +99,7 @@ def examine(
         seen = Looks(
             profile=profiled[0].by_name.get(item.name),
             alone=profiled[1].by_name.get(item.name),
-            information=information[item.name],
+            information=information.get(item.name),
             contraction=contraction,
             power=powers.get(item.name),
             action=actions.get(item.name),
@@ -107,7 +107,7 @@ def examine(
         )
         judgements[item.name], disagreement = combine(problem, item, base, seen, many=profiled[0].missing == LEFT_OUT)
         looks[item.name] = replace(seen, disagreement=disagreement)
-    return Examination(looks, spectrum(problem, at), profiled[0].missing, coverage(problem)), judgements
+    return Examination(looks, spectrum(problem, at, posterior), profiled[0].missing, coverage(problem)), judgements
 
 
 def _coordinates(problem: Problem, point: PointFit) -> FloatArray:

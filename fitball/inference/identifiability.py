@@ -47,7 +47,7 @@ def judge(problem: Problem, point: PointFit, posterior: Posterior, correlation: 
         at = problem.to_coordinates(np.array([[point.values[name] for name in problem.free_names]]))[0]
         shares = contraction_without_scene(problem, at)
         named = zip(problem.free_names, shares, strict=True)
-        alone = {name: float(share) for name, share in named if name not in NOISE_SPECS}
+        alone = {name: float(share) for name, share in named if name not in NOISE_SPECS and np.isfinite(share)}
     found = {}
     for item in problem.parameters:
         if item.free:

@@ -9,6 +9,7 @@ from fitball.inference.looks import InformationLook
 from fitball.inference.posterior import Problem
 from fitball.inference.slopes import CHANNEL_SLOPES, prediction_slopes, rebound_slopes
 from fitball.inference.subsample import LOOKED_AT, thinned_problem
+from fitball.inference.symmetric import inverse
 from fitball.values import FloatArray
 
 # Standard errors above this many sds of the prior are no knowledge at all.
@@ -21,7 +22,8 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
 
     Where a spread depends on a parameter, twice the squared slope of its logarithm adds to that of the prediction: so
     it is with a fitted noise, and with an angle, whose spread falls with the rebound speed. Of a large table a part
-    is looked at and counted for the whole.
+    is looked at and counted for the whole. Rows and columns of a parameter so close to where the model ends that no
+    derivative exists are NaN.
     """
     whole, problem = problem, thinned_problem(problem, LOOKED_AT)
     share = len(whole.impacts) / len(problem.impacts)
@@ -57,7 +59,7 @@ def prior_sds(problem: Problem) -> FloatArray:
 
 
 def information_looks(problem: Problem, coordinates: FloatArray) -> dict[str, InformationLook]:
-    """The information about every free parameter at `coordinates` (free,)."""
+    """The information about the free parameters at `coordinates` (free,), but for those without a derivative."""
     with_scene = fisher_information(problem, coordinates, scene=True)
     without = fisher_information(problem, coordinates, scene=False)
     errors, errors_without = standard_errors(with_scene), standard_errors(without)
@@ -73,25 +75,27 @@ def information_looks(problem: Problem, coordinates: FloatArray) -> dict[str, In
             float(shares_without[k]),
         )
         for k, name in enumerate(problem.free_names)
+        if np.isfinite(errors[k])
     }
 
 
 def standard_errors(information: FloatArray) -> FloatArray:
-    """Standard errors (free,) in sds of the priors; those of directions the table does not see are very large."""
+    """Standard errors (free,) in sds of the priors; those of directions the table does not see are very large, and
+    those of parameters without a derivative NaN.
+    """
     # A millionth of a prior's sd to the minus two stands for nothing: errors reach a thousand sds of a prior.
-    covariance = np.linalg.inv(information + (1e-2 / NONE**2) * np.eye(information.shape[0]))
-    errors: FloatArray = np.sqrt(np.diag(covariance))
+    errors: FloatArray = np.sqrt(np.diag(inverse(information, 1e-2 / NONE**2)))
     return errors
 
 
 def _contraction(information: FloatArray) -> FloatArray:
-    """First-order contraction (free,) by measurements and priors."""
-    shares: FloatArray = 1.0 - np.diag(np.linalg.inv(information + np.eye(information.shape[0])))
+    """First-order contraction (free,) by measurements and priors; NaN without a derivative."""
+    shares: FloatArray = 1.0 - np.diag(inverse(information, 1.0))
     return shares
 
 
 def contraction_without_scene(problem: Problem, coordinates: FloatArray) -> FloatArray:
     """First-order contraction (free,) of each parameter by table and priors alone, without what the scene
-    knows of the contact time.
+    knows of the contact time; NaN for parameters without a derivative.
     """
     return _contraction(fisher_information(problem, coordinates, scene=False))

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from fitball.errors import FitError
-from fitball.inference.minimiser import Minimiser, minima
+from fitball.inference.minimiser import DIFFERENCE, Minimiser, minima
 from fitball.inference.parameters import NOISE_SPECS
 from fitball.inference.posterior import Problem
-from fitball.inference.residuals import Weighting, default_noise, named_values, root_mean_squares
+from fitball.inference.residuals import IMPOSSIBLE, Weighting, default_noise, named_values, root_mean_squares
 from fitball.inference.results import LeastSquares
 from fitball.values import FloatArray
+
+# Share of a chi-square by which a minimum must be lower to be another one and not the same, settled differently.
+DEEPER = 1e-6
 
 
 def least_squares(problem: Problem, starts: FloatArray) -> LeastSquares:
@@ -42,6 +47,15 @@ def least_squares(problem: Problem, starts: FloatArray) -> LeastSquares:
     )
 
 
+def deeper(problem: Problem, known: LeastSquares, starts: Sequence[Mapping[str, float]]) -> LeastSquares:
+    """The known minimum, or a deeper one if a search from `starts` (all parameters by name) finds it."""
+    values = [[start[name] for name in problem.free_names] for start in (*starts, *known.optima)]
+    found = least_squares(problem, np.array(values))
+    if not found.chi_square < (1.0 - DEEPER) * known.chi_square:
+        return known
+    return replace(found, starts=known.starts, evaluations=known.evaluations + found.evaluations)
+
+
 def _standard_errors(
     problem: Problem, minimiser: Minimiser, at: FloatArray
 ) -> tuple[dict[str, float | None], dict[str, str]]:
@@ -67,7 +81,11 @@ def _standard_errors(
             if minimiser.walled is not None and name == "mass_ratio"
             else "the best value lies on a bound, where no symmetric error exists"
         )
-    inside = [k for k, name in enumerate(names) if name not in at_bound]
+    # Where the model cannot be evaluated a difference step away, every residual jumps to IMPOSSIBLE at once.
+    jumps = np.all(np.abs(jacobian) > 0.01 * IMPOSSIBLE / DIFFERENCE, axis=0)
+    for name in (names[k] for k in np.flatnonzero(jumps)):
+        missing.setdefault(name, "the model ends next to the best value, where no symmetric error exists")
+    inside = [k for k, name in enumerate(names) if name not in missing]
     if not inside:
         return stderr, missing
     _u, singular, directions = np.linalg.svd(jacobian[:, inside], full_matrices=False)

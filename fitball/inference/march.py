@@ -12,6 +12,7 @@ import numpy as np
 
 from fitball.inference.ascent import Reached, Searches, descend
 from fitball.inference.surface import Conditions, Surface
+from fitball.inference.symmetric import inverse
 from fitball.values import FloatArray
 
 # Where a path ends (a 95 % interval ends at 1.92), and the change of the log likelihood a step aims at and accepts.
@@ -137,9 +138,10 @@ def _errors(surface: Surface, x: FloatArray, scene: bool) -> FloatArray:
     problem = surface.problem
     _, _, curvature = surface.linearised(x, _free(surface, x, scene).given)
     errors = problem.prior.width.copy()
-    # The width of the prior as a weak measurement keeps unseen directions finite.
-    covariance = np.linalg.inv(curvature[0] + np.diag(surface.width**-2.0))
-    errors[surface.columns] = np.sqrt(np.diag(covariance))
+    # The width of the prior as a weak measurement keeps unseen directions finite; where there is no derivative, it is
+    # all there is.
+    shares = np.sqrt(np.diag(inverse(curvature[0] * np.outer(surface.width, surface.width), 1.0)))
+    errors[surface.columns] = surface.width * np.where(np.isfinite(shares), shares, 1.0)
     for k in surface.noise_columns:
         name = problem.free[k].name
         count = sum(item.observed.size for item in problem.channels if item.noise == name)

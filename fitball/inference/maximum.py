@@ -67,20 +67,49 @@ def follow_maximum(problem: Problem, starts: FloatArray, noise: Mapping[str, flo
     higher is followed, and none that is hopeless. The simplex is left out where it would cost too much. Raises
     FitError as `least_squares` does.
     """
-    found = []
-    for start in starts:
-        own = _best_noise(problem, start[None, :], {**default_noise(problem), **noise})
-        minimiser = Minimiser(problem, Weighting(own, penalised=True))
-        at = minimiser.to_fitted(start[None, :])[0]
-        score = float(problem.log_posterior(problem.to_coordinates(minimiser.values(at[None, :])))[0])
-        found.append(Candidate(score, start, at, own))
+    found = [_as_candidate(problem, start[None, :], noise) for start in starts]
+    scale = Minimiser(problem, Weighting(found[0].noise, penalised=True)).scale()
     followed: list[Candidate] = []
     least = max(item.score for item in found) - HOPELESS * sum(item.observed.size for item in problem.channels)
     for item in sorted((item for item in found if item.score >= least), key=lambda item: -item.score):
-        apart = [np.max(np.abs(item.at - other.at) / minimiser.scale()) > ONE_BASIN for other in followed]
+        apart = [np.max(np.abs(item.at - other.at) / scale) > ONE_BASIN for other in followed]
         if all(apart):
             followed.append(item)
     return _best_of(problem, [_with_best_noise(problem, item.at, item.noise, rounds=8) for item in followed])
+
+
+def higher_maximum(problem: Problem, known: PointFit, starts: FloatArray) -> PointFit:
+    """The highest maximum among those `known` and those that searches from `starts` (starts, free) reach, each
+    begun with the noise that is best there. It is nowhere below a start.
+
+    Raises FitError as `least_squares` does.
+    """
+    found = [
+        Candidate(score, problem.to_coordinates(_row(problem, optimum))[0], np.empty(0), {})
+        for optimum, score in zip(known.optima, known.optima_log_posterior, strict=True)
+    ]
+    for start in starts:
+        coordinates = problem.to_coordinates(start[None, :])
+        score = float(problem.log_posterior(coordinates)[0])
+        own = {name: value for name, value in named_values(problem, start).items() if name in NOISE_SPECS}
+        first = _as_candidate(problem, start[None, :], own)
+        reached = _with_best_noise(problem, first.at, first.noise, rounds=8)
+        # A search may end at a wall, or where the regime changes, below where it began.
+        found.append(reached if reached.score >= score else Candidate(score, coordinates[0], first.at, own))
+    return _best_of(problem, found)
+
+
+def _row(problem: Problem, optimum: Mapping[str, float]) -> FloatArray:
+    return np.array([[optimum[name] for name in problem.free_names]])
+
+
+def _as_candidate(problem: Problem, values: FloatArray, noise: Mapping[str, float]) -> Candidate:
+    """Free values (1, free) with the noise that is best for them, `noise` being a guess."""
+    own = _best_noise(problem, values, {**default_noise(problem), **noise})
+    minimiser = Minimiser(problem, Weighting(own, penalised=True))
+    at = minimiser.to_fitted(values)[0]
+    score = float(problem.log_posterior(problem.to_coordinates(minimiser.values(at[None, :])))[0])
+    return Candidate(score, values[0], at, own)
 
 
 def _best_of(problem: Problem, found: Sequence[Candidate]) -> PointFit:

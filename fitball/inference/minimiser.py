@@ -198,7 +198,9 @@ class Minimiser:
                 max_nfev=100,
             )
         at = np.array([item.value for item in result.params.values()])
-        return Minimum(float(result.chisqr), at, int(result.ndata))
+        count = int(result.ndata)
+        # Where no neighbour of the start can be evaluated a search leads nowhere.
+        return Minimum(float(result.chisqr), at, count) if np.all(np.isfinite(at)) else Minimum(np.inf, start, count)
 
 
 def minima(problem: Problem, weighting: Weighting, starts: FloatArray) -> tuple[list[Minimum], int]:

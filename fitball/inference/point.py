@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitball.inference.least_squares import least_squares
-from fitball.inference.maximum import follow_maximum, maximum_posterior
+from fitball.inference.least_squares import deeper, least_squares
+from fitball.inference.maximum import follow_maximum, higher_maximum, maximum_posterior
 from fitball.inference.parameters import NOISE_SPECS
 from fitball.inference.posterior import Problem
 from fitball.inference.results import LeastSquares, PointFit
@@ -24,17 +24,28 @@ GROWTH = 40
 RIVAL = 1.2
 
 
-def point_fit(problem: Problem, rng: np.random.Generator) -> tuple[LeastSquares, PointFit]:
-    """Least squares and the maximum of the posterior.
+def point_fit(
+    problem: Problem, rng: np.random.Generator, beside: Sequence[Mapping[str, float]] = ()
+) -> tuple[LeastSquares, PointFit]:
+    """Least squares and the maximum of the posterior, searched at last from `beside` (all parameters by name) too.
 
     Tables of many rows are searched on a sample spread over incidence, from every start; its best optima are then
     followed on samples that grow to the whole table. Raises FitError as both fits do.
     """
+    squares, point = _searched(problem, rng)
+    if not beside:
+        return squares, point
+    return deeper(problem, squares, beside), higher_maximum(problem, point, _starts(problem, beside))
+
+
+def _searched(problem: Problem, rng: np.random.Generator) -> tuple[LeastSquares, PointFit]:
     first = thinned_problem(problem, SEARCHED) if len(problem.impacts) > 2 * SEARCHED else problem
     starts = starting_points(first, rng, STARTS)
     squares = least_squares(first, starts)
     if first is problem:
-        return squares, maximum_posterior(first, starts)
+        # Either search may miss what the other finds: at other noise the valleys have other floors.
+        point = higher_maximum(first, maximum_posterior(first, starts), _starts(first, squares.optima[:1]))
+        return deeper(first, squares, [point.values]), point
     # What is found here is only where the next sample starts.
     point = maximum_posterior(first, _starts(problem, squares.optima))
     sizes = [SEARCHED * GROWTH**k for k in range(1, 6) if len(problem.impacts) > 2 * SEARCHED * GROWTH**k]

@@ -53,7 +53,8 @@ def residuals(problem: Problem, values: FloatArray, weighting: Weighting) -> Flo
             if item.prior.normal and item.name not in NOISE_SPECS:
                 rows.append(((coordinates[:, column] - item.prior.a) / item.prior.b)[:, None])
     stacked = np.concatenate(rows, axis=1)
-    impossible = np.any(rebound.status, axis=1)
+    # So near to where the model ends numbers may overflow before it says so.
+    impossible = np.any(rebound.status, axis=1) | ~np.all(np.isfinite(stacked), axis=1)
     stacked[impossible] = IMPOSSIBLE
     return stacked
 

@@ -1,8 +1,9 @@
 """Posterior sampling with emcee: independent ensembles, run in blocks until they agree.
 
 Ensembles warm up with moves that need no tuning; then an independence proposal fitted to the warm-up of all of
-them is added and frozen (see `moves`), and only the steps after that are used. Every ensemble has its own random
-generator, so the result does not depend on how many threads advance them, nor on interruptions.
+them is added and frozen (see `moves`), walkers that the others have left behind go on from draws of their ensemble
+(see `stragglers`), and only the steps after that are used. Every ensemble has its own random generator, so the result
+does not depend on how many threads advance them, nor on interruptions.
 """
 
 from __future__ import annotations
@@ -16,12 +17,14 @@ from itertools import repeat
 
 import emcee
 import numpy as np
+from numpy.typing import NDArray
 
 from fitball.errors import FitError
 from fitball.inference.chain_file import ChainFile, EnsembleChain
 from fitball.inference.diagnostics import TARGET_ESS, TARGET_R_HAT, Convergence, convergence
 from fitball.inference.moves import Moves, StudentProposal, production_moves, warm_up_moves
 from fitball.inference.posterior import Problem
+from fitball.inference.stragglers import left_behind, relocation
 from fitball.values import FloatArray
 
 ENSEMBLES = 4
@@ -69,7 +72,9 @@ class Progress:
 
 @dataclass(frozen=True)
 class Sampled:
-    """Chains of all ensembles in coordinates, (ensembles, steps, walkers, free), warm-up included."""
+    """Chains of all ensembles in coordinates, (ensembles, steps, walkers, free), warm-up included; `moved` are the
+    walkers (ensembles, walkers) that went on from a draw of others after it.
+    """
 
     chains: FloatArray
     log_posterior: FloatArray
@@ -77,6 +82,7 @@ class Sampled:
     warm_up: int
     convergence: Convergence
     converged: bool
+    moved: NDArray[np.bool_]
 
     @property
     def kept(self) -> FloatArray:
@@ -152,6 +158,11 @@ class Ensemble:
                 stored.chain[-1], log_prob=stored.log_posterior[-1], random_state=stored.random_state
             )
 
+    def move(self, walkers: NDArray[np.intp], positions: FloatArray, log_posterior: FloatArray) -> None:
+        """Let `walkers` go on from other positions (walkers, free), whose density is known; no step of the chain."""
+        self.state = emcee.State(self.state, copy=True)
+        self.state.coords[walkers], self.state.log_prob[walkers] = positions, log_posterior
+
     def advance_to(self, step: int, stop: threading.Event) -> None:
         """Go on until `step` steps have been made, or until `stop` is set."""
         steps = step - self.steps
@@ -206,7 +217,7 @@ def sample(
     Checks fall on steps that depend on the chains alone, so a resumed run stops where an uninterrupted one does.
     Raises SamplingInterrupted on Ctrl-C, after writing the chain.
     """
-    roots = np.random.SeedSequence(settings.seed).spawn(2 * settings.ensembles)
+    roots = np.random.SeedSequence(settings.seed).spawn(2 * settings.ensembles + 1)
     ensembles = [Ensemble(problem, settings.walkers, roots[k]) for k in range(settings.ensembles)]
     if resume and chain_file is not None:
         for ensemble, stored in zip(ensembles, chain_file.read(), strict=True):
@@ -219,9 +230,10 @@ def sample(
     check = min(plan.first_check, settings.max_steps)
     found: Convergence | None = None
     _advance_to(problem, ensembles, min(plan.warm_up, settings.max_steps), check, found, settings, chain_file, report)
-    warm = np.stack([item.sampler.get_chain()[plan.warm_up // 2 : plan.warm_up] for item in ensembles])
+    moved = np.zeros((settings.ensembles, settings.walkers), dtype=bool)
     if settings.max_steps > plan.warm_up:
-        proposal = StudentProposal.fit(warm.reshape(-1, problem.dimension))
+        moved, taught = _end_warm_up(ensembles, plan.warm_up, np.random.default_rng(roots[-1]))
+        proposal = StudentProposal.fit(taught)
         for item in ensembles:
             item.use(production_moves(proposal))
     while True:
@@ -236,7 +248,26 @@ def sample(
         check = min(next_check(check, found, plan), settings.max_steps)
     scores = np.stack([item.sampler.get_log_prob()[:check] for item in ensembles])
     acceptance = tuple(float(np.mean(item.sampler.acceptance_fraction)) for item in ensembles)
-    return Sampled(chains, scores, acceptance, warm_up, found, reached)
+    return Sampled(chains, scores, acceptance, warm_up, found, reached, moved)
+
+
+def _end_warm_up(
+    ensembles: Sequence[Ensemble], steps: int, rng: np.random.Generator
+) -> tuple[NDArray[np.bool_], FloatArray]:
+    """Move stragglers to draws of their ensembles: which (ensembles, walkers), and what the others teach the proposal
+    (draws, free).
+
+    All of it follows from the `steps` of warm-up alone, so a run that was interrupted later and goes on finds the
+    same; an ensemble that has gone on already is left as it is.
+    """
+    chains = np.stack([item.sampler.get_chain()[steps // 2 : steps] for item in ensembles])
+    scores = np.stack([item.sampler.get_log_prob()[steps // 2 : steps] for item in ensembles])
+    behind = left_behind(chains, scores)
+    for k, item in enumerate(ensembles):
+        walkers, step, owner = relocation(behind[k], chains.shape[1], rng)
+        if walkers.size and item.steps == steps:
+            item.move(walkers, chains[k, step, owner], scores[k, step, owner])
+    return behind, chains.transpose(0, 2, 1, 3)[~behind].reshape(-1, chains.shape[-1])
 
 
 def next_check(step: int, found: Convergence, plan: Schedule) -> int:

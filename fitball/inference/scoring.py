@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
@@ -26,7 +26,9 @@ REFIT_ENSEMBLES = 2
 
 @dataclass(frozen=True)
 class Task:
-    """All it takes to score one model; `columns` are the measured ones scored, `seed` the root of its generators."""
+    """All it takes to score one model; `columns` are the measured ones scored, `seed` the root of its generators,
+    `beside` further places (all parameters by name) from which its searches begin.
+    """
 
     rung: Rung
     columns: tuple[str, ...]
@@ -34,6 +36,12 @@ class Task:
     effort: Effort
     seed: np.random.SeedSequence
     quick: bool
+    beside: tuple[Mapping[str, float], ...] = ()
+
+    def again(self, beside: Iterable[Mapping[str, float]]) -> Task:
+        """The same task with further places, its generators as they were before."""
+        seed = np.random.SeedSequence(self.seed.entropy, spawn_key=self.seed.spawn_key)
+        return replace(self, seed=seed, beside=tuple(beside))
 
 
 def scored(tasks: Sequence[Task], cores: int, report: Callable[[str], None]) -> Iterator[ModelScore]:
@@ -77,7 +85,7 @@ def score_model(task: Task, report: Callable[[str], None] = lambda _stage: None)
     begun = time.perf_counter()
     rung, effort, columns = task.rung, task.effort, task.columns
     problem = rung.problem
-    fit = run(problem, effort, report=lambda stage, _progress: report(stage))
+    fit = run(problem, effort, report=lambda stage, _progress: report(stage), beside=task.beside)
     assert fit.posterior is not None
     report("leave-one-out scores")
     # The refits' ensembles must not repeat those of the full fit.
@@ -87,8 +95,10 @@ def score_model(task: Task, report: Callable[[str], None] = lambda _stage: None)
     loo = leave_one_out(problem, fit, fit.posterior, columns, settings, exact=not task.quick)
     report("refits without some impacts")
     missed, notes = leave_out(problem, fit.point, task.folds, rung.told, np.random.default_rng(fold_seed))
+    notes += fit.notes[len(problem.notes) :]
     every = {channel.name for channel in problem.channels} == set(columns)
-    found = criteria(problem, (*fit.point.optima[:FOLLOWED], fit.least_squares.values)) if every else None
+    starts = (*fit.point.optima[:FOLLOWED], fit.least_squares.values, *task.beside)
+    found = criteria(problem, starts) if every else None
     if not every:
         extra = ", ".join(channel.name for channel in problem.channels if channel.name not in columns)
         notes.append(f"fitted to {extra} too, so that AICc and BIC would not compare: left out")

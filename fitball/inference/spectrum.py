@@ -7,7 +7,7 @@ one over the root of its eigenvalue; as a movement it is how parameters can go t
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence, Set
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from fitball.inference.information import NONE, fisher_information, prior_sds
 from fitball.inference.looks import Direction, Spectrum
 from fitball.inference.parameters import NOISE_SPECS, Parameter
 from fitball.inference.posterior import Problem
+from fitball.inference.products import known_products, log_covariance, log_steps, monomial_error, positive
+from fitball.inference.results import Posterior
+from fitball.inference.symmetric import inverse
 from fitball.values import FloatArray
 
 # Components below this share of an eigenvector's length are left out of its words: together a sixteenth of its
@@ -25,21 +28,56 @@ FAITHFUL = 1.25
 # Standard errors, in sds of the prior, from which the table is said to leave a direction open, and a gain by the
 # scene that makes it known through the scene.
 OPEN, GAIN = 1.0, 0.5
+# Standard error, as a share of that of two parameters, from which a third beside them is told.
+WITH_THIRD = 0.5
 
 
-def spectrum(problem: Problem, coordinates: FloatArray) -> Spectrum:
-    """Directions from stiff to sloppy of the parameters that are not noise, at `coordinates` (free,)."""
-    columns = [k for k, item in enumerate(problem.free) if item.name not in NOISE_SPECS]
+def spectrum(problem: Problem, coordinates: FloatArray, posterior: Posterior | None = None) -> Spectrum:
+    """Directions from stiff to sloppy of the parameters that are not noise, at `coordinates` (free,); the sentences
+    name the products that are known better than their factors, by the posterior where there is one.
+
+    Parameters so close to where the model ends that no derivative exists are held, and named.
+    """
+    informed = fisher_information(problem, coordinates, scene=True)
+    alone = fisher_information(problem, coordinates, scene=False)
+    fitted = [k for k, item in enumerate(problem.free) if item.name not in NOISE_SPECS]
+    columns = [k for k in fitted if np.isfinite(informed[k, k])]
     items = [problem.free[k] for k in columns]
     block = np.ix_(columns, columns)
-    informed = fisher_information(problem, coordinates, scene=True)[block]
-    alone = fisher_information(problem, coordinates, scene=False)[block]
+    informed, alone = informed[block], alone[block]
     sds = (prior_sds(problem) * problem.prior.width)[columns]
+    steps = np.array(
+        [
+            step if positive(item) else np.nan
+            for item, step in zip(items, log_steps(problem, coordinates, columns), strict=True)
+        ]
+    )
+    told = _sentences(problem, items, sds, steps, alone, _covariance(informed), _covariance(alone))
+    found = [*told, *_products(problem, log_covariance(problem, coordinates, posterior), told.values())]
+    ends = [problem.free[k].name for k in fitted if k not in columns]
+    if ends:
+        found.append(
+            f"the model ends next to the maximum in {_and(ends)}: there is no derivative, and what is said to first "
+            f"order takes {_and(ends)} as fixed"
+        )
     return Spectrum(
         directions=_directions(items, sds, informed),
         directions_without_scene=_directions(items, sds, alone),
-        sentences=_sentences(problem, items, sds, alone, _covariance(informed), _covariance(alone)),
+        sentences=tuple(found),
     )
+
+
+def _products(problem: Problem, covariance: FloatArray, told: Collection[Set[str]]) -> list[str]:
+    """The products that are known better than what they are made of, but for those of names that were `told`."""
+    items = [item for item in problem.free if positive(item)]
+    found = []
+    for known in known_products(covariance):
+        used = np.flatnonzero(known.exponents)
+        if {items[k].name for k in used} in told:
+            continue
+        factors = [f"{items[k].name} to {relative(math.sqrt(covariance[k, k]))}" for k in used]
+        found.append(f"{product(items, known.exponents)} is known to {relative(known.error)}, but {_and(factors)}")
+    return found
 
 
 def _directions(items: Sequence[Parameter], sds: FloatArray, information: FloatArray) -> tuple[Direction, ...]:
@@ -55,7 +93,7 @@ def _directions(items: Sequence[Parameter], sds: FloatArray, information: FloatA
 
 def _covariance(information: FloatArray) -> FloatArray:
     """Covariance in sds of the priors; directions the table does not see get a huge variance."""
-    return np.asarray(np.linalg.inv(information + np.eye(information.shape[0]) / (10.0 * NONE) ** 2))
+    return inverse(information, 1.0 / (10.0 * NONE) ** 2)
 
 
 def combination(
@@ -133,13 +171,16 @@ def _sentences(
     problem: Problem,
     items: Sequence[Parameter],
     sds: FloatArray,
+    steps: FloatArray,
     alone: FloatArray,
     with_scene: FloatArray,
     without: FloatArray,
-) -> tuple[str, ...]:
-    """What can move unnoticed by the table, and what the scene makes of it."""
+) -> dict[str, Set[str]]:
+    """What can move unnoticed by the table, and what the scene makes of it, with the names of the parameters in it;
+    `steps` are the changes of logarithms for one sd of a prior, NaN where there are none.
+    """
     eigenvalues, vectors = np.linalg.eigh(alone)
-    found = []
+    found: dict[str, Set[str]] = {}
     for k in range(eigenvalues.size):
         if eigenvalues[k] * OPEN**2 >= 1.0:
             break
@@ -148,25 +189,27 @@ def _sentences(
         before, after = _error(vector, without), _error(vector, with_scene)
         through = after < GAIN * before and problem.contact_time is not None
         source = "only through the scene's contact time" if through else "only through the priors"
+        named = {items[j].name for j in kept}
         if len(kept) == 1:
-            found.append(f"{items[kept[0]].name} is known {source}")
+            found[f"{items[kept[0]].name} is known {source}"] = named
         elif len(kept) == 2 and all(items[j].prior.log for j in kept):
-            found.append(_pair(items, sds, without, vector, sorted(kept, reverse=True), source))
+            found[_pair(items, sds, steps, without, vector, sorted(kept, reverse=True), source)] = named
         else:
             names = _and([items[j].name for j in kept])
-            found.append(f"{names} can move together without a trace in the table; how far is known {source}")
-    return tuple(found)
+            found[f"{names} can move together without a trace in the table; how far is known {source}"] = set()
+    return found
 
 
 def _pair(
     items: Sequence[Parameter],
     sds: FloatArray,
+    steps: FloatArray,
     covariance: FloatArray,
     vector: FloatArray,
     kept: Sequence[int],
     source: str,
 ) -> str:
-    """Two logarithms that move together: what stays as it is, and how well that is known."""
+    """Two logarithms that move together: what stays as it is, alone or with a third, and how well that is known."""
     first, second = kept
     moved = vector * sds
     power = np.round(2.0 * moved[first] / moved[second]) / 2.0
@@ -174,7 +217,24 @@ def _pair(
         return f"{items[second].name} is known {source}"
     exponents = np.zeros(len(items))
     exponents[first], exponents[second] = 1.0, -power
-    weights = exponents * sds
-    error = _error(weights, covariance)
     other = "product" if power > 0.0 else "ratio"
-    return f"{product(items, exponents)} is known to {relative(error)}, their {other} {source}"
+    exponents, error = _with_third(exponents, np.asarray(covariance * np.outer(steps, steps)))
+    if np.count_nonzero(exponents) > 2:
+        other += f" of {items[first].name} and {items[second].name}"
+    size = relative(error)
+    known = "is not known" if size == "unknown" else f"is known to {size}"
+    return f"{product(items, exponents)} {known}, {'the' if ' of ' in other else 'their'} {other} {source}"
+
+
+def _with_third(exponents: FloatArray, covariance: FloatArray) -> tuple[FloatArray, float]:
+    """A monomial of two, or one with a third factor beside them if that is much better known; and its error."""
+    least = monomial_error(exponents, covariance)
+    best, best_error = exponents, WITH_THIRD * least
+    for k in np.flatnonzero((exponents == 0.0) & np.isfinite(np.diag(covariance))):
+        for power in (1.0, -1.0, 2.0, -2.0):
+            tried = exponents.copy()
+            tried[k] = power
+            error = monomial_error(tried, covariance)
+            if error < best_error:
+                best, best_error = tried, error
+    return best, least if best is exponents else best_error

@@ -49,7 +49,10 @@ def render(fit: Fit, folder: Path) -> str:
     """The end of a calibration as a person reads it."""
     table = fit.problem.table
     head = f"{fit.problem.model.name} fitted to {table.name} ({len(table)} impacts)"
-    parts = [head, "=" * len(head), *textwrap.wrap(fit.verdict, WIDTH), ""]
+    parts = [head, "=" * len(head), *textwrap.wrap(fit.verdict, WIDTH)]
+    # The notes of the problem stood there before the fit began.
+    parts += [line for note in fit.notes if note not in fit.problem.notes for line in _wrapped(f"note: {note}")]
+    parts.append("")
     rows = parameter_rows(fit)
     heads = ["parameter", "unit", "median", "68 %", "95 %", "point", "prior (SI)", "verdict"]
     body = [

@@ -1,0 +1,139 @@
+"""Models that contain others: they predict the same at the same values, and may fit no table worse."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from samples import GRIP_SLIP, TWO_MASS, hard_sphere
+
+from fitball.data.read import load_table
+from fitball.data.scene import load_scene
+from fitball.inference import calibrate
+from fitball.inference.calibrate import Effort
+from fitball.inference.compare import compare
+from fitball.inference.criteria import Criteria
+from fitball.inference.ladder import build_ladder
+from fitball.inference.least_squares import least_squares
+from fitball.inference.maximum import maximum_posterior
+from fitball.inference.nesting import as_container, overtaken
+from fitball.inference.point import point_fit
+from fitball.inference.problem import Choices, build_problem
+from fitball.inference.results import RunStatus
+
+BRODY = {name: GRIP_SLIP[name] for name in ("mu", "cor_10", "cor_slope", "velocity_sd", "spin_sd")}
+MEAN = {name: value for name, value in TWO_MASS.items() if name != "cor_slope"}
+
+
+def problem_of(model, **closures):
+    name = "wang_zero_spin.csv"
+    return build_problem(load_table(name), load_scene(name), Choices(model=model, closures=closures))
+
+
+def row(problem, values):
+    return np.array([[values[name] for name in problem.free_names]])
+
+
+@pytest.mark.parametrize(
+    ("wide", "narrow", "values"),
+    [
+        (("grip-slip", {}), ("brody", {}), BRODY),
+        (("two-mass", {}), ("two-mass", {"cor": "mean"}), MEAN),
+        (("two-mass", {"inertia": "table"}), ("two-mass", {}), TWO_MASS),
+        (("two-mass", {"inertia": "table"}), ("two-mass", {"cor": "mean"}), MEAN),
+    ],
+)
+def test_a_container_predicts_what_it_contains(wide, narrow, values):
+    container, contained = problem_of(wide[0], **wide[1]), problem_of(narrow[0], **narrow[1])
+    found = as_container(container, contained, values)
+    assert found is not None and set(found) >= set(container.free_names)
+    one, other = container.rebound(row(container, found)), contained.rebound(row(contained, values))
+    for name in ("v_x2", "v_y2", "omega_2"):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-12)
+    assert as_container(contained, container, found) is None
+
+
+def test_models_that_contain_each_other_in_part_only_are_left_alone():
+    default = problem_of("two-mass")
+    for other in (
+        problem_of("grip-slip"),
+        problem_of("two-mass", normal="inner"),
+        problem_of("two-mass", torsion="free"),
+        problem_of("two-mass", offset="grip", cor="mean"),
+    ):
+        assert as_container(default, other, TWO_MASS | GRIP_SLIP) is None
+    # Values beyond the bounds of the container are none of its.
+    assert as_container(problem_of("grip-slip"), problem_of("brody"), BRODY | {"mu": 5.5}) is None
+    fixed = build_problem(
+        load_table("wang_zero_spin.csv"),
+        load_scene("wang_zero_spin.csv"),
+        Choices(model="grip-slip", fix={"e_x": 0.2}),
+    )
+    assert as_container(fixed, problem_of("brody"), BRODY) is None
+
+
+def score(name, problem, values, log_likelihood=None):
+    point = maximum_posterior(problem, row(problem, values))
+    squares = SimpleNamespace(values=point.values)
+    criteria = None if log_likelihood is None else Criteria(log_likelihood, 1, 1)
+    return SimpleNamespace(
+        name=name, fit=SimpleNamespace(problem=problem, point=point, least_squares=squares), criteria=criteria
+    )
+
+
+def test_who_fits_worse_than_what_it_contains_is_overtaken():
+    brody = score("brody", problem_of("brody"), BRODY, -30.0)
+    wide = score("grip-slip", problem_of("grip-slip"), GRIP_SLIP, -20.0)
+    assert overtaken(wide, [brody, wide]) == overtaken(brody, [brody, wide]) == {}
+    lower = replace(wide.fit.point, log_posterior=brody.fit.point.log_posterior - 50.0)
+    stuck = SimpleNamespace(
+        name="grip-slip", criteria=None, fit=SimpleNamespace(**{**vars(wide.fit), "point": lower})
+    )
+    (starts,) = overtaken(stuck, [brody, stuck]).values()
+    assert starts[0]["e_x"] == 0.0 and starts[0]["mu"] == brody.fit.point.values["mu"]
+    # A lower maximum of the likelihood without priors is an alarm by itself.
+    wide.criteria = Criteria(-31.0, 1, 1)
+    assert overtaken(wide, [brody, wide]).keys() == {"brody"}
+    wide.criteria = Criteria(-30.01, 1, 1)
+    assert overtaken(wide, [brody, wide]) == {}
+
+
+@pytest.fixture
+def stuck(monkeypatch, tmp_path):
+    """Compare brody and grip-slip on a hard sphere where the search of grip-slip ends on the plateau; `heed` says
+    whether it looks beside, where it is told to.
+    """
+    place = SimpleNamespace(heed=True)
+    problem = hard_sphere(tmp_path, "grip-slip")
+    plateau = {"mu": 0.6, "e_x": -0.45, "offset": 9.1e-4, "cor_10": 0.91, "cor_slope": -0.01}
+    plateau |= {"velocity_sd": 0.12, "spin_sd": 17.0}
+
+    def ends_low(given, rng, beside=()):
+        if given.model.name != "grip-slip" or (beside and place.heed):
+            return point_fit(given, rng, beside)
+        return least_squares(given, row(given, plateau)), maximum_posterior(given, row(given, plateau))
+
+    monkeypatch.setattr(calibrate, "point_fit", ends_low)
+    monkeypatch.setattr(calibrate, "search_again", lambda _problem, squares, point, _sampled: (squares, point, ()))
+    monkeypatch.setattr("fitball.inference.compare.make_folds", lambda _table, _rng: ((), []))
+    monkeypatch.setattr("fitball.inference.scoring.criteria", lambda _problem, _starts: None)
+    ladder = build_ladder(problem.table, problem.scene, ("brody", "grip-slip"))
+    effort = Effort(seed=2, max_steps=100, ensembles=2, ess=100.0, cores=1)
+    place.compare = lambda: compare(problem.table, ladder, effort, quick=True)
+    return place
+
+
+def test_a_model_that_lost_to_what_it_contains_is_searched_again(stuck):
+    found = stuck.compare()
+    assert found.by_name["grip-slip"].fit.point.log_posterior > 6.8
+    assert found.notes[0].startswith("grip-slip contains brody and had fitted worse")
+    assert not any(note.startswith("ALARM") for note in found.notes)
+
+
+def test_a_model_that_loses_even_so_is_an_alarm(stuck):
+    stuck.heed = False
+    found = stuck.compare()
+    assert found.notes[0].startswith("ALARM: grip-slip contains brody and fits worse even so")
+    assert found.status is RunStatus.NOT_CONVERGED
