@@ -99,6 +99,15 @@ def test_expected_noise_counts_where_none_is_stated(tmp_path: Path) -> None:
             load_table(written(tmp_path, rows, f"[measurement]\n{known}\n", head="v_y1,v_y2"))
 
 
+def test_long_tables_have_rows_further_out(tmp_path: Path) -> None:
+    """4.3 sd above the bound is not noise among three rows, and is among twenty thousand."""
+    odd = f"5,{5.0 + 4.3 * 0.25}\n"
+    with pytest.raises(TableError, match=r"row 1 .*4\.3 sd of the noise"):
+        load_table(written(tmp_path, odd + "5,4\n5,4", head="v_y1,v_y2"))
+    (notice,) = load_table(written(tmp_path, odd + "5,4\n" * 20_000, head="v_y1,v_y2")).notices
+    assert notice.row == 1
+
+
 def simulated(rows: int, sd: float, seed: int = 5) -> np.ndarray:
     """A table that the rigid model itself made, with noise: (rows, 6)."""
     rng = np.random.default_rng(seed)

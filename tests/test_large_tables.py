@@ -14,6 +14,7 @@ from fitball.cli.main import main
 from fitball.data.force_file import load_force
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
+from fitball.errors import MemoryShortageError
 from fitball.inference import information, parallel, point, posterior
 from fitball.inference.action import action_looks
 from fitball.inference.calibrate import Effort
@@ -31,6 +32,7 @@ from fitball.inference.residuals import IMPOSSIBLE
 from fitball.inference.results import Posterior
 from fitball.inference.starts import STARTS, starting_points
 from fitball.inference.subsample import thinned_problem
+from fitball.report import figures
 from fitball.report.data_file import data_content, read_data, write_data
 from fitball.report.export import fit_text
 from fitball.report.html import page
@@ -199,6 +201,20 @@ def test_text_and_files_do_not_grow_with_rows(long_fits, tmp_path):
     assert all(len(fit.fitted.impacts) <= SPANNING for fit in long_fits)
 
 
+def test_figures_draw_some_of_many_impacts(long_fits, monkeypatch):
+    monkeypatch.setattr(figures, "MOST_POINTS", 50)
+    for draw, words in (
+        (figures.residual_figure, "residuals"),
+        (figures.predictive_figure, "measured and predicted"),
+    ):
+        figure = draw(long_fits[1])
+        drawn = [len(line.get_xdata()) for axis in figure.axes for line in axis.get_lines()]
+        assert max(drawn) == 50
+        assert figure.get_suptitle().startswith("grip-slip on wang_all: " + words)
+        assert "(50 of 1,240 impacts)" in figure.get_suptitle()
+    assert figures.shown_rows(20).tolist() == list(range(20))
+
+
 def test_a_long_fit_is_read_back_whole(long_fits, tmp_path, capsys):
     fit = long_fits[1]
     folder = fitball.api.Calibration(**vars(fit)).save(tmp_path / "fit")
@@ -265,3 +281,9 @@ def test_running_out_of_memory_is_said_in_words(place, tmp_path, monkeypatch, ca
     assert "memory of this machine does not suffice (Unable to allocate 2.9 GiB)" in err
     assert "Traceback" not in err
     assert not list((tmp_path / "fit").glob("fit.json"))
+
+
+def test_running_out_of_memory_is_an_error_of_fitball_in_python(monkeypatch):
+    monkeypatch.setattr("fitball.inference.calibrate.point_fit", lambda *_: np.empty(2**50))
+    with pytest.raises(MemoryShortageError, match="Unable to allocate"):
+        fitball.calibrate("wang_zero_spin.csv", point_only=True)

@@ -276,14 +276,15 @@ class Problem:
     @property
     def cells(self) -> int:
         """Draws times impacts that are evaluated at once."""
-        return CELLS if self.incident is None else CELLS // INCIDENT_COST
+        cost = 1 if self.incident is None else INCIDENT_COST
+        return CELLS // (cost if self.force is None else cost * self.force.nodes)
 
     def batches(self, draws: int, cost: int = 1) -> Iterator[slice]:
         """Draws that are evaluated at once, so that memory does not grow with draws times impacts; `cost` is how many
         rebounds each needs.
         """
         size = max(1, self.cells // (cost * len(self.impacts)))
-        return (slice(start, start + size) for start in range(0, draws, size))
+        return (slice(start, start + size) for start in range(0, max(draws, 1), size))
 
     def densities(self, values: FloatArray, *, measured: bool = True) -> Densities:
         """What free values (draws, free) are worth; without `measured` the likelihood is left at zero."""

@@ -42,7 +42,7 @@ class Conditions:
     noise: FloatArray
     scene: bool
 
-    def take(self, rows: NDArray[np.int64]) -> Conditions:
+    def take(self, rows: NDArray[np.int64] | slice) -> Conditions:
         """Those of some rows."""
         return Conditions(self.noise[rows], self.scene)
 
@@ -185,8 +185,11 @@ class Surface:
         """Negative log likelihood (rows,) of the measurements, and of the scene's contact time where it counts; inf
         where the model has no answer.
         """
-        values = self.problem.to_values(self._coordinates(x))
-        return self._cost(self.problem.all_values(values), self.problem.rebound(values), given)
+        found = []
+        for some in self.problem.batches(x.shape[0]):
+            values = self.problem.to_values(self._coordinates(x[some]))
+            found.append(self._cost(self.problem.all_values(values), self.problem.rebound(values), given.take(some)))
+        return np.concatenate(found)
 
     def _cost(self, columns: Columns, rebound: Rebound, given: Conditions) -> FloatArray:
         sizes = self._noise(columns, rebound, given)
@@ -207,6 +210,12 @@ class Surface:
         At the best noise the gradient is that for given noise, because the cost is level in the noise there. The
         curvature is Gauss's and Newton's: products of first derivatives of the residuals.
         """
+        batches = self.problem.batches(x.shape[0], cost=2 * self.problem.dimension + 1)
+        found = [self._linearised(x[some], given.take(some)) for some in batches]
+        cost, gradient, curvature = (np.concatenate(column) for column in zip(*found, strict=True))
+        return cost, gradient, curvature
+
+    def _linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray, FloatArray]:
         coordinates = self._coordinates(x)
         rebound, slopes = rebound_slopes(self.problem, coordinates)
         columns = self.problem.all_values(self.problem.to_values(coordinates))
