@@ -1,0 +1,253 @@
+"""Pages in docs/: their code runs, their names are those of the code and none is missing, their links lead on."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from dataclasses import asdict
+from importlib.resources import files
+from pathlib import Path
+from typing import get_args, get_type_hints
+
+import numpy as np
+import pytest
+import xarray as xr
+from samples import TWO_MASS, coordinates_of, problem_of
+from scipy.stats import norm
+from scipy.stats import t as student
+
+import fitball
+from fitball.data.columns import LABELS, MEASURED
+from fitball.data.scene_file import KEYS
+from fitball.data.table import NOISE_OF
+from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
+from fitball.inference import (  # fmt: skip
+    comparison,
+    force_records,
+    identifiability,
+    kinks,
+    leave_out,
+    levels,
+    loo,
+    measurement_noise,
+    moves,
+    offsets,
+    power_scaling,
+    profile,
+    sampling,
+)
+from fitball.inference.calibrated_range import SLACK
+from fitball.inference.diagnostics import TARGET_ESS, TARGET_R_HAT
+from fitball.inference.examination import PROFILED
+from fitball.inference.parameters import NOISE_SPECS
+from fitball.inference.results import RunStatus, Verdict
+from fitball.models.registry import ALGEBRAIC, COMPOSITIONS, MODEL_NAMES, THESIS_CLOSURES
+from fitball.models.specs import SPECS
+from fitball.models.types import PHASE_SYMBOL, Closures, ThesisClosures
+from fitball.report.data_file import COUNTS, NUMBERS
+from fitball.report.folder import CHAIN_NAME
+from fitball.report.plots import KINDS
+from fitball.studies.sbc import RANKED
+from fitball.studies.sbc_summary import FAMILY_ERROR
+
+DOCS = Path(__file__).resolve().parent.parent / "docs"
+PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted(DOCS.glob("*.md"))}
+PHYSICS, INFERENCE, FORMATS = (PAGES.get(f"{name}.md", "") for name in ("physics", "inference", "file-formats"))
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+PROSE = {name: FENCE.sub("", text) for name, text in PAGES.items()}
+# What a number of the table in inference.md is called in the code.
+DECIDING = {
+    "ensembles": sampling.ENSEMBLES,
+    "warm-up steps": sampling.WARM_UP,
+    "effective sample size": TARGET_ESS,
+    "R-hat": TARGET_R_HAT,
+    "share of independence proposals": moves.INDEPENDENT,
+    "drop of a 68 % profile interval": profile.DROP_68,
+    "drop of a 95 % profile interval": round(profile.DROP_95, 2),
+    "rows profiled unasked": PROFILED,
+    "contraction that is next to nothing": identifiability.NEGLIGIBLE,
+    "contraction without the scene that is not enough": identifiability.NOT_ALONE,
+    "loss without the scene that counts": identifiability.RESTS_ON_SCENE,
+    "share of the peak at an open end": identifiability.OPEN,
+    "power-scaling sensitivity": power_scaling.SENSITIVE,
+    "degrees of freedom for a noise of its own": measurement_noise.FREEDOM,
+    "rows spent by parameters": measurement_noise.SPENT,
+    "reach of a kink in sds": kinks.REACH,
+    "width of a part of the mixture": kinks.WIDTH,
+    "parts of the mixture": kinks.PARTS,
+    "means of a force record": force_records.NODES,
+    "correlation length of the misfit": force_records.ALIKE,
+    "expected spread between levels": levels.EXPECTED_SPREAD,
+    "expected group offset in noises": offsets.EXPECTED,
+    "Pareto k": loo.K_TRUSTED,
+    "sure difference in standard errors": comparison.SURE_ERRORS,
+    "sure difference": comparison.SURE_SIZE,
+    "rows left out singly": leave_out.SINGLY,
+    "slack of the hull": SLACK,
+    "draws a truth is ranked among": RANKED,
+    "family error of the calibration": FAMILY_ERROR,
+}
+
+
+def table(text, *head):
+    """Rows of the table with that head, each a list of cells, code marks taken off."""
+    lines = iter(text.splitlines())
+    wanted = f"| {' | '.join(head)} |"
+    assert any(line == wanted for line in lines), f"no table {wanted}"
+    next(lines)
+    rows = []
+    for line in lines:
+        if not line.startswith("|"):
+            break
+        rows.append([cell.strip() for cell in line.strip("|").split(" | ")])
+        assert len(rows[-1]) == len(head), line
+    return rows
+
+
+def column(text, *head):
+    """The first column of a table, which names each thing once."""
+    names = [row[0].strip("`") for row in table(text, *head)]
+    assert len(set(names)) == len(names)
+    return set(names)
+
+
+def options(kind):
+    hints = get_type_hints(kind)
+    return {(name, option) for name in kind.__dataclass_fields__ for option in get_args(hints[name])}
+
+
+@pytest.mark.parametrize("page", [name for name, text in PAGES.items() if "```python" in text])
+def test_code_on_a_page_runs(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    for language, code in FENCE.findall(PAGES[page]):
+        assert language == "python"
+        exec(compile(code, page, "exec"), names)
+    assert PAGES[page].count("\nassert ") > 20
+
+
+def test_every_closure_and_option_is_documented_and_exists():
+    found = {(closure.strip("`"), option.strip("`")) for closure, option, _ in
+             table(PHYSICS, "closure", "option", "meaning")}  # fmt: skip
+    known = options(Closures) | options(ThesisClosures)
+    assert found == known
+    for page, text in PROSE.items():
+        for closure, option in re.findall(r"`(\w+) = (\w+)`", text):
+            if closure in dict(known):
+                assert (closure, option) in known, page
+
+
+def test_every_model_is_documented_with_its_composition_and_parameters():
+    closures = {**COMPOSITIONS, "thesis": THESIS_CLOSURES}
+    expected = {}
+    for name in MODEL_NAMES:
+        chosen = "algebraic" if name in ALGEBRAIC else f"`{', '.join(asdict(closures[name]).values())}`"
+        expected[name] = [chosen, f"`{', '.join(fitball.model(name).parameter_names)}`"]
+    assert {row[0].strip("`"): row[1:] for row in table(PHYSICS, "model", "composition", "parameters")} == expected
+
+
+def test_every_name_has_its_place():
+    assert column(PHYSICS, "parameter", "symbol", "meaning") == set(SPECS)
+    assert column(INFERENCE, "noise parameter", "of") == set(NOISE_SPECS)
+    noise = {row[0].strip("`"): row[1] for row in table(INFERENCE, "noise parameter", "of")}
+    assert all(noise[own].startswith(f"`{name}` [") for name, own in NOISE_OF.items())
+    phases = {row[0].strip("`"): row[1].strip("`") for row in table(PHYSICS, "phase", "in words", "meaning")}
+    assert phases == {phase.name: symbol for phase, symbol in PHASE_SYMBOL.items()}
+    assert column(INFERENCE, "verdict", "when") == {str(item) for item in Verdict}
+    glossary = {row[0]: row[1] for row in table(PAGES["glossary.md"], "word", "meaning")}
+    assert list(glossary) == sorted(glossary, key=str.lower)
+    assert all(f"`{item}`" in glossary["verdict"] for item in Verdict)
+    assert all(f"`{item}`" in glossary["status"] for item in RunStatus)
+    assert all(symbol in glossary["phase"] for symbol in PHASE_SYMBOL.values())
+
+
+def test_numbers_that_decide_are_those_of_the_code():
+    assert {row[0]: float(row[1]) for row in table(INFERENCE, "number", "value")} == DECIDING
+
+
+def test_columns_units_and_keys_of_a_scene():
+    assert column(FORMATS, "column", "meaning") == {*MEASURED, *LABELS}
+    units = {row[0]: tuple(re.findall(r"`([^`]+)`", row[1])) for row in
+             table(FORMATS, "dimension", "units", "without a bracket")}  # fmt: skip
+    assert units == {item.value: symbols(item) for item in Dimension}
+    for name, _, default in table(FORMATS, "dimension", "units", "without a bracket"):
+        assert default.strip("`") == DEFAULT_UNIT[Dimension(name)].symbol
+    keys = {f"{section}.{key}" for section, kind in KEYS.items() if isinstance(kind, dict) for key in kind}
+    keys |= {section for section, kind in KEYS.items() if not isinstance(kind, dict)}
+    assert column(FORMATS, "key", "holds") == keys
+
+
+def test_result_folder(tmp_path):
+    drop = tmp_path / "drop.csv"
+    drop.write_text("v_y1,v_y2,group\n4,3.21,a\n6,4.68,a\n8,6.13,b\n10,7.48,b\n", encoding="utf-8")
+    fit = fitball.calibrate(drop, max_steps=100, walkers=16, cores=1)
+    folder = fit.save(tmp_path / "out")
+    written = {path.name for path in folder.iterdir()}
+    assert column(FORMATS, "file", "content") == written | {CHAIN_NAME} | {f"{kind}.png" for kind in KINDS}
+    content = json.loads((folder / "fit.json").read_text(encoding="utf-8"))
+    schema = json.loads((files("fitball.report") / "fit.schema.json").read_text(encoding="utf-8"))
+    described = {row[0].strip("`"): row[1] for row in table(FORMATS, "key", "content")}
+    assert set(described) == set(content) == set(schema["properties"])
+    assert described["schema_version"] == str(content["schema_version"])
+    assert described["kind"] == f"`{content['kind']}`"
+    assert all(f"`{item}`" in described["status"] for item in RunStatus)
+    *_, data, posterior, run = FORMATS.split("\n### ")
+    with xr.open_dataset(folder / "data.nc", engine="h5netcdf") as kept:
+        names = {"impact", *map(str, kept.variables)} | {f"force_{name}" for name in (*COUNTS, *NUMBERS, "means")}
+    assert "label_0" in names
+    assert {name for name in names if f"`{name}`" not in data} <= set(NOISE_OF)
+    with xr.open_datatree(folder / "posterior.nc", engine="h5netcdf") as tree:
+        assert all(f"`{group}`" in posterior for group in tree.children)
+    written_run = tomllib.loads((folder / "run.toml").read_text(encoding="utf-8"))
+    sections = {name for name, held in written_run.items() if isinstance(held, dict)}
+    sections |= {f"{name}.{key}" for name in sections for key, held in written_run[name].items()
+                 if isinstance(held, dict | list)}  # fmt: skip
+    assert sections >= {"fitball", "table.files", "model.closures", "scene.ball_sd", "sampler"}
+    assert {name for name in sections if f"`{name}`" not in run} == set()
+
+
+def anchors(text):
+    heads = re.findall(r"^#+ (.*)$", FENCE.sub("", text), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)\s]+)\)", PROSE[page]):
+        name, _, anchor = target.partition("#")
+        assert not name.startswith("http"), "a page that may move; cite the paper"
+        place = DOCS / (name or page)
+        assert place.is_file(), target
+        assert not anchor or anchor in anchors(place.read_text(encoding="utf-8")), target
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_mathematics_is_written_as_github_reads_it(page):
+    for line in PROSE[page].splitlines():
+        plain = re.sub(r"`[^`]*`", "", line)
+        assert plain.count("$") % 2 == 0, line
+        # Markdown takes a backslash before a sign as its own.
+        assert not re.search(r"\\[^A-Za-z]", plain), line
+        if "$$" in line:
+            assert re.fullmatch(r"\$\$ .* \$\$", line), line
+        for formula in re.findall(r"\$([^$]+)\$", plain):
+            assert formula.count("{") == formula.count("}"), line
+            assert not (line.startswith("| ") and "|" in formula), line
+
+
+@pytest.mark.parametrize("distribution", ["normal", "student-t"])
+def test_the_posterior_is_the_sum_that_the_page_says(distribution):
+    problem = problem_of("wang_zero_spin.csv", distribution=distribution)
+    truth = {**TWO_MASS, "degrees_of_freedom": 5.0}
+    at = coordinates_of(problem, truth)[None, :]
+    rebound = problem.rebound(problem.to_values(at))
+    value, sd = problem.contact_time
+    total = sum(item.prior.log_density(at[0, k]) for k, item in enumerate(problem.free))
+    total += norm.logpdf(rebound.contact_time.mean(), value, sd)
+    for name in ("v_x2", "v_y2", "omega_2"):
+        scale = truth["spin_sd" if name == "omega_2" else "velocity_sd"]
+        z = (problem.table.measurement(name).values - getattr(rebound, name)[0]) / scale
+        density = norm.logpdf(z) if distribution == "normal" else student.logpdf(z, truth["degrees_of_freedom"])
+        total += np.sum(density - np.log(scale))
+    assert problem.log_posterior(at)[0] == pytest.approx(total, rel=1e-12)
