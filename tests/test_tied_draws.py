@@ -9,7 +9,7 @@ import pytest
 from arviz_stats.base.array import array_stats
 from samples import GRIP_SLIP, problem_of, synthetic
 from scipy.special import logsumexp
-from scipy.stats import norm
+from scipy.stats import chisquare, kstest, norm, uniform
 from test_power_scaling import cumulative_jensen_shannon, drawn
 
 from fitball.errors import FitError
@@ -18,6 +18,8 @@ from fitball.inference.importance import smoothed
 from fitball.inference.loo import LeaveOneOut, smoothed_elpd
 from fitball.inference.monte_carlo import standard_errors
 from fitball.inference.power_scaling import POWERS, power_looks, sensitivities
+from fitball.inference.predictive import thinned
+from fitball.inference.results import Posterior
 
 
 def stuck(rng, count, share):
@@ -141,3 +143,29 @@ def test_a_parameter_that_never_moves_is_refused_in_words():
     chains = np.concatenate([walk(np.random.default_rng(6), 0), np.full((2, 200, 10, 1), 0.5)], axis=-1)
     with pytest.raises(FitError, match="the sampler never moved k_y: all its draws are the same"):
         convergence(("mu", "k_y"), chains)
+
+
+@pytest.mark.parametrize(("ensembles", "steps", "walkers"), [(4, 100, 22), (4, 500, 40), (2, 400, 64), (4, 1000, 20)])
+def test_thinned_draws_are_of_all_walkers_and_of_the_whole_run(ensembles, steps, walkers):
+    """Each draw is named by its walker and its step: none is met much more often than by chance."""
+    shape = (ensembles, steps, walkers)
+    walker, step = (
+        np.arange(ensembles * walkers).reshape(ensembles, 1, walkers),
+        np.arange(steps).reshape(1, steps, 1),
+    )
+    named = np.stack([np.broadcast_to(walker, shape), np.broadcast_to(step, shape)], axis=-1).astype(float)
+    posterior = Posterior(("walker", "step"), named, np.zeros(shape), np.zeros((1, 2)))
+
+    def spread(rows):
+        met = np.bincount(rows[:, 0].astype(int), minlength=ensembles * walkers)
+        return chisquare(met).pvalue, kstest(rows[:, 1], uniform(0, steps).cdf).pvalue
+
+    for count in (400, 1000):
+        rows = thinned(posterior, count)
+        assert rows.shape == (count, 2) and len(np.unique(rows, axis=0)) == count
+        assert min(spread(rows)) > 1e-6
+        np.testing.assert_array_equal(rows, thinned(posterior, count))
+    assert thinned(posterior, 10**9).shape == (posterior.draws.shape[0], 2)
+    # Even spaces are what is not done: 22 walkers, every 22nd draw.
+    spacing = posterior.draws[:: walkers * max(1, ensembles * steps // 400)]
+    assert spread(spacing)[0] < 1e-6

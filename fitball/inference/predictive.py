@@ -28,9 +28,16 @@ BANDS = (0.025, 0.16, 0.5, 0.84, 0.975)
 
 
 def thinned(posterior: Posterior, count: int) -> FloatArray:
-    """About `count` draws (draws, free), evenly spaced over ensembles, steps and walkers."""
+    """`count` draws (draws, free), one at random from each of as many equal shares of the chains, or all if fewer.
+
+    At even spaces the same few walkers would be met again and again wherever the spacing and their number have a
+    divisor in common. The places depend on the numbers of draws alone.
+    """
     draws = posterior.draws
-    rows: FloatArray = draws[np.linspace(0, draws.shape[0] - 1, min(count, draws.shape[0])).astype(int)]
+    if draws.shape[0] <= count:
+        return draws
+    edges = np.arange(count + 1) * draws.shape[0] // count
+    rows: FloatArray = draws[np.random.default_rng([draws.shape[0], count]).integers(edges[:-1], edges[1:])]
     return rows
 
 
