@@ -15,7 +15,7 @@ from fitball.data.force_file import load_force
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.errors import MemoryShortageError
-from fitball.inference import information, parallel, point, posterior
+from fitball.inference import batches, information, parallel, point
 from fitball.inference.action import action_looks
 from fitball.inference.calibrate import Effort
 from fitball.inference.calibrate import run as calibrate_problem
@@ -145,7 +145,7 @@ def test_batches_change_no_number_and_stay_below_the_ceiling(monkeypatch, evalua
         )
 
     *whole, regimes, looks = everything()
-    monkeypatch.setattr(posterior, "CELLS", 900)
+    monkeypatch.setattr(batches, "CELLS", 900)
     # Curves for figures have as many points whatever the table.
     monkeypatch.setattr("fitball.inference.predictive.curves", lambda *_: {})
     evaluated.clear()

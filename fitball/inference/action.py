@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from fitball.inference.batches import batches
 from fitball.inference.force import force_slopes
 from fitball.inference.force_records import ForceRecords
 from fitball.inference.looks import NAMED, ActionLook
@@ -37,7 +38,7 @@ def action_looks(
     regimes = [regimes[k] for k in kept] if regimes else ()
     count = len(problem.impacts)
     squares, acting, known = (np.zeros((count, problem.dimension)) for _ in range(3))
-    for some in problem.batches(coordinates.shape[0], cost=2 * problem.dimension + 1):
+    for some in batches(problem, coordinates.shape[0], cost=2 * problem.dimension + 1):
         mine = coordinates[some]
         slopes = prediction_slopes(problem, mine).reshape(mine.shape[0], -1, count, problem.dimension)
         if problem.force is not None:

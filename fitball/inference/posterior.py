@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
+from fitball.inference.batches import densities
 from fitball.inference.channels import Channel
 from fitball.inference.force import force_log_likelihood
 from fitball.inference.force_records import ForceRecords
@@ -33,22 +34,6 @@ from fitball.models.specs import SPECS
 from fitball.models.two_mass_model import TwoMassModel
 from fitball.models.types import Rebound, Status
 from fitball.values import FloatArray, Impacts, OwnImpacts
-
-# Draws times impacts that are evaluated at once: some twenty arrays of as many numbers live at a time (150 MB).
-CELLS = 1_000_000
-# With errors of the incident state a cell has Jacobians too.
-INCIDENT_COST = 8
-
-
-@dataclass(frozen=True)
-class Densities:
-    """Of each draw (draws,): whether the model can evaluate every impact, the log density of what the scene knows,
-    and the log likelihood (NaN where it is not possible).
-    """
-
-    possible: NDArray[np.bool_]
-    knowledge: FloatArray
-    likelihood: FloatArray
 
 
 @dataclass(frozen=True)
@@ -273,32 +258,6 @@ class Problem:
             total += force_log_likelihood(self, self.force, self.all_values(values))
         return total
 
-    @property
-    def cells(self) -> int:
-        """Draws times impacts that are evaluated at once."""
-        cost = 1 if self.incident is None else INCIDENT_COST
-        return CELLS // (cost if self.force is None else cost * self.force.nodes)
-
-    def batches(self, draws: int, cost: int = 1) -> Iterator[slice]:
-        """Draws that are evaluated at once, so that memory does not grow with draws times impacts; `cost` is how many
-        rebounds each needs.
-        """
-        size = max(1, self.cells // (cost * len(self.impacts)))
-        return (slice(start, start + size) for start in range(0, max(draws, 1), size))
-
-    def densities(self, values: FloatArray, *, measured: bool = True) -> Densities:
-        """What free values (draws, free) are worth; without `measured` the likelihood is left at zero."""
-        found = []
-        for some in self.batches(values.shape[0]):
-            rebound = self.rebound(values[some])
-            # A marked impact (see models.types.Status) has no density: the parameters are impossible there.
-            possible = ~np.any(rebound.status, axis=1)
-            knowledge = self.log_knowledge(rebound)
-            likelihood = self.log_likelihood(values[some], rebound) if measured else np.zeros_like(knowledge)
-            found.append((possible, knowledge, likelihood))
-        possible, knowledge, likelihood = (np.concatenate(column) for column in zip(*found, strict=True))
-        return Densities(possible, knowledge, likelihood)
-
     def log_posterior(self, coordinates: FloatArray) -> FloatArray:
         """Log posterior density up to a constant, (draws,); -inf where it is zero or the model has no answer."""
         return self._log_density(coordinates, measured=True)
@@ -312,7 +271,7 @@ class Problem:
         inside = np.flatnonzero(np.isfinite(total))
         if inside.size == 0:
             return total
-        found = self.densities(self.to_values(coordinates[inside]), measured=measured)
+        found = densities(self, self.to_values(coordinates[inside]), measured=measured)
         density = found.knowledge + found.likelihood if measured else found.knowledge
         total[inside] += np.where(found.possible, density, -np.inf)
         return total

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from arviz_stats.base.array import array_stats
 
+from fitball.inference.batches import densities
 from fitball.inference.diagnostics import TAILS
 from fitball.inference.importance import smoothed
 from fitball.inference.looks import PowerLook
@@ -31,7 +32,7 @@ def power_looks(problem: Problem, posterior: Posterior) -> dict[str, PowerLook]:
     """The look at every free parameter, in the coordinate of its prior, on a few thousand draws."""
     values = thinned(posterior, DRAWS)
     coordinates = problem.to_coordinates(values)
-    found = problem.densities(values)
+    found = densities(problem, values)
     each = np.stack([item.prior.log_density(coordinates[:, k]) for k, item in enumerate(problem.free)], axis=1)
     priors = sensitivities(coordinates, each.sum(axis=1))
     likelihood = sensitivities(coordinates, found.likelihood)

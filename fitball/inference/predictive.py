@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.table import REBOUND_UNITS
+from fitball.inference.batches import cells
 from fitball.inference.channels import PREDICTED, Channel
 from fitball.inference.marginal import incident_sds
 from fitball.inference.parameters import TAILS
@@ -52,7 +53,7 @@ def predictive(problem: Problem, point: PointFit, posterior: Posterior, rng: np.
     Impacts are taken some at a time, so that memory does not grow with draws times impacts.
     """
     values = thinned(posterior, DRAWS)
-    count, size = len(problem.impacts), max(1, problem.cells // len(values))
+    count, size = len(problem.impacts), max(1, cells(problem) // len(values))
     parts = []
     for place in (np.arange(k, min(k + size, count)) for k in range(0, count, size)):
         part = problem if place.size == count else part_of(problem, place)

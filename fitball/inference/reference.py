@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fitball.inference.batches import densities
 from fitball.inference.posterior import Problem
 from fitball.inference.starts import prior_draws
 from fitball.values import FloatArray
@@ -24,7 +25,7 @@ def reference_draws(
     peak = 0.0 if value_sd is None else -0.5 * float(np.log(2.0 * np.pi)) - float(np.log(value_sd[1]))
     for _ in range(MOST_BATCHES):
         values = prior_draws(problem, rng, batch)
-        found = problem.densities(values, measured=False)
+        found = densities(problem, values, measured=False)
         chance = np.where(found.possible, np.exp(found.knowledge - peak), 0.0)
         accepted.append(values[rng.uniform(size=batch) < chance])
         if sum(map(len, accepted)) >= wanted:

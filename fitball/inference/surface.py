@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.inference.batches import batches
 from fitball.inference.force import force_cost, force_slopes
 from fitball.inference.parameters import NOISE_SPECS, Parameter
 from fitball.inference.posterior import Problem
@@ -186,7 +187,7 @@ class Surface:
         where the model has no answer.
         """
         found = []
-        for some in self.problem.batches(x.shape[0]):
+        for some in batches(self.problem, x.shape[0]):
             values = self.problem.to_values(self._coordinates(x[some]))
             found.append(self._cost(self.problem.all_values(values), self.problem.rebound(values), given.take(some)))
         return np.concatenate(found)
@@ -210,8 +211,8 @@ class Surface:
         At the best noise the gradient is that for given noise, because the cost is level in the noise there. The
         curvature is Gauss's and Newton's: products of first derivatives of the residuals.
         """
-        batches = self.problem.batches(x.shape[0], cost=2 * self.problem.dimension + 1)
-        found = [self._linearised(x[some], given.take(some)) for some in batches]
+        split = batches(self.problem, x.shape[0], cost=2 * self.problem.dimension + 1)
+        found = [self._linearised(x[some], given.take(some)) for some in split]
         cost, gradient, curvature = (np.concatenate(column) for column in zip(*found, strict=True))
         return cost, gradient, curvature
 
