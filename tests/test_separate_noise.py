@@ -319,6 +319,10 @@ def test_predictions_know_the_noise_of_every_velocity_or_say_that_they_do_not():
     np.testing.assert_allclose(
         found.output("v_2").sd, np.hypot(0.6 * cosine, 0.1 * np.sqrt(1 - cosine**2)), rtol=0.06
     )
+    # Speeds and angles of a table that was measured another way are judged all the same.
+    measured = (Measurement("v_2", found.output("v_2").point), Measurement("theta_2", found.output("theta_2").point))
+    channels, _ = observed_channels(fitted, replace(first_rows(2), measurements=measured))
+    assert all(item.within_95 == 1.0 for item in scores(predict_new(fitted, impacts, channels)))
     alone = replace(fitted, names=tuple("other_sd" if name == "v_y_sd" else name for name in names))
     known = {item.name: item.measured is not None for item in predict_new(alone, impacts).outputs}
     assert known == {"v_x2": True, "v_y2": False, "v_2": False, "theta_2": False, "omega_2": True}
