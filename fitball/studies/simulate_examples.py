@@ -69,7 +69,7 @@ NO_SLIP = (
 NO_OFFSET = "offset: zero, which the text says of Fig. 17"
 STATED_BASE = "M1 = 2M/3, k_y = 80 lb/in, k_theta = 1000 lb in/rad, I1 = 0.532 I, mu = 0.55, COR = 0.76"
 DAMPING = (
-    "c_y: from COR = 0.76 by Eq. (3). The printed c_y = 0.0113 lb s/in is another damping: it returns the core at "
+    "c_y: from COR = 0.76 by Eq. (5). The printed c_y = 0.0113 lb s/in is another damping: it returns the core at "
     "(M1/M)/COR = 0.88 of its speed"
 )
 USED = (
