@@ -199,6 +199,16 @@ def test_the_published_values_stand_beside_the_fits(found, tmp_path):
         assert median == pytest.approx(np.median(item.column("k_y")) / 175.127, rel=0.01)
 
 
+def test_each_fit_says_what_it_excludes_and_what_the_data_do(found):
+    """No restitution above the mass ratio: a wall of two-mass, no finding of the data. k_theta is one, in each."""
+    for name, item in found.fits.items():
+        cases = [place for place in item.placed if place.point.startswith("case")]
+        assert [set(place.excluded) for place in cases] == [{"mass_ratio"} if name == "two-mass" else set()] * 3
+        assert all(place.below["k_theta"] > 0.9 for place in cases)
+        assert all(place.level > 0.99 for place in cases)
+    assert "mass_ratio excluded by the model itself" in found.verdicts["Posterior of two-mass"]
+
+
 def test_the_points_of_figures_36_to_44():
     table = printed_tables.figures_36_to_44()
     assert list(table.groupby("figure").size()) == [7] * 9
