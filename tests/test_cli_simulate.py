@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -193,22 +194,89 @@ def test_from_a_fit_at_the_command_line(tmp_path, capsys):
     assert told["parameters"]["mu"] == pytest.approx(fit.parameters["mu"].point)
 
 
-def test_a_figure_shows_the_courses_it_names():
+# What each panel has to draw of a history, in the order drawn.
+EXPECTED = {
+    "y": lambda h: [1e3 * h.y],
+    "v_y": lambda h: [h.v_y],
+    "v_x": lambda h: [h.v_x, h.radius * h.omega_2, h.radius * h.omega_1],
+    "slip": lambda h: [h.v_x - h.radius * h.omega_2],
+    "normal_force": lambda h: [h.normal_force],
+    "friction_force": lambda h: [DEFAULTS["mu"] * h.normal_force, -DEFAULTS["mu"] * h.normal_force, h.friction_force],
+    "omega_2": lambda h: [h.omega_2],
+    "centre": lambda h: [h.v_x],
+    "forces": lambda h: [h.normal_force, h.friction_force],
+}
+
+
+@pytest.fixture(scope="module")
+def banded():
+    """An impact that slides, grips and slides back, with bands."""
     found = simulate_fit(fitted(), fitball.impacts(12.0, 10.0, 50.0), draws=20)
-    figure = history_figure([found], "one")
-    axes = {axis.get_ylabel(): axis for axis in figure.axes}
-    assert set(axes) == {LABELS[panel] for panel in ALL_PANELS}
-    lines = [line.get_ydata() for line in axes[LABELS["y"]].lines]
-    assert any(np.array_equal(data, 1e3 * found.history.y) for data in lines if len(data) == POINTS)
-    surfaces = [line.get_ydata() for line in axes[LABELS["v_x"]].lines]
-    for course in (found.history.v_x, found.history.radius * found.history.omega_2):
-        assert any(np.array_equal(data, course) for data in surfaces if len(data) == POINTS)
-    cone = [line.get_ydata() for line in axes[LABELS["friction_force"]].lines if len(line.get_ydata()) == POINTS]
-    limit = DEFAULTS["mu"] * found.history.normal_force
-    assert any(np.allclose(data, limit) for data in cone) and any(np.allclose(data, -limit) for data in cone)
-    marks = [line.get_xdata()[0] for line in axes[LABELS["y"]].lines if len(line.get_xdata()) == 2]
-    np.testing.assert_allclose(sorted(marks), found.history.transition_shares)
-    assert set(DRAWN) == set(LABELS) >= {panel for example in EXAMPLES for panel in example.panels}
+    assert len(found.history.transition_shares) == 2
+    return found
+
+
+def curves(axis):
+    return [line for line in axis.lines if len(line.get_ydata()) == POINTS]
+
+
+def edges(band):
+    """Lower and upper edge of a filled band over the points, from its outline."""
+    x, y = band.get_paths()[0].vertices.T
+    shares = np.unique(x)
+    return np.array([[f(y[x == share]) for share in shares] for f in (np.min, np.max)])
+
+
+@pytest.mark.parametrize("panel", DRAWN)
+def test_a_panel_shows_its_courses_bands_and_transitions(panel, banded):
+    history = banded.history
+    (axis,) = history_figure([banded], "one", (panel,)).axes
+    assert axis.get_ylabel() == LABELS[panel]
+    shown = curves(axis)
+    expected = EXPECTED[panel](history)
+    assert len(shown) == len(expected)
+    for line, course in zip(shown, expected, strict=True):
+        np.testing.assert_array_equal(line.get_xdata(), banded.shares)
+        np.testing.assert_allclose(line.get_ydata(), course, rtol=1e-12, atol=1e-12 * np.ptp(course))
+    for band, (low, high) in zip(axis.collections[:2], ((0, 4), (1, 3)), strict=True):
+        # The first course with a band: the cone of friction has none.
+        name = {"centre": "v_x", "forces": "normal_force"}.get(panel, panel)
+        factor = 1e3 if panel == "y" else 1.0
+        np.testing.assert_allclose(edges(band), factor * banded.band.quantiles[name][[low, high]], rtol=1e-12)
+    marks = [line.get_xdata()[0] for line in axis.lines if line.get_linestyle() == ":"]
+    np.testing.assert_allclose(sorted(marks), history.transition_shares)
+    (upper,) = axis.child_axes
+    forward, _back = upper._functions
+    assert forward(1.0) == pytest.approx(1e3 * history.contact_time)
+
+
+def test_marks_of_flight_lie_before_landing_and_after_release(banded):
+    (axis,) = history_figure([banded], "one", ("v_x",)).axes
+    found, radius = banded.history, banded.history.radius
+    marks = [(line.get_xdata()[0], line.get_ydata()[0]) for line in axis.lines if len(line.get_ydata()) == 1]
+    before, after = found.landing.before, found.release.after
+    assert before.omega_2 != found.omega_2[0]
+    expected = [(0, before.v_x), (0, radius * before.omega_2), (1, after.v_x), (1, radius * after.omega_2)]
+    np.testing.assert_allclose(marks, expected, rtol=1e-12)
+
+
+def test_several_curves_carry_dots_where_phases_change(banded):
+    model, impact = fitball.model("two-mass"), fitball.impacts(9.0, 10.0, 50.0)
+    other = simulate(model, {name: DEFAULTS[name] for name in model.parameter_names}, impact, "slower")
+    (axis,) = history_figure([replace(banded, band=None), other], "two", ("omega_2",)).axes
+    dots = [line for line in axis.lines if line.get_marker() == "o"]
+    assert len(curves(axis)) == len(dots) == 2
+    for line, item in zip(dots, (banded, other), strict=True):
+        np.testing.assert_array_equal(line.get_xdata(), item.history.transition_shares)
+        course = np.interp(line.get_xdata(), item.shares, item.history.omega_2)
+        np.testing.assert_allclose(line.get_ydata(), course)
+
+
+def test_the_panels_are_those_asked_for(banded):
+    figure = history_figure([banded], "one")
+    assert [axis.get_ylabel() for axis in figure.axes] == [LABELS[panel] for panel in ALL_PANELS]
+    assert set(DRAWN) == set(LABELS) == set(EXPECTED)
+    assert set(LABELS) >= {panel for example in EXAMPLES for panel in example.panels}
 
 
 def test_curves_of_several_are_not_mixed_up():

@@ -40,7 +40,7 @@ def test_units_order_and_digest(tmp_path):
     assert [item.id for item in found.records] == ["a", "b"]
     assert [item.row for item in found.records] == [0, 1]
     one = found.records[0]
-    assert one.step == pytest.approx(2e-4, rel=1e-12) and one.times[-1] == pytest.approx(7.8e-3)
+    assert one.step == pytest.approx(2e-4, rel=1e-12, abs=0) and one.times[-1] == pytest.approx(7.8e-3)
     assert one.force.max() == pytest.approx(2.0 * pulse().max() * 4.4482216152605, rel=1e-6)
     assert len(found.digest) == 64
     place.write_text(place.read_text() + "\n")

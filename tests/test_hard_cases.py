@@ -24,10 +24,12 @@ ANSWERS = {
         (Path(__file__).parent / "data" / "hard_cases.csv").read_text(encoding="utf-8").splitlines()
     )
 }
-# Of the incident speed at the ball's surface; the worst of the cases known to fifty digits is off by 6e-16.
-TOLERANCE = 1e-14
+# Of the incident speed at the ball's surface, for cases known to fifty digits: as README.md says. The worst is off by
+# 5.2e-16, alike on processors with and without fused multiply-add.
+TOLERANCE = 1e-15
 # Where the answer is known in double precision only, its own error counts: a joint that turns or decays by thousands
 # of radians in one contact costs the matrix exponential that many roundings.
+DOUBLE = 1e-14
 WORSE = {"mass_ratio 1 less 1e-6": 2e-10, "share of inertia 0.9999": 2e-13}
 # Phases shorter than rounding: the sequence may name them or not.
 FLEETING = {"k_theta = 1e7, matched", "k_theta = 1e8, matched", "restitution 1 less 1e-15 of the whole mass"}
@@ -51,13 +53,20 @@ def test_hard_case(name):
     found = solve(case)
     assert Status(int(found.status[0, 0])).name == answer["status"]
     size = size_of(case)
-    tolerance = WORSE.get(name, TOLERANCE) * size
+    tolerance = WORSE.get(name, TOLERANCE if answer["digits"] == "50" else DOUBLE) * size
     assert found.v_x2[0, 0] == pytest.approx(float(answer["v_x2"]), rel=0, abs=tolerance)
     assert RADIUS * found.omega_2[0, 0] == pytest.approx(RADIUS * float(answer["omega_2"]), rel=0, abs=tolerance)
-    assert found.v_y2[0, 0] == pytest.approx(float(answer["v_y2"]), rel=1e-14)
-    assert found.contact_time[0, 0] == pytest.approx(float(answer["contact_time"]), rel=1e-13)
+    assert found.v_y2[0, 0] == pytest.approx(float(answer["v_y2"]), rel=TOLERANCE, abs=0)
+    assert found.contact_time[0, 0] == pytest.approx(float(answer["contact_time"]), rel=TOLERANCE, abs=0)
     if name not in FLEETING:
         assert unpack_regime(int(found.regime[0, 0])) == unpack_regime(int(answer["regime"]))
+
+
+def test_the_readme_says_what_is_held():
+    readme = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+    assert f"A catalogue of {len(CASES)} hard impacts" in readme
+    assert f"stays below {TOLERANCE:.0e} wherever fifty digits are known" in readme
+    assert {ANSWERS[name]["digits"] for name in WORSE} == {"16"}
 
 
 def test_answers_are_those_of_the_catalogue():

@@ -17,7 +17,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "rederive",
         help="Chapter V and Appendices C and D of Jafri (2004) from their tables",
         description="Recompute the printed tables of Jafri (2004), judge its three best cases against Wang's "
-        "measurements, and write a page. Exit code 1 if a reproduction that used to hold no longer does.",
+        "measurements, and write a page. Exit code 1 if a comparison with print no longer gives the counts and "
+        "numbers that it gave when a person last looked.",
         epilog="example:\n  fitball rederive\n  fitball rederive --out judged --json\n",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -29,8 +30,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace) -> int:
     """Do it; returns the exit code."""
     from fitball.inference.calibrate import Effort
+    from fitball.report.terminal import columns
     from fitball.studies.chapter_five import derive
     from fitball.studies.chapter_five_page import write
+    from fitball.studies.ranking import in_brief, side_by_side
 
     report = stages(args.quiet)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER
@@ -40,15 +43,21 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         content = {
             "holds": found.holds,
+            "summary": found.summary,
             "checks": [{"name": item.name, "holds": item.holds, "finding": item.finding} for item in found.checks],
             "verdicts": dict(found.verdicts),
+            "rankings": side_by_side(found.rankings).to_dict("records"),
             "folder": str(folder),
         }
         print(json.dumps(content, indent=2, ensure_ascii=False))
     else:
         for item in found.checks:
-            print(f"[{'holds' if item.holds else 'FAILS'}] {item.name}: {item.finding}")
+            print(f"[{'as pinned' if item.holds else 'CHANGED'}] {item.name}: {item.finding}")
         for name, verdict in found.verdicts.items():
             print(f"{name}: {verdict}")
+        brief = in_brief(found.rankings)
+        print("Score of each set (share of resamples in which it is first):")
+        print("\n".join(columns([list(brief.columns), *brief.to_numpy().tolist()])))
+        print(found.summary)
         print(f"Results: {folder / 'report.html'}")
     return 0 if found.holds else 1

@@ -15,6 +15,7 @@ from fitball.data.thesis_tables import thesis_table
 from fitball.data.wang import SPINS, measured
 from fitball.inference.outputs import measured_outputs, output_errors, predicted_outputs, root_mean_square
 from fitball.inference.thesis_inputs import case_parameters, printed_model
+from fitball.models.model import Model
 from fitball.models.types import Rebound
 from fitball.values import FloatArray, impacts
 
@@ -107,20 +108,29 @@ def chapter_five_predictions() -> dict[int, dict[str, dict[str, FloatArray]]]:
         case = int(row["case"])
         found[case] = {}
         for spin in SPINS:
-            wang = measured(spin)
             printed = damping[(damping["case"] == case) & (damping["spin"] == spin)].iloc[0]
             values = case_parameters(
                 row["mass_ratio"], row["k_y [lb/in]"], row["i1_over_i"], printed["c_y [lb s/in]"]
             )
-            incident = impacts(wang["v_x1"], wang["v_y1"], _incident_spin(spin), float(printed["cor"]))
-            rebound = chosen.rebound(values, incident)
-            found[case][spin] = {
-                "v_x2": rebound.v_x2,
-                "v_y2": rebound.v_y2,
-                "theta_2": np.degrees(np.arctan2(rebound.v_y2, rebound.v_x2)),
-                "omega_2": rebound.omega_2,
-            }
+            found[case][spin] = spin_predictions(chosen, values, spin, float(printed["cor"]))
     return found
+
+
+def spin_predictions(
+    chosen: Model, values: Mapping[str, float], spin: str, cor: float | None = None
+) -> dict[str, FloatArray]:
+    """`v_x2`, `v_y2` [m/s], `theta_2` [deg], `omega_2` [rad/s] (7,) of Wang's impacts of one spin, from a model that
+    is told the restitution: `cor`, or each impact's own.
+    """
+    wang = measured(spin)
+    told = wang["v_y2"] / wang["v_y1"] if cor is None else cor
+    rebound = chosen.rebound(values, impacts(wang["v_x1"], wang["v_y1"], _incident_spin(spin), told))
+    return {
+        "v_x2": rebound.v_x2,
+        "v_y2": rebound.v_y2,
+        "theta_2": np.degrees(np.arctan2(rebound.v_y2, rebound.v_x2)),
+        "omega_2": rebound.omega_2,
+    }
 
 
 def _incident_spin(spin: str) -> FloatArray:

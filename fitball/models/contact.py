@@ -115,7 +115,7 @@ def zero_force_release(e: Number) -> tuple[Number, Number, Number]:
 
 @compiled
 def zero_displacement_release(e: Number) -> tuple[Number, Number, Number, Number]:
-    """Damping for `e = exp(-pi zeta/sqrt(1-zeta^2))` (Eq. 3): `(zeta, 1-zeta^2, omega_y t_f, omega_y t_c)`.
+    """Damping for `e = exp(-pi zeta/sqrt(1-zeta^2))` (Eq. 5): `(zeta, 1-zeta^2, omega_y t_f, omega_y t_c)`.
 
     The force turns tensile at `t_f`, before the displacement returns to zero at `t_c`.
     """

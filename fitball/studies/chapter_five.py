@@ -12,14 +12,29 @@ from uncertainties.core import Variable
 from fitball.data.thesis_tables import thesis_table
 from fitball.inference.calibrate import Effort
 from fitball.inference.published_cases import chapter_five_predictions
-from fitball.studies import appendix_c, appendix_d, printed_tables, ranking, recalibration, slips, vertical_damping
+from fitball.inference.thesis_inputs import INCH, INERTIA_OF
+from fitball.report.verdict_words import listed
+from fitball.studies import (
+    appendix_c,
+    appendix_d,
+    printed_tables,
+    ranking,
+    recalibration,
+    slips,
+    verdicts,
+    vertical_damping,
+)
+from fitball.studies.appendix_d import CASE_IN_APPENDIX_C
 from fitball.studies.check import Check
+from fitball.studies.computation_slips import slip_table, slip_words
 
 # What the recomputation gave when it was last looked at by a person; `Check.holds` compares against it.
 ROWS_WITHIN = {0.1: 110, 0.5: 118, 1.0: 127}
 APPENDIX_D_MATCHES = {"v_x2": 55, "theta_2": 52, "omega_2": 57}
 # Relative deviation that rounding of printed energies and speeds makes.
 ENERGY_ROUNDING = 1e-4
+# Relative deviation of a moment of inertia printed to three digits.
+INERTIA_ROUNDING = 2e-3
 
 
 @dataclass(frozen=True)
@@ -36,9 +51,9 @@ class ChapterFive:
     inertia_shares: Mapping[str, float]
     damping: pd.DataFrame
     examples: pd.DataFrame
-    ranking_printed: ranking.Ranking
-    ranking_recomputed: ranking.Ranking
+    rankings: Mapping[str, ranking.Ranking]
     ranking_chapter_five: ranking.Ranking
+    computation_slips: pd.DataFrame
     fits: Mapping[str, recalibration.Recalibration]
     checks: tuple[Check, ...]
     verdicts: Mapping[str, str]
@@ -46,8 +61,22 @@ class ChapterFive:
 
     @property
     def holds(self) -> bool:
-        """Whether every reproduction still gives what it gave."""
+        """Whether every count and number is still the pinned one; many rows are off all the same."""
         return all(check.holds for check in self.checks)
+
+    @property
+    def summary(self) -> str:
+        """What `holds` means, in one paragraph."""
+        changed = [check.name for check in self.checks if not check.holds]
+        error = appendix_c.worst_error(self.appendix_c.rows)
+        unexplained = int(np.sum(self.appendix_c.exceptions["kind"] == "unexplained"))
+        pinned = f"no longer as pinned: {listed(changed)}" if changed else "as they were when last looked at"
+        return (
+            f"Counts and numbers of {len(self.checks)} comparisons with print: {pinned}. That says that the code "
+            f"still gives the same, not that print comes out: of the {len(error)} rows of Appendix C "
+            f"{int(np.sum(error > appendix_c.REPRODUCED))} are off by more than {appendix_c.REPRODUCED:g} %, "
+            f"{int(np.sum(error > 1.0))} by more than 1 %, and {unexplained} cells are unexplained."
+        )
 
 
 def derive(effort: Effort, report: Callable[[str], None]) -> ChapterFive:
@@ -63,8 +92,8 @@ def derive(effort: Effort, report: Callable[[str], None]) -> ChapterFive:
     ratio, inertia, inertia_shares = printed_tables.bifilar_inertia()
     damping, examples = vertical_damping.formula_table(), printed_tables.examples()
     report("Table 9")
-    by_print = ranking.rank(ranking.appendix_c_sets(rows_c.rows, recomputed=False), seed)
-    by_model = ranking.rank(ranking.appendix_c_sets(rows_c.rows, recomputed=True), seed)
+    rankings = ranking.rank_all(rows_c, seed)
+    sizes = slip_table(rankings)
     own = {f"case {case}": ranking.errors(found) for case, found in chapter_five_predictions().items()}
     by_chapter = ranking.rank(own, seed)
     fits = {name: recalibration.recalibrate(name, effort, report) for name in recalibration.MODELS}
@@ -80,8 +109,7 @@ def derive(effort: Effort, report: Callable[[str], None]) -> ChapterFive:
     )
     return ChapterFive(
         rows_c, strict, rows_d, energies, friction, ratio, inertia, inertia_shares, damping, examples,
-        by_print, by_model, by_chapter, fits, checks, _verdicts(by_print, by_chapter, fits),
-        slip_cells,
+        rankings, by_chapter, sizes, fits, checks, _verdicts(rankings, by_chapter, fits, sizes), slip_cells,
     )  # fmt: skip
 
 
@@ -110,8 +138,9 @@ def _check_appendix_d(rows: pd.DataFrame) -> Check:
     off = appendix_d.deviations(rows)
     finding = (
         f"of {len(rows)} rows, {matches['v_x2']} velocity, {matches['omega_2']} spin and {matches['theta_2']} angle "
-        "errors follow from Appendix C within 0.1 points; the angles only with the mean restitution of Chapter V, "
-        "not with the angles that Appendix C prints, and without their sign."
+        f"errors follow from Appendix C within {appendix_d.MATCHES} points; the angles with the mean restitution of "
+        f"Chapter V and in size ({appendix_d.signed_angles(rows)} with their sign); of the angles that Appendix C "
+        f"prints {appendix_d.printed_angles(rows)} would."
     )
     return Check("Appendix D", finding, matches == APPENDIX_D_MATCHES and "unlisted" not in set(off["kind"]))
 
@@ -122,11 +151,14 @@ def _check_energies(rows: pd.DataFrame) -> Check:
         for name in ("cor", "v_x2_over_v_x1", "energy_1", "energy_2")
     )
     implied = rows["implied_inertia"]
+    known, used = printed_tables.INERTIA_APPENDIX_B, INERTIA_OF["1/2"]
+    whose = "that" if abs(implied.median() / known - 1.0) < INERTIA_ROUNDING else "not that"
     return Check(
         "Tables 2, 4 and 6",
-        f"all 84 numbers to {100.0 * worst:.3f} % or better, the energies with a moment of inertia of "
-        f"{implied.median():.3g} lbf s^2 in ({implied.min():.3g} to {implied.max():.3g}): that of Appendix B, "
-        "22 % above the one Chapter IV measures and the simulations use.",
+        f"all {4 * len(rows)} numbers to {100.0 * worst:.3f} % or better, the energies with a moment of inertia of "
+        f"{implied.median():.3g} lbf s^2 in ({implied.min():.3g} to {implied.max():.3g}): {whose} of Appendix B "
+        f"({known:g}), {100.0 * (implied.median() / used - 1.0):+.0f} % from the {used:g} of Chapter IV, with which "
+        "the simulations start.",
         worst < ENERGY_ROUNDING,
     )
 
@@ -142,11 +174,13 @@ def _check_friction(rows: pd.DataFrame) -> Check:
 
 
 def _check_inertia(inertia: Variable) -> Check:
+    printed, found = INERTIA_OF["1/2"], inertia.nominal_value
+    how = "truncated" if 0.0 <= found - printed < 1e-5 else "neither rounded nor truncated"
+    how = "rounded" if abs(found - printed) <= 0.5e-5 else how
     return Check(
         "Table 8",
-        f"I = ({1e4 * inertia.nominal_value:.3f} +- {1e4 * inertia.std_dev:.3f})e-4 lbf s^2 in by Eq. (79); the "
-        "thesis prints 0.00028, truncated, and its energies use 0.000342. Drag of the air, the tape and slanting "
-        "strings are in no budget.",
+        f"I = ({1e4 * found:.3f} +- {1e4 * inertia.std_dev:.3f})e-4 lbf s^2 in by Eq. (79); the thesis prints "
+        f"{printed:.5f}, {how}. Drag of the air, the tape and slanting strings are in no budget.",
         abs(inertia.nominal_value - 2.888e-4) < 1e-7,
     )
 
@@ -155,59 +189,42 @@ def _check_damping(rows: pd.DataFrame) -> Check:
     nine = rows[rows["place"].str.startswith("Fig.")]
     appendix = rows[~rows["place"].str.startswith("Fig.")]
     counts = appendix["obeys"].value_counts().to_dict()
-    possible = int(rows["Eq. (8)"].notna().sum())
+    obeying = nine[nine["obeys"] == "Chapter V"]
+    impossible = int(rows["Eq. (8)"].isna().sum())
     return Check(
         "Damping c_y",
-        f"all nine values of Chapter V obey exp(-x) = COR to {nine['nearest [%]'].max():.1f} %; of the "
-        f"{len(appendix)} of Appendix C {counts.get('Chapter III', 0)} obey exp(-x) = (M1/M)/COR to 5 %, "
-        f"{counts.get('Eq. (8)', 0)} Eq. (8), {counts.get('none', 0)} none. Eq. (8) as printed has a solution for "
-        f"{possible} of the {len(rows)}: it asks the core for COR M/M1 > 1 of its speed.",
-        bool((nine["obeys"] == "Chapter V").all()) and counts.get("Chapter III") == 19,
+        f"{len(obeying)} of the {len(nine)} values of Chapter V obey exp(-x) = COR to "
+        f"{obeying['nearest [%]'].max():.1f} %; of the {len(appendix)} of Appendix C {counts.get('Chapter III', 0)} "
+        f"obey exp(-x) = (M1/M)/COR to {vertical_damping.OBEYS:g} %, {counts.get('Eq. (8)', 0)} Eq. (8), "
+        f"{counts.get('none', 0)} none. Eq. (8) as printed has no solution for {impossible} of the {len(rows)}: it "
+        "asks the core for COR M/M1 > 1 of its speed.",
+        len(obeying) == len(nine) and counts.get("Chapter III") == 19,
     )
 
 
 def _check_examples(rows: pd.DataFrame) -> Check:
     used = rows[rows["inputs"] == "used"]
     worst = float(np.abs(used[["v_x2_error", "omega_2_error"]].to_numpy()).max())
-    stated = rows[(rows["inputs"] == "stated") & (rows["example"] == 2)].iloc[0]
-    return Check(
-        "Examples of Chapter III",
-        f"both to {worst:.3f} %, the second with inputs other than stated (V_y1 = 12.55 m/s and 136.32 rad/s of "
-        f"table C11; the stated 11.37 m/s and 100 rad/s give {stated['v_x2_recomputed']:.2f} m/s and "
-        f"{stated['omega_2_recomputed']:.0f} rad/s).",
-        worst < 0.05,
-    )
+    words = (printed_tables.rebound_words, printed_tables.transition_words)
+    found = [told for number in used["example"] for word in words if (told := word(rows, int(number)))]
+    finding = f"both rebounds to {worst:.3f} %. {' '.join(found)}"
+    return Check("Examples of Chapter III", finding, worst < printed_tables.EXAMPLE_ROUNDING)
 
 
 def _verdicts(
-    by_print: ranking.Ranking, by_chapter: ranking.Ranking, fits: Mapping[str, recalibration.Recalibration]
+    rankings: Mapping[str, ranking.Ranking],
+    by_chapter: ranking.Ranking,
+    fits: Mapping[str, recalibration.Recalibration],
+    slips: pd.DataFrame,
 ) -> dict[str, str]:
-    """Case by case, what stands of `gives good agreement` and `best of the sets tried`."""
-    pooled = by_print.scores[by_print.scores["impacts"] == "pooled"].reset_index(drop=True)
-    own = by_chapter.scores[by_chapter.scores["impacts"] == "pooled"].set_index("set")
-    place = pooled["score"].rank().astype(int)
-    free = fits["two-mass"].fit.least_squares.rms
-    verdicts = {}
-    for case, index in ((1, 4), (2, 5), (3, 0)):
-        sure = by_print.certainty.iloc[index]
-        mine = own.loc[f"case {case}"]
-        level = float(fits["two-mass"].points["credible level"].iloc[case - 1])
-        verdicts[f"Case {case}"] = (
-            f"rank {place[index]} of 7 by the printed values, best in {100.0 * sure['best']:.0f} % and among the "
-            f"best three in {100.0 * sure['among the best three']:.0f} % of resampled sets of impacts. "
-            + (
-                "Its claim stands among the seven, but shared: the three sets with M1/M = 2/3 differ by less than "
-                "the print's own errors. "
-                if case < 3
-                else "Its claim falls: its spin is worse than that of any set with M1/M = 2/3 or 3/4, by a factor of "
-                f"{pooled['omega_2 [rad/s]'][index] / pooled['omega_2 [rad/s]'][4]:.1f} against case 1. "
-            )
-            + f"With Chapter V's own c_y it misses by {mine['v_x2 [m/s]']:.2f} m/s and "
-            f"{mine['omega_2 [rad/s]']:.0f} rad/s, the freely fitted two-mass ball by {free['v_x2']:.2f} m/s and "
-            f"{free['omega_2']:.0f} rad/s; it lies {_level(level)} contour of that fit's posterior."
-        )
-    return verdicts
-
-
-def _level(level: float) -> str:
-    return "beyond the 99.9 %" if level > 0.999 else f"on the {100.0 * level:.0f} %"
+    """What stands of `yield reasonable agreements` and `giving best results`, and of the computation behind it."""
+    fitted = fits["two-mass"].fit
+    offset = fitted.balances.offset
+    placed = {name: item.placed for name, item in fits.items()}
+    told = {"Table 9": verdicts.headline(rankings, placed), "Ranking": verdicts.ranking_verdict(rankings)}
+    for case in CASE_IN_APPENDIX_C:
+        beside = verdicts.fit_words(by_chapter.pooled, case, "two-mass", fitted.least_squares.rms)
+        told[f"Case {case}"] = f"{verdicts.case_verdict(case, rankings)} {beside}"
+    told |= {f"Posterior of {name}": verdicts.posterior_verdict(items) for name, items in placed.items()}
+    told["Offset"] = verdicts.offset_verdict(fitted.problem.impacts.v_y1, offset.values / INCH, offset.sd / INCH)
+    return told | {"Slips": slip_words(slips)}

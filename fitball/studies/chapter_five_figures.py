@@ -11,12 +11,12 @@ from matplotlib.lines import Line2D
 
 from fitball.data.thesis_tables import fraction, thesis_table
 from fitball.data.wang import SPINS, measured
-from fitball.inference.published_cases import chapter_five_predictions
 from fitball.inference.thesis_inputs import C1, C2, INCH, STIFFNESS, TORSION, case_parameters, printed_model
 from fitball.models.thesis_model import ThesisCourse
 from fitball.report.figures import COLOURS, MARKERS, new_figure
 from fitball.studies.appendix_d import CASE_IN_APPENDIX_C, percentage_errors
 from fitball.studies.chapter_five import ChapterFive
+from fitball.studies.printed_tables import INPUT_HEADS, USED_IN_EXAMPLE_2, examples, figures_36_to_44
 from fitball.studies.recalibration import Recalibration, offset_constants
 from fitball.values import FloatArray, impacts
 
@@ -33,7 +33,7 @@ CAPTIONS: Mapping[str, str] = {
     ),
     "transition": (
         "Figs 25, 27 and 28: centre and surface velocity during contact for the two examples of Chapter III, the "
-        "second with the inputs its numbers come from. Open marks: printed rebounds; dotted: printed transition."
+        "second with the inputs its rebound comes from. Open marks: printed rebounds; dotted: printed transition."
     ),
     "offset": (
         "Fig. 20: spin of the shell while rolling, for three offsets of the normal force, from the second example's "
@@ -49,6 +49,7 @@ NAMES: Mapping[str, tuple[str, str]] = {
     "v_x2": ("horizontal velocity", "m/s"),
     "omega_2": ("spin", "rad/s"),
 }
+K_THETA = "k_theta [lb in/rad]"
 
 
 def draw_all(found: ChapterFive) -> dict[str, Callable[[], Figure]]:
@@ -80,12 +81,11 @@ def glance_figure(fits: Mapping[str, Recalibration]) -> Figure:
         band = np.quantile(np.outer(c1, speeds) + c2[:, None], (0.025, 0.5, 0.975), axis=0)
         right.fill_between(speeds, band[0], band[2], color=colour, alpha=0.2, linewidth=0)
         right.plot(speeds, band[1], color=colour, linewidth=1.3, label=name)
-    for case in thesis_table("table_9").to_dict("records"):
-        for axis, value in ((left, case["k_y [lb/in]"]), (middle, fraction(case["mass_ratio"]))):
-            axis.plot(value, case["k_theta [lb in/rad]"], "kx", markersize=8, markeredgewidth=1.6)
-    names = [(left, 72.0, "3"), (left, 80.0, "1"), (left, 90.0, "2"), (middle, 0.5, "3"), (middle, 2 / 3, "1, 2")]
-    for axis, value, text in names:
-        axis.annotate(text, (value, 1000), textcoords="offset points", xytext=(0, 7), ha="center", fontsize=9)
+    for axis, column in ((left, "k_y [lb/in]"), (middle, "mass_ratio")):
+        for value, rows in thesis_table("table_9").groupby(column):
+            cases, place = ", ".join(rows["case"].astype(str)), (fraction(str(value)), rows[K_THETA].iloc[0])
+            axis.plot(*place, "kx", markersize=8, markeredgewidth=1.6)
+            axis.annotate(cases, place, textcoords="offset points", xytext=(0, 7), ha="center", fontsize=9)
     for axis, label in ((left, "$k_y$ [lb/in]"), (middle, "$M_1/M$")):
         axis.set_yscale("log")
         axis.set_ylim(20, 2500)
@@ -120,31 +120,29 @@ def glance_figure(fits: Mapping[str, Recalibration]) -> Figure:
 
 def chapter_v_figure() -> Figure:
     """Nine panels: angle, velocity and spin by spin of incidence."""
-    printed, own = thesis_table("appendix_c"), chapter_five_predictions()
+    points = figures_36_to_44()
     figure = new_figure(12.0, 10.0)
     grid = figure.subplots(3, 3)
     for column, spin in enumerate(SPINS):
-        wang = measured(spin)
-        angle = np.degrees(np.arctan2(wang["v_y1"], wang["v_x1"]))
         for row, (output, (name, unit)) in enumerate(NAMES.items()):
             axis: Axes = grid[row][column]
-            for case, index in CASE_IN_APPENDIX_C.items():
+            for case in CASE_IN_APPENDIX_C:
                 colour = COLOURS[case - 1]
+                mine = points[(points["spin"] == spin) & (points["case"] == case)]
                 axis.plot(
-                    angle,
-                    own[case][spin][output],
+                    mine["theta_1 [deg]"],
+                    mine[f"{output}, recomputed [{unit}]"],
                     color=colour,
                     linewidth=3.5 if case == 1 else 1.3,
                     alpha=0.6 if case == 1 else 1.0,
                     label=f"case {case}, recomputed",
                 )
-                rows = printed[(printed["spin"] == spin) & (printed["case"] == index)]
-                values = rows[f"{output} [{unit}]"].to_numpy()
                 axis.plot(
-                    angle, np.abs(values) if output == "theta_2" else values, MARKERS[case - 1], color=colour,
+                    mine["theta_1 [deg]"], mine[f"{output}, Appendix C [{unit}]"], MARKERS[case - 1], color=colour,
                     markerfacecolor="none", markersize=5, label=f"case {case}, printed in Appendix C",
                 )  # fmt: skip
-            axis.plot(angle, wang[output], "ko", markersize=4, label="measured (Wang)")
+            wang = mine[f"{output}, measured [{unit}]"]
+            axis.plot(mine["theta_1 [deg]"], wang, "ko", markersize=4, label="measured (Wang)")
             axis.grid(alpha=0.3)
             if row == 0:
                 axis.set_title({"zero": "zero spin"}.get(spin, spin))
@@ -173,7 +171,8 @@ def transition_figure() -> Figure:
     """Velocities of centre and surface for the two examples of Chapter III."""
     printed = thesis_table("chapter_three_examples").to_dict("records")
     figure = new_figure(11.0, 4.4)
-    used = ((16.13, 5.33, 100.0, 0.0113), (12.63, 12.55, 136.32, 0.0129))
+    recomputed = examples()
+    used = recomputed[recomputed["inputs"] == "used"][INPUT_HEADS].to_numpy()
     for axis, inputs, row in zip(figure.subplots(1, 2), used, printed, strict=True):
         share, course = _example(*inputs)
         axis.plot(share, course.v_x, color=COLOURS[0], label="$V_x$ of the centre")
@@ -200,7 +199,7 @@ def offset_figure() -> Figure:
     figure = new_figure(6.5, 4.2)
     axis = figure.subplots()
     for colour, offset in zip(COLOURS, (0.0, 0.25, 0.5), strict=False):
-        share, course = _example(12.63, 12.55, 136.32, 0.0129, eps_10=offset * INCH, eps_slope=0.0)
+        share, course = _example(*USED_IN_EXAMPLE_2, eps_10=offset * INCH, eps_slope=0.0)
         rolling = share * course.contact_time >= course.transition
         axis.plot(share[rolling], course.omega_2[rolling], color=colour, label=f"offset {offset:g} in")
     axis.set_xlabel("share of contact time, n")

@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from fitball.data.scene import load_scene
 from fitball.data.thesis_tables import thesis_table
 from fitball.errors import ResultFolderError
 from fitball.report.files import write_text, write_whole
 from fitball.report.folder import save_png
 from fitball.report.html import render_template
 from fitball.report.page_figures import embedded
-from fitball.studies import appendix_c, appendix_d, recalibration
+from fitball.studies import appendix_c, appendix_d, printed_tables, ranking, recalibration
 from fitball.studies.chapter_five import ChapterFive
 from fitball.studies.chapter_five_figures import CAPTIONS, draw_all
 
@@ -60,20 +61,17 @@ def tables(found: ChapterFive) -> dict[str, pd.DataFrame]:
         "mean_friction": found.friction,
         "damping": found.damping,
         "examples": found.examples,
-        "ranking_printed": found.ranking_printed.scores,
-        "ranking_printed_certainty": found.ranking_printed.certainty,
-        "ranking_recomputed": found.ranking_recomputed.scores,
-        "ranking_recomputed_certainty": found.ranking_recomputed.certainty,
-        "ranking_chapter_v": found.ranking_chapter_five.scores,
-        "ranking_chapter_v_certainty": found.ranking_chapter_five.certainty,
+        "figures_36_to_44": printed_tables.figures_36_to_44(),
+        "rankings": ranking.side_by_side(found.rankings),
+        "computation_slips": found.computation_slips,
         "fits": recalibration.fit_table(found.fits),
         "parameters": recalibration.parameter_table(found.fits),
         "offsets": recalibration.offset_table(found.fits),
         "errata": thesis_table("errata"),
     }
-    for name, item in found.fits.items():
-        frames[f"credible_levels_{name}"] = item.points
-    return frames
+    for name, one in {**found.rankings, "chapter_v": found.ranking_chapter_five}.items():
+        frames |= {f"ranking_{name}": one.scores, f"ranking_{name}_certainty": one.certainty}
+    return frames | {f"credible_levels_{name}": item.points for name, item in found.fits.items()}
 
 
 def _rows_beyond(found: ChapterFive) -> pd.DataFrame:
@@ -101,17 +99,17 @@ def write(found: ChapterFive, folder: Path) -> None:
 
 def page(found: ChapterFive, frames: Mapping[str, pd.DataFrame], images: Mapping[str, bytes]) -> str:
     """The page as text."""
-    pooled = {
-        name: frames[f"ranking_{name}"][frames[f"ranking_{name}"]["impacts"] == "pooled"].drop(columns="impacts")
-        for name in ("printed", "recomputed", "chapter_v")
-    }
+    scene = load_scene(recalibration.TABLE)
     return render_template(
         "fitball.studies",
         "chapter_five.html.j2",
         found=found,
         figures=embedded(images, CAPTIONS),
         tables={name: shown(frame) for name, frame in frames.items()},
-        pooled={name: shown(frame) for name, frame in pooled.items()},
+        brief=shown(ranking.in_brief(found.rankings)),
+        scene=scene,
+        scales=ranking.SCALE,
+        resamples=ranking.RESAMPLES,
         beyond=shown(_rows_beyond(found)),
         inertia_shares=", ".join(f"{name} {100.0 * share:.0f} %" for name, share in found.inertia_shares.items()),
     )

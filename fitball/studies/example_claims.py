@@ -14,9 +14,12 @@ from fitball.inference.thesis_inputs import BALL_RADIUS, INERTIA, INERTIA_OF, ca
 from fitball.models.history import History, Span
 from fitball.models.registry import model
 from fitball.models.types import Phase
+from fitball.studies.printed_tables import examples, rebound_words, transition_words
 from fitball.studies.simulate_examples import COR, EXAMPLES, Claim, Example
 from fitball.values import impacts
 
+# The examples of Chapter III by the figures that show them.
+NUMBER_OF: Mapping[str, int] = {"fig25": 1, "fig26": 1, "fig27": 2, "fig28": 2}
 RESTING = (Phase.GRIP, Phase.HOLD)
 Measure = Callable[[Sequence[Simulation], int], float | bool | None]
 
@@ -26,12 +29,13 @@ class Finding:
     """A claim beside the exact solution: `found` is a number, a verdict, or None where nothing of the kind happens.
 
     `computed` is what the thesis's own computation gives for the same inputs (model `thesis`, or the formula it
-    uses), where it is known.
+    uses), where it is known; `note` says where the print itself comes from another run than the rest.
     """
 
     claim: Claim
     found: float | bool | None
     computed: float | None
+    note: str = ""
 
     @property
     def difference(self) -> float | None:
@@ -68,16 +72,25 @@ def findings(example: Example, solved: Sequence[Simulation]) -> tuple[Finding, .
             return appendix_b_start(solved[claim.curve])
         return known.get(claim.measure)
 
+    def note(claim: Claim) -> str:
+        number = NUMBER_OF.get(example.name)
+        return transition_words(examples(), number) if number and claim.measure == "rolling begins" else ""
+
     return tuple(
-        Finding(claim, MEASURES[claim.measure](solved, claim.curve), computed(claim)) for claim in example.claims
+        Finding(claim, MEASURES[claim.measure](solved, claim.curve), computed(claim), note(claim))
+        for claim in example.claims
     )
+
+
+def remarks(example: Example) -> tuple[str, ...]:
+    """Where the print of Figs 25 to 28 comes from."""
+    number = NUMBER_OF.get(example.name)
+    return () if number is None else (rebound_words(examples(), number),)
 
 
 def _as_computed(name: str) -> Mapping[str, float]:
     """What the thesis's computation gives for the inputs stated with Figs 25 to 28."""
-    from fitball.studies.printed_tables import examples
-
-    number = {"fig25": 1, "fig26": 1, "fig27": 2, "fig28": 2}.get(name)
+    number = NUMBER_OF.get(name)
     if number is None:
         return {}
     table = examples()

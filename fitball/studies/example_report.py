@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from fitball.report.terminal import WIDTH, columns
-from fitball.studies.example_claims import Finding
+from fitball.studies.example_claims import Finding, remarks
 from fitball.studies.simulate_examples import EXAMPLES, Example
 
 
@@ -22,11 +22,12 @@ def example_text(example: Example, found: Sequence[Finding]) -> str:
     lines = [head, "=" * len(head), *_wrapped("Stated: ", example.stated)]
     for text in example.assumed:
         lines += _wrapped("Assumed: ", text)
-    for text in example.remarks:
+    for text in remarks(example):
         lines += _wrapped("Note: ", text)
     rows = [["the thesis says", "printed", "exact", "exact - printed", "thesis's computation"]]
     rows += [[item.claim.said, *_cells(item)] for item in found]
-    return "\n".join([*lines, "", *columns(rows)])
+    notes = [line for item in found if item.note for line in _wrapped("* ", item.note)]
+    return "\n".join([*lines, "", *columns(rows), *notes])
 
 
 def example_json(example: Example, found: Sequence[Finding]) -> dict[str, Any]:
@@ -36,7 +37,7 @@ def example_json(example: Example, found: Sequence[Finding]) -> dict[str, Any]:
         "title": example.title,
         "stated": example.stated,
         "assumed": list(example.assumed),
-        "remarks": list(example.remarks),
+        "remarks": list(remarks(example)),
         "claims": [
             {
                 "said": item.claim.said,
@@ -46,6 +47,7 @@ def example_json(example: Example, found: Sequence[Finding]) -> dict[str, Any]:
                 "exact": item.found,
                 "difference": item.difference,
                 "thesis_computation": item.computed,
+                "note": item.note,
             }
             for item in found
         ],
@@ -66,4 +68,4 @@ def _cells(item: Finding) -> list[str]:
         exact = "so it is" if item.found else "not so"
     elif item.found is None:
         exact = "never"
-    return [printed, exact, difference, computed]
+    return [f"{printed} *" if item.note else printed, exact, difference, computed]

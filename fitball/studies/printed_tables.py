@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,12 +12,22 @@ from uncertainties.core import Variable
 
 from fitball.data.thesis_tables import thesis_table
 from fitball.data.wang import SPINS, measured
+from fitball.inference.published_cases import chapter_five_predictions
 from fitball.inference.thesis_inputs import INCH, case_parameters, printed_model, relative_error
+from fitball.studies.appendix_d import CASE_IN_APPENDIX_C
 from fitball.values import impacts
 
 TABLE_OF = {"zero": "table_2", "topspin": "table_4", "backspin": "table_6"}
 # Appendix B, lbf s^2 in: what its programs use, against the 0.00028 of Chapter IV.
 INERTIA_APPENDIX_B = 0.000342
+# What the second example of Chapter III was computed with, found by recomputation, and the row of Appendix C in which
+# its rebound stands: v_x1, v_y1 [m/s], omega_1 [rad/s], c_y [lb s/in].
+USED_IN_EXAMPLE_2 = (12.63, 12.55, 136.32, 0.0129)
+ROW_OF_EXAMPLE_2 = ("C11", 5)
+INPUT_HEADS = ["v_x1 [m/s]", "v_y1 [m/s]", "omega_1 [rad/s]", "c_y [lb s/in]"]
+# Half of the last printed digit of a transition, and per cent that rounding of inputs leaves of a rebound.
+TRANSITION_ROUNDING = 0.0005
+EXAMPLE_ROUNDING = 0.05
 MASS = 0.127 / 386.4
 GRAVITY = 386.4
 
@@ -93,13 +104,19 @@ def bifilar_inertia() -> tuple[Variable, float, dict[str, float]]:
 
 
 def examples() -> pd.DataFrame:
-    """The two examples of Chapter III: printed, recomputed from the stated inputs, and from those that were used."""
-    printed = thesis_table("chapter_three_examples")
+    """The two examples of Chapter III: printed, recomputed from the stated inputs, from those that give the printed
+    rebound, and the second from those of the row of Appendix C that shares its rebound.
+    """
+    printed, rows_c = thesis_table("chapter_three_examples"), thesis_table("appendix_c")
+    table, case = ROW_OF_EXAMPLE_2
+    row_c = rows_c[(rows_c["table"] == table) & (rows_c["case"] == case)].iloc[0]
     rows = []
     for row in printed.to_dict("records"):
-        stated = (row["v_x1 [m/s]"], row["v_y1 [m/s]"], row["omega_1 [rad/s]"], row["c_y [lb s/in]"])
-        used = stated if row["example"] == 1 else (12.63, 12.55, 136.32, 0.0129)
-        for label, (v_x1, v_y1, omega_1, c_y) in (("stated", stated), ("used", used)):
+        inputs = {"stated": tuple(row[head] for head in INPUT_HEADS)}
+        inputs["used"] = inputs["stated"] if row["example"] == 1 else USED_IN_EXAMPLE_2
+        if row["example"] == 2:
+            inputs[f"{table}, case {case}"] = tuple(float(row_c[head]) for head in INPUT_HEADS)
+        for label, (v_x1, v_y1, omega_1, c_y) in inputs.items():
             values = case_parameters(row["mass_ratio"], row["k_y [lb/in]"], row["i1_over_i"], c_y)
             chosen = printed_model()
             impact = impacts(v_x1, v_y1, omega_1, row["cor"])
@@ -108,6 +125,7 @@ def examples() -> pd.DataFrame:
                 {
                     "example": row["example"],
                     "inputs": label,
+                    **dict(zip(INPUT_HEADS, (v_x1, v_y1, omega_1, c_y), strict=True)),
                     "v_x2": row["v_x2 [m/s]"],
                     "v_x2_recomputed": rebound.v_x2[0],
                     "v_x2_error": float(relative_error(rebound.v_x2[0], row["v_x2 [m/s]"])),
@@ -119,3 +137,70 @@ def examples() -> pd.DataFrame:
                 }
             )
     return pd.DataFrame(rows)
+
+
+def rebound_words(rows: pd.DataFrame, number: int) -> str:
+    """Of rows of `examples()`: which inputs give the printed rebound of one."""
+    mine = _example(rows, number)
+    stated, used = mine["stated"], mine["used"]
+    rebound = f"Example {number}: the printed {used['v_x2']:g} m/s and {used['omega_2']:g} rad/s come"
+    if _reproduced(stated):
+        return f"{rebound} from the inputs stated."
+    others = f"but from {_inputs(used)}" if _reproduced(used) else "nor from any inputs known"
+    return (
+        f"{rebound} not from the inputs stated, which give {stated['v_x2_recomputed']:.3f} m/s and "
+        f"{stated['omega_2_recomputed']:.2f} rad/s, {others}."
+    )
+
+
+def transition_words(rows: pd.DataFrame, number: int) -> str:
+    """Whether the printed start of rolling is that of the printed rebound's inputs; empty where none is printed."""
+    mine = _example(rows, number)
+    if mine["used"]["transition"] == "":
+        return ""
+    printed = float(mine["used"]["transition"])
+    shares = {label: float(row["transition_recomputed"]) for label, row in mine.items()}
+    if abs(shares["used"] - printed) <= TRANSITION_ROUNDING:
+        return f"Example {number}: the printed transition, {printed:g}, comes from the inputs of the rebound."
+    nearest = min(shares, key=lambda label: abs(shares[label] - printed))
+    others = {label: share for label, share in shares.items() if label not in ("used", nearest)}
+    given = ", ".join(f"{share:.3f} with the inputs {label}" for label, share in others.items())
+    return (
+        f"Example {number}: the printed transition, {printed:g}, is not that of the printed rebound, whose inputs "
+        f"({_inputs(mine['used'])}) give {shares['used']:.3f}; nearest is {shares[nearest]:.3f} with those of "
+        f"{nearest} ({_inputs(mine[nearest])}); {given}."
+    )
+
+
+def _example(rows: pd.DataFrame, number: int) -> dict[str, dict[Any, Any]]:
+    return {str(row["inputs"]): dict(row) for row in rows[rows["example"] == number].to_dict("records")}
+
+
+def _reproduced(row: dict[Any, Any]) -> bool:
+    return bool(max(abs(row["v_x2_error"]), abs(row["omega_2_error"])) <= EXAMPLE_ROUNDING)
+
+
+def _inputs(row: dict[Any, Any]) -> str:
+    v_x1, v_y1, omega_1, c_y = (row[head] for head in INPUT_HEADS)
+    return f"V_x1 = {v_x1:g}, V_y1 = {v_y1:g} m/s, {omega_1:g} rad/s, c_y = {c_y:g} lb s/in"
+
+
+def figures_36_to_44() -> pd.DataFrame:
+    """The points of Figs 36 to 44: by figure and impact what Wang measured, what the thesis's computation gives with
+    the `c_y` and the mean restitution of Chapter V (`recomputed`), and what Appendix C prints for the same set.
+    """
+    own, rows_c = chapter_five_predictions(), thesis_table("appendix_c")
+    parts = []
+    for row in thesis_table("chapter_five_damping").to_dict("records"):
+        case, spin = int(row["case"]), str(row["spin"])
+        wang, heads = measured(spin), {"v_x2": "m/s", "theta_2": "deg", "omega_2": "rad/s"}
+        printed = rows_c[(rows_c["spin"] == spin) & (rows_c["case"] == CASE_IN_APPENDIX_C[case])]
+        part = {**row, "theta_1 [deg]": np.degrees(np.arctan2(wang["v_y1"], wang["v_x1"]))}
+        for name, unit in heads.items():
+            part[f"{name}, measured [{unit}]"] = wang[name]
+            part[f"{name}, recomputed [{unit}]"] = own[case][spin][name]
+            # Angles are printed negative.
+            sign = -1.0 if name == "theta_2" else 1.0
+            part[f"{name}, Appendix C [{unit}]"] = sign * printed[f"{name} [{unit}]"].to_numpy()
+        parts.append(pd.DataFrame(part))
+    return pd.concat(parts, ignore_index=True)

@@ -17,26 +17,56 @@ from fitball.data.thesis_tables import fraction, thesis_table
 from fitball.inference.calibrate import Effort, run
 from fitball.inference.problem import Choices, build_problem
 from fitball.inference.results import Fit
-from fitball.inference.thesis_inputs import C1, C2, INCH, STIFFNESS, TORSION
+from fitball.inference.thesis_inputs import C1, C2, FRICTION, INCH, STIFFNESS, TORSION
+from fitball.models.types import STATUS_REASON, Status
 from fitball.values import FloatArray
 
 TABLE = "wang_all.csv"
+PUBLISHED = "published in the thesis"
 MODELS = ("thesis", "thesis-exact", "two-mass")
+# Of the draws, each so-many-th is asked whether the model admits a published value.
+REFUSAL_STRIDE = 10
 # Draws behind a density estimate: enough for a credible level to a per cent.
 DENSITY_DRAWS = 3000
 
 
 @dataclass(frozen=True)
+class Placed:
+    """Where a published point lies in a posterior: `level` of the highest-density region on whose edge it is; the
+    share of draws `below` it by parameter; and the parameters whose published value the model refuses whatever draw
+    the others are taken from, with its reason.
+    """
+
+    point: str
+    level: float
+    below: Mapping[str, float]
+    excluded: Mapping[str, str]
+
+
+@dataclass(frozen=True)
 class Recalibration:
-    """A free fit; `points`: credible level of each case of Table 9 and of Eq. (53) in its posterior."""
+    """A free fit, and where each case of Table 9 and Eq. (53) lie in its posterior."""
 
     fit: Fit
-    points: pd.DataFrame
+    placed: tuple[Placed, ...]
 
     @property
     def name(self) -> str:
         """The model."""
         return self.fit.problem.model.name
+
+    @property
+    def points(self) -> pd.DataFrame:
+        """`placed` as a table."""
+        frame = pd.DataFrame(
+            [
+                {"point": item.point, "credible level": item.level,
+                 **{f"{name} below": share for name, share in item.below.items()}}
+                for item in self.placed
+            ]
+        )  # fmt: skip
+        excluded = ["; ".join(f"{name}: {why}" for name, why in item.excluded.items()) for item in self.placed]
+        return frame.assign(**{"excluded by the model": excluded})
 
     def column(self, name: str) -> FloatArray:
         """Posterior draws of one parameter, (draws,)."""
@@ -49,8 +79,7 @@ def recalibrate(name: str, effort: Effort, report: Callable[[str], None]) -> Rec
     report(f"calibrating {name}")
     problem = build_problem(load_table(TABLE), load_scene(TABLE), Choices(model=name))
     fit = run(problem, effort)
-    made = Recalibration(fit, pd.DataFrame())
-    return Recalibration(fit, _place(made, np.random.default_rng(effort.seed)))
+    return Recalibration(fit, _place(Recalibration(fit, ()), np.random.default_rng(effort.seed)))
 
 
 def offset_constants(found: Recalibration) -> tuple[FloatArray, FloatArray]:
@@ -59,9 +88,9 @@ def offset_constants(found: Recalibration) -> tuple[FloatArray, FloatArray]:
     return slope / INCH, (found.column("eps_10") - 10.0 * slope) / INCH
 
 
-def _place(found: Recalibration, rng: np.random.Generator) -> pd.DataFrame:
+def _place(found: Recalibration, rng: np.random.Generator) -> tuple[Placed, ...]:
     draws = np.array([found.column("mass_ratio"), np.log(found.column("k_y")), np.log(found.column("k_theta"))])
-    rows = []
+    placed = []
     for case in thesis_table("table_9").to_dict("records"):
         values = {
             "mass_ratio": fraction(case["mass_ratio"]),
@@ -69,13 +98,25 @@ def _place(found: Recalibration, rng: np.random.Generator) -> pd.DataFrame:
             "k_theta": float(case["k_theta [lb in/rad]"]) * TORSION,
         }
         point = np.array([values["mass_ratio"], np.log(values["k_y"]), np.log(values["k_theta"])])
-        tails = {f"{name} below": float(np.mean(found.column(name) < value)) for name, value in values.items()}
-        rows.append({"point": f"case {case['case']}", "credible level": credible_level(draws, point, rng), **tails})
+        below = {name: float(np.mean(found.column(name) < value)) for name, value in values.items()}
+        refused = {name: _refusal(found, name, value) for name, value in values.items()}
+        excluded = {name: why for name, why in refused.items() if why}
+        placed.append(Placed(f"case {case['case']}", credible_level(draws, point, rng), below, excluded))
     c1, c2 = offset_constants(found)
     level = credible_level(np.array([c1, c2]), np.array([C1, C2]), rng)
-    rows.append({"point": "Eq. (53)", "credible level": level,
-                 "C1 below": float(np.mean(c1 < C1)), "C2 below": float(np.mean(c2 < C2))})  # fmt: skip
-    return pd.DataFrame(rows)
+    placed.append(Placed("Eq. (53)", level, {"C1": float(np.mean(c1 < C1)), "C2": float(np.mean(c2 < C2))}, {}))
+    return tuple(placed)
+
+
+def _refusal(found: Recalibration, name: str, value: float) -> str:
+    """Why the model has no solution for some impact with this value in any draw; empty where one draw has."""
+    chosen, problem = found.fit.problem.model, found.fit.problem
+    names = chosen.parameter_names
+    columns = [found.column(item)[::REFUSAL_STRIDE] for item in names]
+    columns[names.index(name)] = np.full_like(columns[0], value)
+    status = chosen.evaluate(names, np.column_stack(columns), problem.impacts).status
+    failed = status != Status.OK
+    return STATUS_REASON[Status(int(status[failed][0]))].partition(":")[0] if failed.any(axis=1).all() else ""
 
 
 def credible_level(draws: FloatArray, point: FloatArray, rng: np.random.Generator) -> float:
@@ -86,17 +127,23 @@ def credible_level(draws: FloatArray, point: FloatArray, rng: np.random.Generato
 
 
 def parameter_table(found: Mapping[str, Recalibration]) -> pd.DataFrame:
-    """Medians and 95 % intervals in the thesis's units beside Table 9 and Eq. (53)."""
-    scales = {"mass_ratio": ("M1/M", "", 1.0, "2/3, 2/3, 1/2"), "k_y": ("k_y", "lb/in", STIFFNESS, "80, 90, 72"),
-              "k_theta": ("k_theta", "lb in/rad", TORSION, "1000"), "mu": ("mu", "", 1.0, "0.55")}  # fmt: skip
-    rows = []
-    for name, (label, unit, scale, printed) in scales.items():
-        rows.append({"parameter": label, "unit": unit, "thesis": printed,
-                     **{key: interval(item.column(name) / scale) for key, item in found.items()}})  # fmt: skip
-    for k, (label, unit, value) in enumerate((("C1", "in/(m/s)", C1), ("C2", "in", C2))):
-        rows.append({"parameter": label, "unit": unit, "thesis": f"{value:g}",
-                     **{key: interval(offset_constants(item)[k]) for key, item in found.items()}})  # fmt: skip
-    return pd.DataFrame(rows)
+    """Medians and 95 % intervals in the thesis's units beside Table 9 (its three cases) and Eq. (53)."""
+    cases = thesis_table("table_9").astype(str).agg(", ".join)
+    scales = {"mass_ratio": ("M1/M", "", 1.0, cases["mass_ratio"]),
+              "k_y": ("k_y", "lb/in", STIFFNESS, cases["k_y [lb/in]"]),
+              "k_theta": ("k_theta", "lb in/rad", TORSION, cases["k_theta [lb in/rad]"]),
+              "mu": ("mu", "", 1.0, f"{FRICTION:g}")}  # fmt: skip
+    shown = {head: {key: item.column(name) / head[2] for key, item in found.items()} for name, head in scales.items()}
+    for k, head in enumerate((("C1", "in/(m/s)", 1.0, f"{C1:g}"), ("C2", "in", 1.0, f"{C2:g}"))):
+        shown[head] = {key: offset_constants(item)[k] for key, item in found.items()}
+    # One of the fitted models is called `thesis` too.
+    return pd.DataFrame(
+        [
+            {"parameter": label, "unit": unit, PUBLISHED: printed}
+            | {f"{key}, fitted": interval(draws) for key, draws in columns.items()}
+            for (label, unit, _scale, printed), columns in shown.items()
+        ]
+    )
 
 
 def interval(draws: FloatArray) -> str:

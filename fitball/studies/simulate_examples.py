@@ -43,7 +43,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Example:
-    """One figure: `panels` as in `figure_history`, inputs `stated` and `assumed` in words, `remarks` on the print."""
+    """One figure: `panels` as in `figure_history`, inputs `stated` and `assumed` in words."""
 
     name: str
     title: str
@@ -52,7 +52,6 @@ class Example:
     claims: tuple[Claim, ...]
     stated: str
     assumed: tuple[str, ...]
-    remarks: tuple[str, ...] = ()
 
 
 BASE = (
@@ -69,12 +68,8 @@ NO_SLIP = (
 NO_OFFSET = "offset: zero, which the text says of Fig. 17"
 STATED_BASE = "M1 = 2M/3, k_y = 80 lb/in, k_theta = 1000 lb in/rad, I1 = 0.532 I, mu = 0.55, COR = 0.76"
 DAMPING = (
-    "c_y: from COR = 0.76 by Eq. (3). The printed c_y = 0.0113 lb s/in is another damping: it returns the core at "
+    "c_y: from COR = 0.76 by Eq. (5). The printed c_y = 0.0113 lb s/in is another damping: it returns the core at "
     "(M1/M)/COR = 0.88 of its speed"
-)
-USED = (
-    "the printed rebound does not come from these inputs: the thesis's computation gives it for 12.55 m/s, 136.32 "
-    "rad/s and c_y = 0.0129 lb s/in (see fitball rederive)"
 )
 OFFSET = "offset: Eq. (53), which the text does not say of this figure"
 GRIP = {"mu": 5.0, "eps_10": 0.0, "eps_slope": 0.0}
@@ -281,7 +276,7 @@ EXAMPLES: tuple[Example, ...] = (
             Claim("rolling lasts more than half of the contact", "rolls more than half"),
             Claim("v_y2", "v_y2", printed=8.646, unit="m/s"),
         ),
-        f"17 m/s at 42 deg (12.63, 11.37 m/s), topspin 100 rad/s; {STATED_BASE}", (DAMPING, OFFSET), (USED,),
+        f"17 m/s at 42 deg (12.63, 11.37 m/s), topspin 100 rad/s; {STATED_BASE}", (DAMPING, OFFSET),
     ),
     Example(
         "fig28", "Second example: velocity and spin, slide and roll", ("v_x", "omega_2"),
@@ -294,6 +289,6 @@ EXAMPLES: tuple[Example, ...] = (
             Claim("mean coefficient of friction, Eq. (65)", "mean friction", printed=0.127),
             Claim("ratio of the impulses of both forces", "impulse ratio"),
         ),
-        f"17 m/s at 42 deg (12.63, 11.37 m/s), topspin 100 rad/s; {STATED_BASE}", (DAMPING, OFFSET), (USED,),
+        f"17 m/s at 42 deg (12.63, 11.37 m/s), topspin 100 rad/s; {STATED_BASE}", (DAMPING, OFFSET),
     ),
 )  # fmt: skip
