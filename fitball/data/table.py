@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from fitball.values import FloatArray, Impacts
 
@@ -68,7 +68,8 @@ def summed_up(notices: Iterable[Notice]) -> tuple[str, ...]:
             found += map(str, members)
             continue
         named = ", ".join(str(item.row) for item in members[:SAID])
-        found.append(f"rows {named} and {len(members) - SAID:,} more: {kind}; {members[0]}")
+        first = replace(members[0], message=members[0].message.removeprefix(f"{kind}: "))
+        found.append(f"rows {named} and {len(members) - SAID:,} more: {kind}; {first}")
     return tuple(found)
 
 
