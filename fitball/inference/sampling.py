@@ -146,7 +146,8 @@ class Ensemble:
         backend.reset(walkers, dimension)
         backend.chain, backend.log_prob = stored.chain.copy(), stored.log_posterior.copy()
         backend.accepted, backend.iteration = stored.accepted.copy(), steps
-        backend.random_state = stored.random_state
+        # Both keep it: emcee takes it from the state with the next step, which never comes where all have been made.
+        backend.random_state = self.sampler.random_state = stored.random_state
         if steps:
             self.state = emcee.State(
                 stored.chain[-1], log_prob=stored.log_posterior[-1], random_state=stored.random_state
