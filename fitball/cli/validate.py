@@ -1,4 +1,5 @@
-"""`scripts/validate`: does the calibration find what was put in? Simulation-based calibration, and its verdict.
+"""`scripts/validate`: does the calibration find what was put in? Simulation-based calibration, and its verdict;
+with `--fuzz`, whether damaged input ever meets anything but a clear refusal.
 
 Not a verb: it takes a quarter of an hour and checks the program, not a table. It is run as a module.
 """
@@ -15,7 +16,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from fitball.errors import FitballError, ParameterError
+from fitball.cli.options import count
+from fitball.errors import FitballError, ParameterError, suggestion
 
 if TYPE_CHECKING:
     from fitball.studies.sbc_summary import ModelFinding
@@ -28,8 +30,10 @@ BAR = 24
 class Counter:
     """Replicates done and time left on stderr: a bar on a terminal, a line every tenth elsewhere."""
 
-    def __init__(self, title: str, total: int, quiet: bool, stream: TextIO | None = None) -> None:
-        self.title, self.total, self.quiet = title, total, quiet
+    def __init__(
+        self, title: str, total: int, quiet: bool, unit: str = "replicates", stream: TextIO | None = None
+    ) -> None:
+        self.title, self.total, self.quiet, self.unit = title, total, quiet, unit
         self.stream = sys.stderr if stream is None else stream
         self.first: int | None = None
         self.begun = time.monotonic()
@@ -46,7 +50,7 @@ class Counter:
         if made and done < self.total:
             seconds = (time.monotonic() - self.begun) / made * (self.total - done)
             left = f", {seconds / 60:.0f} min left" if seconds >= 90 else f", {seconds:.0f} s left"
-        text = f"{self.title}: {done} of {self.total} replicates{left}"
+        text = f"{self.title}: {done} of {self.total} {self.unit}{left}"
         if self.stream.isatty():
             filled = BAR * done // self.total
             self.stream.write(f"\r[{'#' * filled}{'.' * (BAR - filled)}] {text.ljust(70)}")
@@ -68,6 +72,13 @@ def make_parser() -> argparse.ArgumentParser:
         "  scripts/validate --models grip-slip --replicates 60 --wrong-sigma 0.5 --out wrong    (must fail)",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument(
+        "--fuzz",
+        type=count,
+        metavar="N",
+        help="instead: damage each kind of input N times, and run a command on each",
+    )
+    parser.add_argument("--targets", metavar="A,B", help="of --fuzz: the kinds of input to damage (default: all)")
     parser.add_argument("--replicates", type=int, default=300, metavar="N", help="tables a model (default 300)")
     parser.add_argument("--models", default=MODELS, metavar="A,B", help=f"models (default {MODELS})")
     parser.add_argument("--table", default="wang_all.csv", metavar="DATA", help="whose incident conditions to use")
@@ -86,7 +97,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run; returns the exit code."""
     args = make_parser().parse_args(argv)
     try:
-        return _run(args)
+        return _run(args) if args.fuzz is None else _fuzz(args)
     except FitballError as error:
         print(f"fitball: {error}", file=sys.stderr)
         return 2
@@ -126,6 +137,32 @@ def _run(args: argparse.Namespace) -> int:
     write_text(folder / "summary.json", json.dumps(content, indent=1) + "\n")
     print(json.dumps(content, indent=1) if args.json else render(findings, folder))
     return 0 if content["holds"] else 1
+
+
+def _fuzz(args: argparse.Namespace) -> int:
+    """Damage inputs of every kind. Returns 1 when a command broke the rule: exit 0 or 2, in bounds."""
+    from fitball.cli.main import main as fitball_main
+    from fitball.studies.fuzz.campaign import finding_text, run_target
+    from fitball.studies.fuzz.targets import all_targets
+
+    known = all_targets()
+    names = list(known) if args.targets is None else [name.strip() for name in args.targets.split(",")]
+    for name in names:
+        if name not in known:
+            raise ParameterError(f"--targets {args.targets}: unknown target '{name}': {suggestion(name, known)}")
+    folder = Path(args.out) if args.out else DEFAULT_FOLDER / "fuzz"
+    broken = 0
+    for name in names:
+        counter = Counter(name, args.fuzz, args.quiet, "cases")
+        found = run_target(name, args.seed, args.fuzz, folder, fitball_main, counter)
+        broken += len(found)
+        for finding in found:
+            print(finding_text(finding))
+        print(f"{name}: {args.fuzz} cases, {len(found)} broke the rule", flush=True)
+    print(f"{args.fuzz * len(names)} cases (seed {args.seed}), {broken} broke the rule")
+    if broken:
+        print(f"Their files: {folder / 'cases'}")
+    return 1 if broken else 0
 
 
 def _checked(args: argparse.Namespace) -> tuple[str, ...]:

@@ -1,0 +1,125 @@
+"""One damaged input, one command, and whether the command ended as it must."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import shutil
+import traceback
+import warnings
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+# More than this nobody reads; a terminal that scrolls for minutes hides what matters.
+MOST_CHARACTERS = 20_000
+Main = Callable[[Sequence[str]], int]
+
+
+@dataclass(frozen=True)
+class Target:
+    """One kind of input to damage.
+
+    `build` writes a valid input into an empty folder, once a campaign. `mutate` damages a copy of that folder and
+    returns what it did; for an option's text, which lies in no file, it returns the damaged text. `commands` are
+    command lines of `fitball`, of which each case takes one at random; in their words `{folder}` stands for the copy
+    and `{text}` for what `mutate` returned. `exits` are the exit codes that may come: 1 is a check that failed.
+    `few` is the number of cases for a test that must be quick.
+    """
+
+    name: str
+    build: Callable[[Path], None]
+    mutate: Callable[[Path, np.random.Generator], str]
+    commands: tuple[tuple[str, ...], ...]
+    exits: tuple[int, ...] = (0, 2)
+    few: int = 20
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command line on a damaged input; `damage` says what `mutate` did."""
+
+    target: str
+    index: int
+    damage: str
+    words: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a command ended: its exit code (None after an exception), what it printed, `error` the traceback."""
+
+    code: int | None
+    out: str
+    err: str
+    error: str = ""
+
+
+def make_case(target: Target, valid: Path, place: Path, seed: int, index: int) -> Case:
+    """Case `index` of a campaign, its files in the new folder `place`, made from those in `valid`.
+
+    The same seed and index give the same case, whichever cases ran before.
+    """
+    rng = np.random.default_rng([seed, zlib.crc32(target.name.encode()), index])
+    shutil.copytree(valid, place)
+    damage = target.mutate(place, rng)
+    command = target.commands[rng.integers(len(target.commands))]
+    words = tuple(word.replace("{folder}", str(place)).replace("{text}", damage) for word in command)
+    return Case(target.name, index, damage, words)
+
+
+def run_case(case: Case, main: Main) -> Ending:
+    """Run the command in this process, as a user's terminal would see it.
+
+    Streams are UTF-8 and as strict as Python makes them. Warnings of libraries are printed, as they would be.
+    """
+    streams = [io.TextIOWrapper(io.BytesIO(), "utf-8", errors) for errors in ("strict", "backslashreplace")]
+    error, code = "", None
+    with contextlib.redirect_stdout(streams[0]), contextlib.redirect_stderr(streams[1]), warnings.catch_warnings():
+        warnings.simplefilter("always")
+        try:
+            code = main(case.words)
+        except SystemExit as end:
+            code = end.code if isinstance(end.code, int) else 1
+        except Exception:
+            error = traceback.format_exc()
+    out, err = (_text(stream) for stream in streams)
+    return Ending(code, out, err, error)
+
+
+def _text(stream: io.TextIOWrapper) -> str:
+    stream.flush()
+    raw = stream.detach()
+    assert isinstance(raw, io.BytesIO)
+    return raw.getvalue().decode()
+
+
+def complaints(target: Target, case: Case, ending: Ending) -> list[str]:
+    """What is wrong with how a case ended; nothing when it ended well."""
+    found = []
+    if ending.error:
+        lines = ending.error.strip().splitlines()
+        place = next((line.strip() for line in reversed(lines[:-1]) if "fitball" in line and "line" in line), "")
+        found.append(f"exception: {lines[-1][:300]} ({place[-120:]})")
+    elif ending.code not in target.exits:
+        found.append(f"exit {ending.code}")
+    if "Warning: " in ending.err and ".py:" in ending.err:
+        line = next(line for line in ending.err.splitlines() if "Warning: " in line)
+        found.append(f"a warning of a library: {line[:300]}")
+    if ending.code == 2 and not ending.err.strip() and not ending.out.strip():
+        found.append("exit 2 without a word")
+    # Data for programs is as long as the data.
+    shown = ending.err if "--json" in case.words else ending.out + ending.err
+    if len(shown) > MOST_CHARACTERS:
+        found.append(f"{len(shown)} characters of text")
+    wild = sorted({character for character in ending.out + ending.err if _controls(character)})
+    if wild:
+        found.append(f"control characters on the terminal: {', '.join(f'U+{ord(item):04X}' for item in wild[:5])}")
+    return found
+
+
+def _controls(character: str) -> bool:
+    return (character < " " and character not in "\n\t\r") or "\x7f" <= character <= "\x9f"

@@ -1,0 +1,141 @@
+"""Targets: what users write by hand. Impact tables, scenes, force records, answers of a port, texts of options."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from fitball.data.bundled import bundled_folder
+from fitball.studies.fuzz.examples import IMPACTS, PRIORS, SCENE, TABLES
+from fitball.studies.fuzz.harness import Target
+from fitball.studies.fuzz.mutators import damage_file, damage_text_file, damaged
+
+TABLE = "impacts.csv"
+SHOWN = (
+    ("datasets", "check", "{folder}/" + TABLE),
+    ("datasets", "check", "{folder}/" + TABLE, "--json"),
+    ("datasets", "show", "{folder}/" + TABLE),
+    ("datasets", "show", "{folder}/" + TABLE, "--json"),
+)
+_OUT = ("--out", "{folder}/out")
+_FIT = ("calibrate", "{folder}/" + TABLE, "--point-only", "--cores", "1", *_OUT)
+_GRIP_SLIP = (*_FIT, "--model", "grip-slip")
+# Options, texts they take, and a command to use them with.
+OPTIONS = (
+    ("--impact", IMPACTS, ("simulate", "--quiet", *_OUT)),
+    ("--set", ("mu=0.6", "zeta_y=0.2"), ("simulate", "--impact", "v=17, theta=18", *_OUT)),
+    ("--prior", PRIORS, _GRIP_SLIP),
+    ("--fix", ("mu=0.6", "e_x = 0.2", "cor_10=0.7"), _GRIP_SLIP),
+    ("--pool", ("mu=surface", "e_x=group"), _GRIP_SLIP),
+    ("--closure", ("normal=total", "torsion=free"), _FIT),
+    ("--model", ("grip-slip", "brody"), _FIT),
+)  # fmt: skip
+
+
+def _build_tables(folder: Path) -> None:
+    for k, text in enumerate(TABLES):
+        (folder / f"table{k}.csv").write_text(text, encoding="utf-8")
+
+
+def _damage_table(folder: Path, rng: np.random.Generator) -> str:
+    (folder / f"table{rng.integers(len(TABLES))}.csv").rename(folder / TABLE)
+    return damage_text_file(folder / TABLE, rng)
+
+
+def _build_parquet(folder: Path) -> None:
+    import pandas
+
+    for k, text in enumerate(TABLES):
+        place = folder / f"table{k}.csv"
+        place.write_text(text, encoding="utf-8")
+        pandas.read_csv(place, comment="#").to_parquet(folder / f"table{k}.parquet")
+        place.unlink()
+
+
+def _damage_parquet(folder: Path, rng: np.random.Generator) -> str:
+    """Its bytes, or, half of the time, a cell of the table it holds, or a column's type."""
+    import pandas
+
+    place = folder / "impacts.parquet"
+    (folder / f"table{rng.integers(len(TABLES))}.parquet").rename(place)
+    if rng.integers(2) == 0:
+        return damage_file(place, rng)
+    frame = pandas.read_parquet(place)
+    column = int(rng.integers(frame.shape[1]))
+    name = str(frame.columns[column])
+    odd: tuple[object, ...] = (
+        None, float("nan"), float("inf"), 1e308, -1e300, True, b"\xff\x00", "text\x1b[2J", "a" * 100_000, 10**18,
+        [1.0, 2.0], {"value": 1.0}, pandas.Timestamp("2026-01-01"), pandas.Timedelta("1s"), np.datetime64("NaT"),
+    )  # fmt: skip
+    new = odd[rng.integers(len(odd))]
+    rows = rng.integers(2, size=len(frame)) == 0
+    mixed = [new if row else value for row, value in zip(rows, frame[name], strict=True)]
+    try:
+        frame[name] = pandas.Series(mixed, dtype=object).infer_objects()
+        frame.to_parquet(place)
+    except (ValueError, TypeError, OverflowError):
+        # Arrow holds no column of mixed types: all cells alike then.
+        frame[name] = pandas.Series([new] * len(frame))
+        frame.to_parquet(place)
+    return f"{place.name}: {name} = {str(new)[:40]}"
+
+
+def _build_scene(folder: Path) -> None:
+    shutil.copy(bundled_folder() / "wang_zero_spin.csv", folder / TABLE)
+    (folder / "impacts.toml").write_text(SCENE, encoding="utf-8")
+
+
+def _build_force(folder: Path) -> None:
+    """The drop test with force records that comes with fitball, four impacts of it."""
+    lines = (bundled_folder() / "synthetic_drop.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    data = [line for line in lines if not line.startswith("#")]
+    (folder / TABLE).write_text("".join(data[:5]), encoding="utf-8")
+    names = {line.split(",")[0] for line in data[1:5]}
+    samples = (bundled_folder() / "synthetic_drop_force.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    head, *rest = (line for line in samples if not line.startswith("#"))
+    kept = [line for line in rest if line.split(",")[0] in names]
+    (folder / "impacts_force.csv").write_text("".join([head, *kept]), encoding="utf-8")
+
+
+def _damage(name: str) -> Callable[[Path, np.random.Generator], str]:
+    def mutate(folder: Path, rng: np.random.Generator) -> str:
+        return damage_text_file(folder / name, rng)
+
+    return mutate
+
+
+def hand_written() -> tuple[Target, ...]:
+    """The targets that need no fit."""
+    return (
+        Target("table", _build_tables, _damage_table, (*SHOWN, _GRIP_SLIP)),
+        Target(
+            "parquet", _build_parquet, _damage_parquet,
+            tuple(tuple(word.replace(".csv", ".parquet") for word in command) for command in SHOWN),
+        ),
+        Target("scene", _build_scene, _damage("impacts.toml"), (*SHOWN, _GRIP_SLIP)),
+        Target("force", _build_force, _damage("impacts_force.csv"), (SHOWN[0],)),
+        *(option_target(name, _build_table, texts, (*command, name, "{text}")) for name, texts, command in OPTIONS),
+    )  # fmt: skip
+
+
+def _build_table(folder: Path) -> None:
+    (folder / TABLE).write_text(TABLES[0], encoding="utf-8")
+
+
+def option_target(
+    name: str, build: Callable[[Path], None], texts: tuple[str, ...], *commands: tuple[str, ...]
+) -> Target:
+    """The target of an option whose valid texts are `texts`; `{text}` in `commands` is the damaged one."""
+
+    def mutate(_folder: Path, rng: np.random.Generator) -> str:
+        return _as_argument(damaged(texts[rng.integers(len(texts))], rng))
+
+    return Target(name, build, mutate, commands)
+
+
+def _as_argument(text: str) -> str:
+    """`text` as a program receives it: no zero bytes, and undecodable bytes as the surrogates that stand for them."""
+    return text.replace("\0", "").encode("utf-8", "surrogatepass").decode("utf-8", "surrogateescape")
