@@ -82,8 +82,8 @@ def test_golden_impacts_hold_to_the_last_digit(two_mass, tmp_path):
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ("{", "not a readable"),
-        ("[]", "not a fit.json"),
+        ("{", "not readable as JSON"),
+        ("[]", "read kind None, expected 'fitball fit'"),
         ('{"kind": "fitball fit", "schema_version": 99}', "schema_version 99"),
         ('{"kind": "fitball fit", "schema_version": 1}', "damaged"),
     ],

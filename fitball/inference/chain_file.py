@@ -17,6 +17,7 @@ import emcee
 import h5py
 import numpy as np
 
+from fitball.data.hdf5_arrays import finite, group, opened
 from fitball.errors import ResultFolderError
 from fitball.values import FloatArray
 
@@ -59,8 +60,8 @@ class ChainFile:
         except OSError as error:
             raise ResultFolderError(f"{self.path}: the chain cannot be written: {error}") from None
 
-    def read(self) -> list[EnsembleChain]:
-        """The chains of an earlier run.
+    def read(self, ensembles: int, walkers: int, names: Sequence[str]) -> list[EnsembleChain]:
+        """The chains of an earlier run over the parameters `names`.
 
         Raises ResultFolderError when there is none, when it is damaged, or when it belongs to another problem.
         """
@@ -72,6 +73,13 @@ class ChainFile:
                 f"{self.path}: this chain was sampled from another problem (table, scene, model, priors, seed or "
                 "version of fitball differ); use --overwrite to start anew, or another --out"
             )
+        expected = (ensembles, walkers, len(names))
+        read = (len(groups), *groups[0].chain.shape[1:])
+        if read != expected:
+            raise ResultFolderError(
+                f"{self.path}: damaged: read {read} ensembles, walkers and parameters, expected {expected}; use "
+                "--overwrite to start anew"
+            )
         return groups
 
 
@@ -80,11 +88,10 @@ def read_chains(path: Path) -> tuple[str, list[EnsembleChain]]:
 
     Raises ResultFolderError when it is damaged.
     """
-    try:
-        with h5py.File(path, "r") as file:
-            return str(file.attrs["fingerprint"]), [_read_group(file[GROUP.format(k)]) for k in range(len(file))]
-    except (OSError, KeyError) as error:
-        raise ResultFolderError(f"{path}: not a chain of fitball, or damaged: {error}") from None
+    with opened(path, "the chain of a fit") as file:
+        first = finite(group(file, GROUP.format(0)), "chain", (None, None, None))
+        chains = [_read_group(group(file, GROUP.format(k)), first.shape[1:]) for k in range(len(file))]
+        return str(file.attrs["fingerprint"]), chains
 
 
 def _write_group(group: h5py.Group, item: EnsembleChain) -> None:
@@ -101,7 +108,25 @@ def _write_group(group: h5py.Group, item: EnsembleChain) -> None:
     group.create_dataset("accepted", data=item.accepted)
 
 
-def _read_group(group: h5py.Group) -> EnsembleChain:
-    count = sum(key.startswith("random_state_") for key in group.attrs)
-    state = tuple(group.attrs[f"random_state_{k}"] for k in range(count))
-    return EnsembleChain(np.array(group["chain"]), np.array(group["log_prob"]), np.array(group["accepted"]), state)
+def _read_group(part: h5py.Group, shape: tuple[int, int]) -> EnsembleChain:
+    """A chain of `shape` (walkers, free) for every step. Raises ValueError."""
+    chain = finite(part, "chain", (None, *shape))
+    count = sum(key.startswith("random_state_") for key in part.attrs)
+    state = tuple(part.attrs[f"random_state_{k}"] for k in range(count))
+    if not _is_state(state):
+        raise ValueError(f"{part.name}: its random_state is not the state of a Mersenne twister")
+    return EnsembleChain(
+        chain, finite(part, "log_prob", (len(chain), shape[0])), finite(part, "accepted", shape[:1]), state
+    )
+
+
+def _is_state(state: tuple[Any, ...]) -> bool:
+    """Whether numpy can go on from it: a position beyond the key would be taken unseen, and read past its end."""
+    if len(state) != 5:
+        return False
+    name, key, position, has_normal, normal = state
+    if not (isinstance(key, np.ndarray) and key.shape == (624,) and key.dtype == np.uint32):
+        return False
+    whole = all(isinstance(item, np.integer) for item in (position, has_normal))
+    known = isinstance(name, str) and name == "MT19937" and isinstance(normal, np.floating) and np.isfinite(normal)
+    return bool(whole and known and 0 <= position <= 624 and has_normal in (0, 1))

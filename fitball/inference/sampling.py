@@ -165,12 +165,13 @@ class Ensemble:
 
     def stored(self) -> EnsembleChain:
         """What the chain file keeps."""
-        backend = self.sampler.backend
+        backend, state = self.sampler.backend, tuple(self.sampler.random_state)
+        if not self.steps:
+            # emcee has no chain to give before the first step.
+            shape = (0, self.walkers, self.problem.dimension)
+            return EnsembleChain(np.empty(shape), np.empty(shape[:2]), np.zeros(self.walkers), state)
         return EnsembleChain(
-            backend.get_chain().copy(),
-            backend.get_log_prob().copy(),
-            np.array(backend.accepted),
-            tuple(self.sampler.random_state),
+            backend.get_chain().copy(), backend.get_log_prob().copy(), np.array(backend.accepted), state
         )
 
 
@@ -210,7 +211,8 @@ def sample(
     roots = np.random.SeedSequence(settings.seed).spawn(2 * settings.ensembles)
     ensembles = [Ensemble(problem, settings.walkers, roots[k]) for k in range(settings.ensembles)]
     if resume and chain_file is not None:
-        for ensemble, stored in zip(ensembles, chain_file.read(), strict=True):
+        kept = chain_file.read(settings.ensembles, settings.walkers, problem.free_names)
+        for ensemble, stored in zip(ensembles, kept, strict=True):
             ensemble.restore(stored)
     for k, ensemble in enumerate(ensembles):
         if ensemble.state is None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from fitball.inference.force_records import Averaged, ForceRecords
+from fitball.inference.force_records import ForceRecords
 from fitball.inference.posterior import Problem
 
 
@@ -37,12 +36,3 @@ def _force(records: ForceRecords) -> dict[str, Any]:
         "start_sd": records.start_sd,
         "records": [asdict(item) | {"means": list(item.means)} for item in records.records],
     }
-
-
-def read_force(content: Mapping[str, Any]) -> ForceRecords | None:
-    """What `data_content` wrote of force records; None where there were none. Raises KeyError and TypeError."""
-    if "force" not in content:
-        return None
-    found = content["force"]
-    records = tuple(Averaged(**{**item, "means": tuple(item["means"])}) for item in found["records"])
-    return ForceRecords(found["file"], found["sha256"], found["start_sd"], records)

@@ -11,13 +11,14 @@ from matplotlib.figure import Figure
 from fitball.errors import ResultFolderError
 from fitball.inference.results import Fit
 from fitball.report.alt_texts import alt_texts
-from fitball.report.export import FIT_NAME, POSTERIOR_NAME, fit_text
+from fitball.report.export import fit_text
 from fitball.report.files import write_text, write_whole
 from fitball.report.html import CAPTIONS, page
 from fitball.report.netcdf import write_netcdf
 from fitball.report.page_figures import page_figures
 from fitball.report.plots import KINDS, drawable_kinds
 from fitball.report.run_file import RUN_NAME, run_text
+from fitball.report.saved_fit import FIT_NAME, POSTERIOR_NAME
 from fitball.report.tables import csv_text, prediction_rows, regime_rows, summary_rows
 
 CHAIN_NAME = "posterior.h5"

@@ -12,13 +12,14 @@ from fitball.errors import ResultFolderError
 from fitball.inference.calibrate import Effort, fingerprint, run
 from fitball.inference.chain_file import ChainFile, EnsembleChain, read_chains
 from fitball.inference.posterior import Problem
-from fitball.inference.results import Fit, Posterior, RunStatus
+from fitball.inference.results import Fit, Posterior
 from fitball.inference.sampling import Progress
 from fitball.report.data_content import data_content
-from fitball.report.export import FIT_NAME, POSTERIOR_NAME, SavedFit, fit_text, read_fit
+from fitball.report.export import fit_text
 from fitball.report.files import write_text
 from fitball.report.folder import CHAIN_NAME
-from fitball.report.netcdf import read_netcdf, write_netcdf
+from fitball.report.netcdf import write_netcdf
+from fitball.report.saved_fit import FIT_NAME, POSTERIOR_NAME, SavedFit, read_fit
 
 
 @dataclass(frozen=True)
@@ -41,19 +42,15 @@ class Kept:
 def read_kept(folder: Path) -> Kept:
     """Read a result folder. Raises ResultFolderError for what is missing, damaged or foreign."""
     saved = read_fit(folder)
-    if saved.status is RunStatus.POINT_ONLY:
-        return Kept(folder, saved, None, None)
-    chain = folder / CHAIN_NAME
-    chains = tuple(read_chains(chain)[1]) if chain.exists() else None
-    return Kept(folder, saved, read_netcdf(folder / POSTERIOR_NAME), chains)
+    posterior, chain = saved.posterior(agreeing=False), folder / CHAIN_NAME
+    chains = tuple(read_chains(chain)[1]) if chain.exists() and posterior is not None else None
+    return Kept(folder, saved, posterior, chains)
 
 
 def check_rows(problem: Problem, original: Kept) -> None:
     """Raise ResultFolderError unless the rows of the files are those the fit was made from, to the last digit."""
     now = json.loads(json.dumps(data_content(problem)))
-    kept = original.content.get("data")
-    if kept is None:
-        raise ResultFolderError(f"{original.folder / FIT_NAME}: does not hold the measurements; run calibrate again")
+    kept = original.content["data"]
     # Names of tables may differ: a file may lie elsewhere under another name.
     changed = [name for name in ("impacts", "measurements") if now[name] != kept[name]]
     if changed:

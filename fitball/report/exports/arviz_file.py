@@ -9,9 +9,8 @@ import xarray as xr
 
 from fitball.errors import ResultFolderError
 from fitball.inference.results import Posterior, RunStatus
-from fitball.report.export import POSTERIOR_NAME, SavedFit
 from fitball.report.files import write_whole
-from fitball.report.netcdf import read_netcdf, saved_draws
+from fitball.report.saved_fit import POSTERIOR_NAME, SavedFit
 from fitball.version import __version__
 
 _UNITS = {"v_x1": "m/s", "v_y1": "m/s", "omega_1": "rad/s", "omega_2": "rad/s", "theta_2": "rad", "contact_time": "s"}
@@ -30,9 +29,9 @@ def arviz_tree(saved: SavedFit) -> tuple[xr.DataTree, str]:
     place = saved.place.with_name(POSTERIOR_NAME)
     note = ""
     if place.exists():
-        # Raises unless these are the draws of this fit.
-        saved_draws(saved.fitted, place, saved.fitted.draws.shape[0])
-        groups = _all_draws(saved, read_netcdf(place)) | groups
+        posterior = saved.posterior()
+        assert posterior is not None
+        groups = _all_draws(saved, posterior) | groups
     else:
         count = saved.fitted.draws.shape[0]
         note = f"{place} is missing: the file holds the {count} draws of fit.json as one chain, out of order"
