@@ -78,8 +78,10 @@ def calibrate(
     `data.force_file`), by default what the scene names or what lies beside the table, "none" for none. Raises
     subclasses of FitballError for everything a caller can mend.
     """
-    loaded = table if isinstance(table, ImpactTable) else load_table(table)
-    known = scene if scene is not None else load_scene(loaded.source)
+    known = scene
+    if known is None:
+        known = load_scene(table.source if isinstance(table, ImpactTable) else table)
+    loaded = table if isinstance(table, ImpactTable) else load_table(table, scene=known)
     choices = Choices(model, closures or {}, priors or {}, fix or {}, noise, pool or {}, offsets, incident_errors)
     records, found = find_force([loaded.source], loaded, known, None if force is None else os.fspath(force))
     problem = build_problem(loaded, known, choices, records)

@@ -87,7 +87,7 @@ def test_check_lists_every_fault_of_table_and_scene(tmp_path: Path, capsys: pyte
     assert call("check", str(tmp_path / "t.csv")) == 2
     out = capsys.readouterr().out
     assert "row 1 (line 2), column 'v_x2': read 'fast'" in out
-    assert "row 2 (line 3), column 'v_y2': coefficient of restitution 1.2" in out
+    assert "row 2 (line 3), column 'v_y2': coefficient of restitution above 1: 1.2" in out
     assert "did you mean 'mass'" in out
 
 

@@ -70,7 +70,7 @@ def test_an_open_profile_is_read_back_open():
         "mu", np.array([0.5, 5.0]), np.array([2.5, 0.0]), 5.0, (0.7, None), (0.6, None), (End.CLOSED, End.BOUND),
         ((), ("k_y",)), 1,
     )  # fmt: skip
-    action = ActionLook(("a",), 2, ("grip",), ("b",), 0.25)
+    action = ActionLook(("a",), 1, 2, ("grip",), ("b",), 1, 0.25)
     looks = Looks(profile, None, InformationLook(None, 2.0, 0.5, 0.4), None, None, action, "because")
     examination = Examination({"mu": looks}, Spectrum((), (), ("a sentence",)), "", 0.87)
     read = structured(Path("fit.json"), json.loads(json.dumps(looks_content(examination))), Examination)
@@ -134,6 +134,7 @@ def test_profiles_that_are_not_stored_are_computed(point_folder, tmp_path, capsy
     for looks in content["identifiability"]["looks"].values():
         looks["profile"] = None
     place.write_text(json.dumps(content), encoding="utf-8")
+    shutil.copy(point_folder / "data.nc", tmp_path)
     assert main(["plot", str(place), "profiles"]) == 0
     assert "holds no profiles: computing them" in capsys.readouterr().err
     assert (tmp_path / "profiles.png").stat().st_size > 0
@@ -166,20 +167,23 @@ def test_missing_damaged_and_older_files(folder, tmp_path, capsys):
     here = tmp_path / "fit"
     here.mkdir()
     shutil.copy(folder / "fit.json", here)
+    shutil.copy(folder / "data.nc", here)
     assert main(["plot", str(here), "corner"]) == 2
     assert "posterior.nc: there is no such file" in capsys.readouterr().err
     (here / "posterior.nc").write_bytes(b"nothing")
     assert main(["plot", str(here), "corner"]) == 2
     assert "posterior.nc: not the posterior draws" in capsys.readouterr().err
+    (here / "data.nc").write_bytes((here / "data.nc").read_bytes()[:-100])
+    assert main(["plot", str(here), "corner"]) == 2
+    assert "data.nc: not the measurements" in capsys.readouterr().err
+    (here / "data.nc").unlink()
+    assert main(["plot", str(here), "corner"]) == 2
+    assert "data.nc: there is no such file" in capsys.readouterr().err
     content = json.loads((folder / "fit.json").read_text(encoding="utf-8"))
-    del content["data"]["ids"]
+    content["schema_version"] = 1
     (here / "fit.json").write_text(json.dumps(content), encoding="utf-8")
     assert main(["plot", str(here), "corner"]) == 2
-    assert "damaged: data: " in capsys.readouterr().err
-    del content["data"]
-    (here / "fit.json").write_text(json.dumps(content), encoding="utf-8")
-    assert main(["plot", str(here), "corner"]) == 2
-    assert "run calibrate again" in capsys.readouterr().err
+    assert "reads version 2: run calibrate again" in capsys.readouterr().err
 
 
 def test_panels_show_the_profiles_in_handy_units(fit):

@@ -263,7 +263,8 @@ def test_netcdf_without_or_with_foreign_draws(small_fit, point_only, tmp_path, c
     folder.mkdir()
     shutil.copy(small_fit / "fit.json", folder)
     assert main(["export", str(folder), "--to", "netcdf"]) == 0
-    assert "posterior.nc is missing" in capsys.readouterr().err
+    err = capsys.readouterr().err
+    assert "posterior.nc is missing" in err and "data.nc is missing" in err
     with xr.open_datatree(folder / "arviz.nc", engine="h5netcdf") as tree:
         assert tree["posterior"]["mu"].shape == (1, fitball.load_fit(folder).fitted.draws.shape[0])
     with xr.open_datatree(small_fit / "posterior.nc", engine="h5netcdf") as tree:

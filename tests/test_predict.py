@@ -204,7 +204,7 @@ def test_validation_counts_what_it_says():
     np.testing.assert_allclose(found.output("v_y2").z, [0.0, 0.5, -1.5, 3.0], atol=0.1)
     assert score.rms_z == pytest.approx(math.sqrt((0.25 + 2.25 + 9.0) / 4), rel=0.05)
     assert score.bias == pytest.approx(np.mean(observed - found.output("v_y2").rebound[2]))
-    assert impacts_seen(fitted, fitball.impacts([8.0, 9.0], [5.0, 5.0], [100.0, 100.0])) == 1
+    assert impacts_seen(fitted.impacts, fitball.impacts([8.0, 9.0], [5.0, 5.0], [100.0, 100.0])) == 1
 
 
 def test_measured_restitution_needs_its_column():

@@ -22,6 +22,7 @@ from fitball.errors import ResultFolderError
 from fitball.inference.calibrate import Effort, fingerprint
 from fitball.inference.monte_carlo import standard_errors, summaries
 from fitball.inference.problem import Choices, build_problem
+from fitball.report.data_file import digest
 from fitball.report.run_file import run_text
 from fitball.report.run_record import find_tables, read_run, record_problem
 from fitball.studies.repetition import Outcome, compared
@@ -241,12 +242,20 @@ def test_changed_and_missing_data(copy, capsys):
         find_tables(record, [str(moved), str(moved)])
 
 
-def test_measurements_changed_in_fit_json_are_refused(copy, capsys):
-    text = json.loads((copy / "fit" / "fit.json").read_text(encoding="utf-8"))
-    text["data"]["measurements"][0]["values"][1] += 0.1
-    (copy / "fit" / "fit.json").write_text(json.dumps(text), encoding="utf-8")
+def test_measurements_changed_since_are_refused(copy, capsys):
+    place = copy / "fit" / "data.nc"
+    with xr.open_dataset(place, engine="h5netcdf") as found:
+        changed = found.load()
+    changed["v_y2"][1] += 0.1
+    changed.to_netcdf(place, engine="h5netcdf")
     assert main(["repeat", str(copy / "fit")]) == 2
-    assert "are not those of" in capsys.readouterr().err
+    assert "these measurements are not those" in capsys.readouterr().err
+    # A fit of a table that was changed in Python before: its own files agree, but not with the table's file.
+    content = json.loads((copy / "fit" / "fit.json").read_text(encoding="utf-8"))
+    content["data"]["sha256"] = digest({name: changed[name].to_numpy() for name in changed.variables})
+    (copy / "fit" / "fit.json").write_text(json.dumps(content), encoding="utf-8")
+    assert main(["repeat", str(copy / "fit")]) == 2
+    assert "its v_y2 are not those of" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

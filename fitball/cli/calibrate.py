@@ -105,8 +105,8 @@ def run(args: argparse.Namespace) -> int:
 
     if args.resume and args.overwrite:
         raise ParameterError("--resume goes on with the old result and --overwrite discards it: choose one")
-    table = load_tables(args.data)
     scene = load_scene(args.data[0], args.config)
+    table = load_tables(args.data, scene)
     choices = Choices(
         model=args.model,
         closures=pairs("--closure", args.closure, str),
@@ -129,7 +129,7 @@ def run(args: argparse.Namespace) -> int:
     prepare(folder, overwrite=args.overwrite, resume=args.resume)
     if not args.quiet:
         progress.finish()
-        for line in (*map(str, table.notices), *problem.notes):
+        for line in (*table.remarks, *problem.notes):
             print(f"note: {line}", file=sys.stderr)
     chain = None if args.point_only else ChainFile(folder / CHAIN_NAME, mark)
     resume = args.resume and chain is not None and chain.path.exists()

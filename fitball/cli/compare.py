@@ -64,8 +64,8 @@ def run(args: argparse.Namespace) -> int:
     from fitball.report.compare_words import words
     from fitball.studies.published_sets import published_sets
 
-    table = load_table(args.data)
     scene = load_scene(args.data, args.config)
+    table = load_table(args.data, scene=scene)
     effort = Effort(
         seed=args.seed,
         max_steps=MAX_STEPS if args.max_steps is None else args.max_steps,
@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
     prepare(folder, overwrite=args.overwrite)
     if not args.quiet:
         progress.finish()
-        for line in (*map(str, table.notices), *scene.assumed, *said):
+        for line in (*table.remarks, *scene.assumed, *said):
             print(f"note: {line}", file=sys.stderr)
     published = published_sets(table)
     found = compare(table, ladder, effort, args.quick, published, lambda stage: progress(stage, None))

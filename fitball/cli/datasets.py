@@ -6,7 +6,7 @@ import argparse
 import json
 from typing import TYPE_CHECKING, Any
 
-from fitball.errors import FitballError, TableError
+from fitball.errors import FitballError, SceneError, TableError
 
 if TYPE_CHECKING:
     from fitball.data.scene import Scene
@@ -91,7 +91,8 @@ def _show(args: argparse.Namespace) -> int:
     from fitball.report.balance_table import balance_table
     from fitball.report.terminal import columns
 
-    table, scene = load_table(args.data), load_scene(args.data)
+    scene = load_scene(args.data)
+    table = load_table(args.data, scene=scene)
     if args.json:
         _print_json(_as_json(table, scene))
         return 0
@@ -108,7 +109,7 @@ def _show(args: argparse.Namespace) -> int:
     for heading, lines in (
         ("known", _known(scene)),
         ("assumed", scene.assumed),
-        ("notices", tuple(str(notice) for notice in table.notices)),
+        ("notices", table.remarks),
     ):
         if lines:
             print(f"\n{heading}:")
@@ -120,25 +121,22 @@ def _show(args: argparse.Namespace) -> int:
 def _check(args: argparse.Namespace) -> int:
     from fitball.data.force_place import find_force
     from fitball.data.read import load_table
-    from fitball.data.scene import load_scene
+    from fitball.data.scene import Scene, load_scene
 
     errors: list[FitballError] = []
     table: ImpactTable | None = None
-    try:
-        table = load_table(args.data)
-    except TableError as error:
-        errors.append(error)
+    scene: Scene | None = None
     found: tuple[str, ...] = ()
     try:
-        scene = load_scene(args.data, args.config)
-        if table is not None:
+        try:
+            scene = load_scene(args.data, args.config)
+        except SceneError as error:
+            # The table is still looked at, as one of tennis balls.
+            errors.append(error)
+        table = load_table(args.data, scene=scene or Scene())
+        if scene is not None:
             records, found = find_force([args.data], table, scene, args.force)
             found += () if records is None else (f"{records.source}: {len(records.records)} force records",)
-    except TableError as error:
-        if table is None and not errors:
-            raise
-        if table is not None:
-            errors.append(error)
     except FitballError as error:
         errors.append(error)
     notices = table.notices if table is not None else ()
@@ -159,7 +157,7 @@ def _check(args: argparse.Namespace) -> int:
             print(fault)
         if table is not None and not args.quiet:
             print(f"{table.source}: {len(table)} impacts{', no fault' if not errors else ''}")
-            for line in (*map(str, notices), *found):
+            for line in (*table.remarks, *found):
                 print(f"  - {line}")
     return 2 if errors else 0
 

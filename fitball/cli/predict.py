@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from fitball.data.table import ImpactTable
-    from fitball.values import FloatArray, Impacts
+    from fitball.values import Ball, FloatArray, Impacts
 
 HELP = "predict rebounds of new impacts from a fit, with intervals"
 DESCRIPTION = """Predict rebounds of new impacts from a fit.
@@ -82,14 +82,14 @@ def run(args: argparse.Namespace) -> int:
     if args.out is not None:
         refuse_existing(Path(args.out), args.overwrite)
     saved = load_fit(args.fit)
-    impacts, ids, table, covariance = _impacts(args.data, args.impact)
+    impacts, ids, table, covariance = _impacts(args.data, args.impact, saved.fitted.ball)
     stated, point_only = covariance is not None, saved.status is RunStatus.POINT_ONLY
     if args.exact_incidence:
         covariance = None
     channels, unused = observed_channels(saved.fitted, table) if table is not None else ((), ())
     prediction = saved.predict_interval(impacts, channels, seed=args.seed, incident_covariance=covariance)
     judged = scores(prediction)
-    notes = [*([] if table is None else map(str, table.notices)), *unused]
+    notes = [*(() if table is None else table.remarks), *unused]
     if point_only:
         notes.append(POINT_ONLY)
     if stated:
@@ -114,24 +114,25 @@ def run(args: argparse.Namespace) -> int:
     elif not args.quiet:
         print(render_prediction(prediction, ids))
         if judged:
-            print("\n" + render_scores(judged, impacts_seen(saved.fitted, impacts), len(ids)))
+            print("\n" + render_scores(judged, impacts_seen(saved.impacts, impacts), len(ids)))
     if args.out is not None and not args.json:
         print(args.out)
     return 0
 
 
 def _impacts(
-    data: str | None, texts: Sequence[str]
+    data: str | None, texts: Sequence[str], ball: Ball
 ) -> tuple[Impacts, tuple[str, ...], ImpactTable | None, FloatArray | None]:
     """Impacts, their names, the table they come from, and the covariance of their incident states."""
     import numpy as np
 
     from fitball.data.impact_text import parse_uncertain_impact
     from fitball.data.read import load_table
+    from fitball.data.scene import Scene
     from fitball.values import Impacts
 
     if data is not None:
-        table = load_table(data, rebound=False)
+        table = load_table(data, rebound=False, scene=Scene(ball=ball))
         return table.impacts, table.ids, table, table.incident_covariance
     parsed = [parse_uncertain_impact(text) for text in texts]
     joined = [np.concatenate([getattr(item, name) for item, _ in parsed]) for name in ("v_x1", "v_y1", "omega_1")]

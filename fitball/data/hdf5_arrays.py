@@ -59,6 +59,14 @@ def array(parent: h5py.Group, name: str, shape: tuple[int | None, ...], kind: st
     return np.asarray(found[()])
 
 
+def texts(parent: h5py.Group, name: str, count: int) -> np.ndarray[Any, Any]:
+    """A column of `count` texts. Raises ValueError."""
+    found = array(parent, name, (count,), "O")
+    if not all(isinstance(item, bytes) for item in found):
+        raise ValueError(f"{parent.name.rstrip('/')}/{name}: not a column of texts")
+    return np.array([item.decode("utf-8") for item in found], dtype=object)
+
+
 def finite(parent: h5py.Group, name: str, shape: tuple[int | None, ...]) -> FloatArray:
     """As `array`, of finite double-precision numbers. Raises ValueError."""
     found = array(parent, name, shape).astype(np.float64)

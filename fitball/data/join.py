@@ -10,6 +10,7 @@ import numpy as np
 
 from fitball.data.frozen import FrozenMapping
 from fitball.data.read import load_table
+from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable, Measurement, Notice
 from fitball.errors import Fault, TableError
 from fitball.values import FloatArray, Impacts
@@ -17,9 +18,9 @@ from fitball.values import FloatArray, Impacts
 ORIGIN = "table"
 
 
-def load_tables(sources: Sequence[str | os.PathLike[str]]) -> ImpactTable:
+def load_tables(sources: Sequence[str | os.PathLike[str]], scene: Scene | None = None) -> ImpactTable:
     """One table, or several joined. Raises TableError for each as `load_table` does, and for tables that differ."""
-    return joined([load_table(source) for source in sources])
+    return joined([load_table(source, scene=scene) for source in sources])
 
 
 def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
@@ -72,9 +73,7 @@ def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
         labels=FrozenMapping(labels),
         units=first.units,
         incident_covariance=stacked(covariances) if len(covariances) == len(tables) else None,
-        notices=tuple(
-            Notice(f"{item.name}: {notice}", None, notice.columns) for item in tables for notice in item.notices
-        ),
+        notices=tuple(Notice(f"{item.name}: {remark}") for item in tables for remark in item.remarks),
         files=tuple(place for item in tables for place in item.files),
     )
 

@@ -19,6 +19,7 @@ from fitball.data.number_column import NumberColumn, read_column
 from fitball.data.propagation import Uncertain, covariance_matrix
 from fitball.data.raw import RawRow, RawTable, read_raw
 from fitball.data.redundancy import check_redundant, independent
+from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable, Measurement, Notice
 from fitball.data.velocity import velocity
 from fitball.errors import Fault, TableError
@@ -27,13 +28,14 @@ from fitball.values import FloatArray, Impacts
 LEAST_IMPACTS = 2
 
 
-def load_table(source: str | os.PathLike[str], *, rebound: bool = True) -> ImpactTable:
+def load_table(source: str | os.PathLike[str], *, rebound: bool = True, scene: Scene | None = None) -> ImpactTable:
     """Read an impact table from a CSV or Parquet file, or a bundled one by name.
 
     A path that exists wins over a bundled name. Units convert here, once, to m/s, rad/s, rad and s. With
     `rebound=False` the rebound columns may be missing and one row is enough: impacts to predict, not to fit.
-    Raises TableError with every fault of the file: its row, line, column, what was read and what was
-    expected.
+    `scene` says with what ball and what noise a rebound may seem to gain energy; without it that is the scene beside
+    the table. Raises TableError with every fault of the file: its row, line, column, what was read and what was
+    expected; SceneError for a scene beside it that cannot be used.
     """
     path = resolve_table(source)
     raw = read_raw(path)
@@ -47,7 +49,7 @@ def load_table(source: str | os.PathLike[str], *, rebound: bool = True) -> Impac
     for end in ("1", "2"):
         check_redundant(columns, end, raw.rows, faults, notices)
     check_pairs(columns, raw.rows, faults)
-    check_bounds(columns, raw.rows, faults)
+    check_bounds(columns, raw.rows, scene or load_scene(source), faults, notices)
     ids = _ids(header, raw.rows, faults)
     if faults:
         # Header first, then row by row, so that the list can be worked off from the top of the file.

@@ -110,4 +110,5 @@ def _compare(
             faults.append(Fault(message, row=row.number, line=row.line, column=read.name))
         else:
             message = f"{read.name}: {seen}; {first} and {second} are used"
-            notices.append(Notice(message, row=row.number, columns=(read.name, first, second)))
+            kind = f"{read.name} is at odds with {first} and {second}, which are used"
+            notices.append(Notice(message, row.number, (read.name, first, second), kind))

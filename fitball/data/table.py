@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from fitball.values import FloatArray, Impacts
@@ -16,6 +16,8 @@ REBOUND_UNITS: Mapping[str, str] = {
     "theta_2": "rad",
     "contact_time": "s",
 }
+# Notices of one kind that are told one by one.
+SAID = 3
 
 
 @dataclass(frozen=True)
@@ -29,14 +31,33 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Notice:
-    """Something a reader of the table should know and that did not stop the reading."""
+    """Something a reader of the table should know and that did not stop the reading.
+
+    Notices of one `kind` say the same of several rows; "" is of its own kind.
+    """
 
     message: str
     row: int | None = None
     columns: tuple[str, ...] = ()
+    kind: str = ""
 
     def __str__(self) -> str:
         return f"row {self.row}: {self.message}" if self.row is not None else self.message
+
+
+def summed_up(notices: Iterable[Notice]) -> tuple[str, ...]:
+    """Notices as sentences: of a kind that many rows share, which rows these are and the first of them in full."""
+    kinds: dict[str, list[Notice]] = {}
+    for place, notice in enumerate(notices):
+        kinds.setdefault(notice.kind or f"\0{place}", []).append(notice)
+    found: list[str] = []
+    for kind, members in kinds.items():
+        if len(members) <= SAID:
+            found += map(str, members)
+            continue
+        named = ", ".join(str(item.row) for item in members[:SAID])
+        found.append(f"rows {named} and {len(members) - SAID:,} more: {kind}; {members[0]}")
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -67,6 +88,11 @@ class ImpactTable:
 
     def __len__(self) -> int:
         return len(self.impacts)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """The notices as sentences, few however long the table."""
+        return summed_up(self.notices)
 
     def measurement(self, name: str) -> Measurement | None:
         """The independent measurement called `name`, or None when the table has none."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from fitball.inference.force import force_slopes
 from fitball.inference.force_records import ForceRecords
-from fitball.inference.looks import ActionLook
+from fitball.inference.looks import NAMED, ActionLook
 from fitball.inference.parameters import NOISE_SPECS
 from fitball.inference.posterior import Problem
 from fitball.inference.slopes import prediction_slopes
@@ -51,11 +51,15 @@ def action_looks(
         if item.name in NOISE_SPECS:
             continue
         total = float(squares[:, column].sum())
+        moved = np.flatnonzero(acting[:, column] >= MOSTLY)
+        unsure = [k for k in doubtful if acting[k, column] > 0.0]
         looks[item.name] = ActionLook(
-            impacts=tuple(ids[k] for k in range(count) if acting[k, column] >= MOSTLY),
+            impacts=tuple(ids[k] for k in moved[:NAMED]),
+            acting=moved.size,
             of=count,
             regimes=usual,
-            doubtful=tuple(ids[k] for k in doubtful if acting[k, column] > 0.0),
+            doubtful=tuple(ids[k] for k in unsure[:NAMED]),
+            in_doubt=len(unsure),
             share_doubtful=float(squares[doubtful, column].sum()) / total if total > 0.0 else 0.0,
         )
     return looks

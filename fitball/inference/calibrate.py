@@ -13,6 +13,7 @@ import numpy as np
 
 from fitball.data.balances import scene_balances
 from fitball.errors import ParameterError
+from fitball.inference.calibrated_range import spanning_impacts
 from fitball.inference.chain_file import ChainFile
 from fitball.inference.court_pace import court_pace
 from fitball.inference.diagnostics import TARGET_ESS
@@ -324,7 +325,7 @@ def _fitted(problem: Problem, point: PointFit, posterior: Posterior | None) -> F
         names=names,
         point=np.array([point.values[name] for name in names]),
         draws=draws,
-        impacts=problem.table.impacts,
+        impacts=spanning_impacts(problem.table.impacts, problem.model.ball.radius),
     )
 
 

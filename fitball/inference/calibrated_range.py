@@ -23,6 +23,12 @@ ROUNDING = 1e-9
 SLACK = 0.05
 
 
+# Impacts that stand for the range of a longer table, and the directions (and their opposites) in which those furthest
+# out are among them. They are a quarter of a radian apart, so that the hull loses 2 % of its radius at most.
+SPANNING = 300
+DIRECTIONS = 100
+
+
 @dataclass(frozen=True)
 class CalibratedRange:
     """New impacts against calibrated ones.
@@ -69,6 +75,35 @@ def calibrated_range(
     speed = float(np.median(np.hypot(calibrated.v_x1, calibrated.v_y1)))
     distance = hull_distances(_velocities(calibrated, radius), _velocities(new, radius))
     return CalibratedRange(limits, beyond, distance, SLACK * speed, lines)
+
+
+def spanning_impacts(impacts: Impacts, radius: float) -> Impacts:
+    """At most SPANNING of the impacts with the same limits and, all but, the same hull; all where there are no more.
+
+    The impacts furthest in each of many directions, those with the limits of each quantity and of the speed, and
+    others spread evenly over incidence angle.
+    """
+    count = len(impacts)
+    if count <= SPANNING:
+        return impacts
+    points = _velocities(impacts, radius)
+    speed, angle = np.hypot(impacts.v_x1, impacts.v_y1), _quantity(impacts, "theta_1")
+    columns = [points.T, speed[None], angle[None]]
+    spread = points - points.mean(axis=0)
+    scale = spread.std(axis=0)
+    towards = spread @ (_directions(DIRECTIONS) / np.where(scale > 0.0, scale, 1.0)).T
+    corners = {int(k) for column in np.concatenate([*columns, towards.T]) for k in (column.argmin(), column.argmax())}
+    order = np.argsort(angle, kind="stable")
+    others = order[np.linspace(0, count - 1, SPANNING - len(corners)).round().astype(np.int64)]
+    return impacts.take(np.union1d(np.array(sorted(corners), dtype=np.int64), others))
+
+
+def _directions(count: int) -> FloatArray:
+    """Unit vectors (count, 3) spread over half a sphere; the golden ratio turns each against the one before."""
+    place = (np.arange(count) + 0.5) / count
+    turn = 2.0 * np.pi * np.modf(np.arange(count) * 0.6180339887498949)[0]
+    flat = np.sqrt(1.0 - place**2)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), place], axis=1)
 
 
 def _quantity(impacts: Impacts, name: str) -> FloatArray:

@@ -23,7 +23,8 @@ class FittedModel:
     """A model with its point estimate and a thinned set of posterior draws.
 
     `names` are all parameters (noise included), `point` their values, (names,), `draws` (draws, names) in SI, empty
-    (0, names) for a point fit. `tangential` is false for a drop test. `impacts` are those it was calibrated on.
+    (0, names) for a point fit. `tangential` is false for a drop test. `impacts` are those it was calibrated on,
+    of a long table those that span it (see `calibrated_range.spanning_impacts`).
     """
 
     model_name: str

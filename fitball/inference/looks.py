@@ -127,17 +127,23 @@ class PowerLook:
     diagnosis: str
 
 
+# Impacts of a look that are named, however long the table.
+NAMED = 40
+
+
 @dataclass(frozen=True)
 class ActionLook:
-    """Where one parameter moves a rebound: `impacts` (ids) in which it does over most of the posterior, how many
-    there are in all, the `regimes` that these have most often, and the share of its information that comes from
-    impacts whose regime is in doubt (`doubtful`, ids).
+    """Where one parameter moves a rebound: the number of impacts, `acting` of those looked at, in which it does over
+    most of the posterior, the `regimes` that these have most often, and the share of its information that comes from
+    the `in_doubt` impacts whose regime is in doubt. `impacts` and `doubtful` are the ids of the first NAMED of them.
     """
 
     impacts: tuple[str, ...]
+    acting: int
     of: int
     regimes: tuple[str, ...]
     doubtful: tuple[str, ...]
+    in_doubt: int
     share_doubtful: float
 
 

@@ -235,10 +235,22 @@ def _noise(
 
 
 def impacts_with_cor(table: ImpactTable, chosen: Model) -> Impacts:
-    """The impacts, each with its measured restitution where the model wants it. Raises FitError without `v_y2`."""
+    """The impacts, each with its measured restitution where the model wants it.
+
+    Raises FitError without `v_y2`, and where noise has put a restitution above 1.
+    """
     if not chosen.needs_cor:
         return table.impacts
     rebound = table.measurement("v_y2")
     if rebound is None:
         raise FitError(f"{table.source}: closure cor = 'measured' needs a column v_y2")
-    return replace(table.impacts, cor=rebound.values / table.impacts.v_y1)
+    cor = rebound.values / table.impacts.v_y1
+    above = np.flatnonzero(cor > 1.0)
+    if above.size:
+        first, more = above[0], f" and {above.size - 1:,} more have one" if above.size > 1 else " has one"
+        raise FitError(
+            f"{table.source}: closure cor = 'measured' takes each measured coefficient of restitution as exact, and "
+            f"no model bounces with one above 1; impact {table.ids[first]}{more} ({cor[first]:.4g}): leave such rows "
+            "out, or fit the restitution (cor = line or mean)"
+        )
+    return replace(table.impacts, cor=cor)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.inference.fitted import FittedModel
 from fitball.inference.new_impacts import NewPrediction, OutputPrediction
 from fitball.values import Impacts
 
@@ -34,9 +33,9 @@ def scores(prediction: NewPrediction) -> tuple[ChannelScore, ...]:
     return tuple(item for item in found if item is not None)
 
 
-def impacts_seen(fitted: FittedModel, impacts: Impacts) -> int:
-    """How many of the impacts, to the last digit, are among those the model was calibrated on."""
-    known = set(_states(fitted.impacts))
+def impacts_seen(calibrated: Impacts, impacts: Impacts) -> int:
+    """How many of the impacts, to the last digit, are among those a model was calibrated on."""
+    known = set(_states(calibrated))
     return sum(state in known for state in _states(impacts))
 
 

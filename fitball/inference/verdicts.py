@@ -17,6 +17,8 @@ from fitball.inference.results import Verdict
 NOT_NORMAL = 0.3
 # Share of the information about a parameter that makes the impacts it comes from worth naming.
 DRIVEN = 1.0 / 3.0
+# Impacts that a sentence names.
+NAMED_IN_WORDS = 20
 
 
 def combine(
@@ -194,8 +196,9 @@ def _action(action: ActionLook | None) -> str:
         where = f" ({', '.join(action.regimes)})" if action.regimes else ""
         return f"; at these values it moves the rebound of none of the {action.of} impacts{where}"
     if action.share_doubtful > DRIVEN and action.doubtful:
+        more = f" and {action.in_doubt - NAMED_IN_WORDS:,} more" if action.in_doubt > NAMED_IN_WORDS else ""
         return (
             f"; {100.0 * action.share_doubtful:.0f} % of what the table says of it comes from impacts whose regime "
-            f"is in doubt ({', '.join(action.doubtful)})"
+            f"is in doubt ({', '.join(action.doubtful[:NAMED_IN_WORDS])}{more})"
         )
     return ""

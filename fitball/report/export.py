@@ -13,7 +13,7 @@ import numpy as np
 
 from fitball.inference.parameters import NOISE_SPECS
 from fitball.inference.results import Estimate, Fit, Golden
-from fitball.report.data_content import data_content
+from fitball.report.data_file import data_content
 from fitball.report.fit_file import KIND, SCHEMA_VERSION
 from fitball.report.looks_content import looks_content
 from fitball.report.units import THESIS
@@ -41,7 +41,7 @@ def fit_content(fit: Fit) -> dict[str, Any]:
             "sha256": problem.table.digest,
             "impacts": len(problem.table),
         },
-        "notes": [*map(str, problem.table.notices), *fit.notes],
+        "notes": [*problem.table.remarks, *fit.notes],
         "parameters": {item.name: _estimate(item) for item in fit.estimates},
         "covariance": _matrix(problem.free_names, fit.covariance),
         "correlation": _matrix(problem.free_names, fit.correlation),

@@ -8,7 +8,7 @@ from pathlib import Path
 from fitball.errors import ResultFolderError
 
 # Files of a result folder: what is derived from them never takes their place.
-OWN_FILES = ("fit.json", "posterior.nc", "posterior.h5")
+OWN_FILES = ("fit.json", "data.nc", "posterior.nc", "posterior.h5")
 
 
 def write_whole(path: Path, write: Callable[[Path], None]) -> None:

@@ -46,14 +46,10 @@ def _shapes(file: FitFile) -> Iterator[str]:
     width = {"fitted.names": len(fitted.names), "fitted.point": len(fitted.point)}
     yield from _unequal(width | {f"fitted.draws[{k}]": len(row) for k, row in enumerate(fitted.draws)})
     yield from _unequal({name: len(getattr(fitted.impacts, name)) for name in ("v_x1", "v_y1", "omega_1")})
-    columns = {"table.impacts": file.table.impacts, "data.ids": len(data.ids)}
-    columns |= {f"data.impacts.{name}": len(getattr(data.impacts, name)) for name in ("v_x1", "v_y1", "omega_1")}
-    columns |= {f"data.labels.{name}": len(column) for name, column in data.labels.items()}
-    for item in data.measurements:
-        columns[f"data.measurements {item.name}"] = len(item.values)
-        if item.sd is not None:
-            columns[f"data.measurements {item.name} sd"] = len(item.sd)
-    yield from _unequal(columns)
+    for name in ("incident_columns", "measurements", "with_sd", "labels"):
+        listed: Sequence[str] = getattr(data, name)
+        if len(set(listed)) < len(listed):
+            yield f"data.{name}: read {_listed(listed)}, where a name comes twice"
     sampled = file.status is not RunStatus.POINT_ONLY
     if sampled != (file.diagnostics is not None) or sampled != bool(fitted.draws):
         yield f"status is '{file.status}', but diagnostics and fitted.draws say otherwise"

@@ -8,14 +8,14 @@ from typing import Annotated, Any, Literal
 import msgspec
 import numpy as np
 
-from fitball.inference.force_records import Averaged
 from fitball.inference.looks import Examination
 from fitball.inference.pace_rating import CourtPace
 from fitball.inference.results import BudgetLine, LevelEstimate, RunStatus, Verdict
 from fitball.report.structure import Counted, Digest, Part, Positive
 from fitball.values import Ball
 
-SCHEMA_VERSION = 1
+# Version 1 held the measurements themselves, which lie in `data.nc` now.
+SCHEMA_VERSION = 2
 KIND = "fitball fit"
 Numbers = tuple[float, ...]
 Texts = tuple[str, ...]
@@ -188,35 +188,28 @@ class Incident(Part, frozen=True):
     omega_1: Motions
 
 
-class MeasuredColumn(Part, frozen=True):
-    """A rebound column in SI with its stated standard deviation, null where it states none."""
-
-    name: str
-    values: Numbers
-    sd: tuple[Positive, ...] | None
-
-
 class ForcePart(Part, frozen=True):
-    """Force records as the likelihood took them; start_sd is how well t = 0 is known to be the start of contact."""
+    """Force-time records as the likelihood took them, only where there were any; their means lie in data.nc. start_sd
+    is how well t = 0 is known to be the start of contact.
+    """
 
     file: str
     sha256: Digest
     start_sd: Positive | None
-    records: Annotated[tuple[Averaged, ...], msgspec.Meta(min_length=1)]
 
 
 class DataPart(Part, frozen=True):
-    """The measurements the fit was made from, SI units, angles in radians; contact_time is (value, sd) as known to
-    the scene.
+    """The measurements the fit was made from, which lie in data.nc: names of measured columns, of those with a stated
+    sd, of label columns; SHA-256 over all columns; contact_time is (value, sd) as known to the scene.
     """
 
-    ids: Texts
-    labels: Mapping[str, Texts]
     incident_columns: tuple[Literal["v_x1", "v_y1", "omega_1"], ...]
-    impacts: Incident
-    measurements: tuple[MeasuredColumn, ...]
+    measurements: Texts
+    with_sd: Texts
+    labels: Texts
     contact_time: tuple[Positive, Positive] | None
-    force: ForcePart | msgspec.UnsetType = msgspec.UNSET
+    sha256: Digest
+    force: ForcePart | None = None
 
 
 class FittedPart(Part, frozen=True):
@@ -232,7 +225,7 @@ class FittedPart(Part, frozen=True):
 class FitFile(Part, frozen=True):
     """A fitted parameter set. Numbers are in SI units unless a unit stands beside them."""
 
-    schema_version: Literal[1]
+    schema_version: Literal[2]
     kind: Literal["fitball fit"]
     status: RunStatus
     verdict: str

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from fitball.errors import ResultFolderError
 from fitball.inference.results import Fit
 from fitball.report.alt_texts import alt_texts
+from fitball.report.data_file import DATA_NAME, write_data
 from fitball.report.export import fit_text
 from fitball.report.files import write_text, write_whole
 from fitball.report.html import CAPTIONS, page
@@ -87,6 +88,7 @@ def write_all(fit: Fit, folder: Path, command: str | None = None) -> None:
         write_whole(folder / f"{name}.png", partial(save_png, figure))
         # Laid out once: the page draws it again as it stands.
         figure.set_layout_engine("none")
+    write_data(fit.problem, folder / DATA_NAME)
     write_text(folder / "summary.csv", csv_text(summary_rows(fit)))
     write_text(folder / "predictions.csv", csv_text(prediction_rows(fit)))
     write_text(folder / "balances.csv", csv_text(fit.balances.rows()))

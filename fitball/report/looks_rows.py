@@ -59,7 +59,7 @@ def look_rows(fit: Fit) -> LookTable:
                 information=_information(looks.information, scene),
                 contraction="-" if looks.contraction is None else f"{looks.contraction.contraction:.2f}",
                 power="-" if looks.power is None else f"{looks.power.prior:.2f} | {looks.power.likelihood:.2f}",
-                action="-" if looks.action is None else f"{len(looks.action.impacts)} of {looks.action.of}",
+                action="-" if looks.action is None else f"{looks.action.acting} of {looks.action.of}",
                 verdict=estimate.verdict,
             )
         )

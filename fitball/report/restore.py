@@ -9,10 +9,9 @@ import msgspec
 import numpy as np
 
 from fitball.data.scene import Scene
-from fitball.data.table import ImpactTable, Measurement
+from fitball.data.table import ImpactTable
 from fitball.errors import FitballError, ResultFolderError
 from fitball.inference.channels import build_channels
-from fitball.inference.force_records import ForceRecords
 from fitball.inference.looks import Examination
 from fitball.inference.parameters import Parameter
 from fitball.inference.posterior import Problem
@@ -20,9 +19,10 @@ from fitball.inference.predictive import predictive, predictive_generator
 from fitball.inference.priors import parse_prior
 from fitball.inference.problem import impacts_with_cor
 from fitball.inference.results import Diagnostics, PointFit, Posterior, Predictive, Verdict
+from fitball.report.data_file import MeasuredData
 from fitball.report.fit_consistency import spec_of
-from fitball.report.fit_file import DataPart, FitFile
-from fitball.report.saved_fit import SavedFit, read_fit, saved_impacts
+from fitball.report.fit_file import FitFile
+from fitball.report.saved_fit import SavedFit, read_fit
 from fitball.report.structure import damaged
 
 
@@ -51,8 +51,9 @@ def restore(path: Path) -> Restored:
             f"{saved.place}: figures of a fit with parameters of its own ({', '.join(own)[:200]}) are made by "
             "calibrate only"
         )
+    measured = saved.measured()
     try:
-        problem = _problem(saved)
+        problem = _problem(saved, measured)
         point = _point(problem, saved)
     except FitballError as error:
         raise damaged(saved.place, str(error)) from None
@@ -63,9 +64,9 @@ def restore(path: Path) -> Restored:
     return Restored(problem, point, found, _diagnostics(saved.file), saved.file.identifiability, posterior)
 
 
-def _problem(saved: SavedFit) -> Problem:
+def _problem(saved: SavedFit, measured: MeasuredData) -> Problem:
     fitted, data = saved.fitted, saved.file.data
-    table = _table(saved.file)
+    table = _table(saved.file, measured)
     channels, _unused = build_channels(table, table.has_tangential, fitted.model.has_time, fitted.model.needs_cor)
     return Problem(
         table=table,
@@ -76,34 +77,25 @@ def _problem(saved: SavedFit) -> Problem:
         impacts=impacts_with_cor(table, fitted.model),
         contact_time=data.contact_time,
         notes=saved.file.notes,
-        force=_force(data),
+        force=measured.force,
     )
 
 
-def _table(file: FitFile) -> ImpactTable:
+def _table(file: FitFile, measured: MeasuredData) -> ImpactTable:
     return ImpactTable(
         name=file.table.name,
         source=file.table.file,
         digest=file.table.sha256,
-        ids=file.data.ids,
-        impacts=saved_impacts(file.data.impacts),
+        ids=measured.ids,
+        impacts=measured.impacts,
         incident_columns=file.data.incident_columns,
         incident_sd={},
-        measurements=tuple(
-            Measurement(item.name, np.array(item.values), None if item.sd is None else np.array(item.sd))
-            for item in file.data.measurements
-        ),
+        measurements=measured.measurements,
         redundant=(),
-        labels=file.data.labels,
+        labels=measured.labels,
         units={},
         notices=(),
     )
-
-
-def _force(data: DataPart) -> ForceRecords | None:
-    if data.force is msgspec.UNSET:
-        return None
-    return ForceRecords(data.force.file, data.force.sha256, data.force.start_sd, data.force.records)
 
 
 def _parameter(saved: SavedFit, name: str) -> Parameter:

@@ -260,7 +260,7 @@ def record_problem(record: RunRecord, tables: Sequence[Path], records: Path | No
 
     Raises as reading and `build_problem` do.
     """
-    table = load_tables(tables)
+    table = load_tables(tables, record.scene)
     force = None if records is None else load_force(records, table)
     problem = build_problem(table, record.scene, record.choices, force)
     parameters = tuple(

@@ -16,8 +16,9 @@ from fitball.inference.new_impacts import DRAWS, NewPrediction, predict_new
 from fitball.inference.predictive import thinned
 from fitball.inference.results import Golden, Posterior, RunStatus, Verdict
 from fitball.models.types import Rebound
+from fitball.report.data_file import DATA_NAME, MeasuredData, read_data
 from fitball.report.fit_consistency import checked, outside
-from fitball.report.fit_file import KIND, SCHEMA_VERSION, FitFile, FittedPart, GoldenPart, Incident, ParameterPart
+from fitball.report.fit_file import KIND, SCHEMA_VERSION, FitFile, FittedPart, GoldenPart, ParameterPart
 from fitball.report.netcdf import read_netcdf
 from fitball.report.structure import Content, damaged, place_of, read_json, refuse_foreign, structured
 from fitball.values import FloatArray, Impacts
@@ -76,6 +77,18 @@ class SavedFit:
             )
         return posterior
 
+    def measured(self) -> MeasuredData:
+        """The measurements, from `data.nc` beside `fit.json`. Raises ResultFolderError as `read_data` does."""
+        return read_data(self.file.data, self.file.table.impacts, self.place.with_name(DATA_NAME))
+
+    @property
+    def impacts(self) -> Impacts:
+        """Every impact of the fit. Of a long table `fit.json` holds those alone that span its range, and the others
+        are read from `data.nc`; ResultFolderError where that is missing, damaged or of another fit.
+        """
+        known = self.fitted.impacts
+        return known if len(known) == self.file.table.impacts else self.measured().impacts
+
     def predict_interval(
         self,
         impacts: Impacts,
@@ -124,12 +137,8 @@ def read_fit(path: Path) -> SavedFit:
     )
 
 
-def saved_impacts(columns: Incident) -> Impacts:
-    """Incident states from their columns."""
-    return Impacts(np.array(columns.v_x1), np.array(columns.v_y1), np.array(columns.omega_1))
-
-
 def _fitted(file: FitFile, part: FittedPart) -> FittedModel:
+    given = part.impacts
     return FittedModel(
         model_name=file.model.name,
         options=file.model.closures,
@@ -138,7 +147,7 @@ def _fitted(file: FitFile, part: FittedPart) -> FittedModel:
         names=part.names,
         point=np.array(part.point),
         draws=np.array(part.draws, dtype=np.float64).reshape(-1, len(part.names)),
-        impacts=saved_impacts(part.impacts),
+        impacts=Impacts(np.array(given.v_x1), np.array(given.v_y1), np.array(given.omega_1)),
     )
 
 

@@ -260,4 +260,4 @@ def _unit(name: str) -> str:
 
 def notes(fit: Fit) -> tuple[str, ...]:
     """What the reader of the table and of the scene should know."""
-    return (*map(str, fit.problem.table.notices), *fit.notes)
+    return (*fit.problem.table.remarks, *fit.notes)

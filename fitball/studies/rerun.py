@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from fitball.errors import ResultFolderError
 from fitball.inference.calibrate import Effort, fingerprint, run
@@ -14,7 +15,7 @@ from fitball.inference.chain_file import ChainFile, EnsembleChain, read_chains
 from fitball.inference.posterior import Problem
 from fitball.inference.results import Fit, Posterior
 from fitball.inference.sampling import Progress
-from fitball.report.data_content import data_content
+from fitball.report.data_file import DATA_NAME, data_columns, read_columns, write_data
 from fitball.report.export import fit_text
 from fitball.report.files import write_text
 from fitball.report.folder import CHAIN_NAME
@@ -49,13 +50,16 @@ def read_kept(folder: Path) -> Kept:
 
 def check_rows(problem: Problem, original: Kept) -> None:
     """Raise ResultFolderError unless the rows of the files are those the fit was made from, to the last digit."""
-    now = json.loads(json.dumps(data_content(problem)))
-    kept = original.content["data"]
-    # Names of tables may differ: a file may lie elsewhere under another name.
-    changed = [name for name in ("impacts", "measurements") if now[name] != kept[name]]
+    place, file = original.folder / DATA_NAME, original.saved.file
+    kept, now = read_columns(file.data, file.table.impacts, place), data_columns(problem.table, problem.force)
+    # Names of tables, and so ids and labels, may differ: a file may lie elsewhere under another name.
+    numbers = [name for name, column in now.items() if column.dtype.kind in "fi"]
+    changed = [
+        name for name in numbers if name not in kept or not np.array_equal(now[name], kept[name], equal_nan=True)
+    ]
     if changed:
         raise ResultFolderError(
-            f"{original.folder / FIT_NAME}: its {' and '.join(changed)} are not those of {problem.table.source}: the "
+            f"{place}: its {' and '.join(changed)} are not those of {problem.table.source}: the "
             "table was changed in Python before it was fitted, or this file was changed since; calibrate anew"
         )
 
@@ -70,4 +74,5 @@ def write_numbers(fit: Fit, folder: Path) -> None:
     """Write what a repetition compares, and no figures. Raises ResultFolderError."""
     if fit.posterior is not None:
         write_netcdf(fit, fit.posterior, folder / POSTERIOR_NAME)
+    write_data(fit.problem, folder / DATA_NAME)
     write_text(folder / FIT_NAME, fit_text(fit))

@@ -9,32 +9,32 @@ import xarray as xr
 
 from fitball.errors import ResultFolderError
 from fitball.inference.results import Posterior, RunStatus
+from fitball.report.data_file import DATA_NAME, INCIDENT, UNITS
 from fitball.report.files import write_whole
 from fitball.report.saved_fit import POSTERIOR_NAME, SavedFit
 from fitball.version import __version__
 
-_UNITS = {"v_x1": "m/s", "v_y1": "m/s", "omega_1": "rad/s", "omega_2": "rad/s", "theta_2": "rad", "contact_time": "s"}
-
 
 def arviz_tree(saved: SavedFit) -> tuple[xr.DataTree, str]:
     """Groups `posterior`, `sample_stats`, `prior` (those two with all draws only), `observed_data`, `constant_data`
-    (incident states), and a note: empty when all draws were there.
+    (incident states), and a note: empty when all draws and measurements were there.
 
     All draws are in `posterior.nc` beside `fit.json`; where that is missing, the thinned ones of `fit.json` make one
-    chain. Raises ResultFolderError for a point fit, and for a `posterior.nc` that is damaged or of another fit.
+    chain. Measurements are in `data.nc`. Raises ResultFolderError for a point fit, and for either file when it is
+    damaged or of another fit.
     """
     if saved.status is RunStatus.POINT_ONLY or saved.fitted.draws.shape[0] == 0:
         raise ResultFolderError(f"{saved.place}: a point fit has no draws to export; calibrate without --point-only")
-    groups = {"observed_data": _observed(saved), "constant_data": _incident(saved)}
-    place = saved.place.with_name(POSTERIOR_NAME)
-    note = ""
+    place, data = (saved.place.with_name(name) for name in (POSTERIOR_NAME, DATA_NAME))
+    notes = [] if data.exists() else [f"{data} is missing: the file holds no measurements"]
+    groups = _measured(saved) if data.exists() else {}
     if place.exists():
         posterior = saved.posterior()
         assert posterior is not None
         groups = _all_draws(saved, posterior) | groups
     else:
         count = saved.fitted.draws.shape[0]
-        note = f"{place} is missing: the file holds the {count} draws of fit.json as one chain, out of order"
+        notes.append(f"{place} is missing: the file holds the {count} draws of fit.json as one chain, out of order")
         free = [name for name in saved.fitted.names if _is_free(saved, name)]
         columns = [saved.fitted.names.index(name) for name in free]
         groups = {"posterior": _draws(saved, free, saved.fitted.draws[None][:, :, columns])} | groups
@@ -44,7 +44,7 @@ def arviz_tree(saved: SavedFit) -> tuple[xr.DataTree, str]:
         "model": saved.fitted.model_name,
         "status": str(saved.status),
     }
-    return tree, note
+    return tree, "; ".join(notes)
 
 
 def write_arviz(saved: SavedFit, path: Path) -> str:
@@ -84,20 +84,15 @@ def _all_draws(saved: SavedFit, posterior: Posterior) -> dict[str, xr.Dataset]:
     }
 
 
-def _observed(saved: SavedFit) -> xr.Dataset:
-    data = saved.content["data"]
-    return xr.Dataset(
-        {
-            item["name"]: ("impact", np.array(item["values"]), {"units": _UNITS.get(item["name"], "m/s")})
-            for item in data["measurements"]
-        },
-        coords={"impact": list(data["ids"])},
-    )
-
-
-def _incident(saved: SavedFit) -> xr.Dataset:
-    data = saved.content["data"]
-    return xr.Dataset(
-        {name: ("impact", np.array(column), {"units": _UNITS[name]}) for name, column in data["impacts"].items()},
-        coords={"impact": list(data["ids"])},
-    )
+def _measured(saved: SavedFit) -> dict[str, xr.Dataset]:
+    """Rebounds and incident states, as the fit took them."""
+    data = saved.measured()
+    rebounds = {item.name: item.values for item in data.measurements}
+    incident = {name: getattr(data.impacts, name) for name in INCIDENT}
+    return {
+        group: xr.Dataset(
+            {name: ("impact", column, {"units": UNITS[name]}) for name, column in columns.items()},
+            coords={"impact": list(data.ids)},
+        )
+        for group, columns in (("observed_data", rebounds), ("constant_data", incident))
+    }
