@@ -224,7 +224,7 @@ def test_an_interrupted_run_resumes_to_the_same_bytes(tmp_path, quick_fit, unint
     chain = ChainFile(tmp_path / "posterior.h5", "one")
     with pytest.raises(SamplingInterrupted):
         sampled_bytes(quick_fit, chain, report=partial(_StopAt(step), "sampling"))
-    assert [len(item.chain) for item in read_chains(chain.path)[1]] == [step, step]
+    assert [len(item.chain) for item in read_chains(chain.path)[2]] == [step, step]
     assert sampled_bytes(quick_fit, chain, resume=True) == uninterrupted
 
 
@@ -247,7 +247,7 @@ def test_ensembles_stopped_at_different_steps_resume_to_the_same_bytes(
         patch.setattr(Ensemble, "advance_to", stopped)
         with pytest.raises(SamplingInterrupted):
             sampled_bytes(quick_fit, chain)
-    assert [len(item.chain) for item in read_chains(chain.path)[1]] == steps
+    assert [len(item.chain) for item in read_chains(chain.path)[2]] == steps
     assert sampled_bytes(quick_fit, chain, resume=True) == uninterrupted
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,7 @@ class ChainFile:
         try:
             with h5py.File(temporary, "w") as file:
                 file.attrs["fingerprint"] = self.fingerprint
+                file.attrs["sha256"] = digest(ensembles)
                 file.attrs["parameters"] = json.dumps(list(names))
                 file.attrs["coordinates"] = json.dumps(["ln" if log else "value" for log in logs])
                 for k, item in enumerate(ensembles):
@@ -67,7 +69,7 @@ class ChainFile:
         """
         if not self.path.exists():
             raise ResultFolderError(f"{self.path}: no chain to resume; run without --resume")
-        found, groups = read_chains(self.path)
+        found, kept, groups = read_chains(self.path)
         if found != self.fingerprint:
             raise ResultFolderError(
                 f"{self.path}: this chain was sampled from another problem (table, scene, model, priors, seed or "
@@ -75,23 +77,37 @@ class ChainFile:
             )
         expected = (ensembles, walkers, len(names))
         read = (len(groups), *groups[0].chain.shape[1:])
-        if read != expected:
+        if read != expected or digest(groups) != kept:
             raise ResultFolderError(
-                f"{self.path}: damaged: read {read} ensembles, walkers and parameters, expected {expected}; use "
+                f"{self.path}: damaged: read {read} ensembles, walkers and parameters with SHA-256 {digest(groups)}, "
+                f"expected {expected} with {kept[:64] or 'a digest, which older fitballs did not write'}; use "
                 "--overwrite to start anew"
             )
         return groups
 
 
-def read_chains(path: Path) -> tuple[str, list[EnsembleChain]]:
-    """The fingerprint of a chain file and its chains, whatever problem they belong to.
+def digest(ensembles: Sequence[EnsembleChain]) -> str:
+    """SHA-256 over all steps and states: a chain that goes on must be the one that stopped, to the last bit."""
+    found = sha256()
+    for item in ensembles:
+        for array in (item.chain, item.log_posterior, item.accepted, np.asarray(item.random_state[1])):
+            found.update(f"{array.shape}\n".encode())
+            found.update(np.ascontiguousarray(array).tobytes())
+        position, has_normal, normal = item.random_state[2:]
+        found.update(f"{int(position)} {int(has_normal)} {float(normal)!r}\n".encode())
+    return found.hexdigest()
+
+
+def read_chains(path: Path) -> tuple[str, str, list[EnsembleChain]]:
+    """The fingerprint of a chain file, the digest it states ("" for none), and its chains, whatever problem they
+    belong to.
 
     Raises ResultFolderError when it is damaged.
     """
     with opened(path, "the chain of a fit") as file:
         first = finite(group(file, GROUP.format(0)), "chain", (None, None, None))
         chains = [_read_group(group(file, GROUP.format(k)), first.shape[1:]) for k in range(len(file))]
-        return str(file.attrs["fingerprint"]), chains
+        return str(file.attrs["fingerprint"]), str(file.attrs.get("sha256", "")), chains
 
 
 def _write_group(group: h5py.Group, item: EnsembleChain) -> None:

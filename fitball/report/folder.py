@@ -13,7 +13,7 @@ from fitball.inference.results import Fit
 from fitball.report.alt_texts import alt_texts
 from fitball.report.data_file import DATA_NAME, write_data
 from fitball.report.export import fit_text
-from fitball.report.files import write_text, write_whole
+from fitball.report.files import remove, write_text, write_whole
 from fitball.report.html import CAPTIONS, page
 from fitball.report.netcdf import write_netcdf
 from fitball.report.page_figures import page_figures
@@ -43,7 +43,7 @@ def prepare(folder: Path, *, overwrite: bool, resume: bool) -> None:
             "replace it, or --out to write elsewhere"
         )
     for name in older:
-        (folder / name).unlink()
+        remove(folder / name)
 
 
 def holds_older(folder: Path, record: str, *, overwrite: bool) -> bool:
@@ -78,7 +78,7 @@ def write_all(fit: Fit, folder: Path, command: str | None = None) -> None:
 
     Raises ResultFolderError.
     """
-    (folder / FIT_NAME).unlink(missing_ok=True)
+    remove(folder / FIT_NAME)
     posterior = fit.posterior
     if posterior is not None:
         write_netcdf(fit, posterior, folder / POSTERIOR_NAME)

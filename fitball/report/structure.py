@@ -21,6 +21,8 @@ Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 Counted = Annotated[int, msgspec.Meta(ge=1)]
 Digest = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
 MEND = "put back the file that fitball wrote, or run calibrate again"
+# Characters of a message that quotes a file.
+MOST = 500
 _STEP = re.compile(r"\.(?P<field>[^.\[\]]+)|\[(?P<index>\d+)\]|\[(?P<any>\.\.\.)\]")
 
 _QUOTED = re.compile("`([^`]*)`")
@@ -99,7 +101,7 @@ def _plain(match: re.Match[str]) -> str:
 
 def damaged(place: Path, what: str) -> ResultFolderError:
     """The error of a file that is not what fitball wrote: `what` says which part is not, and why."""
-    return ResultFolderError(f"{place}: damaged: {what}; {MEND}")
+    return ResultFolderError(f"{place}: damaged: {what if len(what) < MOST else what[:MOST] + '...'}; {MEND}")
 
 
 def _bytes(place: Path) -> bytes:

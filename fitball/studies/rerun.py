@@ -44,7 +44,7 @@ def read_kept(folder: Path) -> Kept:
     """Read a result folder. Raises ResultFolderError for what is missing, damaged or foreign."""
     saved = read_fit(folder)
     posterior, chain = saved.posterior(agreeing=False), folder / CHAIN_NAME
-    chains = tuple(read_chains(chain)[1]) if chain.exists() and posterior is not None else None
+    chains = tuple(read_chains(chain)[2]) if chain.exists() and posterior is not None else None
     return Kept(folder, saved, posterior, chains)
 
 
