@@ -22,8 +22,6 @@ from fitball.inference.problem import Choices, build_problem
 from fitball.report.fit_file import fit_schema
 from fitball.report.restore import restore
 from fitball.report.structure import read_json, read_toml
-from fitball.studies.fuzz.harness import complaints, make_case, run_case
-from fitball.studies.fuzz.result_folders import result_folders
 from fitball.studies.rerun import write_numbers
 from fitball.values import Ball
 
@@ -307,31 +305,3 @@ def test_more_walkers_than_any_memory_holds():
         Effort(walkers=10**9).settings(problem)
     with pytest.raises(ParameterError, match="ball radius"):
         Ball(radius=1e200)
-
-
-@pytest.fixture(scope="module")
-def campaign(small_fit, tmp_path_factory):
-    """A result folder to damage, and the targets that damage it."""
-    place = tmp_path_factory.mktemp("fuzz")
-
-    def make(folder):
-        shutil.copytree(small_fit, folder)
-
-    return place, {item.name: item for item in result_folders(make)}
-
-
-@pytest.mark.parametrize(("name", "cases"), [("fit.json", 100), ("posterior.nc", 40), ("data.nc", 20)])
-def test_damage_ends_in_words(campaign, tmp_path, name, cases):
-    """Seeded; thousands of them by `scripts/validate --fuzz`."""
-    place, targets = campaign
-    target = targets[name]
-    valid = place / name
-    valid.mkdir()
-    target.build(valid)
-    codes = set()
-    for index in range(cases):
-        case = make_case(target, valid, tmp_path / str(index), 1, index)
-        ending = run_case(case, main)
-        codes.add(ending.code)
-        assert not complaints(target, case, ending), (case.damage, case.words, ending.error)
-    assert codes == {0, 2}

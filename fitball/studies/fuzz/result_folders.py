@@ -44,8 +44,8 @@ def result_folders(make_fit: MakeFit) -> tuple[Target, ...]:
         Target("plotted fit.json", build, _damage("fit.json", damage_json), PLOTS, few=8),
         Target("posterior.nc", build, _damage("posterior.nc", damage_hdf5), (PREDICT, EXPORTS[-1]), few=40),
         Target("data.nc", build, _damage("data.nc", damage_hdf5), (PLOTS[1], EXPORTS[-1]), few=20),
-        Target("run.toml", build, _damage("run.toml", damage_text_file), (REPEAT,), (0, 1, 2), few=3),
-        Target("repeated fit.json", build, _damage("fit.json", damage_json), (REPEAT,), (0, 1, 2), few=3),
+        Target("run.toml", build, _damage("run.toml", damage_text_file), (REPEAT,), (0, 1, 2), few=8),
+        Target("repeated fit.json", build, _damage("fit.json", damage_json), (REPEAT,), (0, 1, 2), few=8),
         Target("posterior.h5", short_chain, _damage("posterior.h5", damage_hdf5), (RESUME,), (0, 1, 2), few=3),
     )
 
