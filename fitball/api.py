@@ -17,8 +17,8 @@ from fitball.inference.new_impacts import DRAWS, NewPrediction, predict_new
 from fitball.inference.predictive import thinned
 from fitball.inference.problem import Choices, build_problem
 from fitball.inference.results import Fit
-from fitball.report.export import SavedFit, read_fit
 from fitball.report.folder import prepare, write_all
+from fitball.report.saved_fit import SavedFit, read_fit
 from fitball.values import FloatArray, Impacts
 
 

@@ -20,13 +20,15 @@ FloatArray = NDArray[np.float64]
 WANG_MASS = 0.0576
 WANG_RADIUS = 0.03302
 WANG_INERTIA_RATIO = 0.56
+# Beyond any ball, and far from where products of masses and lengths overflow or vanish.
+SMALLEST, LARGEST = 1e-30, 1e6
 
 
 @dataclass(frozen=True)
 class Ball:
     """A tennis ball: `mass` [kg], outer `radius` [m], central moment of `inertia` [kg m^2].
 
-    Raises ParameterError for values that are not positive and finite, or an inertia above that of
+    Raises ParameterError for values that are not positive and finite, or absurd, or an inertia above that of
     a ring of the same mass and radius.
     """
 
@@ -37,8 +39,10 @@ class Ball:
     def __post_init__(self) -> None:
         for name in ("mass", "radius", "inertia"):
             value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise ParameterError(f"ball {name} = {value!r}: expected a positive, finite number (SI units)")
+            if not SMALLEST <= value <= LARGEST:
+                raise ParameterError(
+                    f"ball {name} = {value!r}: expected a positive, finite number (SI units, at most {LARGEST:g})"
+                )
         if self.inertia > self.mass * self.radius**2:
             raise ParameterError(
                 f"ball inertia = {self.inertia:g} kg m^2 exceeds M R^2 = {self.mass * self.radius**2:g}: "

@@ -22,6 +22,7 @@ from fitball.models.model import Model
 from fitball.report.data_file import write_data
 from fitball.report.export import fit_text
 from fitball.report.netcdf import write_netcdf
+from fitball.report.run_file import run_text
 from fitball.values import FloatArray, Impacts
 
 
@@ -84,13 +85,14 @@ def draw_priors() -> Callable[[Model, np.random.Generator, int], FloatArray]:
 
 @pytest.fixture(scope="session")
 def small_fit(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a short fit of grip-slip: fit.json, posterior.nc and data.nc, without figures."""
+    """The folder of a short fit of grip-slip: fit.json, posterior.nc, data.nc and run.toml, without figures."""
     fit = fitball.calibrate("wang_zero_spin.csv", model="grip-slip", seed=4, cores=1, max_steps=100)
     folder = tmp_path_factory.mktemp("small") / "fit"
     folder.mkdir()
     assert fit.posterior is not None
     write_netcdf(fit, fit.posterior, folder / "posterior.nc")
     write_data(fit.problem, folder / "data.nc")
+    (folder / "run.toml").write_text(run_text(fit, folder), encoding="utf-8")
     (folder / "fit.json").write_text(fit_text(fit), encoding="utf-8")
     return folder
 

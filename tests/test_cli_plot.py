@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,10 +14,11 @@ from fitball.cli.main import main
 from fitball.cli.plot import FORMATS, KIND_NAMES
 from fitball.inference.looks import ActionLook, End, Examination, InformationLook, Looks, Profile, Spectrum
 from fitball.report.figure_regimes import OTHERS, regime_bars, regime_colours
-from fitball.report.looks_content import looks_content, read_examination
+from fitball.report.looks_content import looks_content
 from fitball.report.plots import KINDS, STAMPS
 from fitball.report.profile_arrays import profile_panels
 from fitball.report.restore import restore
+from fitball.report.structure import structured
 from fitball.report.units import handy
 
 
@@ -71,10 +73,10 @@ def test_an_open_profile_is_read_back_open():
     action = ActionLook(("a",), 1, 2, ("grip",), ("b",), 1, 0.25)
     looks = Looks(profile, None, InformationLook(None, 2.0, 0.5, 0.4), None, None, action, "because")
     examination = Examination({"mu": looks}, Spectrum((), (), ("a sentence",)), "", 0.87)
-    content = json.loads(json.dumps(looks_content(examination)))
-    _same(read_examination(content).looks["mu"], looks)
-    assert read_examination(content).profile_coverage == 0.87
-    assert read_examination(content).spectrum == examination.spectrum
+    read = structured(Path("fit.json"), json.loads(json.dumps(looks_content(examination))), Examination)
+    _same(read.looks["mu"], looks)
+    assert read.profile_coverage == 0.87
+    assert read.spectrum == examination.spectrum
 
 
 def _same(one, other):
@@ -149,7 +151,7 @@ def test_profiles_that_are_not_stored_are_computed(point_folder, tmp_path, capsy
         (lambda here: ["plot", str(here), "cornr"], ["unknown figure 'cornr'", "did you mean 'corner'"]),
         (lambda here: ["plot", str(here), "corner", "--format", "pgn"], ["--format pgn", "did you mean 'png'"]),
         (lambda here: ["plot", str(here / "nowhere.json"), "corner"], ["there is no such file"]),
-        (lambda here: ["plot", str(here / "summary.csv"), "corner"], ["not a readable fit.json"]),
+        (lambda here: ["plot", str(here / "summary.csv"), "corner"], ["not readable as JSON"]),
         (lambda here: ["plot", str(here), "corner", "--out", str(here / "fit.json")], ["cannot be made"]),
     ],
 )
@@ -167,13 +169,13 @@ def test_missing_damaged_and_older_files(folder, tmp_path, capsys):
     shutil.copy(folder / "fit.json", here)
     shutil.copy(folder / "data.nc", here)
     assert main(["plot", str(here), "corner"]) == 2
-    assert "posterior.nc: missing" in capsys.readouterr().err
+    assert "posterior.nc: there is no such file" in capsys.readouterr().err
     (here / "posterior.nc").write_bytes(b"nothing")
     assert main(["plot", str(here), "corner"]) == 2
-    assert "not the draws of this fit, or damaged" in capsys.readouterr().err
+    assert "posterior.nc: not the posterior draws" in capsys.readouterr().err
     (here / "data.nc").write_bytes((here / "data.nc").read_bytes()[:-100])
     assert main(["plot", str(here), "corner"]) == 2
-    assert "not the data of this fit, or damaged" in capsys.readouterr().err
+    assert "data.nc: not the measurements" in capsys.readouterr().err
     (here / "data.nc").unlink()
     assert main(["plot", str(here), "corner"]) == 2
     assert "data.nc: there is no such file" in capsys.readouterr().err

@@ -24,7 +24,6 @@ from fitball.report.export import fit_text
 from fitball.report.exports.formats import TEXT_FORMATS
 from fitball.report.exports.paper_table import latex_table, markdown_table, paper_rows
 from fitball.report.exports.parameter_set import parameter_content, toml_text
-from fitball.report.netcdf import read_netcdf
 from fitball.report.rounding import decimals, fixed
 
 
@@ -38,7 +37,8 @@ def point_only(small_fit, tmp_path):
     """The same fit as if nothing had been sampled, with one fixed parameter and one that the prior decides."""
     content = json.loads((small_fit / "fit.json").read_text(encoding="utf-8"))
     content["status"] = "point only"
-    content["fitted"]["draws"], content["correlation"] = [], None
+    content["fitted"]["draws"], content["diagnostics"] = [], None
+    content |= {"covariance": None, "correlation": None}
     for item in content["parameters"].values():
         for name in ("median", "sd", "q025", "q05", "q16", "q84", "q95", "q975"):
             item[name] = None
@@ -206,6 +206,8 @@ def test_a_number_the_prior_decides_is_marked(small_fit, tmp_path):
     content = json.loads((small_fit / "fit.json").read_text(encoding="utf-8"))
     content["parameters"]["e_x"]["verdict"] = "prior-dominated"
     content["parameters"]["mu"]["verdict"] = "fixed"
+    del content["identifiability"]["looks"]["mu"]
+    content |= {"covariance": None, "correlation": None}
     (tmp_path / "fit.json").write_text(json.dumps(content), encoding="utf-8")
     marked = fitball.load_fit(tmp_path)
     for text in (markdown_table(marked), latex_table(marked)):
@@ -236,7 +238,7 @@ def test_markdown_has_one_row_a_parameter(saved):
 def test_netcdf_holds_the_draws_for_arviz(small_fit, saved, tmp_path):
     place = tmp_path / "draws.nc"
     assert main(["export", str(small_fit), "--to", "netcdf", "--out", str(place)]) == 0
-    truth = read_netcdf(small_fit / "posterior.nc")
+    truth = fitball.load_fit(small_fit).posterior()
     with xr.open_datatree(place, engine="h5netcdf") as tree:
         assert {"posterior", "sample_stats", "prior", "observed_data", "constant_data"} <= set(tree.children)
         draws = tree["posterior"].to_dataset()

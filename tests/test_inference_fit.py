@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import emcee
 import numpy as np
@@ -12,12 +13,12 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Measurement
 from fitball.inference.calibrate import Effort, fingerprint, run
-from fitball.inference.chain_file import ChainFile
+from fitball.inference.chain_file import ChainFile, read_chains
 from fitball.inference.least_squares import least_squares
 from fitball.inference.maximum import maximum_posterior
 from fitball.inference.problem import Choices, build_problem
 from fitball.inference.results import RunStatus, Verdict
-from fitball.inference.sampling import SamplingInterrupted, sample
+from fitball.inference.sampling import Ensemble, SamplingInterrupted, Schedule, Settings, sample
 from fitball.inference.starts import STARTS, starting_points
 from fitball.models.types import Status
 
@@ -201,19 +202,54 @@ class _StopAt:
             raise KeyboardInterrupt
 
 
-def test_an_interrupted_run_resumes_to_the_same_bytes(tmp_path, quick_fit):
-    problem = quick_fit.problem
-    chain = ChainFile(tmp_path / "posterior.h5", fingerprint(problem, QUICK))
+# Warm-up, a first check and another at the last step.
+SHORT = Settings(walkers=16, ensembles=2, max_steps=300, cores=1, seed=5, schedule=Schedule(100, 200, 1e6))
+
+
+def sampled_bytes(fit, chain, resume=False, report=lambda _progress: None):
+    """What a short run gives, and the bytes of its chain file."""
+    optima = np.array([[optimum[name] for name in fit.problem.free_names] for optimum in fit.point.optima])
+    problem = fit.problem
+    found = sample(problem, problem.to_coordinates(optima), SHORT, chain, resume, report)
+    return found.chains.tobytes(), found.log_posterior.tobytes(), found.acceptance, chain.path.read_bytes()
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory, quick_fit):
+    return sampled_bytes(quick_fit, ChainFile(tmp_path_factory.mktemp("whole") / "posterior.h5", "one"))
+
+
+@pytest.mark.parametrize("step", [100, 200, 300])
+def test_an_interrupted_run_resumes_to_the_same_bytes(tmp_path, quick_fit, uninterrupted, step):
+    """At the end of the warm-up, at a check, and after the last step, when nothing is left to sample."""
+    chain = ChainFile(tmp_path / "posterior.h5", "one")
     with pytest.raises(SamplingInterrupted):
-        run(problem, QUICK, chain, report=_StopAt(300))
-    stored = chain.read()
-    assert 100 <= min(len(item.chain) for item in stored) <= 400
-    resumed = run(problem, QUICK, chain, resume=True)
-    assert resumed.posterior.values.tobytes() == quick_fit.posterior.values.tobytes()
-    assert resumed.posterior.log_posterior.tobytes() == quick_fit.posterior.log_posterior.tobytes()
-    whole = ChainFile(tmp_path / "whole.h5", chain.fingerprint)
-    run(problem, QUICK, whole)
-    assert whole.path.read_bytes() == chain.path.read_bytes()
+        sampled_bytes(quick_fit, chain, report=partial(_StopAt(step), "sampling"))
+    assert [len(item.chain) for item in read_chains(chain.path)[2]] == [step, step]
+    assert sampled_bytes(quick_fit, chain, resume=True) == uninterrupted
+
+
+@pytest.mark.parametrize(("calls", "steps"), [(1, [37, 0]), (2, [100, 37]), (3, [137, 100]), (6, [300, 237])])
+def test_ensembles_stopped_at_different_steps_resume_to_the_same_bytes(
+    tmp_path, quick_fit, uninterrupted, calls, steps, monkeypatch
+):
+    """As by Ctrl-C within a block: one ensemble has made 37 steps of it, the other all or none."""
+    advance, made = Ensemble.advance_to, []
+
+    def stopped(self, step, stop):
+        made.append(step)
+        if len(made) <= calls:
+            advance(self, step - 63 if len(made) == calls else step, stop)
+        if len(made) == calls:
+            raise KeyboardInterrupt
+
+    chain = ChainFile(tmp_path / "posterior.h5", "one")
+    with monkeypatch.context() as patch:
+        patch.setattr(Ensemble, "advance_to", stopped)
+        with pytest.raises(SamplingInterrupted):
+            sampled_bytes(quick_fit, chain)
+    assert [len(item.chain) for item in read_chains(chain.path)[2]] == steps
+    assert sampled_bytes(quick_fit, chain, resume=True) == uninterrupted
 
 
 def test_emcee_reads_the_chain(tmp_path, quick_fit):

@@ -263,9 +263,9 @@ def test_measurements_changed_since_are_refused(copy, capsys):
     [
         ('kind = "fitball run"\nschema_version = 2\n', "", "run calibrate again"),
         ("schema_version = 2", "schema_version = 9", "reads version 2"),
-        ('"mass" = ', '"mess" = ', "damaged"),
-        ('"seed" = 5', '"seed" = "five"', "expected a whole number"),
-        ('kind = "fitball run"', 'kind = "a recipe"', "not a run.toml"),
+        ('"mass" = ', '"mess" = ', "damaged: ball: "),
+        ('"seed" = 5', '"seed" = "five"', "fitball.seed: read 'five', expected a whole number"),
+        ('kind = "fitball run"', 'kind = "a recipe"', "read kind 'a recipe', expected 'fitball run'"),
     ],
 )
 def test_a_run_file_that_cannot_be_used(copy, capsys, old, new, words):

@@ -91,8 +91,8 @@ def test_golden_impacts_hold_to_the_last_digit(two_mass, two_mass_folder):
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ("{", "not a readable"),
-        ("[]", "not a fit.json"),
+        ("{", "not readable as JSON"),
+        ("[]", "read kind None, expected 'fitball fit'"),
         ('{"kind": "fitball fit", "schema_version": 99}', "schema_version 99"),
         ('{"kind": "fitball fit", "schema_version": 1}', "run calibrate again"),
         ('{"kind": "fitball fit", "schema_version": 2}', "damaged"),

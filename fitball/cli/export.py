@@ -12,7 +12,7 @@ from fitball.cli.options import tell_notes
 from fitball.errors import ParameterError, suggestion
 
 if TYPE_CHECKING:
-    from fitball.report.export import SavedFit
+    from fitball.report.saved_fit import SavedFit
 
 FORMAT_NAMES = (
     "python", "c", "golden", "lookup", "engine", "json", "toml", "csv", "latex", "markdown", "netcdf",
@@ -70,8 +70,8 @@ def run(args: argparse.Namespace) -> int:
     if args.to not in FORMAT_NAMES:
         raise ParameterError(f"--to {args.to}: {suggestion(args.to, FORMAT_NAMES)}")
     _refuse_idle(args)
-    from fitball.report.export import read_fit
     from fitball.report.exports.formats import TEXT_FORMATS, Options
+    from fitball.report.saved_fit import read_fit
 
     saved = read_fit(Path(args.fit))
     if args.to == "netcdf":

@@ -56,9 +56,9 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError(f"--tolerance {args.tolerance:g}: expected a positive number")
     from fitball.data.port_file import read_port
     from fitball.inference.port_check import check_port
-    from fitball.report.export import read_fit
     from fitball.report.exports.golden_table import golden_ids
     from fitball.report.port_words import port_json, port_text
+    from fitball.report.saved_fit import read_fit
 
     saved = read_fit(_fit_path(args.port, args.fit))
     port = read_port(Path(args.port))

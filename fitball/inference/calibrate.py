@@ -48,6 +48,8 @@ from fitball.values import FloatArray
 from fitball.version import __version__
 
 MAX_STEPS = 20_000
+# Walkers of all ensembles together: a hundred steps of more would fill the memory before anything could be diagnosed.
+MOST_WALKERS = 20_000
 KEPT_DRAWS = 400
 
 
@@ -80,6 +82,10 @@ class Effort:
             raise ParameterError(f"cores = {self.cores}: expected at least 1")
         if self.ensembles < 2:
             raise ParameterError(f"ensembles = {self.ensembles}: at least 2 are needed to compare")
+        if walkers * self.ensembles > MOST_WALKERS:
+            raise ParameterError(
+                f"walkers = {walkers} in each of {self.ensembles} ensembles: expected at most {MOST_WALKERS} in all"
+            )
         if self.seed < 0:
             raise ParameterError(f"seed = {self.seed}: expected a number not below 0")
         return Settings(walkers, self.ensembles, self.max_steps, self.cores, self.seed, Schedule(target_ess=self.ess))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ import emcee
 import h5py
 import numpy as np
 
+from fitball.data.hdf5_arrays import finite, group, opened
 from fitball.errors import ResultFolderError
 from fitball.values import FloatArray
 
@@ -51,6 +53,7 @@ class ChainFile:
         try:
             with h5py.File(temporary, "w") as file:
                 file.attrs["fingerprint"] = self.fingerprint
+                file.attrs["sha256"] = digest(ensembles)
                 file.attrs["parameters"] = json.dumps(list(names))
                 file.attrs["coordinates"] = json.dumps(["ln" if log else "value" for log in logs])
                 for k, item in enumerate(ensembles):
@@ -59,32 +62,52 @@ class ChainFile:
         except OSError as error:
             raise ResultFolderError(f"{self.path}: the chain cannot be written: {error}") from None
 
-    def read(self) -> list[EnsembleChain]:
-        """The chains of an earlier run.
+    def read(self, ensembles: int, walkers: int, names: Sequence[str]) -> list[EnsembleChain]:
+        """The chains of an earlier run over the parameters `names`.
 
         Raises ResultFolderError when there is none, when it is damaged, or when it belongs to another problem.
         """
         if not self.path.exists():
             raise ResultFolderError(f"{self.path}: no chain to resume; run without --resume")
-        found, groups = read_chains(self.path)
+        found, kept, groups = read_chains(self.path)
         if found != self.fingerprint:
             raise ResultFolderError(
                 f"{self.path}: this chain was sampled from another problem (table, scene, model, priors, seed or "
                 "version of fitball differ); use --overwrite to start anew, or another --out"
             )
+        expected = (ensembles, walkers, len(names))
+        read = (len(groups), *groups[0].chain.shape[1:])
+        if read != expected or digest(groups) != kept:
+            raise ResultFolderError(
+                f"{self.path}: damaged: read {read} ensembles, walkers and parameters with SHA-256 {digest(groups)}, "
+                f"expected {expected} with {kept[:64] or 'a digest, which older fitballs did not write'}; use "
+                "--overwrite to start anew"
+            )
         return groups
 
 
-def read_chains(path: Path) -> tuple[str, list[EnsembleChain]]:
-    """The fingerprint of a chain file and its chains, whatever problem they belong to.
+def digest(ensembles: Sequence[EnsembleChain]) -> str:
+    """SHA-256 over all steps and states: a chain that goes on must be the one that stopped, to the last bit."""
+    found = sha256()
+    for item in ensembles:
+        for array in (item.chain, item.log_posterior, item.accepted, np.asarray(item.random_state[1])):
+            found.update(f"{array.shape}\n".encode())
+            found.update(np.ascontiguousarray(array).tobytes())
+        position, has_normal, normal = item.random_state[2:]
+        found.update(f"{int(position)} {int(has_normal)} {float(normal)!r}\n".encode())
+    return found.hexdigest()
+
+
+def read_chains(path: Path) -> tuple[str, str, list[EnsembleChain]]:
+    """The fingerprint of a chain file, the digest it states ("" for none), and its chains, whatever problem they
+    belong to.
 
     Raises ResultFolderError when it is damaged.
     """
-    try:
-        with h5py.File(path, "r") as file:
-            return str(file.attrs["fingerprint"]), [_read_group(file[GROUP.format(k)]) for k in range(len(file))]
-    except (OSError, KeyError) as error:
-        raise ResultFolderError(f"{path}: not a chain of fitball, or damaged: {error}") from None
+    with opened(path, "the chain of a fit") as file:
+        first = finite(group(file, GROUP.format(0)), "chain", (None, None, None))
+        chains = [_read_group(group(file, GROUP.format(k)), first.shape[1:]) for k in range(len(file))]
+        return str(file.attrs["fingerprint"]), str(file.attrs.get("sha256", "")), chains
 
 
 def _write_group(group: h5py.Group, item: EnsembleChain) -> None:
@@ -101,7 +124,25 @@ def _write_group(group: h5py.Group, item: EnsembleChain) -> None:
     group.create_dataset("accepted", data=item.accepted)
 
 
-def _read_group(group: h5py.Group) -> EnsembleChain:
-    count = sum(key.startswith("random_state_") for key in group.attrs)
-    state = tuple(group.attrs[f"random_state_{k}"] for k in range(count))
-    return EnsembleChain(np.array(group["chain"]), np.array(group["log_prob"]), np.array(group["accepted"]), state)
+def _read_group(part: h5py.Group, shape: tuple[int, int]) -> EnsembleChain:
+    """A chain of `shape` (walkers, free) for every step. Raises ValueError."""
+    chain = finite(part, "chain", (None, *shape))
+    count = sum(key.startswith("random_state_") for key in part.attrs)
+    state = tuple(part.attrs[f"random_state_{k}"] for k in range(count))
+    if not _is_state(state):
+        raise ValueError(f"{part.name}: its random_state is not the state of a Mersenne twister")
+    return EnsembleChain(
+        chain, finite(part, "log_prob", (len(chain), shape[0])), finite(part, "accepted", shape[:1]), state
+    )
+
+
+def _is_state(state: tuple[Any, ...]) -> bool:
+    """Whether numpy can go on from it: a position beyond the key would be taken unseen, and read past its end."""
+    if len(state) != 5:
+        return False
+    name, key, position, has_normal, normal = state
+    if not (isinstance(key, np.ndarray) and key.shape == (624,) and key.dtype == np.uint32):
+        return False
+    whole = all(isinstance(item, np.integer) for item in (position, has_normal))
+    known = isinstance(name, str) and name == "MT19937" and isinstance(normal, np.floating) and np.isfinite(normal)
+    return bool(whole and known and 0 <= position <= 624 and has_normal in (0, 1))

@@ -152,7 +152,8 @@ class Ensemble:
         backend.reset(walkers, dimension)
         backend.chain, backend.log_prob = stored.chain.copy(), stored.log_posterior.copy()
         backend.accepted, backend.iteration = stored.accepted.copy(), steps
-        backend.random_state = stored.random_state
+        # Both keep it: emcee takes it from the state with the next step, which never comes where all have been made.
+        backend.random_state = self.sampler.random_state = stored.random_state
         if steps:
             self.state = emcee.State(
                 stored.chain[-1], log_prob=stored.log_posterior[-1], random_state=stored.random_state
@@ -175,12 +176,13 @@ class Ensemble:
 
     def stored(self) -> EnsembleChain:
         """What the chain file keeps."""
-        backend = self.sampler.backend
+        backend, state = self.sampler.backend, tuple(self.sampler.random_state)
+        if not self.steps:
+            # emcee has no chain to give before the first step.
+            shape = (0, self.walkers, self.problem.dimension)
+            return EnsembleChain(np.empty(shape), np.empty(shape[:2]), np.zeros(self.walkers), state)
         return EnsembleChain(
-            backend.get_chain().copy(),
-            backend.get_log_prob().copy(),
-            np.array(backend.accepted),
-            tuple(self.sampler.random_state),
+            backend.get_chain().copy(), backend.get_log_prob().copy(), np.array(backend.accepted), state
         )
 
 
@@ -220,7 +222,8 @@ def sample(
     roots = np.random.SeedSequence(settings.seed).spawn(2 * settings.ensembles + 1)
     ensembles = [Ensemble(problem, settings.walkers, roots[k]) for k in range(settings.ensembles)]
     if resume and chain_file is not None:
-        for ensemble, stored in zip(ensembles, chain_file.read(), strict=True):
+        kept = chain_file.read(settings.ensembles, settings.walkers, problem.free_names)
+        for ensemble, stored in zip(ensembles, kept, strict=True):
             ensemble.restore(stored)
     for k, ensemble in enumerate(ensembles):
         if ensemble.state is None:

@@ -10,7 +10,7 @@ from fitball.inference.comparison import Comparison
 from fitball.report.compare_rows import csv_rows, json_content
 from fitball.report.compare_text import render
 from fitball.report.figure_compare import compare_figure
-from fitball.report.files import write_text, write_whole
+from fitball.report.files import remove, write_text, write_whole
 from fitball.report.folder import holds_older, save_png
 from fitball.report.tables import csv_text
 
@@ -24,7 +24,7 @@ def prepare(folder: Path, *, overwrite: bool) -> None:
     results can pass for one.
     """
     if holds_older(folder, JSON_NAME, overwrite=overwrite):
-        (folder / JSON_NAME).unlink()
+        remove(folder / JSON_NAME)
 
 
 def json_text(found: Comparison, words: str) -> str:

@@ -8,16 +8,19 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from fitball.data.columns import SD_SUFFIX
+from fitball.data.hdf5_arrays import array, finite, opened, texts
 from fitball.data.table import REBOUND_UNITS, ImpactTable, Measurement
 from fitball.errors import ParameterError, ResultFolderError
 from fitball.inference.force_records import Averaged, ForceRecords
 from fitball.inference.posterior import Problem
 from fitball.report.files import write_whole
+from fitball.report.fit_file import DataPart, ForcePart
 from fitball.values import Impacts
 from fitball.version import __version__
 
@@ -110,29 +113,19 @@ def write_data(problem: Problem, path: Path) -> None:
     write_whole(path, lambda place: made.to_netcdf(place, engine="h5netcdf"))
 
 
-def read_columns(content: Mapping[str, Any], place: Path) -> dict[str, NDArray[Any]]:
-    """The columns of `data.nc` at `place` that `content`, section `data` of `fit.json`, names.
+def read_columns(data: DataPart, impacts: int, place: Path) -> dict[str, NDArray[Any]]:
+    """The columns of `data.nc` at `place` that `data`, a section of `fit.json`, names, of so many `impacts`.
 
     Raises ResultFolderError for a file that is missing, damaged, or not the data of that fit.
     """
-    if not place.exists():
-        raise ResultFolderError(
-            f"{place}: there is no such file; it holds the measurements and belongs to fit.json: put it back, or run "
-            "calibrate again"
-        )
-    names = ["impact", *INCIDENT, *content["measurements"]]
-    names += [f"{_LABEL}{k}" for k in range(len(content["labels"]))]
-    names += [name + SD_SUFFIX for name in content["with_sd"]]
-    if "force" in content:
-        names += [_FORCE + name for name in (*COUNTS, *NUMBERS, "means")]
-    try:
-        with xr.open_dataset(place, engine="h5netcdf") as kept:
-            columns = {name: kept[name].to_numpy() for name in names}
-            found = digest(columns)
-    # What a damaged file raises depends on where it is damaged.
-    except (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError) as error:
-        raise ResultFolderError(f"{place}: not the data of this fit, or damaged: {error}") from None
-    if found != content["sha256"]:
+    numbers = [*INCIDENT, *data.measurements, *(name + SD_SUFFIX for name in data.with_sd)]
+    with opened(place, "the measurements that belong to the fit.json beside it") as file:
+        columns = {name: texts(file, name, impacts) for name in ("impact", *_labels(data))}
+        columns |= {name: finite(file, name, (impacts,)) for name in numbers}
+        if data.force is not None:
+            columns |= _force_columns(file)
+        found = digest(columns)
+    if found != data.sha256:
         raise ResultFolderError(
             f"{place}: these measurements are not those that the fit.json beside them was made from; "
             "calibrate again, or put the files of one run together"
@@ -140,9 +133,23 @@ def read_columns(content: Mapping[str, Any], place: Path) -> dict[str, NDArray[A
     return columns
 
 
-def read_data(content: Mapping[str, Any], place: Path) -> MeasuredData:
-    """The measurements in `data.nc`. Raises ResultFolderError as `read_columns` does."""
-    columns = read_columns(content, place)
+def _labels(data: DataPart) -> list[str]:
+    return [f"{_LABEL}{k}" for k in range(len(data.labels))]
+
+
+def _force_columns(file: h5py.File) -> Columns:
+    means = array(file, _FORCE + "means", (None, None))
+    counts = {_FORCE + name: array(file, _FORCE + name, means.shape[:1], "iu") for name in COUNTS}
+    return (
+        counts
+        | {_FORCE + name: finite(file, _FORCE + name, means.shape[:1]) for name in NUMBERS}
+        | {_FORCE + "means": means}
+    )
+
+
+def read_data(data: DataPart, count: int, place: Path) -> MeasuredData:
+    """The measurements of `count` impacts in `data.nc`. Raises ResultFolderError as `read_columns` does."""
+    columns = read_columns(data, count, place)
     try:
         impacts = Impacts(*(columns[name] for name in INCIDENT))
     except ParameterError as error:
@@ -151,10 +158,10 @@ def read_data(content: Mapping[str, Any], place: Path) -> MeasuredData:
         ids=_texts(columns["impact"]),
         impacts=impacts,
         measurements=tuple(
-            Measurement(name, columns[name], columns.get(name + SD_SUFFIX)) for name in content["measurements"]
+            Measurement(name, columns[name], columns.get(name + SD_SUFFIX)) for name in data.measurements
         ),
-        labels={name: _texts(columns[f"{_LABEL}{k}"]) for k, name in enumerate(content["labels"])},
-        force=_force(content["force"], columns) if "force" in content else None,
+        labels={name: _texts(columns[label]) for name, label in zip(data.labels, _labels(data), strict=True)},
+        force=None if data.force is None else _force(data.force, columns),
     )
 
 
@@ -162,9 +169,9 @@ def _texts(column: NDArray[Any]) -> tuple[str, ...]:
     return tuple(map(str, column))
 
 
-def _force(content: Mapping[str, Any], columns: Columns) -> ForceRecords:
+def _force(part: ForcePart, columns: Columns) -> ForceRecords:
     found = []
     for k, means in enumerate(columns[_FORCE + "means"]):
         numbers: dict[str, Any] = {name: columns[_FORCE + name][k].item() for name in (*COUNTS, *NUMBERS)}
         found.append(Averaged(**numbers, means=tuple(means[~np.isnan(means)].tolist())))
-    return ForceRecords(content["file"], content["sha256"], content["start_sd"], tuple(found))
+    return ForceRecords(part.file, part.sha256, part.start_sd, tuple(found))

@@ -26,6 +26,14 @@ def write_whole(path: Path, write: Callable[[Path], None]) -> None:
         temporary.unlink(missing_ok=True)
 
 
+def remove(path: Path) -> None:
+    """Remove a file, if there is one. Raises ResultFolderError when the system refuses, as for a folder."""
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise ResultFolderError(f"{path}: cannot be removed: {error.strerror}; move it away") from None
+
+
 def write_text(path: Path, text: str) -> None:
     """Write UTF-8 text with plain newlines. Raises ResultFolderError."""
 

@@ -12,13 +12,14 @@ from fitball.errors import ResultFolderError
 from fitball.inference.results import Fit
 from fitball.report.alt_texts import alt_texts
 from fitball.report.data_file import DATA_NAME, write_data
-from fitball.report.export import FIT_NAME, POSTERIOR_NAME, fit_text
-from fitball.report.files import write_text, write_whole
+from fitball.report.export import fit_text
+from fitball.report.files import remove, write_text, write_whole
 from fitball.report.html import CAPTIONS, page
 from fitball.report.netcdf import write_netcdf
 from fitball.report.page_figures import page_figures
 from fitball.report.plots import KINDS, drawable_kinds
 from fitball.report.run_file import RUN_NAME, run_text
+from fitball.report.saved_fit import FIT_NAME, POSTERIOR_NAME
 from fitball.report.tables import prediction_rows, regime_rows, summary_rows, write_csv
 
 CHAIN_NAME = "posterior.h5"
@@ -42,7 +43,7 @@ def prepare(folder: Path, *, overwrite: bool, resume: bool) -> None:
             "replace it, or --out to write elsewhere"
         )
     for name in older:
-        (folder / name).unlink()
+        remove(folder / name)
 
 
 def holds_older(folder: Path, record: str, *, overwrite: bool) -> bool:
@@ -77,7 +78,7 @@ def write_all(fit: Fit, folder: Path, command: str | None = None) -> None:
 
     Raises ResultFolderError.
     """
-    (folder / FIT_NAME).unlink(missing_ok=True)
+    remove(folder / FIT_NAME)
     posterior = fit.posterior
     if posterior is not None:
         write_netcdf(fit, posterior, folder / POSTERIOR_NAME)

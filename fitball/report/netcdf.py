@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-from fitball.errors import ResultFolderError
-from fitball.inference.fitted import FittedModel
-from fitball.inference.predictive import thinned
+from fitball.data.hdf5_arrays import array, finite, group, opened
 from fitball.inference.results import Fit, Posterior
 from fitball.report.files import write_whole
 from fitball.version import __version__
@@ -50,39 +49,24 @@ def write_netcdf(fit: Fit, posterior: Posterior, path: Path) -> None:
     write_whole(path, lambda place: tree.to_netcdf(place, engine="h5netcdf"))
 
 
-def read_netcdf(path: Path) -> Posterior:
-    """What `write_netcdf` wrote. Raises ResultFolderError for a missing, damaged or foreign file."""
-    if not path.exists():
-        raise ResultFolderError(
-            f"{path}: there is no such file; it holds the posterior draws and belongs to fit.json"
-        )
-    try:
-        with xr.open_datatree(path, engine="h5netcdf") as tree:
-            draws, scores = tree["posterior"].dataset, tree["sample_stats"].dataset["lp"].to_numpy()
-            names = tuple(str(name) for name in draws.data_vars)
-            ensembles = int(np.unique(draws["ensemble"].to_numpy()).size)
-            chains = np.stack([draws[name].to_numpy() for name in names], axis=-1)
-            reference = np.stack([tree["prior"].dataset[name].to_numpy()[0] for name in names], axis=-1)
-            walkers, steps = chains.shape[0] // ensembles, chains.shape[1]
-            values = chains.reshape(ensembles, walkers, steps, -1).transpose(0, 2, 1, 3)
-            log_posterior = scores.reshape(ensembles, walkers, steps).transpose(0, 2, 1)
-    except (OSError, KeyError, ValueError) as error:
-        raise ResultFolderError(f"{path}: not a posterior written by fitball, or damaged: {error}") from None
-    return Posterior(names, values, log_posterior, reference)
+def read_netcdf(path: Path, names: Sequence[str], shape: tuple[int, int, int]) -> Posterior:
+    """The draws of `names` that `write_netcdf` wrote, of `shape` (ensembles, steps, walkers).
 
-
-def saved_draws(fitted: FittedModel, path: Path, count: int) -> FittedModel:
-    """`fitted` with `count` draws of the posterior at `path`, evenly spaced.
-
-    `fit.json` holds some of the same draws: unless they are equal to the last digit the two files belong to different
-    runs. Raises ResultFolderError for that, and as `read_netcdf` does.
+    Raises ResultFolderError for a file that is missing, damaged or foreign, or of another shape.
     """
-    posterior = read_netcdf(path)
-    unknown = set(posterior.names) - set(fitted.names)
-    kept = None if unknown else fitted.with_draws(posterior.names, thinned(posterior, fitted.draws.shape[0])).draws
-    if kept is None or not np.array_equal(kept, fitted.draws):
-        raise ResultFolderError(
-            f"{path}: these draws are of another fit than the fit.json beside them; calibrate again, or put the "
-            "files of one run together"
-        )
-    return fitted.with_draws(posterior.names, thinned(posterior, count))
+    ensembles, steps, walkers = shape
+    chains = (ensembles * walkers, steps)
+    with opened(path, "the posterior draws that belong to the fit.json beside it") as file:
+        kept, known = group(file, "posterior"), group(file, "prior")
+        owner = array(kept, "ensemble", chains[:1], "iu")
+        if not np.array_equal(owner, np.repeat(np.arange(ensembles), walkers)):
+            raise ValueError(f"/posterior/ensemble: expected {walkers} chains of each of {ensembles} ensembles")
+        draws = np.stack([finite(kept, name, chains) for name in names], axis=-1)
+        scores = finite(group(file, "sample_stats"), "lp", chains)
+        reference = np.stack([finite(known, name, (1, None))[0] for name in names], axis=-1)
+    return Posterior(
+        tuple(names),
+        np.ascontiguousarray(draws.reshape(ensembles, walkers, steps, -1).transpose(0, 2, 1, 3)),
+        np.ascontiguousarray(scores.reshape(ensembles, walkers, steps).transpose(0, 2, 1)),
+        reference,
+    )

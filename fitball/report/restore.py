@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+import msgspec
 import numpy as np
-import xarray as xr
 
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
@@ -16,20 +14,17 @@ from fitball.errors import FitballError, ResultFolderError
 from fitball.inference.channels import build_channels
 from fitball.inference.looks import Examination
 from fitball.inference.measurement_noise import noise_in
-from fitball.inference.parameters import NOISE_SPECS, Parameter
+from fitball.inference.parameters import Parameter
 from fitball.inference.posterior import Problem
 from fitball.inference.predictive import predictive, predictive_generator
 from fitball.inference.priors import parse_prior
 from fitball.inference.problem import impacts_with_cor
 from fitball.inference.results import Diagnostics, PointFit, Posterior, Predictive, Verdict
-from fitball.models.registry import model
-from fitball.models.specs import SPECS
-from fitball.report.data_file import DATA_NAME, MeasuredData, read_data
-from fitball.report.export import FIT_NAME, SavedFit, read_fit
-from fitball.report.looks_content import read_examination
-from fitball.values import FloatArray
-
-POSTERIOR_NAME = "posterior.nc"
+from fitball.report.data_file import MeasuredData
+from fitball.report.fit_consistency import spec_of
+from fitball.report.fit_file import FitFile
+from fitball.report.saved_fit import SavedFit, read_fit
+from fitball.report.structure import damaged
 
 
 @dataclass(frozen=True)
@@ -47,36 +42,57 @@ class Restored:
 def restore(path: Path) -> Restored:
     """Read a `fit.json`, or the one in a folder, with the draws beside it.
 
-    Raises ResultFolderError for files that are missing, damaged, foreign or older than the data they should hold.
+    Raises ResultFolderError for files that are missing, damaged or foreign, and for a fit whose parameters are not
+    those of its model alone.
     """
     saved = read_fit(path)
-    place = path / FIT_NAME if path.is_dir() else path
+    own = [name for name in saved.parameters if spec_of(name) is None]
+    if own:
+        raise ResultFolderError(
+            f"{saved.place}: figures of a fit with parameters of its own ({', '.join(own)[:200]}) are made by "
+            "calibrate only"
+        )
+    measured = saved.measured()
     try:
-        problem = _problem(saved, read_data(saved.content["data"], place.with_name(DATA_NAME)))
+        problem = _problem(saved, measured)
         point = _point(problem, saved)
-        diagnostics = _diagnostics(saved.content)
-        examination = read_examination(saved.content["identifiability"])
-    except ResultFolderError:
-        raise
-    except (KeyError, TypeError, ValueError, FitballError) as error:
-        raise ResultFolderError(f"{place}: damaged: {type(error).__name__}: {error}") from None
-    posterior = None if diagnostics is None else read_posterior(place.with_name(POSTERIOR_NAME), problem)
+    except FitballError as error:
+        raise damaged(saved.place, str(error)) from None
+    posterior = saved.posterior()
     found = None
     if posterior is not None:
-        found = predictive(problem, point, posterior, predictive_generator(saved.content["seed"]))
-    return Restored(problem, point, found, diagnostics, examination, posterior)
+        found = predictive(problem, point, posterior, predictive_generator(saved.file.seed))
+    return Restored(problem, point, found, _diagnostics(saved.file), saved.file.identifiability, posterior)
 
 
 def _problem(saved: SavedFit, measured: MeasuredData) -> Problem:
-    content, data = saved.content, saved.content["data"]
-    fitted = saved.fitted
-    table = ImpactTable(
-        name=content["table"]["name"],
-        source=content["table"]["file"],
-        digest=content["table"]["sha256"],
+    fitted, data = saved.fitted, saved.file.data
+    table = _table(saved.file, measured)
+    noise_of = noise_in(saved.parameters)
+    channels, _unused = build_channels(
+        table, table.has_tangential, fitted.model.has_time, fitted.model.needs_cor, noise_of
+    )
+    return Problem(
+        table=table,
+        scene=Scene(ball=fitted.ball, contact_time=data.contact_time),
+        model=fitted.model,
+        parameters=tuple(_parameter(saved, name) for name in saved.parameters),
+        channels=channels,
+        impacts=impacts_with_cor(table, fitted.model),
+        contact_time=data.contact_time,
+        notes=saved.file.notes,
+        force=measured.force,
+    )
+
+
+def _table(file: FitFile, measured: MeasuredData) -> ImpactTable:
+    return ImpactTable(
+        name=file.table.name,
+        source=file.table.file,
+        digest=file.table.sha256,
         ids=measured.ids,
         impacts=measured.impacts,
-        incident_columns=tuple(data["incident_columns"]),
+        incident_columns=file.data.incident_columns,
         incident_sd={},
         measurements=measured.measurements,
         redundant=(),
@@ -84,79 +100,39 @@ def _problem(saved: SavedFit, measured: MeasuredData) -> Problem:
         units={},
         notices=(),
     )
-    time = None if data["contact_time"] is None else (data["contact_time"][0], data["contact_time"][1])
-    chosen = model(fitted.model_name, ball=fitted.ball, tangential=fitted.tangential, **fitted.options)
-    noise_of = noise_in(saved.parameters)
-    channels, _unused = build_channels(table, table.has_tangential, chosen.has_time, chosen.needs_cor, noise_of)
-    parameters = []
-    for name, item in saved.parameters.items():
-        spec = NOISE_SPECS.get(name) or SPECS[name]
-        fixed = item.point if item.verdict is Verdict.FIXED else None
-        prior = parse_prior(name, item.prior, spec.lower, spec.upper, spec.unit)
-        parameters.append(Parameter(spec, prior, fixed, "" if fixed is None else item.reason))
-    return Problem(
-        table=table,
-        scene=Scene(ball=fitted.ball, contact_time=time),
-        model=chosen,
-        parameters=tuple(parameters),
-        channels=channels,
-        impacts=impacts_with_cor(table, chosen),
-        contact_time=time,
-        notes=tuple(content["notes"]),
-        force=measured.force,
-    )
+
+
+def _parameter(saved: SavedFit, name: str) -> Parameter:
+    item, spec = saved.parameters[name], spec_of(name)
+    assert spec is not None
+    prior = parse_prior(name, item.prior, spec.lower, spec.upper, spec.unit)
+    fixed = item.verdict is Verdict.FIXED
+    return Parameter(spec, prior, item.point if fixed else None, item.reason if fixed else "")
 
 
 def _point(problem: Problem, saved: SavedFit) -> PointFit:
-    scores = saved.content["scores"]
+    scores = saved.file.scores
     values = {name: item.point for name, item in saved.parameters.items()}
     return PointFit(
         values=values,
-        log_posterior=scores["log_posterior"],
-        log_likelihood=scores["log_likelihood"],
-        rms=scores["rms"],
+        log_posterior=scores.log_posterior,
+        log_likelihood=scores.log_likelihood,
+        rms=scores.rms,
         rebound=problem.rebound(np.array([[values[name] for name in problem.free_names]])),
         optima=(values,),
-        optima_log_posterior=(scores["log_posterior"],),
+        optima_log_posterior=(scores.log_posterior,),
     )
 
 
-def _diagnostics(content: Mapping[str, Any]) -> Diagnostics | None:
-    found = content["diagnostics"]
+def _diagnostics(file: FitFile) -> Diagnostics | None:
+    found = file.diagnostics
     if found is None:
         return None
-    listed = content["parameters"].items()
-    kept: dict[str, Any] = {key: value for key, value in found.items() if key not in ("acceptance", "complaints")}
-    kept |= {
-        key: {name: item[key] for name, item in listed if item[key] is not None}
-        for key in ("ess_bulk", "ess_tail", "r_hat")
-    }
+    free = {name: item for name, item in file.parameters.items() if item.verdict is not Verdict.FIXED}
     return Diagnostics(
-        **kept,
-        acceptance=tuple(found["acceptance"]),
-        complaints=tuple(found["complaints"]),
-        evaluations=found["ensembles"] * found["steps"] * found["walkers"],
+        **msgspec.structs.asdict(found),
+        ess_bulk={name: item.ess_bulk for name, item in free.items() if item.ess_bulk is not None},
+        ess_tail={name: item.ess_tail for name, item in free.items() if item.ess_tail is not None},
+        r_hat={name: item.r_hat for name, item in free.items() if item.r_hat is not None},
+        evaluations=found.ensembles * found.steps * found.walkers,
     )
-
-
-def read_posterior(place: Path, problem: Problem) -> Posterior:
-    """The draws in `posterior.nc`. Raises ResultFolderError when it is missing, damaged or of another fit."""
-    if not place.exists():
-        raise ResultFolderError(f"{place}: missing, and with it the draws; run calibrate again")
-    names = problem.free_names
-    try:
-        with xr.open_datatree(place, engine="h5netcdf") as tree:
-            kept, known = tree["posterior"].to_dataset(), tree["prior"].to_dataset()
-            draws = np.stack([kept[name].to_numpy() for name in names], axis=-1)
-            ensembles = np.unique(kept["ensemble"].to_numpy()).size
-            scores = tree["sample_stats"].to_dataset()["lp"].to_numpy()
-            reference = np.stack([known[name].to_numpy()[0] for name in names], axis=-1)
-    except (OSError, KeyError, ValueError) as error:
-        raise ResultFolderError(f"{place}: not the draws of this fit, or damaged: {error}") from None
-    return Posterior(names, _by_ensemble(draws, ensembles), _by_ensemble(scores, ensembles), reference)
-
-
-def _by_ensemble(chains: FloatArray, ensembles: int) -> FloatArray:
-    """From (ensembles x walkers, steps, ...) to (ensembles, steps, walkers, ...)."""
-    split = chains.reshape(ensembles, -1, *chains.shape[1:])
-    return np.ascontiguousarray(np.swapaxes(split, 1, 2))

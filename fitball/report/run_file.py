@@ -15,6 +15,7 @@ from fitball.inference.results import Fit
 from fitball.version import __version__
 
 RUN_NAME = "run.toml"
+RUN_KIND = "fitball run"
 # Version 1, which had no number, named neither the files nor the scene's numbers.
 RUN_SCHEMA = 2
 SCENE_NUMBERS = (*SD_SPECS, "nominal_velocity_sd", "nominal_spin_sd", "force_sd", "force_start_sd")
@@ -45,7 +46,12 @@ def run_text(fit: Fit, folder: Path) -> str:
     ball = problem.model.ball
     fixed = {item.name: item for item in problem.parameters if item.fixed is not None}
     lines = ["# Everything this result depends on; SI units. `fitball repeat` runs it again.", ""]
-    lines += ['kind = "fitball run"', f"schema_version = {RUN_SCHEMA}", f"notes = {_toml(list(problem.notes))}", ""]
+    lines += [
+        f"kind = {_toml(RUN_KIND)}",
+        f"schema_version = {RUN_SCHEMA}",
+        f"notes = {_toml(list(problem.notes))}",
+        "",
+    ]
     lines += _section("fitball", {"version": __version__, "seed": fit.seed, "point_only": fit.diagnostics is None})
     lines += _section("table", {"name": problem.table.name, "sha256": problem.table.digest})
     for place, digest in problem.table.files:

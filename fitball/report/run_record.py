@@ -2,36 +2,122 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Literal
+
+import msgspec
 
 from fitball.data.bundled import bundled_folder
 from fitball.data.force_file import load_force
 from fitball.data.frozen import FrozenMapping
 from fitball.data.join import load_tables
 from fitball.data.scene import Scene
-from fitball.errors import ParameterError, ResultFolderError
+from fitball.errors import ResultFolderError
 from fitball.inference.calibrate import Effort
 from fitball.inference.posterior import Problem
 from fitball.inference.problem import Choices, build_problem
-from fitball.report.export import FIT_NAME
-from fitball.report.run_file import RUN_NAME, RUN_SCHEMA, SCENE_NUMBERS, SCENE_TEXTS
-from fitball.values import Ball
+from fitball.report.fit_file import BallPart, ModelPart
+from fitball.report.run_file import RUN_KIND, RUN_NAME, RUN_SCHEMA, SCENE_NUMBERS, SCENE_TEXTS
+from fitball.report.saved_fit import FIT_NAME
+from fitball.report.structure import (
+    Counted,
+    Digest,
+    Part,
+    Positive,
+    damaged,
+    place_of,
+    read_toml,
+    refuse_foreign,
+    structured,
+)
 
 
-@dataclass(frozen=True)
-class NamedTable:
+class NamedTable(Part, frozen=True):
     """A table, or its force records, as `run.toml` names it: `file` relative to the result folder, or the name of a
     bundled one.
     """
 
     file: str
     bundled: bool
-    digest: str
+    sha256: Digest
+
+
+class TablesPart(Part, frozen=True):
+    """The table of a fit and the files it was joined from; none for a table made in Python."""
+
+    name: str
+    sha256: Digest
+    files: tuple[NamedTable, ...] = ()
+
+
+class MadePart(Part, frozen=True):
+    """By whom and from which seed."""
+
+    version: str
+    seed: Annotated[int, msgspec.Meta(ge=0)]
+    point_only: bool
+
+
+class TimePart(Part, frozen=True):
+    """What the scene knows of the contact time [s]."""
+
+    value: Positive
+    sd: Positive
+
+
+class MeasurementPart(Part, frozen=True):
+    """What is taken of the measurement's errors."""
+
+    distribution: str
+    incident_errors: bool
+    offsets: str | None = None
+
+
+class SamplerPart(Part, frozen=True):
+    """How the posterior was sampled."""
+
+    ensembles: Counted
+    walkers: Counted
+    steps: Counted
+    max_steps: Counted
+    target_ess: Positive
+
+
+# Whatever `run_file` writes of a scene.
+ScenePart = msgspec.defstruct(
+    "ScenePart",
+    [
+        ("ball_sd", Mapping[Literal["mass", "radius", "inertia_ratio"], Positive]),
+        *((name, str | None, None) for name in SCENE_TEXTS),
+        *((name, Positive | None, None) for name in SCENE_NUMBERS),
+    ],
+    bases=(Part,),
+    frozen=True,
+)
+
+
+class RunFile(Part, frozen=True):
+    """The structure of `run.toml`."""
+
+    kind: str
+    schema_version: int
+    notes: tuple[str, ...]
+    fitball: MadePart
+    table: TablesPart
+    model: ModelPart
+    ball: BallPart
+    priors: Mapping[str, str]
+    fix: Mapping[str, float]
+    fixed_because: Mapping[str, str]
+    pool: Mapping[str, str]
+    measurement: MeasurementPart
+    scene: ScenePart  # type: ignore[valid-type]
+    contact_time: TimePart | None = None
+    force: NamedTable | None = None
+    sampler: SamplerPart | None = None
 
 
 @dataclass(frozen=True)
@@ -60,81 +146,54 @@ def read_run(path: Path) -> RunRecord:
 
     Raises ResultFolderError for a file that is missing, damaged, foreign, or of another schema version.
     """
-    place = path / RUN_NAME if path.is_dir() else path.with_name(RUN_NAME) if path.name == FIT_NAME else path
-    try:
-        content = tomllib.loads(place.read_bytes().decode("utf-8"))
-    except FileNotFoundError:
-        raise ResultFolderError(
-            f"{place}: there is no such file; expected a result folder of fitball calibrate, with {RUN_NAME} in it"
-        ) from None
-    except (OSError, ValueError) as error:
-        raise ResultFolderError(f"{place}: not a readable {RUN_NAME}: {error}") from None
+    place = path.with_name(RUN_NAME) if path.name == FIT_NAME else place_of(path, RUN_NAME)
+    content = read_toml(place)
     if "schema_version" not in content and "fitball" in content:
         raise ResultFolderError(
             f"{place}: made by a fitball that did not keep all it takes to repeat a run; run calibrate again"
         )
-    if content.get("kind") != "fitball run":
-        raise ResultFolderError(f"{place}: valid TOML, but not a {RUN_NAME} of fitball")
-    if content["schema_version"] != RUN_SCHEMA:
-        raise ResultFolderError(
-            f"{place}: schema_version {content['schema_version']!r}; this fitball reads version {RUN_SCHEMA}"
-        )
-    try:
-        return _record(place, content)
-    except (KeyError, TypeError, ValueError, AttributeError, ParameterError) as error:
-        raise ResultFolderError(f"{place}: damaged: {type(error).__name__}: {error}") from None
+    refuse_foreign(place, content, RUN_KIND, RUN_SCHEMA)
+    return _record(place, structured(place, content, RunFile))
 
 
-def _record(place: Path, content: Mapping[str, Any]) -> RunRecord:
-    run, measurement, known = content["fitball"], content["measurement"], content["scene"]
-    time = content.get("contact_time")
-    found = {name: known[name] for name in (*SCENE_TEXTS, *SCENE_NUMBERS) if name in known}
-    scene = Scene(
-        ball=Ball(**content["ball"]),
-        ball_sd=FrozenMapping(known["ball_sd"]),
-        contact_time=None if time is None else (time["value"], time["sd"]),
-        **found,
-    )
+def _record(place: Path, file: RunFile) -> RunRecord:
+    time = file.contact_time
+    known = {name: value for name, value in msgspec.structs.asdict(file.scene).items() if value is not None}
+    ball_sd = FrozenMapping(known.pop("ball_sd"))
+    contact_time = None if time is None else (time.value, time.sd)
     choices = Choices(
-        model=content["model"]["name"],
-        closures=content["model"]["closures"],
-        priors=content["priors"],
-        fix={name: float(value) for name, value in content["fix"].items()},
-        noise=measurement["distribution"],
-        pool=content["pool"],
-        offsets=measurement.get("offsets"),
-        incident_errors=measurement["incident_errors"],
+        model=file.model.name,
+        closures=file.model.closures,
+        priors=file.priors,
+        fix=file.fix,
+        noise=file.measurement.distribution,
+        pool=file.pool,
+        offsets=file.measurement.offsets,
+        incident_errors=file.measurement.incident_errors,
     )
-    files = tuple(map(_named, content["table"].get("files", ())))
-    force = _named(content["force"]) if "force" in content else None
     return RunRecord(
-        place, files, force, scene, choices, content["fixed_because"], tuple(content["notes"]),
-        _effort(run, content.get("sampler")),
-    )  # fmt: skip
+        place=place,
+        tables=file.table.files,
+        force=file.force,
+        scene=Scene(ball=file.ball.ball(), ball_sd=ball_sd, contact_time=contact_time, **known),
+        choices=choices,
+        reasons=file.fixed_because,
+        notes=file.notes,
+        effort=_effort(file.fitball, file.sampler),
+    )
 
 
-def _named(item: Mapping[str, Any]) -> NamedTable:
-    return NamedTable(item["file"], item["bundled"], item["sha256"])
-
-
-def _effort(run: Mapping[str, Any], sampler: Mapping[str, Any] | None) -> Effort:
-    effort = Effort(seed=_whole(run, "seed"), point_only=bool(run["point_only"]))
+def _effort(made: MadePart, sampler: SamplerPart | None) -> Effort:
+    effort = Effort(seed=made.seed, point_only=made.point_only)
     if sampler is None:
         return effort
     return replace(
         effort,
-        walkers=_whole(sampler, "walkers"),
-        ensembles=_whole(sampler, "ensembles"),
-        max_steps=_whole(sampler, "max_steps"),
-        ess=float(sampler["target_ess"]),
+        walkers=sampler.walkers,
+        ensembles=sampler.ensembles,
+        max_steps=sampler.max_steps,
+        ess=sampler.target_ess,
     )
-
-
-def _whole(section: Mapping[str, Any], name: str) -> int:
-    value = section[name]
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise TypeError(f"{name} = {value!r}, expected a whole number")
-    return value
 
 
 def find_tables(record: RunRecord, given: Sequence[str] = ()) -> tuple[Path, ...]:
@@ -169,22 +228,31 @@ def find_records(record: RunRecord, given: str | None = None) -> Path | None:
 
 def _found(place: Path, item: NamedTable, what: str, option: str) -> Path:
     """`place`, where it holds what `item` says; ResultFolderError otherwise."""
-    if not place.is_file():
+    try:
+        there = place.is_file()
+    except OSError as error:
+        raise ResultFolderError(f"{str(place)[:200]}: cannot be opened: {error.strerror}") from None
+    if not there:
         raise ResultFolderError(
             f"{place}: {what} of this fit is not there; put it back, or say with {option} where it is "
-            f"(SHA-256 {item.digest})"
+            f"(SHA-256 {item.sha256})"
         )
     found = sha256(place.read_bytes()).hexdigest()
-    if found != item.digest:
+    if found != item.sha256:
         raise ResultFolderError(
-            f"{place}: changed since the fit: its SHA-256 is {found}, the fit was made from {item.digest}; "
+            f"{place}: changed since the fit: its SHA-256 is {found}, the fit was made from {item.sha256}; "
             f"put the old file back, name it with {option}, or calibrate anew"
         )
     return place
 
 
 def _place(record: RunRecord, item: NamedTable) -> Path:
-    return bundled_folder() / item.file if item.bundled else (record.folder / item.file).resolve()
+    if item.bundled:
+        return bundled_folder() / item.file
+    try:
+        return (record.folder / item.file).resolve()
+    except (OSError, ValueError, RuntimeError) as error:
+        raise damaged(record.place, f"table.files: {item.file[:200]!r} names no file: {error}") from None
 
 
 def record_problem(record: RunRecord, tables: Sequence[Path], records: Path | None = None) -> Problem:

@@ -49,10 +49,13 @@ def _draws(kept: Kept) -> Iterator[Contradiction]:
     if kept.posterior is None or kept.chains is None:
         return
     warm_up, steps = (kept.content["diagnostics"][name] for name in ("warm_up", "steps"))
-    chains = np.stack([item.chain[warm_up:steps] for item in kept.chains])
-    if chains.shape != kept.posterior.values.shape:
-        yield "number of draws", float(kept.posterior.values.size), float(chains.size), "posterior.h5"
+    parts = [item.chain[warm_up:steps] for item in kept.chains]
+    ensembles, *shape = kept.posterior.values.shape
+    if [list(item.shape) for item in parts] != [shape] * ensembles:
+        size = sum(item.size for item in parts)
+        yield "number of draws", float(kept.posterior.values.size), float(size), "posterior.h5"
         return
+    chains = np.stack(parts)
     for k, name in enumerate(kept.posterior.names):
         log = kept.saved.parameters[name].prior.lower().startswith("log")
         chain = np.exp(chains[..., k]) if log else chains[..., k]

@@ -13,13 +13,14 @@ from fitball.errors import ResultFolderError
 from fitball.inference.calibrate import Effort, fingerprint, run
 from fitball.inference.chain_file import ChainFile, EnsembleChain, read_chains
 from fitball.inference.posterior import Problem
-from fitball.inference.results import Fit, Posterior, RunStatus
+from fitball.inference.results import Fit, Posterior
 from fitball.inference.sampling import Progress
 from fitball.report.data_file import DATA_NAME, data_columns, read_columns, write_data
-from fitball.report.export import FIT_NAME, POSTERIOR_NAME, SavedFit, fit_text, read_fit
+from fitball.report.export import fit_text
 from fitball.report.files import write_text
 from fitball.report.folder import CHAIN_NAME
-from fitball.report.netcdf import read_netcdf, write_netcdf
+from fitball.report.netcdf import write_netcdf
+from fitball.report.saved_fit import FIT_NAME, POSTERIOR_NAME, SavedFit, read_fit
 
 
 @dataclass(frozen=True)
@@ -42,17 +43,15 @@ class Kept:
 def read_kept(folder: Path) -> Kept:
     """Read a result folder. Raises ResultFolderError for what is missing, damaged or foreign."""
     saved = read_fit(folder)
-    if saved.status is RunStatus.POINT_ONLY:
-        return Kept(folder, saved, None, None)
-    chain = folder / CHAIN_NAME
-    chains = tuple(read_chains(chain)[1]) if chain.exists() else None
-    return Kept(folder, saved, read_netcdf(folder / POSTERIOR_NAME), chains)
+    posterior, chain = saved.posterior(agreeing=False), folder / CHAIN_NAME
+    chains = tuple(read_chains(chain)[2]) if chain.exists() and posterior is not None else None
+    return Kept(folder, saved, posterior, chains)
 
 
 def check_rows(problem: Problem, original: Kept) -> None:
     """Raise ResultFolderError unless the rows of the files are those the fit was made from, to the last digit."""
-    place = original.folder / DATA_NAME
-    kept, now = read_columns(original.content["data"], place), data_columns(problem.table, problem.force)
+    place, file = original.folder / DATA_NAME, original.saved.file
+    kept, now = read_columns(file.data, file.table.impacts, place), data_columns(problem.table, problem.force)
     # Names of tables, and so ids and labels, may differ: a file may lie elsewhere under another name.
     numbers = [name for name, column in now.items() if column.dtype.kind in "fi"]
     changed = [

@@ -9,10 +9,9 @@ import xarray as xr
 
 from fitball.errors import ResultFolderError
 from fitball.inference.results import Posterior, RunStatus
-from fitball.report.data_file import DATA_NAME, INCIDENT, UNITS, read_data
-from fitball.report.export import POSTERIOR_NAME, SavedFit
+from fitball.report.data_file import DATA_NAME, INCIDENT, UNITS
 from fitball.report.files import write_whole
-from fitball.report.netcdf import read_netcdf, saved_draws
+from fitball.report.saved_fit import POSTERIOR_NAME, SavedFit
 from fitball.version import __version__
 
 
@@ -28,11 +27,11 @@ def arviz_tree(saved: SavedFit) -> tuple[xr.DataTree, str]:
         raise ResultFolderError(f"{saved.place}: a point fit has no draws to export; calibrate without --point-only")
     place, data = (saved.place.with_name(name) for name in (POSTERIOR_NAME, DATA_NAME))
     notes = [] if data.exists() else [f"{data} is missing: the file holds no measurements"]
-    groups = _measured(saved, data) if data.exists() else {}
+    groups = _measured(saved) if data.exists() else {}
     if place.exists():
-        # Raises unless these are the draws of this fit.
-        saved_draws(saved.fitted, place, saved.fitted.draws.shape[0])
-        groups = _all_draws(saved, read_netcdf(place)) | groups
+        posterior = saved.posterior()
+        assert posterior is not None
+        groups = _all_draws(saved, posterior) | groups
     else:
         count = saved.fitted.draws.shape[0]
         notes.append(f"{place} is missing: the file holds the {count} draws of fit.json as one chain, out of order")
@@ -85,9 +84,9 @@ def _all_draws(saved: SavedFit, posterior: Posterior) -> dict[str, xr.Dataset]:
     }
 
 
-def _measured(saved: SavedFit, place: Path) -> dict[str, xr.Dataset]:
+def _measured(saved: SavedFit) -> dict[str, xr.Dataset]:
     """Rebounds and incident states, as the fit took them."""
-    data = read_data(saved.content["data"], place)
+    data = saved.measured()
     rebounds = {item.name: item.values for item in data.measurements}
     incident = {name: getattr(data.impacts, name) for name in INCIDENT}
     return {

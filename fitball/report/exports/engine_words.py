@@ -12,7 +12,7 @@ from fitball.errors import ParameterError
 from fitball.inference.calibrated_range import calibrated_range
 from fitball.inference.engine import OUTPUTS, EngineFit, EngineSettings, fit_engine, middle_impact
 from fitball.models.contact import zero_force_release
-from fitball.report.export import SavedFit
+from fitball.report.saved_fit import SavedFit
 
 # Contact time taken where the model has none [s]: a tennis ball's is 4 to 5.5 ms (Cross; Brody).
 USUAL_CONTACT = 0.005

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from fitball.errors import ParameterError
-from fitball.report.export import SavedFit
 from fitball.report.exports.c_port import c_port
 from fitball.report.exports.engine_words import engine_texts
 from fitball.report.exports.golden_table import golden_table
@@ -15,6 +14,7 @@ from fitball.report.exports.paper_table import latex_table, markdown_table
 from fitball.report.exports.parameter_set import json_text, parameter_table, toml_text
 from fitball.report.exports.port import Port, make_port
 from fitball.report.exports.python_port import python_port
+from fitball.report.saved_fit import SavedFit
 
 
 @dataclass(frozen=True)

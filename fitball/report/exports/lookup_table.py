@@ -9,8 +9,8 @@ from typing import Any
 from fitball.data.grid_text import parse_grid
 from fitball.inference.lookup import SEED, Lookup, default_axes, make_lookup
 from fitball.models.types import regime_name
-from fitball.report.export import SavedFit
 from fitball.report.exports.golden_table import UNITS as OUTPUT_UNITS
+from fitball.report.saved_fit import SavedFit
 from fitball.report.tables import csv_text
 
 

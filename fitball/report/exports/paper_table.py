@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from fitball.inference.parameters import NOISE_SPECS
 from fitball.inference.results import RunStatus, Verdict
 from fitball.models.specs import SPECS
-from fitball.report.export import SavedFit, SavedParameter
 from fitball.report.rounding import decimals, fixed, interval, significant
+from fitball.report.saved_fit import SavedFit, SavedParameter
 from fitball.report.units import handy
 
 _ESCAPES = {

@@ -9,7 +9,7 @@ from typing import Any
 from fitball.inference.parameters import NOISE_SPECS
 from fitball.inference.results import Verdict
 from fitball.models.specs import SPECS
-from fitball.report.export import SavedFit, SavedParameter
+from fitball.report.saved_fit import SavedFit, SavedParameter
 from fitball.report.tables import csv_text
 from fitball.report.units import THESIS
 from fitball.version import __version__

@@ -1,0 +1,198 @@
+"""Files of a result folder held against the structure they must have, once, at reading, into frozen values."""
+
+from __future__ import annotations
+
+import json
+import re
+import reprlib
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+import numpy as np
+
+from fitball.errors import FitballError, ResultFolderError
+
+Kept = TypeVar("Kept")
+Content = dict[str, Any]
+Positive = Annotated[float, msgspec.Meta(gt=0.0)]
+Counted = Annotated[int, msgspec.Meta(ge=1)]
+Digest = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
+MEND = "put back the file that fitball wrote, or run calibrate again"
+# Characters of a message that quotes a file.
+MOST = 500
+_STEP = re.compile(r"\.(?P<field>[^.\[\]]+)|\[(?P<index>\d+)\]|\[(?P<any>\.\.\.)\]")
+
+_QUOTED = re.compile("`([^`]*)`")
+_WORDS = {
+    "float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "object": "a section",
+    "array": "a list",
+}  # fmt: skip
+
+
+class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A section of a file: fields that are required unless they have a default, and no others."""
+
+
+def place_of(path: Path, name: str) -> Path:
+    """The file called `name` that a user names by itself or by its folder. Raises ResultFolderError."""
+    try:
+        return path / name if path.is_dir() else path
+    except OSError as error:
+        raise ResultFolderError(f"{str(path)[:200]}: cannot be opened: {error.strerror}") from None
+
+
+def read_json(place: Path) -> Content:
+    """The object in a JSON file, where no key comes twice and every number is finite. Raises ResultFolderError."""
+    data = _bytes(place)
+    try:
+        content = msgspec.json.decode(data)
+        json.loads(data, object_pairs_hook=_each_key_once)
+    except (ValueError, RecursionError) as error:
+        raise ResultFolderError(f"{place}: not readable as JSON: {_words(error)}; {MEND}") from None
+    return content if isinstance(content, dict) else {}
+
+
+def read_toml(place: Path) -> Content:
+    """The content of a TOML file in which every number is finite. Raises ResultFolderError."""
+    data = _bytes(place)
+    try:
+        return tomllib.loads(data.decode("utf-8"), parse_float=_finite)
+    except (ValueError, RecursionError) as error:
+        raise ResultFolderError(f"{place}: not readable as TOML: {_words(error)}; {MEND}") from None
+
+
+def refuse_foreign(place: Path, content: Content, kind: str, version: int) -> None:
+    """Raise ResultFolderError for a file of another `kind`, or of an older or newer schema than `version`."""
+    if content.get("kind") != kind:
+        read = _shown(content.get("kind"))
+        raise ResultFolderError(f"{place}: not a file of this kind: read kind {read}, expected '{kind}'; {MEND}")
+    found = content.get("schema_version")
+    if isinstance(found, bool) or found != version:
+        older = isinstance(found, int) and found < version
+        advice = "run calibrate again" if older else "install the fitball that wrote it"
+        raise ResultFolderError(
+            f"{place}: schema_version {_shown(found)}; this fitball reads version {version}: {advice}"
+        )
+
+
+def structured(place: Path, content: Content, kind: type[Kept]) -> Kept:
+    """`content` as the frozen structure `kind`.
+
+    Raises ResultFolderError that says which field is wrong, what was read and what was expected.
+    """
+    try:
+        return _converted(content, kind)
+    except msgspec.ValidationError as error:
+        words = _QUOTED.sub(_plain, str(error).partition(" - at ")[0])
+        found, where = _located(content, kind, str(error))
+        shown = "" if found is content else f"read {_shown(found)}, "
+        raise damaged(place, f"{where}: {shown}{words[:1].lower()}{words[1:]}" if where else words) from None
+    except FitballError as error:
+        raise damaged(place, str(error)) from None
+
+
+def _plain(match: re.Match[str]) -> str:
+    """The types that msgspec names, in the words of a reader."""
+    return " or ".join(_WORDS.get(name, name) for name in match[1].split(" | "))
+
+
+def damaged(place: Path, what: str) -> ResultFolderError:
+    """The error of a file that is not what fitball wrote: `what` says which part is not, and why."""
+    return ResultFolderError(f"{place}: damaged: {what if len(what) < MOST else what[:MOST] + '...'}; {MEND}")
+
+
+def _bytes(place: Path) -> bytes:
+    try:
+        if place.exists() and not place.is_file():
+            raise ResultFolderError(f"{place}: not a file; {MEND}")
+        return place.read_bytes()
+    except FileNotFoundError:
+        raise ResultFolderError(f"{place}: there is no such file; expected a result of fitball calibrate") from None
+    except (OSError, ValueError) as error:
+        raise ResultFolderError(f"{place}: cannot be opened: {_words(error)}") from None
+
+
+def _words(error: Exception) -> str:
+    if isinstance(error, RecursionError):
+        return "brackets within brackets without end"
+    return getattr(error, "strerror", None) or str(error)
+
+
+def _each_key_once(pairs: list[tuple[str, Any]]) -> Content:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise ValueError(f"key {_shown(next(name for name in names if names.count(name) > 1))} comes twice")
+    return found
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not np.isfinite(value):
+        raise ValueError(f"read {text}, expected a finite number")
+    return value
+
+
+def _shown(value: object) -> str:
+    return reprlib.repr(value)
+
+
+def _converted(content: object, kind: type[Kept]) -> Kept:
+    return msgspec.convert(content, kind, dec_hook=_array)
+
+
+def _array(_kind: type, value: object) -> np.ndarray:
+    """A column of numbers, which msgspec knows as a tuple only."""
+    try:
+        found = np.array(msgspec.convert(value, tuple[float, ...]), dtype=np.float64)
+    except msgspec.ValidationError as error:
+        # As a plain ValueError msgspec says where the column stands.
+        raise ValueError(str(error).partition(" - at ")[0]) from None
+    found.setflags(write=False)
+    return found
+
+
+def _located(content: Content, kind: type[Any], error: str) -> tuple[object, str]:
+    """What stands at the path that ends an `error`, and the path with its keys: msgspec writes [...] for any key."""
+    value: Any = content
+    steps: list[str | int] = []
+    for match in _STEP.finditer(error.rpartition("`$")[2].removesuffix("`")):
+        if match["any"]:
+            steps.append(next((key for key in value if _says(content, kind, [*steps, key], error)), "?"))
+        else:
+            steps.append(int(match["index"]) if match["index"] else match["field"])
+        try:
+            value = value[steps[-1]]
+        except (LookupError, TypeError):
+            return content, _joined(steps)
+    return value, _joined(steps)
+
+
+def _says(content: Content, kind: type[Any], steps: list[str | int], error: str) -> bool:
+    """Whether the content still gives that error with one key alone in the mapping at which `steps` end."""
+    try:
+        _converted(_narrowed(content, steps), kind)
+    except msgspec.ValidationError as found:
+        return str(found) == error
+    except FitballError:
+        return False
+    return False
+
+
+def _narrowed(value: Any, steps: list[str | int]) -> Any:
+    """`value` with the last of `steps` as the only key of its mapping."""
+    first, *rest = steps
+    if not rest:
+        return {first: value[first]}
+    inner = _narrowed(value[first], rest)
+    if isinstance(value, Mapping):
+        return {**value, first: inner}
+    return [inner if k == first else item for k, item in enumerate(value)]
+
+
+def _joined(steps: list[str | int]) -> str:
+    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)
+    return (text.removeprefix("."))[:200]

@@ -1,0 +1,168 @@
+"""Targets: files of a result folder, changed since by a person, a disk or another program."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from fitball.report.exports.formats import TEXT_FORMATS
+from fitball.studies.fuzz.harness import Target
+from fitball.studies.fuzz.mutators import TEXTS, Random, damage_file, damage_text_file
+from fitball.studies.fuzz.with_fit import FIT, MakeFit
+
+ODD: tuple[Any, ...] = (
+    None, True, 0, -1, 1, 3, 0.5, -1.5, 1e5, 1e308, -1e308, 5e-324, 10**30, "", "1.5", "nan", "mu", "a" * 100_000, [],
+    {}, [1, 2, 3], [[1.0], [2.0, 3.0]], {"a": 1}, ["x", None], *TEXTS[2:8],
+)  # fmt: skip
+IMPACT = ("--impact", "v=17, theta=18")
+PREDICT = ("predict", FIT, *IMPACT)
+OUT = ("--out", "{folder}/out")
+EXPORTS = tuple(("export", FIT, "--to", name, "--out", "{folder}/exported") for name in (*TEXT_FORMATS, "netcdf"))
+PLOTS = tuple(("plot", FIT, kind, *OUT) for kind in ("profiles", "residuals", "trace", "corner", "all"))
+REPEAT = ("repeat", FIT, "--cores", "1")
+# The run that `short_chain` began.
+RESUME = (
+    "calibrate", "wang_zero_spin.csv", "--model", "grip-slip", "--seed", "4", "--cores", "1", "--max-steps", "100",
+    "--resume", "--quiet", "--out", FIT,
+)  # fmt: skip
+
+
+def result_folders(make_fit: MakeFit) -> tuple[Target, ...]:
+    """The targets; `make_fit` writes a result folder of a short fit into a folder that is not there yet."""
+
+    def build(folder: Path) -> None:
+        make_fit(folder / "fit")
+
+    read = (PREDICT, (*PREDICT, "--json"), *EXPORTS)
+    return (
+        Target("fit.json", build, _damage("fit.json", damage_json), read, few=100),
+        Target("plotted fit.json", build, _damage("fit.json", damage_json), PLOTS, few=8),
+        Target("posterior.nc", build, _damage("posterior.nc", damage_hdf5), (PREDICT, EXPORTS[-1]), few=40),
+        Target("data.nc", build, _damage("data.nc", damage_hdf5), (PLOTS[1], EXPORTS[-1]), few=20),
+        Target("run.toml", build, _damage("run.toml", damage_text_file), (REPEAT,), (0, 1, 2), few=8),
+        Target("repeated fit.json", build, _damage("fit.json", damage_json), (REPEAT,), (0, 1, 2), few=8),
+        Target("posterior.h5", short_chain, _damage("posterior.h5", damage_hdf5), (RESUME,), (0, 1, 2), few=3),
+    )
+
+
+def short_chain(folder: Path) -> None:
+    """Write the chain of a run that stopped after its steps and before its files."""
+    from fitball.data.join import load_tables
+    from fitball.data.scene import load_scene
+    from fitball.inference.calibrate import Effort, fingerprint, run
+    from fitball.inference.chain_file import ChainFile
+    from fitball.inference.problem import Choices, build_problem
+
+    name = "wang_zero_spin.csv"
+    scene = load_scene(name)
+    problem = build_problem(load_tables([name], scene), scene, Choices(model="grip-slip"))
+    effort = Effort(seed=4, cores=1, max_steps=100)
+    (folder / "fit").mkdir()
+    run(problem, effort, ChainFile(folder / "fit" / "posterior.h5", fingerprint(problem, effort)))
+
+
+def _damage(name: str, way: Callable[[Path, Random], str]) -> Callable[[Path, Random], str]:
+    return lambda folder, rng: way(folder / "fit" / name, rng)
+
+
+def damage_json(path: Path, rng: Random) -> str:
+    """Change, take away or add something anywhere in a JSON file; one time in five damage its text instead."""
+    if rng.integers(5) == 0:
+        return damage_text_file(path, rng)
+    content = json.loads(path.read_text(encoding="utf-8"))
+    done = [_damage_tree(content, rng) for _ in range(int(rng.integers(1, 3)))]
+    path.write_text(json.dumps(content), encoding="utf-8")
+    return f"{path.name}: {'; '.join(done)}"
+
+
+def _damage_tree(content: Any, rng: Random) -> str:
+    """Go down to a random place and damage what is there. Returns where, and what it is now."""
+    node, where = content, []
+    while True:
+        keys = list(node) if isinstance(node, dict) else list(range(len(node)))
+        key = keys[rng.integers(len(keys))]
+        where.append(str(key))
+        inner = node[key]
+        if not (isinstance(inner, dict | list) and inner) or rng.integers(8) == 0:
+            break
+        node = inner
+    odd = ODD[rng.integers(len(ODD))]
+    way = int(rng.integers(8))
+    if way == 0:
+        del node[key]
+        odd = "gone"
+    elif way == 1 and isinstance(node, dict):
+        node["more"] = odd
+    elif way == 1:
+        node.append(inner)
+        odd = "twice"
+    elif way == 2 and isinstance(inner, int | float):
+        node[key] = odd = float(inner) * 10.0 ** int(rng.integers(-8, 9))
+    else:
+        node[key] = odd
+    return f"{'.'.join(where)} = {str(odd)[:30]!r}"
+
+
+def damage_hdf5(path: Path, rng: Random) -> str:
+    """Change an array or an attribute of an HDF5 file; one time in three damage its bytes instead."""
+    if rng.integers(3) == 0:
+        return damage_file(path, rng)
+    places: list[str] = []
+    with h5py.File(path, "r+") as file:
+        file.visit(places.append)
+        name = places[rng.integers(len(places))]
+        way = list(HDF5_WAYS)[rng.integers(len(HDF5_WAYS))]
+        if isinstance(file[name], h5py.Group):
+            way = "gone" if rng.integers(2) else "an attribute"
+        HDF5_WAYS[way](file, name, rng)
+    return f"{path.name}: {name}: {way}"
+
+
+def _attribute(file: h5py.File, name: str, rng: Random) -> None:
+    attributes = file[name].attrs if rng.integers(2) and file[name].attrs else file.attrs
+    if len(attributes):
+        key = list(attributes)[rng.integers(len(attributes))]
+        attributes[key] = ("odd", 7, 1e308, np.zeros((3, 2)), np.array([], dtype=int))[rng.integers(5)]
+
+
+def _entry(value: float) -> Callable[[h5py.File, str, Random], None]:
+    def change(file: h5py.File, name: str, rng: Random) -> None:
+        array = file[name]
+        if array.size and array.dtype.kind in "fiu":
+            flat = array[()].astype(np.float64).ravel()
+            flat[rng.integers(flat.size)] = value
+            _put(file, name, flat.reshape(array.shape))
+
+    return change
+
+
+def _put(file: h5py.File, name: str, value: Any) -> None:
+    del file[name]
+    file[name] = value
+
+
+HDF5_WAYS: dict[str, Callable[[h5py.File, str, Random], None]] = {
+    "gone": lambda file, name, _rng: file.__delitem__(name),
+    "an attribute": _attribute,
+    "not a number": _entry(float("nan")),
+    "infinite": _entry(float("inf")),
+    "huge": _entry(1e308),
+    "negative": _entry(-1.0),
+    "whole numbers": lambda file, name, _rng: _put(file, name, np.zeros(file[name].shape, dtype=np.int32)),
+    "texts": lambda file, name, _rng: _put(file, name, np.full(file[name].shape, b"text")),
+    "a scalar": lambda file, name, _rng: _put(file, name, 1.0),
+    "empty": lambda file, name, _rng: _put(file, name, np.empty(0)),
+    "another axis": lambda file, name, _rng: _put(file, name, np.zeros((*file[name].shape, 2))),
+    "half": lambda file, name, _rng: _put(file, name, file[name][()].ravel()[::2]),
+    "a group": lambda file, name, _rng: (file.__delitem__(name), file.create_group(name))[0],
+    "endless": lambda file, name, _rng: (
+        file.__delitem__(name),
+        file.create_dataset(name, shape=(10**6, 10**6), dtype="f8", chunks=(1000, 1000)),
+    )[0],
+    "all equal": lambda file, name, _rng: _put(file, name, np.ones(file[name].shape)),
+}

@@ -1,0 +1,307 @@
+"""Damaged and foreign result folders: held against their structure once, at reading; messages name the field."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from importlib.resources import files
+
+import h5py
+import jsonschema
+import numpy as np
+import pytest
+
+import fitball
+from fitball.cli.main import main
+from fitball.data.join import load_tables
+from fitball.data.scene import load_scene
+from fitball.errors import ParameterError, ResultFolderError
+from fitball.inference.calibrate import Effort, run
+from fitball.inference.chain_file import ChainFile, EnsembleChain
+from fitball.inference.problem import Choices, build_problem
+from fitball.report.fit_file import fit_schema
+from fitball.report.restore import restore
+from fitball.report.structure import read_json, read_toml
+from fitball.studies.rerun import write_numbers
+from fitball.values import Ball
+
+SCHEMA = json.loads((files("fitball.report") / "fit.schema.json").read_text(encoding="utf-8"))
+
+
+@pytest.fixture
+def copy(small_fit, tmp_path):
+    """A copy of a short fit that a test may spoil."""
+    shutil.copytree(small_fit, tmp_path / "fit")
+    return tmp_path / "fit"
+
+
+def spoilt(folder, path, value):
+    """Put `value` at a dotted place of `fit.json`, or take away what is there (...)."""
+    content = json.loads((folder / "fit.json").read_text(encoding="utf-8"))
+    node = content
+    *way, last = path.split("/")
+    for key in way:
+        node = node[int(key) if isinstance(node, list) else key]
+    last = int(last) if isinstance(node, list) else last
+    if value is ...:
+        del node[last]
+    else:
+        node[last] = value
+    (folder / "fit.json").write_text(json.dumps(content), encoding="utf-8")
+    return content
+
+
+def test_the_published_schema_is_that_of_the_structure():
+    """After a change: write `json.dumps(fit_schema(), indent=1)` and a newline to fitball/report/fit.schema.json."""
+    assert fit_schema() == SCHEMA
+    jsonschema.Draft202012Validator.check_schema(SCHEMA)
+
+
+# Place in fit.json, what is put there, and what the message says of it.
+FIELDS = [
+    ("parameters/mu/sd", "0.1", "parameters.mu.sd: read '0.1', expected a number or null, got a text"),
+    ("parameters/e_x/verdict", "certain", "parameters.e_x.verdict: read 'certain'"),
+    ("parameters/mu/unit", ..., "parameters.mu: read {"),
+    ("parameters/mu", 3, "parameters.mu: read 3, expected a section"),
+    ("table/sha256", "1234", "table.sha256: read '1234'"),
+    ("table/impacts", 7.5, "table.impacts: read 7.5, expected a whole number"),
+    ("model/closures", {"cor": 3}, "model.closures.cor: read 3, expected a text"),
+    ("ball/mass", ..., "ball: read {"),
+    ("ball/mass", -0.05, "ball.mass: read -0.05"),
+    ("ball/radius", 1e300, "ball radius = 1e+300: expected a positive, finite number"),
+    ("ball/inertia", 1.0, "ball inertia = 1 kg m^2 exceeds"),
+    ("identifiability/looks/mu/profile/drop", [1.0, "x"], "identifiability.looks.mu.profile.drop: read"),
+    ("identifiability/looks/mu/profile/ends/0", 3, "identifiability.looks.mu.profile.ends[0]: read 3"),
+    ("identifiability/spectrum/directions/0/components/mu", None, "components.mu: read None, expected a number"),
+    ("fitted/draws/3/2", True, "fitted.draws[3][2]: read True, expected a number"),
+    ("surprise", 1, "unknown field surprise"),
+    ("seed", -1, "seed: read -1"),
+    # What agrees with the schema and contradicts the rest of the file.
+    ("fitted/names/0", "nu", "fitted.names: read nu, e_x"),
+    ("fitted/point", [0.5], "fitted.names and fitted.point differ in number: 7 and 1"),
+    ("fitted/draws/3", [0.5], "fitted.names and fitted.draws[3] differ in number: 7 and 1"),
+    ("fitted/draws/3/0", -4.0, "fitted.draws of mu: outside its bounds [0, 5]"),
+    ("parameters/cor_10/q16", 7.0, "parameters.cor_10: outside its bounds"),
+    ("parameters/mu/prior", "normal(1)", "prior of mu: read 'normal(1)'"),
+    ("parameters/mu/unit", "kg", "parameters.mu.unit: read 'kg', expected ''"),
+    ("model/name", "grip-slap", "unknown model 'grip-slap'"),
+    ("model/name", "two-mass", "parameters: without mass_ratio"),
+    ("status", "point only", "status is 'point only', but"),
+    ("diagnostics/warm_up", 100, "100 steps of warm-up in 100 steps"),
+    ("golden/rebound/v_x2", [1.0], "differ in number"),
+    ("golden/rebound/regime/0", 7, "7 is no sequence of phases"),
+    ("golden/parameters/mu", 9.0, "golden.parameters.mu: outside its bounds"),
+    ("covariance/values/2", [1.0], "covariance row 2 differ in number"),
+    ("identifiability/looks/mu", ..., "identifiability.looks: read e_x"),
+    ("identifiability/looks/mu/profile/values/1", 4.9, "profile of mu: its values do not rise"),
+    ("data/measurements/0", "v_y2", "a name comes twice"),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "said"), FIELDS)
+def test_a_wrong_field_is_named_with_what_was_read(copy, path, value, said):
+    spoilt(copy, path, value)
+    with pytest.raises(ResultFolderError) as caught:
+        fitball.load_fit(copy)
+    assert said in str(caught.value)
+    assert str(caught.value).startswith(f"{copy / 'fit.json'}: damaged: ")
+    assert len(str(caught.value)) < 1000
+
+
+def test_the_schema_refuses_what_the_reader_refuses(copy):
+    """Of fields by themselves; that parts contradict each other no schema can say."""
+    own = [item for item in FIELDS if item[1] is ... or "expected a" in item[2] or ": read" in item[2]]
+    validator = jsonschema.Draft202012Validator(SCHEMA)
+    original = (copy / "fit.json").read_bytes()
+    validator.validate(json.loads(original))
+    count = 0
+    for path, value, said in own:
+        if any(word in said for word in ("fitted.names", "ball radius", "prior of", "expected ''", "looks: read")):
+            continue
+        assert not validator.is_valid(spoilt(copy, path, value)), path
+        (copy / "fit.json").write_bytes(original)
+        count += 1
+    assert count >= 12
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (b'{"a": 1, "a": 2}', "key 'a' comes twice"),
+        (b'{"a": [{"b": 1, "b": 1}]}', "key 'b' comes twice"),
+        (b'{"a": NaN}', "invalid character"),
+        (b'{"a": Infinity}', "invalid character"),
+        (b'{"a": 1e400}', "out of range"),
+        (b'{"a": ' + b"9" * 5000 + b"}", ""),
+        (b'{"a": "\\ud800 and more"}', "surrogate"),
+        (b"[" * 100_000, "brackets within brackets"),
+        (b"\xff\xfe{}", ""),
+        (b"\xef\xbb\xbf{}", ""),
+        (b'{"a": 1', "truncated"),
+        (b"", "truncated"),
+        (b'{"a": 1} 2', "trailing"),
+    ],
+)
+def test_json_that_is_none_or_not_unique(tmp_path, text, said):
+    (tmp_path / "fit.json").write_bytes(text)
+    with pytest.raises(ResultFolderError, match="not readable as JSON") as caught:
+        read_json(tmp_path / "fit.json")
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["a = nan", "a = -inf", "a = 1e999", "a = 1\na = 2", "a = " + "[" * 5000, "a"])
+def test_toml_that_is_none_or_not_finite(tmp_path, text):
+    (tmp_path / "run.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(ResultFolderError, match="not readable as TOML"):
+        read_toml(tmp_path / "run.toml")
+
+
+def test_what_is_no_file(copy, capsys):
+    """A folder or a link to itself where a file belongs, a name too long for any file."""
+    for name in ("fit.json", "posterior.nc"):
+        place = copy / name
+        kept = place.read_bytes()
+        place.unlink()
+        place.mkdir()
+        assert main(["predict", str(copy), "--impact", "v_y=10"]) == 2
+        assert f"{name}: not a file" in capsys.readouterr().err
+        place.rmdir()
+        place.symlink_to(name)
+        assert main(["predict", str(copy), "--impact", "v_y=10"]) == 2
+        place.unlink()
+        place.write_bytes(kept)
+    for words in (["predict", "x" * 5000, "--impact", "v_y=10"], ["repeat", "x" * 5000]):
+        assert main(words) == 2
+        assert "Traceback" not in capsys.readouterr().err
+
+
+def test_a_folder_in_the_place_of_a_result_is_not_replaced(tmp_path, capsys):
+    (tmp_path / "out" / "fit.json").mkdir(parents=True)
+    command = ["calibrate", "wang_zero_spin.csv", "--model", "brody", "--point-only", "--out", str(tmp_path / "out")]
+    assert main([*command, "--overwrite"]) == 2
+    assert "fit.json: cannot be removed" in capsys.readouterr().err
+
+
+def _replace(name, array):
+    def spoil(file):
+        del file[name]
+        file[name] = array(file) if callable(array) else array
+
+    return spoil
+
+
+def _entry(name, value):
+    def spoil(file):
+        file[name][3, 2] = value
+
+    return spoil
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (_entry("posterior/mu", np.nan), "/posterior/mu: entry [3, 2] is not a finite number"),
+        (_entry("posterior/mu", -7.0), "draws of mu lie outside its bounds"),
+        (_entry("sample_stats/lp", np.inf), "/sample_stats/lp: entry [3, 2]"),
+        (_replace("posterior/mu", np.zeros((3, 4))), "read float64 of shape 3 x 4, expected floating-point numbers"),
+        (_replace("posterior/mu", np.zeros((112, 50), dtype=int)), "read int64"),
+        (_replace("posterior/mu", b"text"), "expected floating-point numbers"),
+        (_replace("prior/mu", np.zeros((2, 9))), "/prior/mu: read float64 of shape 2 x 9"),
+        (_replace("prior/mu", np.full((1, 9), 0.5)), "not the posterior draws"),
+        (_replace("posterior/ensemble", np.zeros(112, dtype=int)), "expected 28 chains of each of 4 ensembles"),
+        (lambda file: file.__delitem__("posterior/e_x"), "no array /posterior/e_x"),
+        (lambda file: file.__delitem__("prior"), "no group prior"),
+        (lambda file: file["posterior/mu"].__setitem__(..., file["posterior/mu"][...] + 1e-9), "of another fit"),
+    ],
+)
+def test_a_damaged_posterior_is_refused(copy, spoil, said):
+    with h5py.File(copy / "posterior.nc", "r+") as file:
+        spoil(file)
+    with pytest.raises(ResultFolderError) as caught:
+        fitball.load_fit(copy).predict_interval(fitball.impacts(15.0, 6.0))
+    assert said in str(caught.value)
+
+
+def test_an_array_longer_than_its_file_is_not_read(copy):
+    """A damaged length must not fill the memory: of the prior's draws nothing else says how many there are."""
+    with h5py.File(copy / "posterior.nc", "r+") as file:
+        del file["prior/mu"]
+        file["prior"].create_dataset("mu", shape=(1, 10**12), dtype="f8", chunks=(1, 1000))
+    with pytest.raises(ResultFolderError, match="more than the file has room for"):
+        fitball.load_fit(copy).posterior()
+
+
+def test_figures_of_a_fit_with_levels_are_those_of_the_run(tmp_path):
+    names, scene = ["wang_zero_spin.csv", "wang_topspin.csv"], load_scene("wang_zero_spin.csv")
+    problem = build_problem(load_tables(names, scene), scene, Choices(model="grip-slip", pool={"mu": "table"}))
+    write_numbers(run(problem, Effort(point_only=True, cores=1)), tmp_path)
+    with pytest.raises(ResultFolderError, match="parameters of its own"):
+        restore(tmp_path)
+
+
+NAMES = ("mu", "e_x")
+STATE = np.random.RandomState(3).get_state()
+
+
+@pytest.fixture
+def chain(tmp_path):
+    """A chain file of two ensembles, 5 steps of 8 walkers over two parameters."""
+    rng = np.random.default_rng(1)
+    kept = ChainFile(tmp_path / "posterior.h5", "mark")
+    parts = [EnsembleChain(rng.normal(size=(5, 8, 2)), rng.normal(size=(5, 8)), np.ones(8), STATE) for _ in range(2)]
+    kept.write(parts, NAMES, (True, False))
+    read = kept.read(2, 8, NAMES)
+    assert read[1].chain.tobytes() == parts[1].chain.tobytes()
+    return kept
+
+
+def _state(index, value):
+    return lambda file: file["ensemble_1"].attrs.__setitem__(f"random_state_{index}", value)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda file: file["ensemble_1/chain"].__setitem__((3, 2, 1), np.nan), "is not a finite number"),
+        (lambda file: file["ensemble_1/chain"].__setitem__((3, 2, 1), 0.25), "damaged: read"),
+        (lambda file: file["ensemble_0/log_prob"].__setitem__((4, 2), 1e308), "damaged: read"),
+        (lambda file: file["ensemble_0/accepted"].__setitem__(4, 3), "damaged: read"),
+        (lambda file: file.__delitem__("ensemble_1"), "damaged: read (1, 8, 2)"),
+        (lambda file: file.__delitem__("ensemble_0"), "no group ensemble_0"),
+        (lambda file: file.attrs.__delitem__("sha256"), "which older fitballs did not write"),
+        (lambda file: file.attrs.__delitem__("fingerprint"), "not the chain of a fit"),
+        (_replace("ensemble_1/log_prob", np.zeros((5, 7))), "expected floating-point numbers of shape 5 x 8"),
+        (_replace("ensemble_1/chain", np.zeros((5, 6, 2))), "of shape any x 8 x 2"),
+        (_state(0, "PCG64"), "not the state of a Mersenne twister"),
+        (_state(1, np.zeros(7, dtype=np.uint32)), "not the state of a Mersenne twister"),
+        (_state(2, 10**6), "not the state of a Mersenne twister"),
+        (_state(2, 17), "damaged: read"),
+        (_state(4, np.nan), "not the state of a Mersenne twister"),
+    ],
+)
+def test_a_damaged_chain_is_not_resumed(chain, spoil, said):
+    with h5py.File(chain.path, "r+") as file:
+        spoil(file)
+    with pytest.raises(ResultFolderError) as caught:
+        chain.read(2, 8, NAMES)
+    assert said in str(caught.value)
+
+
+def test_a_chain_that_is_cut_off_or_no_file_is_not_resumed(chain):
+    kept = chain.path.read_bytes()
+    for count in range(0, len(kept), len(kept) // 40):
+        chain.path.write_bytes(kept[:count])
+        with pytest.raises(ResultFolderError, match=r"posterior\.h5"):
+            chain.read(2, 8, NAMES)
+    chain.path.unlink()
+    chain.path.mkdir()
+    with pytest.raises(ResultFolderError, match="not a file"):
+        chain.read(2, 8, NAMES)
+
+
+def test_more_walkers_than_any_memory_holds():
+    problem = fitball.calibrate("wang_zero_spin.csv", model="brody", point_only=True, cores=1).problem
+    with pytest.raises(ParameterError, match="at most 20000 in all"):
+        Effort(walkers=10**9).settings(problem)
+    with pytest.raises(ParameterError, match="ball radius"):
+        Ball(radius=1e200)
