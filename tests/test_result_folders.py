@@ -287,6 +287,12 @@ def test_a_damaged_chain_is_not_resumed(chain, spoil, said):
     assert said in str(caught.value)
 
 
+def test_a_whole_chain_of_other_shape_is_not_resumed(chain):
+    for expected in ((3, 8, NAMES), (2, 10, NAMES), (2, 8, ("mu",))):
+        with pytest.raises(ResultFolderError, match=r"read \(2, 8, 2\) ensembles, walkers and parameters"):
+            chain.read(*expected)
+
+
 def test_a_chain_that_is_cut_off_or_no_file_is_not_resumed(chain):
     kept = chain.path.read_bytes()
     for count in range(0, len(kept), len(kept) // 40):
