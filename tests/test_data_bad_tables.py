@@ -9,8 +9,10 @@ import pandas
 import pyarrow.parquet
 import pytest
 
+from fitball.data.grid_text import parse_grid
+from fitball.data.impact_text import parse_impact
 from fitball.data.read import load_table
-from fitball.errors import Fault, FitballError, TableError
+from fitball.errors import Fault, FitballError, ParameterError, TableError
 
 GOOD = "v_x1 [m/s],v_y1 [m/s],omega_1 [rad/s],v_x2 [m/s],v_y2 [m/s],omega_2 [rad/s]\n"
 ROW = "15.62,4.81,-5.34,11.09,4.22,239.1\n"
@@ -414,3 +416,23 @@ def test_a_folder_or_a_loop_is_no_table_and_a_long_name_is_no_crash(tmp_path: Pa
     ):
         with pytest.raises(TableError, match=word):
             load_table(source)
+
+
+@pytest.mark.parametrize(
+    "text", ["v=1e308 mph, theta=18", "v=17, theta=18, spin=2e5", "v=17±1e300, theta=18", "v=17, theta=1e-9"]
+)
+def test_options_have_the_limits_of_tables(text: str) -> None:
+    with pytest.raises(ParameterError, match=r"expected .* check the unit"):
+        parse_impact(text)
+
+
+@pytest.mark.parametrize("text", ["v_y=10..1e308 mph:3", "v_y=1e-9", "v_y=5, spin=-2e5..0:3"])
+def test_grids_have_the_limits_of_tables(text: str) -> None:
+    with pytest.raises(ParameterError, match=r"expected .* check the unit"):
+        parse_grid(text)
+
+
+@pytest.mark.parametrize("count", ["99999999", "9" * 400])
+def test_a_grid_of_too_many_points_is_refused_before_it_is_made(count: str) -> None:
+    with pytest.raises(ParameterError, match="expected 1000000 at most"):
+        parse_grid(f"v_y=5..10:{count}")

@@ -13,7 +13,12 @@ import pytest
 
 from fitball.cli import validate
 from fitball.cli.main import main
-from fitball.studies.fuzz import campaign
+from fitball.data.grid_text import parse_grid
+from fitball.data.impact_text import parse_uncertain_impact
+from fitball.data.read import load_table
+from fitball.data.scene import load_scene
+from fitball.inference.priors import parse_prior
+from fitball.studies.fuzz import campaign, examples
 from fitball.studies.fuzz.campaign import Finding, finding_text
 from fitball.studies.fuzz.harness import Case, Main, Target, complaints, make_case, run_case
 from fitball.studies.fuzz.targets import all_targets
@@ -138,3 +143,24 @@ def test_validate_fuzz_tells_how_many(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "4 cases (seed 1), 0 broke the rule" in text
     assert validate.main(["--fuzz", "2", "--targets", "scenes"]) == 2
     assert "did you mean 'scene'" in capsys.readouterr().err
+
+
+def test_examples_are_valid_before_they_are_damaged(tmp_path: Path, small_fit: Path) -> None:
+    for text in (*examples.IMPACTS, *examples.POINTS):
+        parse_uncertain_impact(text)
+    for text in examples.GRIDS:
+        parse_grid(text)
+    for text in examples.PRIORS:
+        name, _, prior = text.partition("=")
+        parse_prior(name, prior, 0.0, 10.0)
+    targets = all_targets(lambda folder: shutil.copytree(small_fit, folder))
+    for name, target in targets.items():
+        folder = tmp_path / name
+        folder.mkdir()
+        target.build(folder)
+        for table in (*folder.glob("table*"), *folder.glob("impacts.csv")):
+            load_table(table)
+    load_scene(tmp_path / "scene" / "impacts.csv")
+    assert main(["datasets", "check", str(tmp_path / "force" / "impacts.csv")]) == 0
+    port = tmp_path / "port"
+    assert main(["verify", str(port / "port.csv"), "--fit", str(port / "fit"), "--quiet"]) == 0

@@ -25,6 +25,7 @@ from fitball.errors import ResultFolderError
 from fitball.report import arrays
 from fitball.report.balance_table import balance_table
 from fitball.report.export import fit_text
+from fitball.report.figures import predictive_figure
 from fitball.report.folder import prepare, write_all
 from fitball.report.rounding import decimals, fixed
 from fitball.report.summary import parameter_rows, prediction_table, thesis_rows
@@ -309,3 +310,13 @@ def test_balances_are_shown_with_what_their_uncertainty_supports():
     assert shown.rows[0][1] == "0.502 +- 0.031"
     assert shown.rows[0][4] == "0.88 +- 0.05"
     assert len(shown.legend) == 6
+
+
+def test_a_table_of_speeds_alone_has_its_figure(tmp_path):
+    table = tmp_path / "speeds.csv"
+    table.write_text(
+        "v_1 [mph],theta_1,v_2 [mph]\n38.1,18.2,28.0\n40.2,22.9,29.1\n42.0,35.1,30.2\n", encoding="utf-8"
+    )
+    fit = fitball.calibrate(table, model="grip-slip", point_only=True, cores=1)
+    figure = predictive_figure(fit)
+    assert [axis.get_title() for axis in figure.axes if axis.get_visible()] == ["rebound speed"]

@@ -16,9 +16,7 @@ from fitball.errors import ParameterError, UnitError, suggestion
 from fitball.values import FloatArray, Impacts
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_RANGE = re.compile(
-    rf"^(?P<low>{_NUMBER})\s*\.\.\s*(?P<high>{_NUMBER})\s*(?P<unit>[^:]*?)\s*:\s*(?P<count>\d{1, 9})$"
-)
+_RANGE = re.compile(rf"^(?P<low>{_NUMBER})\s*\.\.\s*(?P<high>{_NUMBER})\s*(?P<unit>[^:]*?)\s*:\s*(?P<count>[0-9]+)$")
 _SINGLE = re.compile(rf"^(?P<low>{_NUMBER})\s*(?P<unit>[^:]*?)$")
 _FORM = "expected LOW..HIGH UNIT:COUNT, such as theta=10..60 deg:16, or one VALUE UNIT"
 VELOCITIES = (("v_1", "theta_1"), ("v_x1", "v_y1"), ("v_y1",))
@@ -71,9 +69,11 @@ def _axis(item: str) -> Axis:
     refuse_beyond(name, np.array([low, high]))
     if several is None:
         return Axis(name, np.array([low]), unit)
-    count = int(several["count"])
-    if count > MOST_POINTS:
-        raise ParameterError(f"{key}: {count} points: expected {MOST_POINTS} at most")
+    # Not an integer yet: Python reads none of thousands of digits.
+    points = float(several["count"])
+    if points > MOST_POINTS:
+        raise ParameterError(f"{key}: {several['count']} points: expected {MOST_POINTS} at most")
+    count = int(points)
     if not (high > low and count >= 2):
         raise ParameterError(f"{key}: read '{value}', expected a rising range and two points or more")
     return Axis(name, np.linspace(low, high, count), unit)
