@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from importlib.resources import files
 
 import h5py
@@ -14,7 +15,7 @@ import pytest
 import fitball
 from fitball.cli.main import main
 from fitball.data.join import load_tables
-from fitball.data.scene import load_scene
+from fitball.data.scene import Scene, load_scene
 from fitball.errors import ParameterError, ResultFolderError
 from fitball.inference.calibrate import Effort, run
 from fitball.inference.chain_file import ChainFile, EnsembleChain
@@ -237,6 +238,20 @@ def test_figures_of_a_fit_with_levels_are_those_of_the_run(tmp_path):
     write_numbers(run(problem, Effort(point_only=True, cores=1)), tmp_path)
     with pytest.raises(ResultFolderError, match="parameters of its own"):
         restore(tmp_path)
+
+
+def test_a_label_with_a_slash_ends_in_no_other_group(tmp_path):
+    """Names of parameters hold the labels of a pooled column; HDF5 takes a slash for the way into a group."""
+    table = load_tables(["wang_zero_spin.csv"])
+    halves = tuple("hard/clay" if k < 4 else "grass" for k in range(len(table)))
+    table = replace(table, labels={"surface": halves})
+    problem = build_problem(table, Scene(), Choices(model="brody", pool={"mu": "surface"}))
+    fit = run(problem, Effort(max_steps=100, cores=1, ensembles=2))
+    write_numbers(fit, tmp_path)
+    saved = fitball.load_fit(tmp_path)
+    assert "mu_place[hard/clay]" in saved.free_names
+    assert saved.posterior().values.tobytes() == fit.posterior.values.tobytes()
+    assert main(["export", str(tmp_path), "--to", "netcdf"]) == 0
 
 
 NAMES = ("mu", "e_x")

@@ -14,6 +14,11 @@ from fitball.report.files import write_whole
 from fitball.version import __version__
 
 
+def variable(name: str) -> str:
+    """The variable of a parameter: a slash, which a user's label may bring into its name, would open a group."""
+    return name.replace("/", "\u2215")
+
+
 def write_netcdf(fit: Fit, posterior: Posterior, path: Path) -> None:
     """Write groups posterior and sample_stats (chain = walker of an ensemble, draw = step), prior (all that was
     known before the table) and observed_data. Raises ResultFolderError.
@@ -24,14 +29,17 @@ def write_netcdf(fit: Fit, posterior: Posterior, path: Path) -> None:
     owner = np.repeat(np.arange(ensembles), walkers)
     draws = xr.Dataset(
         {
-            name: (("chain", "draw"), chains[:, :, k], {"units": fit.parameters[name].unit})
+            variable(name): (("chain", "draw"), chains[:, :, k], {"units": fit.parameters[name].unit})
             for k, name in enumerate(posterior.names)
         },
         coords={"chain": np.arange(ensembles * walkers), "draw": np.arange(steps), "ensemble": ("chain", owner)},
         attrs={"created_by": f"fitball {__version__}", "model": fit.problem.model.name},
     )
     prior = xr.Dataset(
-        {name: (("chain", "draw"), posterior.reference[None, :, k]) for k, name in enumerate(posterior.names)},
+        {
+            variable(name): (("chain", "draw"), posterior.reference[None, :, k])
+            for k, name in enumerate(posterior.names)
+        },
         coords={"chain": [0], "draw": np.arange(len(posterior.reference))},
     )
     data = xr.Dataset(
@@ -61,9 +69,9 @@ def read_netcdf(path: Path, names: Sequence[str], shape: tuple[int, int, int]) -
         owner = array(kept, "ensemble", chains[:1], "iu")
         if not np.array_equal(owner, np.repeat(np.arange(ensembles), walkers)):
             raise ValueError(f"/posterior/ensemble: expected {walkers} chains of each of {ensembles} ensembles")
-        draws = np.stack([finite(kept, name, chains) for name in names], axis=-1)
+        draws = np.stack([finite(kept, variable(name), chains) for name in names], axis=-1)
         scores = finite(group(file, "sample_stats"), "lp", chains)
-        reference = np.stack([finite(known, name, (1, None))[0] for name in names], axis=-1)
+        reference = np.stack([finite(known, variable(name), (1, None))[0] for name in names], axis=-1)
     return Posterior(
         tuple(names),
         np.ascontiguousarray(draws.reshape(ensembles, walkers, steps, -1).transpose(0, 2, 1, 3)),

@@ -11,6 +11,7 @@ from fitball.errors import ResultFolderError
 from fitball.inference.results import Posterior, RunStatus
 from fitball.report.data_file import DATA_NAME, INCIDENT, UNITS
 from fitball.report.files import write_whole
+from fitball.report.netcdf import variable
 from fitball.report.saved_fit import POSTERIOR_NAME, SavedFit
 from fitball.version import __version__
 
@@ -63,7 +64,11 @@ def _draws(saved: SavedFit, names: list[str], chains: np.ndarray) -> xr.Dataset:
     known = saved.parameters
     return xr.Dataset(
         {
-            name: (("chain", "draw"), chains[:, :, k], {"units": known[name].unit, "long_name": known[name].meaning})
+            variable(name): (
+                ("chain", "draw"),
+                chains[:, :, k],
+                {"units": known[name].unit, "long_name": known[name].meaning},
+            )
             for k, name in enumerate(names)
         },
         coords={"chain": np.arange(chains.shape[0]), "draw": np.arange(chains.shape[1])},
