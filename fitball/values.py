@@ -41,7 +41,7 @@ class Ball:
             value = getattr(self, name)
             if not SMALLEST <= value <= LARGEST:
                 raise ParameterError(
-                    f"ball {name} = {value!r}: expected a positive, finite number (SI units, at most {LARGEST:g})"
+                    f"ball {name} = {value!r}: expected a number from {SMALLEST:g} to {LARGEST:g}, in SI units"
                 )
         if self.inertia > self.mass * self.radius**2:
             raise ParameterError(

@@ -69,7 +69,7 @@ FIELDS = [
     ("model/closures", {"cor": 3}, "model.closures.cor: read 3, expected a text"),
     ("ball/mass", ..., "ball: read {"),
     ("ball/mass", -0.05, "ball.mass: read -0.05"),
-    ("ball/radius", 1e300, "ball radius = 1e+300: expected a positive, finite number"),
+    ("ball/radius", 1e300, "ball radius = 1e+300: expected a number from 1e-30"),
     ("ball/inertia", 1.0, "ball inertia = 1 kg m^2 exceeds"),
     ("identifiability/looks/mu/profile/drop", [1.0, "x"], "identifiability.looks.mu.profile.drop: read"),
     ("identifiability/looks/mu/profile/ends/0", 3, "identifiability.looks.mu.profile.ends[0]: read 3"),

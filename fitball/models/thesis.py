@@ -26,6 +26,7 @@ COR_OUT_OF_RANGE = int(Status.COR_OUT_OF_RANGE)
 TORSION_TOO_SOFT = int(Status.TORSION_TOO_SOFT)
 DAMPING_OUT_OF_RANGE = int(Status.DAMPING_OUT_OF_RANGE)
 RESONANCE = int(Status.RESONANCE)
+NO_INERTIA = int(Status.NO_INERTIA)
 
 DAMPING_GIVEN, DAMPING_CHAPTER_THREE, DAMPING_CHAPTER_FIVE = 0, 1, 2
 # One lbf s^2 in in kg m^2, the unit in which a moment of inertia stands where a pure number should.
@@ -70,7 +71,11 @@ def driven_spin(
     if not natural2 >= w2:
         return complex(math.nan, math.nan)
     damping = 2.0 * reduced * math.sqrt(natural2 - w2)
-    twist = reduced * drive / inertia_shell * g / ((reduced * z + damping) * z + k_theta)
+    pole = (reduced * z + damping) * z + k_theta
+    # On the pole itself the amplitude is infinite; dividing by it would raise.
+    if not abs(pole.real) + abs(pole.imag) > 0.0:
+        return complex(math.inf, math.inf)
+    twist = reduced * drive / inertia_shell * g / pole
     return twist * (damping + k_theta / z) / inertia_shell
 
 
@@ -193,6 +198,8 @@ def thesis_bounce(
     sigma = thesis_damping(damping_formula, c_y, core_mass, k_y, mass_ratio, cor)
     if math.isnan(sigma):
         return DAMPING_OUT_OF_RANGE, math.nan, math.nan, math.nan, math.nan, 0
+    if not 0.0 < split < 1.0:
+        return NO_INERTIA, math.nan, math.nan, math.nan, math.nan, 0
     status, sign, z, friction, slide, roll, t_r, t_c = thesis_motion(
         mass,
         radius,
