@@ -13,7 +13,7 @@ from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.inference import calibrate
 from fitball.inference.calibrate import Effort
-from fitball.inference.compare import compare
+from fitball.inference.compare import _status, compare
 from fitball.inference.criteria import Criteria
 from fitball.inference.ladder import build_ladder
 from fitball.inference.least_squares import least_squares
@@ -137,3 +137,6 @@ def test_a_model_that_loses_even_so_is_an_alarm(stuck):
     found = stuck.compare()
     assert found.notes[0].startswith("ALARM: grip-slip contains brody and fits worse even so")
     assert found.status is RunStatus.NOT_CONVERGED
+    done = SimpleNamespace(fit=SimpleNamespace(status=RunStatus.CONVERGED), loo=SimpleNamespace(unsettled=()))
+    assert _status([done, done], []) is RunStatus.CONVERGED
+    assert _status([done, done], ["ALARM"]) is RunStatus.NOT_CONVERGED

@@ -26,7 +26,7 @@ from fitball.inference.point import point_fit
 from fitball.inference.results import RunStatus
 from fitball.inference.sampling import Sampled
 from fitball.inference.second_search import search_again
-from fitball.inference.starts import other_regimes, prior_draws, starting_points
+from fitball.inference.starts import _moved, other_regimes, prior_draws, starting_points
 
 SHARP = {"velocity_sd": 0.05, "spin_sd": 2.0}
 # Where every impact grips, on the plateau that was once published.
@@ -81,6 +81,8 @@ def test_starts_reach_regimes_that_no_good_draw_has(sphere):
     grips = problem.rebound(draws).regime
     best = draws[np.argsort(-problem.log_posterior(problem.to_coordinates(draws)))[:16]]
     assert len(np.unique(problem.rebound(best).regime)) == 1
+    reached = _moved(problem, best)[:, problem.free_names.index("mu")]
+    assert reached.min() < 0.1 and reached.max() > 3.0
     found = other_regimes(problem, best, 5)
     patterns = problem.rebound(found).regime
     assert len(np.unique(patterns, axis=0)) == len(found) >= 3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -44,6 +45,14 @@ def test_sparse_products_come_first_and_hide_what_only_repeats_them():
     assert [1, 0, 1, 1] in [np.abs(item.exponents).tolist() for item in found[1:]]
 
 
+def test_a_triple_has_to_beat_the_pairs_in_it():
+    """A product of two is known to 0.1, a third factor to 0.12, all three to 0.09: no news."""
+    product, third, between = 0.1, 0.12, (0.09**2 - 0.1**2 - 0.12**2) / 2.0
+    covariance = np.array([[1.0, -1.0, 0.0], [-1.0, 1.0 + product**2, between], [0.0, between, third**2]])
+    assert monomial_error(np.ones(3), covariance) == pytest.approx(0.09)
+    assert [item.exponents.tolist() for item in known_products(covariance)] == [[1, 1, 0]]
+
+
 def test_what_is_known_apart_is_no_product():
     assert known_products(np.diag([0.1, 0.2, 1.0]) ** 2) == []
     # A weak correlation is no knowledge of a product: 0.95 of the better part.
@@ -80,6 +89,15 @@ def test_the_default_model_has_no_such_product():
     assert len(found) == 1 and found[0].startswith("k_theta/k_y is known to ")
 
 
+def test_what_a_sentence_has_told_is_not_told_again():
+    """Without a contact time the ratio of the stiffnesses is both what is open and a product that is known."""
+    problem = replace(synthetic(problem_of("wang_zero_spin.csv"), TWO_MASS), contact_time=None)
+    at = coordinates_of(problem, TWO_MASS)
+    assert any(np.count_nonzero(item.exponents) == 2 for item in known_products(log_covariance(problem, at, None)))
+    (told,) = (item for item in spectrum(problem, at).sentences if "k_theta" in item and "k_y" in item)
+    assert told.startswith("k_theta/k_y is known to ") and told.endswith("only through the priors")
+
+
 def test_first_order_and_draws_agree_on_a_normal_posterior():
     problem = inner()
     at = coordinates_of(problem, INNER)
@@ -101,6 +119,11 @@ def test_a_third_factor_is_told_where_two_alone_are_not_known():
     exponents, error = _with_third(pair, covariance)
     assert exponents.tolist() == [1, 1, -1, 0]
     assert error == pytest.approx(0.3, rel=0.01)
+    # A third that helps by a quarter is not worth its name.
+    helped = np.array([[0.09, -0.0858, 0.0], [-0.0858, 1.16, 1.0], [0.0, 1.0, 1.0]])
+    pair = np.array([0.0, 1.0, -1.0])
+    assert monomial_error(np.array([1.0, 1.0, -1.0]), helped) == pytest.approx(0.7 * monomial_error(pair, helped))
+    assert _with_third(pair, helped)[0].tolist() == pair.tolist()
     # Where two alone are known, they stay alone.
     exponents, error = _with_third(pair, covariance_of(pair, 0.2))
     assert exponents.tolist() == pair.tolist()

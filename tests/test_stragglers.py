@@ -114,6 +114,36 @@ def test_several_stragglers_do_not_hide_each_other():
     np.testing.assert_array_equal(left_behind(steps, scores), behind)
 
 
+@pytest.mark.parametrize("seen", [1.0, 0.2])
+def test_a_wide_mode_with_few_walkers_holds_more_than_its_density_says(seen):
+    """Four of a hundred walkers in a mode eight times as wide, which lies lower by 13: a twentieth of all there is.
+    Even a fifth of it, all that was seen, is recognised as a part; as narrow as the other, it would be spurious.
+    """
+    rng = np.random.default_rng(8)
+    wide = Density(8.0, np.log(0.05))
+    steps = rng.standard_normal((4, 100, 25, DIMENSION))
+    place = 8.0 * rng.standard_normal(DIMENSION)
+    place *= 8.0 * np.sqrt(DIMENSION) / np.linalg.norm(place)
+    steps[:, :, 0] = AWAY + (1.0 - seen) * place + 8.0 * seen * steps[:, :, 0]
+    scores = wide.log_posterior(steps.reshape(-1, DIMENSION)).reshape(steps.shape[:-1])
+    scores[:, -1, 0] = scores[:, :, 0].min()
+    assert not left_behind(steps, scores).any()
+    if seen == 1.0:
+        steps[:, :, 0] = AWAY + (steps[:, :, 0] - AWAY) / 8.0
+        assert left_behind(steps, scores)[:, 0].all()
+
+
+def test_stragglers_teach_the_proposal_nothing(planted, monkeypatch):
+    taught = []
+    # Without a proposal the walkers go on as they did.
+    silent = SimpleNamespace(fit=taught.append)
+    monkeypatch.setattr(sampling, "StudentProposal", silent)
+    run(SPURIOUS)
+    (draws,) = taught
+    assert np.linalg.norm(draws, axis=1).max() < 0.5 * np.linalg.norm(AWAY)
+    assert len(draws) == 100 * 39
+
+
 def test_a_degenerate_ensemble_has_no_stragglers():
     """Columns that never move, and walkers on one spot: no volume, and no error of linear algebra."""
     still = np.zeros((2, 50, 12, 3))

@@ -78,8 +78,6 @@ def compare(
     stacking, pseudo_bma = (dict(zip(names, map(float, found), strict=True)) for found in shares)
     if len(table) < FEW:
         notes.insert(0, f"with {len(table)} impacts leave-one-out scores mean nothing: no model is recommended")
-    settled = not alarms and all(item.fit.status is RunStatus.CONVERGED and not item.loo.unsettled for item in scores)
-    status = RunStatus.CONVERGED if settled else RunStatus.NOT_CONVERGED
     return Comparison(
         table=table,
         columns=ladder.columns,
@@ -87,12 +85,18 @@ def compare(
         published=tuple(published),
         stacking=stacking,
         pseudo_bma=pseudo_bma,
-        status=RunStatus.INTERRUPTED if interrupted else status,
+        status=RunStatus.INTERRUPTED if interrupted else _status(scores, alarms),
         notes=(*ladder.notes, *notes),
         seed=effort.seed,
         quick=quick,
         seconds=time.perf_counter() - begun,
     )
+
+
+def _status(scores: Sequence[ModelScore], alarms: Sequence[str]) -> RunStatus:
+    """Converged when every fit and its refits are, and no model loses to what it contains."""
+    settled = all(item.fit.status is RunStatus.CONVERGED and not item.loo.unsettled for item in scores)
+    return RunStatus.CONVERGED if settled and not alarms else RunStatus.NOT_CONVERGED
 
 
 def _searched_again(

@@ -39,7 +39,7 @@ def search_again(
     words = (
         f"the first search for the maximum of the posterior ended at log posterior {point.log_posterior:.2f}, below "
         f"draws of the chains; searched again from the best of these it lies at {found.log_posterior:.2f}, and "
-        f"{_moves(problem, point, found, draws)}"
+        f"{_moves(problem, point, found)}"
     )
     if after is not squares:
         words += f"; least squares fell from {squares.chi_square:.3g} to {after.chi_square:.3g}"
@@ -61,10 +61,9 @@ def _best_apart(draws: FloatArray, scores: FloatArray, least: float, count: int)
     return draws[chosen]
 
 
-def _moves(problem: Problem, before: PointFit, after: PointFit, draws: FloatArray) -> str:
-    """How the three parameters that moved most, in sds of the draws, did so."""
+def _moves(problem: Problem, before: PointFit, after: PointFit) -> str:
+    """How the three parameters that moved most, in widths of their priors, did so."""
     ends = [np.array([[point.values[name] for name in problem.free_names]]) for point in (before, after)]
     way = np.abs(problem.to_coordinates(ends[1]) - problem.to_coordinates(ends[0]))[0]
-    order = np.argsort(-way / np.maximum(draws.std(axis=0), np.finfo(float).tiny), kind="stable")[:3]
-    names = [problem.free_names[k] for k in order]
+    names = [problem.free_names[k] for k in np.argsort(-way / problem.prior.width, kind="stable")[:3]]
     return ", ".join(f"{name} goes from {before.values[name]:.3g} to {after.values[name]:.3g}" for name in names)
