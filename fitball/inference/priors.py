@@ -14,6 +14,8 @@ from fitball.errors import ParameterError, suggestion
 from fitball.values import FloatArray
 
 FORM = re.compile(r"^\s*([A-Za-z_]+)\s*\(([^()]*)\)\s*$")
+# No quantity is larger or smaller than these, nor its logarithm less known; beyond, quantiles leave the doubles.
+SMALLEST, LARGEST, WIDEST_LOG = 1.0e-100, 1.0e100, 50.0
 LOG_ROOT_TAU = 0.5 * math.log(2.0 * math.pi)
 
 
@@ -153,6 +155,12 @@ def parse_prior(name: str, text: str, lower: float, upper: float, unit: str = ""
         raise ParameterError(f"prior of {name}: read '{text}', expected numbers: {form}") from None
     if len(numbers) != 2 or not all(math.isfinite(item) for item in numbers):
         raise ParameterError(f"prior of {name}: read '{text}', expected two finite numbers: {form}")
+    if not all(item == 0.0 or SMALLEST <= abs(item) <= LARGEST for item in numbers):
+        raise ParameterError(
+            f"prior of {name}: read '{text}', expected numbers of {SMALLEST:g} to {LARGEST:g} in size"
+        )
+    if family == "lognormal" and numbers[1] > WIDEST_LOG:
+        raise ParameterError(f"prior of {name}: read '{text}', expected {form} with a sd of at most {WIDEST_LOG:g}")
     ordered = numbers[0] < numbers[1] if family.endswith("uniform") else numbers[1] > 0.0
     if not ordered or (family.startswith("log") and numbers[0] <= 0.0):
         raise ParameterError(f"prior of {name}: read '{text}', expected {form} with lower < upper and sd > 0")

@@ -115,7 +115,7 @@ def hand_written() -> tuple[Target, ...]:
                (*SHOWN, _GRIP_SLIP), few=40),
         Target("force", _build_force, lambda folder, rng: damage_table(folder / "impacts_force.csv", rng),
                (SHOWN[0],)),
-        *(option_target(name, _build_table, texts, (*command, name, "{text}"), few=3)
+        *(option_target(name[2:], _build_table, texts, (*command, name, "{text}"), few=3)
           for name, texts, command in OPTIONS),
     )  # fmt: skip
 

@@ -32,8 +32,8 @@ def with_fit(make_fit: MakeFit) -> tuple[Target, ...]:
                (verify, (*verify, "--json"), (*verify, "--quiet")), (0, 1, 2)),
         Target("new impacts", build, lambda folder, rng: damage_table(folder / TABLE, rng),
                (predict, (*predict, "--json"), (*predict, "--out", "{folder}/predicted.csv"))),
-        option_target("--impact of a fit", build, IMPACTS, ("predict", FIT, "--impact", "{text}"),
+        option_target("impact of a fit", build, IMPACTS, ("predict", FIT, "--impact", "{text}"),
                ("predict", FIT, "--impact", "{text}", "--json")),
-        option_target("--range", build, GRIDS, ("export", FIT, "--to", "lookup", "--range", "{text}")),
-        option_target("--at", build, POINTS, ("export", FIT, "--to", "engine", "--at", "{text}")),
+        option_target("range", build, GRIDS, ("export", FIT, "--to", "lookup", "--range", "{text}")),
+        option_target("at", build, POINTS, ("export", FIT, "--to", "engine", "--at", "{text}")),
     )  # fmt: skip
