@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 from samples import leave_out_figures
 
 import fitball
@@ -24,6 +25,10 @@ from fitball.report.export import fit_text
 from fitball.report.netcdf import write_netcdf
 from fitball.report.run_file import run_text
 from fitball.values import FloatArray, Impacts
+
+# Examples that hypothesis draws are the same everywhere, and none depends on how fast the machine is.
+settings.register_profile("suite", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("suite")
 
 
 @pytest.fixture

@@ -169,9 +169,7 @@ def test_from_a_fit_at_the_command_line(tmp_path, capsys):
     assert main([*command, "--out", str(tmp_path / "point")]) == 0
     said = capsys.readouterr()
     assert "without bands" in said.err and json.loads(said.out)["simulations"][0]["posterior"] is None
-    fit = fitball.calibrate(
-        "wang_topspin.csv", model="two-mass", cores=1, fix=fix, max_steps=100, walkers=8
-    )
+    fit = fitball.calibrate("wang_topspin.csv", model="two-mass", cores=1, fix=fix, max_steps=100, walkers=8)
     (folder / "fit.json").write_text(fit_text(fit))
     assert main([*command, "--out", str(tmp_path / "bands"), "--draws", "20"]) == 0
     said = capsys.readouterr()

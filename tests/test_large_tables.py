@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import tracemalloc
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -35,6 +35,7 @@ from fitball.inference.subsample import thinned_problem
 from fitball.report import figures
 from fitball.report.data_file import data_content, read_data, write_data
 from fitball.report.export import fit_text
+from fitball.report.fit_file import DataPart
 from fitball.report.html import page
 from fitball.report.terminal import render
 from fitball.studies.bench import enlarged, spread_draws
@@ -262,7 +263,7 @@ def test_data_are_read_back_as_they_were(tmp_path):
     table = load_table(path)
     problem = build_problem(table, load_scene(path), Choices(), load_force(records, table))
     write_data(problem, tmp_path / "data.nc")
-    found = read_data(json.loads(json.dumps(data_content(problem))), tmp_path / "data.nc")
+    found = read_data(msgspec.convert(data_content(problem), DataPart), 2, tmp_path / "data.nc")
     assert (found.ids, found.labels) == (("x", "y"), {"impact": ("1", "2"), "a/b": ("", "über")})
     (item,) = found.measurements
     np.testing.assert_array_equal(item.sd, [0.1, 0.2])

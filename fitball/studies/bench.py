@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
+from hashlib import sha256
 from itertools import repeat
 from multiprocessing import get_context
 
@@ -233,7 +234,7 @@ def enlarged(table: ImpactTable, rows: int) -> ImpactTable:
         ids=tuple(str(k + 1) for k in range(rows)),
         labels={},
         incident_covariance=None,
-        digest=f"{table.digest[:16]} times {rows}",
+        digest=sha256(f"{table.digest} times {rows}".encode()).hexdigest(),
     )
 
 
