@@ -61,7 +61,8 @@ def test_a_point_where_the_model_ends_is_reported_and_not_a_crash(at_end, monkey
     with monkeypatch.context() as patched:
         # Searches stay where they begin: the fit is that at the end of the model.
         patched.setattr(
-            "fitball.inference.minimiser.Minimiser.run", lambda self, at: Minimum(self_cost(self, at), at)
+            "fitball.inference.minimiser.Minimiser.run",
+            lambda self, at: Minimum(self_cost(self, at), at, self.at(at[None, :]).size),
         )
         patched.setattr("fitball.inference.maximum._climb", lambda _problem, start: start)
         squares = least_squares(problem, row(problem, END))
@@ -92,7 +93,8 @@ def test_no_standard_error_comes_from_a_step_out_of_the_model(tmp_path, monkeypa
     wall = {"mu": 0.092, "e_x": 0.38, "offset": 0.0, "velocity_sd": 0.25, "spin_sd": 10.0}
     wall |= {"cor_10": 0.95, "cor_slope": (1.0 - 1e-9 - 0.95) / (SLOWEST - 10.0)}
     monkeypatch.setattr(
-        "fitball.inference.minimiser.Minimiser.run", lambda self, at: Minimum(self_cost(self, at), at)
+        "fitball.inference.minimiser.Minimiser.run",
+        lambda self, at: Minimum(self_cost(self, at), at, self.at(at[None, :]).size),
     )
     found = least_squares(problem, row(problem, wall))
     for name in ("cor_10", "cor_slope"):

@@ -172,7 +172,8 @@ def test_with_a_straggler_a_run_resumes_to_the_same_chain(planted, tmp_path):
             run(SPURIOUS, settings, file, report=_StopAt(step))
     # Ensembles are interrupted where they are: one may have gone on when another has just ended its warm-up.
     mixed = ChainFile(tmp_path / "mixed.h5", "same")
-    at_end, later = (ChainFile(tmp_path / f"{step}.h5", "same").read() for step in (200, 300))
+    of = (settings.ensembles, settings.walkers, SPURIOUS.free_names)
+    at_end, later = (ChainFile(tmp_path / f"{step}.h5", "same").read(*of) for step in (200, 300))
     mixed.write([later[0], at_end[1]], SPURIOUS.free_names, [False] * DIMENSION)
     swapped = ChainFile(tmp_path / "swapped.h5", "same")
     swapped.write([at_end[0], later[1]], SPURIOUS.free_names, [False] * DIMENSION)
