@@ -93,7 +93,7 @@ TABLES = {
     "NaN": (None, GOOD.replace("8.9", "nan"), ["row 2", "v_x2", "nan"]),
     "negative v_y1": (None, GOOD.replace(",7.5,", ",-7.5,"), ["row 2", "v_y1", "-7.5"]),
     "rebound faster": (None, GOOD.replace(",11.5,", ",31.5,"), ["row 1"]),
-    "COR above 1": (None, GOOD.replace(",6.0,", ",7.9,"), ["row 2", "v_y2"]),
+    "COR above 1": (None, GOOD.replace(",6.0,", ",10.9,"), ["row 2", "v_y2"]),
     "one row": (None, "\n".join(GOOD.splitlines()[:2]) + "\n", ["one", "2"]),
     "no rebound": (None, "v_x1,v_y1,omega_1\n15,5,0\n14,6,0\n", ["rebound"]),
     "empty": (None, "", ["empty"]),

@@ -188,7 +188,7 @@ def test_result_folder(tmp_path):
     content = json.loads((folder / "fit.json").read_text(encoding="utf-8"))
     schema = json.loads((files("fitball.report") / "fit.schema.json").read_text(encoding="utf-8"))
     described = {row[0].strip("`"): row[1] for row in table(FORMATS, "key", "content")}
-    assert set(described) == set(content) == set(schema["properties"])
+    assert set(described) == set(content) == set(schema["$defs"]["FitFile"]["properties"])
     assert described["schema_version"] == str(content["schema_version"])
     assert described["kind"] == f"`{content['kind']}`"
     assert all(f"`{item}`" in described["status"] for item in RunStatus)

@@ -26,6 +26,8 @@ from fitball.values import FloatArray
 BETTER = 0.8
 # Largest exponent, and how many products are named at most.
 POWER, MOST = 2, 3
+# Share of its prior's sd below which a value is zero but for rounding: a slope of its logarithm has no meaning.
+VANISHED = 1e-12
 
 
 @dataclass(frozen=True)
@@ -56,12 +58,12 @@ def log_covariance(problem: Problem, coordinates: FloatArray, posterior: Posteri
 
 
 def log_steps(problem: Problem, coordinates: FloatArray, columns: Sequence[int]) -> FloatArray:
-    """Change (columns,) of the logarithm of each parameter for one sd of its prior."""
+    """Change (columns,) of the logarithm of each parameter for one sd of its prior; NaN at 0, where there is none."""
     logs = np.array([problem.free[k].prior.log for k in columns])
     values = problem.to_values(coordinates[None, :])[0, columns]
     sds = (prior_sds(problem) * problem.prior.width)[columns]
-    steps: FloatArray = sds * np.where(logs, 1.0, 1.0 / np.maximum(values, np.finfo(float).tiny))
-    return steps
+    slopes = np.divide(1.0, values, out=np.full_like(values, np.nan), where=values > VANISHED * sds)
+    return np.asarray(sds * np.where(logs, 1.0, slopes))
 
 
 def known_products(covariance: FloatArray) -> list[Known]:
