@@ -56,12 +56,15 @@ def log_covariance(problem: Problem, coordinates: FloatArray, posterior: Posteri
 
 
 def log_steps(problem: Problem, coordinates: FloatArray, columns: Sequence[int]) -> FloatArray:
-    """Change (columns,) of the logarithm of each parameter for one sd of its prior."""
-    logs = np.array([problem.free[k].prior.log for k in columns])
-    values = problem.to_values(coordinates[None, :])[0, columns]
-    sds = (prior_sds(problem) * problem.prior.width)[columns]
-    steps: FloatArray = sds * np.where(logs, 1.0, 1.0 / np.maximum(values, np.finfo(float).tiny))
-    return steps
+    """Change (columns,) of the logarithm of each parameter for one sd of its prior, NaN for those not `positive`."""
+    values = problem.to_values(coordinates[None, :])[0]
+    sds = prior_sds(problem) * problem.prior.width
+    found = np.full(len(columns), np.nan)
+    for place, k in enumerate(columns):
+        item = problem.free[k]
+        if positive(item) and values[k] > 0.0:
+            found[place] = sds[k] if item.prior.log else sds[k] / values[k]
+    return found
 
 
 def known_products(covariance: FloatArray) -> list[Known]:
