@@ -48,3 +48,17 @@ def test_algebraic_models_are_judged_by_rounding():
     for line in budget.lines.values():
         assert 0.0 < line.numerical < 1e-11
     assert np.isfinite(budget.share)
+
+
+def test_a_ball_too_stiff_to_be_integrated_is_judged_by_rounding(fit):
+    """With next to no shell the joint is so fast that the independent integration would take a thousand million
+    steps an impact.
+    """
+    values = {**fit.point.values, "mass_ratio": 1.0 - 1e-9}
+    names = fit.fitted.names
+    stiff = replace(fit.fitted, point=np.array([values[name] for name in names]))
+    golden = replace(fit.golden, parameters=values, rebound=stiff.rebound(fit.golden.impacts))
+    assert not np.any(golden.rebound.status)
+    budget = error_budget(fit.problem, stiff, fit.point, None, golden)
+    assert "too fast for an independent integration" in budget.reference
+    assert all(0.0 <= line.numerical < 1e-3 for line in budget.lines.values())

@@ -13,7 +13,7 @@ from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.inference.information import fisher_information, prior_sds
 from fitball.inference.problem import Choices, build_problem
-from fitball.inference.products import known_products, log_covariance, monomial_error
+from fitball.inference.products import known_products, log_covariance, log_steps, monomial_error
 from fitball.inference.spectrum import _with_third, spectrum
 from fitball.inference.symmetric import inverse
 
@@ -81,6 +81,19 @@ def test_with_the_inner_mass_alone_mass_ratio_times_friction_is_named():
     (known,) = (item for item in found if item.startswith("mass_ratio mu is known to "))
     assert "but mass_ratio to " in known and " and mu to " in known
     assert any(item.startswith("k_theta/k_y is known to ") for item in found)
+
+
+def test_parameters_that_may_be_negative_or_vanish_have_no_logarithm():
+    problem = inner()
+    at = coordinates_of(problem, INNER)
+    steps = log_steps(problem, at, range(problem.dimension))
+    known = {name for name, step in zip(problem.free_names, steps, strict=True) if np.isfinite(step)}
+    assert known == {"mass_ratio", "k_y", "k_theta", "mu", "cor_10"}
+    assert steps[problem.free_names.index("k_y")] == pytest.approx(1.0)
+    # A uniform prior from 0.3 to 1 has an sd of 0.7 over the root of 12.
+    assert steps[0] == pytest.approx(0.7 / np.sqrt(12.0) / 0.887)
+    at[problem.free_names.index("cor_10")] = 0.0
+    assert np.isnan(log_steps(problem, at, range(problem.dimension))[problem.free_names.index("cor_10")])
 
 
 def test_the_default_model_has_no_such_product():

@@ -58,12 +58,17 @@ def log_covariance(problem: Problem, coordinates: FloatArray, posterior: Posteri
 
 
 def log_steps(problem: Problem, coordinates: FloatArray, columns: Sequence[int]) -> FloatArray:
-    """Change (columns,) of the logarithm of each parameter for one sd of its prior; NaN at 0, where there is none."""
-    logs = np.array([problem.free[k].prior.log for k in columns])
-    values = problem.to_values(coordinates[None, :])[0, columns]
-    sds = (prior_sds(problem) * problem.prior.width)[columns]
-    slopes = np.divide(1.0, values, out=np.full_like(values, np.nan), where=values > VANISHED * sds)
-    return np.asarray(sds * np.where(logs, 1.0, slopes))
+    """Change (columns,) of the logarithm of each parameter for one sd of its prior, NaN for those not `positive`."""
+    values = problem.to_values(coordinates[None, :])[0]
+    sds = prior_sds(problem) * problem.prior.width
+    found = np.full(len(columns), np.nan)
+    for place, k in enumerate(columns):
+        item = problem.free[k]
+        if positive(item) and item.prior.log:
+            found[place] = sds[k]
+        elif positive(item) and values[k] > VANISHED * sds[k]:
+            found[place] = sds[k] / values[k]
+    return found
 
 
 def known_products(covariance: FloatArray) -> list[Known]:

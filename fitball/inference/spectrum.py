@@ -46,12 +46,7 @@ def spectrum(problem: Problem, coordinates: FloatArray, posterior: Posterior | N
     block = np.ix_(columns, columns)
     informed, alone = informed[block], alone[block]
     sds = (prior_sds(problem) * problem.prior.width)[columns]
-    steps = np.array(
-        [
-            step if positive(item) else np.nan
-            for item, step in zip(items, log_steps(problem, coordinates, columns), strict=True)
-        ]
-    )
+    steps = log_steps(problem, coordinates, columns)
     told = _sentences(problem, items, sds, steps, alone, _covariance(informed), _covariance(alone))
     found = [*told, *_products(problem, log_covariance(problem, coordinates, posterior), told.values())]
     ends = [problem.free[k].name for k in fitted if k not in columns]
