@@ -99,12 +99,12 @@ def mutants(root: Path) -> list[Mutant]:
     return found
 
 
-def reached(root: Path, place: Path) -> dict[str, dict[str, list[int]]]:
+def reached(root: Path, place: Path, judging: str) -> dict[str, dict[str, list[int]]]:
     """Lines of each file that each test file reaches, measured once and kept in `place`."""
     if place.exists():
         return json.loads(place.read_text(encoding="utf-8"))
     found = {}
-    for path in sorted((root / "tests").glob("test_*.py")):
+    for path in sorted((root / "tests").glob(judging)):
         print(f"reach of {path.name}", file=sys.stderr)
         measure = [sys.executable, "-m", "coverage"]
         run = [
@@ -177,6 +177,8 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=60)
     parser.add_argument("--out", type=Path, default=Path("mutants.csv"))
     parser.add_argument("--reach", type=Path, default=Path("reach.json"))
+    parser.add_argument("--within", metavar="FOLDER", default="fitball", help="draw mutants of this part only")
+    parser.add_argument("--judges", metavar="GLOB", default="test_*.py", help="test files that take part")
     parser.add_argument("--at", metavar="FILE:LINE", action="append", help="every mutant of these lines instead")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
@@ -185,8 +187,8 @@ def main() -> None:
         for name in COPIED:
             copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
             copy(ROOT / name, root / name)
-        reach = reached(root, given.reach)
-        everything = mutants(root)
+        reach = reached(root, given.reach, given.judges)
+        everything = [item for item in mutants(root) if item.file.startswith(given.within)]
         chosen = [
             everything[k] for k in np.random.default_rng(given.seed).permutation(len(everything))[: given.count]
         ]
