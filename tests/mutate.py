@@ -129,12 +129,17 @@ def reached(root: Path, place: Path, judging: str) -> dict[str, dict[str, list[i
 def judges(root: Path, mutant: Mutant, reach: dict[str, dict[str, list[int]]]) -> list[str]:
     """Test files that reach a mutant's line within a function, those first that reach little else."""
     source = (root / mutant.file).read_text(encoding="utf-8")
-    functions = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.FunctionDef)]
+    tree = ast.parse(source)
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
     within = [node for node in functions if node.lineno <= mutant.line <= (node.end_lineno or 0)]
     if "@compiled" in source or "@inlined" in source:
         return [f"test_{name}.py" for name in KERNEL_TESTS]
+    # A statement of many lines is reached where it begins.
+    around = [node for node in ast.walk(tree) if isinstance(node, ast.stmt)]
+    around = [node for node in around if node.lineno <= mutant.line <= (node.end_lineno or 0)]
+    begun = max(node.lineno for node in around)
     bodies = {line for node in functions for line in range(node.body[0].lineno, (node.end_lineno or 0) + 1)}
-    wanted = {mutant.line} if within else bodies
+    wanted = {begun} if within else bodies
     found = {name: files for name, files in reach.items() if wanted & set(files.get(mutant.file, ()))}
     return sorted(found, key=lambda name: sum(len(lines) for lines in found[name].values()))
 
