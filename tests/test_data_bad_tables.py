@@ -11,6 +11,7 @@ import pytest
 
 from fitball.data.grid_text import parse_grid
 from fitball.data.impact_text import parse_impact
+from fitball.data.limits import beyond_limit
 from fitball.data.read import load_table
 from fitball.errors import Fault, FitballError, ParameterError, TableError
 
@@ -381,6 +382,12 @@ def test_numbers_that_arithmetic_does_not_hold(tmp_path: Path, header: str, valu
     fault = only(tmp_path, f"{header},v_2,theta_2\n38,20,12,24\n{value},12,24\n")
     assert fault.row == 2
     assert expected in fault.message
+
+
+def test_the_flattest_incidence_is_a_ten_thousandth_of_a_radian() -> None:
+    flat = np.array([0.99e-4, 1.01e-4, 0.0, np.pi])
+    assert beyond_limit("theta_1", flat).tolist() == [True, False, True, False]
+    assert not beyond_limit("theta_2", flat).any()
 
 
 def test_limits_themselves_are_allowed(tmp_path: Path) -> None:
