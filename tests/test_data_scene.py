@@ -17,6 +17,7 @@ from fitball.data.force_place import find_force
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.scene_file import FREE, KEYS, Kind
+from fitball.data.scene_limits import range_fault
 from fitball.errors import SceneError, TableError
 
 SCHEMA: dict[str, Any] = json.loads(files("fitball.data").joinpath("scene.schema.json").read_text(encoding="utf-8"))
@@ -290,3 +291,17 @@ def test_force_records_with_a_name_too_long_for_the_system(tmp_path: Path) -> No
     scene = scene_of(tmp_path, f'[force]\nfile = "{"a" * 5000}"')
     with pytest.raises(SceneError, match="there is no file"):
         find_force([str(tmp_path / "t.csv")], load_table(tmp_path / "t.csv"), scene)
+
+
+@pytest.mark.parametrize(
+    ("key", "least", "most"),
+    [
+        ("ball.mass", 1e-6, 20.0),
+        ("ball.radius", 1e-4, 0.5),
+        ("ball.inertia_ratio", 0.01, 1.0),
+        ("surface.mu", 1e-6, 100.0),
+    ],
+)
+def test_the_ends_of_what_a_scene_may_hold(key, least, most):
+    for value, allowed in ((least, True), (most, True), (0.97 * least, False), (1.03 * most, False)):
+        assert (range_fault(key, value, None) is None) is allowed
