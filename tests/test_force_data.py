@@ -101,6 +101,31 @@ def test_headers_and_units(tmp_path, header, words):
     assert words in str(caught.value)
 
 
+def test_time_may_begin_anywhere(tmp_path):
+    place, table = written(tmp_path, lines("a", TIMES - 3.0, pulse()))
+    (record,) = load_force(place, table).records
+    assert record.begin == pytest.approx(-3e-3) and record.step == pytest.approx(2e-4, rel=1e-9)
+
+
+@pytest.mark.parametrize("forces", [0.0 * TIMES, -0.2 * pulse(), np.where(TIMES < 0.5, 10.0, -0.1 * pulse())])
+def test_a_force_that_is_not_compression_is_refused(tmp_path, forces):
+    place, table = written(tmp_path, lines("a", forces=forces))
+    with pytest.raises(TableError, match="mostly negative; expected F positive in compression"):
+        load_force(place, table)
+
+
+@pytest.mark.parametrize("count", [11, 12])
+def test_a_dozen_samples_during_the_contact_are_enough(tmp_path, count):
+    forces = np.zeros(TIMES.size)
+    forces[8 : 8 + count] = 100.0
+    place, table = written(tmp_path, lines("a", forces=forces))
+    if count == 12:
+        assert load_force(place, table).records[0].pulse == (8, 19)
+        return
+    with pytest.raises(TableError, match="has 11 samples above 5 % of its peak; expected at least 12"):
+        load_force(place, table)
+
+
 @pytest.mark.parametrize(("level", "end"), [(0.195, 0), (0.205, 0), (0.195, -1), (0.205, -1)])
 def test_a_fifth_of_the_peak_is_where_a_record_counts_as_cut_off(tmp_path, level, end):
     forces = pulse()
