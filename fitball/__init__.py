@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from fitball.data.scene import Scene, load_scene
     from fitball.data.table import ImpactTable
     from fitball.errors import FitballError
-    from fitball.inference.results import Fit
+    from fitball.inference.results.results import Fit
     from fitball.models.registry import model
     from fitball.models.types import Rebound, regime_name
     from fitball.values import Ball, Impacts, impacts
 
 _HOMES = {
     "Ball": "fitball.values",
-    "Fit": "fitball.inference.results",
+    "Fit": "fitball.inference.results.results",
     "FitballError": "fitball.errors",
     "ImpactTable": "fitball.data.table",
     "Impacts": "fitball.values",

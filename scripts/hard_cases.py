@@ -12,10 +12,10 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-from fitball.models.bounce import tied_inertia_split
-from fitball.models.oracle import oracle_rebound, oracle_rebound_mp
+from fitball.models.kernels.bounce import tied_inertia_split
+from fitball.models.oracle.oracle import oracle_rebound, oracle_rebound_mp
 from fitball.models.types import Status
-from fitball.studies.hard_cases import HardCase, hard_cases
+from fitball.studies.bench.hard_cases import HardCase, hard_cases
 
 ANSWERS = Path(__file__).resolve().parent.parent / "tests" / "data" / "hard_cases.csv"
 HEADS = ("name", "digits", "v_x2", "v_y2", "omega_2", "contact_time", "regime", "status")

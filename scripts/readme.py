@@ -19,11 +19,11 @@ from typing import Any
 
 import pandas as pd
 
-from fitball.inference.parameters import FORCE_NOISE, NOISE_SPECS
+from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS
 from fitball.models.specs import SPECS
-from fitball.report.rounding import decimals, digits, fixed
-from fitball.report.units import handy
-from fitball.studies.appendix_d import CASE_IN_APPENDIX_C
+from fitball.report.form.display_units import handy
+from fitball.report.form.rounding import decimals, digits, fixed
+from fitball.studies.thesis.appendix_d import CASE_IN_APPENDIX_C
 from fitball.version import __version__
 
 ROOT = Path(__file__).resolve().parent.parent

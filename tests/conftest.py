@@ -18,12 +18,12 @@ from samples import leave_out_figures
 import fitball
 from fitball.api import Calibration
 from fitball.data.read import load_table
-from fitball.inference.priors import parse_prior
+from fitball.inference.problem.priors import parse_prior
 from fitball.models.model import Model
-from fitball.report.data_file import write_data
-from fitball.report.export import fit_text
-from fitball.report.netcdf import write_netcdf
-from fitball.report.run_file import run_text
+from fitball.report.saved.data_file import write_data
+from fitball.report.saved.fit_text import fit_text
+from fitball.report.saved.posterior_file import write_netcdf
+from fitball.report.saved.run_file import run_text
 from fitball.values import FloatArray, Impacts
 
 # Examples that hypothesis draws are the same everywhere, and none depends on how fast the machine is.

@@ -7,7 +7,7 @@ from pathlib import Path
 from fitball.data.force_file import load_force
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
-from fitball.inference.problem import Choices, build_problem
+from fitball.inference.problem.build import Choices, build_problem
 
 
 def problem_of(table: Path, *, records=True, scene=None, **choices):

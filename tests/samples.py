@@ -10,7 +10,7 @@ import pytest
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Measurement
-from fitball.inference.problem import Choices, build_problem
+from fitball.inference.problem.build import Choices, build_problem
 
 # Seconds after which a process is taken to hang: no measure of how fast a machine is.
 HANG = 900.0
@@ -50,7 +50,7 @@ POLAR = (
 
 def leave_out_figures(patch):
     """Results are saved without their figures, half of the time a save takes: for tests that look at other files."""
-    patch.setattr("fitball.report.folder.drawable_kinds", lambda _fit, _posterior: [])
+    patch.setattr("fitball.report.fit.folder.drawable_kinds", lambda _fit, _posterior: [])
 
 
 def save_without_figures(fit, folder):

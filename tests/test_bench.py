@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 
 from fitball.cli.main import main
-from fitball.studies import bench
-from fitball.studies.bench import Bench, Pace, batch_costs, errors, spread_draws, timed, work_precision
-from fitball.studies.bench_page import FIGURE, summary
-from fitball.studies.bench_rivals import adaptive, set_up, stepped
-from fitball.studies.bench_scenes import Scene, default_model
-from fitball.studies.hard_cases import BASE
+from fitball.studies.bench import measure as bench
+from fitball.studies.bench.hard_cases import BASE
+from fitball.studies.bench.measure import Bench, Pace, batch_costs, errors, spread_draws, timed, work_precision
+from fitball.studies.bench.page import FIGURE, summary
+from fitball.studies.bench.rivals import adaptive, set_up, stepped
+from fitball.studies.bench.scenes import Scene, default_model
 from fitball.values import impacts
 
 TINY = Pace(1e-3, (100, 400), (1e-6,), 210, 1)

@@ -8,7 +8,7 @@ import pytest
 import fitball
 from fitball.errors import ParameterError
 from fitball.models.boundary import boundary_margin
-from fitball.studies.hard_cases import BASE
+from fitball.studies.bench.hard_cases import BASE
 from fitball.values import Ball, Impacts
 
 

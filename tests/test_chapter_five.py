@@ -15,9 +15,9 @@ import fitball
 from fitball.cli.main import main
 from fitball.data.thesis_tables import thesis_table
 from fitball.errors import TableError
-from fitball.inference import thesis_inputs
 from fitball.inference.calibrate import Effort
-from fitball.studies import (
+from fitball.inference.thesis import inputs as thesis_inputs
+from fitball.studies.thesis import (
     appendix_c,
     appendix_d,
     chapter_five,
@@ -26,7 +26,7 @@ from fitball.studies import (
     recalibration,
     vertical_damping,
 )
-from fitball.studies.chapter_five_page import write
+from fitball.studies.thesis.chapter_five_page import write
 
 QUICK = Effort(seed=1, cores=2, max_steps=500)
 
@@ -229,14 +229,14 @@ def test_the_points_of_figures_36_to_44():
 
 
 def test_the_verb_ends_with_one_when_a_reproduction_fails(found, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("fitball.studies.chapter_five.derive", lambda _effort, _report: found)
-    monkeypatch.setattr("fitball.studies.chapter_five_page.draw_all", lambda _found: {})
-    monkeypatch.setattr("fitball.studies.chapter_five_page.page", lambda *_rest: "page")
+    monkeypatch.setattr("fitball.studies.thesis.chapter_five.derive", lambda _effort, _report: found)
+    monkeypatch.setattr("fitball.studies.thesis.chapter_five_page.draw_all", lambda _found: {})
+    monkeypatch.setattr("fitball.studies.thesis.chapter_five_page.page", lambda *_rest: "page")
     assert main(["rederive", "--out", str(tmp_path / "a"), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["holds"] is True and told["summary"] == found.summary and told["verdicts"] == found.verdicts
     broken = replace(found, checks=(replace(found.checks[0], holds=False), *found.checks[1:]))
-    monkeypatch.setattr("fitball.studies.chapter_five.derive", lambda _effort, _report: broken)
+    monkeypatch.setattr("fitball.studies.thesis.chapter_five.derive", lambda _effort, _report: broken)
     assert main(["rederive", "--out", str(tmp_path / "b")]) == 1
     said = capsys.readouterr().out
     row = next(line for line in said.splitlines() if line.startswith("5: M1/M"))

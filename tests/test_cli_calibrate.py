@@ -190,7 +190,7 @@ def test_out_is_a_file(here, capsys):
 AT_STEP_100 = """
 import os, signal, sys
 from fitball.cli.main import main
-from fitball.inference.sampling import Ensemble
+from fitball.inference.sampling.ensembles import Ensemble
 
 advance, sent = Ensemble.advance_to, []
 

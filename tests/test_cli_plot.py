@@ -12,14 +12,14 @@ import pytest
 import fitball
 from fitball.cli.main import main
 from fitball.cli.plot import FORMATS, KIND_NAMES
-from fitball.inference.looks import ActionLook, End, Examination, InformationLook, Looks, Profile, Spectrum
-from fitball.report.figure_regimes import OTHERS, regime_bars, regime_colours
-from fitball.report.looks_content import looks_content
-from fitball.report.plots import KINDS, STAMPS
-from fitball.report.profile_arrays import profile_panels
-from fitball.report.restore import restore
-from fitball.report.structure import structured
-from fitball.report.units import handy
+from fitball.inference.results.evidence import ActionLook, End, Examination, InformationLook, Looks, Profile, Spectrum
+from fitball.report.figures.kinds import KINDS, STAMPS
+from fitball.report.figures.profile_arrays import profile_panels
+from fitball.report.figures.regimes import OTHERS, regime_bars, regime_colours
+from fitball.report.form.display_units import handy
+from fitball.report.saved.evidence_content import looks_content
+from fitball.report.saved.restore import restore
+from fitball.report.saved.structure import structured
 
 
 @pytest.fixture(scope="module")

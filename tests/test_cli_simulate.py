@@ -12,14 +12,14 @@ import pytest
 import fitball
 from fitball.cli.main import main
 from fitball.errors import FitError
-from fitball.inference.fitted import FittedModel
-from fitball.inference.simulate import COURSES, DEFAULTS, POINTS, chosen_parameters, simulate, simulate_fit
-from fitball.models.oracle import oracle_rebound
+from fitball.inference.prediction.simulate import COURSES, DEFAULTS, POINTS, chosen_parameters, simulate, simulate_fit
+from fitball.inference.results.fitted_model import FittedModel
+from fitball.models.oracle.oracle import oracle_rebound
 from fitball.models.types import unpack_regime
-from fitball.report.export import fit_text
-from fitball.report.figure_history import ALL_PANELS, DRAWN, LABELS, history_figure
-from fitball.studies.example_claims import MEASURES, findings, run_example
-from fitball.studies.simulate_examples import EXAMPLES
+from fitball.report.history.figure import ALL_PANELS, DRAWN, LABELS, history_figure
+from fitball.report.saved.fit_text import fit_text
+from fitball.studies.thesis.example_claims import MEASURES, findings, run_example
+from fitball.studies.thesis.simulate_examples import EXAMPLES
 
 IMPACT = "v=38 mph, theta=18 deg, spin=950 rpm top"
 

@@ -15,20 +15,20 @@ from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Measurement
 from fitball.errors import FitError, ModelError
 from fitball.inference.calibrate import Effort, run
-from fitball.inference.compare import compare
-from fitball.inference.ladder import VARIANTS, build_ladder, default_names, parse_name
-from fitball.inference.maximum import maximum_posterior
-from fitball.inference.minimiser import Minimiser
-from fitball.inference.outputs import root_mean_square
-from fitball.inference.problem import Choices, build_problem
-from fitball.inference.published_cases import chapter_five_predictions
-from fitball.inference.residuals import Weighting
-from fitball.inference.results import RunStatus
-from fitball.inference.starts import starting_points
-from fitball.report.compare_folder import json_text
-from fitball.report.compare_words import words
-from fitball.studies import ranking
-from fitball.studies.published_sets import published_sets
+from fitball.inference.comparison.candidates import VARIANTS, build_ladder, default_names, parse_name
+from fitball.inference.comparison.compare import compare
+from fitball.inference.likelihood.residuals import Weighting
+from fitball.inference.point.lmfit_minimiser import Minimiser
+from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.starts import starting_points
+from fitball.inference.prediction.outputs import root_mean_square
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.results.results import RunStatus
+from fitball.inference.thesis.published_cases import chapter_five_predictions
+from fitball.report.compare.folder import json_text
+from fitball.report.compare.words import words
+from fitball.studies.thesis import ranking
+from fitball.studies.thesis.published_sets import published_sets
 
 
 def problem_of(name, **choices):
@@ -53,8 +53,8 @@ def synthetic_table(model, seed, **truth):
 @pytest.fixture
 def duel(monkeypatch):
     """A function that compares models by densities alone: the refits without some impacts have tests of their own."""
-    monkeypatch.setattr("fitball.inference.compare.make_folds", lambda _table, _rng: ((), []))
-    monkeypatch.setattr("fitball.inference.scoring.criteria", lambda _problem, _starts: None)
+    monkeypatch.setattr("fitball.inference.comparison.compare.make_folds", lambda _table, _rng: ((), []))
+    monkeypatch.setattr("fitball.inference.comparison.scoring.criteria", lambda _problem, _starts: None)
     return compared
 
 
@@ -241,7 +241,7 @@ def test_a_pareto_k_without_a_number_is_null_in_json():
 def test_words_of_a_duel(monkeypatch):
     """The paragraph on Wang's zero-spin impacts, from chains too short to converge: signs, units, counts."""
     table, scene = load_table("wang_zero_spin.csv"), load_scene("wang_zero_spin.csv")
-    monkeypatch.setattr("fitball.inference.scoring.criteria", lambda _problem, _starts: None)
+    monkeypatch.setattr("fitball.inference.comparison.scoring.criteria", lambda _problem, _starts: None)
     effort = Effort(seed=1, max_steps=150, ensembles=2, cores=1)
     found = compare(table, build_ladder(table, scene, ("brody", "two-mass+torsion=rigid")), effort, quick=True)
     change = found.rms_difference("two-mass+torsion=rigid", "brody", "v_x2")

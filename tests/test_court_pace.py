@@ -10,13 +10,13 @@ import pytest
 
 import fitball
 from fitball.data.read import load_table
-from fitball.inference.court_pace import DRAWS, court_pace
-from fitball.inference.pace_rating import apparent_friction, itf_impact, pace_categories, pace_rating
-from fitball.inference.predictive import thinned
-from fitball.report.html import page
-from fitball.report.pace_rows import pace_lines, pace_table
-from fitball.report.terminal import render, render_json
-from fitball.report.verdict_words import headline
+from fitball.inference.prediction.court_pace import DRAWS, court_pace
+from fitball.inference.prediction.posterior_predictive import thinned
+from fitball.inference.results.pace_rating import apparent_friction, itf_impact, pace_categories, pace_rating
+from fitball.report.fit.headline import headline
+from fitball.report.fit.html import page
+from fitball.report.fit.pace_rows import pace_lines, pace_table
+from fitball.report.fit.terminal import render, render_json
 
 # 30 m/s at 16 degrees, by a pocket calculator.
 V_X1, V_Y1 = 28.837851, 8.269121

@@ -13,7 +13,7 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Notice, summed_up
 from fitball.errors import FitError, TableError
-from fitball.inference.problem import Choices, build_problem
+from fitball.inference.problem.build import Choices, build_problem
 from fitball.values import Ball
 
 HEAD = "v_x1,v_y1,omega_1,v_x2,v_y2,omega_2"

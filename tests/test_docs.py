@@ -22,34 +22,30 @@ from fitball.data.columns import LABELS, MEASURED
 from fitball.data.scene_file import KEYS
 from fitball.data.table import NOISE_OF
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
-from fitball.inference import (  # fmt: skip
-    comparison,
-    force_records,
-    identifiability,
-    kinks,
-    leave_out,
-    levels,
-    loo,
-    measurement_noise,
-    moves,
-    offsets,
-    power_scaling,
-    profile,
-    sampling,
-)
-from fitball.inference.calibrated_range import SLACK
-from fitball.inference.diagnostics import TARGET_ESS, TARGET_R_HAT
-from fitball.inference.examination import PROFILED
-from fitball.inference.parameters import NOISE_SPECS
-from fitball.inference.results import RunStatus, Verdict
+from fitball.inference.comparison import cross_validation as leave_out
+from fitball.inference.comparison import psis_loo as loo
+from fitball.inference.comparison import results as comparison
+from fitball.inference.identifiability import posterior_verdict as identifiability
+from fitball.inference.identifiability import power_scaling, profile
+from fitball.inference.identifiability.examine import PROFILED
+from fitball.inference.likelihood import regime_mixture as kinks
+from fitball.inference.prediction.extrapolation import SLACK
+from fitball.inference.problem import force_records, measurement_noise
+from fitball.inference.problem import group_bias as offsets
+from fitball.inference.problem import pooling as levels
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.results.results import RunStatus, Verdict
+from fitball.inference.sampling import ensembles as sampling
+from fitball.inference.sampling import moves
+from fitball.inference.sampling.convergence import TARGET_ESS, TARGET_R_HAT
 from fitball.models.registry import ALGEBRAIC, COMPOSITIONS, MODEL_NAMES, THESIS_CLOSURES
 from fitball.models.specs import SPECS
 from fitball.models.types import PHASE_SYMBOL, Closures, ThesisClosures
-from fitball.report.data_file import COUNTS, NUMBERS
-from fitball.report.folder import CHAIN_NAME
-from fitball.report.plots import KINDS
-from fitball.studies.sbc import RANKED
-from fitball.studies.sbc_summary import FAMILY_ERROR
+from fitball.report.figures.kinds import KINDS
+from fitball.report.fit.folder import CHAIN_NAME
+from fitball.report.saved.data_file import COUNTS, NUMBERS
+from fitball.studies.sbc.replicate import RANKED
+from fitball.studies.sbc.summary import FAMILY_ERROR
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted(DOCS.glob("*.md"))}

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import fitball
-from fitball.inference.error_budget import error_budget
-from fitball.report.summary import diagnosis_lines
+from fitball.inference.prediction.error_budget import error_budget
+from fitball.report.fit.summary import diagnosis_lines
 
 
 @pytest.fixture(scope="module")

@@ -13,14 +13,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitball.inference.fitted import FittedModel
-from fitball.inference.golden import golden
+from fitball.export.port.c import c_port
+from fitball.export.port.port import make_port
+from fitball.export.port.python import python_port
+from fitball.inference.prediction.golden import golden
+from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.kernel_call import kernel_call
 from fitball.models.registry import model
 from fitball.models.types import Closures
-from fitball.report.exports.c_port import c_port
-from fitball.report.exports.port import make_port
-from fitball.report.exports.python_port import python_port
 from fitball.values import Ball, Impacts
 
 CC = shutil.which("cc") or shutil.which("gcc")

@@ -8,9 +8,9 @@ import subprocess
 
 import pytest
 
-from fitball.report.exports.c_statements import c_function, signature
-from fitball.report.exports.kernel_source import UnportableError, kernel_source
-from fitball.report.exports.python_port import check_self_contained
+from fitball.export.port.c_statements import c_function, signature
+from fitball.export.port.kernel_source import UnportableError, kernel_source
+from fitball.export.port.python import check_self_contained
 
 CC = shutil.which("cc") or shutil.which("gcc")
 FLAGS = ("-std=c99", "-O0", "-Wall", "-Wextra", "-Wpedantic", "-Werror")

@@ -18,7 +18,8 @@ from fitball.data.force_file import load_force
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitError
-from fitball.inference.force import (
+from fitball.inference.identifiability.fisher import fisher_information, information_looks
+from fitball.inference.likelihood.force import (
     aligned,
     force_cost,
     force_information,
@@ -27,13 +28,12 @@ from fitball.inference.force import (
     force_slopes,
     mean_forces,
 )
-from fitball.inference.force_noise import noise_held
-from fitball.inference.force_notes import force_notes
-from fitball.inference.information import fisher_information, information_looks
-from fitball.inference.maximum import follow_maximum
-from fitball.inference.priors import parse_prior
-from fitball.inference.subsample import thinned_problem, withheld
-from fitball.models.dual import STEP
+from fitball.inference.point.maximum_posterior import follow_maximum
+from fitball.inference.prediction.force_notes import force_notes
+from fitball.inference.problem.force_noise import noise_held
+from fitball.inference.problem.priors import parse_prior
+from fitball.inference.problem.subsample import thinned_problem, withheld
+from fitball.models.kernels.dual import STEP
 from fitball.models.registry import model
 from fitball.values import Impacts
 

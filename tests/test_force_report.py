@@ -22,11 +22,11 @@ from fitball.data.bundled import bundled_folder, bundled_names
 from fitball.data.read import load_table
 from fitball.data.scene import NO_CONTACT_TIME, Scene
 from fitball.inference.calibrate import Effort, fingerprint, run
-from fitball.inference.information import information_looks
-from fitball.inference.problem import Choices, build_problem
-from fitball.inference.results import Verdict
-from fitball.report.force_arrays import force_panels
-from fitball.report.restore import restore
+from fitball.inference.identifiability.fisher import information_looks
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.results.results import Verdict
+from fitball.report.figures.force_arrays import force_panels
+from fitball.report.saved.restore import restore
 
 # Enough to settle a verdict on six parameters, not to converge.
 SHORT = {"walkers": 14, "max_steps": 150, "cores": 1, "seed": 2}

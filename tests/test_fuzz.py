@@ -17,7 +17,7 @@ from fitball.data.grid_text import parse_grid
 from fitball.data.impact_text import parse_uncertain_impact
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
-from fitball.inference.priors import parse_prior
+from fitball.inference.problem.priors import parse_prior
 from fitball.studies.fuzz import campaign, examples
 from fitball.studies.fuzz.campaign import Finding, finding_text
 from fitball.studies.fuzz.harness import Case, Main, Target, complaints, make_case, run_case

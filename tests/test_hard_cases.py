@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 import fitball
 from fitball.errors import ParameterError
-from fitball.models.oracle import oracle_rebound_mp
+from fitball.models.oracle.oracle import oracle_rebound_mp
 from fitball.models.specs import SPECS
 from fitball.models.types import STATUS_REASON, Phase, Status, unpack_regime
-from fitball.studies.hard_cases import BASE, FAST, HardCase, hard_cases
+from fitball.studies.bench.hard_cases import BASE, FAST, HardCase, hard_cases
 
 CASES = {case.name: case for case in hard_cases()}
 ANSWERS = {

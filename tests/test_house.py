@@ -66,7 +66,7 @@ def test_wheel_carries_tables_scenes_schemas_and_template(tmp_path):
         "fitball/_datasets/wang_all.toml",
         "fitball/data/scene.schema.json",
         "fitball/report/fit.schema.json",
-        "fitball/report/exports/parameters.schema.json",
+        "fitball/export/parameters.schema.json",
         "fitball/report/templates/report.html.j2",
     ):
         assert needed in names
@@ -98,18 +98,20 @@ def test_the_compile_cache_expires_when_a_called_kernel_changes(tmp_path):
 
     shutil.copytree(ROOT / "fitball", tmp_path / "fitball", ignore=shutil.ignore_patterns("__pycache__"))
     code = (
-        "import sys\nsys.path.insert(0, '.')\nfrom fitball.models.rigid import rigid_contact\n"
+        "import sys\nsys.path.insert(0, '.')\nfrom fitball.models.kernels.rigid import rigid_contact\n"
         "print(15.0 - rigid_contact(0.06, 0.033, 3e-5, 0.5, 0.0, True, 0.0, 0.5, False, 15.0, 0.0)[0])"
     )
     env = {"PATH": "", "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "NUMBA_NUM_THREADS": "1"}
     first = python(code, cwd=tmp_path, env=env)
-    callee = tmp_path / "fitball" / "models" / "landing.py"
+    callee = tmp_path / "fitball" / "models" / "kernels" / "landing.py"
     text = callee.read_text(encoding="utf-8")
     line = "return direction * mu * impulse, impulse, 0.0, 0.0"
     assert line in text
     callee.write_text(text.replace(line, line.replace("mu *", "0.5 * mu *")), encoding="utf-8")
     second = python(code, cwd=tmp_path, env=env)
     assert float(first.stdout) == pytest.approx(2.0 * float(second.stdout)), first.stderr + second.stderr
-    other = python("import fitball.models.bounce as b; print(len(b.bounce_batch._cache._cache_file._source_stamp))")
+    other = python(
+        "import fitball.models.kernels.bounce as b; print(len(b.bounce_batch._cache._cache_file._source_stamp))"
+    )
     assert int(other.stdout) > 10
     assert numba.__version__

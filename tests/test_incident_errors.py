@@ -13,12 +13,12 @@ import fitball
 from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
-from fitball.inference import kinks
-from fitball.inference.incident import whitened
-from fitball.inference.marginal import seen, standardised
-from fitball.inference.problem import Choices, build_problem
-from fitball.inference.scatter import log_density
-from fitball.studies.hard_cases import BASE
+from fitball.inference.likelihood import regime_mixture as kinks
+from fitball.inference.likelihood.incident_marginal import seen, standardised
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.problem.incident import whitened
+from fitball.inference.problem.noise import log_density
+from fitball.studies.bench.hard_cases import BASE
 from fitball.studies.latent_states import compare
 from fitball.values import Impacts
 

@@ -13,13 +13,13 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Measurement
 from fitball.inference.calibrate import Effort, fingerprint, run
-from fitball.inference.chain_file import ChainFile, read_chains
-from fitball.inference.least_squares import least_squares
-from fitball.inference.maximum import maximum_posterior
-from fitball.inference.problem import Choices, build_problem
-from fitball.inference.results import RunStatus, Verdict
-from fitball.inference.sampling import Ensemble, SamplingInterrupted, Schedule, Settings, sample
-from fitball.inference.starts import STARTS, starting_points
+from fitball.inference.point.least_squares import least_squares
+from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.starts import STARTS, starting_points
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.results.results import RunStatus, Verdict
+from fitball.inference.sampling.chain_file import ChainFile, read_chains
+from fitball.inference.sampling.ensembles import Ensemble, SamplingInterrupted, Schedule, Settings, sample
 from fitball.models.types import Status
 
 

@@ -7,9 +7,9 @@ import pytest
 from scipy import integrate, stats
 
 from fitball.errors import ParameterError
-from fitball.inference.joint_prior import JointPrior
-from fitball.inference.parameters import NOISE_SPECS
-from fitball.inference.priors import parse_prior
+from fitball.inference.problem.joint_prior import JointPrior
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.problem.priors import parse_prior
 from fitball.models.specs import SPECS
 
 CASES = [

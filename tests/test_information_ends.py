@@ -8,18 +8,18 @@ from samples import TWO_MASS, coordinates_of, hard_sphere, problem_of, synthetic
 
 from fitball.inference import calibrate
 from fitball.inference.calibrate import Effort, run
-from fitball.inference.information import fisher_information, information_looks, standard_errors
-from fitball.inference.least_squares import least_squares
-from fitball.inference.looks import Profiles
-from fitball.inference.march import best_top
-from fitball.inference.maximum import maximum_posterior
-from fitball.inference.minimiser import Minimum
-from fitball.inference.results import Verdict
-from fitball.inference.spectrum import spectrum
-from fitball.inference.surface import Surface
-from fitball.inference.symmetric import inverse
-from fitball.report.summary import diagnosis_lines
-from fitball.report.terminal import render
+from fitball.inference.identifiability.eigendirections import spectrum
+from fitball.inference.identifiability.fisher import fisher_information, information_looks, standard_errors
+from fitball.inference.identifiability.profile_objective import Surface
+from fitball.inference.identifiability.profile_path import best_top
+from fitball.inference.identifiability.symmetric import inverse
+from fitball.inference.point.least_squares import least_squares
+from fitball.inference.point.lmfit_minimiser import Minimum
+from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.results.evidence import Profiles
+from fitball.inference.results.results import Verdict
+from fitball.report.fit.summary import diagnosis_lines
+from fitball.report.fit.terminal import render
 
 SLOWEST = 1.9488
 # Restitution is all but 1 at the slowest impact, the mass ratio between it and 1: a step down makes it smaller than
@@ -61,10 +61,10 @@ def test_a_point_where_the_model_ends_is_reported_and_not_a_crash(at_end, monkey
     with monkeypatch.context() as patched:
         # Searches stay where they begin: the fit is that at the end of the model.
         patched.setattr(
-            "fitball.inference.minimiser.Minimiser.run",
+            "fitball.inference.point.lmfit_minimiser.Minimiser.run",
             lambda self, at: Minimum(self_cost(self, at), at, self.at(at[None, :]).size),
         )
-        patched.setattr("fitball.inference.maximum._climb", lambda _problem, start: start)
+        patched.setattr("fitball.inference.point.maximum_posterior._climb", lambda _problem, start: start)
         squares = least_squares(problem, row(problem, END))
         point = maximum_posterior(problem, row(problem, END))
     assert point.values["mass_ratio"] == pytest.approx(1.0 - 1e-7, abs=1e-8)
@@ -93,7 +93,7 @@ def test_no_standard_error_comes_from_a_step_out_of_the_model(tmp_path, monkeypa
     wall = {"mu": 0.092, "e_x": 0.38, "offset": 0.0, "velocity_sd": 0.25, "spin_sd": 10.0}
     wall |= {"cor_10": 0.95, "cor_slope": (1.0 - 1e-9 - 0.95) / (SLOWEST - 10.0)}
     monkeypatch.setattr(
-        "fitball.inference.minimiser.Minimiser.run",
+        "fitball.inference.point.lmfit_minimiser.Minimiser.run",
         lambda self, at: Minimum(self_cost(self, at), at, self.at(at[None, :]).size),
     )
     found = least_squares(problem, row(problem, wall))

@@ -15,30 +15,32 @@ from fitball.data.force_file import load_force
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.errors import MemoryShortageError
-from fitball.inference import batches, information, parallel, point
-from fitball.inference.action import action_looks
 from fitball.inference.calibrate import Effort
 from fitball.inference.calibrate import run as calibrate_problem
-from fitball.inference.calibrated_range import SPANNING, calibrated_range, spanning_impacts
-from fitball.inference.least_squares import least_squares
-from fitball.inference.maximum import maximum_posterior
-from fitball.inference.minimiser import Minimum
-from fitball.inference.point import point_fit
-from fitball.inference.posterior import Problem
-from fitball.inference.predictive import predictive
-from fitball.inference.problem import Choices, build_problem
-from fitball.inference.reference import reference_draws
-from fitball.inference.residuals import IMPOSSIBLE
-from fitball.inference.results import Posterior
-from fitball.inference.starts import STARTS, starting_points
-from fitball.inference.subsample import thinned_problem
-from fitball.report import figures
-from fitball.report.data_file import data_content, read_data, write_data
-from fitball.report.export import fit_text
-from fitball.report.fit_file import DataPart
-from fitball.report.html import page
-from fitball.report.terminal import render
-from fitball.studies.bench import enlarged, spread_draws
+from fitball.inference.identifiability import fisher as information
+from fitball.inference.identifiability.active_impacts import action_looks
+from fitball.inference.likelihood.residuals import IMPOSSIBLE
+from fitball.inference.point import point_fit as point
+from fitball.inference.point.least_squares import least_squares
+from fitball.inference.point.lmfit_minimiser import Minimum
+from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.point_fit import point_fit
+from fitball.inference.point.starts import STARTS, starting_points
+from fitball.inference.prediction.extrapolation import SPANNING, calibrated_range, spanning_impacts
+from fitball.inference.prediction.posterior_predictive import predictive
+from fitball.inference.problem import batches, parallel
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.subsample import thinned_problem
+from fitball.inference.results.results import Posterior
+from fitball.inference.sampling.prior_draws import reference_draws
+from fitball.report.figures import predictive as figures
+from fitball.report.fit.html import page
+from fitball.report.fit.terminal import render
+from fitball.report.saved.data_file import data_content, read_data, write_data
+from fitball.report.saved.fit_file import DataPart
+from fitball.report.saved.fit_text import fit_text
+from fitball.studies.bench.measure import enlarged, spread_draws
 
 
 def problem_of(rows, **choices):
@@ -148,7 +150,7 @@ def test_batches_change_no_number_and_stay_below_the_ceiling(monkeypatch, evalua
     *whole, regimes, looks = everything()
     monkeypatch.setattr(batches, "CELLS", 900)
     # Curves for figures have as many points whatever the table.
-    monkeypatch.setattr("fitball.inference.predictive.curves", lambda *_: {})
+    monkeypatch.setattr("fitball.inference.prediction.posterior_predictive.curves", lambda *_: {})
     evaluated.clear()
     *parts, regimes_again, looks_again = everything()
     assert len(evaluated) > 50 and max(evaluated) <= 900

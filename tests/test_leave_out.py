@@ -13,13 +13,13 @@ from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.errors import FitError
 from fitball.inference.calibrate import Effort, run
-from fitball.inference.criteria import criteria
-from fitball.inference.leave_out import IMPACTS, leave_out, make_folds
-from fitball.inference.loo import exact_elpd, leave_one_out, smoothed_elpd
-from fitball.inference.outputs import measured_outputs, output_errors, root_mean_square
-from fitball.inference.point import point_fit
-from fitball.inference.problem import Choices, build_problem
-from fitball.inference.subsample import thinned_problem, withheld
+from fitball.inference.comparison.cross_validation import IMPACTS, leave_out, make_folds
+from fitball.inference.comparison.information_criteria import criteria
+from fitball.inference.comparison.psis_loo import exact_elpd, leave_one_out, smoothed_elpd
+from fitball.inference.point.point_fit import point_fit
+from fitball.inference.prediction.outputs import measured_outputs, output_errors, root_mean_square
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.problem.subsample import thinned_problem, withheld
 
 
 def problem_of(name, **choices):

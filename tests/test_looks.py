@@ -10,12 +10,15 @@ from samples import GRIP_SLIP, TWO_MASS, coordinates_of, polar_problem, problem_
 from scipy.differentiate import hessian
 from scipy.stats import norm
 
-from fitball.inference.action import action_looks
 from fitball.inference.calibrate import Effort, run
-from fitball.inference.examination import examine, profile_all
-from fitball.inference.identifiability import Judgement
-from fitball.inference.information import fisher_information, information_looks
-from fitball.inference.looks import (
+from fitball.inference.identifiability.active_impacts import action_looks
+from fitball.inference.identifiability.eigendirections import combination, product, relative, spectrum
+from fitball.inference.identifiability.examine import examine, profile_all
+from fitball.inference.identifiability.fisher import fisher_information, information_looks
+from fitball.inference.identifiability.posterior_verdict import Judgement
+from fitball.inference.identifiability.power_scaling import WEAK
+from fitball.inference.identifiability.verdict import combine
+from fitball.inference.results.evidence import (
     LEFT_OUT,
     ContractionLook,
     End,
@@ -25,10 +28,7 @@ from fitball.inference.looks import (
     Profile,
     Profiles,
 )
-from fitball.inference.power_scaling import WEAK
-from fitball.inference.results import Verdict
-from fitball.inference.spectrum import combination, product, relative, spectrum
-from fitball.inference.verdicts import combine
+from fitball.inference.results.results import Verdict
 
 
 def numerical_hessian(problem, coordinates):

@@ -11,14 +11,14 @@ from samples import GRIP_SLIP, coordinates_of, drop_table, linear_problem, probl
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.data.table import Measurement
-from fitball.inference import minimiser as lmfit_side
-from fitball.inference.least_squares import least_squares
-from fitball.inference.maximum import maximum_posterior
-from fitball.inference.minimiser import Minimiser
-from fitball.inference.problem import Choices, build_problem
-from fitball.inference.residuals import Weighting, default_noise, residuals
-from fitball.inference.starts import starting_points
-from fitball.studies.bench import enlarged
+from fitball.inference.likelihood.residuals import Weighting, default_noise, residuals
+from fitball.inference.point import lmfit_minimiser as lmfit_side
+from fitball.inference.point.least_squares import least_squares
+from fitball.inference.point.lmfit_minimiser import Minimiser
+from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.starts import starting_points
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.studies.bench.measure import enlarged
 
 
 def weighting(problem):

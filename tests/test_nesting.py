@@ -13,15 +13,15 @@ from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.inference import calibrate
 from fitball.inference.calibrate import Effort
-from fitball.inference.compare import _status, compare
-from fitball.inference.criteria import Criteria
-from fitball.inference.ladder import build_ladder
-from fitball.inference.least_squares import least_squares
-from fitball.inference.maximum import maximum_posterior
-from fitball.inference.nesting import as_container, overtaken
-from fitball.inference.point import point_fit
-from fitball.inference.problem import Choices, build_problem
-from fitball.inference.results import RunStatus
+from fitball.inference.comparison.candidates import build_ladder
+from fitball.inference.comparison.compare import _status, compare
+from fitball.inference.comparison.information_criteria import Criteria
+from fitball.inference.comparison.nesting import as_container, overtaken
+from fitball.inference.point.least_squares import least_squares
+from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.point_fit import point_fit
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.results.results import RunStatus
 
 BRODY = {name: GRIP_SLIP[name] for name in ("mu", "cor_10", "cor_slope", "velocity_sd", "spin_sd")}
 MEAN = {name: value for name, value in TWO_MASS.items() if name != "cor_slope"}
@@ -117,8 +117,8 @@ def stuck(monkeypatch, tmp_path):
 
     monkeypatch.setattr(calibrate, "point_fit", ends_low)
     monkeypatch.setattr(calibrate, "search_again", lambda _problem, squares, point, _sampled: (squares, point, ()))
-    monkeypatch.setattr("fitball.inference.compare.make_folds", lambda _table, _rng: ((), []))
-    monkeypatch.setattr("fitball.inference.scoring.criteria", lambda _problem, _starts: None)
+    monkeypatch.setattr("fitball.inference.comparison.compare.make_folds", lambda _table, _rng: ((), []))
+    monkeypatch.setattr("fitball.inference.comparison.scoring.criteria", lambda _problem, _starts: None)
     ladder = build_ladder(problem.table, problem.scene, ("brody", "grip-slip"))
     effort = Effort(seed=2, max_steps=100, ensembles=2, ess=100.0, cores=1)
     place.compare = lambda: compare(problem.table, ladder, effort, quick=True)

@@ -17,10 +17,10 @@ from fitball.data.join import joined, load_tables
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.errors import FitError, ParameterError, TableError
-from fitball.inference.problem import Choices, build_problem
-from fitball.inference.scatter import as_residual, draw, log_density
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.problem.noise import as_residual, draw, log_density
 from fitball.models.types import Status
-from fitball.report.export import fit_text
+from fitball.report.saved.fit_text import fit_text
 
 RADIUS = fitball.Ball().radius
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fitball.models.oracle import oracle_rebound, oracle_rebound_mp
+from fitball.models.oracle.oracle import oracle_rebound, oracle_rebound_mp
 from fitball.models.types import Closures, Phase, Rebound, Status, unpack_regime
 from fitball.values import Ball, Impacts, impacts
 

@@ -11,8 +11,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fitball.errors import ParameterError
-from fitball.models import oracle_phases
-from fitball.models.oracle import oracle_rebound, oracle_rebound_mp
+from fitball.models.oracle import phases as oracle_phases
+from fitball.models.oracle.oracle import oracle_rebound, oracle_rebound_mp
 from fitball.models.types import Closures, Phase, Rebound, Status, unpack_regime
 from fitball.values import Ball, Impacts, impacts
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fitball.models.oracle import oracle_rebound
+from fitball.models.oracle.oracle import oracle_rebound
 from fitball.models.types import Closures, Phase, unpack_regime
 from fitball.values import Ball, Impacts, impacts
 

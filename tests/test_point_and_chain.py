@@ -20,13 +20,13 @@ from samples import (
 from fitball.errors import FitError
 from fitball.inference import calibrate
 from fitball.inference.calibrate import Effort, run
-from fitball.inference.least_squares import deeper, least_squares
-from fitball.inference.maximum import higher_maximum, maximum_posterior
-from fitball.inference.point import point_fit
-from fitball.inference.results import RunStatus
-from fitball.inference.sampling import Sampled
+from fitball.inference.point.least_squares import deeper, least_squares
+from fitball.inference.point.maximum_posterior import higher_maximum, maximum_posterior
+from fitball.inference.point.point_fit import point_fit
+from fitball.inference.point.starts import _moved, other_regimes, prior_draws, starting_points
+from fitball.inference.results.results import RunStatus
+from fitball.inference.sampling.ensembles import Sampled
 from fitball.inference.second_search import search_again
-from fitball.inference.starts import _moved, other_regimes, prior_draws, starting_points
 
 SHARP = {"velocity_sd": 0.05, "spin_sd": 2.0}
 # Where every impact grips, on the plateau that was once published.
@@ -153,15 +153,17 @@ def test_a_draw_that_no_search_improves_becomes_the_point(sphere, monkeypatch):
     draw = row(problem, point.values) * 1.002
     score = problem.log_posterior(problem.to_coordinates(draw))
     assert missed.log_posterior < score[0]
-    monkeypatch.setattr("fitball.inference.maximum._with_best_noise", lambda *_, **__: lost(problem, missed))
-    monkeypatch.setattr("fitball.inference.maximum._climb", lambda _problem, start: start)
+    monkeypatch.setattr(
+        "fitball.inference.point.maximum_posterior._with_best_noise", lambda *_, **__: lost(problem, missed)
+    )
+    monkeypatch.setattr("fitball.inference.point.maximum_posterior._climb", lambda _problem, start: start)
     _, found, notes = search_again(problem, squares, missed, chains(problem, draw))
     assert found.log_posterior >= score[0] - 1e-9
     assert len(notes) == 1
 
 
 def lost(problem, point):
-    from fitball.inference.maximum import Candidate
+    from fitball.inference.point.maximum_posterior import Candidate
 
     return Candidate(point.log_posterior, problem.to_coordinates(row(problem, point.values))[0], np.empty(0), {})
 

@@ -11,10 +11,10 @@ from arviz_stats.psense import psense_summary
 from samples import GRIP_SLIP, coordinates_of, problem_of, synthetic
 
 from fitball.inference.calibrate import Effort, run
-from fitball.inference.information import fisher_information
-from fitball.inference.power_scaling import CONFLICT, WEAK, diagnosis, power_looks, sensitivities
-from fitball.inference.problem import Choices, build_problem
-from fitball.inference.results import Posterior
+from fitball.inference.identifiability.fisher import fisher_information
+from fitball.inference.identifiability.power_scaling import CONFLICT, WEAK, diagnosis, power_looks, sensitivities
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.results.results import Posterior
 
 
 class OnArrays:

@@ -16,12 +16,12 @@ import fitball
 from fitball.cli.main import main
 from fitball.data.impact_text import parse_impact
 from fitball.errors import ModelError, ParameterError, ResultFolderError
-from fitball.inference.calibrated_range import calibrated_range, hull_distances
-from fitball.inference.channels import Channel
-from fitball.inference.fitted import FittedModel
-from fitball.inference.new_impacts import BATCH, predict_new
-from fitball.inference.validation import impacts_seen, scores
-from fitball.report.netcdf import write_netcdf
+from fitball.inference.prediction.extrapolation import calibrated_range, hull_distances
+from fitball.inference.prediction.holdout_scores import impacts_seen, scores
+from fitball.inference.prediction.new_impacts import BATCH, predict_new
+from fitball.inference.problem.observables import Channel
+from fitball.inference.results.fitted_model import FittedModel
+from fitball.report.saved.posterior_file import write_netcdf
 
 NAMES = ("mu", "e_x", "offset", "cor_10", "cor_slope", "velocity_sd", "spin_sd")
 BALL = fitball.Ball()

@@ -16,7 +16,7 @@ import fitball
 from fitball.cli.main import main
 from fitball.data.impact_text import parse_impact, parse_uncertain_impact
 from fitball.errors import ParameterError
-from fitball.inference.new_impacts import predict_new
+from fitball.inference.prediction.new_impacts import predict_new
 from fitball.models.types import STATUS_REASON, Status
 
 # Speed [m/s], angle [deg], spin [rad/s], and an sd of each. The first grips, the second is between slip and grip.

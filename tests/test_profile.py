@@ -13,15 +13,15 @@ from scipy.stats import chi2, norm
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Measurement
-from fitball.inference import profile
-from fitball.inference.ascent import descend
-from fitball.inference.looks import End
-from fitball.inference.march import best_top, march, searches, sweep
-from fitball.inference.maximum import maximum_posterior
-from fitball.inference.problem import Choices, build_problem
-from fitball.inference.profile import coverage, profiles
-from fitball.inference.quadratic import constrained_step
-from fitball.inference.surface import Surface
+from fitball.inference.identifiability import profile
+from fitball.inference.identifiability.gauss_newton import descend
+from fitball.inference.identifiability.profile import coverage, profiles
+from fitball.inference.identifiability.profile_objective import Surface
+from fitball.inference.identifiability.profile_path import best_top, march, searches, sweep
+from fitball.inference.identifiability.quadratic_program import constrained_step
+from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.results.evidence import End
 
 DROP_95 = 0.5 * chi2.ppf(0.95, 1)
 TRUTH = {

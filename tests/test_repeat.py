@@ -20,13 +20,13 @@ from fitball.data.join import load_tables
 from fitball.data.scene import load_scene
 from fitball.errors import ResultFolderError
 from fitball.inference.calibrate import Effort, fingerprint
-from fitball.inference.monte_carlo import standard_errors, summaries
-from fitball.inference.problem import Choices, build_problem
-from fitball.report.data_file import digest
-from fitball.report.run_file import run_text
-from fitball.report.run_record import find_tables, read_run, record_problem
-from fitball.studies.repetition import Outcome, compared
-from fitball.studies.rerun import read_kept, rerun, write_numbers
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.sampling.monte_carlo_error import standard_errors, summaries
+from fitball.report.saved.data_file import digest
+from fitball.report.saved.run_file import run_text
+from fitball.report.saved.run_record import find_tables, read_run, record_problem
+from fitball.studies.repeat.compare import Outcome, compared
+from fitball.studies.repeat.rerun import read_kept, rerun, write_numbers
 
 BALLS = """id,v_x1 [m/s],v_y1 [m/s],omega_1 [rpm],v_x2 [m/s],v_y2 [m/s],omega_2 [rpm]
 a,16.0,5.0,0,11.5,4.1,2400
@@ -276,7 +276,7 @@ def test_a_run_file_that_cannot_be_used(copy, capsys, old, new, words):
 def test_the_new_result_can_be_kept_but_not_over_the_old(copy, capsys, monkeypatch):
     monkeypatch.chdir(copy)
     # What figures look like is tested elsewhere.
-    monkeypatch.setattr("fitball.report.folder.save_png", lambda _figure, place: place.write_bytes(b"figure"))
+    monkeypatch.setattr("fitball.report.fit.folder.save_png", lambda _figure, place: place.write_bytes(b"figure"))
     assert main(["repeat", "point", "--out", "point"]) == 2
     assert main(["repeat", "point", "--out", "again"]) == 0
     out = capsys.readouterr().out

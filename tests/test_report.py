@@ -22,15 +22,15 @@ import fitball
 from fitball.data.balances import scene_balances
 from fitball.data.scene import load_scene
 from fitball.errors import ResultFolderError
-from fitball.report import arrays
-from fitball.report.balance_table import balance_table
-from fitball.report.export import fit_text
-from fitball.report.figures import predictive_figure
-from fitball.report.folder import prepare, write_all
-from fitball.report.rounding import decimals, fixed
-from fitball.report.summary import parameter_rows, prediction_table, thesis_rows
-from fitball.report.terminal import render, render_json
-from fitball.report.units import HANDY, THESIS
+from fitball.report.figures import arrays
+from fitball.report.figures.predictive import predictive_figure
+from fitball.report.fit.balance_table import balance_table
+from fitball.report.fit.folder import prepare, write_all
+from fitball.report.fit.summary import parameter_rows, prediction_table, thesis_rows
+from fitball.report.fit.terminal import render, render_json
+from fitball.report.form.display_units import HANDY, THESIS
+from fitball.report.form.rounding import decimals, fixed
+from fitball.report.saved.fit_text import fit_text
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +136,7 @@ def test_an_interrupted_writing_leaves_no_fit_json(fit, folder, tmp_path, monkey
     def stop(*_arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("fitball.report.folder.page", stop)
+    monkeypatch.setattr("fitball.report.fit.folder.page", stop)
     with pytest.raises(KeyboardInterrupt):
         write_all(fit, place)
     assert not (place / "fit.json").exists()

@@ -12,16 +12,16 @@ import pytest
 
 import fitball
 from fitball.data.read import load_table
-from fitball.inference.outputs import root_mean_square
-from fitball.inference.published_cases import case_errors, compare_cases
-from fitball.inference.results import BudgetLine, ErrorBudget
-from fitball.report.alt_texts import alt_texts
-from fitball.report.budget_rows import budget_table
-from fitball.report.html import page
-from fitball.report.page_figures import MOST_VECTOR, page_figures
-from fitball.report.published_rows import case_table
-from fitball.report.rounding import digits
-from fitball.report.verdict_words import headline
+from fitball.inference.prediction.outputs import root_mean_square
+from fitball.inference.results.results import BudgetLine, ErrorBudget
+from fitball.inference.thesis.published_cases import case_errors, compare_cases
+from fitball.report.fit.alt_texts import alt_texts
+from fitball.report.fit.budget_rows import budget_table
+from fitball.report.fit.embedded_figures import MOST_VECTOR, page_figures
+from fitball.report.fit.headline import headline
+from fitball.report.fit.html import page
+from fitball.report.fit.published_rows import case_table
+from fitball.report.form.rounding import digits
 
 ROOT = Path(__file__).resolve().parent.parent
 # Elements that have no end tag (HTML, "void elements"), so far as these pages use them.
@@ -138,7 +138,7 @@ def test_many_points_are_drawn_as_pixels(grip_slip_fit):
 
 
 def test_long_tables_are_cut_and_say_so(grip_slip_fit, monkeypatch):
-    monkeypatch.setattr("fitball.report.html.MOST_ROWS", 5)
+    monkeypatch.setattr("fitball.report.fit.html.MOST_ROWS", 5)
     cut = page(grip_slip_fit, {})
     assert cut.count("16 more impacts stand in") == 2
     assert faults(cut) == []
@@ -235,7 +235,7 @@ def test_the_command_line_is_that_of_the_run(tmp_path, monkeypatch):
     from fitball.cli.main import main
 
     told = []
-    monkeypatch.setattr("fitball.report.folder.write_all", lambda fit, folder, command: told.append(command))
+    monkeypatch.setattr("fitball.report.fit.folder.write_all", lambda fit, folder, command: told.append(command))
     out = tmp_path / "with space"
     words = ["calibrate", "wang_zero_spin.csv", "--model", "brody", "--point-only", "--out", str(out), "--quiet"]
     assert main(words) == 0

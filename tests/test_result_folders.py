@@ -18,12 +18,12 @@ from fitball.data.join import load_tables
 from fitball.data.scene import Scene, load_scene
 from fitball.errors import ParameterError, ResultFolderError
 from fitball.inference.calibrate import Effort, run
-from fitball.inference.chain_file import ChainFile, EnsembleChain
-from fitball.inference.problem import Choices, build_problem
-from fitball.report.fit_file import fit_schema
-from fitball.report.restore import restore
-from fitball.report.structure import read_json, read_toml
-from fitball.studies.rerun import write_numbers
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.sampling.chain_file import ChainFile, EnsembleChain
+from fitball.report.saved.fit_file import fit_schema
+from fitball.report.saved.restore import restore
+from fitball.report.saved.structure import read_json, read_toml
+from fitball.studies.repeat.rerun import write_numbers
 from fitball.values import Ball
 
 SCHEMA = json.loads((files("fitball.report") / "fit.schema.json").read_text(encoding="utf-8"))

@@ -11,11 +11,11 @@ from scipy.stats import norm
 
 from fitball.cli.validate import Counter, main
 from fitball.errors import ResultFolderError
-from fitball.studies import sbc_run
-from fitball.studies.sbc import RANKED, BounceExperiment, Ranked, ranks_among, run_replicate
-from fitball.studies.sbc_figure import rank_figure
-from fitball.studies.sbc_run import run_replicates
-from fitball.studies.sbc_summary import summarise, summary_json, summary_rows
+from fitball.studies.sbc import run as sbc_run
+from fitball.studies.sbc.figure import rank_figure
+from fitball.studies.sbc.replicate import RANKED, BounceExperiment, Ranked, ranks_among, run_replicate
+from fitball.studies.sbc.run import run_replicates
+from fitball.studies.sbc.summary import summarise, summary_json, summary_rows
 
 
 @dataclass(frozen=True)
@@ -198,7 +198,7 @@ def test_the_command_end_to_end(tmp_path, capsys):
 
 
 def test_the_commands_verdict_and_exit_codes(tmp_path, capsys, monkeypatch):
-    import fitball.studies.sbc as sbc
+    import fitball.studies.sbc.replicate as sbc
 
     for told, code in ((1.0, 0), (0.5, 1)):
         monkeypatch.setattr(sbc, "BounceExperiment", lambda _table, _model, _wrong, told=told: Toy(told))

@@ -17,10 +17,12 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import NOISE_OF, REBOUND_UNITS, SHARED_SD, Measurement
 from fitball.errors import ParameterError
-from fitball.inference.channels import PREDICTED, Channel
-from fitball.inference.fitted import FittedModel
-from fitball.inference.ladder import CORE, build_ladder
-from fitball.inference.measurement_noise import (
+from fitball.inference.comparison.candidates import CORE, build_ladder
+from fitball.inference.identifiability.profile import profiles
+from fitball.inference.prediction.holdout_scores import scores
+from fitball.inference.prediction.new_impacts import observed_channels, predict_new
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.problem.measurement_noise import (
     FACTOR,
     FREEDOM,
     SPENT,
@@ -29,13 +31,11 @@ from fitball.inference.measurement_noise import (
     noise_by_column,
     noise_in,
 )
-from fitball.inference.new_impacts import observed_channels, predict_new
-from fitball.inference.parameters import NOISE_SPECS, SD_SPECS
-from fitball.inference.problem import Choices, build_problem
-from fitball.inference.profile import profiles
-from fitball.inference.validation import scores
+from fitball.inference.problem.observables import PREDICTED, Channel
+from fitball.inference.problem.parameters import NOISE_SPECS, SD_SPECS
+from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.types import Rebound
-from fitball.report.units import handy
+from fitball.report.form.display_units import handy
 
 WANG = load_table("wang_all.csv")
 TRUTH = {**GRIP_SLIP, "v_x_sd": 0.6, "v_y_sd": 0.1}

@@ -7,10 +7,10 @@ import pytest
 
 from fitball.data.thesis_tables import thesis_table
 from fitball.errors import TableError
-from fitball.inference.thesis_inputs import C1, C2, INCH, INERTIA, case_parameters, printed_model
-from fitball.studies import appendix_c, slips
-from fitball.studies.appendix_b import CODES, Clause, filled_in, outputs, row_inputs
-from fitball.studies.slip_candidates import by_chance, candidates
+from fitball.inference.thesis.inputs import C1, C2, INCH, INERTIA, case_parameters, printed_model
+from fitball.studies.thesis import appendix_c, slips
+from fitball.studies.thesis.appendix_b import CODES, Clause, filled_in, outputs, row_inputs
+from fitball.studies.thesis.slip_candidates import by_chance, candidates
 from fitball.values import impacts
 
 ERRATA = thesis_table("errata")

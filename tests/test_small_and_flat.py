@@ -11,12 +11,12 @@ import fitball
 from fitball.cli.main import main
 from fitball.data.scene import load_scene
 from fitball.inference.calibrate import Effort, run
-from fitball.inference.least_squares import least_squares
-from fitball.inference.maximum import Candidate, _best_of, maximum_posterior
-from fitball.inference.minimiser import SAME_OPTIMUM
-from fitball.inference.problem import Choices, build_problem
-from fitball.inference.starts import starting_points
-from fitball.report.export import fit_text
+from fitball.inference.point.least_squares import least_squares
+from fitball.inference.point.lmfit_minimiser import SAME_OPTIMUM
+from fitball.inference.point.maximum_posterior import Candidate, _best_of, maximum_posterior
+from fitball.inference.point.starts import starting_points
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.report.saved.fit_text import fit_text
 
 HEAD = "id,v_x1 [m/s],v_y1 [m/s],omega_1 [rpm],v_x2 [m/s],v_y2 [m/s],omega_2 [rpm]"
 TWO = f"{HEAD}\na,16.0,5.0,0,11.5,4.1,2400\nb,15.0,7.5,50,8.9,6.0,2700\n"

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fitball.inference import sampling
-from fitball.inference.chain_file import ChainFile
-from fitball.inference.sampling import SamplingInterrupted, Schedule, Settings, sample
-from fitball.inference.stragglers import left_behind, left_behind_words
+from fitball.inference.sampling import ensembles as sampling
+from fitball.inference.sampling.chain_file import ChainFile
+from fitball.inference.sampling.ensembles import SamplingInterrupted, Schedule, Settings, sample
+from fitball.inference.sampling.stragglers import left_behind, left_behind_words
 
 DIMENSION = 5
 AWAY = np.full(DIMENSION, 40.0)

@@ -9,10 +9,10 @@ from scipy.optimize import brentq
 import fitball
 from fitball.data.thesis_tables import fraction, thesis_table
 from fitball.errors import ModelError, ParameterError
-from fitball.inference.thesis_inputs import INERTIA_OF, case_parameters, printed_model
-from fitball.models.thesis import first_sign_change
+from fitball.inference.thesis.inputs import INERTIA_OF, case_parameters, printed_model
+from fitball.models.thesis.kernel import first_sign_change
 from fitball.models.types import Status
-from fitball.studies.appendix_c import recompute, with_corrected_inputs, worst_error
+from fitball.studies.thesis.appendix_c import recompute, with_corrected_inputs, worst_error
 
 ROWS = recompute(with_corrected_inputs(thesis_table("appendix_c"), thesis_table("errata")))
 LISTED = {
@@ -166,7 +166,7 @@ def test_backward_slip_mirrors_forward_slip_without_offset():
 
 def test_damping_formulas():
     """The restitution each formula asks of the core, through `exp(-pi zeta/sqrt(1-zeta^2))`."""
-    from fitball.models.thesis import DAMPING_CHAPTER_FIVE, DAMPING_CHAPTER_THREE, thesis_damping
+    from fitball.models.thesis.kernel import DAMPING_CHAPTER_FIVE, DAMPING_CHAPTER_THREE, thesis_damping
 
     core, k_y = 0.038, 1.4e4
     for formula, expected in ((DAMPING_CHAPTER_FIVE, 0.77), (DAMPING_CHAPTER_THREE, 0.66 / 0.77)):

@@ -9,13 +9,13 @@ import pytest
 import fitball
 from fitball.data.thesis_tables import thesis_table
 from fitball.data.wang import measured
-from fitball.inference.thesis_inputs import case_parameters
-from fitball.models.oracle import oracle_rebound
-from fitball.studies import appendix_c, printed_tables, ranking
-from fitball.studies.computation_slips import slip_table, slip_words
-from fitball.studies.ranking import EXACT, MENDED, PRINTED, RECOMPUTED
-from fitball.studies.recalibration import Placed
-from fitball.studies.verdicts import (
+from fitball.inference.thesis.inputs import case_parameters
+from fitball.models.oracle.oracle import oracle_rebound
+from fitball.studies.thesis import appendix_c, printed_tables, ranking
+from fitball.studies.thesis.computation_slips import slip_table, slip_words
+from fitball.studies.thesis.ranking import EXACT, MENDED, PRINTED, RECOMPUTED
+from fitball.studies.thesis.recalibration import Placed
+from fitball.studies.thesis.verdicts import (
     case_verdict,
     fit_words,
     headline,

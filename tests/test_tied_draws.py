@@ -13,13 +13,13 @@ from scipy.stats import chisquare, kstest, norm, uniform
 from test_power_scaling import cumulative_jensen_shannon, drawn
 
 from fitball.errors import FitError
-from fitball.inference.diagnostics import convergence
-from fitball.inference.importance import smoothed
-from fitball.inference.loo import LeaveOneOut, smoothed_elpd
-from fitball.inference.monte_carlo import standard_errors
-from fitball.inference.power_scaling import POWERS, power_looks, sensitivities
-from fitball.inference.predictive import thinned
-from fitball.inference.results import Posterior
+from fitball.inference.comparison.psis_loo import LeaveOneOut, smoothed_elpd
+from fitball.inference.identifiability.power_scaling import POWERS, power_looks, sensitivities
+from fitball.inference.prediction.posterior_predictive import thinned
+from fitball.inference.results.results import Posterior
+from fitball.inference.sampling.convergence import convergence
+from fitball.inference.sampling.importance import smoothed
+from fitball.inference.sampling.monte_carlo_error import standard_errors
 
 
 def stuck(rng, count, share):

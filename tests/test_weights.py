@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import softmax
 
-from fitball.inference.weights import pseudo_bma_weights, stacking_weights
+from fitball.inference.comparison.model_weights import pseudo_bma_weights, stacking_weights
 
 
 def brute_force(elpd, steps=100):

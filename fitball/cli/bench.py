@@ -29,8 +29,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Do it; returns the exit code."""
-    from fitball.studies.bench import FULL, QUICK, measure
-    from fitball.studies.bench_page import summary, write
+    from fitball.studies.bench.measure import FULL, QUICK, measure
+    from fitball.studies.bench.page import summary, write
 
     report = stages(args.quiet)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER

@@ -96,12 +96,12 @@ def run(args: argparse.Namespace) -> int:
     from fitball.data.scene import load_scene
     from fitball.inference.calibrate import fingerprint
     from fitball.inference.calibrate import run as fit_problem
-    from fitball.inference.chain_file import ChainFile
-    from fitball.inference.problem import Choices, build_problem
-    from fitball.inference.results import RunStatus
-    from fitball.inference.sampling import SamplingInterrupted
-    from fitball.report.folder import CHAIN_NAME, prepare, write_all
-    from fitball.report.terminal import render, render_json
+    from fitball.inference.problem.build import Choices, build_problem
+    from fitball.inference.results.results import RunStatus
+    from fitball.inference.sampling.chain_file import ChainFile
+    from fitball.inference.sampling.ensembles import SamplingInterrupted
+    from fitball.report.fit.folder import CHAIN_NAME, prepare, write_all
+    from fitball.report.fit.terminal import render, render_json
 
     if args.resume and args.overwrite:
         raise ParameterError("--resume goes on with the old result and --overwrite discards it: choose one")

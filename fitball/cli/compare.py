@@ -56,13 +56,13 @@ def run(args: argparse.Namespace) -> int:
     from fitball.data.read import load_table
     from fitball.data.scene import load_scene
     from fitball.inference.calibrate import Effort
-    from fitball.inference.compare import ESS, MAX_STEPS, compare
-    from fitball.inference.ladder import build_ladder, default_names
-    from fitball.inference.results import RunStatus
-    from fitball.report.compare_folder import json_text, prepare, write_all
-    from fitball.report.compare_text import render
-    from fitball.report.compare_words import words
-    from fitball.studies.published_sets import published_sets
+    from fitball.inference.comparison.candidates import build_ladder, default_names
+    from fitball.inference.comparison.compare import ESS, MAX_STEPS, compare
+    from fitball.inference.results.results import RunStatus
+    from fitball.report.compare.folder import json_text, prepare, write_all
+    from fitball.report.compare.text import render
+    from fitball.report.compare.words import words
+    from fitball.studies.thesis.published_sets import published_sets
 
     scene = load_scene(args.data, args.config)
     table = load_table(args.data, scene=scene)

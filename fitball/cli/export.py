@@ -12,7 +12,7 @@ from fitball.cli.options import tell_notes
 from fitball.errors import ParameterError, suggestion
 
 if TYPE_CHECKING:
-    from fitball.report.saved_fit import SavedFit
+    from fitball.report.saved.saved_fit import SavedFit
 
 FORMAT_NAMES = (
     "python", "c", "golden", "lookup", "engine", "json", "toml", "csv", "latex", "markdown", "netcdf",
@@ -70,8 +70,8 @@ def run(args: argparse.Namespace) -> int:
     if args.to not in FORMAT_NAMES:
         raise ParameterError(f"--to {args.to}: {suggestion(args.to, FORMAT_NAMES)}")
     _refuse_idle(args)
-    from fitball.report.exports.formats import TEXT_FORMATS, Options
-    from fitball.report.saved_fit import read_fit
+    from fitball.export.formats import TEXT_FORMATS, Options
+    from fitball.report.saved.saved_fit import read_fit
 
     saved = read_fit(Path(args.fit))
     if args.to == "netcdf":
@@ -110,7 +110,7 @@ def _places(args: argparse.Namespace, folder: Path, stem: str, texts: Mapping[st
 
 
 def _write(places: Mapping[str, Path], texts: Mapping[str, str], overwrite: bool) -> None:
-    from fitball.report.files import refuse_existing, write_text
+    from fitball.report.form.atomic_write import refuse_existing, write_text
 
     for place in places.values():
         refuse_existing(place, overwrite)
@@ -120,8 +120,8 @@ def _write(places: Mapping[str, Path], texts: Mapping[str, str], overwrite: bool
 
 
 def _netcdf(args: argparse.Namespace, saved: SavedFit) -> int:
-    from fitball.report.exports.arviz_file import write_arviz
-    from fitball.report.files import refuse_existing
+    from fitball.export.arviz_file import write_arviz
+    from fitball.report.form.atomic_write import refuse_existing
 
     if args.out == "-":
         raise ParameterError("--out -: netCDF is no text; name a file")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from fitball.errors import ParameterError, ResultFolderError, suggestion
 
 if TYPE_CHECKING:
-    from fitball.report.restore import Restored
+    from fitball.report.saved.restore import Restored
 
 KIND_NAMES = ("corner", "trace", "predictive", "residuals", "profiles", "regimes", "force")
 FORMATS = ("png", "svg", "pdf")
@@ -55,8 +55,8 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError(f"unknown figure '{args.kind}': {suggestion(args.kind, (*KIND_NAMES, 'all'))}")
     if args.format not in FORMATS:
         raise ParameterError(f"--format {args.format}: {suggestion(args.format, FORMATS)}")
-    from fitball.report.plots import KINDS, drawable_kinds, save_figure
-    from fitball.report.restore import restore
+    from fitball.report.figures.kinds import KINDS, drawable_kinds, save_figure
+    from fitball.report.saved.restore import restore
 
     path = Path(args.fit)
     fit = restore(path)
@@ -82,9 +82,9 @@ def _with_profiles(fit: Restored, quiet: bool) -> Restored:
     """The fit with its profiles, computed now where the file holds none and does not say why."""
     from dataclasses import replace
 
-    from fitball.inference.examination import with_profiles
-    from fitball.inference.looks import LEFT_OUT
-    from fitball.report.plots import has_profiles
+    from fitball.inference.identifiability.examine import with_profiles
+    from fitball.inference.results.evidence import LEFT_OUT
+    from fitball.report.figures.kinds import has_profiles
 
     if has_profiles(fit) or fit.examination.profiles_missing not in ("", LEFT_OUT):
         return fit

@@ -71,13 +71,13 @@ def run(args: argparse.Namespace) -> int:
     if args.seed < 0:
         raise ParameterError(f"seed = {args.seed}: expected a number not below 0")
     from fitball.api import load_fit
-    from fitball.inference.new_impacts import observed_channels
-    from fitball.inference.results import RunStatus, Verdict
-    from fitball.inference.validation import impacts_seen, scores
-    from fitball.report.files import refuse_existing, write_text
-    from fitball.report.new_impact_rows import prediction_csv_rows, prediction_json
-    from fitball.report.new_impact_text import render_prediction, render_scores
-    from fitball.report.tables import csv_text
+    from fitball.inference.prediction.holdout_scores import impacts_seen, scores
+    from fitball.inference.prediction.new_impacts import observed_channels
+    from fitball.inference.results.results import RunStatus, Verdict
+    from fitball.report.fit.csv_tables import csv_text
+    from fitball.report.form.atomic_write import refuse_existing, write_text
+    from fitball.report.predict.rows import prediction_csv_rows, prediction_json
+    from fitball.report.predict.text import render_prediction, render_scores
 
     if args.out is not None:
         refuse_existing(Path(args.out), args.overwrite)

@@ -10,7 +10,7 @@ from fitball.cli.visible_stream import own_stream
 from fitball.visible import visible
 
 if TYPE_CHECKING:
-    from fitball.inference.sampling import Progress
+    from fitball.inference.sampling.ensembles import Progress
 
 
 class ProgressLine:

@@ -30,10 +30,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace) -> int:
     """Do it; returns the exit code."""
     from fitball.inference.calibrate import Effort
-    from fitball.report.terminal import columns
-    from fitball.studies.chapter_five import derive
-    from fitball.studies.chapter_five_page import write
-    from fitball.studies.ranking import in_brief, side_by_side
+    from fitball.report.fit.terminal import columns
+    from fitball.studies.thesis.chapter_five import derive
+    from fitball.studies.thesis.chapter_five_page import write
+    from fitball.studies.thesis.ranking import in_brief, side_by_side
 
     report = stages(args.quiet)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER

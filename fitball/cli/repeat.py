@@ -55,12 +55,12 @@ def run(args: argparse.Namespace) -> int:
     progress("loading", None)
     from dataclasses import replace
 
-    from fitball.inference.sampling import SamplingInterrupted
-    from fitball.report.folder import prepare, write_all
-    from fitball.report.run_record import find_records, find_tables, read_run, record_problem
-    from fitball.studies.repetition import Outcome, compared
-    from fitball.studies.repetition_text import render, repetition_json
-    from fitball.studies.rerun import check_rows, read_kept, rerun, write_numbers
+    from fitball.inference.sampling.ensembles import SamplingInterrupted
+    from fitball.report.fit.folder import prepare, write_all
+    from fitball.report.saved.run_record import find_records, find_tables, read_run, record_problem
+    from fitball.studies.repeat.compare import Outcome, compared
+    from fitball.studies.repeat.rerun import check_rows, read_kept, rerun, write_numbers
+    from fitball.studies.repeat.text import render, repetition_json
 
     record = read_run(Path(args.fit))
     original = read_kept(record.folder)

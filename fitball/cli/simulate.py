@@ -12,7 +12,7 @@ from fitball.errors import ParameterError, suggestion
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from fitball.inference.simulate import Simulation
+    from fitball.inference.prediction.simulate import Simulation
     from fitball.values import Impacts
 
 FORMATS = ("png", "svg", "pdf")
@@ -72,12 +72,12 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError(f"--format {args.format}: {suggestion(args.format, FORMATS)}")
     _check_together(args)
     if args.example == "list":
-        from fitball.studies.example_report import list_text
+        from fitball.studies.thesis.example_report import list_text
 
         print(list_text())
         return 0
-    from fitball.report.files import refuse_existing
-    from fitball.report.history_folder import prepare
+    from fitball.report.form.atomic_write import refuse_existing
+    from fitball.report.history.folder import prepare
 
     solved, name, content, text, title, panels = _example(args) if args.example else _one(args)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER / name
@@ -108,7 +108,7 @@ _Made = tuple["tuple[Simulation, ...]", str, "dict[str, Any]", str, str, "tuple[
 def _one(args: argparse.Namespace) -> _Made:
     """The impact that was asked for."""
     from fitball.data.impact_text import parse_impact
-    from fitball.report.history_text import render_all
+    from fitball.report.history.text import render_all
 
     impact = parse_impact(args.impact)
     found, source, notes = _from_fit(args, impact) if args.fit is not None else _from_values(args, impact)
@@ -123,10 +123,10 @@ def _one(args: argparse.Namespace) -> _Made:
 def _from_fit(args: argparse.Namespace, impact: Impacts) -> tuple[Simulation, str, list[str]]:
     """Point estimate and bands of a fit, and what one should know of it."""
     from fitball.api import load_fit
-    from fitball.inference.new_impacts import predict_new
-    from fitball.inference.results import RunStatus, Verdict
-    from fitball.inference.simulate import simulate_fit
-    from fitball.report.new_impact_text import remarks_on
+    from fitball.inference.prediction.new_impacts import predict_new
+    from fitball.inference.prediction.simulate import simulate_fit
+    from fitball.inference.results.results import RunStatus, Verdict
+    from fitball.report.predict.text import remarks_on
 
     saved = load_fit(args.fit)
     found = simulate_fit(saved.fitted, impact, args.draws)
@@ -144,8 +144,8 @@ def _from_fit(args: argparse.Namespace, impact: Impacts) -> tuple[Simulation, st
 
 def _from_values(args: argparse.Namespace, impact: Impacts) -> tuple[Simulation, str, list[str]]:
     """A model at its defaults, some of them set."""
-    from fitball.inference.ladder import parse_name
-    from fitball.inference.simulate import chosen_parameters, simulate
+    from fitball.inference.comparison.candidates import parse_name
+    from fitball.inference.prediction.simulate import chosen_parameters, simulate
     from fitball.models.registry import DEFAULT_MODEL, model
 
     name, closures = parse_name(args.model if args.model is not None else DEFAULT_MODEL)
@@ -158,9 +158,9 @@ def _from_values(args: argparse.Namespace, impact: Impacts) -> tuple[Simulation,
 
 def _example(args: argparse.Namespace) -> _Made:
     """A figure of the thesis."""
-    from fitball.report.history_text import render_all
-    from fitball.studies.example_claims import find_example, findings, run_example
-    from fitball.studies.example_report import example_json, example_text
+    from fitball.report.history.text import render_all
+    from fitball.studies.thesis.example_claims import find_example, findings, run_example
+    from fitball.studies.thesis.example_report import example_json, example_text
 
     example = find_example(args.example)
     solved = run_example(example)
@@ -196,11 +196,11 @@ def _write(
     panels: tuple[str, ...],
 ) -> None:
     """Figure and files, then what was asked for on stdout."""
-    from fitball.report.figure_history import history_figure
-    from fitball.report.files import write_text
-    from fitball.report.history_folder import json_text, write_all
-    from fitball.report.history_rows import history_rows, simulation_json
-    from fitball.report.tables import csv_text
+    from fitball.report.fit.csv_tables import csv_text
+    from fitball.report.form.atomic_write import write_text
+    from fitball.report.history.figure import history_figure
+    from fitball.report.history.folder import json_text, write_all
+    from fitball.report.history.rows import history_rows, simulation_json
 
     content = {**extra, "simulations": [simulation_json(item) for item in solved]}
     table = csv_text(history_rows(solved))

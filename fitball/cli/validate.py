@@ -21,7 +21,7 @@ from fitball.cli.visible_stream import own_stream, visible_streams
 from fitball.errors import FitballError, ParameterError, suggestion
 
 if TYPE_CHECKING:
-    from fitball.studies.sbc_summary import ModelFinding
+    from fitball.studies.sbc.summary import ModelFinding
 
 DEFAULT_FOLDER = Path("fits") / "validation"
 MODELS = "two-mass,grip-slip"
@@ -110,13 +110,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     models = _checked(args)
-    from fitball.report.files import write_text, write_whole
-    from fitball.report.folder import save_png
-    from fitball.report.tables import csv_text
-    from fitball.studies.sbc import BounceExperiment
-    from fitball.studies.sbc_figure import rank_figure
-    from fitball.studies.sbc_run import run_replicates
-    from fitball.studies.sbc_summary import summarise, summary_json, summary_rows
+    from fitball.report.fit.csv_tables import csv_text
+    from fitball.report.fit.folder import save_png
+    from fitball.report.form.atomic_write import write_text, write_whole
+    from fitball.studies.sbc.figure import rank_figure
+    from fitball.studies.sbc.replicate import BounceExperiment
+    from fitball.studies.sbc.run import run_replicates
+    from fitball.studies.sbc.summary import summarise, summary_json, summary_rows
 
     folder = Path(args.out) if args.out else DEFAULT_FOLDER
     cores = (os.cpu_count() or 1) if args.cores is None else args.cores
@@ -184,7 +184,7 @@ def _checked(args: argparse.Namespace) -> tuple[str, ...]:
 
 def render(findings: Sequence[ModelFinding], folder: Path) -> str:
     """The verdict as a person reads it."""
-    from fitball.report.terminal import columns
+    from fitball.report.fit.terminal import columns
 
     parts = []
     for finding in findings:

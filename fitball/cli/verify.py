@@ -12,7 +12,7 @@ from fitball.errors import Fault, ParameterError, ResultFolderError, TableError
 
 if TYPE_CHECKING:
     from fitball.data.port_file import PortFile
-    from fitball.inference.results import Golden
+    from fitball.inference.results.results import Golden
     from fitball.values import FloatArray
 
 DEFAULT_TOLERANCE = 1e-9
@@ -55,10 +55,10 @@ def run(args: argparse.Namespace) -> int:
     if not (math.isfinite(args.tolerance) and args.tolerance > 0.0):
         raise ParameterError(f"--tolerance {args.tolerance:g}: expected a positive number")
     from fitball.data.port_file import read_port
-    from fitball.inference.port_check import check_port
-    from fitball.report.exports.golden_table import golden_ids
-    from fitball.report.port_words import port_json, port_text
-    from fitball.report.saved_fit import read_fit
+    from fitball.export.golden_table import golden_ids
+    from fitball.export.port_words import port_json, port_text
+    from fitball.inference.prediction.port_check import check_port
+    from fitball.report.saved.saved_fit import read_fit
 
     saved = read_fit(_fit_path(args.port, args.fit))
     port = read_port(Path(args.port))

@@ -13,23 +13,20 @@ import numpy as np
 
 from fitball.data.balances import scene_balances
 from fitball.errors import ParameterError, enough_memory
-from fitball.inference.calibrated_range import spanning_impacts
-from fitball.inference.chain_file import ChainFile
-from fitball.inference.court_pace import court_pace
-from fitball.inference.diagnostics import TARGET_ESS
-from fitball.inference.error_budget import error_budget
-from fitball.inference.examination import examine, profile_all
-from fitball.inference.fitted import FittedModel
-from fitball.inference.force_notes import force_notes
-from fitball.inference.golden import golden
-from fitball.inference.identifiability import Judgement
-from fitball.inference.level_estimates import level_estimates
-from fitball.inference.looks import Profiles
-from fitball.inference.point import point_fit
-from fitball.inference.posterior import Problem
-from fitball.inference.predictive import predictive, predictive_generator, thinned
-from fitball.inference.reference import reference_draws
-from fitball.inference.results import (
+from fitball.inference.identifiability.examine import examine, profile_all
+from fitball.inference.identifiability.posterior_verdict import Judgement
+from fitball.inference.point.point_fit import point_fit
+from fitball.inference.prediction.court_pace import court_pace
+from fitball.inference.prediction.error_budget import error_budget
+from fitball.inference.prediction.extrapolation import spanning_impacts
+from fitball.inference.prediction.force_notes import force_notes
+from fitball.inference.prediction.golden import golden
+from fitball.inference.prediction.group_estimates import level_estimates
+from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator, thinned
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.evidence import Profiles
+from fitball.inference.results.fitted_model import FittedModel
+from fitball.inference.results.results import (
     Diagnostics,
     Estimate,
     Fit,
@@ -40,9 +37,20 @@ from fitball.inference.results import (
     Timing,
     Verdict,
 )
-from fitball.inference.sampling import ENSEMBLES, Progress, Sampled, Schedule, Settings, default_walkers, sample
+from fitball.inference.sampling.chain_file import ChainFile
+from fitball.inference.sampling.convergence import TARGET_ESS
+from fitball.inference.sampling.ensembles import (
+    ENSEMBLES,
+    Progress,
+    Sampled,
+    Schedule,
+    Settings,
+    default_walkers,
+    sample,
+)
+from fitball.inference.sampling.prior_draws import reference_draws
+from fitball.inference.sampling.stragglers import left_behind_words
 from fitball.inference.second_search import search_again
-from fitball.inference.stragglers import left_behind_words
 from fitball.models.two_mass_model import TwoMassModel
 from fitball.values import FloatArray
 from fitball.version import __version__

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitball.inference.least_squares import deeper
-from fitball.inference.maximum import CLIMBED, higher_maximum
-from fitball.inference.posterior import Problem
-from fitball.inference.results import LeastSquares, PointFit
-from fitball.inference.sampling import Sampled
+from fitball.inference.point.least_squares import deeper
+from fitball.inference.point.maximum_posterior import CLIMBED, higher_maximum
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.results import LeastSquares, PointFit
+from fitball.inference.sampling.ensembles import Sampled
 from fitball.values import FloatArray
 
 # Draws that a search begins from; and the sds of all draws by which these lie apart.

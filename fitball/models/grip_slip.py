@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.models import algebraic
-from fitball.models.dual import STEP, NumberArray
 from fitball.models.jacobian import INPUTS, OUTPUTS, ReboundJacobian, moved_inputs
+from fitball.models.kernels import algebraic
+from fitball.models.kernels.dual import STEP, NumberArray
 from fitball.models.model import Model, ball_columns
 from fitball.models.types import Rebound, Status
 from fitball.values import FloatArray, Impacts, OwnImpacts

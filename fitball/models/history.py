@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fitball.errors import ParameterError
-from fitball.models import bounce_history as kernel
-from fitball.models.bounce import TORSION_RIGID
-from fitball.models.two_mass import PIECE_ENDING, PIECE_PHASE, PIECE_TIME, UNFINISHED
+from fitball.models.kernels import bounce_history as kernel
+from fitball.models.kernels.bounce import TORSION_RIGID
+from fitball.models.kernels.two_mass import PIECE_ENDING, PIECE_PHASE, PIECE_TIME, UNFINISHED
 from fitball.models.types import Phase, Rebound, regime_name
 from fitball.values import FloatArray, Impacts
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.models.dual import STEP, NumberArray
+from fitball.models.kernels.dual import STEP, NumberArray
 from fitball.models.types import Rebound
 from fitball.values import FloatArray, Impacts, OwnImpacts
 

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from fitball.errors import ModelError
-from fitball.models import algebraic, bounce, thesis
 from fitball.models.grip_slip import GripSlipModel
+from fitball.models.kernels import algebraic, bounce
 from fitball.models.model import Model
-from fitball.models.thesis_model import DAMPING_CODES, ThesisModel
+from fitball.models.thesis import kernel as thesis
+from fitball.models.thesis.model import DAMPING_CODES, ThesisModel
 from fitball.models.two_mass_model import TwoMassModel
 from fitball.values import FloatArray
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fitball.errors import ModelError, ParameterError, suggestion
-from fitball.models.dual import NumberArray
 from fitball.models.history import MODELS_WITH_HISTORY, History
 from fitball.models.jacobian import ReboundJacobian
+from fitball.models.kernels.dual import NumberArray
 from fitball.models.specs import BALL_PARAMETERS, SPECS, ParameterSpec
 from fitball.models.types import STATUS_REASON, Rebound, Status
 from fitball.values import Ball, FloatArray, Impacts, OwnImpacts

@@ -9,7 +9,7 @@ from fitball.errors import ModelError, suggestion
 from fitball.models.grip_slip import BRODY_PARAMETERS, GRIP_SLIP_PARAMETERS, GripSlipModel
 from fitball.models.model import Model
 from fitball.models.specs import SPECS
-from fitball.models.thesis_model import ThesisModel, thesis_parameters
+from fitball.models.thesis.model import ThesisModel, thesis_parameters
 from fitball.models.two_mass_model import TwoMassModel, two_mass_parameters
 from fitball.models.types import Closures, ThesisClosures
 from fitball.values import Ball

@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fitball.models import bounce, bounce_jacobian, force
-from fitball.models.dual import NumberArray
 from fitball.models.history import History, two_mass_history
 from fitball.models.jacobian import ReboundJacobian, seeds
+from fitball.models.kernels import bounce, bounce_jacobian, force
+from fitball.models.kernels.dual import NumberArray
 from fitball.models.model import Model, ball_columns
 from fitball.models.types import Closures, Rebound
 from fitball.values import FloatArray, Impacts, OwnImpacts

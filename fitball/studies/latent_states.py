@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 
 from fitball.errors import FitError
-from fitball.inference.kinks import displaced, roots
-from fitball.inference.posterior import Problem
-from fitball.inference.starts import prior_draws
+from fitball.inference.likelihood.regime_mixture import displaced, roots
+from fitball.inference.point.starts import prior_draws
+from fitball.inference.problem.problem import Problem
 from fitball.values import FloatArray
 
 

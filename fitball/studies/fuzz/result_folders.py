@@ -10,7 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from fitball.report.exports.formats import TEXT_FORMATS
+from fitball.export.formats import TEXT_FORMATS
 from fitball.studies.fuzz.harness import Target
 from fitball.studies.fuzz.mutators import TEXTS, Random, damage_file, damage_text_file
 from fitball.studies.fuzz.with_fit import FIT, MakeFit
@@ -55,8 +55,8 @@ def short_chain(folder: Path) -> None:
     from fitball.data.join import load_tables
     from fitball.data.scene import load_scene
     from fitball.inference.calibrate import Effort, fingerprint, run
-    from fitball.inference.chain_file import ChainFile
-    from fitball.inference.problem import Choices, build_problem
+    from fitball.inference.problem.build import Choices, build_problem
+    from fitball.inference.sampling.chain_file import ChainFile
 
     name = "wang_zero_spin.csv"
     scene = load_scene(name)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from fitball.report.exports.formats import TEXT_FORMATS, Options
-from fitball.report.saved_fit import read_fit
+from fitball.export.formats import TEXT_FORMATS, Options
+from fitball.report.saved.saved_fit import read_fit
 from fitball.studies.fuzz.examples import GRIDS, IMPACTS, POINTS, TABLES
 from fitball.studies.fuzz.harness import Target
 from fitball.studies.fuzz.structured import damage_table

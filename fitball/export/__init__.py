@@ -1,0 +1,1 @@
+"""A fit in other forms (today report/exports): parameter sets, tables, engine settings, netCDF."""

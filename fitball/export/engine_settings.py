@@ -1,0 +1,170 @@
+"""Settings for engines that know restitution and friction only: as JSON, and as a page with how to set them."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from fitball.data.impact_text import parse_impact
+from fitball.errors import ParameterError
+from fitball.inference.prediction.engine_fit import OUTPUTS, EngineFit, EngineSettings, fit_engine, middle_impact
+from fitball.inference.prediction.extrapolation import calibrated_range
+from fitball.models.kernels.contact import zero_force_release
+from fitball.report.saved.saved_fit import SavedFit
+
+# Contact time taken where the model has none [s]: a tennis ball's is 4 to 5.5 ms (Cross; Brody).
+USUAL_CONTACT = 0.005
+# Steps of MuJoCo in one contact below which its integrator, not the numbers given, decides the restitution.
+STEPS = 20
+UNITS = {"v_x2": "m/s", "v_y2": "m/s", "omega_2": "rad/s", "theta_2": "rad"}
+
+
+def engine_texts(saved: SavedFit, at: str | None, inertia_ratio: float) -> Mapping[str, str]:
+    """The page and the JSON. Raises ParameterError for an operating point that is no one impact."""
+    point = middle_impact(saved.fitted) if at is None else parse_impact(at)
+    if not saved.fitted.tangential and (abs(point.v_x1[0]) > 0.0 or abs(point.omega_1[0]) > 0.0):
+        raise ParameterError("this fit is of drop tests and knows no friction: give v_y alone")
+    found = fit_engine(saved.fitted, point, inertia_ratio)
+    return {".md": _page(saved, found), ".json": json.dumps(_content(saved, found), indent=1, allow_nan=False) + "\n"}
+
+
+def mujoco(found: EngineFit) -> dict[str, Any]:
+    """A spring and damper that leave at the wanted restitution when their force ends, as MuJoCo's contact does."""
+    time = found.contact_time if found.contact_time is not None else USUAL_CONTACT
+    damping_ratio, _rest, angle = zero_force_release(min(found.at_point.e, 1.0 - 1e-9))
+    omega = angle / time
+    return {
+        "solref": [-omega * omega, -2.0 * damping_ratio * omega],
+        "solimp": [0.99, 0.99, 0.001, 0.5, 2.0],
+        "contact_time": time,
+        "contact_time_known": found.contact_time is not None,
+        "timestep_at_most": time / STEPS,
+    }
+
+
+def _settings(item: EngineSettings) -> dict[str, Any]:
+    return {
+        "restitution": item.e,
+        "friction": item.mu,
+        "friction_grips_from": item.mu_from,
+        "errors_at_point": dict(item.errors),
+        "rms_over_range": dict(item.rms),
+    }
+
+
+def _content(saved: SavedFit, found: EngineFit) -> dict[str, Any]:
+    ball = saved.fitted.ball
+    return {
+        "schema_version": 1,
+        "kind": "fitball engine settings",
+        "model": saved.fitted.model_name,
+        "table": saved.content["table"]["file"],
+        "units": {"speeds": "m/s", "spins": "rad/s", "angles": "rad", "times": "s"},
+        "ball": {"mass": ball.mass, "radius": ball.radius, "inertia_ratio": found.inertia_ratio},
+        "operating_point": {name: float(getattr(found.point, name)[0]) for name in ("v_x1", "v_y1", "omega_1")},
+        "outside_calibrated_range": _outside(saved, found),
+        "fitted_rebound": dict(found.fitted),
+        "engine_rebound": dict(found.engine),
+        "at_point": _settings(found.at_point),
+        "over_range": _settings(found.over_range),
+        "mujoco": mujoco(found),
+    }
+
+
+def _page(saved: SavedFit, found: EngineFit) -> str:
+    point = found.point
+    speed = math.hypot(point.v_x1[0], point.v_y1[0])
+    angle = math.degrees(math.atan2(point.v_y1[0], point.v_x1[0]))
+    best, wide = found.at_point, found.over_range
+    lines = [
+        f"# Engine settings for {saved.fitted.model_name} on {saved.content['table']['name']}",
+        "",
+        f"Operating point: {speed:.4g} m/s at {angle:.4g} deg, spin {point.omega_1[0]:.4g} rad/s (topspin positive). "
+        f"Ball: mass {saved.fitted.ball.mass * 1e3:.4g} g, radius {saved.fitted.ball.radius * 1e3:.4g} mm, "
+        f"inertia {found.inertia_ratio:.3g} M R^2 in the engine, {saved.fitted.ball.inertia_ratio:.3g} in the fit.",
+        "",
+        *_warning(saved, found),
+        "| | restitution e | friction mu |",
+        "|---|---|---|",
+        f"| best at the operating point | {best.e:.4f} | {_mu(best.mu)} |",
+        f"| best over the calibrated range | {wide.e:.4f} | {_mu(wide.mu)} |",
+        "",
+    ]
+    if best.mu_from is not None:
+        lines += [
+            f"At the operating point the engine's ball grips: any mu from {best.mu_from:.4f} on predicts the same "
+            "there. The mu given is the one of these that errs least over the calibrated range.",
+            "",
+        ]
+    if best.mu is None:
+        lines += ["The fit is of drop tests: it says nothing of friction.", ""]
+    lines += [
+        "What is lost: such a ball has one restitution for every speed, no tangential rebound (no twist of the",
+        "cover, no shift of the normal force), and the engine's moment of inertia. Where an engine lets it be set, "
+        f"give it the ball's own: `--engine-inertia {saved.fitted.ball.inertia_ratio:.3g}`.",
+        "",
+        "| output | fitted ball | engine | error there | RMS error over the range | RMS, best over the range |",
+        "|---|---|---|---|---|---|",
+        *(_row(name, found) for name in OUTPUTS),
+        "",
+        "The range: mixtures of the calibrated impacts. Best: least kinetic energy of the difference.",
+        "",
+        *_advice(found),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _outside(saved: SavedFit, found: EngineFit) -> bool:
+    fitted = saved.fitted
+    known = calibrated_range(fitted.impacts, found.point, fitted.ball.radius, fitted.tangential, ())
+    return bool(known.outside[0])
+
+
+def _warning(saved: SavedFit, found: EngineFit) -> list[str]:
+    return ["**The operating point lies outside the calibrated range.**", ""] if _outside(saved, found) else []
+
+
+def _mu(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4f}"
+
+
+def _row(name: str, found: EngineFit) -> str:
+    factor, unit = (180.0 / math.pi, "deg") if name == "theta_2" else (1.0, UNITS[name])
+    values = (
+        found.fitted[name], found.engine[name], found.at_point.errors[name], found.at_point.rms[name],
+        found.over_range.rms[name],
+    )  # fmt: skip
+    fitted, engine, error, rms, wide = (value * factor for value in values)
+    return f"| {name} [{unit}] | {fitted:.3f} | {engine:.3f} | {error:+.3f} | {rms:.3f} | {wide:.3f} |"
+
+
+def _advice(found: EngineFit) -> list[str]:
+    e, mu = f"{found.at_point.e:.4f}", _mu(found.at_point.mu) if found.at_point.mu is not None else "1"
+    soft = mujoco(found)
+    stiffness, damping = soft["solref"]
+    known = "" if soft["contact_time_known"] else " (assumed: this model has none)"
+    return [
+        "## How to set them",
+        "",
+        f"**Unity.** Material of the ball: bounciness {e}, dynamic and static friction {mu}; of the court: 1 and 1;",
+        "both combine modes Multiply on both (of two different modes the later in Average, Minimum, Multiply,",
+        "Maximum is used). Lower the bounce threshold of the physics settings below the slowest `v_y1`, raise",
+        "`Rigidbody.maxAngularVelocity` above the spins, and set `Rigidbody.inertiaTensor` if it is not solid.",
+        "",
+        f"**Godot.** `PhysicsMaterial` of the ball: bounce {e}, friction {mu}, rough off; of the court: bounce 0,",
+        f"friction at least {mu}, rough and absorbent off. Bounces add, and the lower friction counts. `inertia` of",
+        "the body sets the moment of inertia; set linear and angular damp to 0.",
+        "",
+        f"**Bullet.** Ball: `setRestitution({e})`, `setFriction({mu})`; court: 1 and 1, for both are multiplied.",
+        "Rolling and spinning friction 0. The moment of inertia is an argument of the body.",
+        "",
+        "**MuJoCo** has no restitution: a contact is a spring and damper, so the following approximates it. Ball:",
+        f'`solref="{stiffness:.6g} {damping:.6g}"`, `solimp="0.99 0.99 0.001 0.5 2"`, `condim="3"`,',
+        f'`friction="{mu} 0 0"`, `priority="1"` (else the larger friction of the two counts);',
+        f"a contact then lasts {soft['contact_time'] * 1e3:.3g} ms{known}, so take a timestep of "
+        f"{soft['timestep_at_most'] * 1e3:.2g} ms or less, and",
+        '`cone="elliptic"` with a larger `impratio` against creep. Drop a ball, measure its rebound, and correct the',
+        "second number of solref.",
+    ]

@@ -1,0 +1,75 @@
+"""The forms a fit can be exported in, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from fitball.errors import ParameterError
+from fitball.export.engine_settings import engine_texts
+from fitball.export.golden_table import golden_table
+from fitball.export.lookup_table import lookup_note, lookup_texts
+from fitball.export.paper_table import latex_table, markdown_table
+from fitball.export.parameter_set import json_text, parameter_table, toml_text
+from fitball.export.port.c import c_port
+from fitball.export.port.port import Port, make_port
+from fitball.export.port.python import python_port
+from fitball.report.saved.saved_fit import SavedFit
+
+
+@dataclass(frozen=True)
+class Options:
+    """What may be chosen: `None` leaves it to the format."""
+
+    prefix: str = "fitball_"
+    inputs_only: bool = False
+    range: str | None = None
+    at: str | None = None
+    engine_inertia: float = 0.4
+
+
+@dataclass(frozen=True)
+class TextFormat:
+    """A form made of text: `stem` of its file by default, and `make`, which gives one text for each ending; `note`
+    finds in them what a user should know at once.
+    """
+
+    stem: str
+    make: Callable[[SavedFit, Options], Mapping[str, str]]
+    note: Callable[[Mapping[str, str]], str] = lambda _texts: ""
+
+
+def _parameters(ending: str, make: Callable[[SavedFit], str]) -> TextFormat:
+    return TextFormat("parameters", lambda saved, _options: {ending: make(saved)})
+
+
+def saved_port(saved: SavedFit) -> Port:
+    """The port of a saved fit."""
+    table = saved.content["table"]
+    origin = f"table {table['file']} ({table['impacts']} impacts), point estimate, fit {saved.status}"
+    pooled = sorted({item["parameter"] for item in saved.content["levels"]})
+    if pooled:
+        origin += f", {', '.join(pooled)} at the value common to all levels"
+    return make_port(saved.fitted, saved.golden, origin)
+
+
+def _c(saved: SavedFit, options: Options) -> Mapping[str, str]:
+    if not (options.prefix.isidentifier() and options.prefix.isascii()):
+        raise ParameterError(f"--prefix {options.prefix}: expected the beginning of a C name, such as clay_")
+    return {".h": c_port(saved_port(saved), options.prefix)}
+
+
+TEXT_FORMATS: Mapping[str, TextFormat] = {
+    "python": TextFormat("bounce", lambda saved, _options: {".py": python_port(saved_port(saved))}),
+    "c": TextFormat("bounce", _c),
+    "lookup": TextFormat("lookup", lambda saved, options: lookup_texts(saved, options.range), lookup_note),
+    "engine": TextFormat("engine", lambda saved, options: engine_texts(saved, options.at, options.engine_inertia)),
+    "json": _parameters(".json", json_text),
+    "toml": _parameters(".toml", toml_text),
+    "csv": _parameters(".csv", parameter_table),
+    "latex": _parameters(".tex", latex_table),
+    "markdown": _parameters(".md", markdown_table),
+    "golden": TextFormat(
+        "golden", lambda saved, options: {".csv": golden_table(saved.fitted, saved.golden, options.inputs_only)}
+    ),
+}

@@ -1,0 +1,86 @@
+"""A lookup table as CSV, and what is known of it as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from fitball.data.grid_text import parse_grid
+from fitball.export.golden_table import UNITS as OUTPUT_UNITS
+from fitball.inference.prediction.lookup import SEED, Lookup, default_axes, make_lookup
+from fitball.models.types import regime_name
+from fitball.report.fit.csv_tables import csv_text
+from fitball.report.saved.saved_fit import SavedFit
+
+
+def lookup_texts(saved: SavedFit, grid: str | None) -> Mapping[str, str]:
+    """The table and its description. Raises ParameterError for a grid that is none."""
+    axes = default_axes(saved.fitted) if grid is None else parse_grid(grid)
+    found = make_lookup(saved.fitted, axes)
+    content = json.dumps(_content(saved, found), indent=1, allow_nan=False) + "\n"
+    return {".csv": csv_text(_rows(found)), ".json": content}
+
+
+def lookup_note(texts: Mapping[str, str]) -> str:
+    """The interpolation error in one line, and grid points that the model cannot evaluate."""
+    content = json.loads(texts[".json"])
+    errors = content["interpolation"]["errors"]
+    parts = [f"{name} {item['largest']:.2g} (RMS {item['rms']:.2g}) {item['unit']}" for name, item in errors.items()]
+    note = f"largest error of interpolation: {', '.join(parts)}" if parts else "interpolation could not be checked"
+    reasons = "; ".join(f"{count} of {content['points']} points have no rebound: {reason}"
+                        for reason, count in content["points_without_rebound"].items())  # fmt: skip
+    return note + (f"; {reasons}" if reasons else "")
+
+
+def _rows(found: Lookup) -> list[dict[str, object]]:
+    names = {name: regime_name(int(name)) for name in set(found.regime.tolist())}
+    rows = []
+    for k, point in enumerate(found.points.tolist()):
+        row: dict[str, object] = {
+            f"{axis.name} [{axis.unit.symbol}]": f"{axis.unit.from_si(value):.12g}"
+            for axis, value in zip(found.axes, point, strict=True)
+        }
+        for name, column in found.outputs.items():
+            row[f"{name} [{OUTPUT_UNITS[name]}]"] = None if column[k] != column[k] else f"{column[k]:.12g}"
+        row["regime"] = names[int(found.regime[k])]
+        rows.append(row)
+    return rows
+
+
+def _content(saved: SavedFit, found: Lookup) -> dict[str, Any]:
+    units = {axis.name: axis.unit for axis in found.axes}
+    return {
+        "schema_version": 1,
+        "kind": "fitball lookup table",
+        "model": saved.fitted.model_name,
+        "table": saved.content["table"]["file"],
+        "parameters": dict(saved.golden.parameters),
+        "order": "the last axis varies fastest",
+        "axes": [
+            {
+                "name": axis.name,
+                "unit": axis.unit.symbol,
+                "values": [axis.unit.from_si(float(value)) for value in axis.values],
+            }
+            for axis in found.axes
+        ],
+        "outputs": {name: OUTPUT_UNITS[name] for name in found.outputs},
+        "points": len(found.points),
+        "points_without_rebound": dict(found.failed),
+        "interpolation": {
+            "method": "multilinear in the axes",
+            "checked_at": f"{found.checked} impacts: midpoints of cells, and random ones (seed {SEED})",
+            "errors": {
+                name: {
+                    "unit": OUTPUT_UNITS[name],
+                    "largest": item.largest,
+                    "rms": item.rms,
+                    "largest_at": {axis: units[axis].from_si(value) for axis, value in item.place.items()},
+                    "regime_there": item.regime,
+                    "cell_holds_a_change_of_regime": item.kink,
+                }
+                for name, item in found.errors.items()
+            },
+        },
+    }

@@ -1,0 +1,141 @@
+"""Parameters as a table for a paper: LaTeX (booktabs) and Markdown, rounded by the Particle Data Group's rule."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.results.results import RunStatus, Verdict
+from fitball.models.specs import SPECS
+from fitball.report.form.display_units import handy
+from fitball.report.form.rounding import decimals, fixed, interval, significant
+from fitball.report.saved.saved_fit import SavedFit, SavedParameter
+
+_ESCAPES = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class PaperRow:
+    """One parameter as text, in a handy unit; `sd` and `interval_95` are empty without a posterior.
+
+    `mark` refers to a note on what its uncertainty rests on, if not on the table alone.
+    """
+
+    name: str
+    label: str
+    meaning: str
+    unit: str
+    value: str
+    sd: str
+    interval_95: str
+    mark: str
+
+
+MARKS = {Verdict.PRIOR_DOMINATED: "a", Verdict.ONE_SIDED: "b"}
+NOTES = {
+    "a": "set by what was assumed beforehand rather than by the impacts",
+    "b": "bounded by the impacts from one side only",
+}
+
+
+def paper_rows(saved: SavedFit) -> tuple[PaperRow, ...]:
+    """Every parameter: median and standard deviation, or the point estimate to four digits."""
+    return tuple(_row(item) for item in saved.parameters.values())
+
+
+def _row(item: SavedParameter) -> PaperRow:
+    scale = handy(item.name, item.unit)
+    spec = SPECS.get(item.name) or NOISE_SPECS.get(item.name)
+    label = spec.label if spec is not None else ""
+    if item.median is None or item.sd is None or item.verdict is Verdict.FIXED:
+        value = significant(item.point * scale.factor, 4)
+        return PaperRow(item.name, label, item.meaning, scale.unit, value, "", "", "")
+    places = decimals(item.sd * scale.factor)
+    low, high = (None if end is None else end * scale.factor for end in (item.q025, item.q975))
+    return PaperRow(
+        name=item.name,
+        label=label,
+        meaning=item.meaning,
+        unit=scale.unit,
+        value=fixed(item.median * scale.factor, places),
+        sd=fixed(item.sd * scale.factor, places),
+        interval_95=interval(low, high, places),
+        mark=MARKS.get(item.verdict, ""),
+    )
+
+
+def _caption(saved: SavedFit) -> str:
+    """One sentence without markup."""
+    table = saved.content["table"]
+    what = "point estimates"
+    if saved.status is not RunStatus.POINT_ONLY:
+        what = "posterior median, standard deviation and 95 % interval; without them: a fixed value"
+    text = (
+        f"Parameters of the model {saved.fitted.model_name} fitted to {table['impacts']} impacts ({table['name']}): "
+    )
+    text += f"{what}."
+    return text + (" The sampler did not converge." if saved.status is RunStatus.NOT_CONVERGED else "")
+
+
+def latex_table(saved: SavedFit) -> str:
+    """A `table` environment; needs the package booktabs."""
+    lines = [
+        "% needs \\usepackage{booktabs}",
+        r"\begin{table}",
+        r"  \centering",
+        rf"  \caption{{{_escaped(_caption(saved))}}}",
+        r"  \small",
+        r"  \begin{tabular}{@{}lp{0.28\linewidth}rll@{}}",
+        r"    \toprule",
+        r"    Parameter & & Value & 95\,\% interval & Unit \\",
+        r"    \midrule",
+    ]
+    for row in paper_rows(saved):
+        mark = rf"$^{{\mathrm{{{row.mark}}}}}$" if row.mark else ""
+        symbol = row.label or _escaped(row.name)
+        value = rf"${row.value} \pm {row.sd}${mark}" if row.sd else f"${_power(row.value)}$"
+        spread = f"${row.interval_95}$" if row.interval_95 else ""
+        lines.append(
+            rf"    {symbol} & \raggedright {_escaped(row.meaning)} & {value} & {spread} & {_unit(row.unit)} \\"
+        )
+    lines += [r"    \bottomrule", r"  \end{tabular}"]
+    lines += [rf"  \par\smallskip\footnotesize $^{{\mathrm{{{mark}}}}}$ {note}." for mark, note in _notes(saved)]
+    return "\n".join([*lines, r"\end{table}"]) + "\n"
+
+
+def _notes(saved: SavedFit) -> list[tuple[str, str]]:
+    used = {row.mark for row in paper_rows(saved)}
+    return [(mark, note) for mark, note in NOTES.items() if mark in used]
+
+
+def _escaped(text: str) -> str:
+    return "".join(_ESCAPES.get(letter, letter) for letter in text)
+
+
+def _power(number: str) -> str:
+    """A number with a power of ten as LaTeX writes it."""
+    return re.sub(r"e([+-])0*(\d+)$", lambda match: rf" \times 10^{{{match[1].strip('+')}{match[2]}}}", number)
+
+
+def _unit(unit: str) -> str:
+    if not unit:
+        return ""
+    text = re.sub(r"\b1e(-?\d+) ", r"10^{\1}\\,", unit).replace(" ", r"\,").replace("%", r"\%")
+    return rf"$\mathrm{{{text}}}$"
+
+
+def markdown_table(saved: SavedFit) -> str:
+    """The same as a Markdown table."""
+    lines = [_caption(saved), "", "| parameter | meaning | value | 95 % interval | unit |", "|---|---|---|---|---|"]
+    for row in paper_rows(saved):
+        superscript = f" ({row.mark})" if row.mark else ""
+        value = f"{row.value} ± {row.sd}{superscript}" if row.sd else row.value
+        lines.append(
+            f"| `{row.name}` | {row.meaning} | {value} | {row.interval_95} | {row.unit} |".replace("|  |", "| |")
+        )
+    notes = [f"({mark}) {note}." for mark, note in _notes(saved)]
+    return "\n".join([*lines, *([""] if notes else []), *notes]) + "\n"

@@ -1,0 +1,122 @@
+"""The fitted parameter set for other programs: one content, as JSON with a schema and as TOML; and a table as CSV."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.results.results import Verdict
+from fitball.models.specs import SPECS
+from fitball.report.fit.csv_tables import csv_text
+from fitball.report.form.display_units import THESIS
+from fitball.report.saved.saved_fit import SavedFit, SavedParameter
+from fitball.version import __version__
+
+SCHEMA_VERSION = 1
+NUMBERS = ("point", "median", "sd", "q025", "q16", "q84", "q975")
+
+
+def parameter_content(saved: SavedFit) -> dict[str, Any]:
+    """What `parameters.schema.json` describes: SI, no nulls, absent numbers left out."""
+    content = saved.content
+    golden = content["golden"]
+    found: dict[str, Any] = {
+        "schema_version": SCHEMA_VERSION,
+        "kind": "fitball parameter set",
+        "fitball": __version__,
+        "status": str(saved.status),
+        "model": {"name": saved.fitted.model_name, "closures": dict(saved.fitted.options)},
+        "ball": dict(content["ball"]),
+        "table": dict(content["table"]),
+        "parameters": {name: _parameter(item) for name, item in saved.parameters.items()},
+    }
+    if content["levels"]:
+        found["levels"] = _levels(content["levels"])
+    if content["correlation"] is not None:
+        found["correlation"] = content["correlation"]
+    found["golden"] = {
+        "impacts": {name: column for name, column in golden["impacts"].items() if column is not None},
+        "rebound": {name: column for name, column in golden["rebound"].items() if column is not None},
+    }
+    return found
+
+
+def _levels(listed: list[dict[str, Any]]) -> dict[str, Any]:
+    """Values of the parameters that differ between surfaces, balls or tables: by parameter, then by label."""
+    found: dict[str, Any] = {}
+    for item in listed:
+        one = found.setdefault(item["parameter"], {"column": item["column"], "values": {}})
+        one["values"][item["label"]] = {name: item[name] for name in NUMBERS if item[name] is not None}
+    return found
+
+
+def role(name: str) -> str:
+    """Whether a parameter belongs to the bounce, to the noise of a measurement, or to a group of impacts."""
+    return "noise" if name in NOISE_SPECS else "model" if name in SPECS else "group"
+
+
+def _parameter(item: SavedParameter) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "role": role(item.name),
+        "unit": item.unit,
+        "meaning": item.meaning,
+        "fixed": item.verdict is Verdict.FIXED,
+        "verdict": str(item.verdict),
+        "prior": item.prior,
+    }
+    found |= {name: getattr(item, name) for name in NUMBERS if getattr(item, name) is not None}
+    scale = THESIS.get(item.name)
+    if scale is not None:
+        numbers = {name: found[name] * scale.factor for name in NUMBERS if name in found}
+        found["thesis"] = {"unit": scale.unit} | numbers
+    return found
+
+
+def json_text(saved: SavedFit) -> str:
+    """The set as JSON; NaN cannot occur."""
+    return json.dumps(parameter_content(saved), indent=1, allow_nan=False) + "\n"
+
+
+def toml_text(saved: SavedFit) -> str:
+    """The same as TOML."""
+    lines = ["# A fitted parameter set of fitball; SI units unless a unit stands beside a number."]
+    _section((), parameter_content(saved), lines)
+    return "\n".join(lines) + "\n"
+
+
+def _section(path: tuple[str, ...], content: Mapping[str, Any], lines: list[str]) -> None:
+    """A table of TOML: its own values first, then the tables in it. JSON's scalars, strings and arrays are TOML's."""
+    plain = {key: value for key, value in content.items() if not isinstance(value, Mapping)}
+    if path and (plain or not content):
+        lines += ["", f"[{'.'.join(map(_key, path))}]"]
+    lines += [f"{_key(key)} = {_value(value)}" for key, value in plain.items()]
+    for key, value in content.items():
+        if isinstance(value, Mapping):
+            _section((*path, key), value, lines)
+
+
+def _key(name: str) -> str:
+    bare = name.isascii() and name.replace("_", "").replace("-", "").isalnum()
+    return name if bare else json.dumps(name)
+
+
+def _value(value: object) -> str:
+    # The delete character alone is legal in JSON's strings and not in TOML's.
+    return json.dumps(value, allow_nan=False).replace("\x7f", "\\u007f")
+
+
+def parameter_table(saved: SavedFit) -> str:
+    """CSV: one row a parameter, in SI and, where the thesis has a unit of its own, in that."""
+    rows: list[dict[str, object]] = []
+    for item in saved.parameters.values():
+        scale = THESIS.get(item.name)
+        row: dict[str, object] = {"parameter": item.name, "role": role(item.name), "unit": item.unit}
+        row |= {name: getattr(item, name) for name in NUMBERS}
+        row |= {"verdict": str(item.verdict), "thesis_unit": None if scale is None else scale.unit}
+        for name in NUMBERS:
+            value = getattr(item, name)
+            row[f"thesis_{name}"] = None if scale is None or value is None else value * scale.factor
+        rows.append(row)
+    return csv_text(rows)

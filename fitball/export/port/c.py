@@ -1,0 +1,128 @@
+"""A calibrated bounce as a C99 header that needs nothing but the standard library."""
+
+from __future__ import annotations
+
+import math
+from textwrap import wrap
+
+from fitball.export.port.c_statements import c_function, signature
+from fitball.export.port.c_text import CALLS, FACE, HELPERS, SELF_TEST
+from fitball.export.port.c_types import STRIDE, Type, struct_definitions
+from fitball.export.port.kernel_source import Constant
+from fitball.export.port.port import SELF_TEST_TOLERANCE, SERIES_SIZE, Port, status_reasons
+from fitball.models.kernel_call import LINES
+from fitball.models.kernels.events import DEPTH, POLES
+from fitball.models.types import PHASE_SYMBOL
+
+WIDTH = 110
+
+
+def c_port(port: Port, prefix: str = "fitball_") -> str:
+    """The header's text; every name in it begins with `prefix`. Raises UnportableError."""
+    functions = port.source.functions
+    signatures = {item.name: signature(item) for item in functions}
+    structs = [kind for kinds, result in signatures.values() for kind in (*kinds, result) if isinstance(kind, tuple)]
+    kinds: list[tuple[Type, ...]] = [kind for kind in structs if isinstance(kind, tuple)]
+    complex_numbers = any("z" in _flat(kind) for pair in signatures.values() for kind in (*pair[0], pair[1]))
+    parts = [
+        _head(port, prefix, complex_numbers),
+        "\n".join(struct_definitions(kinds, prefix)),
+        "\n".join(_constant(name, value, prefix) for name, value in port.source.constants.items()),
+        HELPERS.replace("COMPLEX_HELPER", _COMPLEX if complex_numbers else ""),
+        *(c_function(item, signatures, port.source.constants, prefix) for item in functions),
+        _face(port),
+        SELF_TEST,
+        f"#endif /* {_guard(prefix)} */",
+    ]
+    text = "\n\n".join(part.strip("\n") for part in parts if part.strip()) + "\n"
+    text = text.replace("@@", prefix).replace("@UP@", prefix.upper()).replace("TOLERANCE_", repr(SELF_TEST_TOLERANCE))
+    return _golden(text, port)
+
+
+_COMPLEX = """
+static inline double complex @@complex(double re, double im)
+{
+    const double parts[2] = {re, im};
+    double complex z = 0.0;
+    memcpy(&z, parts, sizeof z);
+    return z;
+}
+"""
+
+
+def _flat(kind: Type) -> str:
+    return kind if isinstance(kind, str) else "".join(map(_flat, kind))
+
+
+def _guard(prefix: str) -> str:
+    return f"{prefix.upper()}PORT_H"
+
+
+def _head(port: Port, prefix: str, complex_numbers: bool) -> str:
+    titles = [line for title in port.titles for line in wrap(title, WIDTH)]
+    lines = [
+        *titles,
+        "",
+        "SI units: m/s, rad/s, s. v_x along the court in the direction of travel; v_y1 towards the court and v_y2",
+        "away from it, both positive; topspin positive.",
+        f"Check:  cc -std=c99 -x c -D{prefix.upper()}SELF_TEST THIS_FILE -lm -o check && ./check",
+        "Build without -ffast-math: the search for transitions relies on IEEE arithmetic.",
+    ]
+    comment = "\n".join(["/*", *(f" * {line}".rstrip() for line in lines), " */"])
+    includes = ["math", "stdbool", "stddef", "stdint", "string", *(["complex"] if complex_numbers else [])]
+    guard = _guard(prefix)
+    return "\n".join(
+        [comment, f"#ifndef {guard}", f"#define {guard}", "", *(f"#include <{name}.h>" for name in includes)]
+    )
+
+
+def _constant(name: str, value: Constant, prefix: str) -> str:
+    if isinstance(value, tuple):
+        kind = "t" + "d" * len(value) + "_"
+        return f"static const {prefix}{kind} {prefix.upper()}{name} = {{{', '.join(map(repr, value))}}};"
+    return f"#define {prefix.upper()}{name} ({value!r})"
+
+
+def _face(port: Port) -> str:
+    kind = port.call.entry.__name__
+    cor = "cor" if port.needs_cor else "NAN" if kind == "bounce" else f"COR_10 + COR_SLOPE * (v_y1 - {port.anchor!r})"
+    call = CALLS[kind].replace("THE_COR", cor).replace("ANCHOR", repr(port.anchor))
+    for name in LINES:
+        call = call.replace(name.upper(), repr(port.call.lines.get(name, 0.0)))
+    row = "\n".join(
+        f"        {value!r}, /* {name} */" for name, value in zip(port.call.columns, port.call.row, strict=True)
+    )
+    phases = ", ".join(f'"{PHASE_SYMBOL.get(k, "")}"' for k in range(len(PHASE_SYMBOL) + 1))  # type: ignore[call-overload]
+    reasons = "\n".join(f'    case {status}: return "{text}";' for status, text in status_reasons().items())
+    return (
+        FACE.replace("CALL_THE_KERNEL", call.strip("\n"))
+        .replace("PARAMETER_ROW", row)
+        .replace("SERIES_SIZE", str(SERIES_SIZE))
+        .replace("POLE_SIZE", str(POLES))
+        .replace("STACK_SIZE", str((DEPTH + 1) * STRIDE))
+        .replace("CODE_LIST", ", ".join(map(str, port.call.codes)))
+        .replace("PHASE_NAMES", phases)
+        .replace("REASON_CASES", reasons)
+        .replace("COR_PARAMETER", ", double cor" if port.needs_cor else "")
+    )
+
+
+def _golden(text: str, port: Port) -> str:
+    def number(value: float) -> str:
+        return "NAN" if math.isnan(value) else repr(value)
+
+    rows = "\n".join(
+        "        {{"
+        + ", ".join(map(number, row.incident))
+        + "}, {"
+        + ", ".join(map(number, row.rebound))
+        + f"}}, {row.regime}}},"
+        for row in port.golden
+    )
+    incident = "in[0], in[1], in[2]" + (", in[3]" if port.needs_cor else "")
+    return (
+        text.replace("GOLDEN_ROWS", rows)
+        .replace("GOLDEN_INCIDENT", incident)
+        .replace("BALL_RADIUS", repr(port.radius))
+        .replace("MODEL_NAME", port.model)
+    )

@@ -1,0 +1,111 @@
+"""The source of a kernel and of all it calls, as syntax trees: what ports are generated from.
+
+Ports are not written a second time: the kernels are plain scalar functions, and what is emitted elsewhere is their
+own source. `specialised` narrows it to floats without a record of phases; everything else stays as it is written.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import inspect
+import math
+import textwrap
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from fitball.export.port.specialise import specialised
+from fitball.models.kernels import dual
+
+# What kernels may call besides each other and `math`.
+BUILTINS = ("abs", "complex", "int", "max", "min", "range")
+# Functions of `dual` that are those of `math` for a float.
+_MATH = ("exp", "log", "sqrt", "sin", "cos", "sinh", "cosh")
+
+Constant = int | float | tuple[float, ...]
+
+
+class UnportableError(Exception):
+    """A kernel uses something that ports cannot express: a fault of this program, found while generating."""
+
+
+@dataclass(frozen=True)
+class KernelSource:
+    """Functions, each after those it calls, and the module constants they use."""
+
+    functions: tuple[ast.FunctionDef, ...]
+    constants: Mapping[str, Constant]
+
+
+def kernel_source(*entries: Callable[..., Any]) -> KernelSource:
+    """Collect `entries` and whatever they call. Raises UnportableError for all but numbers and `math`."""
+    found: dict[str, ast.FunctionDef] = {}
+    origin: dict[str, Any] = {}
+    constants: dict[str, Constant] = {}
+
+    def add(function: Any) -> None:
+        plain = getattr(function, "py_func", function)
+        if plain.__name__ in origin:
+            if origin[plain.__name__] is not plain:
+                raise UnportableError(f"two kernels are called {plain.__name__}")
+            return
+        origin[plain.__name__] = plain
+        tree = _tree(plain)
+        for name in sorted(free_names(tree)):
+            value = plain.__globals__.get(name, _MISSING)
+            if value is _MISSING and name in BUILTINS and hasattr(builtins, name):
+                continue
+            # A specialised kernel may call `math` where its module imports the same function from `dual`.
+            if name == "math" and value in (math, _MISSING):
+                continue
+            if isinstance(value, (int, float)) or _is_numbers(value):
+                if name in constants and repr(constants[name]) != repr(value):
+                    raise UnportableError(f"{plain.__name__}: two kernels disagree about the constant {name}")
+                constants[name] = value
+            elif callable(value):
+                add(value)
+            else:
+                raise UnportableError(f"{plain.__name__} uses {name}, which is no number and no kernel")
+        found[plain.__name__] = tree
+
+    for entry in entries:
+        add(entry)
+    return KernelSource(tuple(found.values()), dict(sorted(constants.items())))
+
+
+_MISSING = object()
+
+
+def _is_numbers(value: object) -> bool:
+    return isinstance(value, tuple) and all(isinstance(item, float) for item in value)
+
+
+def _tree(function: Callable[..., Any]) -> ast.FunctionDef:
+    """The specialised syntax tree of one kernel."""
+    module = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    node = module.body[0]
+    if not isinstance(node, ast.FunctionDef):
+        raise UnportableError(f"{function.__name__} is no plain function")
+    known = vars(inspect.getmodule(function))
+    aliases = {name for name in _MATH if known.get(name) is getattr(dual, name)}
+    return specialised(node, aliases)
+
+
+def local_names(function: ast.FunctionDef) -> set[str]:
+    """Parameters and names assigned in a function."""
+    stored = {
+        node.id for node in ast.walk(function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+    }
+    return stored | {item.arg for item in function.args.args}
+
+
+def free_names(function: ast.FunctionDef) -> set[str]:
+    """Names a function's body takes from outside (annotations left aside)."""
+    loaded = {
+        node.id
+        for statement in function.body
+        for node in ast.walk(statement)
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)
+    }
+    return loaded - local_names(function)

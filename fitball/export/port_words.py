@@ -1,0 +1,72 @@
+"""A check of a port against the golden impacts, in words and as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from fitball.export.golden_table import UNITS
+from fitball.inference.prediction.port_check import PortCheck
+
+_UNITS = {**UNITS, "v_2": "m/s", "theta_2": "rad"}
+EXPLANATION = (
+    "Relative: speeds to the incident speed of the ball's centre and surface together, spins times the radius\n"
+    "likewise, contact times to themselves; angles in radians. Double precision gives 1e-12 or better."
+)
+
+
+def port_text(check: PortCheck, ids: Sequence[str], model: str) -> str:
+    """The check for a terminal."""
+    lines = [f"Port of {model} on {len(ids)} golden impacts", ""]
+    head = f"{'output':<14}{'largest difference':<28}{'relative':<12}{'at':<12}"
+    lines += [head.rstrip()]
+    for item in check.outputs:
+        size = f"{item.absolute:.3g} {_UNITS[item.name]}"
+        lines.append(
+            f"{item.name:<14}{size:<28}{item.relative:<12.2g}{ids[item.worst]:<12}{_verdict(check, item.relative)}"
+        )
+    lines += ["", f"{'impact':<12}{'relative':<12}{'':<6}regime"]
+    for k, label in enumerate(ids):
+        verdict = "FAIL" if check.failed[k] else "ok"
+        other = "  (the port says another)" if k in check.regimes_wrong else ""
+        lines.append(f"{label:<12}{check.relative[k]:<12.2g}{verdict:<6}{check.regimes[k]}{other}")
+    failed = int(check.failed.sum())
+    result = "passed" if check.passed else f"FAILED: {failed} of {len(ids)} impacts"
+    lines += ["", EXPLANATION, "", f"{result} (tolerance {check.tolerance:g} relative)"]
+    if check.causes:
+        lines += ["Likely cause:", *(f"  - {cause}" for cause in check.causes)]
+    return "\n".join(lines)
+
+
+def _verdict(check: PortCheck, relative: float) -> str:
+    return "ok" if relative <= check.tolerance else "FAIL"
+
+
+def port_json(check: PortCheck, ids: Sequence[str], model: str) -> dict[str, Any]:
+    """The check for machines: SI units, angles in radians."""
+    return {
+        "kind": "fitball verify",
+        "model": model,
+        "passed": check.passed,
+        "tolerance": check.tolerance,
+        "outputs": {
+            item.name: {
+                "unit": _UNITS[item.name],
+                "absolute": item.absolute,
+                "relative": item.relative,
+                "impact": ids[item.worst],
+            }
+            for item in check.outputs
+        },
+        "impacts": [
+            {
+                "id": label,
+                "relative": float(check.relative[k]),
+                "regime": check.regimes[k],
+                "regime_agrees": k not in check.regimes_wrong,
+                "passed": not bool(check.failed[k]),
+            }
+            for k, label in enumerate(ids)
+        ],
+        "causes": list(check.causes),
+    }

@@ -1,0 +1,1 @@
+"""Which model: candidates, LOO, cross-validation, criteria, weights."""

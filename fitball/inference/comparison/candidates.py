@@ -1,0 +1,149 @@
+"""Which models stand side by side in a comparison: names, what makes sense on a table, and the columns they share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from fitball.data.scene import Scene
+from fitball.data.table import ImpactTable
+from fitball.errors import FitError, ModelError
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.problem.problem import Problem
+from fitball.models.registry import THESIS
+
+CORE = ("brody", "grip-slip", "thesis-exact", "two-mass")
+# One closure of the default model changed at a time. `normal = inner` is left to those who name it, because it
+# breaks the momentum balance of the ball; `cor = measured`, because it is told a column that the others predict.
+VARIANTS = (
+    "two-mass+release=zero_displacement",
+    "two-mass+normal=total",
+    "two-mass+offset=grip",
+    "two-mass+spin=shell",
+    "two-mass+inertia=table",
+    "two-mass+torsion=free",
+    "two-mass+torsion=rigid",
+    "two-mass+cor=mean",
+)
+# Rebounds that a model with another column's measured value as input does not predict.
+VERTICAL = ("v_y2", "v_2")
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A model of the comparison, under the `name` it was asked for, with its `problem`."""
+
+    name: str
+    problem: Problem
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """Measured columns that this model takes as input."""
+        return ("v_y2",) if self.problem.model.needs_cor else ()
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """Models to compare on one table; `columns` are the measured ones that all of them predict, `notes` say what
+    was left out and why.
+    """
+
+    rungs: tuple[Rung, ...]
+    columns: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def parse_name(text: str) -> tuple[str, dict[str, str]]:
+    """Model and closures of `two-mass+torsion=free+cor=mean`. Raises ModelError for a malformed part."""
+    name, *parts = (part.strip() for part in text.split("+"))
+    closures: dict[str, str] = {}
+    for part in parts:
+        closure, equals, option = part.partition("=")
+        if not (closure and equals and option):
+            raise ModelError(f"model '{text}': read '{part}', expected CLOSURE=OPTION, as in two-mass+torsion=free")
+        if closure in closures:
+            raise ModelError(f"model '{text}': closure {closure} is given twice")
+        closures[closure] = option
+    return name, closures
+
+
+def default_names(table: ImpactTable, quick: bool = False) -> tuple[tuple[str, ...], list[str]]:
+    """Models that can differ on this table, and a sentence for those left out."""
+    if not table.has_tangential:
+        return ("two-mass", "two-mass+cor=mean"), [
+            "without motion along the court every model says COR(v_y1) v_y1: brody, grip-slip, thesis-exact and the "
+            "other closures are left out"
+        ]
+    if not table.has_spin:
+        return ("brody", "grip-slip", "two-mass+cor=mean"), [
+            "without spin the two-mass ball is rigid and equals brody: two-mass, thesis-exact and all closures but "
+            "cor are left out"
+        ]
+    if quick:
+        return CORE, ["quick: the closures of two-mass are left out"]
+    return (*CORE, *VARIANTS), []
+
+
+def build_ladder(table: ImpactTable, scene: Scene, names: Sequence[str]) -> Ladder:
+    """Problems for the models called `names`; one that equals an earlier one on this table is left out.
+
+    Raises ModelError and FitError as `build_problem` does, for the model `thesis`, for fewer than two models, and
+    when no column is predicted by all of them.
+    """
+    rungs: list[Rung] = []
+    notes: list[str] = []
+    for text in names:
+        name, closures = parse_name(text)
+        if name == THESIS:
+            raise ModelError(
+                "model thesis repeats a printed computation with its slips and is not ranked; its published "
+                "parameter sets are scored by themselves on Wang's tables, and thesis-exact solves its equations"
+            )
+        if text in (rung.name for rung in rungs):
+            raise ModelError(f"model {text} is named twice")
+        problem = build_problem(table, scene, Choices(model=name, closures=closures))
+        twin = next((rung for rung in rungs if _same(rung.problem, problem)), None)
+        if twin is None:
+            rungs.append(Rung(text, problem))
+        else:
+            notes.append(f"{text} is {twin.name} on this table and is not fitted again")
+    if len(rungs) < 2:
+        raise FitError(
+            f"a comparison needs at least two different models; there is {len(rungs)}: name more (--models)"
+        )
+    columns, said = _common_columns(rungs)
+    if not columns:
+        raise FitError(
+            f"{table.source}: no measured column is predicted by all of {', '.join(rung.name for rung in rungs)}: "
+            "compare fewer models"
+        )
+    return Ladder(tuple(rungs), columns, tuple(notes + said))
+
+
+def _same(one: Problem, other: Problem) -> bool:
+    """Whether two problems are one: the model, its closures and its free parameters agree."""
+    return (one.model.name, dict(one.model.options), one.free_names) == (
+        other.model.name,
+        dict(other.model.options),
+        other.free_names,
+    )
+
+
+def _common_columns(rungs: Sequence[Rung]) -> tuple[tuple[str, ...], list[str]]:
+    predicted: Mapping[str, tuple[str, ...]] = {
+        rung.name: tuple(channel.name for channel in rung.problem.channels) for rung in rungs
+    }
+    everything = tuple(dict.fromkeys(name for names in predicted.values() for name in names))
+    common = tuple(name for name in everything if all(name in names for names in predicted.values()))
+    notes = []
+    for name in everything:
+        without = [model for model, names in predicted.items() if name not in names]
+        if without:
+            verb = "does" if len(without) == 1 else "do"
+            notes.append(
+                f"{name} enters no score of the comparison, because {', '.join(without)} {verb} not predict it; "
+                "models that do are fitted to it all the same"
+            )
+    told = [rung for rung in rungs if rung.told]
+    notes += [f"{rung.name} is told each measured {', '.join(rung.told)}, also of left-out impacts" for rung in told]
+    return common, notes

@@ -1,0 +1,126 @@
+"""The ladder of models on one table, each fitted and scored by what it says of impacts it has not seen."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from fitball.data.table import ImpactTable
+from fitball.errors import FitError
+from fitball.inference.calibrate import Effort
+from fitball.inference.comparison.candidates import Ladder
+from fitball.inference.comparison.cross_validation import make_folds
+from fitball.inference.comparison.model_weights import pseudo_bma_weights, stacking_weights
+from fitball.inference.comparison.nesting import alarm_words, overtaken, settled_words
+from fitball.inference.comparison.results import FEW, Comparison, FixedPrediction, ModelScore
+from fitball.inference.comparison.scoring import Task, scored
+from fitball.inference.results.results import RunStatus
+from fitball.inference.sampling.ensembles import SamplingInterrupted
+
+# Fewer impacts than this leave nothing to compare: one left out of two is a fit to a single bounce.
+LEAST_IMPACTS = 3
+# Effective sample size of every chain of a comparison: the log density of one impact is then known to a few
+# hundredths, far below the differences that matter.
+ESS = 400.0
+# Steps after which a chain is given up, and said to be unsettled.
+MAX_STEPS = 8000
+
+
+def compare(
+    table: ImpactTable,
+    ladder: Ladder,
+    effort: Effort,
+    quick: bool = False,
+    published: Sequence[FixedPrediction] = (),
+    report: Callable[[str], None] = lambda _stage: None,
+) -> Comparison:
+    """Fit and score every model of the ladder.
+
+    `quick` leaves out the exact refits of impacts with a high Pareto k. The models are shared among `effort.cores`
+    processes; the scores do not depend on their number. Interrupted with at least two models done, it returns those
+    with status INTERRUPTED; with fewer it raises KeyboardInterrupt. Raises FitError for a table of fewer than three
+    impacts and as fits do.
+    """
+    begun = time.perf_counter()
+    if len(table) < LEAST_IMPACTS:
+        count = "1 impact" if len(table) == 1 else f"{len(table)} impacts"
+        raise FitError(
+            f"{table.source}: {count}: models are compared by leaving impacts out, which needs at least "
+            f"{LEAST_IMPACTS} of them, and {FEW} to mean anything"
+        )
+    fold_seed, weight_seed, *model_seeds = np.random.SeedSequence(effort.seed).spawn(2 + len(ladder.rungs))
+    folds, notes = make_folds(table, np.random.default_rng(fold_seed))
+    tasks = [
+        Task(rung, ladder.columns, folds, effort, seed, quick)
+        for rung, seed in zip(ladder.rungs, model_seeds, strict=True)
+    ]
+    scores: list[ModelScore] = []
+    interrupted, alarms = False, list[str]()
+    try:
+        for score in scored(tasks, effort.cores, report):
+            scores.append(score)  # noqa: PERF402 - what is done must stay when the rest is interrupted
+        scores, said, alarms = _searched_again(tasks, scores, effort.cores, report)
+        notes = [*alarms, *said, *notes]
+    except (KeyboardInterrupt, SamplingInterrupted):
+        if len(scores) < 2:
+            raise KeyboardInterrupt from None
+        interrupted = True
+        done = {item.name for item in scores}
+        missing = ", ".join(rung.name for rung in ladder.rungs if rung.name not in done)
+        notes.append(f"interrupted: {missing} not compared" if missing else "interrupted while searching again")
+    order = [rung.name for rung in ladder.rungs]
+    scores.sort(key=lambda item: (-item.loo.total, order.index(item.name)))
+    elpd = np.stack([item.loo.elpd for item in scores], axis=1)
+    names = [item.name for item in scores]
+    shares = (stacking_weights(elpd), pseudo_bma_weights(elpd, np.random.default_rng(weight_seed)))
+    stacking, pseudo_bma = (dict(zip(names, map(float, found), strict=True)) for found in shares)
+    if len(table) < FEW:
+        notes.insert(0, f"with {len(table)} impacts leave-one-out scores mean nothing: no model is recommended")
+    return Comparison(
+        table=table,
+        columns=ladder.columns,
+        models=tuple(scores),
+        published=tuple(published),
+        stacking=stacking,
+        pseudo_bma=pseudo_bma,
+        status=RunStatus.INTERRUPTED if interrupted else _status(scores, alarms),
+        notes=(*ladder.notes, *notes),
+        seed=effort.seed,
+        quick=quick,
+        seconds=time.perf_counter() - begun,
+    )
+
+
+def _status(scores: Sequence[ModelScore], alarms: Sequence[str]) -> RunStatus:
+    """Converged when every fit and its refits are, and no model loses to what it contains."""
+    settled = all(item.fit.status is RunStatus.CONVERGED and not item.loo.unsettled for item in scores)
+    return RunStatus.CONVERGED if settled and not alarms else RunStatus.NOT_CONVERGED
+
+
+def _searched_again(
+    tasks: Sequence[Task], scores: Sequence[ModelScore], cores: int, report: Callable[[str], None]
+) -> tuple[list[ModelScore], list[str], list[str]]:
+    """Scores in which no model fits worse than one it contains, with what was done about it, and about which models
+    nothing could be done.
+    """
+    behind = {item.name: found for item in scores if (found := overtaken(item, scores))}
+    again = [
+        task.again(start for starts in behind[task.rung.name].values() for start in starts)
+        for task in tasks
+        if task.rung.name in behind
+    ]
+    if not again:
+        return list(scores), [], []
+    report(f"{', '.join(behind)} searched again")
+    better = {item.name: item for item in scored(again, cores, report)}
+    mended = [better.get(item.name, item) for item in scores]
+    said, alarms = [], []
+    for name, item in better.items():
+        still = overtaken(item, mended)
+        if still:
+            alarms.append(alarm_words(name, tuple(still)))
+        else:
+            said.append(settled_words(item, tuple(behind[name])))
+    return mended, sorted(said), sorted(alarms)

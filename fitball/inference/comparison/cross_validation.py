@@ -1,0 +1,125 @@
+"""Refits without some impacts, and how far their predictions of those impacts are off."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.data.table import ImpactTable
+from fitball.errors import FitError
+from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.starts import starting_points
+from fitball.inference.prediction.outputs import measured_outputs, output_errors, predicted_outputs
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.subsample import withheld
+from fitball.inference.results.results import PointFit
+from fitball.values import FloatArray
+
+# Rows up to which each impact is left out by itself; on larger tables the folds hold several.
+SINGLY = 40
+FOLDS = 20
+# Fresh starts beside the optima of the full fit where a tenth of the impacts or more is left out at once and another
+# optimum may become the best.
+FRESH_STARTS = 5
+LARGE_SHARE = 0.1
+# Optima of the full fit that a refit starts from; more of them are as a rule one optimum, seen twice.
+FOLLOWED = 6
+IMPACTS = "each impact"
+GROUPS = "each group"
+
+
+@dataclass(frozen=True)
+class Fold:
+    """Impacts `rows` that are left out together; `scheme` names the family of folds, `label` this one."""
+
+    scheme: str
+    label: str
+    rows: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Missed:
+    """Errors of the left-out impacts of one scheme, output -> (impacts left out,) in SI, and their `rows`."""
+
+    scheme: str
+    labels: tuple[str, ...]
+    rows: NDArray[np.int64]
+    errors: Mapping[str, FloatArray]
+
+
+def make_folds(table: ImpactTable, rng: np.random.Generator) -> tuple[tuple[Fold, ...], list[str]]:
+    """Folds by impact, by group, and the two ends of incidence, with a sentence for each that cannot be made.
+
+    Incidence is the angle; for a drop test, the speed.
+    """
+    count = len(table)
+    notes = []
+    if count <= SINGLY:
+        folds = [Fold(IMPACTS, table.ids[k], np.array([k])) for k in range(count)]
+    else:
+        parts = np.array_split(rng.permutation(count), FOLDS)
+        folds = [Fold(IMPACTS, f"fold {k + 1}", np.sort(part)) for k, part in enumerate(parts)]
+        notes.append(f"{count} impacts: errors of left-out impacts come from {FOLDS} random folds, not one by one")
+    labels = table.labels.get("group", ())
+    groups = sorted(set(labels))
+    if len(groups) >= 2:
+        folds += [Fold(GROUPS, group, np.flatnonzero(np.array(labels) == group)) for group in groups]
+    else:
+        notes.append("the table names fewer than two groups: no group is left out")
+    if count < 6:
+        notes.append(f"{count} impacts have no thirds worth leaving out")
+        return tuple(folds), notes
+    given = table.impacts
+    angle = table.has_tangential
+    order = np.argsort(np.arctan2(given.v_y1, np.abs(given.v_x1)) if angle else given.v_y1, kind="stable")
+    third = count // 3
+    low, high = ("shallowest third", "steepest third") if angle else ("slowest third", "fastest third")
+    folds += [Fold(low, low, np.sort(order[:third])), Fold(high, high, np.sort(order[-third:]))]
+    return tuple(folds), notes
+
+
+def refit(
+    problem: Problem, optima: Sequence[Mapping[str, float]], rng: np.random.Generator | None = None
+) -> PointFit:
+    """The maximum of the posterior from known optima, with `rng` also from fresh starts. Raises FitError."""
+    starts = np.array([[optimum[name] for name in problem.free_names] for optimum in optima[:FOLLOWED]])
+    if rng is not None:
+        starts = np.concatenate([starts, starting_points(problem, rng, FRESH_STARTS)])
+    return maximum_posterior(
+        problem, starts, {name: value for name, value in optima[0].items() if name in NOISE_SPECS}
+    )
+
+
+def leave_out(
+    problem: Problem, point: PointFit, folds: Sequence[Fold], told: Sequence[str], rng: np.random.Generator
+) -> tuple[tuple[Missed, ...], list[str]]:
+    """Errors of the refits' predictions, one `Missed` a scheme, and a sentence for each fold without a fit."""
+    measured = measured_outputs(problem.table)
+    found: dict[str, list[tuple[Fold, dict[str, FloatArray]]]] = {}
+    notes = []
+    for fold in folds:
+        try:
+            held = withheld(problem, fold.rows)
+            large = fold.rows.size >= LARGE_SHARE * len(problem.impacts)
+            best = refit(held, point.optima, rng if large else None)
+        except FitError as error:
+            notes.append(f"without {fold.label}: {error}")
+            continue
+        errors = output_errors(measured, predicted_outputs(best.rebound, told))
+        mine = {name: column[fold.rows] for name, column in errors.items()}
+        found.setdefault(fold.scheme, []).append((fold, mine))
+    return tuple(_joined(scheme, parts) for scheme, parts in found.items()), notes
+
+
+def _joined(scheme: str, parts: Sequence[tuple[Fold, Mapping[str, FloatArray]]]) -> Missed:
+    names = parts[0][1]
+    return Missed(
+        scheme,
+        tuple(fold.label for fold, _ in parts),
+        np.concatenate([fold.rows for fold, _ in parts]),
+        {name: np.concatenate([errors[name] for _, errors in parts]) for name in names},
+    )

@@ -1,0 +1,104 @@
+"""Which model contains which: one that does can fit no table worse, and if it seems to, its search has failed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from fitball.inference.comparison.results import ModelScore
+from fitball.inference.problem.problem import Problem
+from fitball.models.kernels.bounce import tied_inertia_split
+
+# Log density that a search may leave unfound and be settled all the same.
+SETTLED = 0.05
+Values = Mapping[str, float]
+# Closure: the option that contains, the one contained, and the values that make the first into the second.
+CLOSURES: Mapping[str, tuple[str, str, Callable[[Values], Values]]] = {
+    "cor": ("line", "mean", lambda _values: {"cor_slope": 0.0}),
+    "inertia": ("table", "tied", lambda values: {"inertia_split": float(tied_inertia_split(values["mass_ratio"]))}),
+}
+
+
+def as_container(container: Problem, contained: Problem, values: Values) -> Values | None:
+    """The `values` (all parameters by name) of the contained problem as values of the container, which then predicts
+    the same; None where the one does not contain the other.
+    """
+    added = _added(container, contained, values)
+    if added is None:
+        return None
+    found = {**values, **added}
+    free = {item.name: item for item in container.parameters}
+    if not found.keys() >= free.keys():
+        return None
+    for name, item in free.items():
+        if item.fixed is not None and not math.isclose(item.fixed, found[name], rel_tol=1e-9):
+            return None
+        low, high = item.prior.support
+        place = float(item.prior.coordinate(np.array(max(found[name], 0.0) if item.prior.log else found[name])))
+        if item.free and not low <= place <= high:
+            return None
+    return {name: found[name] for name in free}
+
+
+def _added(container: Problem, contained: Problem, values: Values) -> Values | None:
+    wide, narrow = container.model, contained.model
+    if (wide.name, narrow.name) == ("grip-slip", "brody"):
+        return {"e_x": 0.0, "offset": 0.0}
+    if wide.options.keys() != narrow.options.keys() or not wide.options:
+        return None
+    added: dict[str, float] = {}
+    for closure, option in wide.options.items():
+        if option == narrow.options[closure]:
+            continue
+        known = CLOSURES.get(closure)
+        if known is None or (option, narrow.options[closure]) != known[:2]:
+            return None
+        if closure == "inertia" and "mass_ratio" not in values:
+            return None
+        added |= known[2](values)
+    return added
+
+
+def settled_words(score: ModelScore, others: Sequence[str]) -> str:
+    """That a model was searched again from what those it contains had found."""
+    return (
+        f"{score.name} contains {' and '.join(others)} and had fitted worse, which no maximum can: it was searched "
+        f"again from theirs, and its log posterior is {score.fit.point.log_posterior:.2f} now"
+    )
+
+
+def alarm_words(name: str, others: Sequence[str]) -> str:
+    """That a model fits worse than what it contains even so."""
+    return (
+        f"ALARM: {name} contains {' and '.join(others)} and fits worse even so: its maximum was not found, and "
+        "nothing said of it here holds"
+    )
+
+
+def overtaken(score: ModelScore, others: Sequence[ModelScore]) -> dict[str, list[Values]]:
+    """Models of `others` that `score`'s model contains and that fit better all the same, with the values from which
+    its search has to begin anew.
+
+    Either its maximum of the posterior lies below its own density at what they found, or its likelihood without
+    priors has a lower maximum than theirs.
+    """
+    problem = score.fit.problem
+    found = {}
+    for other in others:
+        fits = (other.fit.point.values, other.fit.least_squares.values)
+        starts = [start for item in fits if (start := as_container(problem, other.fit.problem, item)) is not None]
+        if other is not score and starts and _loses(score, other, starts):
+            found[other.name] = starts
+    return found
+
+
+def _loses(score: ModelScore, other: ModelScore, starts: Sequence[Values]) -> bool:
+    problem = score.fit.problem
+    rows = np.array([[start[name] for name in problem.free_names] for start in starts])
+    density = problem.log_posterior(problem.to_coordinates(rows))
+    if np.any(density > score.fit.point.log_posterior + SETTLED):
+        return True
+    mine, theirs = score.criteria, other.criteria
+    return mine is not None and theirs is not None and mine.log_likelihood < theirs.log_likelihood - SETTLED

@@ -1,0 +1,154 @@
+"""What a comparison found: frozen values and the differences between any two models; no fitting."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fitball.data.table import ImpactTable
+from fitball.inference.comparison.cross_validation import IMPACTS, Missed
+from fitball.inference.comparison.information_criteria import Criteria
+from fitball.inference.comparison.psis_loo import LeaveOneOut
+from fitball.inference.prediction.outputs import root_mean_square
+from fitball.inference.results.results import Fit, RunStatus, Verdict
+from fitball.values import FloatArray
+
+# Below this many impacts a leave-one-out score says nothing: the standard error of five differences is not one.
+FEW = 6
+# Differences of elpd within two standard errors, or below 4, tell two models apart only by luck (Sivula, Magnusson,
+# Matamoros and Vehtari 2020, who also find the standard error too small on few observations).
+SURE_ERRORS = 2.0
+SURE_SIZE = 4.0
+RESAMPLES = 4000
+
+
+@dataclass(frozen=True)
+class FixedPrediction:
+    """A published parameter set: nothing is fitted. `errors` output -> (impacts,) in SI; `told` measured columns it
+    takes as input.
+    """
+
+    name: str
+    source: str
+    errors: Mapping[str, FloatArray]
+    told: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ModelScore:
+    """One model on one table: its fit, its leave-one-out densities, its errors on left-out impacts."""
+
+    name: str
+    fit: Fit
+    told: tuple[str, ...]
+    loo: LeaveOneOut
+    missed: tuple[Missed, ...]
+    criteria: Criteria | None
+    notes: tuple[str, ...]
+    seconds: float
+
+    @property
+    def free(self) -> int:
+        """Number of free parameters, noise included."""
+        return self.fit.problem.dimension
+
+    def out_of_sample(self, scheme: str = IMPACTS) -> dict[str, float]:
+        """Root mean square error of each output over the impacts a scheme left out; empty where it left none."""
+        for item in self.missed:
+            if item.scheme == scheme:
+                return {name: root_mean_square(column) for name, column in item.errors.items()}
+        return {}
+
+    @property
+    def in_sample(self) -> dict[str, float]:
+        """Root mean square residual of each measured column at the maximum of the posterior."""
+        return dict(self.fit.point.rms)
+
+    @property
+    def unidentified(self) -> dict[str, Verdict]:
+        """Parameters the table leaves as they were known, or bounds from one side only."""
+        open_ones = (Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED)
+        return {item.name: item.verdict for item in self.fit.estimates if item.verdict in open_ones}
+
+
+@dataclass(frozen=True)
+class ElpdDifference:
+    """Difference of two totals of log predictive density with its standard error over impacts."""
+
+    value: float
+    se: float
+
+    @property
+    def sure(self) -> bool:
+        """Whether the difference is more than luck."""
+        return abs(self.value) > max(SURE_ERRORS * self.se, SURE_SIZE)
+
+
+@dataclass(frozen=True)
+class RmsDifference:
+    """Difference of two root mean square errors of one output [SI], with the central 90 % of a paired bootstrap."""
+
+    value: float
+    q05: float
+    q95: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All models on one table, best first by elpd. `columns` are the measured columns that are scored; `stacking`
+    and `pseudo_bma` weights by model; `status` of the run as a whole.
+    """
+
+    table: ImpactTable
+    columns: tuple[str, ...]
+    models: tuple[ModelScore, ...]
+    published: tuple[FixedPrediction, ...]
+    stacking: Mapping[str, float]
+    pseudo_bma: Mapping[str, float]
+    status: RunStatus
+    notes: tuple[str, ...]
+    seed: int
+    quick: bool
+    seconds: float
+
+    @cached_property
+    def by_name(self) -> Mapping[str, ModelScore]:
+        """Scores by model name."""
+        return {item.name: item for item in self.models}
+
+    @property
+    def meaningful(self) -> bool:
+        """Whether the table has enough impacts for a leave-one-out score to mean something."""
+        return len(self.table) >= FEW
+
+    def elpd_difference(self, one: str, other: str) -> ElpdDifference:
+        """Score of `one` minus that of `other`; standard error sqrt(n) times the sd of the impacts' differences."""
+        gaps = self.by_name[one].loo.elpd - self.by_name[other].loo.elpd
+        return ElpdDifference(float(gaps.sum()), float(np.sqrt(gaps.size) * np.std(gaps, ddof=1)))
+
+    def rms_difference(self, one: str, other: str, output: str) -> RmsDifference | None:
+        """Leave-one-out root mean square error of `one` minus that of `other`; None where either has none."""
+        first, second = (self._errors(name, output) for name in (one, other))
+        if first is None or second is None:
+            return None
+        drawn = np.random.default_rng(self.seed).integers(0, first.size, (RESAMPLES, first.size))
+        resampled = np.sqrt(np.mean(first[drawn] ** 2, axis=1)) - np.sqrt(np.mean(second[drawn] ** 2, axis=1))
+        low, high = np.quantile(resampled, (0.05, 0.95))
+        return RmsDifference(root_mean_square(first) - root_mean_square(second), float(low), float(high))
+
+    def _errors(self, name: str, output: str) -> FloatArray | None:
+        """Leave-one-out errors in the table's order; None where there are none or some fold failed."""
+        for item in self.by_name[name].missed:
+            if item.scheme == IMPACTS and output in item.errors and item.rows.size == len(self.table):
+                return item.errors[output][np.argsort(item.rows)]
+        return None
+
+    @property
+    def simplest(self) -> ModelScore:
+        """Of the models that the best one does not surely beat, that with the fewest free parameters."""
+        best = self.models[0].name
+        close = [item for item in self.models if not self.elpd_difference(best, item.name).sure]
+        return min(close, key=lambda item: item.free)

@@ -1,0 +1,120 @@
+"""One model of a comparison, fitted and scored; and several of them at once, each in a process of its own."""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitball.errors import FitError
+from fitball.inference.calibrate import Effort, run
+from fitball.inference.comparison.candidates import Rung
+from fitball.inference.comparison.cross_validation import FOLLOWED, Fold, leave_out
+from fitball.inference.comparison.information_criteria import criteria
+from fitball.inference.comparison.psis_loo import leave_one_out
+from fitball.inference.comparison.results import ModelScore
+from fitball.inference.comparison.workers import die_on_interrupt, interrupts_held
+
+# Ensembles of an exact refit: enough to see that they agree.
+REFIT_ENSEMBLES = 2
+
+
+@dataclass(frozen=True)
+class Task:
+    """All it takes to score one model; `columns` are the measured ones scored, `seed` the root of its generators,
+    `beside` further places (all parameters by name) from which its searches begin.
+    """
+
+    rung: Rung
+    columns: tuple[str, ...]
+    folds: tuple[Fold, ...]
+    effort: Effort
+    seed: np.random.SeedSequence
+    quick: bool
+    beside: tuple[Mapping[str, float], ...] = ()
+
+    def again(self, beside: Iterable[Mapping[str, float]]) -> Task:
+        """The same task with further places, its generators as they were before."""
+        seed = np.random.SeedSequence(self.seed.entropy, spawn_key=self.seed.spawn_key)
+        return replace(self, seed=seed, beside=tuple(beside))
+
+
+def scored(tasks: Sequence[Task], cores: int, report: Callable[[str], None]) -> Iterator[ModelScore]:
+    """Scores of all tasks as they are done, in order on one core.
+
+    Raises what `score_model` raises, KeyboardInterrupt on Ctrl-C, and FitError when a process dies.
+    """
+    count = len(tasks)
+    if cores == 1:
+        for k, task in enumerate(tasks):
+            yield score_model(task, _naming(report, f"{task.rung.name} ({k + 1} of {count})"))
+        return
+    workers = min(cores, count)
+    report(f"{count} models in {workers} processes")
+    # A fresh interpreter each: a forked one would inherit threads in unknown states.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=die_on_interrupt) as pool:
+        try:
+            shares = [replace(task, effort=replace(task.effort, cores=1)) for task in tasks]
+            with interrupts_held():
+                futures = [pool.submit(score_model, share) for share in shares]
+            for k, future in enumerate(as_completed(futures)):
+                score = future.result()
+                report(f"{score.name}: done ({k + 1} of {count})")
+                yield score
+        except BrokenProcessPool:
+            raise FitError(
+                "a process of the comparison ended before its model was done, perhaps for want of memory: "
+                "use fewer --cores"
+            ) from None
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _naming(report: Callable[[str], None], name: str) -> Callable[[str], None]:
+    return lambda stage: report(f"{name}: {stage}")
+
+
+def score_model(task: Task, report: Callable[[str], None] = lambda _stage: None) -> ModelScore:
+    """Posterior, leave-one-out densities and left-out errors of a model. Raises FitError, SamplingInterrupted."""
+    begun = time.perf_counter()
+    rung, effort, columns = task.rung, task.effort, task.columns
+    problem = rung.problem
+    fit = run(problem, effort, report=lambda stage, _progress: report(stage), beside=task.beside)
+    assert fit.posterior is not None
+    report("leave-one-out scores")
+    # The refits' ensembles must not repeat those of the full fit.
+    fold_seed, refit_seed = task.seed.spawn(2)
+    refits = replace(effort, seed=int(refit_seed.generate_state(1)[0]), ensembles=REFIT_ENSEMBLES)
+    settings = refits.settings(problem)
+    loo = leave_one_out(problem, fit, fit.posterior, columns, settings, exact=not task.quick)
+    report("refits without some impacts")
+    missed, notes = leave_out(problem, fit.point, task.folds, rung.told, np.random.default_rng(fold_seed))
+    notes += fit.notes[len(problem.notes) :]
+    every = {channel.name for channel in problem.channels} == set(columns)
+    starts = (*fit.point.optima[:FOLLOWED], fit.least_squares.values, *task.beside)
+    found = criteria(problem, starts) if every else None
+    if not every:
+        extra = ", ".join(channel.name for channel in problem.channels if channel.name not in columns)
+        notes.append(f"fitted to {extra} too, so that AICc and BIC would not compare: left out")
+    left = sum(channel.observed.size for channel in problem.channels) - len(problem.channels)
+    if left <= problem.dimension:
+        notes.append(
+            f"without one impact {left} measurements are left for {problem.dimension} free parameters: its priors "
+            "decide its scores"
+        )
+    return ModelScore(
+        name=rung.name,
+        fit=fit,
+        told=rung.told,
+        loo=loo,
+        missed=missed,
+        criteria=found,
+        notes=tuple(notes),
+        seconds=time.perf_counter() - begun,
+    )

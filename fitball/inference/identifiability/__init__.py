@@ -1,0 +1,1 @@
+"""What the data can tell: profiles, Fisher information, contraction, power-scaling, verdict."""

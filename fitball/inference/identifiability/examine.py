@@ -1,0 +1,116 @@
+"""All looks at all parameters, and the verdicts they add up to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fitball.inference.identifiability.active_impacts import action_looks
+from fitball.inference.identifiability.eigendirections import spectrum
+from fitball.inference.identifiability.fisher import information_looks
+from fitball.inference.identifiability.posterior_verdict import Judgement, judge
+from fitball.inference.identifiability.power_scaling import power_looks
+from fitball.inference.identifiability.profile import coverage, profiles
+from fitball.inference.identifiability.verdict import combine, touched_by_scene
+from fitball.inference.prediction.posterior_predictive import thinned
+from fitball.inference.problem.force_noise import noise_held
+from fitball.inference.problem.parameters import TAILS
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.evidence import LEFT_OUT, OTHER_NOISE, ContractionLook, Examination, Looks, Profiles
+from fitball.inference.results.results import PointFit, Posterior, Verdict
+from fitball.values import FloatArray
+
+# Rows up to which profiles are made unasked: ten seconds or so.
+PROFILED = 300
+# Draws over which derivatives are taken.
+DERIVED = 200
+
+
+def profile_all(
+    problem: Problem,
+    point: PointFit,
+    optima: Sequence[Mapping[str, float]],
+    report: Callable[[str], None] = lambda _stage: None,
+    *,
+    large: bool = False,
+) -> tuple[Profiles, Profiles]:
+    """Profiles of all free parameters, and, without the scene's contact time, of those that it touches; the search
+    begins at `optima`, each all parameters by name in SI. Tables of many rows are left out unless `large`.
+    """
+    problem = noise_held(problem, point.values)
+    if len(problem.impacts) > PROFILED and not large:
+        nothing = Profiles(point.log_likelihood, problem.contact_time is not None, {}, LEFT_OUT)
+        return nothing, nothing
+    if problem.incident is not None or TAILS in (item.name for item in problem.parameters):
+        nothing = Profiles(point.log_likelihood, problem.contact_time is not None, {}, OTHER_NOISE)
+        return nothing, nothing
+    whole = profiles(problem, optima, report=lambda stage: report(f"profiles {stage}"))
+    touched = touched_by_scene(problem, information_looks(problem, _coordinates(problem, point)))
+    if not touched or whole.missing:
+        return whole, Profiles(whole.log_likelihood, False, {}, whole.missing)
+    alone = profiles(
+        problem, optima, names=touched, scene=False, report=lambda stage: report(f"profiles without scene {stage}")
+    )
+    return whole, alone
+
+
+def with_profiles(problem: Problem, point: PointFit, examination: Examination) -> Examination:
+    """The same looks with profiles computed now; verdicts stay as they were."""
+    whole, alone = profile_all(problem, point, point.optima, large=True)
+    looks = {
+        name: replace(item, profile=whole.by_name.get(name), alone=alone.by_name.get(name))
+        for name, item in examination.looks.items()
+    }
+    return replace(examination, looks=looks, profiles_missing=whole.missing)
+
+
+def examine(
+    problem: Problem,
+    point: PointFit,
+    profiled: tuple[Profiles, Profiles],
+    posterior: Posterior | None,
+    correlation: FloatArray | None,
+    regimes: Sequence[Mapping[str, float]],
+) -> tuple[Examination, dict[str, Judgement]]:
+    """Look at every parameter in every way there is, and judge; without a posterior from profile and information.
+
+    `regimes` are the probabilities of each impact's phase sequences, empty without a posterior.
+    """
+    at = _coordinates(problem, point)
+    information = information_looks(problem, at)
+    bases: dict[str, Judgement] = {}
+    powers, draws = {}, at[None, :]
+    if posterior is not None and correlation is not None:
+        bases = judge(problem, point, posterior, correlation)
+        powers = power_looks(problem, posterior)
+        draws = problem.to_coordinates(thinned(posterior, DERIVED))
+    actions = action_looks(problem, draws, regimes)
+    looks, judgements = {}, {}
+    for item in problem.parameters:
+        base = bases.get(item.name)
+        if not item.free:
+            judgements[item.name] = base or Judgement(None, Verdict.FIXED, f"held at its value: {item.fixed_because}")
+            continue
+        contraction = None
+        if base is not None and base.contraction is not None:
+            contraction = ContractionLook(base.contraction, base.open_sides)
+        seen = Looks(
+            profile=profiled[0].by_name.get(item.name),
+            alone=profiled[1].by_name.get(item.name),
+            information=information.get(item.name),
+            contraction=contraction,
+            power=powers.get(item.name),
+            action=actions.get(item.name),
+            disagreement="",
+        )
+        judgements[item.name], disagreement = combine(problem, item, base, seen, many=profiled[0].missing == LEFT_OUT)
+        looks[item.name] = replace(seen, disagreement=disagreement)
+    return Examination(looks, spectrum(problem, at, posterior), profiled[0].missing, coverage(problem)), judgements
+
+
+def _coordinates(problem: Problem, point: PointFit) -> FloatArray:
+    values = np.array([[point.values[name] for name in problem.free_names]])
+    at: FloatArray = problem.to_coordinates(values)[0]
+    return at

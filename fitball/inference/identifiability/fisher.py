@@ -1,0 +1,101 @@
+"""Fisher information of the table at the point estimate: what its measurements alone say, to first order."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitball.inference.identifiability.symmetric import inverse
+from fitball.inference.likelihood.force import force_information
+from fitball.inference.likelihood.sensitivities import CHANNEL_SLOPES, prediction_slopes, rebound_slopes
+from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.subsample import LOOKED_AT, thinned_problem
+from fitball.inference.results.evidence import InformationLook
+from fitball.values import FloatArray
+
+# Standard errors above this many sds of the prior are no knowledge at all.
+NONE = 1e3
+
+
+def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool) -> FloatArray:
+    """Expected information (free, free) of the measurements at `coordinates` (free,), in coordinates counted in sds
+    of the priors; with `scene` the scene's contact time counts as a measurement.
+
+    Where a spread depends on a parameter, twice the squared slope of its logarithm adds to that of the prediction: so
+    it is with a fitted noise, and with an angle, whose spread falls with the rebound speed. Of a large table a part
+    is looked at and counted for the whole. Rows and columns of a parameter so close to where the model ends that no
+    derivative exists are NaN.
+    """
+    whole, problem = problem, thinned_problem(problem, LOOKED_AT)
+    share = len(whole.impacts) / len(problem.impacts)
+    rows = prediction_slopes(problem, coordinates[None, :])[0]
+    information = rows.T @ rows
+    rebound, slopes = rebound_slopes(problem, coordinates[None, :])
+    width = problem.prior.width
+    for channel in problem.channels:
+        if channel.noise is None:
+            continue
+        growth = np.zeros((channel.observed.size, problem.dimension))
+        if channel.turned:
+            speed = np.hypot(rebound.v_x2, rebound.v_y2)[0, :, None]
+            growth -= CHANNEL_SLOPES["v_2"](rebound, slopes)[0] / speed * width
+        if channel.noise in problem.free_names:
+            k = problem.free_names.index(channel.noise)
+            growth[:, k] = width[k] if problem.free[k].prior.log else width[k] / coordinates[k]
+        information += 2.0 * growth.T @ growth
+    information *= share
+    if whole.force is not None:
+        information += force_information(whole, whole.force, coordinates) * np.outer(width, width)
+    if scene and problem.contact_time is not None:
+        row = slopes["contact_time"][0].mean(axis=0) * width / problem.contact_time[1]
+        information += np.outer(row, row)
+    scale = prior_sds(problem)
+    scaled: FloatArray = information * np.outer(scale, scale)
+    return scaled
+
+
+def prior_sds(problem: Problem) -> FloatArray:
+    """Sds of the priors (free,) in their widths: 1 for a normal prior, the root of 1/12 for a uniform one."""
+    return np.array([1.0 if item.prior.normal else 12.0**-0.5 for item in problem.free])
+
+
+def information_looks(problem: Problem, coordinates: FloatArray) -> dict[str, InformationLook]:
+    """The information about the free parameters at `coordinates` (free,), but for those without a derivative."""
+    with_scene = fisher_information(problem, coordinates, scene=True)
+    without = fisher_information(problem, coordinates, scene=False)
+    errors, errors_without = standard_errors(with_scene), standard_errors(without)
+    # What the scene knows stands before the table, as in the contraction of a posterior.
+    before, after = with_scene - without, with_scene
+    shares = 1.0 - (1.0 - _contraction(after)) / (1.0 - _contraction(before))
+    shares_without = _contraction(without)
+    return {
+        name: InformationLook(
+            None if errors[k] > NONE else float(errors[k]),
+            None if errors_without[k] > NONE else float(errors_without[k]),
+            float(shares[k]),
+            float(shares_without[k]),
+        )
+        for k, name in enumerate(problem.free_names)
+        if np.isfinite(errors[k])
+    }
+
+
+def standard_errors(information: FloatArray) -> FloatArray:
+    """Standard errors (free,) in sds of the priors; those of directions the table does not see are very large, and
+    those of parameters without a derivative NaN.
+    """
+    # A millionth of a prior's sd to the minus two stands for nothing: errors reach a thousand sds of a prior.
+    errors: FloatArray = np.sqrt(np.diag(inverse(information, 1e-2 / NONE**2)))
+    return errors
+
+
+def _contraction(information: FloatArray) -> FloatArray:
+    """First-order contraction (free,) by measurements and priors; NaN without a derivative."""
+    shares: FloatArray = 1.0 - np.diag(inverse(information, 1.0))
+    return shares
+
+
+def contraction_without_scene(problem: Problem, coordinates: FloatArray) -> FloatArray:
+    """First-order contraction (free,) of each parameter by table and priors alone, without what the scene
+    knows of the contact time; NaN for parameters without a derivative.
+    """
+    return _contraction(fisher_information(problem, coordinates, scene=False))

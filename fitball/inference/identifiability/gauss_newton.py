@@ -1,0 +1,165 @@
+"""Damped Gauss-Newton on the likelihood surface, many searches at once: one batch of the kernel a round."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.inference.identifiability.profile_objective import Conditions, Surface
+from fitball.inference.identifiability.quadratic_program import constrained_step
+from fitball.values import FloatArray
+
+# A search has settled when a step promises less than this of the log likelihood; a 95 % interval is a drop of 1.92.
+PROMISED = 2e-4
+MOST_ROUNDS = 60
+# Rounds as good as the last one that a search with a goal may still need.
+PATIENCE = 10.0
+GENTLE, HOPELESS = 1e-3, 1e9
+# The longest step in widths of the priors.
+REACH = 1.0
+# Curvature added to directions that the table does not see, in widths of the priors: far below anything measured.
+UNSEEN = 1e-8
+
+
+@dataclass(frozen=True)
+class Searches:
+    """Where searches stand: `x` (rows, columns), the column each holds (-1: none), and what holds (see
+    Conditions).
+    """
+
+    x: FloatArray
+    held: NDArray[np.int64]
+    given: Conditions
+
+    def take(self, rows: NDArray[np.int64]) -> Searches:
+        """Some of them."""
+        return Searches(self.x[rows], self.held[rows], self.given.take(rows))
+
+
+@dataclass(frozen=True)
+class Reached:
+    """Where searches ended: `x` (rows, columns), negative log likelihood `cost` (rows,), inf where no feasible point
+    was found, and whether a lower point is promised nowhere near (`settled`).
+    """
+
+    x: FloatArray
+    cost: FloatArray
+    settled: NDArray[np.bool_]
+
+
+def descend(surface: Surface, searches: Searches, goal: FloatArray | None = None) -> Reached:
+    """Lower every row's cost as far as damped Gauss-Newton steps go, held columns as they are, bounds and walls kept.
+
+    Starts outside the walls are first moved to the nearest point inside. With a `goal` (rows,), rows that advance too
+    slowly to get below theirs are given up.
+    """
+    x = feasible(surface, searches)
+    rows = x.shape[0]
+    cost = surface.cost(x, searches.given)
+    settled = np.zeros(rows, dtype=bool)
+    damping = np.full(rows, GENTLE)
+    gradient = np.zeros(x.shape)
+    curvature = np.zeros((*x.shape, x.shape[1]))
+    stale = np.ones(rows, dtype=bool)
+    running = np.isfinite(cost)
+    for _ in range(MOST_ROUNDS):
+        fresh = np.flatnonzero(running & stale)
+        if fresh.size:
+            _, gradient[fresh], curvature[fresh] = surface.linearised(x[fresh], searches.given.take(fresh))
+            stale[fresh] = False
+            # A point so close to where the model ends that no difference exists goes no further.
+            running[fresh] &= np.isfinite(gradient[fresh]).all(axis=1)
+        busy = np.flatnonzero(running)
+        if busy.size == 0:
+            break
+        step, promise = _steps(surface, searches.take(busy), x[busy], gradient[busy], curvature[busy], damping[busy])
+        done = (promise < PROMISED) & (damping[busy] <= GENTLE)
+        settled[busy[done]] = True
+        # A strongly damped step promises little whatever the slope: such a search is stuck, not settled.
+        stuck = (promise < PROMISED) & (damping[busy] > 1.0) | (damping[busy] > HOPELESS)
+        running[busy[done | stuck]] = False
+        tried, step = busy[~done & ~stuck], step[~done & ~stuck]
+        trial = x[tried] + step
+        lower = surface.cost(trial, searches.given.take(tried))
+        better = lower < cost[tried]
+        moved, refused = tried[better], tried[~better]
+        if goal is not None:
+            gained = cost[moved] - lower[better]
+            running[moved] = lower[better] - PATIENCE * gained < goal[moved]
+        x[moved], cost[moved] = trial[better], lower[better]
+        stale[moved] = True
+        damping[moved] = np.maximum(damping[moved] / 10.0, 1e-6)
+        damping[refused] = np.maximum(10.0 * damping[refused], GENTLE)
+    return Reached(x, cost, settled)
+
+
+def _steps(
+    surface: Surface,
+    searches: Searches,
+    x: FloatArray,
+    gradient: FloatArray,
+    curvature: FloatArray,
+    damping: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Damped steps (rows, columns) and the decrease each promises, (rows,)."""
+    count = x.shape[1]
+    diagonal = damping[:, None] * np.einsum("bkk->bk", curvature) + UNSEEN / surface.width**2
+    damped = curvature + diagonal[:, :, None] * np.eye(count)
+    moving = np.arange(count) != searches.held[:, None]
+    # Held columns neither move nor couple.
+    coupled = np.where(moving[:, :, None] & moving[:, None, :], damped, np.eye(count))
+    slope = np.where(moving, gradient, 0.0)
+    step = -np.linalg.solve(coupled, slope[..., None])[..., 0]
+    low, high = surface.limits
+    a, b = surface.walls
+    reach = REACH * surface.width
+    trial = x + step
+    crossed = np.any(((trial < low) | (trial > high) | (np.abs(step) > reach)) & moving, axis=1)
+    for row in np.flatnonzero(crossed | np.any(trial @ a.T > b, axis=1)):
+        free = moving[row]
+        found = _within(surface, x[row], free, damped[row], slope[row], reach)
+        step[row] = 0.0
+        if found is not None:
+            step[row, free] = found
+    promise = -np.einsum("bk,bk->b", slope, step) - 0.5 * np.einsum("bk,bkl,bl->b", step, coupled, step)
+    return step, promise
+
+
+def _within(
+    surface: Surface,
+    x: FloatArray,
+    free: NDArray[np.bool_],
+    curvature: FloatArray,
+    slope: FloatArray,
+    reach: FloatArray,
+) -> FloatArray | None:
+    """The best step (free columns,) of one row within bounds, walls and reach; None when nothing is within."""
+    low, high = surface.limits
+    a, b = surface.walls
+    identity = np.eye(x.size)
+    conditions = np.vstack([identity, -identity, a])[:, free]
+    room = np.concatenate([np.minimum(high - x, reach), np.minimum(x - low, reach), b - a @ x])
+    # Columns that do not move have no bounds to keep.
+    kept = np.any(conditions, axis=1)
+    step = constrained_step(curvature[np.ix_(free, free)], slope[free], conditions[kept], room[kept])
+    # Rounding may carry a step a unit in the last place over a bound.
+    return None if step is None else np.clip(x[free] + step, low[free], high[free]) - x[free]
+
+
+def feasible(surface: Surface, searches: Searches) -> FloatArray:
+    """The nearest points (rows, columns), in widths of the priors, within bounds and walls; a row for which there is
+    none stays where it is, outside.
+    """
+    low, high = surface.limits
+    a, b = surface.walls
+    count = searches.x.shape[1]
+    moving = np.arange(count) != searches.held[:, None]
+    x = np.where(moving, np.clip(searches.x, low, high), searches.x)
+    metric = np.diag(surface.width**-2.0)
+    for row in np.flatnonzero(np.any(x @ a.T > b, axis=1)):
+        found = _within(surface, x[row], moving[row], metric, np.zeros(count), np.full(count, np.inf))
+        if found is not None:
+            x[row, moving[row]] += found
+    return x

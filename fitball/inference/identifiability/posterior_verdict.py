@@ -1,0 +1,124 @@
+"""One verdict a parameter: does the table fix it, bound it from one side, or leave it as it was known?
+
+The marginal likelihood of a parameter is, up to a constant, its posterior density over its density before the table
+(the reference). Where that ratio does not fall off towards an end of the posterior, the table leaves that side open.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitball.inference.identifiability.fisher import contraction_without_scene
+from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.results import PointFit, Posterior, Verdict
+from fitball.values import FloatArray
+
+# Share of its peak that the marginal likelihood must keep over the outer twentieth of what was possible before for
+# that side to count as open. A normal likelihood 1.75 times as wide as a normal prior just does.
+OPEN = 0.5
+EDGE = 0.05
+# Contraction below which the table added next to nothing, whatever the shape.
+NEGLIGIBLE = 0.2
+# Loss of contraction without the scene's contact time from which a parameter is said to rest on it, and the
+# contraction by table and priors alone below which it is not the table that fixes it.
+RESTS_ON_SCENE = 0.1
+NOT_ALONE = 0.5
+# Correlation worth naming.
+TIED = 0.9
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Verdict on one parameter, with the contraction, the reason in words, and the open sides of the marginal."""
+
+    contraction: float | None
+    verdict: Verdict
+    reason: str
+    open_sides: tuple[bool, bool] = (False, False)
+
+
+def judge(problem: Problem, point: PointFit, posterior: Posterior, correlation: FloatArray) -> dict[str, Judgement]:
+    """Judge every parameter, fixed ones included."""
+    alone: dict[str, float] = {}
+    if problem.contact_time is not None:
+        at = problem.to_coordinates(np.array([[point.values[name] for name in problem.free_names]]))[0]
+        shares = contraction_without_scene(problem, at)
+        named = zip(problem.free_names, shares, strict=True)
+        alone = {name: float(share) for name, share in named if name not in NOISE_SPECS and np.isfinite(share)}
+    found = {}
+    for item in problem.parameters:
+        if item.free:
+            found[item.name] = _judge_free(problem, posterior, correlation, item, alone.get(item.name))
+        else:
+            found[item.name] = Judgement(None, Verdict.FIXED, f"held at its value: {item.fixed_because}")
+    return found
+
+
+def _judge_free(
+    problem: Problem, posterior: Posterior, correlation: FloatArray, item: Parameter, alone: float | None
+) -> Judgement:
+    column = posterior.names.index(item.name)
+    after = item.prior.coordinate(posterior.draws[:, column])
+    before = item.prior.coordinate(posterior.reference[:, column])
+    contraction = 1.0 - float(np.var(after) / np.var(before))
+    left, right = open_ends(after, before)
+    remarks = _tied_to(posterior.names, correlation, column)
+    # Against the prior itself, because the reference already holds what the scene knows.
+    against_prior = 1.0 - float(np.var(after)) / item.prior.variance
+    if alone is not None and problem.contact_time is not None and against_prior - alone > RESTS_ON_SCENE:
+        value, sd = problem.contact_time
+        scene = f"the scene's contact time ({1e3 * value:.3g} +- {1e3 * sd:.2g} ms)"
+        if alone < NOT_ALONE:
+            reason = f"its size comes from {scene}; the rebounds alone leave it open (contraction {alone:.2f})"
+            return Judgement(contraction, Verdict.PRIOR_DOMINATED, reason + remarks, (left, right))
+        remarks = f"; rests on {scene}, without it the contraction would be {alone:.2f}" + remarks
+    if contraction < NEGLIGIBLE or (left and right):
+        reason = f"the table leaves it as it was known before (contraction {contraction:.2f})"
+        return Judgement(contraction, Verdict.PRIOR_DOMINATED, reason + remarks, (left, right))
+    if left or right:
+        end = float(np.quantile(posterior.draws[:, column], 0.05 if right else 0.95))
+        side, other = ("below", "upwards") if right else ("above", "downwards")
+        limit = "the prior"
+        if item.name == "mass_ratio" and left and problem.model.options.get("normal") == "momentum":
+            limit = "mass_ratio >= COR, which the model demands"
+        reason = (
+            f"the table bounds it from {side} only ({'>' if right else '<'} {plain(end, item.spec.unit)} "
+            f"with 95 %); {other} it is limited by {limit}"
+        )
+        return Judgement(contraction, Verdict.ONE_SIDED, reason + remarks, (left, right))
+    width = float(np.std(after) / np.std(before))
+    reason = f"the table narrows it from both sides to {100.0 * width:.2g} % of what was known before"
+    return Judgement(contraction, Verdict.IDENTIFIED, reason + remarks)
+
+
+def open_ends(after: FloatArray, before: FloatArray) -> tuple[bool, bool]:
+    """Whether the marginal likelihood stays high at the left and at the right end of what was possible before.
+
+    With `u` the place of a posterior draw `after` among the reference draws `before` (0 to 1), the density of `u` is
+    the marginal likelihood up to a constant; its mean over each outer twentieth is compared with its peak over the
+    deciles of the posterior.
+    """
+    ordered = np.sort(before)
+    place = np.interp(after, ordered, (np.arange(ordered.size) + 0.5) / ordered.size)
+    deciles = np.quantile(place, np.linspace(0.0, 1.0, 11))
+    # A posterior far narrower than the spacing of the reference has no width here: its peak is infinite.
+    narrowest = float(np.min(np.diff(deciles)))
+    left, right = np.mean(place < EDGE) / EDGE, np.mean(place > 1.0 - EDGE) / EDGE
+    return bool(left * narrowest > OPEN * 0.1), bool(right * narrowest > OPEN * 0.1)
+
+
+def _tied_to(names: tuple[str, ...], correlation: FloatArray, column: int) -> str:
+    row = np.abs(correlation[column]).copy()
+    row[column] = 0.0
+    partner = int(np.argmax(row))
+    if row[partner] < TIED:
+        return ""
+    return f"; tied to {names[partner]} (correlation {correlation[column, partner]:.2f})"
+
+
+def plain(value: float, unit: str) -> str:
+    """A value with its unit, to three digits."""
+    return f"{value:.3g} {unit}".rstrip()

@@ -1,0 +1,256 @@
+"""The likelihood of a table as a surface over the parameters that are not noise, the noise at its best at every
+point.
+
+The scene's contact time counts as one more measurement where that is asked for. No prior enters; bounds, and what
+the model can evaluate, do. Coordinates are those of the priors, but for the mass ratio and the line of restitution,
+which are taken as values: what the model demands of them is linear then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.inference.likelihood.force import force_cost, force_slopes
+from fitball.inference.likelihood.sensitivities import CHANNEL_SLOPES, channel_slopes, rebound_slopes
+from fitball.inference.problem.batches import batches
+from fitball.inference.problem.noise import LOG_TAU
+from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
+from fitball.inference.problem.problem import Problem
+from fitball.models.kernels.bounce import ANCHOR_SPEED
+from fitball.models.types import Rebound
+from fitball.values import FloatArray
+
+Columns = Mapping[str, FloatArray]
+LINE = ("mass_ratio", "cor_10", "cor_slope")
+# How far inside an end where the model stops (a restitution of zero, a shell without mass) a search may go, in units
+# of the quantity itself: nothing measurable, and far above rounding.
+HAIR = 1e-6
+# A log prior on [0, ...) ends at minus infinity; this many of its sds below its median a search gives up.
+FAR = 8.0
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What holds in each row of a batch: `noise` (rows, noise parameters) holds the coordinates of noise parameters
+    that are held, NaN where the best one is taken; `scene` says whether the scene's contact time counts.
+    """
+
+    noise: FloatArray
+    scene: bool
+
+    def take(self, rows: NDArray[np.int64] | slice) -> Conditions:
+        """Those of some rows."""
+        return Conditions(self.noise[rows], self.scene)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The negative log likelihood of a problem and its derivatives, batched over rows."""
+
+    problem: Problem
+
+    @cached_property
+    def columns(self) -> list[int]:
+        """Places, among the free parameters, of those that are not noise."""
+        return [k for k, item in enumerate(self.problem.free) if item.name not in NOISE_SPECS]
+
+    @cached_property
+    def noise_columns(self) -> list[int]:
+        """Places of the noise parameters."""
+        return [k for k, item in enumerate(self.problem.free) if item.name in NOISE_SPECS]
+
+    @cached_property
+    def items(self) -> tuple[Parameter, ...]:
+        """The parameters of the surface, one a column."""
+        return tuple(self.problem.free[k] for k in self.columns)
+
+    @cached_property
+    def _as_value(self) -> NDArray[np.bool_]:
+        """Columns taken as values although their prior is one of the logarithm."""
+        return np.array([item.prior.log and item.name in LINE for item in self.items], dtype=bool)
+
+    @cached_property
+    def width(self) -> FloatArray:
+        """A typical size of each column."""
+        widths = [
+            item.prior.width * (float(np.exp(item.prior.a)) if as_value else 1.0)
+            for item, as_value in zip(self.items, self._as_value, strict=True)
+        ]
+        return np.array(widths)
+
+    def is_value(self, column: int) -> bool:
+        """Whether a free parameter's coordinate is here its value although its prior has another."""
+        return self.problem.free[column].name in LINE
+
+    def ends(self, column: int) -> tuple[float, float]:
+        """Bounds of a free parameter in the coordinate it has here."""
+        item = self.problem.free[column]
+        if item.name in LINE:
+            low, high = item.prior.lower, item.prior.upper
+            return low, min(high, 1.0 - HAIR) if item.name == "mass_ratio" else high
+        low, high = item.prior.ends
+        return max(low, item.prior.a - FAR * item.prior.b) if item.prior.log else low, high
+
+    @cached_property
+    def limits(self) -> tuple[FloatArray, FloatArray]:
+        """Bounds of all columns, (columns,) each."""
+        low, high = np.array([self.ends(k) for k in self.columns]).reshape(-1, 2).T
+        return low, high
+
+    @cached_property
+    def walls(self) -> tuple[FloatArray, FloatArray]:
+        """Linear conditions `a x <= b` beside the bounds, (walls, columns) and (walls,): the restitution stays
+        within (0, 1], and under momentum balance below the mass ratio, at the slowest and the fastest impact.
+        """
+        problem = self.problem
+        speeds = problem.impacts.v_y1
+        fixed = {item.name: item.fixed for item in problem.parameters if item.fixed is not None}
+        places = {item.name: k for k, item in enumerate(self.items)}
+        rows: list[FloatArray] = []
+        bounds: list[float] = []
+
+        def add(coefficients: dict[str, float], bound: float) -> None:
+            row = np.zeros(len(places))
+            for name, factor in coefficients.items():
+                if name in places:
+                    row[places[name]] = factor
+                elif name in fixed:
+                    bound -= factor * fixed[name]
+            if np.any(row):
+                rows.append(row)
+                bounds.append(bound)
+
+        if {item.parameter for item in problem.levels} & set(LINE):
+            # What differs between levels has no one wall: the model's own refusal bounds it.
+            return np.empty((0, len(places))), np.empty(0)
+        momentum = problem.model.options.get("normal") == "momentum" and "mass_ratio" in problem.model_names
+        if "cor_10" in problem.model_names:
+            for speed in (float(speeds.min()), float(speeds.max())):
+                line = {"cor_10": 1.0}
+                if "cor_slope" in problem.model_names:
+                    line["cor_slope"] = speed - ANCHOR_SPEED
+                add({name: -factor for name, factor in line.items()}, -HAIR)
+                # A hair of rounding below the wall, or the restitution of the core would exceed 1.
+                add({**line, "mass_ratio": -1.0} if momentum else line, -1e-12 if momentum else 1.0)
+        elif momentum and problem.impacts.cor is not None:
+            add({"mass_ratio": -1.0}, -float(problem.impacts.cor.max()) * (1.0 + 1e-12))
+        return np.array(rows).reshape(-1, len(places)), np.array(bounds)
+
+    def from_values(self, values: FloatArray) -> FloatArray:
+        """Columns (rows, columns) of free values (rows, free)."""
+        x = self.problem.to_coordinates(values)[:, self.columns]
+        x[:, self._as_value] = values[:, self.columns][:, self._as_value]
+        return x
+
+    def _coordinates(self, x: FloatArray) -> FloatArray:
+        """Coordinates (rows, free) of the priors; noise, which the rebound does not see, at its prior's centre."""
+        full = np.empty((x.shape[0], self.problem.dimension))
+        full[:, self.columns] = np.where(self._as_value, np.log(np.where(self._as_value, x, 1.0)), x)
+        for k in self.noise_columns:
+            full[:, k] = self.problem.free[k].prior.coordinate(self.problem.free[k].prior.quantile(np.array([0.5])))
+        return full
+
+    def values(self, x: FloatArray, given: Conditions) -> FloatArray:
+        """Free values (rows, free), the noise as held or at its best."""
+        values = self.problem.to_values(self._coordinates(x))
+        sizes = self._noise(self.problem.all_values(values), self.problem.rebound(values), given)
+        for k in self.noise_columns:
+            values[:, k] = sizes[self.problem.free[k].name]
+        return values
+
+    def _noise(self, columns: Columns, rebound: Rebound, given: Conditions) -> dict[str, FloatArray]:
+        """Every noise parameter (rows,): fixed, held, or the root mean square of what it has to explain."""
+        sizes = {
+            item.name: np.full(given.noise.shape[0], item.fixed)
+            for item in self.problem.parameters
+            if item.fixed is not None and item.name in NOISE_SPECS
+        }
+        for position, k in enumerate(self.noise_columns):
+            item = self.problem.free[k]
+            squares, count = np.zeros(given.noise.shape[0]), 0
+            for channel in self.problem.channels:
+                if channel.noise == item.name:
+                    z = self.problem.deviation(columns, channel, rebound) / channel.spread(1.0, rebound)
+                    squares, count = squares + np.sum(z * z, axis=1), count + channel.observed.size
+            best = np.clip(np.sqrt(squares / count), item.prior.lower, item.prior.upper)
+            held = given.noise[:, position]
+            sizes[item.name] = np.where(np.isnan(held), best, item.prior.value(np.nan_to_num(held)))
+        return sizes
+
+    def cost(self, x: FloatArray, given: Conditions) -> FloatArray:
+        """Negative log likelihood (rows,) of the measurements, and of the scene's contact time where it counts; inf
+        where the model has no answer.
+        """
+        found = []
+        for some in batches(self.problem, x.shape[0]):
+            values = self.problem.to_values(self._coordinates(x[some]))
+            found.append(self._cost(self.problem.all_values(values), self.problem.rebound(values), given.take(some)))
+        return np.concatenate(found)
+
+    def _cost(self, columns: Columns, rebound: Rebound, given: Conditions) -> FloatArray:
+        sizes = self._noise(columns, rebound, given)
+        total = np.zeros(rebound.v_x2.shape[0])
+        for channel in self.problem.channels:
+            spread = channel.sds(sizes, rebound)
+            z = self.problem.deviation(columns, channel, rebound) / spread
+            total = total + np.sum(0.5 * (z * z + LOG_TAU) + np.log(spread), axis=1)
+        if self.problem.force is not None:
+            total = total + force_cost(self.problem, columns)
+        if given.scene:
+            total = total - self.problem.log_knowledge(rebound)
+        return np.where(np.any(rebound.status, axis=1), np.inf, total)
+
+    def linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Cost (rows,), its gradient (rows, columns), and its expected curvature (rows, columns, columns).
+
+        At the best noise the gradient is that for given noise, because the cost is level in the noise there. The
+        curvature is Gauss's and Newton's: products of first derivatives of the residuals.
+        """
+        split = batches(self.problem, x.shape[0], cost=2 * self.problem.dimension + 1)
+        found = [self._linearised(x[some], given.take(some)) for some in split]
+        cost, gradient, curvature = (np.concatenate(column) for column in zip(*found, strict=True))
+        return cost, gradient, curvature
+
+    def _linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray, FloatArray]:
+        coordinates = self._coordinates(x)
+        rebound, slopes = rebound_slopes(self.problem, coordinates)
+        columns = self.problem.all_values(self.problem.to_values(coordinates))
+        sizes = self._noise(columns, rebound, given)
+        # From coordinates of the priors to those of the surface.
+        chain = np.where(self._as_value, 1.0 / np.where(self._as_value, x, 1.0), 1.0)
+        rows, count = x.shape
+        gradient = np.zeros((rows, count))
+        curvature = np.zeros((rows, count, count))
+
+        def gather(z: FloatArray, slope: FloatArray) -> None:
+            nonlocal gradient, curvature
+            gradient = gradient + np.einsum("bm,bmk->bk", z, slope)
+            curvature = curvature + np.einsum("bmk,bml->bkl", slope, slope)
+
+        for channel in self.problem.channels:
+            spread = np.broadcast_to(channel.sds(sizes, rebound), rebound.v_x2.shape)
+            z = -self.problem.deviation(columns, channel, rebound) / spread
+            slope = channel_slopes(self.problem, channel, rebound, slopes)[..., self.columns] * chain[:, None, :]
+            if channel.turned:
+                # The spread of an angle falls with the rebound speed: z = (angle - observed) speed/noise.
+                speed = np.hypot(rebound.v_x2, rebound.v_y2)
+                growth = CHANNEL_SLOPES["v_2"](rebound, slopes)[..., self.columns] * chain[:, None, :]
+                growth = growth / speed[..., None]
+                gather(z, slope / spread[..., None] + z[..., None] * growth)
+                gradient = gradient - growth.sum(axis=1)
+            else:
+                gather(z, slope / spread[..., None])
+        if self.problem.force is not None:
+            z, slope, _shares = force_slopes(self.problem, self.problem.force, coordinates)
+            slope = slope[..., self.columns].reshape(rows, -1, count) * chain[:, None, :]
+            gather(z.reshape(rows, -1), slope)
+        if given.scene and self.problem.contact_time is not None:
+            value, sd = self.problem.contact_time
+            slope = slopes["contact_time"][..., self.columns].mean(axis=1, keepdims=True) * chain[:, None, :]
+            gather((rebound.contact_time.mean(axis=1, keepdims=True) - value) / sd, slope / sd)
+        return self._cost(columns, rebound, given), gradient, curvature

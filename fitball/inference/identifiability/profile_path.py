@@ -1,0 +1,224 @@
+"""How a profile is walked: outwards from the maximum with steps that adapt, then again from both sides.
+
+All paths of all parameters advance together, so that each round of searches is one batch of the kernel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitball.inference.identifiability.gauss_newton import Reached, Searches, descend
+from fitball.inference.identifiability.profile_objective import Conditions, Surface
+from fitball.inference.identifiability.symmetric import inverse
+from fitball.values import FloatArray
+
+# Where a path ends (a 95 % interval ends at 1.92), and the change of the log likelihood a step aims at and accepts.
+ENOUGH, AIM, COARSE = 2.5, 0.3, 0.9
+# A drop below this says nothing of how a profile goes on.
+FLAT = 0.03
+# Halvings of a step after which what cannot be evaluated counts as the end of what the model can do.
+HALVINGS = 8
+MOST_POINTS = 80
+# A likelihood higher than this above the maximum is a better optimum; a change below it is none.
+HIGHER = 0.01
+# Optima nearer than this, in widths of the priors, are one.
+SAME = 1e-2
+# First step in standard errors, for a drop of AIM on a parabola; and the longest, in widths of the prior.
+FIRST, LONGEST = float(np.sqrt(2.0 * AIM)), 0.5
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point of a profile: the held coordinate, all columns, the cost; `bound` where a bound of the parameter is."""
+
+    at: float
+    x: FloatArray
+    cost: float
+    settled: bool
+    bound: bool
+
+
+@dataclass(frozen=True)
+class Top:
+    """The maximum: columns, cost, coordinates of the noise there, and the free parameters' standard errors."""
+
+    x: FloatArray
+    cost: float
+    noise: FloatArray
+    errors: FloatArray
+
+
+@dataclass
+class _Path:
+    """One direction of one parameter."""
+
+    column: int
+    direction: float
+    end: float
+    step: float
+    points: list[Point]
+    halvings: int = 0
+    running: bool = True
+
+    def proposal(self) -> float:
+        """The next value to hold."""
+        following = self.points[-1].at + self.direction * self.step
+        return min(following, self.end) if self.direction > 0.0 else max(following, self.end)
+
+    def accept(self, point: Point, lowest: float) -> None:
+        """Take a point or go back half a step; stop where the drop is enough, at the bound, or at the model's end."""
+        last = self.points[-1]
+        rise = point.cost - last.cost
+        far = last.cost - lowest > ENOUGH
+        if not np.isfinite(point.cost) or (rise > COARSE and not far and self.halvings < HALVINGS):
+            self.halvings += 1
+            self.step = 0.5 * abs(point.at - last.at)
+            self.running = self.halvings <= HALVINGS
+            return
+        self.points.append(point)
+        self.halvings = 0
+        self.step = self._next_step(point, lowest)
+        self.running = point.cost - lowest < ENOUGH and not point.bound and len(self.points) < MOST_POINTS
+
+    def _next_step(self, point: Point, lowest: float) -> float:
+        """The step that would lower a parabola from its top through this point by AIM more; at most twice the
+        last.
+        """
+        last = abs(point.at - self.points[-2].at)
+        drop = point.cost - lowest
+        if drop < FLAT:
+            return 2.0 * last
+        away = abs(point.at - self.points[0].at)
+        return min(max(away * (float(np.sqrt(1.0 + AIM / drop)) - 1.0), 0.25 * last), 2.0 * last)
+
+
+def searches(surface: Surface, columns: Sequence[int], at: FloatArray, x: FloatArray, scene: bool) -> Searches:
+    """Searches from `x` (rows, columns) that hold the free parameters `columns` (rows,) at `at` (rows,)."""
+    x = x.copy()
+    held = np.full(len(columns), -1)
+    noise = np.full((len(columns), len(surface.noise_columns)), np.nan)
+    for row, column in enumerate(columns):
+        if column in surface.noise_columns:
+            noise[row, surface.noise_columns.index(column)] = at[row]
+        else:
+            held[row] = surface.columns.index(column)
+            x[row, held[row]] = at[row]
+    return Searches(x, held, Conditions(noise, scene))
+
+
+def _free(surface: Surface, x: FloatArray, scene: bool) -> Searches:
+    """Searches that hold nothing."""
+    noise = np.full((x.shape[0], len(surface.noise_columns)), np.nan)
+    return Searches(x, np.full(x.shape[0], -1), Conditions(noise, scene))
+
+
+def best_top(surface: Surface, starts: FloatArray, scene: bool) -> tuple[Top, FloatArray]:
+    """The highest maximum reached from `starts` (rows, columns), and the other ones that may matter."""
+    given = _free(surface, starts, scene)
+    found = descend(surface, given)
+    order = np.argsort(found.cost, kind="stable")
+    best = int(order[0])
+    others: list[int] = []
+    for k in order[1:]:
+        apart = [np.max(np.abs(found.x[k] - found.x[j]) / surface.width) > SAME for j in (best, *others)]
+        # A profile followed down to ENOUGH cannot meet an optimum that lies below that.
+        if all(apart) and found.settled[k] and found.cost[k] < found.cost[best] + ENOUGH:
+            others.append(int(k))
+    top = found.x[best][None, :]
+    values = surface.values(top, given.given.take(np.array([best])))
+    noise = surface.problem.to_coordinates(values)[0, surface.noise_columns]
+    return Top(top[0], float(found.cost[best]), noise, _errors(surface, top, scene)), found.x[others]
+
+
+def _errors(surface: Surface, x: FloatArray, scene: bool) -> FloatArray:
+    """Standard errors (free,) to first order, at most the widths of the priors."""
+    problem = surface.problem
+    _, _, curvature = surface.linearised(x, _free(surface, x, scene).given)
+    errors = problem.prior.width.copy()
+    # The width of the prior as a weak measurement keeps unseen directions finite; where there is no derivative, it is
+    # all there is.
+    shares = np.sqrt(np.diag(inverse(curvature[0] * np.outer(surface.width, surface.width), 1.0)))
+    errors[surface.columns] = surface.width * np.where(np.isfinite(shares), shares, 1.0)
+    for k in surface.noise_columns:
+        name = problem.free[k].name
+        count = sum(item.observed.size for item in problem.channels if item.noise == name)
+        scale = 1.0 if problem.free[k].prior.log else float(problem.free[k].prior.quantile(np.array([0.5]))[0])
+        errors[k] = scale / np.sqrt(2.0 * count)
+    return errors
+
+
+def march(
+    surface: Surface, columns: Sequence[int], top: Top, scene: bool
+) -> tuple[dict[int, list[Point]], FloatArray | None]:
+    """Points of the free parameters `columns` from the maximum outwards; or, when a better maximum is met, where."""
+    start = np.empty(surface.problem.dimension)
+    start[surface.columns] = top.x
+    start[surface.noise_columns] = top.noise
+    paths = []
+    for k in columns:
+        low, high = surface.ends(k)
+        for direction, end in ((-1.0, low), (1.0, high)):
+            origin = Point(float(start[k]), top.x, top.cost, True, bool(abs(end - start[k]) <= 0.0))
+            paths.append(_Path(k, direction, end, FIRST * float(top.errors[k]), [origin], running=not origin.bound))
+    while running := [path for path in paths if path.running]:
+        at = np.array([path.proposal() for path in running])
+        x = np.array([path.points[-1].x for path in running])
+        found = descend(surface, searches(surface, [path.column for path in running], at, x, scene))
+        better = int(np.argmin(found.cost))
+        if found.cost[better] < top.cost - HIGHER:
+            return {}, found.x[better]
+        for row, path in enumerate(running):
+            path.accept(_point(found, row, float(at[row]), path.end), top.cost)
+    joined = {path.column: [*reversed(path.points[1:]), path.points[0]] for path in paths[::2]}
+    for path in paths[1::2]:
+        joined[path.column] += path.points[1:]
+    return joined, None
+
+
+def _point(found: Reached, row: int, at: float, end: float) -> Point:
+    # The proposal is the end itself when it is cut there.
+    return Point(at, found.x[row], float(found.cost[row]), bool(found.settled[row]), abs(at - end) <= 0.0)
+
+
+def sweep(
+    surface: Surface,
+    points: dict[int, list[Point]],
+    changed: dict[int, set[int]],
+    others: FloatArray,
+    top: Top,
+    scene: bool,
+) -> tuple[dict[int, list[Point]], FloatArray | None, dict[int, set[int]]]:
+    """Try every point again from those of its neighbours that have `changed` and from `others`, other optima; what
+    was gained, where a better maximum was met, and which points changed now.
+    """
+    owners: list[tuple[int, int]] = []
+    starts: list[FloatArray] = []
+    for column, line in points.items():
+        for k in range(len(line)):
+            neighbours = [line[j].x for j in (k - 1, k + 1) if 0 <= j < len(line) and j in changed[column]]
+            for x in (*neighbours, *others):
+                owners.append((column, k))
+                starts.append(x)
+    at = np.array([points[column][k].at for column, k in owners])
+    if not owners:
+        return points, None, {}
+    goal = np.array([points[column][k].cost for column, k in owners])
+    given = searches(surface, [column for column, _ in owners], at, np.array(starts), scene)
+    found = descend(surface, given, goal)
+    better = int(np.argmin(found.cost))
+    if found.cost[better] < top.cost - HIGHER:
+        return points, found.x[better], {}
+    result = {column: list(line) for column, line in points.items()}
+    gained: dict[int, set[int]] = {column: set() for column in points}
+    for row, (column, k) in enumerate(owners):
+        old = result[column][k]
+        if found.cost[row] < old.cost:
+            if found.cost[row] < old.cost - HIGHER:
+                gained[column].add(k)
+            result[column][k] = Point(
+                old.at, found.x[row], float(found.cost[row]), bool(found.settled[row]), old.bound
+            )
+    return result, None, gained

@@ -1,0 +1,210 @@
+"""Four looks, one verdict: the posterior's where there is one, corrected by the profile, and where looks disagree,
+why.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from fitball.inference.identifiability.posterior_verdict import (
+    NEGLIGIBLE,
+    NOT_ALONE,
+    RESTS_ON_SCENE,
+    Judgement,
+    plain,
+)
+from fitball.inference.identifiability.power_scaling import CONFLICT, SENSITIVE
+from fitball.inference.problem.parameters import Parameter
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.evidence import ActionLook, InformationLook, Looks, PowerLook, Profile
+from fitball.inference.results.results import Verdict
+
+# Difference between the contraction found and the one promised to first order that is worth a word.
+NOT_NORMAL = 0.3
+# Share of the information about a parameter that makes the impacts it comes from worth naming.
+DRIVEN = 1.0 / 3.0
+# Impacts that a sentence names.
+NAMED_IN_WORDS = 20
+
+
+def combine(
+    problem: Problem, item: Parameter, base: Judgement | None, looks: Looks, *, many: bool = False
+) -> tuple[Judgement, str]:
+    """The verdict on one free parameter and the disagreement of its looks in words; `base` is that of the posterior,
+    `many` says that profiles were left out because rows are many.
+    """
+    judged = from_profile(problem, item, looks, many) if base is None else _corrected(problem, item, base, looks)
+    remarks = _action(looks.action)
+    differences = [] if base is None else _differences(problem, item, base, judged, looks)
+    return replace(judged, reason=judged.reason + remarks), "; ".join(differences)
+
+
+def from_profile(problem: Problem, item: Parameter, looks: Looks, many: bool = False) -> Judgement:
+    """The verdict without a posterior, from the profile and the information; from the information alone where rows
+    are `many`, so that the likelihood is near normal.
+    """
+    profile, information = looks.profile, looks.information
+    if information is None:
+        return Judgement(None, Verdict.NOT_JUDGED, "a point fit alone cannot tell")
+    if profile is None:
+        return _from_information(problem, information, many)
+    unit = item.spec.unit
+    if rests_on_scene(looks) and information.contraction_without_scene < NOT_ALONE:
+        return Judgement(
+            None, Verdict.PRIOR_DOMINATED, f"its size comes from {scene_words(problem)}, not from the table"
+        )
+    left, right = profile.open_sides
+    if (left and right) or information.contraction < NEGLIGIBLE:
+        words = (
+            "the profile is open on both sides" if left and right else "the table adds next to nothing to its prior"
+        )
+        return Judgement(None, Verdict.PRIOR_DOMINATED, f"{words}: the table leaves it as it was known before")
+    low, high = profile.interval_95
+    if left or right:
+        side, end, sign = ("below", low, ">") if right else ("above", high, "<")
+        return Judgement(
+            None,
+            Verdict.ONE_SIDED,
+            f"the table bounds it from {side} only ({sign} {_end(end, unit)} with 95 %); "
+            f"{'upwards' if right else 'downwards'} {_why_open(profile, right)}",
+        )
+    return Judgement(
+        None, Verdict.IDENTIFIED, f"the profile is closed on both sides, 95 % within {interval(profile, unit)}"
+    )
+
+
+def _from_information(problem: Problem, look: InformationLook, many: bool) -> Judgement:
+    if not many:
+        return Judgement(None, Verdict.NOT_JUDGED, "there is no profile, and a point fit alone cannot tell")
+    if look.error_without_scene is None and look.contraction_without_scene < NOT_ALONE:
+        source = scene_words(problem) if problem.contact_time is not None else "the priors"
+        return Judgement(None, Verdict.PRIOR_DOMINATED, f"its size comes from {source}, not from the table")
+    if look.error is None or look.contraction < NEGLIGIBLE:
+        return Judgement(None, Verdict.PRIOR_DOMINATED, "to first order the table leaves it as it was known before")
+    words = f"to first order the table knows it to {look.error:.2g} sd of its prior (no profile was made)"
+    return Judgement(None, Verdict.IDENTIFIED, words)
+
+
+def rests_on_scene(looks: Looks) -> bool:
+    """Whether the profile without the scene's contact time is open although it is closed with it."""
+    if looks.alone is None or looks.profile is None:
+        return False
+    return any(looks.alone.open_sides) and not all(looks.profile.open_sides)
+
+
+def touched_by_scene(problem: Problem, information: dict[str, InformationLook]) -> list[str]:
+    """Names of the parameters whose standard error the scene's contact time changes."""
+    if problem.contact_time is None:
+        return []
+    names = []
+    for name, look in information.items():
+        alone = look.error_without_scene
+        if look.error is not None and (alone is None or alone > (1.0 + RESTS_ON_SCENE) * look.error):
+            names.append(name)
+    return names
+
+
+def scene_words(problem: Problem) -> str:
+    """What the scene knows of the contact time."""
+    if problem.contact_time is None:
+        return "the scene"
+    value, sd = problem.contact_time
+    return f"the scene's contact time ({1e3 * value:.3g} +- {1e3 * sd:.2g} ms)"
+
+
+def interval(profile: Profile, unit: str) -> str:
+    """The 95 % interval in words, an open end as dots."""
+    low, high = ("..." if end is None else f"{end:.3g}" for end in profile.interval_95)
+    return f"[{low}, {high}] {unit}".rstrip()
+
+
+def _end(end: float | None, unit: str) -> str:
+    return "..." if end is None else plain(end, unit)
+
+
+def _why_open(profile: Profile, right: bool) -> str:
+    lean = profile.leans_on[right]
+    if lean:
+        return f"the profile closes only where {', '.join(lean)} meets a bound"
+    return f"the profile stays {profile.ends[right]}"
+
+
+def _corrected(problem: Problem, item: Parameter, base: Judgement, looks: Looks) -> Judgement:
+    """The posterior's verdict, where the profile shows that it is not the table that closes a side."""
+    profile = looks.profile
+    if profile is None or base.verdict is Verdict.PRIOR_DOMINATED or not any(profile.open_sides):
+        return base
+    left, right = profile.open_sides
+    if left and right:
+        return replace(
+            base,
+            verdict=Verdict.PRIOR_DOMINATED,
+            reason="the profile is open on both sides: the priors, its own or others', narrow it, not the table",
+        )
+    if base.verdict is Verdict.ONE_SIDED:
+        return base
+    found = from_profile(problem, item, looks)
+    return replace(base, verdict=Verdict.ONE_SIDED, reason=found.reason + "; there its prior closes the posterior")
+
+
+def _differences(problem: Problem, item: Parameter, base: Judgement, judged: Judgement, looks: Looks) -> list[str]:
+    found = []
+    profile, unit = looks.profile, item.spec.unit
+    if profile is not None:
+        closed = not any(profile.open_sides)
+        within = interval(profile, unit)
+        if judged.verdict is not base.verdict:
+            found.append(f"the posterior by itself would be called {base.verdict}, the profile is open")
+        elif base.verdict is Verdict.PRIOR_DOMINATED and closed and rests_on_scene(looks):
+            found.append(
+                f"the profile is closed on both sides, {within}, but only because {scene_words(problem)} counts in "
+                "it: without it, it is open"
+            )
+        elif base.verdict is Verdict.PRIOR_DOMINATED and closed:
+            found.append(
+                f"the profile is closed on both sides, {within}, but the posterior is hardly narrower than what was "
+                "known before"
+            )
+        elif base.verdict is Verdict.ONE_SIDED and closed:
+            end = "upper" if base.open_sides[1] else "lower"
+            found.append(
+                f"the profile is closed on both sides, {within}, but the posterior stays high to the {end} end of "
+                "what was possible: the best fits there are worse, many others nearly as good"
+            )
+        elif base.verdict is Verdict.IDENTIFIED and rests_on_scene(looks):
+            found.append(f"the profile is closed, {within}, only with {scene_words(problem)}: without it, it is open")
+    if looks.information is not None and looks.contraction is not None:
+        promised, reached = looks.information.contraction, looks.contraction.contraction
+        if abs(promised - reached) > NOT_NORMAL:
+            found.append(
+                f"to first order the contraction would be {promised:.2f}, the posterior's is {reached:.2f}: the "
+                "likelihood is far from normal"
+            )
+    return found + _power(looks.power, judged.verdict)
+
+
+def _power(power: PowerLook | None, verdict: Verdict) -> list[str]:
+    if power is None or not power.diagnosis:
+        return []
+    whose = "its prior" if power.own_prior >= SENSITIVE else "the priors of others"
+    numbers = f"power-scaling: priors {power.prior:.2f}, likelihood {power.likelihood:.2f}"
+    if power.diagnosis == CONFLICT:
+        return [f"{whose} and the table pull it apart, a prior-data conflict ({numbers})"]
+    if verdict is Verdict.PRIOR_DOMINATED:
+        return []
+    return [f"it follows {whose} more than the table ({numbers})"]
+
+
+def _action(action: ActionLook | None) -> str:
+    if action is None:
+        return ""
+    if not action.impacts:
+        where = f" ({', '.join(action.regimes)})" if action.regimes else ""
+        return f"; at these values it moves the rebound of none of the {action.of} impacts{where}"
+    if action.share_doubtful > DRIVEN and action.doubtful:
+        more = f" and {action.in_doubt - NAMED_IN_WORDS:,} more" if action.in_doubt > NAMED_IN_WORDS else ""
+        return (
+            f"; {100.0 * action.share_doubtful:.0f} % of what the table says of it comes from impacts whose regime "
+            f"is in doubt ({', '.join(action.doubtful[:NAMED_IN_WORDS])}{more})"
+        )
+    return ""

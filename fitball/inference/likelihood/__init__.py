@@ -1,0 +1,1 @@
+"""How probable: densities and residuals, as functions of a Problem; derivatives."""

@@ -1,0 +1,192 @@
+"""The likelihood of a table whose incident states were measured with errors; see `incident` and `kinks`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.inference.likelihood import regime_mixture as kinks
+from fitball.inference.problem.incident import IncidentErrors, channel_slopes, spread_by_input, whitened
+from fitball.inference.problem.noise import log_density
+from fitball.inference.problem.observables import Channel
+from fitball.inference.problem.parameters import TAILS
+from fitball.models.types import Rebound
+from fitball.values import FloatArray
+
+if TYPE_CHECKING:
+    from fitball.inference.problem.problem import Problem
+
+Columns = Mapping[str, FloatArray]
+# Stands for the spread of a measurement that is not there: its square is finite, its inverse nothing.
+UNKNOWN = 1e150
+# Angle [rad] by which a velocity noise of 1 m/s turns a rebound of some 10 m/s.
+TURN = 0.1
+# Pairs of draw and impact that are split at once: more only take more memory.
+PAIRS = 2000
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A measured column beside what it is compared with: `observed`, its stated `sd` or None, and the `bias` of its
+    group, all broadcastable to (draws, impacts); `observed` is NaN where nothing was measured.
+    """
+
+    channel: Channel
+    observed: FloatArray
+    sd: FloatArray | None
+    bias: FloatArray
+
+    def paired(self, draws: NDArray[np.int64], rows: NDArray[np.int64]) -> Seen:
+        """For pairs of a draw and an impact, each of shape (pairs, 1)."""
+        sd = None if self.sd is None else self.sd[rows][:, None]
+        bias = self.bias[draws, rows][:, None] if self.bias.ndim == 2 else self.bias
+        return Seen(self.channel, self.observed[rows][:, None], sd, bias)
+
+
+def seen(problem: Problem, columns: Columns) -> tuple[Seen, ...]:
+    """All measured columns of the table."""
+    found = []
+    for channel in problem.channels:
+        observed, sd = channel.over(len(problem.impacts))
+        bias = np.zeros(()) if problem.offsets is None else problem.offsets.offset(columns, channel.name)
+        found.append(Seen(replace(channel, rows=None), observed, sd, bias))
+    return tuple(found)
+
+
+def marginal_terms(
+    problem: Problem, incident: IncidentErrors, values: FloatArray, rebound: Rebound
+) -> Mapping[str, FloatArray]:
+    """Log density of each measurement given those before it, channel name -> (draws, impacts).
+
+    Near a change of regime only their sum over an impact is meant: it stands in the first channel.
+    """
+    columns = problem.all_values(values)
+    measured = seen(problem, columns)
+    slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
+    terms = _log_densities(measured, columns, rebound, slopes, incident.covariance)
+    root = kinks.roots(incident.covariance)
+    towards = kinks.crossings(
+        lambda impacts, rows: problem.rebound_like(columns, impacts, rows), problem.impacts, root, rebound
+    )
+    draws, rows = np.nonzero(np.any(np.abs(towards) > 0.0, axis=-1))
+    for start in range(0, draws.size, PAIRS):
+        some, of = draws[start : start + PAIRS], rows[start : start + PAIRS]
+        pairs = Pairs(
+            problem.paired(columns, some, of), [item.paired(some, of) for item in measured], _upright(problem, of),
+            root[of], towards[some, of],
+        )  # fmt: skip
+        found = _mixture(problem, pairs)
+        for place, term in enumerate(terms):
+            term[some, of] = found if place == 0 else 0.0
+    return {item.channel.name: term for item, term in zip(measured, terms, strict=True)}
+
+
+def incident_sds(problem: Problem, columns: Columns, rebound: Rebound) -> Mapping[str, FloatArray | float]:
+    """What incident errors alone make each channel scatter by (draws, impacts), to first order; 0 without them."""
+    if problem.incident is None:
+        return {channel.name: 0.0 for channel in problem.channels}
+    slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
+    return {
+        channel.name: np.sqrt(
+            np.einsum("dik,ikl,dil->di", found, problem.incident.covariance, found, optimize=True).clip(0.0)
+        )
+        for channel in problem.channels
+        for found in (channel_slopes(channel, rebound, slopes),)
+    }
+
+
+def standardised(
+    measured: Sequence[Seen], columns: Columns, rebound: Rebound, slopes: FloatArray, covariance: FloatArray
+) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Whitened deviations (draws, impacts) of each measured column from rebounds, first order about these.
+
+    `slopes` (draws, impacts, outputs, 3) of the rebounds, `covariance` (impacts, 3, 3) or (draws, 1, 3, 3) of the
+    incident states. Returns those deviations and their conditional sds. What was not measured has the deviation zero
+    and the sd `UNKNOWN`, which takes part in nothing.
+    """
+    by_channel = np.stack([channel_slopes(item.channel, rebound, slopes) for item in measured], axis=2)
+    gaps, spreads = [], []
+    for item in measured:
+        channel = replace(item.channel, observed=item.observed, sd=item.sd)
+        gap = item.observed - channel.predict(rebound) - item.bias
+        missing = np.broadcast_to(np.isnan(item.observed), gap.shape)
+        gaps.append(np.where(missing, 0.0, gap))
+        spreads.append(np.where(missing, UNKNOWN, np.broadcast_to(channel.sds(columns, rebound), gap.shape)))
+    return whitened(gaps, spreads, spread_by_input(by_channel, covariance))
+
+
+def _log_densities(
+    measured: Sequence[Seen], columns: Columns, rebound: Rebound, slopes: FloatArray, covariance: FloatArray
+) -> list[FloatArray]:
+    """Log density (draws, impacts) of each measured column given those before it; 0 where there is none."""
+    tails = columns[TAILS][:, None] if TAILS in columns else None
+    z, sds = standardised(measured, columns, rebound, slopes, covariance)
+    return [np.where(sd < UNKNOWN, log_density(one, tails) - np.log(sd), 0.0) for one, sd in zip(z, sds, strict=True)]
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Pairs of a draw and an impact of the table near a change of regime.
+
+    `columns` parameters (pairs,), `measured` what was seen, `states` incident states (pairs, 1); `root` (pairs, 3, 3)
+    as in `kinks.roots`, `towards` (pairs, 3) a direction, in principal axes, in which the regime changes.
+    """
+
+    columns: Columns
+    measured: Sequence[Seen]
+    states: kinks.States
+    root: FloatArray
+    towards: FloatArray
+
+
+def _mixture(problem: Problem, pairs: Pairs) -> FloatArray:
+    """Log density (pairs,) of all measurements of each impact, its incident errors split."""
+    across = _across(problem, pairs)
+    along = np.einsum("pij,pj->pi", pairs.root, across)
+    states, possible = kinks.displaced(pairs.states, kinks.parts()[0][:, None] * along[:, None, :])
+    rebound, slopes = problem.linearised(pairs.columns, states)
+    narrow = kinks.narrowed(pairs.root, across)[:, None]
+    density = np.sum(_log_densities(pairs.measured, pairs.columns, rebound, slopes, narrow), axis=0)
+    return kinks.mixed(np.where(possible & (rebound.status == 0), density, -np.inf))
+
+
+def _across(problem: Problem, pairs: Pairs) -> FloatArray:
+    """Directions (pairs, 3), in principal axes, across the boundaries that lie `towards` somewhere.
+
+    The rebound is continuous, so that its derivative jumps by a matrix of rank one whose rows point across.
+    """
+    moves = kinks.REACH * np.einsum("pij,pj->pi", pairs.root, pairs.towards)
+    states, possible = kinks.displaced(pairs.states, np.stack([np.zeros_like(moves), moves], axis=1))
+    rebound, found = problem.linearised(pairs.columns, states)
+    # In units of any noise: only the direction of the jump is wanted.
+    by_channel = np.stack(
+        [
+            channel_slopes(item.channel, rebound, found) / _typical_noise(item, pairs.columns)
+            for item in pairs.measured
+        ],
+        axis=2,
+    )
+    jump = np.matmul(by_channel[:, 1] - by_channel[:, 0], pairs.root)
+    # Where the other side has no derivative the way that was looked is all that is known.
+    known = np.isfinite(jump).all(axis=(1, 2)) & possible[:, 1]
+    across = pairs.towards.copy()
+    across[known] = np.linalg.svd(jump[known])[2][:, 0]
+    return across
+
+
+def _upright(problem: Problem, rows: NDArray[np.int64]) -> kinks.States:
+    """The incident states of the table's `rows`, one below the other."""
+    v_x1, v_y1, omega_1, cor = problem.impacts.take(rows).states()
+    return v_x1.T, v_y1.T, omega_1.T, None if cor is None else cor.T
+
+
+def _typical_noise(item: Seen, columns: Columns) -> FloatArray:
+    """A noise of the measured column, (pairs, 1, 1) or one number."""
+    if item.channel.sd is not None:
+        return np.asarray(np.median(item.channel.sd))
+    size = columns[str(item.channel.noise)][:, None, None]
+    return TURN * size if item.channel.turned else size

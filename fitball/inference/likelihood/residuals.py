@@ -1,0 +1,86 @@
+"""Weighted residuals of a problem for given noise, batched over draws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitball.inference.likelihood.force import force_residuals
+from fitball.inference.likelihood.incident_marginal import seen, standardised
+from fitball.inference.problem.noise import as_residual
+from fitball.inference.problem.parameters import NOISE_SPECS, TAILS
+from fitball.inference.problem.problem import Problem
+from fitball.values import FloatArray
+
+# Residual [sd] that stands for a parameter set the model cannot evaluate; it only has to be worse than any fit.
+IMPOSSIBLE = 1e3
+
+
+@dataclass(frozen=True)
+class Weighting:
+    """Standard deviations for a least-squares problem: noise parameters held at `noise`; `penalised` adds the
+    priors as residuals and heavy tails as they are, which makes the minimum that of the posterior for that noise.
+    """
+
+    noise: Mapping[str, float]
+    penalised: bool
+
+
+def residuals(problem: Problem, values: FloatArray, weighting: Weighting) -> FloatArray:
+    """Weighted residuals (draws, residuals) at free values (draws, free); the scene's contact time is one."""
+    rebound = problem.rebound(values)
+    columns = problem.all_values(values)
+    tails = weighting.noise.get(TAILS) if weighting.penalised else None
+    rows = []
+    if problem.incident is not None:
+        held = {**columns, **_held(weighting, values.shape[0])}
+        slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
+        found, _ = standardised(seen(problem, held), held, rebound, slopes, problem.incident.covariance)
+        rows = [as_residual(-z, tails) for z in found]
+    for channel in problem.channels if problem.incident is None else ():
+        z = problem.deviation(columns, channel, rebound) / channel.sds(weighting.noise, rebound)
+        rows.append(as_residual(-z, tails))
+    if problem.contact_time is not None:
+        value, sd = problem.contact_time
+        rows.append((rebound.contact_time.mean(axis=1, keepdims=True) - value) / sd)
+    if problem.force is not None:
+        rows.append(force_residuals(problem, {**columns, **_held(weighting, values.shape[0])}))
+    if weighting.penalised:
+        coordinates = problem.to_coordinates(values)
+        for column, item in enumerate(problem.free):
+            if item.prior.normal and item.name not in NOISE_SPECS:
+                rows.append(((coordinates[:, column] - item.prior.a) / item.prior.b)[:, None])
+    stacked = np.concatenate(rows, axis=1)
+    # So near to where the model ends numbers may overflow before it says so.
+    impossible = np.any(rebound.status, axis=1) | ~np.all(np.isfinite(stacked), axis=1)
+    stacked[impossible] = IMPOSSIBLE
+    return stacked
+
+
+def _held(weighting: Weighting, draws: int) -> dict[str, FloatArray]:
+    return {name: np.full(draws, value) for name, value in weighting.noise.items()}
+
+
+def root_mean_squares(problem: Problem, values: FloatArray) -> dict[str, float]:
+    """Unweighted root mean square residual of each channel at free values (free,)."""
+    rebound = problem.rebound(values[None, :])
+    return {
+        channel.name: float(np.sqrt(np.mean((channel.predict(rebound)[0] - channel.observed) ** 2)))
+        for channel in problem.channels
+    }
+
+
+def default_noise(problem: Problem) -> dict[str, float]:
+    """Noise parameters at their fixed or nominal (prior median) size."""
+    return {
+        item.name: item.fixed if item.fixed is not None else float(item.prior.quantile(np.array([0.5]))[0])
+        for item in problem.parameters
+        if item.name in NOISE_SPECS
+    }
+
+
+def named_values(problem: Problem, values: FloatArray) -> dict[str, float]:
+    """All parameters by name at free values (free,)."""
+    return {name: float(column[0]) for name, column in problem.all_values(values[None, :]).items()}

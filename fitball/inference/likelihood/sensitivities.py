@@ -1,0 +1,119 @@
+"""Derivatives of rebounds with respect to the free parameters, batched over draws, and what follows from them.
+
+`rebound_slopes` is the only place that differentiates a model here; all else is the chain rule.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from fitball.inference.likelihood.incident_marginal import incident_sds
+from fitball.inference.problem.observables import Channel
+from fitball.inference.problem.parameters import NOISE_SPECS, TAILS
+from fitball.inference.problem.problem import Problem
+from fitball.models.types import Rebound
+from fitball.values import FloatArray
+
+Slopes = Mapping[str, FloatArray]
+OUTPUTS = ("v_x2", "v_y2", "omega_2", "contact_time")
+# Step of the central differences, in widths of the prior: small beside any posterior, large beside rounding (near the
+# cube root of it, where both cost the same).
+STEP = 1e-5
+
+
+def rebound_slopes(problem: Problem, coordinates: FloatArray) -> tuple[Rebound, Slopes]:
+    """Rebounds (draws, impacts) at `coordinates` (draws, free), and for each of OUTPUTS its derivatives
+    (draws, impacts, free) with respect to coordinates; zero for noise parameters and offsets of groups.
+
+    Central differences, one-sided where the other side cannot be evaluated, NaN where neither can. With the
+    calls batched: one for all draws and parameters.
+    """
+    draws = coordinates.shape[0]
+    still = NOISE_SPECS.keys() | (problem.offsets.names(problem.channels) if problem.offsets is not None else set())
+    moving = [k for k, name in enumerate(problem.free_names) if name not in still]
+    steps = np.zeros((2 * len(moving), problem.dimension))
+    sizes = STEP * problem.prior.width[moving]
+    for row, k in enumerate(moving):
+        steps[row, k], steps[len(moving) + row, k] = sizes[row], -sizes[row]
+    around = coordinates[:, None, :] + np.concatenate([np.zeros((1, problem.dimension)), steps])
+    found = problem.rebound(problem.to_values(around.reshape(-1, problem.dimension)))
+    blocks = {name: getattr(found, name).reshape(draws, 1 + 2 * len(moving), -1) for name in OUTPUTS}
+    middle = Rebound(
+        blocks["v_x2"][:, 0],
+        blocks["v_y2"][:, 0],
+        blocks["omega_2"][:, 0],
+        blocks["contact_time"][:, 0],
+        found.regime.reshape(draws, 1 + 2 * len(moving), -1)[:, 0],
+        found.status.reshape(draws, 1 + 2 * len(moving), -1)[:, 0],
+    )
+    slopes = {}
+    for name, block in blocks.items():
+        centre, up, down = block[:, :1], block[:, 1 : 1 + len(moving)], block[:, 1 + len(moving) :]
+        forward, backward = (up - centre) / sizes[:, None], (centre - down) / sizes[:, None]
+        central = 0.5 * (forward + backward)
+        best = np.where(np.isfinite(central), central, np.where(np.isfinite(forward), forward, backward))
+        slopes[name] = np.zeros((draws, block.shape[2], problem.dimension))
+        slopes[name][:, :, moving] = best.transpose(0, 2, 1)
+    return middle, slopes
+
+
+def _along(rebound: Rebound, slopes: Slopes) -> FloatArray:
+    """Derivative of the rebound speed."""
+    speed = np.hypot(rebound.v_x2, rebound.v_y2)
+    along: FloatArray = (rebound.v_x2 / speed)[..., None] * slopes["v_x2"]
+    return along + (rebound.v_y2 / speed)[..., None] * slopes["v_y2"]
+
+
+def _across(rebound: Rebound, slopes: Slopes) -> FloatArray:
+    """Derivative of the rebound angle."""
+    square = rebound.v_x2**2 + rebound.v_y2**2
+    across: FloatArray = (rebound.v_x2 / square)[..., None] * slopes["v_y2"]
+    return across - (rebound.v_y2 / square)[..., None] * slopes["v_x2"]
+
+
+CHANNEL_SLOPES: Mapping[str, Callable[[Rebound, Slopes], FloatArray]] = {
+    "v_x2": lambda _rebound, slopes: slopes["v_x2"],
+    "v_y2": lambda _rebound, slopes: slopes["v_y2"],
+    "omega_2": lambda _rebound, slopes: slopes["omega_2"],
+    "contact_time": lambda _rebound, slopes: slopes["contact_time"],
+    "v_2": _along,
+    "theta_2": _across,
+}
+
+
+def channel_slopes(problem: Problem, channel: Channel, rebound: Rebound, slopes: Slopes) -> FloatArray:
+    """Derivatives (draws, impacts, free) of what is measured in a channel, the bias of its group included."""
+    found = CHANNEL_SLOPES[channel.name](rebound, slopes)
+    if problem.offsets is None:
+        return found
+    found = found.copy()
+    for place, label in enumerate(problem.offsets.labels):
+        name = problem.offsets.name(channel.name, label)
+        if name in problem.free_names:
+            found[:, problem.offsets.index == place, problem.free_names.index(name)] += 1.0
+    return found
+
+
+def prediction_slopes(problem: Problem, coordinates: FloatArray) -> FloatArray:
+    """Derivatives (draws, measurements, free) of all predictions, in units of their noise, with respect to
+    coordinates (draws, free) counted in widths of the priors; measurements run channel by channel.
+
+    Errors of the incident state count as noise; heavy tails make a measurement worth (nu + 1)/(nu + 3) of a normal
+    one (Lange, Little and Taylor 1989).
+    """
+    rebound, slopes = rebound_slopes(problem, coordinates)
+    columns = problem.all_values(problem.to_values(coordinates))
+    by_incidence = incident_sds(problem, columns, rebound)
+    worth = np.ones((coordinates.shape[0], 1, 1))
+    if TAILS in columns:
+        nu = columns[TAILS][:, None, None]
+        worth = np.sqrt((nu + 1.0) / (nu + 3.0))
+    rows = []
+    for channel in problem.channels:
+        spread = np.broadcast_to(channel.sds(columns, rebound), rebound.v_x2.shape)
+        spread = np.hypot(spread, by_incidence[channel.name])
+        rows.append(worth * channel_slopes(problem, channel, rebound, slopes) / spread[..., None])
+    scaled: FloatArray = np.concatenate(rows, axis=1) * problem.prior.width
+    return scaled

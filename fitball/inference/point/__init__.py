@@ -1,0 +1,1 @@
+"""Best values: least squares (lmfit), maximum of the posterior."""

@@ -1,0 +1,118 @@
+"""Weighted least squares from many starts, with a standard error for each parameter or the reason why not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fitball.errors import FitError
+from fitball.inference.likelihood.residuals import (
+    IMPOSSIBLE,
+    Weighting,
+    default_noise,
+    named_values,
+    root_mean_squares,
+)
+from fitball.inference.point.lmfit_minimiser import DIFFERENCE, Minimiser, minima
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.results import LeastSquares
+from fitball.values import FloatArray
+
+# Share of a chi-square by which a minimum must be lower to be another one and not the same, settled differently.
+DEEPER = 1e-6
+
+
+def least_squares(problem: Problem, starts: FloatArray) -> LeastSquares:
+    """Weighted least squares from every start; the best minimum, the others, and honest standard errors.
+
+    Raises FitError when no start leads to parameters the model can evaluate.
+    """
+    weighting = Weighting(default_noise(problem), penalised=False)
+    distinct, evaluations = minima(problem, weighting, starts)
+    if not distinct:
+        raise FitError(f"model {problem.model.name}: least squares found no parameters the model can evaluate")
+    minimiser = Minimiser(problem, weighting)
+    values = minimiser.values(distinct[0].at[None, :])[0]
+    stderr, missing = _standard_errors(problem, minimiser, distinct[0].at)
+    measured = sum(channel.observed.size for channel in problem.channels) + (problem.contact_time is not None)
+    return LeastSquares(
+        values=named_values(problem, values),
+        stderr=stderr,
+        missing=missing,
+        chi_square=distinct[0].chi_square,
+        degrees_of_freedom=measured - len(minimiser.columns),
+        rms=root_mean_squares(problem, values),
+        starts=len(starts),
+        optima=tuple(named_values(problem, minimiser.values(item.at[None, :])[0]) for item in distinct[:5]),
+        optima_chi_square=tuple(item.chi_square for item in distinct[:5]),
+        evaluations=evaluations,
+    )
+
+
+def deeper(problem: Problem, known: LeastSquares, starts: Sequence[Mapping[str, float]]) -> LeastSquares:
+    """The known minimum, or a deeper one if a search from `starts` (all parameters by name) finds it."""
+    values = [[start[name] for name in problem.free_names] for start in (*starts, *known.optima)]
+    found = least_squares(problem, np.array(values))
+    if not found.chi_square < (1.0 - DEEPER) * known.chi_square:
+        return known
+    return replace(found, starts=known.starts, evaluations=known.evaluations + found.evaluations)
+
+
+def _standard_errors(
+    problem: Problem, minimiser: Minimiser, at: FloatArray
+) -> tuple[dict[str, float | None], dict[str, str]]:
+    """Linear standard errors in SI at the stated noise, and for each one that does not exist the cause."""
+    parameters = minimiser.parameters(at)
+    jacobian = minimiser.jacobian(parameters) * minimiser.scale()
+    names = minimiser.names
+    stderr: dict[str, float | None] = {item.name: None for item in problem.parameters}
+    missing: dict[str, str] = {}
+    for item in problem.parameters:
+        if not item.free:
+            missing[item.name] = f"held at its value: {item.fixed_because}"
+        elif item.name in NOISE_SPECS:
+            missing[item.name] = "least squares takes the noise as given; the posterior fits it"
+    at_bound = [
+        name
+        for name, item in zip(names, parameters.values(), strict=True)
+        if min(item.value - item.min, item.max - item.value) < 1e-6 * max(1e-2, abs(item.value))
+    ]
+    for name in at_bound:
+        missing[name] = (
+            "the best value lies on the wall mass_ratio = COR, where no symmetric error exists"
+            if minimiser.walled is not None and name == "mass_ratio"
+            else "the best value lies on a bound, where no symmetric error exists"
+        )
+    # Where the model cannot be evaluated a difference step away, every residual jumps to IMPOSSIBLE at once.
+    jumps = np.all(np.abs(jacobian) > 0.01 * IMPOSSIBLE / DIFFERENCE, axis=0)
+    for name in (names[k] for k in np.flatnonzero(jumps)):
+        missing.setdefault(name, "the model ends next to the best value, where no symmetric error exists")
+    inside = [k for k, name in enumerate(names) if name not in missing]
+    if not inside:
+        return stderr, missing
+    _u, singular, directions = np.linalg.svd(jacobian[:, inside], full_matrices=False)
+    # Directions that change no residual by a hundredth of its sd over the whole scale of the prior.
+    open_directions = directions[singular < max(1e-2, 1e-10 * singular[0])]
+    if jacobian.shape[0] < len(inside):
+        for k in inside:
+            missing[names[k]] = f"{jacobian.shape[0]} measurements cannot determine {len(inside)} parameters"
+        return stderr, missing
+    for position, k in enumerate(inside):
+        weight = np.max(np.abs(open_directions[:, position])) if open_directions.size else 0.0
+        if weight > 0.05:
+            others = [names[inside[j]] for j in np.argsort(-np.abs(open_directions[0])) if j != position][:2]
+            missing[names[k]] = f"the residuals leave it open: it can move together with {', '.join(others)}"
+            continue
+        keep = singular >= max(1e-2, 1e-10 * singular[0])
+        variance = float(np.sum((directions[keep, position] / singular[keep]) ** 2))
+        sd = math.sqrt(variance) * minimiser.scale()[k]
+        column = minimiser.columns[k]
+        if column == minimiser.walled:
+            values = minimiser.values(at[None, :])
+            sd *= float(minimiser.highest - minimiser.wall(values)[0])
+        stderr[names[k]] = sd * (math.exp(at[k]) if problem.free[column].prior.log else 1.0)
+    return stderr, missing

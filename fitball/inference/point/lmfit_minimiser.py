@@ -1,0 +1,238 @@
+"""One weighting of one problem as lmfit sees it; the only file that imports lmfit.
+
+Coordinates are those of the priors. Jacobians are central differences, all columns in one batch of the kernel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import lmfit
+import numpy as np
+
+from fitball.inference.likelihood.residuals import IMPOSSIBLE, Weighting, residuals
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.problem.problem import Problem
+from fitball.models.specs import SPECS
+from fitball.values import FloatArray
+
+# Share of its prior's median below which a positive parameter has vanished: nothing that is measured still depends on
+# it, and left alone its logarithm would go on to where the value is exactly zero and has no logarithm.
+VANISHED = 1e-12
+# Two optima whose standardised parameters differ by less than this are one.
+SAME_OPTIMUM = 1e-2
+# Cube root of the rounding error: the step at which central differences lose as much to it as to curvature.
+DIFFERENCE = 6e-6
+# Rows above which Jacobians are one-sided, half the cost: their error of some 1e-6 only delays the last step, which
+# then is not worth its cost either (`ftol`: a chi-square of 3e5 settles to 3e-3).
+ONE_SIDED = 1000
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """A minimum: its chi-square, the fitted coordinates, (fitted,), and how many `residuals` there are."""
+
+    chi_square: float
+    at: FloatArray
+    residuals: int
+
+    @property
+    def possible(self) -> bool:
+        """Whether the model can evaluate it."""
+        return self.chi_square < self.residuals * IMPOSSIBLE**2
+
+
+class Minimiser:
+    """One weighting of one problem in lmfit's terms, over the free parameters that are not noise.
+
+    Under momentum balance the core cannot return faster than it came, `mass_ratio >= COR` at every impact: a wall
+    that moves with the restitution and on which the best fit often lies. There the mass ratio is fitted as the
+    fraction of the way from that wall to its upper bound, so that the wall is a bound lmfit knows.
+    """
+
+    def __init__(self, problem: Problem, weighting: Weighting) -> None:
+        self.problem = problem
+        self.weighting = weighting
+        self.columns = [k for k, item in enumerate(problem.free) if item.name not in NOISE_SPECS]
+        names = problem.free_names
+        walled = problem.model.options.get("normal") == "momentum" and "mass_ratio" in names
+        # The wall of parameters that differ between levels is not one number.
+        walled = walled and not {"mass_ratio", "cor_10", "cor_slope"} & {item.parameter for item in problem.levels}
+        self.walled = names.index("mass_ratio") if walled else None
+        # The mass ratio lies between the wall, or this if it is higher, and this.
+        self.lowest, self.highest = SPECS["mass_ratio"].lower, SPECS["mass_ratio"].upper
+        if self.walled is not None and weighting.penalised:
+            self.lowest, self.highest = problem.free[self.walled].prior.support
+        self.evaluations = 0
+
+    def wall(self, values: FloatArray) -> FloatArray:
+        """Lowest possible mass ratio (draws,) for the restitution in `values` (draws, free)."""
+        columns = self.problem.all_values(values)
+        speeds = self.problem.impacts.v_y1
+        if "cor_10" not in columns and self.problem.impacts.cor is not None:
+            lines = [np.full(values.shape[0], self.problem.impacts.cor.max())]
+        elif "cor_slope" in columns:
+            lines = [columns["cor_10"] + columns["cor_slope"] * (end - 10.0) for end in (speeds.min(), speeds.max())]
+        else:
+            lines = [columns["cor_10"]]
+        # A hair above the wall, so that rounding does not put the restitution of the core above 1.
+        wall: FloatArray = np.maximum(np.max(lines, axis=0) * (1.0 + 1e-12), self.lowest)
+        return wall
+
+    def to_fitted(self, values: FloatArray) -> FloatArray:
+        """Coordinates (draws, fitted) of free values (draws, free)."""
+        coordinates = self.problem.to_coordinates(values)
+        if self.walled is not None:
+            wall = self.wall(values)
+            room = np.maximum(self.highest - wall, 1e-6)
+            coordinates[:, self.walled] = (values[:, self.walled] - wall) / room
+        return coordinates[:, self.columns]
+
+    def values(self, coordinates: FloatArray) -> FloatArray:
+        """Free values (draws, free) for coordinates (draws, fitted) of the parameters fitted here."""
+        full = np.empty((coordinates.shape[0], self.problem.dimension))
+        full[:, self.columns] = coordinates
+        for k, item in enumerate(self.problem.free):
+            if k not in self.columns:
+                full[:, k] = item.prior.coordinate(np.array([self.weighting.noise[item.name]]))
+        values = self.problem.to_values(full)
+        if self.walled is not None:
+            wall = self.wall(values)
+            values[:, self.walled] = wall + (self.highest - wall) * full[:, self.walled]
+        return values
+
+    def at(self, coordinates: FloatArray) -> FloatArray:
+        """Residuals (draws, residuals)."""
+        self.evaluations += coordinates.shape[0]
+        return residuals(self.problem, self.values(coordinates), self.weighting)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the fitted parameters."""
+        return [self.problem.free_names[k] for k in self.columns]
+
+    def parameters(self, start: FloatArray, low: FloatArray | None = None) -> lmfit.Parameters:
+        """Lmfit's parameters at a start (fitted,) in coordinates; `low` replaces the lower limits."""
+        made = lmfit.Parameters()
+        least, most = self.limits()
+        least = least if low is None else low
+        for k, value, lowest, highest in zip(self.columns, start, least, most, strict=True):
+            # Lmfit takes Python identifiers only; names such as mu_place[clay] are none.
+            made.add(f"x{k}", value=float(value), min=lowest, max=highest)
+        return made
+
+    def residual(self, parameters: lmfit.Parameters) -> FloatArray:
+        """What lmfit minimises."""
+        found = self.at(np.array([[item.value for item in parameters.values()]]))
+        row: FloatArray = found[0]
+        return row
+
+    def jacobian(self, parameters: lmfit.Parameters) -> FloatArray:
+        """Differences (residuals, fitted): central, one-sided at a bound and on tables of many rows."""
+        x = np.array([item.value for item in parameters.values()])
+        low = np.array([item.min for item in parameters.values()])
+        high = np.array([item.max for item in parameters.values()])
+        step = DIFFERENCE * np.maximum(np.abs(x), self.scale())
+        up, down = np.minimum(x + step, high), np.maximum(x - step, low)
+        if len(self.problem.impacts) > ONE_SIDED:
+            up, down = np.where(up > x, up, down), x
+            found = self.at(np.concatenate([x + np.diag(up - x), x[None, :]]))
+            return np.asarray((found[:-1] - found[-1]) / (up - down)[:, None]).T
+        batch = np.concatenate([x + np.diag(up - x), x - np.diag(x - down)])
+        found = self.at(batch)
+        slopes: FloatArray = (found[: x.size] - found[x.size :]) / (up - down)[:, None]
+        return slopes.T
+
+    def limits(self) -> tuple[FloatArray, FloatArray]:
+        """Bounds of the fitted coordinates, (fitted,) each; where priors take part, a uniform one brings its ends."""
+        priors = [self.problem.free[k].prior for k in self.columns]
+        ends = [prior.support if self.weighting.penalised else prior.ends for prior in priors]
+        low, high = np.array(
+            [(0.0, 1.0) if k == self.walled else end for k, end in zip(self.columns, ends, strict=True)]
+        ).T
+        return low, high
+
+    def scale(self) -> FloatArray:
+        """A typical size of each coordinate, so that a value of zero has a step too."""
+        scale = self.problem.prior.width[self.columns]
+        if self.walled is not None:
+            scale[self.columns.index(self.walled)] = 1.0
+        return scale
+
+    def floor(self) -> FloatArray:
+        """Coordinates (fitted,) below which a positive parameter has vanished; -inf where there is no such place."""
+        found = []
+        for k in self.columns:
+            prior = self.problem.free[k].prior
+            median = float(prior.quantile(np.array([0.5]))[0])
+            open_below = prior.log and prior.lower <= 0.0 and k != self.walled
+            found.append(np.log(VANISHED * median) if open_below else -np.inf)
+        return np.array(found)
+
+    def run(self, start: FloatArray) -> Minimum:
+        """Gauss-Newton steps in a trust region from `start` (fitted,).
+
+        A search that makes a parameter vanish ends at `floor`. The region is reflected at the bounds (scipy's trf):
+        the best fit often lies on one, where the sine with which lmfit otherwise hides bounds has no slope and steps
+        go astray.
+        """
+        low = self.limits()[0]
+        found = self._run(start, low)
+        floor = self.floor()
+        if np.all(found.at >= floor):
+            return found
+        return self._run(np.maximum(found.at, floor), np.maximum(low, floor))
+
+    def _run(self, start: FloatArray, low: FloatArray) -> Minimum:
+        many = len(self.problem.impacts) > ONE_SIDED
+        # The covariance that lmfit derives on the way is not used, and has no root where a direction is flat.
+        with np.errstate(invalid="ignore", divide="ignore"):
+            result = lmfit.Minimizer(self.residual, self.parameters(start, low)).least_squares(
+                method="trf",
+                Dfun=self.jacobian,
+                x_scale=self.scale(),
+                ftol=1e-8 if many else 1e-9,
+                xtol=1e-7,
+                gtol=None,
+                max_nfev=100,
+            )
+        at = np.array([item.value for item in result.params.values()])
+        count = int(result.ndata)
+        # Where no neighbour of the start can be evaluated a search leads nowhere.
+        return Minimum(float(result.chisqr), at, count) if np.all(np.isfinite(at)) else Minimum(np.inf, start, count)
+
+
+def minima(problem: Problem, weighting: Weighting, starts: FloatArray) -> tuple[list[Minimum], int]:
+    """Minima reached from each start (starts, free), best first, equal ones once; and the evaluations spent."""
+    minimiser = Minimiser(problem, weighting)
+    low, high = minimiser.limits()
+    fitted = np.minimum(np.maximum(minimiser.to_fitted(starts), low), high)
+    found = sorted((minimiser.run(start) for start in fitted), key=lambda item: item.chi_square)
+    distinct: list[Minimum] = []
+    for item in found:
+        apart = [np.max(np.abs(item.at - other.at) / minimiser.scale()) > SAME_OPTIMUM for other in distinct]
+        if all(apart) and item.possible:
+            distinct.append(item)
+    return distinct, minimiser.evaluations
+
+
+def simplex(cost: Callable[[FloatArray], float], dimension: int, size: float, tolerance: float) -> FloatArray:
+    """Nelder and Mead's simplex from the origin: the lowest point found, (dimension,)."""
+    parameters = lmfit.Parameters()
+    for k in range(dimension):
+        parameters.add(f"x{k}", value=0.0)
+    corners = np.vstack([np.zeros(dimension), size * np.eye(dimension)])
+    result = lmfit.Minimizer(
+        lambda given: cost(np.array([item.value for item in given.values()])), parameters
+    ).scalar_minimize(
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": corners,
+            "adaptive": True,
+            "maxfev": 1200,
+            "xatol": 1.0,
+            "fatol": tolerance,
+        },
+    )
+    return np.array([item.value for item in result.params.values()])

@@ -1,0 +1,233 @@
+"""The maximum of the posterior density, searched from many starts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitball.errors import FitError
+from fitball.inference.likelihood.residuals import Weighting, default_noise, named_values, root_mean_squares
+from fitball.inference.point.lmfit_minimiser import SAME_OPTIMUM, Minimiser, minima, simplex
+from fitball.inference.problem.force_noise import best_force_noise
+from fitball.inference.problem.noise import log_density
+from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS, TAILS
+from fitball.inference.problem.priors import Prior
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.results import PointFit
+from fitball.values import FloatArray
+
+# Optima this far below the best (in log posterior) hold no mass worth starting an ensemble in.
+WORTH_KEEPING = 12.0
+# Minima this far below the best at their first noise are not followed further.
+ALTERNATED = 30.0
+# Change of the log posterior over a whole simplex below which it has settled: a hundredth of a sd or less.
+SETTLED = 1e-5
+# Standardised distance within which two starts that were optima of samples belong to one optimum of the whole.
+ONE_BASIN = 0.3
+# Log density a measurement by which a start may lie below another and still lead to the higher optimum.
+HOPELESS = 0.1
+# Rows up to which the simplex polishes the maximum: it costs some thousand densities.
+CLIMBED = 1000
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A maximum so far: its log posterior, all coordinates (free,), the fitted ones, and the noise."""
+
+    score: float
+    coordinates: FloatArray
+    at: FloatArray
+    noise: Mapping[str, float]
+
+
+def maximum_posterior(problem: Problem, starts: FloatArray, noise: Mapping[str, float] | None = None) -> PointFit:
+    """The highest of the posterior's maxima reached from the starts, with the others worth knowing.
+
+    Levenberg-Marquardt on residuals and priors for given noise, in turn with the best noise for those residuals, then
+    a simplex on the posterior itself, which knows every bound. `noise` is the first guess. Raises FitError as
+    `least_squares` does.
+    """
+    noise = {**default_noise(problem), **(noise or {})}
+    distinct, _ = minima(problem, Weighting(noise, penalised=True), starts)
+    first = [_with_best_noise(problem, item.at, noise, rounds=1) for item in distinct]
+    top = max((item.score for item in first), default=-math.inf)
+    candidates = [
+        _with_best_noise(problem, item.at, item.noise, rounds=8) for item in first if item.score > top - ALTERNATED
+    ]
+    return _best_of(problem, candidates)
+
+
+def follow_maximum(problem: Problem, starts: FloatArray, noise: Mapping[str, float]) -> PointFit:
+    """As `maximum_posterior`, from starts (starts, free) that are already near: large tables end here.
+
+    Each start first takes the noise that is best for it, `noise` being a guess; of starts in one basin only the
+    higher is followed, and none that is hopeless. The simplex is left out where it would cost too much. Raises
+    FitError as `least_squares` does.
+    """
+    found = [_as_candidate(problem, start[None, :], noise) for start in starts]
+    scale = Minimiser(problem, Weighting(found[0].noise, penalised=True)).scale()
+    followed: list[Candidate] = []
+    least = max(item.score for item in found) - HOPELESS * sum(item.observed.size for item in problem.channels)
+    for item in sorted((item for item in found if item.score >= least), key=lambda item: -item.score):
+        apart = [np.max(np.abs(item.at - other.at) / scale) > ONE_BASIN for other in followed]
+        if all(apart):
+            followed.append(item)
+    return _best_of(problem, [_with_best_noise(problem, item.at, item.noise, rounds=8) for item in followed])
+
+
+def higher_maximum(problem: Problem, known: PointFit, starts: FloatArray) -> PointFit:
+    """The highest maximum among those `known` and those that searches from `starts` (starts, free) reach, each
+    begun with the noise that is best there. It is nowhere below a start.
+
+    Raises FitError as `least_squares` does.
+    """
+    found = [
+        Candidate(score, problem.to_coordinates(_row(problem, optimum))[0], np.empty(0), {})
+        for optimum, score in zip(known.optima, known.optima_log_posterior, strict=True)
+    ]
+    for start in starts:
+        coordinates = problem.to_coordinates(start[None, :])
+        score = float(problem.log_posterior(coordinates)[0])
+        own = {name: value for name, value in named_values(problem, start).items() if name in NOISE_SPECS}
+        first = _as_candidate(problem, start[None, :], own)
+        reached = _with_best_noise(problem, first.at, first.noise, rounds=8)
+        # A search may end at a wall, or where the regime changes, below where it began.
+        found.append(reached if reached.score >= score else Candidate(score, coordinates[0], first.at, own))
+    return _best_of(problem, found)
+
+
+def _row(problem: Problem, optimum: Mapping[str, float]) -> FloatArray:
+    return np.array([[optimum[name] for name in problem.free_names]])
+
+
+def _as_candidate(problem: Problem, values: FloatArray, noise: Mapping[str, float]) -> Candidate:
+    """Free values (1, free) with the noise that is best for them, `noise` being a guess."""
+    own = _best_noise(problem, values, {**default_noise(problem), **noise})
+    minimiser = Minimiser(problem, Weighting(own, penalised=True))
+    at = minimiser.to_fitted(values)[0]
+    score = float(problem.log_posterior(problem.to_coordinates(minimiser.values(at[None, :])))[0])
+    return Candidate(score, values[0], at, own)
+
+
+def _best_of(problem: Problem, found: Sequence[Candidate]) -> PointFit:
+    candidates = sorted((item for item in found if math.isfinite(item.score)), key=lambda item: -item.score)
+    if not candidates:
+        raise FitError(f"model {problem.model.name}: no start led to parameters of finite posterior density")
+    top_point = candidates[0].coordinates
+    best = _climb(problem, top_point) if len(problem.impacts) <= CLIMBED else top_point
+    others = [item.coordinates for item in candidates[1:] if item.score > candidates[0].score - WORTH_KEEPING]
+    # Searches that were apart at their first noise may have met since; the climb is from the first of all.
+    distinct = _distinct([top_point, best, *others], problem.prior.width)
+    kept = [best, *(item for item in distinct if item is not top_point and item is not best)]
+    scores = problem.log_posterior(np.array(kept))
+    values = problem.to_values(best[None, :])
+    rebound = problem.rebound(values)
+    return PointFit(
+        values=named_values(problem, values[0]),
+        log_posterior=float(scores[0]),
+        log_likelihood=float(problem.log_likelihood(values, rebound)[0]),
+        rms=root_mean_squares(problem, values[0]),
+        rebound=rebound,
+        optima=tuple(named_values(problem, problem.to_values(at[None, :])[0]) for at in kept),
+        optima_log_posterior=tuple(float(score) for score in scores),
+    )
+
+
+def _distinct(points: Sequence[FloatArray], width: FloatArray) -> list[FloatArray]:
+    """Those of the points (free,) that lie apart from all before them, in widths of the priors (free,)."""
+    found: list[FloatArray] = []
+    for point in points:
+        if all(np.max(np.abs(point - other) / width) > SAME_OPTIMUM for other in found):
+            found.append(point)
+    return found
+
+
+def _with_best_noise(problem: Problem, at: FloatArray, noise: Mapping[str, float], rounds: int) -> Candidate:
+    """Alternate between parameters for given noise and noise for given parameters, from fitted coordinates `at`."""
+    current = dict(noise)
+    for _ in range(rounds):
+        minimiser = Minimiser(problem, Weighting(current, penalised=True))
+        at = minimiser.run(at).at
+        following = _best_noise(problem, minimiser.values(at[None, :]), current)
+        settled = all(abs(math.log(following[name] / current[name])) < 1e-4 for name in current)
+        current = following
+        if settled:
+            break
+    minimiser = Minimiser(problem, Weighting(current, penalised=True))
+    coordinates = problem.to_coordinates(minimiser.values(at[None, :]))[0]
+    score = float(problem.log_posterior(coordinates[None, :])[0])
+    return Candidate(score, coordinates, at, current)
+
+
+def _best_noise(problem: Problem, values: FloatArray, current: Mapping[str, float]) -> dict[str, float]:
+    """Noise that maximises the posterior for the residuals at `values` (1, free), on a fine grid of the prior."""
+    rebound = problem.rebound(values)
+    columns = problem.all_values(values)
+    units = {channel.name: channel.spread(1.0, rebound) for channel in problem.channels if channel.noise}
+    gaps = {channel.name: problem.deviation(columns, channel, rebound) for channel in problem.channels}
+    best = dict(current)
+    for item in problem.free:
+        if item.name not in NOISE_SPECS or item.name in (TAILS, *FORCE_NOISE):
+            continue
+        mine = [
+            (gaps[channel.name] / units[channel.name]).ravel()
+            for channel in problem.channels
+            if channel.noise == item.name
+        ]
+        best[item.name] = _best_scale(item.prior, np.concatenate(mine), best.get(TAILS))
+    if problem.force is not None:
+        best |= best_force_noise(problem, problem.force, columns, best)
+    tails = next((item for item in problem.free if item.name == TAILS), None)
+    if tails is not None:
+        z = [gaps[channel.name] / channel.sds(best, rebound) for channel in problem.channels]
+        best[TAILS] = _best_tails(tails.prior, np.concatenate([item.ravel() for item in z]))
+    return best
+
+
+def _best_scale(prior: Prior, gaps: FloatArray, tails: float | None) -> float:
+    """Scale at which deviations `gaps`, standardised for a scale of one, are most probable."""
+    if tails is None:
+        z2 = float(np.sum(gaps**2))
+
+        def score(scale: FloatArray) -> FloatArray:
+            return np.asarray(-0.5 * z2 / scale**2 - gaps.size * np.log(scale))
+
+        return _peak(prior, 4001, score)
+
+    def heavy(scale: FloatArray) -> FloatArray:
+        nu = np.array(tails)
+        return np.array([log_density(gaps / s, nu).sum() - gaps.size * np.log(s) for s in scale])
+
+    return _peak(prior, 401, heavy)
+
+
+def _best_tails(prior: Prior, z: FloatArray) -> float:
+    return _peak(prior, 401, lambda nu: np.array([log_density(z, np.array(x)).sum() for x in nu]))
+
+
+def _peak(prior: Prior, count: int, score: Callable[[FloatArray], FloatArray]) -> float:
+    """The value on an even grid of the prior's coordinate at which prior and `score` together are highest."""
+    low, high = prior.support
+    grid = np.linspace(low, high, count)
+    values = prior.value(grid)
+    return float(values[np.argmax(score(values) + prior.log_density(grid))])
+
+
+def _climb(problem: Problem, start: FloatArray) -> FloatArray:
+    """Polish a maximum (free,) in coordinates on the posterior itself, restarted until it stands still."""
+
+    def cost(step: FloatArray) -> float:
+        value = float(problem.log_posterior((start + problem.prior.width * step)[None, :])[0])
+        return -value if math.isfinite(value) else 1e10
+
+    score = cost(np.zeros(problem.dimension))
+    for _ in range(3):
+        step = simplex(cost, problem.dimension, size=0.02, tolerance=SETTLED)
+        following = cost(step)
+        if following >= score - 10.0 * SETTLED:
+            break
+        start, score = start + problem.prior.width * step, following
+    return start

@@ -1,0 +1,1 @@
+"""What follows: predictive, new impacts, simulation, court pace, engine and lookup fits, error budget."""

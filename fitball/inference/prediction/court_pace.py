@@ -1,0 +1,138 @@
+"""What the ITF's court pace test would find on a fitted surface, draw by draw (see `pace_rating`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.inference.prediction.extrapolation import calibrated_range
+from fitball.inference.prediction.posterior_predictive import regime_shares, thinned
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.pace_rating import (
+    TOLERANCE,
+    CourtPace,
+    PaceRating,
+    Reach,
+    Spread,
+    apparent_friction,
+    itf_impact,
+    pace_categories,
+    pace_rating,
+)
+from fitball.inference.results.results import PointFit, Posterior
+from fitball.models.types import STATUS_REASON, Rebound, Status
+from fitball.values import FloatArray, Impacts
+
+DRAWS = 4000
+LEVELS = (0.5, 0.025, 0.16, 0.84, 0.975)
+SLIDING = ("slide", "slide back")
+LINES = {"cor_slope": "COR", "eps_slope": "eps"}
+
+
+def court_pace(problem: Problem, point: PointFit, posterior: Posterior | None) -> CourtPace | None:
+    """The rating of every surface the problem tells apart; None where no motion along the court was measured."""
+    if not problem.table.has_tangential:
+        return None
+    if problem.model.needs_cor:
+        return CourtPace((), "closure cor = measured takes the restitution of each impact from the table")
+    at_point = {name: np.array([value]) for name, value in point.values.items()}
+    drawn = at_point if posterior is None else dict(problem.all_values(thinned(posterior, DRAWS)))
+    ratings = []
+    for labels, rows in _surfaces(problem).items():
+        found = _rate(problem, labels, rows, at_point, drawn, posterior is not None)
+        if isinstance(found, str):
+            return CourtPace((), found)
+        ratings.append(found)
+    return CourtPace(tuple(ratings), "")
+
+
+def _surfaces(problem: Problem) -> dict[tuple[str, ...], list[int]]:
+    """Rows of the table by the labels of the levels that the problem tells apart; all together without levels."""
+    found: dict[tuple[str, ...], list[int]] = {}
+    for row in range(len(problem.table)):
+        labels = tuple(item.labels[int(item.index[row])] for item in problem.levels)
+        found.setdefault(labels, []).append(row)
+    return found
+
+
+def _rate(
+    problem: Problem,
+    labels: tuple[str, ...],
+    rows: list[int],
+    at_point: Mapping[str, FloatArray],
+    drawn: Mapping[str, FloatArray],
+    sampled: bool,
+) -> PaceRating | str:
+    """One rating, or the sentence that says why there is none."""
+    impact, row = itf_impact(), np.array([rows[0]])
+    best = problem.rebound_like(at_point, impact, row)
+    rebound = problem.rebound_like(drawn, impact, row)
+    solved = rebound.status[:, 0] == 0
+    if best.status[0, 0] != 0 or not np.any(solved):
+        cause = STATUS_REASON[Status(int(best.status[0, 0] or rebound.status[0, 0]))]
+        return f"the model cannot be evaluated at the test impact: {cause}"
+    one = _quantities(impact, best, _sliding_friction(problem, labels, at_point))
+    many = _quantities(impact, rebound, _sliding_friction(problem, labels, drawn))
+    spreads = {name: _spread(one[name], many[name][solved], sampled) for name in one}
+    shares = regime_shares(rebound)[0]
+    return PaceRating(
+        labels=labels,
+        impacts=len(rows),
+        rating=spreads["rating"],
+        friction=spreads["friction"],
+        restitution=spreads["restitution"],
+        sliding_friction=spreads["sliding_friction"],
+        sliding_rating=spreads["sliding_rating"],
+        categories=pace_categories(many["rating"][solved]),
+        regimes=shares,
+        slides=sum(share for name, share in shares.items() if name in SLIDING),
+        failed=float(np.mean(~solved)),
+        reach=_reach(problem, np.array(rows, dtype=np.int64)),
+    )
+
+
+def _sliding_friction(problem: Problem, labels: tuple[str, ...], columns: Mapping[str, FloatArray]) -> FloatArray:
+    """The coefficient of sliding friction (draws,) on a surface."""
+    for item, label in zip(problem.levels, labels, strict=True):
+        if item.parameter == "mu":
+            return item.value(columns, label)
+    return columns["mu"]
+
+
+def _quantities(impact: Impacts, rebound: Rebound, sliding: FloatArray) -> dict[str, FloatArray]:
+    """Rating and what it is made of, each (draws,)."""
+    v_x2, v_y2 = rebound.v_x2[:, 0], rebound.v_y2[:, 0]
+    friction = apparent_friction(impact.v_x1, impact.v_y1, v_x2, v_y2)
+    restitution = v_y2 / impact.v_y1
+    return {
+        "rating": pace_rating(friction, restitution),
+        "friction": friction,
+        "restitution": restitution,
+        "sliding_friction": sliding,
+        "sliding_rating": pace_rating(sliding, restitution),
+    }
+
+
+def _spread(point: FloatArray, draws: FloatArray, sampled: bool) -> Spread:
+    if not sampled:
+        return Spread(float(point[0]), None, None, None, None, None)
+    return Spread(float(point[0]), *(float(x) for x in np.quantile(draws, LEVELS)))
+
+
+def _reach(problem: Problem, rows: NDArray[np.int64]) -> Reach:
+    """How far the test impact lies from the impacts on this surface."""
+    known = problem.table.impacts.take(rows)
+    words = tuple(word for name, word in LINES.items() if name in problem.model.parameter_names)
+    found = calibrated_range(known, itf_impact(), problem.model.ball.radius, True, words)
+    over = {name: float(column[0]) for name, column in found.beyond.items()}
+    beyond = {name: value for name, value in over.items() if abs(value) > TOLERANCE[name]}
+    distance = 0.0 if found.hull_distance is None else float(found.hull_distance[0])
+    return Reach(
+        outside=bool(beyond) or distance > found.slack,
+        beyond=beyond,
+        distance=distance,
+        slack=found.slack,
+        lines=found.lines if "v_y1" in beyond else (),
+    )

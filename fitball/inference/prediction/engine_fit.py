@@ -1,0 +1,213 @@
+"""The best a ball of restitution and friction alone can do: what game and robot engines would predict.
+
+Their sphere is rigid: a normal impulse `M (1 + e) v_y1`, and friction that stops the slip or slides at `mu`. That is
+Brody's ball with constant restitution, and it is solved as that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from fitball.errors import ModelError, ParameterError
+from fitball.inference.results.fitted_model import FittedModel
+from fitball.models.registry import model
+from fitball.models.types import STATUS_REASON, Rebound, Status
+from fitball.values import Ball, FloatArray, Impacts
+
+OUTPUTS = ("v_x2", "v_y2", "omega_2", "theta_2")
+# Mixtures of three calibrated impacts each, on which errors across the range are averaged, and their seed.
+RANGE_POINTS, RANGE_SEED = 500, 1
+# Frictions tried before the best of them is refined; the error has kinks where impacts begin to grip.
+MU_GRID = np.linspace(0.0, 2.0, 201)
+
+
+@dataclass(frozen=True)
+class EngineSettings:
+    """Restitution `e` and friction `mu` (None for a drop test), and what they lose, by output (SI, angles in rad).
+
+    `mu_from` is not None where the engine's ball grips at the operating point: any friction from there on predicts
+    the same there. `errors` are engine minus fitted ball at the operating point, `rms` over the calibrated range.
+    """
+
+    e: float
+    mu: float | None
+    mu_from: float | None
+    errors: Mapping[str, float]
+    rms: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class EngineFit:
+    """Settings best `at_point` and best `over_range`; rebounds of the operating point by output."""
+
+    point: Impacts
+    inertia_ratio: float
+    fitted: Mapping[str, float]
+    engine: Mapping[str, float]
+    contact_time: float | None
+    at_point: EngineSettings
+    over_range: EngineSettings
+
+
+def middle_impact(fitted: FittedModel) -> Impacts:
+    """The middle of the calibrated range, between the smallest and the largest of each component."""
+    columns = (fitted.impacts.v_x1, fitted.impacts.v_y1, fitted.impacts.omega_1)
+    return Impacts(*(np.array([0.5 * (column.min() + column.max())]) for column in columns))
+
+
+def calibrated_mixtures(fitted: FittedModel, count: int, seed: int) -> Impacts:
+    """Impacts spread over the convex hull of the calibrated ones: those themselves, and mixtures of three."""
+    rng = np.random.default_rng(seed)
+    known = np.stack([fitted.impacts.v_x1, fitted.impacts.v_y1, fitted.impacts.omega_1], axis=1)
+    chosen = known[rng.integers(len(known), size=(count, 3))]
+    mixed = np.einsum("ij,ijk->ik", rng.dirichlet(np.ones(3), size=count), chosen)
+    return Impacts(*np.concatenate([known, mixed]).T)
+
+
+def fit_engine(fitted: FittedModel, point: Impacts, inertia_ratio: float) -> EngineFit:
+    """Restitution and friction of a sphere with `I = inertia_ratio M R^2` that come nearest to a fitted ball.
+
+    Nearest: least kinetic energy of the difference, `dv_x^2 + dv_y^2 + I/M domega^2` with the fitted ball's own `I`.
+    `point` is one impact. Raises ParameterError when it cannot be evaluated or `inertia_ratio` is impossible,
+    ModelError for a model that is told each impact's restitution.
+    """
+    if not 0.0 < inertia_ratio <= 1.0:
+        raise ParameterError(f"inertia of the engine's sphere {inertia_ratio:g} M R^2: expected above 0, at most 1")
+    refuse_told(fitted)
+    there = _evaluated(fitted, point)
+    spread = calibrated_mixtures(fitted, RANGE_POINTS, RANGE_SEED)
+    everywhere = fitted.rebound(spread)
+    solved = np.flatnonzero(everywhere.status[0] == Status.OK)
+    if solved.size == 0:
+        raise ParameterError("the model cannot evaluate its own calibrated range at the point estimate")
+    sphere = _Sphere(fitted, inertia_ratio)
+    near = _Target(point, there)
+    far = _Target(spread.take(solved), _taken(everywhere, solved))
+    e_near = float(near.truth["v_y2"][0] / point.v_y1[0])
+    e_far = float(np.sum(far.truth["v_y2"] * far.impacts.v_y1) / np.sum(far.impacts.v_y1**2))
+    if not fitted.tangential:
+        settings = [_settings(sphere, e, None, None, near, far) for e in (e_near, e_far)]
+    else:
+        mu_near, grips = _best_at_point(sphere, e_near, near, far)
+        mu_far = _best_friction(sphere, e_far, far, 0.0)
+        settings = [
+            _settings(sphere, e_near, mu_near, grips, near, far),
+            _settings(sphere, e_far, mu_far, None, near, far),
+        ]
+    time = float(there.contact_time[0, 0])
+    found = sphere.outputs(settings[0].e, settings[0].mu or 0.0, point)
+    return EngineFit(
+        point=point,
+        inertia_ratio=inertia_ratio,
+        fitted={name: float(near.truth[name][0]) for name in OUTPUTS},
+        engine={name: float(found[name][0]) for name in OUTPUTS},
+        contact_time=None if np.isnan(time) else time,
+        at_point=settings[0],
+        over_range=settings[1],
+    )
+
+
+def refuse_told(fitted: FittedModel) -> None:
+    """Raise ModelError for a model that cannot bounce a new ball without its measured rebound."""
+    if fitted.model.needs_cor:
+        raise ModelError(
+            "closure cor = measured: this model is told each impact's restitution and predicts none; calibrate with "
+            "cor = line or mean"
+        )
+
+
+def _evaluated(fitted: FittedModel, point: Impacts) -> Rebound:
+    found = fitted.rebound(point)
+    status = Status(int(found.status[0, 0]))
+    if status is not Status.OK:
+        raise ParameterError(f"the operating point cannot be evaluated: {STATUS_REASON[status]}")
+    return found
+
+
+def _outputs(rebound: Rebound) -> dict[str, FloatArray]:
+    v_x, v_y = rebound.v_x2[0], rebound.v_y2[0]
+    return {"v_x2": v_x, "v_y2": v_y, "omega_2": rebound.omega_2[0], "theta_2": np.arctan2(v_y, v_x)}
+
+
+def _taken(rebound: Rebound, rows: np.ndarray) -> Rebound:
+    return Rebound(
+        rebound.v_x2[:, rows], rebound.v_y2[:, rows], rebound.omega_2[:, rows], rebound.contact_time[:, rows],
+        rebound.regime[:, rows], rebound.status[:, rows],
+    )  # fmt: skip
+
+
+class _Target:
+    """Impacts and what the fitted ball makes of them."""
+
+    def __init__(self, impacts: Impacts, rebound: Rebound) -> None:
+        self.impacts, self.truth = impacts, _outputs(rebound)
+
+
+class _Sphere:
+    """The engine's ball."""
+
+    def __init__(self, fitted: FittedModel, inertia_ratio: float) -> None:
+        ball = fitted.ball
+        made = Ball(ball.mass, ball.radius, inertia_ratio * ball.mass * ball.radius**2)
+        self.model = model("brody", ball=made)
+        self.radius, self.ratio = ball.radius, inertia_ratio
+        self.spin_weight = ball.inertia / ball.mass
+
+    def outputs(self, e: float, mu: float, impacts: Impacts) -> dict[str, FloatArray]:
+        return _outputs(self.model.evaluate(("mu", "cor_10", "cor_slope"), np.array([[mu, e, 0.0]]), impacts))
+
+    def cost(self, e: float, mu: float, target: _Target) -> float:
+        found, truth = self.outputs(e, mu, target.impacts), target.truth
+        squares = (found["v_x2"] - truth["v_x2"]) ** 2 + self.spin_weight * (found["omega_2"] - truth["omega_2"]) ** 2
+        return float(np.mean(squares))
+
+    def grip_friction(self, e: float, impacts: Impacts) -> float:
+        """Friction from which the slip of the first impact stops."""
+        slip = abs(float(impacts.v_x1[0] - self.radius * impacts.omega_1[0]))
+        return slip / ((1.0 + 1.0 / self.ratio) * (1.0 + e) * float(impacts.v_y1[0]))
+
+
+def _best_at_point(sphere: _Sphere, e: float, near: _Target, far: _Target) -> tuple[float, float | None]:
+    """Friction best at the operating point, and from where on it makes no difference there, if it grips."""
+    limit = sphere.grip_friction(e, near.impacts)
+    found = minimize_scalar(lambda mu: sphere.cost(e, mu, near), bounds=(0.0, max(limit, 1e-9)), method="bounded")
+    # Within the sliding range the error is a parabola in mu: at its upper end the ball grips.
+    if sphere.cost(e, limit, near) <= float(found.fun):
+        return _best_friction(sphere, e, far, limit), limit
+    return float(found.x), None
+
+
+def _best_friction(sphere: _Sphere, e: float, target: _Target, least: float) -> float:
+    """Friction of least error over `target`, not below `least`."""
+    grid = np.append(least, MU_GRID[least < MU_GRID])
+    costs = [sphere.cost(e, float(mu), target) for mu in grid]
+    best = int(np.argmin(costs))
+    low, high = float(grid[max(best - 1, 0)]), float(grid[min(best + 1, grid.size - 1)])
+    if high <= low:
+        return low
+    found = minimize_scalar(lambda mu: sphere.cost(e, mu, target), bounds=(low, high), method="bounded")
+    return float(found.x) if found.fun < costs[best] else float(grid[best])
+
+
+def _settings(
+    sphere: _Sphere, e: float, mu: float | None, grips: float | None, near: _Target, far: _Target
+) -> EngineSettings:
+    here, there = (sphere.outputs(e, mu or 0.0, target.impacts) for target in (near, far))
+    return EngineSettings(
+        e=e,
+        mu=mu,
+        mu_from=grips,
+        errors={name: float(_difference(name, here, near)[0]) for name in OUTPUTS},
+        rms={name: float(np.sqrt(np.mean(_difference(name, there, far) ** 2))) for name in OUTPUTS},
+    )
+
+
+def _difference(name: str, found: Mapping[str, FloatArray], target: _Target) -> FloatArray:
+    difference = found[name] - target.truth[name]
+    if name == "theta_2":
+        return np.asarray(np.angle(np.exp(1j * difference)))
+    return difference

@@ -1,0 +1,37 @@
+"""What each surface, ball or table has of a parameter that differs between them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.results import LevelEstimate, PointFit, Posterior
+from fitball.models.specs import SPECS
+from fitball.values import FloatArray
+
+LEVELS = (0.5, 0.025, 0.16, 0.84, 0.975)
+
+
+def level_estimates(problem: Problem, point: PointFit, posterior: Posterior | None) -> tuple[LevelEstimate, ...]:
+    """The value at every level, at the point estimate and, with a posterior, its quantiles."""
+    at_point = {name: np.array([value]) for name, value in point.values.items()}
+    columns = None if posterior is None else problem.all_values(posterior.draws)
+    found = []
+    for item in problem.levels:
+        for place, label in enumerate(item.labels):
+            draws: FloatArray | None = None if columns is None else item.value(columns, label)
+            quantiles = [None] * len(LEVELS) if draws is None else [float(x) for x in np.quantile(draws, LEVELS)]
+            found.append(
+                LevelEstimate(
+                    item.parameter,
+                    item.column,
+                    label,
+                    SPECS[item.parameter].unit,
+                    int(np.count_nonzero(item.index == place)),
+                    float(item.value(at_point, label)[0]),
+                    quantiles[0],
+                    None if draws is None else float(np.std(draws, ddof=1)),
+                    *quantiles[1:],
+                )
+            )
+    return tuple(found)

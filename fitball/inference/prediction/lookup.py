@@ -1,0 +1,151 @@
+"""Rebounds on a grid of impacts, and how wrong multilinear interpolation between its points is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import RegularGridInterpolator
+
+from fitball.data.grid_text import Axis, grid_impacts
+from fitball.data.units import DEFAULT_UNIT, Dimension
+from fitball.errors import ParameterError
+from fitball.inference.prediction.engine_fit import refuse_told
+from fitball.inference.results.fitted_model import OUTPUTS, FittedModel
+from fitball.models.types import STATUS_REASON, Status, regime_name
+from fitball.values import FloatArray
+
+# Points of the axes of a grid that nobody chose.
+DEFAULT_COUNTS = {"v_1": 13, "theta_1": 13, "v_y1": 33, "omega_1": 9}
+# Cell midpoints checked at most (evenly thinned beyond), random points besides, and their seed.
+MIDPOINTS, RANDOM_POINTS, SEED = 20_000, 5_000, 1
+
+
+@dataclass(frozen=True)
+class InterpolationError:
+    """One output in SI: largest and root mean square error of interpolation, and where the largest is.
+
+    `place` holds the axes' values there (SI), `regime` the phases there; `kink` says whether the corners of its cell
+    differ in regime, where no grid converges fast.
+    """
+
+    largest: float
+    rms: float
+    place: Mapping[str, float]
+    regime: str
+    kink: bool
+
+
+@dataclass(frozen=True)
+class Lookup:
+    """A grid: `axes` vary in order, the last fastest; outputs (points,) are NaN where the model has no rebound.
+
+    `checked` impacts were interpolated; `failed` counts grid points that could not be evaluated, by reason.
+    """
+
+    axes: tuple[Axis, ...]
+    points: FloatArray
+    outputs: Mapping[str, FloatArray]
+    regime: NDArray[np.int64]
+    errors: Mapping[str, InterpolationError]
+    checked: int
+    failed: Mapping[str, int]
+
+
+def default_axes(fitted: FittedModel) -> tuple[Axis, ...]:
+    """The calibrated range, from the smallest to the largest speed, angle and spin."""
+    given = fitted.impacts
+    units = {"v_1": Dimension.SPEED, "theta_1": Dimension.ANGLE, "v_y1": Dimension.SPEED, "omega_1": Dimension.SPIN}
+    columns = {"v_y1": given.v_y1}
+    if fitted.tangential:
+        columns = {
+            "v_1": np.hypot(given.v_x1, given.v_y1),
+            "theta_1": np.arctan2(given.v_y1, given.v_x1),
+            "omega_1": given.omega_1,
+        }
+    axes = []
+    for name, column in columns.items():
+        low, high = float(column.min()), float(column.max())
+        values = np.linspace(low, high, DEFAULT_COUNTS[name]) if high > low else np.array([low])
+        axes.append(Axis(name, values, DEFAULT_UNIT[units[name]]))
+    return tuple(axes)
+
+
+def make_lookup(fitted: FittedModel, axes: tuple[Axis, ...]) -> Lookup:
+    """Fill the grid at the point estimate and measure its interpolation.
+
+    Raises ModelError for a model that is told each impact's restitution, ParameterError when no grid point can be
+    evaluated or a drop test is asked for tangential motion.
+    """
+    refuse_told(fitted)
+    if not fitted.tangential and len(axes) > 1:
+        raise ParameterError("this fit is of drop tests and knows vertical motion only: give v_y alone")
+    grid = np.stack(np.meshgrid(*(axis.values for axis in axes), indexing="ij"), axis=-1)
+    points = grid.reshape(-1, len(axes))
+    found = fitted.rebound(grid_impacts(axes, points))
+    failed = {
+        STATUS_REASON[Status(int(status))]: int(np.sum(found.status[0] == status))
+        for status in np.unique(found.status[0][found.status[0] != Status.OK])
+    }
+    if sum(failed.values()) == len(points):
+        raise ParameterError("the model cannot evaluate any point of this grid at the point estimate")
+    names = [name for name in OUTPUTS if name != "contact_time" or fitted.model.has_time]
+    outputs = {name: np.asarray(getattr(found, name)[0]) for name in names}
+    errors, checked = _errors(fitted, axes, outputs, found.regime[0])
+    return Lookup(axes, points, outputs, found.regime[0], errors, checked, failed)
+
+
+def _probes(axes: tuple[Axis, ...]) -> FloatArray:
+    """Midpoints of cells and random points, (points, axes)."""
+    middles = [0.5 * (a.values[1:] + a.values[:-1]) if a.values.size > 1 else a.values for a in axes]
+    centres = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1).reshape(-1, len(axes))
+    step = -(-len(centres) // MIDPOINTS)
+    rng = np.random.default_rng(SEED)
+    low, high = (np.array([axis.values[k] for axis in axes]) for k in (0, -1))
+    return np.concatenate([centres[::step], low + (high - low) * rng.uniform(size=(RANDOM_POINTS, len(axes)))])
+
+
+def _errors(
+    fitted: FittedModel, axes: tuple[Axis, ...], outputs: Mapping[str, FloatArray], regime: NDArray[np.int64]
+) -> tuple[dict[str, InterpolationError], int]:
+    probes = _probes(axes)
+    truth = fitted.rebound(grid_impacts(axes, probes))
+    # An axis of one point is no direction to interpolate along.
+    wide = [k for k, axis in enumerate(axes) if axis.values.size > 1]
+    shape = tuple(axes[k].values.size for k in wide)
+    guesses = {}
+    for name, column in outputs.items():
+        if wide:
+            interpolator = RegularGridInterpolator([axes[k].values for k in wide], column.reshape(shape))
+            guesses[name] = interpolator(probes[:, wide])
+        else:
+            guesses[name] = np.full(len(probes), column[0])
+    usable = np.flatnonzero(
+        (truth.status[0] == Status.OK) & np.all([np.isfinite(guess) for guess in guesses.values()], axis=0)
+    )
+    if usable.size == 0:
+        return {}, 0
+    errors = {}
+    for name, guess in guesses.items():
+        difference = (guess - getattr(truth, name)[0])[usable]
+        worst = int(usable[np.argmax(np.abs(difference))])
+        errors[name] = InterpolationError(
+            largest=float(np.max(np.abs(difference))),
+            rms=float(np.sqrt(np.mean(difference**2))),
+            place={axis.name: float(probes[worst, k]) for k, axis in enumerate(axes)},
+            regime=regime_name(int(truth.regime[0, worst])),
+            kink=_mixed(axes, wide, regime.reshape(shape), probes[worst]),
+        )
+    return errors, int(usable.size)
+
+
+def _mixed(axes: tuple[Axis, ...], wide: list[int], regime: NDArray[np.int64], probe: FloatArray) -> bool:
+    """Whether the corners of the cell that holds `probe` differ in regime."""
+    cell = []
+    for k in wide:
+        values = axes[k].values
+        left = int(np.clip(np.searchsorted(values, probe[k], side="right") - 1, 0, values.size - 2))
+        cell.append(slice(left, left + 2))
+    return np.unique(regime[tuple(cell)]).size > 1

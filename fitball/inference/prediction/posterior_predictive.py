@@ -1,0 +1,170 @@
+"""What the posterior says of the measurements: at the table's impacts, and along curves for figures."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.data.table import REBOUND_UNITS
+from fitball.inference.likelihood.incident_marginal import incident_sds
+from fitball.inference.problem.batches import cells
+from fitball.inference.problem.noise import draw
+from fitball.inference.problem.observables import PREDICTED, Channel
+from fitball.inference.problem.parameters import TAILS
+from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.subsample import part_of
+from fitball.inference.results.results import ChannelPrediction, Curve, PointFit, Posterior, Predictive
+from fitball.models.types import Rebound, regime_name
+from fitball.values import FloatArray, Impacts
+
+DRAWS = 1500
+CURVE_DRAWS = 600
+CURVE_POINTS = 61
+BANDS = (0.025, 0.16, 0.5, 0.84, 0.975)
+
+
+def thinned(posterior: Posterior, count: int) -> FloatArray:
+    """`count` draws (draws, free), one at random from each of as many equal shares of the chains, or all if fewer.
+
+    At even spaces the same few walkers would be met again and again wherever the spacing and their number have a
+    divisor in common. The places depend on the numbers of draws alone.
+    """
+    draws = posterior.draws
+    if draws.shape[0] <= count:
+        return draws
+    edges = np.arange(count + 1) * draws.shape[0] // count
+    rows: FloatArray = draws[np.random.default_rng([draws.shape[0], count]).integers(edges[:-1], edges[1:])]
+    return rows
+
+
+def predictive_generator(seed: int) -> np.random.Generator:
+    """The generator of the noise in predictions, the third of a run's streams."""
+    return np.random.default_rng(np.random.SeedSequence(seed).spawn(3)[2])
+
+
+def predictive(problem: Problem, point: PointFit, posterior: Posterior, rng: np.random.Generator) -> Predictive:
+    """Quantiles of each channel at each impact, with and without noise; regimes; curves.
+
+    Impacts are taken some at a time, so that memory does not grow with draws times impacts.
+    """
+    values = thinned(posterior, DRAWS)
+    count, size = len(problem.impacts), max(1, cells(problem) // len(values))
+    parts = []
+    for place in (np.arange(k, min(k + size, count)) for k in range(0, count, size)):
+        part = problem if place.size == count else part_of(problem, place)
+        parts.append(_at_impacts(part, point.rebound.take(place), values, rng))
+    channels = tuple(_joined([item[0][k] for item in parts]) for k in range(len(problem.channels)))
+    regimes = tuple(share for item in parts for share in item[1])
+    return Predictive(channels, regimes, curves(problem, thinned(posterior, CURVE_DRAWS)))
+
+
+def _joined(parts: Sequence[ChannelPrediction]) -> ChannelPrediction:
+    arrays = [name for name, value in vars(parts[0]).items() if isinstance(value, np.ndarray)]
+    joined: dict[str, Any] = {name: np.concatenate([getattr(item, name) for item in parts]) for name in arrays}
+    return replace(parts[0], **joined)
+
+
+def _at_impacts(
+    problem: Problem, at_point: Rebound, values: FloatArray, rng: np.random.Generator
+) -> tuple[list[ChannelPrediction], tuple[Mapping[str, float], ...]]:
+    """Every channel, and the regimes, at the impacts of the problem."""
+    rebound = problem.rebound(values)
+    columns = problem.all_values(values)
+    by_incidence = incident_sds(problem, columns, rebound)
+    channels = []
+    for channel in problem.channels:
+        predicted, spread, data = with_noise(channel, columns, rebound, rng, by_incidence[channel.name])
+        if problem.offsets is not None:
+            data = data + problem.offsets.offset(columns, channel.name)
+        low, mid_low, median, mid_high, high = np.quantile(predicted, BANDS, axis=0)
+        channels.append(
+            ChannelPrediction(
+                name=channel.name,
+                unit=REBOUND_UNITS[channel.name],
+                observed=channel.observed,
+                sd=np.median(spread, axis=0),
+                point=channel.predict(at_point)[0],
+                median=median,
+                mean_q025=low,
+                mean_q16=mid_low,
+                mean_q84=mid_high,
+                mean_q975=high,
+                data_q025=np.quantile(data, BANDS[0], axis=0),
+                data_q975=np.quantile(data, BANDS[-1], axis=0),
+            )
+        )
+    return channels, regime_shares(rebound)
+
+
+def with_noise(
+    channel: Channel,
+    columns: Mapping[str, FloatArray],
+    rebound: Rebound,
+    rng: np.random.Generator,
+    incident_sd: FloatArray | float = 0.0,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """One channel draw by draw, each (draws, impacts): without noise, the sd of its noise, and a new measurement.
+
+    `columns` are the draws of each parameter by name, (draws,); `incident_sd` is what incident errors add.
+    """
+    predicted = channel.predict(rebound)
+    spread = np.hypot(np.broadcast_to(channel.sds(columns, rebound), predicted.shape), incident_sd)
+    tails = columns[TAILS][:, None] if TAILS in columns else None
+    return predicted, spread, predicted + spread * draw(rng, predicted.shape, tails)
+
+
+def regime_shares(rebound: Rebound) -> tuple[Mapping[str, float], ...]:
+    """For each impact the phase sequences among the draws that can be evaluated there, most probable first."""
+    shares = []
+    for codes, status in zip(rebound.regime.T, rebound.status.T, strict=True):
+        solved = codes[status == 0]
+        counts = Counter(solved.tolist()).most_common()
+        shares.append({regime_name(int(code)): count / solved.size for code, count in counts})
+    return tuple(shares)
+
+
+def curves(problem: Problem, values: FloatArray) -> dict[str, Curve]:
+    """Noise-free predictions along incidence angle for each group of at least two impacts.
+
+    Between measured impacts speed, angle and spin are interpolated; a drop test is drawn along its speed.
+    """
+    labels = problem.groups
+    names = np.array(labels or [""] * len(problem.table))
+    groups = sorted(set(labels)) if labels else [""]
+    result = {}
+    for group in groups:
+        rows = np.flatnonzero(names == group)
+        if rows.size >= 2:
+            result[group] = _curve(problem, values, rows)
+    return result
+
+
+def _curve(problem: Problem, values: FloatArray, rows: NDArray[np.int64]) -> Curve:
+    v_x1, v_y1 = problem.impacts.v_x1[rows], problem.impacts.v_y1[rows]
+    theta, speed = np.arctan2(v_y1, v_x1), np.hypot(v_x1, v_y1)
+    along = theta if problem.table.has_tangential else v_y1
+    order = np.argsort(along, kind="stable")
+    grid = np.linspace(along.min(), along.max(), CURVE_POINTS)
+
+    def between(column: FloatArray) -> FloatArray:
+        return np.interp(grid, along[order], column[order])
+
+    angle, fast = between(theta), between(speed)
+    cor = None if problem.impacts.cor is None else between(problem.impacts.cor[rows])
+    impacts = Impacts(fast * np.cos(angle), fast * np.sin(angle), between(problem.impacts.omega_1[rows]), cor)
+    alike = all(np.unique(item.index[rows]).size == 1 for item in problem.levels)
+    rebound = problem.rebound(values, impacts, int(rows[0]) if alike else None)
+    return Curve(angle, impacts, {name: bands(predict(rebound)) for name, predict in PREDICTED.items()})
+
+
+def bands(array: FloatArray) -> FloatArray:
+    """Quantiles (5, points); draws that the model cannot evaluate there are left out, NaN where none is left."""
+    result = np.full((len(BANDS), array.shape[1]), np.nan)
+    known = ~np.all(np.isnan(array), axis=0)
+    result[:, known] = np.nanquantile(array[:, known], BANDS, axis=0)
+    return result

@@ -1,0 +1,137 @@
+"""One impact through time: at given parameters, or from a fit with the spread that its posterior leaves."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitball.errors import FitError, ParameterError, suggestion
+from fitball.inference.prediction.posterior_predictive import BANDS
+from fitball.inference.results.fitted_model import FittedModel
+from fitball.models.history import History
+from fitball.models.model import Model
+from fitball.models.specs import BALL_PARAMETERS, SPECS
+from fitball.models.types import regime_name
+from fitball.values import FloatArray, Impacts
+
+# Points of a course: a thousandth of the contact would not show in a picture.
+POINTS = 401
+# Posterior draws of a band: its 95 % ends then lie within about a tenth of its width.
+DRAWS = 200
+# Courses that a band is made of.
+COURSES = (
+    "y", "v_y", "v_x", "omega_1", "omega_2", "twist", "slip", "normal_force", "friction_force",
+)  # fmt: skip
+# Round numbers near the fits of the two-mass models to Wang's 21 impacts, for those who only want to see a bounce.
+DEFAULTS: Mapping[str, float] = {
+    "mass_ratio": 0.87,
+    "k_y": 2.0e4,
+    "k_theta": 20.0,
+    "mu": 0.56,
+    "eps_10": 2.4e-3,
+    "eps_slope": 0.0,
+    "cor_10": 0.776,
+    "cor_slope": -0.0158,
+    "zeta_theta": 0.5,
+    "inertia_split": 0.7,
+}
+
+
+@dataclass(frozen=True)
+class Band:
+    """What posterior draws say of the courses, at equal shares of each draw's own contact time.
+
+    `quantiles` maps `COURSES` to arrays (5, POINTS) of the levels `predictive.BANDS`; `contact_time` [s] has the same
+    levels, (5,). `regimes` maps phase sequences to their probability among the `draws` that can be evaluated;
+    `failed` is the number that cannot.
+    """
+
+    quantiles: Mapping[str, FloatArray]
+    contact_time: FloatArray
+    regimes: Mapping[str, float]
+    draws: int
+    failed: int
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """One impact through time: `history` at POINTS equal shares of the contact, a band where there is a posterior.
+
+    `parameters` are those of the model in SI; `label` tells it from others in the same picture.
+    """
+
+    label: str
+    model: Model
+    parameters: Mapping[str, float]
+    impact: Impacts
+    history: History
+    band: Band | None = None
+
+    @property
+    def shares(self) -> FloatArray:
+        """Shares of the contact time at which the courses are given, (POINTS,)."""
+        return np.linspace(0.0, 1.0, POINTS)
+
+
+def simulate(model: Model, parameters: Mapping[str, float], impact: Impacts, label: str = "") -> Simulation:
+    """Follow one impact at these parameters. Raises what `Model.history` raises."""
+    return Simulation(label, model, dict(parameters), impact, _history(model, parameters, impact))
+
+
+def simulate_fit(fitted: FittedModel, impact: Impacts, draws: int = DRAWS) -> Simulation:
+    """Follow one impact at the point estimate of a fit, with a band from `draws` of its posterior, evenly spaced.
+
+    Raises what `Model.history` raises at the point, and FitError when no draw can be evaluated.
+    """
+    model = fitted.model
+    kept = [k for k, name in enumerate(fitted.names) if name in SPECS]
+
+    def values(row: FloatArray) -> dict[str, float]:
+        return {fitted.names[k]: float(row[k]) for k in kept}
+
+    point = simulate(model, values(fitted.point), impact, "point estimate")
+    count = fitted.draws.shape[0]
+    if count == 0:
+        return point
+    rows = fitted.draws[np.linspace(0, count - 1, min(draws, count)).astype(int)]
+    found = [item for item in (_drawn(model, values(row), impact) for row in rows) if item is not None]
+    if not found:
+        raise FitError("no draw of the posterior can be evaluated at this impact")
+    quantiles = {name: np.quantile([getattr(item, name) for item in found], BANDS, axis=0) for name in COURSES}
+    counts = Counter(item.regime for item in found).most_common()
+    band = Band(
+        quantiles=quantiles,
+        contact_time=np.quantile([item.contact_time for item in found], BANDS),
+        regimes={regime_name(code): number / len(found) for code, number in counts},
+        draws=len(found),
+        failed=len(rows) - len(found),
+    )
+    return Simulation(point.label, model, point.parameters, impact, point.history, band)
+
+
+def chosen_parameters(model: Model, changed: Mapping[str, float]) -> dict[str, float]:
+    """`DEFAULTS` of the model's parameters with some changed. Raises ParameterError for an unknown name."""
+    allowed = (*model.parameter_names, *BALL_PARAMETERS)
+    for name in changed:
+        if name not in allowed:
+            raise ParameterError(f"model {model.name} has no parameter '{name}': {suggestion(name, allowed)}")
+    return {**{name: DEFAULTS[name] for name in model.parameter_names if name in DEFAULTS}, **changed}
+
+
+def _drawn(model: Model, parameters: Mapping[str, float], impact: Impacts) -> History | None:
+    """None where the draw has no solution at this impact, as with a restitution beyond its mass ratio."""
+    try:
+        return _history(model, parameters, impact)
+    except ParameterError:
+        return None
+
+
+def _history(model: Model, parameters: Mapping[str, float], impact: Impacts) -> History:
+    # A model without a time axis says so before it is asked for its contact time.
+    if not model.has_time:
+        return model.history(parameters, impact, 0.0)
+    contact_time = float(model.rebound(parameters, impact).contact_time[0])
+    return model.history(parameters, impact, np.linspace(0.0, 1.0, POINTS) * contact_time)

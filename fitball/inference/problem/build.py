@@ -1,0 +1,245 @@
+"""From table and scene to a problem: which model, which parameters, what is known; nothing is computed yet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Set
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fitball.data.force_file import ForceFile
+from fitball.data.scene import NO_CONTACT_TIME, NO_MU, NO_SPIN_SD, NO_VELOCITY_SD, Scene
+from fitball.data.table import NOISE_OF, SHARED_SD, VELOCITIES, ImpactTable
+from fitball.errors import FitError, ParameterError, suggestion
+from fitball.inference.problem.force_noise import force_noise, records_for
+from fitball.inference.problem.group_bias import GroupOffsets, build_offsets
+from fitball.inference.problem.incident import IncidentErrors
+from fitball.inference.problem.measurement_noise import expected_sizes, named_noise, noise_by_column, noise_parameters
+from fitball.inference.problem.noise import DISTRIBUTIONS, STUDENT
+from fitball.inference.problem.observables import Channel, build_channels
+from fitball.inference.problem.parameters import NOISE_SPECS, TAILS, build_parameters
+from fitball.inference.problem.pooling import Levels, build_levels
+from fitball.inference.problem.priors import Prior, parse_prior
+from fitball.inference.problem.problem import Problem
+from fitball.models.model import Model
+from fitball.models.registry import ALGEBRAIC, THESIS, model
+from fitball.models.specs import BALL_PARAMETERS, SPECS, ParameterSpec
+from fitball.values import Impacts
+
+REPRODUCTION_ONLY = (
+    "model thesis repeats a printed computation with its slips: it breaks the ball's own balances, reproduces print, "
+    "and is no rival of the other models"
+)
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What the user asked for beyond the scene; everything here wins over it.
+
+    `noise` is one of `scatter.DISTRIBUTIONS`, `pool` maps parameters to the label column over whose levels they
+    differ, `offsets` names the label column whose groups may be biased. Without `incident_errors` the incident state
+    counts as exact even where its sd is stated. `velocity_noise` is "tied", "separate" or None, see
+    `measurement_noise.noise_by_column`.
+    """
+
+    model: str | None = None
+    closures: Mapping[str, str] = field(default_factory=dict)
+    priors: Mapping[str, str] = field(default_factory=dict)
+    fix: Mapping[str, float] = field(default_factory=dict)
+    noise: str | None = None
+    pool: Mapping[str, str] = field(default_factory=dict)
+    offsets: str | None = None
+    incident_errors: bool = True
+    velocity_noise: str | None = None
+
+
+def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: ForceFile | None = None) -> Problem:
+    """Spend parameters only on what the table, and the records of `force` beside it, can show, and say what was left
+    out.
+
+    Raises FitError when the model can answer for no column of the table, and what `model` and
+    `build_parameters` raise.
+    """
+    name = choices.model or scene.model
+    closures = {**(scene.closures if name == scene.model else {}), **choices.closures}
+    chosen, fixed, notes = _compose(table, scene, name, closures)
+    noise_of = _noise_of(table, scene, choices, notes)
+    channels, unused = build_channels(table, table.has_tangential, chosen.has_time, chosen.needs_cor, noise_of)
+    notes += unused
+    if not channels:
+        raise FitError(f"{table.source}: model {name} predicts none of the measured columns")
+    incident = _incident(table, choices, notes)
+    if incident is not None and force is not None:
+        notes.append("force records are compared at the stated incident speed, taken as exact")
+    contact_time = scene.contact_time if chosen.has_time else None
+    records = records_for(chosen, scene, force, notes)
+    measured_time = any(channel.name == "contact_time" for channel in channels)
+    timed = contact_time is not None or measured_time or records is not None
+    if "k_y" in chosen.parameter_names and "k_theta" not in chosen.parameter_names and not timed:
+        fixed["k_y"] = (2.0e4, "it acts on the contact time only, and none is known")
+    priors = _scene_priors(scene, fixed)
+    noise = noise_parameters(channels, table, scene, priors, fixed)
+    if records is not None:
+        noise += force_noise(records, scene, priors, fixed)
+    ball_names = tuple(item for item in BALL_PARAMETERS if item.removeprefix("ball_") in scene.ball_sd)
+    names = (*chosen.parameter_names, *noise)
+    known = {*names, *ball_names}
+    fixed = {key: value for key, value in fixed.items() if key in known}
+    priors = {key: value for key, value in priors.items() if key in known}
+    priors |= {key: value for key, value in scene.priors.items() if name == scene.model or key in known}
+    scene_fix = {key: value for key, value in scene.fix.items() if name == scene.model or key in known}
+    for key in {**scene.priors, **choices.priors}:
+        fixed.pop(key, None)
+    fixed |= {key: (value, "fixed by the scene") for key, value in scene_fix.items()}
+    fixed |= {key: (value, "fixed on request") for key, value in choices.fix.items()}
+    wanted = {**priors, **choices.priors}
+    levels, offsets, extra = _structure(table, scene, choices, chosen, channels, wanted)
+    parameters = build_parameters(names, wanted, fixed, ball_names, extra)
+    notes += [f"{item.parameter} is fitted to each {item.column} apart, pooled in part" for item in levels]
+    return Problem(
+        table=table,
+        scene=scene,
+        model=chosen,
+        parameters=parameters,
+        channels=channels,
+        impacts=impacts_with_cor(table, chosen),
+        contact_time=contact_time,
+        notes=(
+            *(item for item in scene.assumed if item not in _idle(known, fixed.keys(), timed)),
+            *notes,
+            *([REPRODUCTION_ONLY] if name == THESIS else []),
+        ),
+        levels=levels,
+        offsets=offsets,
+        incident=incident,
+        force=records,
+    )
+
+
+def _noise_of(table: ImpactTable, scene: Scene, choices: Choices, notes: list[str]) -> Mapping[str, str]:
+    """The noise parameter of each column; a table's is the same whatever the model."""
+    column = choices.offsets or scene.offsets
+    groups = 0 if column is None else len(set(table.labels.get(column, ())))
+    named = named_noise(scene, scene.priors, scene.fix, choices.priors, choices.fix)
+    return noise_by_column(table, choices.velocity_noise or scene.velocity_noise, named, groups, notes)
+
+
+def _idle(parameters: Set[str], fixed: Set[str], timed: bool) -> set[str]:
+    """Assumptions of a scene that no parameter of the problem rests on."""
+    velocities = {SHARED_SD, *(NOISE_OF[name] for name in VELOCITIES)} - fixed
+    about = {NO_MU: {"mu"}, NO_VELOCITY_SD: velocities, NO_SPIN_SD: {"spin_sd"}, NO_CONTACT_TIME: {"k_y"}}
+    return {text for text, names in about.items() if not names & parameters} | ({NO_CONTACT_TIME} if timed else set())
+
+
+def _incident(table: ImpactTable, choices: Choices, notes: list[str]) -> IncidentErrors | None:
+    if table.incident_covariance is None:
+        return None
+    stated = ", ".join(f"{column}_sd" for column in table.incident_sd)
+    if not choices.incident_errors:
+        notes.append(f"{stated}: uncertainty of incident columns is ignored on request")
+        return None
+    notes.append(
+        f"{stated}: the incident state is taken as uncertain, marginalised to first order, finer near a kink"
+    )
+    return IncidentErrors(table.incident_covariance)
+
+
+def _structure(
+    table: ImpactTable,
+    scene: Scene,
+    choices: Choices,
+    chosen: Model,
+    channels: tuple[Channel, ...],
+    priors: Mapping[str, str],
+) -> tuple[tuple[Levels, ...], GroupOffsets | None, dict[str, ParameterSpec]]:
+    """Levels, group offsets and heavy tails that scene or user ask for, and the parameters these bring."""
+    distribution = choices.noise or scene.distribution
+    if distribution not in DISTRIBUTIONS:
+        raise ParameterError(f"noise '{distribution}': {suggestion(distribution, DISTRIBUTIONS)}")
+    extra = {TAILS: NOISE_SPECS[TAILS]} if distribution == STUDENT else {}
+    pool = {**scene.pool, **choices.pool}
+    known = {name: _prior_of(name, priors) for name in pool if name in chosen.parameter_names}
+    levels = build_levels(
+        table,
+        pool,
+        chosen.parameter_names,
+        {name: prior.log for name, prior in known.items()},
+        {name: (prior.lower, prior.upper) for name, prior in known.items()},
+    )
+    for item in levels:
+        median = float(known[item.parameter].quantile(np.array([0.5]))[0])
+        extra |= item.specs(SPECS[item.parameter].unit, median)
+    column = choices.offsets or scene.offsets
+    offsets = None if column is None else build_offsets(table, column)
+    if offsets is not None:
+        sizes = {name: getattr(scene, name) or size for name, size in expected_sizes(scene, table).items()}
+        extra |= offsets.specs(channels, sizes)
+    return levels, offsets, extra
+
+
+def _prior_of(name: str, priors: Mapping[str, str]) -> Prior:
+    spec = SPECS[name]
+    return parse_prior(name, priors.get(name, spec.prior), spec.lower, spec.upper, spec.unit)
+
+
+def _compose(
+    table: ImpactTable, scene: Scene, name: str, closures: Mapping[str, str]
+) -> tuple[Model, dict[str, tuple[float, str]], list[str]]:
+    """The model reduced to what the table shows, parameters that act nowhere, and why."""
+    reduced = dict(closures)
+    fixed: dict[str, tuple[float, str]] = {}
+    notes = []
+    if not table.has_tangential:
+        notes.append("no motion along the court was measured: only the vertical motion is fitted")
+        if name not in ALGEBRAIC:
+            reduced.setdefault("normal", "total")
+    elif not table.has_spin:
+        notes.append(
+            "no spin was measured: incident spin is taken as zero, shell and core turn as one, "
+            "and the offset is held at zero"
+        )
+        if name not in ALGEBRAIC:
+            reduced.setdefault("torsion", "rigid")
+            reduced.setdefault("normal", "total")
+        for parameter in ("eps_10", "eps_slope", "offset"):
+            fixed[parameter] = (0.0, "it shows in the spin, which was not measured")
+    elif "omega_1" not in table.incident_columns:
+        notes.append("no column omega_1: the incident spin is taken as zero")
+    return model(name, ball=scene.ball, tangential=table.has_tangential, **reduced), fixed, notes
+
+
+def _scene_priors(scene: Scene, fixed: dict[str, tuple[float, str]]) -> dict[str, str]:
+    priors = {}
+    if scene.mu is not None:
+        value, sd = scene.mu
+        if sd is None:
+            fixed["mu"] = (value, "known from the scene")
+        else:
+            priors["mu"] = f"normal({value:.10g}, {sd:.10g})"
+    balls = {"mass": scene.ball.mass, "radius": scene.ball.radius, "inertia_ratio": scene.ball.inertia_ratio}
+    for key, sd in scene.ball_sd.items():
+        name = key if key == "inertia_ratio" else f"ball_{key}"
+        priors[name] = f"normal({balls[key]:.10g}, {sd:.10g})"
+    return priors
+
+
+def impacts_with_cor(table: ImpactTable, chosen: Model) -> Impacts:
+    """The impacts, each with its measured restitution where the model wants it.
+
+    Raises FitError without `v_y2`, and where noise has put a restitution above 1.
+    """
+    if not chosen.needs_cor:
+        return table.impacts
+    rebound = table.measurement("v_y2")
+    if rebound is None:
+        raise FitError(f"{table.source}: closure cor = 'measured' needs a column v_y2")
+    cor = rebound.values / table.impacts.v_y1
+    above = np.flatnonzero(cor > 1.0)
+    if above.size:
+        first, more = above[0], f" and {above.size - 1:,} more have one" if above.size > 1 else " has one"
+        raise FitError(
+            f"{table.source}: closure cor = 'measured' takes each measured coefficient of restitution as exact, and "
+            f"no model bounces with one above 1; impact {table.ids[first]}{more} ({cor[first]:.4g}): leave such rows "
+            "out, or fit the restitution (cor = line or mean)"
+        )
+    return replace(table.impacts, cor=cor)

@@ -1,0 +1,115 @@
+"""Which parameters a fit has: free with a prior, or fixed at a value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from fitball.data.table import SHARED_SD
+from fitball.errors import ParameterError, suggestion
+from fitball.inference.problem.priors import Prior, parse_prior
+from fitball.models.specs import SPECS, ParameterSpec
+
+
+def _speed(name: str, meaning: str, label: str) -> ParameterSpec:
+    return ParameterSpec(name, "m/s", 1e-4, 10.0, "lognormal(0.25, 0.7)", meaning, label)
+
+
+# Noise of the measurement, one standard deviation, common to all rows that state none of their own.
+SD_SPECS: Mapping[str, ParameterSpec] = {
+    SHARED_SD: _speed(SHARED_SD, "noise of each velocity component, where they share one", r"$\sigma_v$"),
+    "v_x_sd": _speed("v_x_sd", "noise of v_x2", r"$\sigma_{v_x}$"),
+    "v_y_sd": _speed("v_y_sd", "noise of v_y2", r"$\sigma_{v_y}$"),
+    "speed_sd": _speed("speed_sd", "noise of v_2", r"$\sigma_{|v|}$"),
+    "angle_sd": ParameterSpec(
+        "angle_sd", "rad", 1e-5, 1.6, "lognormal(0.025, 0.7)", "noise of theta_2", r"$\sigma_\theta$"
+    ),
+    "spin_sd": ParameterSpec(
+        "spin_sd", "rad/s", 1e-2, 1e3, "lognormal(10, 0.7)", "noise of the spin", r"$\sigma_\omega$"
+    ),
+    "contact_time_sd": ParameterSpec(
+        "contact_time_sd", "s", 1e-6, 1e-2, "lognormal(2e-4, 0.7)", "noise of the contact time", r"$\sigma_t$"
+    ),
+}
+
+
+# With Student's t the noise parameters are its scales, and this says how heavy its tails are. Beyond a hundred nobody
+# can tell it from a normal distribution; below two it has no variance.
+TAILS = "degrees_of_freedom"
+# What separates force records from the model; where there are records, their size centres the first prior.
+FORCE_NOISE = ("force_sd", "force_misfit")
+_FORCE_SPECS: Mapping[str, ParameterSpec] = {
+    "force_sd": ParameterSpec(
+        "force_sd", "N", 1e-3, 1e4, "lognormal(10, 1.0)", "noise of one sample of a force record", r"$\sigma_F$"
+    ),
+    "force_misfit": ParameterSpec(
+        "force_misfit", "", 1e-4, 3.0, "lognormal(0.03, 1.0)",
+        "slow misfit of the model's force to a record, as a share of its peak", r"$\delta_F$",
+    ),
+}  # fmt: skip
+NOISE_SPECS: Mapping[str, ParameterSpec] = {
+    **SD_SPECS,
+    **_FORCE_SPECS,
+    TAILS: ParameterSpec(
+        TAILS,
+        "",
+        2.0,
+        100.0,
+        "lognormal(8, 0.8)",
+        "degrees of freedom of the noise: few allow outliers",
+        r"$\nu$",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of a fit: its spec, its prior, and the value it is fixed at (None when free)."""
+
+    spec: ParameterSpec
+    prior: Prior
+    fixed: float | None
+    fixed_because: str = ""
+
+    @property
+    def name(self) -> str:
+        """The name of the parameter."""
+        return self.spec.name
+
+    @property
+    def free(self) -> bool:
+        """Whether the data may move it."""
+        return self.fixed is None
+
+
+def build_parameters(
+    names: Sequence[str],
+    priors: Mapping[str, str],
+    fixed: Mapping[str, tuple[float, str]],
+    ball_names: Sequence[str] = (),
+    extra: Mapping[str, ParameterSpec] | None = None,
+) -> tuple[Parameter, ...]:
+    """Parameters called `names`, with overridden `priors`, and `fixed` name -> (value, why).
+
+    `extra` are further parameters that only this problem has, by name. Raises ParameterError for a name that is not
+    among them, a value outside its bounds, or a bad prior.
+    """
+    others = extra or {}
+    everything = (*names, *ball_names, *others)
+    for kind, given in (("prior", priors), ("fixed value", fixed)):
+        for name in given:
+            if name not in everything:
+                raise ParameterError(f"{kind} for unknown parameter '{name}': {suggestion(name, everything)}")
+    built = []
+    for name in everything:
+        spec = others.get(name) or NOISE_SPECS.get(name) or SPECS[name]
+        prior = parse_prior(name, priors.get(name, spec.prior), spec.lower, spec.upper, spec.unit)
+        value, why = fixed.get(name, (None, ""))
+        if value is not None and not spec.lower <= value <= spec.upper:
+            raise ParameterError(
+                f"fixed value {name} = {value:g}"
+                + (f" {spec.unit}" if spec.unit else "")
+                + f" lies outside its bounds [{spec.lower:g}, {spec.upper:g}]"
+            )
+        built.append(Parameter(spec, prior, value, why))
+    return tuple(built)

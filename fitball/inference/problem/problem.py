@@ -1,0 +1,277 @@
+"""The posterior density of one table under one model: pure functions of coordinates, batched over draws.
+
+Coordinates are those in which the priors have their shape: the natural logarithm for log priors, the value in
+SI for the others. Densities are with respect to coordinates.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.data.scene import Scene
+from fitball.data.table import ImpactTable
+from fitball.inference.likelihood.force import force_log_likelihood
+from fitball.inference.likelihood.incident_marginal import marginal_terms
+from fitball.inference.problem.batches import densities
+from fitball.inference.problem.force_records import ForceRecords
+from fitball.inference.problem.group_bias import GroupOffsets
+from fitball.inference.problem.incident import IncidentErrors
+from fitball.inference.problem.joint_prior import JointPrior
+from fitball.inference.problem.noise import LOG_TAU, log_density
+from fitball.inference.problem.observables import Channel
+from fitball.inference.problem.parallel import LARGE_BATCH, evaluate_in_parts
+from fitball.inference.problem.parameters import TAILS, Parameter
+from fitball.inference.problem.pooling import Levels
+from fitball.models.kernels.dual import NumberArray
+from fitball.models.model import Model
+from fitball.models.specs import SPECS
+from fitball.models.two_mass_model import TwoMassModel
+from fitball.models.types import Rebound, Status
+from fitball.values import FloatArray, Impacts, OwnImpacts
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A table, a model and priors: all that defines a posterior.
+
+    `contact_time` is what the scene knows of the mean contact time of the table, (value, sd) [s], or None.
+    `notes` are the sentences that tell what was left out or assumed, and why. `levels` are parameters that differ
+    between surfaces or balls, `offsets` biases of whole groups, `incident` the errors of the
+    incident state, `force` records of the force on the court (for a two-mass ball). `threads` share large batches.
+    """
+
+    table: ImpactTable
+    scene: Scene
+    model: Model
+    parameters: tuple[Parameter, ...]
+    channels: tuple[Channel, ...]
+    impacts: Impacts
+    contact_time: tuple[float, float] | None
+    notes: tuple[str, ...]
+    levels: tuple[Levels, ...] = ()
+    offsets: GroupOffsets | None = None
+    incident: IncidentErrors | None = None
+    force: ForceRecords | None = None
+    threads: int = 1
+
+    @cached_property
+    def free(self) -> tuple[Parameter, ...]:
+        """Parameters the data may move, in order."""
+        return tuple(item for item in self.parameters if item.free)
+
+    @cached_property
+    def free_names(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(item.name for item in self.free)
+
+    @cached_property
+    def model_names(self) -> tuple[str, ...]:
+        """Names of all parameters that the model itself takes."""
+        return tuple(item.name for item in self.parameters if item.name in SPECS)
+
+    @property
+    def dimension(self) -> int:
+        """Number of free parameters."""
+        return len(self.free)
+
+    @cached_property
+    def prior(self) -> JointPrior:
+        """The priors of all free parameters together."""
+        return JointPrior(tuple(item.prior for item in self.free))
+
+    def to_values(self, coordinates: NumberArray) -> NumberArray:
+        """Values (draws, free) in SI of coordinates (draws, free)."""
+        return self.prior.value(coordinates)
+
+    def to_coordinates(self, values: FloatArray) -> FloatArray:
+        """Inverse of `to_values`."""
+        return self.prior.coordinate(values)
+
+    def all_values(self, values: NumberArray) -> Mapping[str, NumberArray]:
+        """Every parameter by name, free and fixed, as (draws,)."""
+        columns = {name: values[:, k] for k, name in enumerate(self.free_names)}
+        for item in self.parameters:
+            if item.fixed is not None:
+                columns[item.name] = np.full(values.shape[0], item.fixed)
+        return columns
+
+    @cached_property
+    def groups(self) -> tuple[str, ...] | None:
+        """The label of each impact by which figures tell impacts apart, None when there is none."""
+        labels = self.table.labels.get("group")
+        return self.table.labels[self.levels[0].column] if labels is None and self.levels else labels
+
+    def rebound(self, values: FloatArray, impacts: Impacts | None = None, like: int | None = None) -> Rebound:
+        """Rebounds (draws, impacts) for free values (draws, free), of the table's impacts by default.
+
+        Other `impacts` meet the surface and ball of the table's row `like`, by default a typical one.
+        """
+        columns = self.all_values(values)
+        if impacts is None:
+            return self.rebound_like(columns, self.impacts, np.arange(len(self.impacts)))
+        if like is None or not self.levels:
+            return self._evaluate(columns, impacts)
+        return self.rebound_like(columns, impacts, np.full(len(impacts), like))
+
+    def rebound_like(
+        self, columns: Mapping[str, FloatArray], impacts: Impacts | OwnImpacts, rows: NDArray[np.int64]
+    ) -> Rebound:
+        """Rebounds (draws, impacts) of impacts that meet the surface and ball of the table's `rows` (impacts,)."""
+        if not self.levels:
+            return self._evaluate(columns, impacts)
+        found, order = [], []
+        for mine, own in self._blocks(columns, rows):
+            made = self._evaluate({**columns, **own}, impacts.take(mine))
+            for item in self.levels:
+                made.status[item.outside(own[item.parameter])] = Status.LEVEL_OUT_OF_BOUNDS
+            found.append(made)
+            order.append(mine)
+        back = np.argsort(np.concatenate(order), kind="stable")
+        return Rebound(
+            *(
+                np.concatenate([getattr(item, field.name) for item in found], axis=1)[:, back]
+                for field in fields(Rebound)
+            )
+        )
+
+    def slopes_like(self, columns: Mapping[str, FloatArray], impacts: Impacts, rows: NDArray[np.int64]) -> FloatArray:
+        """Derivatives (draws, impacts, outputs, 3) of such rebounds with respect to the incident state."""
+        found, order = [], []
+        for mine, own in self._blocks(columns, rows):
+            values = self._model_rows({**columns, **own})
+            found.append(self.model.jacobian(self.model_names, values, impacts.take(mine), ()).inputs)
+            order.append(mine)
+        back = np.argsort(np.concatenate(order), kind="stable")
+        return np.asarray(np.concatenate(found, axis=1)[:, back])
+
+    def paired(
+        self, columns: Mapping[str, FloatArray], draws: NDArray[np.int64], rows: NDArray[np.int64]
+    ) -> Mapping[str, FloatArray]:
+        """The parameters with which each of `draws` meets the one impact of the table that `rows` names beside it."""
+        found = {name: column[draws] for name, column in columns.items()}
+        for item in self.levels:
+            by_level = np.stack([item.value(columns, label) for label in item.labels])
+            found[item.parameter] = by_level[item.index[rows], draws]
+        return found
+
+    def linearised(self, columns: Mapping[str, FloatArray], impacts: OwnImpacts) -> tuple[Rebound, FloatArray]:
+        """Rebounds (draws, impacts) for parameters as they are, with derivatives (draws, impacts, outputs, 3) with
+        respect to the incident state.
+        """
+        found = self.model.jacobian(self.model_names, self._model_rows(columns), impacts, ())
+        return found.rebound, found.inputs
+
+    def force_integrals(
+        self,
+        columns: Mapping[str, NumberArray],
+        rows: NDArray[np.int64],
+        first: FloatArray,
+        spacing: FloatArray,
+        count: int,
+    ) -> tuple[NumberArray, NumberArray, NumberArray]:
+        """See `TwoMassModel.force_integrals`, for the table's impacts `rows`; `columns` may be complex."""
+        assert isinstance(self.model, TwoMassModel)
+        found = None
+        for mine, own in self._blocks(columns, rows):
+            values = self._model_rows({**columns, **own})
+            impacts = self.impacts.take(rows[mine])
+            parts = self.model.force_integrals(
+                self.model_names, values, impacts, first[:, mine], spacing[mine], count
+            )
+            found = found or tuple(np.empty((len(values), len(rows), *part.shape[2:]), part.dtype) for part in parts)
+            for whole, part in zip(found, parts, strict=True):
+                whole[:, mine] = part
+        assert found is not None
+        return found[0], found[1], found[2]
+
+    def _blocks(
+        self, columns: Mapping[str, FloatArray], rows: NDArray[np.int64]
+    ) -> Iterator[tuple[NDArray[np.int64], dict[str, FloatArray]]]:
+        """Places among `rows` that share all levels, with the parameters of those levels."""
+        if not self.levels:
+            yield np.arange(len(rows)), {}
+            return
+        keys = np.stack([item.index[rows] for item in self.levels])
+        distinct, which = np.unique(keys, axis=1, return_inverse=True)
+        for k, key in enumerate(distinct.T):
+            labels = [item.labels[place] for item, place in zip(self.levels, key, strict=True)]
+            own = {item.parameter: item.value(columns, name) for item, name in zip(self.levels, labels, strict=True)}
+            yield np.flatnonzero(which.ravel() == k), own
+
+    def _model_rows(self, columns: Mapping[str, FloatArray]) -> FloatArray:
+        return np.stack([columns[name] for name in self.model_names], axis=1)
+
+    def _evaluate(self, columns: Mapping[str, FloatArray], impacts: Impacts | OwnImpacts) -> Rebound:
+        rows = self._model_rows(columns)
+        if rows.shape[0] * len(impacts) <= LARGE_BATCH:
+            return self.model.evaluate(self.model_names, rows, impacts)
+        return evaluate_in_parts(self.model, self.model_names, rows, impacts, self.threads)
+
+    def deviation(self, columns: Mapping[str, FloatArray], channel: Channel, rebound: Rebound) -> FloatArray:
+        """Measured less predicted (draws, impacts), the bias of the impact's group taken off."""
+        found = channel.observed - channel.predict(rebound)
+        if self.offsets is None:
+            return found
+        bias = self.offsets.offset(columns, channel.name)
+        return found - (bias if channel.rows is None else bias[:, channel.rows])
+
+    def log_prior(self, coordinates: FloatArray) -> FloatArray:
+        """Log prior density (draws,)."""
+        return self.prior.log_density(coordinates)
+
+    def log_knowledge(self, rebound: Rebound) -> FloatArray:
+        """Log density (draws,) of what the scene knows of the mean contact time; zero where it knows nothing."""
+        if self.contact_time is None:
+            return np.zeros(rebound.contact_time.shape[0])
+        value, sd = self.contact_time
+        z: FloatArray = (rebound.contact_time.mean(axis=1) - value) / sd
+        return -0.5 * (z * z + LOG_TAU) - math.log(sd)
+
+    def log_likelihood_terms(self, values: FloatArray, rebound: Rebound) -> Mapping[str, FloatArray]:
+        """Log density of each measurement, channel name -> (draws, impacts).
+
+        With incident errors the measurements of an impact depend on each other: each is given those before it.
+        """
+        if self.incident is not None:
+            return marginal_terms(self, self.incident, values, rebound)
+        columns = self.all_values(values)
+        tails = columns[TAILS][:, None] if TAILS in columns else None
+        terms: dict[str, FloatArray] = {}
+        for channel in self.channels:
+            sd = channel.sds(columns, rebound)
+            z = self.deviation(columns, channel, rebound) / sd
+            terms[channel.name] = log_density(z, tails) - np.log(sd)
+        return terms
+
+    def log_likelihood(self, values: FloatArray, rebound: Rebound) -> FloatArray:
+        """Log likelihood (draws,); NaN where the model cannot be evaluated."""
+        total = np.zeros(values.shape[0])
+        for term in self.log_likelihood_terms(values, rebound).values():
+            total += term.sum(axis=1)
+        if self.force is not None:
+            total += force_log_likelihood(self, self.force, self.all_values(values))
+        return total
+
+    def log_posterior(self, coordinates: FloatArray) -> FloatArray:
+        """Log posterior density up to a constant, (draws,); -inf where it is zero or the model has no answer."""
+        return self._log_density(coordinates, measured=True)
+
+    def log_reference(self, coordinates: FloatArray) -> FloatArray:
+        """Log density of all that is known before the table: prior, possibility, and the scene's contact time."""
+        return self._log_density(coordinates, measured=False)
+
+    def _log_density(self, coordinates: FloatArray, measured: bool) -> FloatArray:
+        total = self.log_prior(coordinates)
+        inside = np.flatnonzero(np.isfinite(total))
+        if inside.size == 0:
+            return total
+        found = densities(self, self.to_values(coordinates[inside]), measured=measured)
+        density = found.knowledge + found.likelihood if measured else found.knowledge
+        total[inside] += np.where(found.possible, density, -np.inf)
+        return total

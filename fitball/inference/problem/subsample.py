@@ -1,0 +1,99 @@
+"""Part of a problem: some rows of a large table for a search, or all but some whose measurements are left out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.errors import FitError
+from fitball.inference.problem.observables import Channel
+from fitball.inference.problem.problem import Problem
+
+# Rows that tell what a first-order look at a large table can tell: sums over the others are alike.
+LOOKED_AT = 3000
+# Impacts with a force record that are kept in any part of a table.
+RECORDED = 20
+
+
+def thinned_rows(problem: Problem, rows: int) -> NDArray[np.int64]:
+    """About `rows` row numbers, spread evenly over incidence angle; all of a problem that has no more.
+
+    Some impacts with a force record are always among them: it may be all that tells a parameter.
+    """
+    count = len(problem.impacts)
+    if count <= rows:
+        return np.arange(count)
+    order = np.argsort(np.arctan2(problem.impacts.v_y1, problem.impacts.v_x1), kind="stable")
+    chosen = np.sort(order[np.linspace(0, count - 1, rows).round().astype(np.int64)])
+    if problem.force is None:
+        return chosen
+    recorded = problem.force.rows
+    some = recorded[np.linspace(0, recorded.size - 1, min(RECORDED, recorded.size)).round().astype(np.int64)]
+    return np.union1d(chosen, some)
+
+
+def thinned_problem(problem: Problem, rows: int) -> Problem:
+    """The same problem on its `thinned_rows`; the problem itself if it has no more."""
+    return problem if len(problem.impacts) <= rows else part_of(problem, thinned_rows(problem, rows))
+
+
+def part_of(problem: Problem, kept: NDArray[np.int64]) -> Problem:
+    """The same problem on the impacts `kept` (sorted) alone."""
+    impacts = problem.impacts.take(kept)
+    channels = tuple(_renumbered(item, kept) for item in problem.channels)
+    table = replace(
+        problem.table,
+        impacts=problem.table.impacts.take(kept),
+        ids=tuple(problem.table.ids[k] for k in kept),
+        incident_sd={name: column[kept] for name, column in problem.table.incident_sd.items()},
+        measurements=tuple(
+            replace(item, values=item.values[kept], sd=None if item.sd is None else item.sd[kept])
+            for item in problem.table.measurements
+        ),
+        redundant=(),
+        labels={name: tuple(column[k] for k in kept) for name, column in problem.table.labels.items()},
+        notices=(),
+        incident_covariance=(
+            None if problem.table.incident_covariance is None else problem.table.incident_covariance[kept]
+        ),
+    )
+    return replace(
+        problem,
+        table=table,
+        impacts=impacts,
+        channels=channels,
+        incident=None if problem.incident is None else problem.incident.take(kept),
+        force=None if problem.force is None else problem.force.take(kept),
+        levels=tuple(item.take(kept) for item in problem.levels),
+        offsets=None if problem.offsets is None else problem.offsets.take(kept),
+    )
+
+
+def _renumbered(channel: Channel, kept: NDArray[np.int64]) -> Channel:
+    """The channel of a table that consists of the impacts `kept` (sorted) alone."""
+    if channel.rows is None:
+        return replace(channel.at(kept), rows=None)
+    found = channel.at(np.flatnonzero(np.isin(channel.rows, kept)))
+    assert found.rows is not None
+    return replace(found, rows=np.searchsorted(kept, found.rows))
+
+
+def withheld(problem: Problem, rows: NDArray[np.int64]) -> Problem:
+    """The same problem without the measurements at `rows`.
+
+    The incident conditions of those impacts stay known: what the scene knows of the mean contact time, and that the
+    model must be able to evaluate every impact, hold as in the full problem. So the posterior is that of the full
+    problem but for the likelihood of `rows`, which is what importance sampling of left-out impacts assumes. Raises
+    FitError when a column would be left without a measurement.
+    """
+    channels = []
+    for item in problem.channels:
+        mine = np.arange(item.observed.size) if item.rows is None else item.rows
+        entries = np.flatnonzero(~np.isin(mine, rows))
+        if entries.size == 0:
+            raise FitError(f"{problem.table.source}: nothing is left of {item.name} to fit without those impacts")
+        channels.append(item.at(entries))
+    force = None if problem.force is None else problem.force.without(rows)
+    return replace(problem, channels=tuple(channels), force=force)

@@ -1,0 +1,296 @@
+"""What a fit found: frozen values, no computing. Everything a report, a file or a caller reads is here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from fitball.data.balances import Balances
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.evidence import Examination
+from fitball.inference.results.fitted_model import FittedModel
+from fitball.inference.results.pace_rating import CourtPace
+from fitball.inference.sampling.convergence import TARGET_ESS
+from fitball.models.types import Rebound
+from fitball.values import FloatArray, Impacts
+
+
+class Verdict(StrEnum):
+    """What the data say about one parameter."""
+
+    IDENTIFIED = "identified"
+    ONE_SIDED = "one-sided"
+    PRIOR_DOMINATED = "prior-dominated"
+    FIXED = "fixed"
+    NOT_JUDGED = "not judged"
+
+
+class RunStatus(StrEnum):
+    """How a run ended."""
+
+    CONVERGED = "converged"
+    NOT_CONVERGED = "not converged"
+    POINT_ONLY = "point only"
+    INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True)
+class LeastSquares:
+    """Weighted least squares: no prior but the bounds, noise at its stated or nominal size.
+
+    `values` holds every parameter by name in SI; `stderr` a number, or None with the cause in
+    `missing`. `rms` is the root mean square residual of each channel, in its unit.
+    """
+
+    values: Mapping[str, float]
+    stderr: Mapping[str, float | None]
+    missing: Mapping[str, str]
+    chi_square: float
+    degrees_of_freedom: int
+    rms: Mapping[str, float]
+    starts: int
+    optima: tuple[Mapping[str, float], ...]
+    optima_chi_square: tuple[float, ...]
+    evaluations: int
+
+
+@dataclass(frozen=True)
+class PointFit:
+    """The maximum of the posterior density, with respect to the coordinates of the priors.
+
+    `values` holds every parameter by name in SI; `log_posterior` is the density there, up to the evidence.
+    """
+
+    values: Mapping[str, float]
+    log_posterior: float
+    log_likelihood: float
+    rms: Mapping[str, float]
+    rebound: Rebound
+    optima: tuple[Mapping[str, float], ...]
+    optima_log_posterior: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter: quantiles of its posterior in SI, its prior and what the data say of it.
+
+    Quantities that do not exist (a fixed parameter, a run without posterior) are None. `contraction` is
+    1 - posterior variance / prior variance, both in the coordinate of the prior, where "prior"
+    includes what the scene knows.
+    """
+
+    name: str
+    unit: str
+    label: str
+    meaning: str
+    prior: str
+    point: float
+    median: float | None
+    sd: float | None
+    q025: float | None
+    q05: float | None
+    q16: float | None
+    q84: float | None
+    q95: float | None
+    q975: float | None
+    contraction: float | None
+    verdict: Verdict
+    reason: str
+    ess_bulk: float | None
+    ess_tail: float | None
+    r_hat: float | None
+    reference_q025: float | None
+    reference_q975: float | None
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Draws kept for inference.
+
+    `values` is (ensembles, steps, walkers, free parameters) in SI, `log_posterior` is aligned with it,
+    (ensembles, steps, walkers); `reference` (draws, free parameters) are draws from all that was known before
+    the table.
+    """
+
+    names: tuple[str, ...]
+    values: FloatArray
+    log_posterior: FloatArray
+    reference: FloatArray
+
+    @property
+    def draws(self) -> FloatArray:
+        """All draws, (draws, free parameters)."""
+        return self.values.reshape(-1, self.values.shape[-1])
+
+
+@dataclass(frozen=True)
+class Diagnostics:
+    """How the sampler did. `warm_up` steps precede those kept; `r_hat` is rank-normalised and nested
+    (ensembles over walkers).
+    """
+
+    ensembles: int
+    walkers: int
+    warm_up: int
+    steps: int
+    max_steps: int
+    acceptance: tuple[float, ...]
+    min_ess_bulk: float
+    min_ess_tail: float
+    max_r_hat: float
+    ess_bulk: Mapping[str, float]
+    ess_tail: Mapping[str, float]
+    r_hat: Mapping[str, float]
+    evaluations: int
+    converged: bool
+    complaints: tuple[str, ...]
+    target_ess: float = TARGET_ESS
+
+
+@dataclass(frozen=True)
+class ChannelPrediction:
+    """Posterior prediction of one measured column at the table's impacts, all (impacts,) in SI.
+
+    `mean_*` are quantiles of the noise-free rebound (parameter uncertainty alone), `data_*` of a new
+    measurement (with noise). `sd` is the measurement noise at the posterior median.
+    """
+
+    name: str
+    unit: str
+    observed: FloatArray
+    sd: FloatArray
+    point: FloatArray
+    median: FloatArray
+    mean_q025: FloatArray
+    mean_q16: FloatArray
+    mean_q84: FloatArray
+    mean_q975: FloatArray
+    data_q025: FloatArray
+    data_q975: FloatArray
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Noise-free predictions along incidence angle for one group: `theta_1` [rad] (points,), the impacts
+    interpolated between those measured, and per output name in SI (NaN where the model has none) rows
+    of quantiles (2.5, 16, 50, 84, 97.5 %) of shape (5, points).
+    """
+
+    theta_1: FloatArray
+    impacts: Impacts
+    outputs: Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class Predictive:
+    """Predictions of every channel, the regime sequences of each impact with their posterior probability, and a
+    band over incidence angle for figures.
+
+    `regimes[i]` maps a sequence in words to its probability at impact i. `curves` maps a group label ("" when
+    the table has no groups) to predictions along that group's incidence angles.
+    """
+
+    channels: tuple[ChannelPrediction, ...]
+    regimes: tuple[Mapping[str, float], ...]
+    curves: Mapping[str, Curve]
+
+
+@dataclass(frozen=True)
+class Golden:
+    """Impacts with their rebounds at the point estimate, for whoever ports the model elsewhere."""
+
+    parameters: Mapping[str, float]
+    impacts: Impacts
+    rebound: Rebound
+
+
+@dataclass(frozen=True)
+class LevelEstimate:
+    """A parameter at one level (`label` of `column`, with so many `impacts`), in SI; None without a posterior."""
+
+    parameter: str
+    column: str
+    label: str
+    unit: str
+    impacts: int
+    point: float
+    median: float | None
+    sd: float | None
+    q025: float | None
+    q16: float | None
+    q84: float | None
+    q975: float | None
+
+
+@dataclass(frozen=True)
+class BudgetLine:
+    """Errors of one measured column in its SI unit: of the arithmetic (largest), of the measurement (median sd), and
+    half of the 68 % interval of the noise-free prediction (median; None without a posterior).
+    """
+
+    numerical: float
+    measurement: float
+    posterior: float | None
+
+
+@dataclass(frozen=True)
+class ErrorBudget:
+    """Numerical error beside the others, by column; `reference` says what `impacts` rebounds were compared with."""
+
+    impacts: int
+    reference: str
+    lines: Mapping[str, BudgetLine]
+
+    @property
+    def share(self) -> float:
+        """Largest numerical error as a share of the smaller of measurement and posterior width."""
+        shares = [
+            line.numerical / min(line.measurement, line.posterior if line.posterior else line.measurement)
+            for line in self.lines.values()
+        ]
+        return max(shares)
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Wall time of a stage [s]."""
+
+    stage: str
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """All that one calibration found. `notes` are those of the problem, and what only the fit could tell."""
+
+    problem: Problem
+    notes: tuple[str, ...]
+    balances: Balances
+    least_squares: LeastSquares
+    point: PointFit
+    posterior: Posterior | None
+    estimates: tuple[Estimate, ...]
+    covariance: FloatArray | None
+    correlation: FloatArray | None
+    diagnostics: Diagnostics | None
+    predictive: Predictive | None
+    examination: Examination
+    fitted: FittedModel
+    golden: Golden
+    error_budget: ErrorBudget
+    levels: tuple[LevelEstimate, ...]
+    status: RunStatus
+    verdict: str
+    seed: int
+    timings: tuple[Timing, ...]
+    court_pace: CourtPace | None = None
+
+    @property
+    def parameters(self) -> Mapping[str, Estimate]:
+        """Estimates by parameter name."""
+        return {item.name: item for item in self.estimates}
+
+    def predict(self, impacts: Impacts) -> Mapping[str, FloatArray]:
+        """See `FittedModel.predict`."""
+        return self.fitted.predict(impacts)

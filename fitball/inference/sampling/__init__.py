@@ -1,0 +1,1 @@
+"""Draws: emcee ensembles, chain file, convergence, Monte Carlo errors, prior draws."""

@@ -1,0 +1,313 @@
+"""Posterior sampling with emcee: independent ensembles, run in blocks until they agree.
+
+Ensembles warm up with moves that need no tuning; then an independence proposal fitted to the warm-up of all of
+them is added and frozen (see `moves`), walkers that the others have left behind go on from draws of their ensemble
+(see `stragglers`), and only the steps after that are used. Every ensemble has its own random generator, so the result
+does not depend on how many threads advance them, nor on interruptions.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import repeat
+
+import emcee
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.errors import FitError
+from fitball.inference.problem.problem import Problem
+from fitball.inference.sampling.chain_file import ChainFile, EnsembleChain
+from fitball.inference.sampling.convergence import TARGET_ESS, TARGET_R_HAT, Convergence, convergence
+from fitball.inference.sampling.moves import Moves, StudentProposal, production_moves, warm_up_moves
+from fitball.inference.sampling.stragglers import left_behind, relocation
+from fitball.values import FloatArray
+
+ENSEMBLES = 4
+# Steps never used for inference, of which the second half teaches the proposal; on long runs the first quarter
+# is dropped instead.
+WARM_UP = 400
+FIRST_CHECK = 700
+BLOCK = 100
+# Candidates for the start of one ensemble, and the power of the posterior they are resampled with: starts are
+# spread wider than the posterior, as R-hat needs.
+POOL = 3000
+TEMPERING = 0.3
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """When to look and when to stop: steps of warm-up, of the first check, and what every parameter must have."""
+
+    warm_up: int = WARM_UP
+    first_check: int = FIRST_CHECK
+    target_ess: float = TARGET_ESS
+    target_r_hat: float = TARGET_R_HAT
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to sample: numbers of walkers (per ensemble), of ensembles, of steps at most, of threads."""
+
+    walkers: int
+    ensembles: int
+    max_steps: int
+    cores: int
+    seed: int
+    schedule: Schedule = Schedule()
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a user sees while sampling; `convergence` is None before the first check."""
+
+    step: int
+    next_check: int
+    convergence: Convergence | None
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Chains of all ensembles in coordinates, (ensembles, steps, walkers, free), warm-up included; `moved` are the
+    walkers (ensembles, walkers) that went on from a draw of others after it.
+    """
+
+    chains: FloatArray
+    log_posterior: FloatArray
+    acceptance: tuple[float, ...]
+    warm_up: int
+    convergence: Convergence
+    converged: bool
+    moved: NDArray[np.bool_]
+
+    @property
+    def kept(self) -> FloatArray:
+        """Coordinates after warm-up."""
+        return self.chains[:, self.warm_up :]
+
+
+class SamplingInterrupted(Exception):
+    """The user stopped the run; the chain so far is on disk when there is a chain file."""
+
+    def __init__(self, step: int) -> None:
+        self.step = step
+        super().__init__(f"interrupted at step {step}")
+
+
+def default_walkers(dimension: int) -> int:
+    """Walkers an ensemble has when nobody says: four for each parameter, an even number of at least 16."""
+    return max(16, 4 * dimension)
+
+
+def warm_up_length(steps: int, least: int = WARM_UP) -> int:
+    """Steps to drop of a run of `steps`, where `least` teach the proposal."""
+    return max(least, steps // 4) if 2 * steps >= 3 * least else steps // 2
+
+
+class Ensemble:
+    """One emcee sampler with its own random generator, started around the optima or from a stored chain."""
+
+    def __init__(self, problem: Problem, walkers: int, seeds: np.random.SeedSequence) -> None:
+        self.problem = problem
+        self.walkers = walkers
+        self.sampler = self._make(warm_up_moves(), emcee.backends.Backend())
+        # emcee draws from a RandomState; it is seeded from the same tree as every other generator here.
+        legacy = np.random.RandomState(np.random.MT19937(seeds))
+        self.sampler.random_state = legacy.get_state()
+        self.state: emcee.State | None = None
+
+    def _make(self, moves: Moves, backend: emcee.backends.Backend) -> emcee.EnsembleSampler:
+        return emcee.EnsembleSampler(
+            self.walkers,
+            self.problem.dimension,
+            self.problem.log_posterior,
+            vectorize=True,
+            moves=moves,
+            backend=backend,
+        )
+
+    def use(self, moves: Moves) -> None:
+        """Go on with other moves, same chain, same random generator."""
+        random_state = self.sampler.random_state
+        self.sampler = self._make(moves, self.sampler.backend)
+        self.sampler.random_state = random_state
+
+    @property
+    def steps(self) -> int:
+        """Steps made so far."""
+        return int(self.sampler.backend.iteration)
+
+    def start(self, positions: FloatArray) -> None:
+        """Begin at positions (walkers, free)."""
+        self.state = emcee.State(positions)
+
+    def restore(self, stored: EnsembleChain) -> None:
+        """Go on from a stored chain."""
+        backend = self.sampler.backend
+        steps, walkers, dimension = stored.chain.shape
+        backend.reset(walkers, dimension)
+        backend.chain, backend.log_prob = stored.chain.copy(), stored.log_posterior.copy()
+        backend.accepted, backend.iteration = stored.accepted.copy(), steps
+        # Both keep it: emcee takes it from the state with the next step, which never comes where all have been made.
+        backend.random_state = self.sampler.random_state = stored.random_state
+        if steps:
+            self.state = emcee.State(
+                stored.chain[-1], log_prob=stored.log_posterior[-1], random_state=stored.random_state
+            )
+
+    def move(self, walkers: NDArray[np.intp], positions: FloatArray, log_posterior: FloatArray) -> None:
+        """Let `walkers` go on from other positions (walkers, free), whose density is known; no step of the chain."""
+        self.state = emcee.State(self.state, copy=True)
+        self.state.coords[walkers], self.state.log_prob[walkers] = positions, log_posterior
+
+    def advance_to(self, step: int, stop: threading.Event) -> None:
+        """Go on until `step` steps have been made, or until `stop` is set."""
+        steps = step - self.steps
+        if steps <= 0 or stop.is_set():
+            return
+        for state in self.sampler.sample(self.state, iterations=steps, skip_initial_state_check=True):
+            self.state = state
+            if stop.is_set():
+                break
+
+    def stored(self) -> EnsembleChain:
+        """What the chain file keeps."""
+        backend, state = self.sampler.backend, tuple(self.sampler.random_state)
+        if not self.steps:
+            # emcee has no chain to give before the first step.
+            shape = (0, self.walkers, self.problem.dimension)
+            return EnsembleChain(np.empty(shape), np.empty(shape[:2]), np.zeros(self.walkers), state)
+        return EnsembleChain(
+            backend.get_chain().copy(), backend.get_log_prob().copy(), np.array(backend.accepted), state
+        )
+
+
+def starting_positions(
+    problem: Problem, optima: FloatArray, first: int, walkers: int, rng: np.random.Generator
+) -> FloatArray:
+    """Positions (walkers, free) drawn around the optima (optima, free), all in coordinates and inside the prior.
+
+    Half of the candidates surround the optimum number `first`, half any of them, at distances from a hundredth of
+    the prior's width to all of it; they are resampled by a power of their posterior density. Raises FitError when
+    too few candidates are possible.
+    """
+    for _ in range(10):
+        centre = np.where(rng.uniform(size=POOL) < 0.5, first % len(optima), rng.integers(len(optima), size=POOL))
+        reach = np.exp(rng.uniform(math.log(0.01), 0.0, size=(POOL, 1)))
+        pool = optima[centre] + problem.prior.width * reach * rng.standard_normal((POOL, problem.dimension))
+        density = problem.log_posterior(pool)
+        weight = np.exp(TEMPERING * (density - density.max()))
+        if np.count_nonzero(weight) >= 2 * walkers:
+            return pool[rng.choice(POOL, walkers, replace=False, p=weight / weight.sum())]
+    raise FitError("too few starting points of finite posterior density around the optima: loosen the priors")
+
+
+def sample(
+    problem: Problem,
+    optima: FloatArray,
+    settings: Settings,
+    chain_file: ChainFile | None,
+    resume: bool,
+    report: Callable[[Progress], None],
+) -> Sampled:
+    """Run the ensembles until `settings.schedule` is content, or for `settings.max_steps`.
+
+    Checks fall on steps that depend on the chains alone, so a resumed run stops where an uninterrupted one does.
+    Raises SamplingInterrupted on Ctrl-C, after writing the chain.
+    """
+    roots = np.random.SeedSequence(settings.seed).spawn(2 * settings.ensembles + 1)
+    ensembles = [Ensemble(problem, settings.walkers, roots[k]) for k in range(settings.ensembles)]
+    if resume and chain_file is not None:
+        kept = chain_file.read(settings.ensembles, settings.walkers, problem.free_names)
+        for ensemble, stored in zip(ensembles, kept, strict=True):
+            ensemble.restore(stored)
+    for k, ensemble in enumerate(ensembles):
+        if ensemble.state is None:
+            rng = np.random.default_rng(roots[settings.ensembles + k])
+            ensemble.start(starting_positions(problem, optima, k, settings.walkers, rng))
+    plan = settings.schedule
+    check = min(plan.first_check, settings.max_steps)
+    found: Convergence | None = None
+    _advance_to(problem, ensembles, min(plan.warm_up, settings.max_steps), check, found, settings, chain_file, report)
+    moved = np.zeros((settings.ensembles, settings.walkers), dtype=bool)
+    if settings.max_steps > plan.warm_up:
+        moved, taught = _end_warm_up(ensembles, plan.warm_up, np.random.default_rng(roots[-1]))
+        proposal = StudentProposal.fit(taught)
+        for item in ensembles:
+            item.use(production_moves(proposal))
+    while True:
+        _advance_to(problem, ensembles, check, check, found, settings, chain_file, report)
+        chains = np.stack([item.sampler.get_chain()[:check] for item in ensembles])
+        warm_up = warm_up_length(check, plan.warm_up)
+        found = convergence(problem.free_names, chains[:, warm_up:])
+        report(Progress(check, check, found))
+        reached = found.meets(plan.target_ess, plan.target_r_hat)
+        if reached or check >= settings.max_steps:
+            break
+        check = min(next_check(check, found, plan), settings.max_steps)
+    scores = np.stack([item.sampler.get_log_prob()[:check] for item in ensembles])
+    acceptance = tuple(float(np.mean(item.sampler.acceptance_fraction)) for item in ensembles)
+    return Sampled(chains, scores, acceptance, warm_up, found, reached, moved)
+
+
+def _end_warm_up(
+    ensembles: Sequence[Ensemble], steps: int, rng: np.random.Generator
+) -> tuple[NDArray[np.bool_], FloatArray]:
+    """Move stragglers to draws of their ensembles: which (ensembles, walkers), and what the others teach the proposal
+    (draws, free).
+
+    All of it follows from the `steps` of warm-up alone, so a run that was interrupted later and goes on finds the
+    same; an ensemble that has gone on already is left as it is.
+    """
+    chains = np.stack([item.sampler.get_chain()[steps // 2 : steps] for item in ensembles])
+    scores = np.stack([item.sampler.get_log_prob()[steps // 2 : steps] for item in ensembles])
+    behind = left_behind(chains, scores)
+    for k, item in enumerate(ensembles):
+        walkers, step, owner = relocation(behind[k], chains.shape[1], rng)
+        if walkers.size and item.steps == steps:
+            item.move(walkers, chains[k, step, owner], scores[k, step, owner])
+    return behind, chains.transpose(0, 2, 1, 3)[~behind].reshape(-1, chains.shape[-1])
+
+
+def next_check(step: int, found: Convergence, plan: Schedule) -> int:
+    """The step at which the effective sample size should suffice, between 1.15 and 2 times the present one."""
+    kept = step - warm_up_length(step, plan.warm_up)
+    wanted = step + kept * (1.1 * plan.target_ess / max(found.min_ess, 1.0) - 1.0)
+    bounded = min(max(wanted, 1.15 * step), 2.0 * step)
+    return math.ceil(bounded / BLOCK) * BLOCK
+
+
+def _advance_to(
+    problem: Problem,
+    ensembles: Sequence[Ensemble],
+    goal: int,
+    check: int,
+    found: Convergence | None,
+    settings: Settings,
+    chain_file: ChainFile | None,
+    report: Callable[[Progress], None],
+) -> None:
+    """Bring every ensemble to step `goal`, a block at a time; on Ctrl-C write what there is and stop."""
+    stop = threading.Event()
+    with ThreadPoolExecutor(max_workers=settings.cores) as pool:
+        try:
+            while (step := min(item.steps for item in ensembles)) < goal:
+                following = min(step - step % BLOCK + BLOCK, goal)
+                list(pool.map(Ensemble.advance_to, ensembles, repeat(following), repeat(stop)))
+                report(Progress(following, check, found))
+        except KeyboardInterrupt:
+            stop.set()
+            pool.shutdown(wait=True)
+            _write(problem, ensembles, chain_file)
+            raise SamplingInterrupted(min(item.steps for item in ensembles)) from None
+    _write(problem, ensembles, chain_file)
+
+
+def _write(problem: Problem, ensembles: Sequence[Ensemble], chain_file: ChainFile | None) -> None:
+    if chain_file is not None:
+        logs = [item.prior.log for item in problem.free]
+        chain_file.write([item.stored() for item in ensembles], problem.free_names, logs)

@@ -1,0 +1,33 @@
+"""Draws from all that was known before the table: priors, what the model can evaluate, what the scene says."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitball.inference.point.starts import prior_draws
+from fitball.inference.problem.batches import densities
+from fitball.inference.problem.problem import Problem
+from fitball.values import FloatArray
+
+BATCH = 4000
+WANTED = 1500
+# Batches after which fewer accepted draws must do; scenes that know much accept few prior draws.
+MOST_BATCHES = 12
+
+
+def reference_draws(
+    problem: Problem, rng: np.random.Generator, wanted: int = WANTED, batch: int = BATCH
+) -> FloatArray:
+    """Independent draws (draws, free) in SI by rejection from the priors, at most `wanted`."""
+    accepted: list[FloatArray] = []
+    # The scene's knowledge is a normal density: its peak bounds it.
+    value_sd = problem.contact_time
+    peak = 0.0 if value_sd is None else -0.5 * float(np.log(2.0 * np.pi)) - float(np.log(value_sd[1]))
+    for _ in range(MOST_BATCHES):
+        values = prior_draws(problem, rng, batch)
+        found = densities(problem, values, measured=False)
+        chance = np.where(found.possible, np.exp(found.knowledge - peak), 0.0)
+        accepted.append(values[rng.uniform(size=batch) < chance])
+        if sum(map(len, accepted)) >= wanted:
+            break
+    return np.concatenate(accepted)[:wanted]

@@ -1,0 +1,77 @@
+"""The algebraic bounce, and batches of it over draws and impacts, as kernels.
+
+A parameter set is a row whose columns are `COLUMNS`. With `e_x` and `offset` zero the ball slides or rolls.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.models.kernels.compiled import compiled
+from fitball.models.kernels.dual import Number, NumberArray
+from fitball.models.kernels.phases import GRIP, SLIDE_BACKWARD, SLIDE_FORWARD
+from fitball.models.types import Status
+
+COLUMNS = ("mu", "e_x", "offset", "cor_10", "cor_slope", "ball_mass", "ball_radius", "ball_inertia")
+# Speed at which the line of the coefficient of restitution is anchored [m/s].
+ANCHOR_SPEED = 10.0
+
+OK = int(Status.OK)
+COR_OUT_OF_RANGE = int(Status.COR_OUT_OF_RANGE)
+
+
+@compiled
+def algebraic_bounce(
+    row: NumberArray, v_x: Number, v_y: Number, omega: Number
+) -> tuple[int, Number, Number, Number, int]:
+    """Return `(status, v_x2, v_y2, omega_2, regime)` of one impact.
+
+    The grip impulse is that of a tangential restitution `e_x` at the contact point with the normal force `offset`
+    ahead of the centre; friction limits it (Walton 1993; Foerster et al. 1994; Cross 2002).
+    """
+    mu, e_x, offset, cor_10, cor_slope, mass, radius, inertia = row
+    cor = cor_10 + cor_slope * (v_y - ANCHOR_SPEED)
+    if not 0.0 < cor.real <= 1.0:
+        nothing = math.nan + 0.0 * cor
+        return COR_OUT_OF_RANGE, nothing, nothing, nothing, 0
+    normal_impulse = mass * (1.0 + cor) * v_y
+    limit = mu * normal_impulse
+    a = inertia / (mass * (radius * radius))
+    slip = v_x - radius * omega
+    shift = offset * normal_impulse
+    impulse = mass * a / (1.0 + a) * ((1.0 + e_x) * slip + shift / (a * mass * radius))
+    regime = GRIP
+    if impulse.real > limit.real:
+        impulse, regime = limit, SLIDE_FORWARD
+    elif impulse.real < -limit.real:
+        impulse, regime = -limit, SLIDE_BACKWARD
+    return OK, v_x - impulse / mass, cor * v_y, omega + (radius * impulse - shift) / inertia, regime
+
+
+@compiled
+def algebraic_batch(
+    rows: NumberArray,
+    v_x1: NumberArray,
+    v_y1: NumberArray,
+    omega_1: NumberArray,
+    out: NumberArray,
+    regime: NDArray[np.int64],
+    status: NDArray[np.int8],
+) -> None:
+    """Fill `out` (3, draws, impacts) with v_x2, v_y2, omega_2 (all in one kind of number), regimes and statuses.
+
+    The incident columns are (1, impacts), shared by all draws, or (draws, impacts).
+    """
+    for i in range(rows.shape[0]):
+        row = rows[i]
+        own = i if v_x1.shape[0] > 1 else 0
+        for j in range(v_x1.shape[1]):
+            found, v_x2, v_y2, omega_2, phase = algebraic_bounce(row, v_x1[own, j], v_y1[own, j], omega_1[own, j])
+            out[0, i, j] = v_x2
+            out[1, i, j] = v_y2
+            out[2, i, j] = omega_2
+            regime[i, j] = phase
+            status[i, j] = found

@@ -1,0 +1,98 @@
+"""Numbers that carry a derivative, so that one kernel gives values and, called with these, derivatives.
+
+A complex step (Squire and Trapp 1998): an input `x` becomes `x + i STEP`; the imaginary part of whatever is computed
+from it is its derivative times `STEP`, and nothing is subtracted. `STEP` squared is nothing beside any real part, so
+first order is all that the functions below need; of a float they are those of `math`, at no cost. Branches look at
+real parts.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeVar
+
+from numba import types
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from fitball.models.kernels.compiled import compiled
+
+# Nothing beside the rounding of a real part, even squared and times a condition number of 1e40; far from underflow.
+STEP = 1e-60
+
+Number = TypeVar("Number", float, complex)
+# An array of either kind.
+NumberArray = NDArray[Any]
+
+
+def carry(value: float, x: Number, slope: float) -> Number:
+    """A function's `value` at the real part of `x` with what `x` carries, times the slope of the function there."""
+    found: Number = _carried(value, x, slope) if isinstance(x, complex) else value
+    return found
+
+
+def _carried(value: Any, x: Any, slope: Any) -> Any:
+    return complex(value, slope * x.imag)
+
+
+def _alone(value: Any, x: Any, slope: Any) -> Any:  # noqa: ARG001 - numba asks for one signature
+    return value
+
+
+def _carry_compiled(value: Any, x: Any, slope: Any) -> Any:  # noqa: ARG001
+    """What `carry` compiles to for arguments of these types."""
+    return _carried if isinstance(x, types.Complex) else _alone
+
+
+_overload: Any = overload
+_overload(carry, jit_options={"error_model": "numpy"})(_carry_compiled)
+
+
+@compiled
+def size(x: Number) -> Number:
+    """`|x|`."""
+    return -x if x.real < 0.0 else x
+
+
+@compiled
+def exp(x: Number) -> Number:
+    """Exponential."""
+    value = math.exp(x.real)
+    return carry(value, x, value)
+
+
+@compiled
+def log(x: Number) -> Number:
+    """Natural logarithm."""
+    return carry(math.log(x.real), x, 1.0 / x.real)
+
+
+@compiled
+def sqrt(x: Number) -> Number:
+    """Square root; its slope at zero is infinite."""
+    value = math.sqrt(x.real)
+    return carry(value, x, 0.5 / value)
+
+
+@compiled
+def sin(x: Number) -> Number:
+    """Sine."""
+    return carry(math.sin(x.real), x, math.cos(x.real))
+
+
+@compiled
+def cos(x: Number) -> Number:
+    """Cosine."""
+    return carry(math.cos(x.real), x, -math.sin(x.real))
+
+
+@compiled
+def sinh(x: Number) -> Number:
+    """Hyperbolic sine."""
+    return carry(math.sinh(x.real), x, math.cosh(x.real))
+
+
+@compiled
+def cosh(x: Number) -> Number:
+    """Hyperbolic cosine."""
+    return carry(math.cosh(x.real), x, math.sinh(x.real))

@@ -1,0 +1,73 @@
+"""The landing impulse: the shell stops at once and friction acts with it, as kernels.
+
+While the impulse `J` grows from 0 to `J0`, the slip obeys `du/dJ = -s mu A + R eps/I_s` with the constant
+compliance `A = 1/M + R^2/I_s`: a bounce with constant force, so Coulomb's law can be followed exactly.
+The same law carries the whole contact when shell and core turn as one (`I_s = I`).
+"""
+
+from __future__ import annotations
+
+from fitball.models.kernels.compiled import compiled, inlined
+from fitball.models.kernels.dual import Number
+
+
+@compiled
+def friction_impulse(
+    slip: Number, impulse: Number, mu: Number, drive_slide: Number, drive_grip: Number, compliance: Number
+) -> tuple[Number, Number, Number, float]:
+    """Friction impulse that goes with a normal impulse `impulse` at constant force ratio.
+
+    `drive_slide`, `drive_grip` are `R eps/(I_s A)`: the friction, as a share of the normal force, needed to
+    balance the offset while it acts. Returns `(friction, slipped, held, onward)`: the impulse that retards the
+    ball [N s], the part of `impulse` spent slipping, the part spent at zero slip without offset (hold), and
+    the direction (+1, -1, or 0) in which an overpowered contact slips on from zero slip.
+    """
+    friction = 0.0 * impulse
+    # Slip of zero has nothing to stop but what it may carry.
+    stopped = 0.0 * impulse
+    left = impulse
+    direction = 0.0
+    if slip.real > 0.0:
+        direction = 1.0
+    elif slip.real < 0.0:
+        direction = -1.0
+    if direction != 0.0:
+        # Rate at which the slip, counted in its own direction, is worn down per impulse.
+        rate = compliance * (mu - direction * drive_slide)
+        if rate.real * impulse.real <= direction * slip.real:
+            return direction * mu * impulse, impulse, 0.0, 0.0
+        spent = direction * slip / rate
+        friction = direction * mu * spent
+        left = impulse - spent
+    elif mu.real > 0.0:
+        stopped = slip / compliance
+    if abs(drive_grip.real) <= mu.real:
+        return friction + stopped + drive_grip * left, impulse - left, 0.0, 0.0
+    if abs(drive_slide.real) <= mu.real:
+        return friction + stopped, impulse - left, left, 0.0
+    # The offset overcomes friction: the contact slips on in the direction it drives.
+    onward = 1.0 if drive_slide.real > 0.0 else -1.0
+    return friction + onward * mu * left, impulse, 0.0, onward
+
+
+@inlined
+def landed(
+    mass: Number,
+    radius: Number,
+    inertia_shell: Number,
+    mu: Number,
+    eps: Number,
+    eps_in_slide: bool,
+    impulse: Number,
+    v_x: Number,
+    omega: Number,
+) -> tuple[Number, Number, bool]:
+    """`(v_x, omega_2, stuck)` just after the landing impulse [N s]: `stuck` if it has used up the slip."""
+    compliance = 1.0 / mass + radius * radius / inertia_shell
+    need = radius * eps / (inertia_shell * compliance)
+    friction, slipped, held, _onward = friction_impulse(
+        v_x - radius * omega, impulse, mu, need if eps_in_slide else 0.0 * need, need, compliance
+    )
+    acting = impulse if eps_in_slide else impulse - slipped - held
+    turned = omega + (radius * friction - eps * acting) / inertia_shell
+    return v_x - friction / mass, turned, slipped.real < impulse.real

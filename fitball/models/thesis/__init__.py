@@ -1,0 +1,1 @@
+"""The thesis computation with its slips."""

@@ -1,0 +1,173 @@
+"""The face of the thesis's own computation: arrays and names on this side, kernels on the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fitball.errors import ModelError
+from fitball.models.history import MODELS_WITH_HISTORY, History
+from fitball.models.jacobian import INPUTS, OUTPUTS, ReboundJacobian, moved_inputs
+from fitball.models.kernels.bounce import ANCHOR_SPEED, tied_inertia_split
+from fitball.models.kernels.dual import NumberArray
+from fitball.models.model import Model, ball_columns
+from fitball.models.thesis import jacobian as thesis_jacobian
+from fitball.models.thesis import kernel as thesis
+from fitball.models.types import Rebound, ThesisClosures
+from fitball.values import FloatArray, Impacts, OwnImpacts
+
+DAMPING_CODES = {
+    "given": thesis.DAMPING_GIVEN,
+    "chapter_three": thesis.DAMPING_CHAPTER_THREE,
+    "chapter_five": thesis.DAMPING_CHAPTER_FIVE,
+}
+
+
+def thesis_parameters(closures: ThesisClosures) -> tuple[str, ...]:
+    """Names of the parameters of a composition."""
+    wanted = {
+        "mass_ratio": True,
+        "k_y": True,
+        "k_theta": True,
+        "mu": True,
+        "eps_10": True,
+        "eps_slope": True,
+        "cor_10": closures.cor != "measured",
+        "cor_slope": closures.cor == "line",
+        "inertia_split": closures.inertia == "table",
+        "c_y": closures.damping == "given",
+    }
+    return tuple(name for name, present in wanted.items() if present)
+
+
+@dataclass(frozen=True)
+class ThesisCourse:
+    """Horizontal velocity, surface velocity `R omega_2` [m/s] and shell spin [rad/s] at `times` (times,) [s].
+
+    `transition` [s] is when rolling begins, NaN if it does not.
+    """
+
+    times: FloatArray
+    v_x: FloatArray
+    surface: FloatArray
+    omega_2: FloatArray
+    transition: float
+    contact_time: float
+
+
+@dataclass(frozen=True)
+class ThesisModel(Model):
+    """The bounce as the thesis computed it; reproduces print and breaks balances, so it is no rival of the others."""
+
+    closures: ThesisClosures = field(kw_only=True)
+
+    @property
+    def has_time(self) -> bool:
+        """The two-mass ball has a contact time."""
+        return True
+
+    def _rows(self, names: Sequence[str], values: NumberArray) -> tuple[NumberArray, dict[str, int]]:
+        index = {name: column for column, name in enumerate(names)}
+        rows = np.zeros((values.shape[0], 10), dtype=values.dtype)
+        for column, name in ((0, "mass_ratio"), (1, "k_y"), (2, "k_theta"), (3, "mu"), (5, "c_y")):
+            if name in index:
+                rows[:, column] = values[:, index[name]]
+        tied = self.closures.inertia == "tied"
+        rows[:, 6] = [tied_inertia_split(m) for m in rows[:, 0]] if tied else values[:, index["inertia_split"]]
+        rows[:, 7], rows[:, 8], rows[:, 9] = ball_columns(self.ball, names, values)
+        return rows, index
+
+    def _lines(
+        self, names: Sequence[str], values: NumberArray, v_y1: NumberArray, measured: NumberArray | None
+    ) -> tuple[NumberArray, NumberArray]:
+        """Offset and restitution, each (draws, impacts), in the kind of number given."""
+        index = {name: column for column, name in enumerate(names)}
+
+        def line(at_anchor: str, slope: str) -> NumberArray:
+            rate = values[:, index[slope], None] if slope in index else 0.0
+            return np.asarray(values[:, index[at_anchor], None] + rate * (v_y1 - ANCHOR_SPEED))
+
+        if measured is not None and self.closures.cor == "measured":
+            cor = np.ascontiguousarray(np.broadcast_to(measured, (values.shape[0], v_y1.shape[1])))
+        else:
+            cor = line("cor_10", "cor_slope")
+        return line("eps_10", "eps_slope"), cor
+
+    def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts) -> Rebound:
+        """See `Model.evaluate`."""
+        draws, count = values.shape[0], len(impacts)
+        rows, _index = self._rows(names, values)
+        v_x1, v_y1, omega_1, measured = impacts.states()
+        eps, cor = self._lines(names, values, v_y1, measured)
+        out = np.empty((4, draws, count))
+        regime = np.empty((draws, count), dtype=np.int64)
+        status = np.empty((draws, count), dtype=np.int8)
+        thesis.thesis_batch(
+            rows, eps, DAMPING_CODES[self.closures.damping], cor,
+            v_x1, v_y1, omega_1, out, regime, status,
+        )  # fmt: skip
+        return Rebound(out[0], out[1], out[2], out[3], regime, status)
+
+    def jacobian(
+        self,
+        names: Sequence[str],
+        values: FloatArray,
+        impacts: Impacts | OwnImpacts,
+        parameters: Sequence[str] | None = None,
+    ) -> ReboundJacobian:
+        """See `Model.jacobian`."""
+        chosen = tuple(names) if parameters is None else tuple(parameters)
+        given = impacts if self.needs_cor else replace(impacts, cor=None)
+        first = len(INPUTS) + (given.cor is not None)
+        slopes = np.empty((first + len(chosen), values.shape[0], len(impacts), len(OUTPUTS)))
+        for moved in moved_inputs(names, values, given, chosen):
+            rows, _index = self._rows(names, moved.values)
+            eps, cor = self._lines(names, moved.values, moved.v_y1, moved.cor)
+            thesis_jacobian.thesis_slopes(
+                rows, DAMPING_CODES[self.closures.damping], eps, cor,
+                moved.v_x1, moved.v_y1, moved.omega_1, slopes[moved.place],
+            )  # fmt: skip
+        slopes = np.moveaxis(slopes, 0, -1)
+        return ReboundJacobian(
+            rebound=self.evaluate(names, values, impacts),
+            names=chosen,
+            inputs=slopes[..., : len(INPUTS)],
+            parameters=slopes[..., first:],
+            cor=slopes[..., len(INPUTS)] if given.cor is not None else None,
+        )
+
+    def history(self, parameters: Mapping[str, ArrayLike], impact: Impacts, times: ArrayLike) -> History:  # noqa: ARG002
+        """There is none: forces and spins of this computation do not obey its own equations."""
+        raise ModelError(
+            "model thesis has no history: forces and spins of its computation do not obey its own equations; "
+            f"`course` gives the velocities it computed; models with a history: {', '.join(MODELS_WITH_HISTORY)}"
+        )
+
+    def course(self, parameters: Mapping[str, float], impact: Impacts, times: FloatArray) -> ThesisCourse:
+        """Velocities of one impact (the first) at `times` [s]; raises what `rebound` raises."""
+        self.rebound(parameters, impact)
+        names = tuple(parameters)
+        rows, _index = self._rows(names, np.array([[float(parameters[name]) for name in names]]))
+        mass_ratio, k_y, k_theta, mu, _eps, c_y, split, mass, radius, inertia = (float(x) for x in rows[0])
+        v_x, v_y, omega = (float(item[0]) for item in (impact.v_x1, impact.v_y1, impact.omega_1))
+        line = v_y - ANCHOR_SPEED
+        if impact.cor is not None:
+            cor = float(impact.cor[0])
+        else:
+            cor = parameters["cor_10"] + parameters.get("cor_slope", 0.0) * line
+        core = mass_ratio * mass
+        sigma = thesis.thesis_damping(DAMPING_CODES[self.closures.damping], c_y, core, k_y, mass_ratio, cor)
+        _status, _sign, z, friction, slide, roll, t_r, t_c = thesis.thesis_motion(
+            mass, radius, split * inertia, (1.0 - split) * inertia, core, k_y, sigma, k_theta, mu,
+            parameters["eps_10"] + parameters["eps_slope"] * line, v_x, v_y, omega,
+        )  # fmt: skip
+        slip_end = t_r if np.isfinite(t_r) else t_c
+        sliding = np.exp(z * np.minimum(times, slip_end)) - 1.0
+        rolling = np.exp(z * np.maximum(times, slip_end)) - np.exp(z * slip_end)
+        spin = omega + (slide * sliding).real + (roll * rolling).real
+        surface = radius * spin
+        velocity = np.where(times <= slip_end, v_x - (friction * sliding).real, surface)
+        return ThesisCourse(times, velocity, surface, spin, t_r, t_c)

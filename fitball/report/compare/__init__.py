@@ -1,0 +1,1 @@
+"""All of `compare`: rows, words, text, figure, folder."""

@@ -1,0 +1,40 @@
+"""The result folder of a comparison: may it be written, and the writing of it, `compare.json` last."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from pathlib import Path
+
+from fitball.inference.comparison.results import Comparison
+from fitball.report.compare.figure import compare_figure
+from fitball.report.compare.rows import csv_rows, json_content
+from fitball.report.compare.text import render
+from fitball.report.fit.csv_tables import csv_text
+from fitball.report.fit.folder import holds_older, save_png
+from fitball.report.form.atomic_write import remove, write_text, write_whole
+
+JSON_NAME = "compare.json"
+
+
+def prepare(folder: Path, *, overwrite: bool) -> None:
+    """Make the folder, or refuse one that holds an older comparison.
+
+    Raises ResultFolderError. With `overwrite` the old `compare.json` is removed first, so that no mixture of two
+    results can pass for one.
+    """
+    if holds_older(folder, JSON_NAME, overwrite=overwrite):
+        remove(folder / JSON_NAME)
+
+
+def json_text(found: Comparison, words: str) -> str:
+    """`compare.json` as text."""
+    return json.dumps(json_content(found, words), indent=1, allow_nan=False) + "\n"
+
+
+def write_all(found: Comparison, words: str, folder: Path) -> None:
+    """Write every file, each whole or not at all. Raises ResultFolderError."""
+    write_whole(folder / "compare.png", partial(save_png, compare_figure(found)))
+    write_text(folder / "compare.csv", csv_text(csv_rows(found)))
+    write_text(folder / "compare.txt", render(found, words, folder) + "\n")
+    write_text(folder / JSON_NAME, json_text(found, words))

@@ -1,0 +1,146 @@
+"""A comparison in words: which model for which use, and whether two masses earn their parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from fitball.data.table import REBOUND_UNITS
+from fitball.inference.comparison.cross_validation import GROUPS, IMPACTS
+from fitball.inference.comparison.results import Comparison, ModelScore
+from fitball.models.two_mass_model import TwoMassModel
+from fitball.report.compare.rows import in_unit, schemes, scored_outputs
+from fitball.report.form.display_units import handy
+from fitball.report.form.rounding import fixed
+
+
+def words(found: Comparison) -> str:
+    """A paragraph; what it recommends rests on the numbers of this table alone."""
+    if not found.meaningful:
+        return (
+            f"{len(found.table)} impacts are too few: the numbers describe these impacts and recommend no model. "
+            "Measure at least six, better twenty, over the angles and spins that matter."
+        )
+    sentences = [_best(found), _simplest(found), _beyond(found), _time(found), _masses(found), _caution(found)]
+    return " ".join(sentence for sentence in sentences if sentence)
+
+
+def _best(found: Comparison) -> str:
+    best = found.models[0]
+    close = [item.name for item in found.models[1:] if not found.elpd_difference(best.name, item.name).sure]
+    text = f"For impacts like these {best.name} predicts best ({_errors(best.out_of_sample())})"
+    if not close:
+        return text + ", ahead of every other by more than luck."
+    return f"{text}; not told apart from it with certainty: {', '.join(close)}."
+
+
+def _simplest(found: Comparison) -> str:
+    chosen, best = found.simplest, found.models[0]
+    if chosen is best:
+        return f"None with fewer parameters comes up to it ({best.free} free, noise included)."
+    gap = found.elpd_difference(chosen.name, best.name)
+    return (
+        f"The fewest parameters among those has {chosen.name} ({chosen.free} free against {best.free}, elpd "
+        f"{fixed(gap.value, 1)} +- {fixed(gap.se, 1)}; {_errors(chosen.out_of_sample())}): take it where a quick "
+        "formula or a sparse table is all there is."
+    )
+
+
+def _beyond(found: Comparison) -> str:
+    """Best by group and at the ends of incidence, judged by the mean ratio of its errors to the smallest ones."""
+    parts = []
+    for way in schemes(found):
+        if way == IMPACTS:
+            continue
+        rms = {item.name: item.out_of_sample(way) for item in found.models}
+        complete = {name: one for name, one in rms.items() if one.keys() == rms[found.models[0].name].keys()}
+        if len(complete) < 2:
+            continue
+        name = min(complete, key=lambda item: _mean_ratio(item, complete))
+        place = "a group it has not seen" if way == GROUPS else f"the {way}"
+        parts.append(f"{place}: {name} ({_errors(complete[name])})")
+    return f"Best where the table ends, predicting {'; '.join(parts)}." if parts else ""
+
+
+def _mean_ratio(name: str, rms: Mapping[str, Mapping[str, float]]) -> float:
+    least = {output: min(one[output] for one in rms.values()) for output in rms[name]}
+    return sum(math.log(max(rms[name][output], 1e-12) / max(least[output], 1e-12)) for output in least)
+
+
+def _time(found: Comparison) -> str:
+    timed = [item for item in found.models if isinstance(item.fit.problem.model, TwoMassModel)]
+    if not timed or len(timed) == len(found.models):
+        return ""
+    return (
+        "Contact time, forces and the course of the contact come from the two-mass family alone; of it "
+        f"{timed[0].name} scores best here."
+    )
+
+
+def _masses(found: Comparison) -> str:
+    """The two-mass ball against its strongest rival without a time axis, as composed and as chosen afterwards."""
+    rivals = [item for item in found.models if not isinstance(item.fit.problem.model, TwoMassModel)]
+    family = [item for item in found.models if isinstance(item.fit.problem.model, TwoMassModel)]
+    if not rivals or not family or not found.table.has_spin or not found.table.has_tangential:
+        return ""
+    rival = rivals[0]
+    default = found.by_name.get("two-mass", family[0])
+    text = f"Do two masses earn their parameters? {_duel(found, default, rival)}: {_verdict(found, default, rival)}."
+    if family[0] is not default:
+        text += (
+            f" {_duel(found, family[0], rival)}: {_verdict(found, family[0], rival)}, though chosen afterwards "
+            f"as the best of {len(family)}."
+        )
+    return text
+
+
+def _duel(found: Comparison, one: ModelScore, other: ModelScore) -> str:
+    gap = found.elpd_difference(one.name, other.name)
+    more = one.free - other.free
+    changes = []
+    for output in scored_outputs(found):
+        change = found.rms_difference(one.name, other.name, output)
+        if change is None:
+            continue
+        scale = handy(output, REBOUND_UNITS[output])
+        value, low, high = (scale.factor * x for x in (change.value, change.q05, change.q95))
+        places = 1 if max(abs(low), abs(high)) >= 1.0 else 2
+        if max(abs(value), abs(low), abs(high)) < 0.5 * 10.0**-places:
+            continue
+        ends = f"[{_signed(low, places)}, {_signed(high, places)}]"
+        changes.append(f"{output} {_signed(value, places)} {ends} {scale.unit}")
+    return (
+        f"{one.name} against {other.name}, {abs(more)} {'more' if more >= 0 else 'fewer'} free: elpd "
+        f"{_signed(gap.value, 1)} +- {fixed(gap.se, 1)}; rms error left out (with 90 % of the bootstrap) "
+        f"{', '.join(changes)}"
+    )
+
+
+def _verdict(found: Comparison, one: ModelScore, other: ModelScore) -> str:
+    gap = found.elpd_difference(one.name, other.name)
+    if not gap.sure:
+        return "this table does not decide it"
+    return "they do" if gap.value > 0.0 else "they do not, the rival predicts better"
+
+
+def _caution(found: Comparison) -> str:
+    if len(found.table) >= 100:
+        return ""
+    return (
+        f"With {len(found.table)} impacts a standard error of a difference is itself uncertain: below 4, or below "
+        "two standard errors, nothing is decided."
+    )
+
+
+def _errors(rms: Mapping[str, float]) -> str:
+    shown: Sequence[str] = [
+        name for name in ("v_x2", "v_y2", "omega_2", "v_2", "theta_2", "contact_time") if name in rms
+    ]
+    return ", ".join(
+        f"{name} {in_unit(name, rms[name])} {handy(name, REBOUND_UNITS[name]).unit}" for name in shown[:3]
+    )
+
+
+def _signed(value: float, places: int) -> str:
+    text = fixed(value, places)
+    return text if text.startswith("-") else f"+{text}"

@@ -1,0 +1,1 @@
+"""Figures of a fit: arrays, then drawing; kinds.py is the registry."""

@@ -1,0 +1,39 @@
+"""What a figure needs of a fit, whether it was just made or read back from its folder."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from fitball.inference.problem.parameters import Parameter
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.evidence import Examination
+from fitball.inference.results.results import Diagnostics, PointFit, Predictive
+
+
+class Drawable(Protocol):
+    """A fit as figures see it; `inference.results.Fit` and `restore.Restored` are such."""
+
+    @property
+    def problem(self) -> Problem:
+        """Table, model, priors."""
+
+    @property
+    def point(self) -> PointFit:
+        """The maximum of the posterior."""
+
+    @property
+    def predictive(self) -> Predictive | None:
+        """Posterior predictions, None for a point fit."""
+
+    @property
+    def diagnostics(self) -> Diagnostics | None:
+        """How the sampler did, None for a point fit."""
+
+    @property
+    def examination(self) -> Examination:
+        """The looks at every parameter."""
+
+
+def parameter(fit: Drawable, name: str) -> Parameter:
+    """The parameter called `name`."""
+    return next(item for item in fit.problem.parameters if item.name == name)

@@ -1,0 +1,88 @@
+"""What the figure of profiles shows, computed before anything is drawn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitball.inference.results.evidence import Profile
+from fitball.inference.results.results import Posterior
+from fitball.report.figures.arrays import axis_label
+from fitball.report.figures.drawable import Drawable, parameter
+from fitball.report.form.display_units import handy
+from fitball.values import FloatArray
+
+# Ratio of the ends of an axis from which it is logarithmic, for parameters whose prior is.
+DECADES = 3.0
+# Lowest log likelihood shown, a little below the 95 % level at -1.92.
+LOWEST = -2.6
+CURVE_POINTS = 201
+
+
+@dataclass(frozen=True)
+class ProfilePanel:
+    """One parameter in a handy unit: log likelihood below its maximum at the points of the profile and along a
+    `curve` (2, points) through them, the curve without the scene's contact time (empty where it is the same), the
+    part of the axis shown, and the posterior's 95 % interval.
+    """
+
+    label: str
+    values: FloatArray
+    log_likelihood: FloatArray
+    curve: FloatArray
+    curve_alone: FloatArray
+    span: tuple[float, float]
+    logarithmic: bool
+    posterior: tuple[float, float] | None
+
+
+def profile_panels(fit: Drawable, posterior: Posterior | None) -> tuple[ProfilePanel, ...]:
+    """A panel for each parameter that has a profile, in the order of the fit."""
+    panels = []
+    for name, looks in fit.examination.looks.items():
+        if looks.profile is not None:
+            panels.append(_panel(fit, name, looks.profile, looks.alone, posterior))
+    return tuple(panels)
+
+
+def _panel(
+    fit: Drawable, name: str, profile: Profile, alone: Profile | None, posterior: Posterior | None
+) -> ProfilePanel:
+    item = parameter(fit, name)
+    scale = handy(name, item.spec.unit)
+    within = None
+    ends = [float(profile.values[0]), float(profile.values[-1])]
+    if posterior is not None:
+        low, high = np.quantile(posterior.draws[:, posterior.names.index(name)], (0.025, 0.975)) * scale.factor
+        within = (float(low), float(high))
+    low, high = (end * scale.factor for end in ends)
+    if within is not None:
+        low, high = min(low, within[0]), max(high, within[1])
+    logarithmic = item.prior.log and high > DECADES * low > 0.0
+    return ProfilePanel(
+        label=axis_label(item.spec.label, scale.unit),
+        values=profile.values * scale.factor,
+        log_likelihood=-profile.drop,
+        curve=_curve(profile, item.prior.log, scale.factor),
+        curve_alone=np.empty((2, 0)) if alone is None else _curve(alone, item.prior.log, scale.factor),
+        span=_margins(low, high, logarithmic),
+        logarithmic=logarithmic,
+        posterior=within,
+    )
+
+
+def _curve(profile: Profile, logarithmic: bool, factor: float) -> FloatArray:
+    """A smooth curve (2, points) through a profile: linear in the root of the drop, as its intervals are."""
+    along = np.log(profile.values) if logarithmic else profile.values
+    dense = np.union1d(np.linspace(along[0], along[-1], CURVE_POINTS), along)
+    root = np.interp(dense, along, np.sqrt(profile.drop))
+    return np.stack([(np.exp(dense) if logarithmic else dense) * factor, -(root**2)])
+
+
+def _margins(low: float, high: float, logarithmic: bool) -> tuple[float, float]:
+    """A twentieth more on either side."""
+    if logarithmic:
+        room = (high / low) ** 0.05
+        return low / room, high * room
+    return low - 0.05 * (high - low), high + 0.05 * (high - low)

@@ -1,0 +1,96 @@
+"""The figure of regimes: for each impact the posterior probability of every phase sequence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from fitball.inference.results.results import Predictive
+from fitball.report.figures.arrays import group_of
+from fitball.report.figures.drawable import Drawable
+from fitball.report.figures.predictive import COLOURS, new_figure
+from fitball.values import FloatArray
+
+# Bars that one picture can show.
+MOST_BARS = 40
+# Sequences with less than this at every impact are shown as one.
+RARE = 0.02
+OTHERS = "others"
+# Sequences that most tables show, in the order of their colours.
+USUAL = ("slide", "slide-grip-slide back", "slide-grip-slide", "grip", "slide-grip")
+
+
+@dataclass(frozen=True)
+class RegimeBars:
+    """Impacts by group and rising angle: their `labels`, the `regimes`, and `shares` (impacts, regimes)."""
+
+    labels: tuple[str, ...]
+    regimes: tuple[str, ...]
+    shares: FloatArray
+
+
+def regime_bars(fit: Drawable, predictive: Predictive) -> RegimeBars:
+    """What the figure shows; of many impacts MOST_BARS, evenly spread."""
+    impacts = fit.problem.impacts
+    angle = np.degrees(np.arctan2(impacts.v_y1, impacts.v_x1))
+    groups = group_of(fit)
+    along = angle if fit.problem.table.has_tangential else impacts.v_y1
+    place = {group: k for k, group in enumerate(dict.fromkeys(groups))}
+    order = sorted(range(len(impacts)), key=lambda k: (place[groups[k]], float(along[k])))
+    if len(order) > MOST_BARS:
+        order = [order[k] for k in np.linspace(0, len(order) - 1, MOST_BARS).round().astype(int)]
+    peaks: dict[str, float] = {}
+    for k in order:
+        for name, share in predictive.regimes[k].items():
+            peaks[name] = max(peaks.get(name, 0.0), share)
+    named = [name for name in sorted(peaks, key=lambda name: (-peaks[name], name)) if peaks[name] >= RARE]
+    # Beyond the colours there are, the rest shares one.
+    named = named[: len(COLOURS) - 1] if len(named) > len(COLOURS) - 1 else named
+    columns = [[predictive.regimes[k].get(name, 0.0) for k in order] for name in named]
+    shares = np.array(columns).T.reshape(len(order), len(named))
+    rest = 1.0 - shares.sum(axis=1)
+    if np.any(rest > 1e-9):
+        named, shares = [*named, OTHERS], np.column_stack([shares, np.maximum(rest, 0.0)])
+    labels = tuple(
+        f"{fit.problem.table.ids[k]}  {impacts.v_y1[k]:.1f} m/s, {angle[k]:.0f}°"
+        if fit.problem.table.has_tangential
+        else f"{fit.problem.table.ids[k]}  {impacts.v_y1[k]:.1f} m/s"
+        for k in order
+    )
+    return RegimeBars(labels, tuple(named), shares)
+
+
+def regime_colours(regimes: Sequence[str]) -> list[str]:
+    """A colour for each sequence; the usual ones keep theirs from figure to figure."""
+    spare = [colour for k, colour in enumerate(COLOURS) if k >= len(USUAL) or USUAL[k] not in regimes]
+    colours = []
+    for name in regimes:
+        if name == OTHERS:
+            colours.append("0.7")
+        else:
+            colours.append(COLOURS[USUAL.index(name)] if name in USUAL else spare.pop(0))
+    return colours
+
+
+def regimes_figure(fit: Drawable, predictive: Predictive) -> Figure:
+    """One bar an impact, a colour a phase sequence."""
+    data = regime_bars(fit, predictive)
+    figure = new_figure(8.5, 1.7 + 0.27 * len(data.labels))
+    axis = figure.subplots()
+    places = np.arange(len(data.labels))
+    left = np.zeros(len(data.labels))
+    colours = regime_colours(data.regimes)
+    for k, name in enumerate(data.regimes):
+        axis.barh(places, data.shares[:, k], left=left, color=colours[k], height=0.8, label=name)
+        left = left + data.shares[:, k]
+    axis.set_yticks(places, data.labels, fontsize=8)
+    axis.set_ylim(len(data.labels) - 0.4, -0.6)
+    axis.set_xlim(0.0, 1.0)
+    axis.set_xlabel("posterior probability of the phase sequence")
+    axis.set_ylabel("impact, normal speed, incidence" if fit.problem.table.has_tangential else "impact, speed")
+    figure.legend(loc="outside lower center", ncols=min(3, len(data.regimes)), frameon=False, fontsize=9)
+    figure.suptitle(f"{fit.problem.model.name} on {fit.problem.table.name}: regimes", fontsize=12)
+    return figure

@@ -1,0 +1,1 @@
+"""One fit for a person: rows, terminal, page, CSV, folder."""

@@ -1,0 +1,121 @@
+"""What each figure of a fit shows, in words and numbers, for readers who do not see it."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from fitball.inference.results.results import Fit
+from fitball.report.figures.arrays import residual_data
+from fitball.report.figures.force_arrays import force_panels
+from fitball.report.fit.evidence_rows import look_rows
+from fitball.report.fit.summary import parameter_rows
+from fitball.report.form.display_units import handy
+
+# Correlations named, the strongest first.
+NAMED = 3
+# A sequence less probable than this may be another one.
+SURE = 0.95
+
+
+def alt_texts(fit: Fit) -> dict[str, str]:
+    """A text for every figure that this fit can show."""
+    found = {"predictive": _predictive(fit), "residuals": _residuals(fit), "profiles": _profiles(fit)}
+    if fit.problem.force is not None:
+        found["force"] = _force(fit)
+    if fit.posterior is not None:
+        found |= {"corner": _corner(fit), "trace": _trace(fit), "regimes": _regimes(fit)}
+    return found
+
+
+def _predictive(fit: Fit) -> str:
+    along = "incidence angle" if fit.problem.table.has_tangential else "vertical speed"
+    if fit.predictive is None:
+        parts = [f"{name}: root mean square difference {_size(name, value)}" for name, value in fit.point.rms.items()]
+        return f"Measured rebounds and the point estimate along {along}. " + "; ".join(parts) + "."
+    parts = []
+    for item in fit.predictive.channels:
+        inside = np.sum((item.observed >= item.data_q025) & (item.observed <= item.data_q975))
+        off = float(np.sqrt(np.mean((item.observed - item.median) ** 2)))
+        parts.append(
+            f"{item.name}: {inside} of {item.observed.size} measurements within the 95 % range of a new one, "
+            f"root mean square difference {_size(item.name, off)}"
+        )
+    return f"Measured rebounds and posterior bands along {along}. " + "; ".join(parts) + "."
+
+
+def _force(fit: Fit) -> str:
+    parts = []
+    for panel in force_panels(fit, fit.posterior):
+        inside = np.sum((panel.means >= panel.expected[0]) & (panel.means <= panel.expected[1]))
+        parts.append(
+            f"{panel.title}: measured up to {panel.means.max():.0f} N, "
+            f"the model up to {panel.course[1].max():.0f} N, "
+            f"{inside} of {panel.means.size} means within the 95 % range of a record"
+        )
+    return "Force records beside the model's force. " + "; ".join(parts) + "."
+
+
+def _residuals(fit: Fit) -> str:
+    parts = []
+    for item in residual_data(fit):
+        worst = int(np.argmax(np.abs(item.values)))
+        beyond = int(np.sum(np.abs(item.values) > 2.0))
+        parts.append(
+            f"{item.name}: {beyond} of {item.values.size} beyond 2 sd, the largest {item.values[worst]:+.1f} sd at "
+            f"impact {fit.problem.table.ids[worst]}"
+        )
+    return "Standardised residuals, measured minus predicted. " + "; ".join(parts) + "."
+
+
+def _profiles(fit: Fit) -> str:
+    parts = [
+        f"{row.name} {row.profile} {row.unit}".rstrip() for row in look_rows(fit).rows if row.profile not in ("-",)
+    ]
+    return "Profile likelihoods with their 95 % intervals: " + "; ".join(parts) + "."
+
+
+def _corner(fit: Fit) -> str:
+    names, matrix = fit.problem.free_names, fit.correlation
+    medians = "; ".join(
+        f"{row.name} {row.median} {row.interval_95} {row.unit}".rstrip()
+        for row in parameter_rows(fit)
+        if row.name in names
+    )
+    text = f"Posterior of {len(names)} parameters, median and 95 % interval: {medians}."
+    if matrix is None or len(names) < 2:
+        return text
+    above = [(abs(matrix[i, j]), i, j) for i in range(len(names)) for j in range(i)]
+    strongest = sorted(above, reverse=True)[:NAMED]
+    pairs = ", ".join(f"{names[j]} with {names[i]} {matrix[i, j]:+.2f}" for _size_of, i, j in strongest)
+    return f"{text} Strongest correlations: {pairs}."
+
+
+def _trace(fit: Fit) -> str:
+    found = fit.diagnostics
+    if found is None:
+        return ""
+    worst = max(found.r_hat, key=lambda name: found.r_hat[name])
+    state = "agree" if found.converged else "do not yet agree"
+    return (
+        f"Walkers of {found.ensembles} ensembles over steps {found.warm_up} to {found.steps}: the ensembles {state}; "
+        f"the largest R-hat is {found.max_r_hat:.3f}, of {worst}, the smallest effective sample size "
+        f"{min(found.min_ess_bulk, found.min_ess_tail):.0f}."
+    )
+
+
+def _regimes(fit: Fit) -> str:
+    if fit.predictive is None:
+        return ""
+    first = [next(iter(shares.items())) for shares in fit.predictive.regimes]
+    counts = Counter(name for name, _share in first).most_common()
+    doubtful = sum(share < SURE for _name, share in first)
+    parts = ", ".join(f"{name} at {count}" for name, count in counts)
+    sure = "all of them certain" if doubtful == 0 else f"{doubtful} of them below {100.0 * SURE:.0f} % probability"
+    return f"Most probable sequence of slip and grip of {len(first)} impacts: {parts}; {sure}."
+
+
+def _size(name: str, value: float) -> str:
+    scale = handy(name, {"omega_2": "rad/s", "contact_time": "s", "theta_2": "rad"}.get(name, "m/s"))
+    return f"{value * scale.factor:.2g} {scale.unit}"

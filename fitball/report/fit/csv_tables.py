@@ -1,0 +1,101 @@
+"""CSV files of a fit: parameters, predictions, balances."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from fitball.inference.results.results import Fit, Predictive
+from fitball.report.form.atomic_write import write_whole
+from fitball.report.form.display_units import THESIS
+
+
+def csv_text(rows: Iterable[Mapping[str, object]]) -> str:
+    """Rows with equal keys as CSV text; None becomes an empty cell."""
+    out = io.StringIO()
+    _write_rows(out, rows)
+    return out.getvalue()
+
+
+def write_csv(path: Path, rows: Iterable[Mapping[str, object]]) -> None:
+    """The same as a file, whole or not at all, without holding all rows in memory. Raises ResultFolderError."""
+
+    def write(place: Path) -> None:
+        with place.open("w", encoding="utf-8", newline="") as out:
+            _write_rows(out, rows)
+
+    write_whole(path, write)
+
+
+def _write_rows(out: TextIO, rows: Iterable[Mapping[str, object]]) -> None:
+    writer: csv.DictWriter[str] | None = None
+    for row in rows:
+        if writer is None:
+            writer = csv.DictWriter(out, fieldnames=list(row), lineterminator="\n")
+            writer.writeheader()
+        writer.writerow({key: "" if value is None else value for key, value in row.items()})
+
+
+def summary_rows(fit: Fit) -> list[dict[str, object]]:
+    """One row a parameter, SI at full precision, with the factor to the thesis's unit."""
+    rows: list[dict[str, object]] = []
+    for item in fit.estimates:
+        scale = THESIS.get(item.name)
+        rows.append(
+            {
+                "parameter": item.name,
+                "unit": item.unit,
+                "median": item.median,
+                "sd": item.sd,
+                "q025": item.q025,
+                "q05": item.q05,
+                "q16": item.q16,
+                "q84": item.q84,
+                "q95": item.q95,
+                "q975": item.q975,
+                "point": item.point,
+                "least_squares": fit.least_squares.values[item.name],
+                "least_squares_stderr": fit.least_squares.stderr[item.name],
+                "prior": item.prior,
+                "contraction": item.contraction,
+                "verdict": str(item.verdict),
+                "reason": item.reason,
+                "ess_bulk": item.ess_bulk,
+                "ess_tail": item.ess_tail,
+                "r_hat": item.r_hat,
+                "thesis_unit": None if scale is None else scale.unit,
+                "thesis_factor": None if scale is None else scale.factor,
+            }
+        )
+    return rows
+
+
+def prediction_rows(fit: Fit) -> Iterator[dict[str, object]]:
+    """One row an impact and measured column: measured, predicted, with intervals in SI (angles in radians)."""
+    for channel in fit.problem.channels:
+        point = channel.predict(fit.point.rebound)[0]
+        found = None
+        if fit.predictive is not None:
+            found = next(item for item in fit.predictive.channels if item.name == channel.name)
+        for k, name in enumerate(fit.problem.table.ids):
+            row: dict[str, object] = {
+                "id": name,
+                "output": channel.name,
+                "measured": float(channel.observed[k]),
+                "point": float(point[k]),
+            }
+            for key in ("median", "mean_q025", "mean_q16", "mean_q84", "mean_q975", "data_q025", "data_q975", "sd"):
+                row[key] = None if found is None else float(getattr(found, key)[k])
+            yield row
+
+
+def regime_rows(fit: Fit, found: Predictive) -> Iterator[dict[str, object]]:
+    """One row an impact and phase sequence with its posterior probability."""
+    for name, shares in zip(fit.problem.table.ids, found.regimes, strict=True):
+        for regime, share in shares.items():
+            yield {"id": name, "regime": regime, "probability": float(np.round(share, 6))}

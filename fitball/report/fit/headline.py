@@ -1,0 +1,65 @@
+"""The outcome of a fit in one sentence, and parameters by what the table says of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from fitball.inference.results.results import Fit, RunStatus, Verdict
+from fitball.report.fit.summary import ParameterRow, parameter_rows
+
+STATUS_WORDS = {
+    RunStatus.CONVERGED: "The sampler converged",
+    RunStatus.NOT_CONVERGED: "The sampler has NOT converged, so all of this may change",
+    RunStatus.POINT_ONLY: "A point fit without posterior",
+    RunStatus.INTERRUPTED: "The run was interrupted",
+}
+TOLD = (Verdict.IDENTIFIED,)
+NOT_TOLD = (Verdict.ONE_SIDED, Verdict.PRIOR_DOMINATED, Verdict.NOT_JUDGED)
+
+
+def headline(fit: Fit) -> str:
+    """The verdict in one sentence."""
+    pooled = _pooling(fit)
+    names = {
+        verdict: [item.name for item in fit.estimates if item.verdict is verdict and item.name not in pooled]
+        for verdict in Verdict
+    }
+    free = len(fit.problem.free_names)
+    parts = []
+    if names[Verdict.IDENTIFIED]:
+        parts.append(f"identify {listed(names[Verdict.IDENTIFIED])}")
+    if names[Verdict.ONE_SIDED]:
+        parts.append(f"bound {listed(names[Verdict.ONE_SIDED])} from one side only")
+    if names[Verdict.PRIOR_DOMINATED]:
+        parts.append(f"do not tell {listed(names[Verdict.PRIOR_DOMINATED])}")
+    if names[Verdict.NOT_JUDGED]:
+        parts.append(f"leave {listed(names[Verdict.NOT_JUDGED])} without a judgement")
+    if not parts:
+        parts.append("judge none by itself")
+    levels = "".join(
+        f"; {item.parameter} differs between {len(item.labels)} {item.column}s and is told for each of them"
+        for item in fit.problem.levels
+    )
+    return (
+        f"{STATUS_WORDS[fit.status]}: of {free} free parameters the {len(fit.problem.table)} impacts "
+        f"{listed(parts)}{levels}."
+    )
+
+
+def _pooling(fit: Fit) -> set[str]:
+    """Parameters that only serve to pool another over its levels, and that other, whose levels say more."""
+    found: set[str] = set()
+    for item in fit.problem.levels:
+        found |= {item.parameter, item.spread_name, *map(item.place_name, item.labels)}
+    return found
+
+
+def told_rows(fit: Fit, verdicts: Sequence[Verdict]) -> tuple[ParameterRow, ...]:
+    """The parameters with one of these verdicts, in the order of the fit."""
+    rows = zip(parameter_rows(fit), fit.estimates, strict=True)
+    return tuple(row for row, item in rows if item.verdict in verdicts)
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words with commas and an `and` before the last."""
+    return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))

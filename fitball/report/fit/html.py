@@ -1,0 +1,110 @@
+"""`report.html`: one page that needs nothing but itself."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+
+from fitball.inference.results.results import Fit, Verdict
+from fitball.report.fit.balance_table import balance_table
+from fitball.report.fit.budget_rows import budget_table
+from fitball.report.fit.embedded_figures import PageFigure
+from fitball.report.fit.evidence_rows import look_rows, spectrum_rows
+from fitball.report.fit.headline import NOT_TOLD, TOLD, headline, told_rows
+from fitball.report.fit.pace_rows import pace_table
+from fitball.report.fit.published_rows import case_table
+from fitball.report.fit.summary import (
+    diagnosis_lines,
+    level_rows,
+    notes,
+    parameter_rows,
+    prediction_table,
+    thesis_rows,
+)
+from fitball.report.saved.fit_text import package_versions
+from fitball.version import __version__
+
+# Impacts listed one by one; the files beside the page hold them all.
+MOST_ROWS = 300
+
+CAPTIONS = {
+    "corner": "Posterior of all pairs of parameters, with the prior on the diagonal and the point estimate.",
+    "predictive": "Measured rebounds with error bars and, where there is a posterior, its prediction.",
+    "force": "Force records (points: means of samples, with the sensor's noise) against the model: 95 % of its force "
+    "(dark) and of a record (light: with sensor noise and misfit).",
+    "profiles": "Profile likelihood of every parameter: the best fit for each of its values, below the best of all; "
+    "intervals of 68 and 95 % end at -0.5 and -1.92. Bars: 95 % of the posterior.",
+    "regimes": "Posterior probability of each sequence of slip and grip, impact by impact.",
+    "residuals": "Standardised residuals, impact by impact and against normal quantiles.",
+    "trace": "Walkers of every ensemble after warm-up, and the marginals ensemble by ensemble.",
+}
+
+
+SECTIONS = {
+    "told": "What the data tell",
+    "not-told": "What they do not tell",
+    "parameters": "Parameters",
+    "court-pace": "Court pace",
+    "predictions": "Measured and predicted",
+    "thesis": "Beside the thesis's best cases",
+    "balances": "Model-free balances",
+    "looks": "How each parameter is known",
+    "diagnosis": "Diagnosis",
+    "budget": "Error budget",
+    "notes": "Notes on table and scene",
+    "repeat": "How to repeat it",
+}
+
+
+def render_template(package: str, template: str, **context: object) -> str:
+    """A page from `template`, looked for in the templates of `package`, then among those of the reports."""
+    environment = Environment(
+        loader=ChoiceLoader([PackageLoader(package), PackageLoader("fitball.report")]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(template).render(version=__version__, **context)
+
+
+def page(fit: Fit, figures: Mapping[str, PageFigure], command: str | None = None) -> str:
+    """The page as text; `command` is the line that made the fit, None where none did."""
+    problem = fit.problem
+    pace, cases, remarks = pace_table(fit), case_table(fit), notes(fit)
+    absent = {"court-pace": pace is None, "thesis": cases is None, "notes": not remarks}
+    predictions, balances = prediction_table(fit, MOST_ROWS), balance_table(fit.balances, MOST_ROWS)
+    return render_template(
+        "fitball.report",
+        "report.html.j2",
+        fit=fit,
+        table=problem.table,
+        scene=problem.scene,
+        model=problem.model,
+        sampled=fit.posterior is not None,
+        phases=problem.table.has_tangential,
+        headline=headline(fit),
+        contents=[(name, title) for name, title in SECTIONS.items() if not absent.get(name, False)],
+        told=told_rows(fit, TOLD),
+        not_told=told_rows(fit, NOT_TOLD),
+        fixed=told_rows(fit, (Verdict.FIXED,)),
+        parameters=parameter_rows(fit),
+        thesis=thesis_rows(fit),
+        levels=level_rows(fit),
+        pace=pace,
+        cases=cases,
+        predictions=predictions,
+        balances=balances,
+        not_shown=max(0, len(problem.table) - MOST_ROWS),
+        diagnosis=diagnosis_lines(fit, budget=False),
+        budget=budget_table(fit.error_budget),
+        notes=remarks,
+        looks=look_rows(fit),
+        spectrum=spectrum_rows(fit),
+        figures=figures,
+        command=command,
+        versions=", ".join(f"{name} {number}" for name, number in package_versions().items())
+        + f"; {platform.system()} {platform.machine()}",
+    )

@@ -1,0 +1,103 @@
+"""The three best cases of the thesis beside a fit of the same impacts, as rows of text."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fitball.inference.results.results import Fit
+from fitball.inference.thesis.published_cases import CaseComparison, PublishedCase, compare_cases
+from fitball.report.fit.summary import parameter_rows, thesis_rows
+from fitball.report.form.display_units import THESIS, Scale, handy
+from fitball.report.form.rounding import digits
+
+PARAMETERS = ("mass_ratio", "k_y", "k_theta", "mu", "eps_10", "eps_slope")
+SI_UNITS = {"k_y": "N/m", "k_theta": "N m/rad", "eps_10": "m", "eps_slope": "m/(m/s)"}
+OUTPUTS = {"v_x2": "m/s", "v_y2": "m/s", "omega_2": "rad/s", "theta_2": "rad"}
+
+
+@dataclass(frozen=True)
+class CaseTable:
+    """Fitted values and errors beside those of each case; a row begins with name and unit."""
+
+    heads: tuple[str, ...]
+    values: tuple[tuple[str, ...], ...]
+    errors: tuple[tuple[str, ...], ...]
+    sentence: str
+
+
+def case_table(fit: Fit) -> CaseTable | None:
+    """The comparison; None where the data are not Wang's."""
+    told = ("v_y2",) if fit.problem.model.needs_cor else ()
+    found = compare_cases(fit.problem.table, fit.point.rebound, told)
+    if found is None:
+        return None
+    heads = ("quantity", "unit", "this fit", *(f"case {item.case}" for item in found.cases))
+    return CaseTable(heads, _values(fit, found), _errors(found), _sentence(fit, found))
+
+
+def _values(fit: Fit, found: CaseComparison) -> tuple[tuple[str, ...], ...]:
+    """Parameters in the thesis's units, then in handy multiples of SI where these differ."""
+    rows: list[tuple[str, ...]] = []
+    thesis = {row.name.rpartition(" = ")[2]: row for row in thesis_rows(fit)}
+    fitted = {row.name: row for row in parameter_rows(fit)}
+    # The algebraic models have one offset at every speed.
+    if "offset" in fitted:
+        fitted["eps_10"], thesis["eps_10"] = fitted["offset"], thesis["offset"]
+    for name in PARAMETERS:
+        if name not in fitted:
+            rows.append((name, THESIS[name].unit if name in THESIS else "", "not in this model", *_of(found, name)))
+            continue
+        if name in THESIS:
+            rows.append((name, THESIS[name].unit, _text(thesis[name]), *_of(found, name)))
+        scale = handy(name, SI_UNITS.get(name, ""))
+        rows.append(("" if name in THESIS else name, scale.unit, _text(fitted[name]), *_of(found, name, scale)))
+    means = (f"{low:.2f} to {high:.2f} by spin" for low, high in (item.restitution for item in found.cases))
+    cor = fitted.get("cor_10") or fitted.get("cor")
+    rows.append(("restitution", "", "measured" if cor is None else f"{_text(cor)} at 10 m/s", *means))
+    return tuple(rows)
+
+
+def _of(found: CaseComparison, name: str, scale: Scale | None = None) -> list[str]:
+    chosen = scale or THESIS.get(name, Scale("", 1.0))
+    return [digits(item.values[name] * chosen.factor, 3) for item in found.cases]
+
+
+def _text(row: object) -> str:
+    median, within, point = (getattr(row, key) for key in ("median", "interval_95", "point"))
+    return str(point) if median == "-" else f"{median} {within}"
+
+
+def _errors(found: CaseComparison) -> tuple[tuple[str, ...], ...]:
+    """Root mean square errors as the thesis prints them (m/s, rad/s, degrees), and in SI where that differs."""
+    rows = []
+    scales = {"theta_2": (Scale("deg", 180.0 / math.pi), Scale("rad", 1.0)), "omega_2": (Scale("rad/s", 1.0),)}
+    for name, unit in OUTPUTS.items():
+        for k, scale in enumerate(scales.get(name, (Scale(unit, 1.0),))):
+            mine = _rms(found.fitted_rms, name, scale)
+            theirs = (_rms(item.rms, name, scale) for item in found.cases)
+            rows.append((name if k == 0 else "", scale.unit, mine, *theirs))
+    return tuple(rows)
+
+
+def _rms(errors: Mapping[str, float], name: str, scale: Scale) -> str:
+    return digits(errors[name] * scale.factor, 2) if name in errors else "told"
+
+
+def _sentence(fit: Fit, found: CaseComparison) -> str:
+    free = sum(name in fit.problem.model_names for name in fit.problem.free_names)
+    return (
+        f"On these {len(fit.problem.table)} impacts the point estimate ({free} free parameters of the model) misses "
+        f"{_miss(found.fitted_rms)}, the three cases, hand-tuned on Wang's impacts, "
+        f"{_range(found.cases, 'v_x2', 'm/s')} and {_range(found.cases, 'omega_2', 'rad/s')} (root mean square)."
+    )
+
+
+def _miss(errors: Mapping[str, float]) -> str:
+    return f"v_x2 by {digits(errors['v_x2'], 2)} m/s and omega_2 by {digits(errors['omega_2'], 2)} rad/s"
+
+
+def _range(cases: tuple[PublishedCase, ...], name: str, unit: str) -> str:
+    texts = [digits(item.rms[name], 2) for item in sorted(cases, key=lambda item: item.rms[name])]
+    return f"{texts[0]} {unit}" if texts[0] == texts[-1] else f"{texts[0]} to {texts[-1]} {unit}"

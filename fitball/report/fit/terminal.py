@@ -1,0 +1,140 @@
+"""A fit on a terminal: plain text in columns, and the same as JSON for machines."""
+
+from __future__ import annotations
+
+import json
+import textwrap
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from fitball.inference.results.results import Fit
+from fitball.report.fit.balance_table import balance_table
+from fitball.report.fit.evidence_rows import look_rows
+from fitball.report.fit.pace_rows import pace_lines
+from fitball.report.fit.summary import (
+    diagnosis_lines,
+    level_rows,
+    notes,
+    parameter_rows,
+    prediction_table,
+    thesis_rows,
+)
+from fitball.visible import one_line
+
+WIDTH = 100
+# Rows of a table that a person reads on a terminal.
+MOST_LINES = 40
+# A cell that is longer than the texts of this program is a label of the user's: a few words of it tell which.
+WIDEST = 80
+
+
+def columns(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
+    """Rows of cells as lines: the first `left` columns flush left, the others right. A cell stays in its line."""
+    rows = [[one_line(cell, WIDEST) for cell in row] for row in rows]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        cells = [
+            cell.ljust(width) if k < left else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        lines.append("  ".join(cells).rstrip())
+    return lines
+
+
+def more(count: int, where: str) -> list[str]:
+    """A line that says how many of `count` rows are not shown, and where they are; nothing when all are."""
+    return [f"... and {count - MOST_LINES:,} more: {where}"] if count > MOST_LINES else []
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent="  ", subsequent_indent="      ")
+
+
+def render(fit: Fit, folder: Path) -> str:
+    """The end of a calibration as a person reads it."""
+    table = fit.problem.table
+    head = f"{fit.problem.model.name} fitted to {table.name} ({len(table)} impacts)"
+    parts = [head, "=" * len(head), *textwrap.wrap(fit.verdict, WIDTH)]
+    # The notes of the problem stood there before the fit began.
+    parts += [line for note in fit.notes if note not in fit.problem.notes for line in _wrapped(f"note: {note}")]
+    parts.append("")
+    rows = parameter_rows(fit)
+    heads = ["parameter", "unit", "median", "68 %", "95 %", "point", "prior (SI)", "verdict"]
+    body = [
+        [row.name, row.unit, row.median, row.interval_68, row.interval_95, row.point, row.prior, row.verdict]
+        for row in rows
+    ]
+    parts += columns([heads, *body], left=2)
+    parts += ["", "Point: maximum of the posterior density. In the thesis's units:", ""]
+    thesis = thesis_rows(fit)
+    if thesis:
+        lines = [[row.name, row.unit, row.median, row.interval_68, row.interval_95, row.point] for row in thesis]
+        parts += columns([heads[:6], *lines], left=2)
+        parts.append("")
+    levels = level_rows(fit)
+    if levels:
+        names = ["level", "unit", "impacts", "median", "68 %", "95 %", "point"]
+        lines = [
+            [row.name, row.unit, row.impacts, row.median, row.interval_68, row.interval_95, row.point]
+            for row in levels
+        ]
+        parts += ["Level by level, pooled in part:", "", *columns([names, *lines], left=2), ""]
+    for line in pace_lines(fit):
+        parts += [*textwrap.wrap(line, WIDTH, subsequent_indent="  "), ""]
+    parts.append("What the table says of each parameter:")
+    for row in rows:
+        parts += _wrapped(f"{row.name}: {row.verdict}; {row.reason}")
+    parts += [line for remark in look_rows(fit).remarks for line in _wrapped(f"note: {remark}")]
+    parts += ["", "Measured | predicted (median +- half of the 68 % interval, without noise):", ""]
+    predictions = prediction_table(fit, MOST_LINES)
+    top = ["impact", "theta_1 [deg]", *predictions.heads, "contact"]
+    cells = [
+        [row.id, row.theta_1, *(f"{measured} | {predicted}" for measured, predicted in row.cells), row.regime]
+        for row in predictions.rows
+    ]
+    parts += [*columns([top, *cells]), *more(len(table), "predictions.csv")]
+    balances = balance_table(fit.balances, MOST_LINES)
+    parts += ["", "Model-free, from the measurements alone:", "", *columns([balances.heads, *balances.rows])]
+    parts += more(len(table), "balances.csv")
+    for item in balances.legend:
+        parts += _wrapped(item)
+    parts.append("")
+    for line in diagnosis_lines(fit):
+        parts += textwrap.wrap(line, WIDTH, subsequent_indent="  ")
+    times = ", ".join(f"{item.stage} {item.seconds:.1f} s" for item in fit.timings)
+    parts += ["", f"Time: {times}.", f"Results: {folder}"]
+    parts += [f"  {item.name}" for item in sorted(folder.iterdir())] if folder.is_dir() else []
+    return "\n".join(parts)
+
+
+def render_json(fit: Fit, folder: Path) -> str:
+    """The summary for machines: everything but draws; the full parameter set is in `fit.json`."""
+    content = {
+        "status": fit.status,
+        "verdict": fit.verdict,
+        "model": fit.problem.model.name,
+        "table": fit.problem.table.name,
+        "folder": str(folder),
+        "parameters": {
+            item.name: {
+                "unit": item.unit,
+                "median": item.median,
+                "sd": item.sd,
+                "q025": item.q025,
+                "q16": item.q16,
+                "q84": item.q84,
+                "q975": item.q975,
+                "point": item.point,
+                "verdict": item.verdict,
+                "reason": item.reason,
+            }
+            for item in fit.estimates
+        },
+        "rms": dict(fit.point.rms),
+        "court_pace": None if fit.court_pace is None else asdict(fit.court_pace),
+        "notes": notes(fit),
+        "seconds": {item.stage: item.seconds for item in fit.timings},
+    }
+    return json.dumps(content, indent=2, allow_nan=False)

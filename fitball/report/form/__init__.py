@@ -1,0 +1,1 @@
+"""Shared shapes: rounding, display units, text tables, CSV, folders, atomic writing."""

@@ -1,0 +1,1 @@
+"""All of `simulate`: rows, text, figure, folder."""

@@ -1,0 +1,225 @@
+"""The figure of simulations: courses of one impact or several, panel by panel, along the contact."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from fitball.inference.prediction.simulate import Simulation
+from fitball.models.history import History
+from fitball.models.types import PHASE_SYMBOL, Phase
+from fitball.report.figures.predictive import COLOURS, new_figure
+from fitball.values import FloatArray
+
+# Pale, so that lines of any colour stand out.
+SHADES: Mapping[Phase, str] = {
+    Phase.SLIDE_FORWARD: "#FBE3D2",
+    Phase.SLIDE_BACKWARD: "#F5D0DF",
+    Phase.GRIP: "#D5EDE2",
+    Phase.HOLD: "#DCE3F5",
+    Phase.FREE: "#E8E8E8",
+}
+ALL_PANELS = ("y", "v_y", "v_x", "slip", "normal_force", "friction_force")
+VERTICAL_PANELS = ("y", "v_y", "normal_force")
+LABELS: Mapping[str, str] = {
+    "y": "compression $y$ [mm]",
+    "v_y": "core velocity $v_y$ [m/s]",
+    "v_x": "velocity along court [m/s]",
+    "slip": r"slip $v_x - R\,\omega_2$ [m/s]",
+    "normal_force": "normal force $F$ [N]",
+    "friction_force": "friction $F_x$ [N]",
+    "omega_2": r"shell spin $\omega_2$ [rad/s]",
+    "centre": "centre velocity $v_x$ [m/s]",
+    "forces": "force [N]",
+}
+# A band on the axis of time would show little but the spread of contact times.
+BAND_CAPTION = (
+    "Bands: 68 and 95 % of {draws} posterior draws, each at equal shares of its own contact time, since rebounds "
+    "tell the courses along the contact better than its length (95 %: {low:.2f} to {high:.2f} ms)."
+)
+
+
+def history_figure(
+    simulations: Sequence[Simulation], title: str, panels: Sequence[str] = (), notes: Sequence[str] = ()
+) -> Figure:
+    """Panels along the share of the contact; the upper axis shows time where all curves last equally long.
+
+    One simulation is shaded by phase; of several, dots mark where one phase hands over to the next.
+    """
+    shown = tuple(panels) or (ALL_PANELS if simulations[0].history.spans else VERTICAL_PANELS)
+    columns = 1 if len(shown) == 1 else 2
+    rows = -(-len(shown) // columns)
+    words = [*notes, *([_band_words(simulations[0])] if simulations[0].band is not None else [])]
+    wrapped = [line for text in words for line in textwrap.wrap(text, 105)]
+    figure = new_figure(9.0, (4.6 if columns == 1 else 0.6 + 2.75 * rows) + 0.6 + 0.17 * len(wrapped))
+    axes = np.atleast_1d(figure.subplots(rows, columns, sharex=True)).ravel()
+    for axis in axes[len(shown) :]:
+        axis.set_visible(False)
+    alone = len(simulations) == 1
+    for axis, panel in zip(axes, shown, strict=False):
+        if alone:
+            _shade(axis, simulations[0].history)
+        for colour, item in zip(COLOURS, simulations, strict=False):
+            DRAWN[panel](axis, item, colour, alone)
+        axis.set_ylabel(LABELS[panel])
+        axis.set_xlim(0.0, 1.0)
+        axis.grid(alpha=0.3)
+        if panel in ("slip", "friction_force", "v_y", "forces"):
+            axis.axhline(0.0, color="0.4", linewidth=0.7)
+    for axis in axes[max(len(shown) - columns, 0) : len(shown)]:
+        axis.set_xlabel("share of the contact time")
+        axis.tick_params(labelbottom=True)
+    lengths = [item.history.contact_time for item in simulations]
+    # Contact times that print alike are one.
+    if max(lengths) - min(lengths) <= 5e-6 * max(lengths):
+        for axis in axes[:columns]:
+            _time_axis(axis, lengths[0])
+    _legend(figure, simulations, wrapped, shown)
+    figure.suptitle(title, fontsize=12)
+    return figure
+
+
+def _band_words(item: Simulation) -> str:
+    assert item.band is not None
+    low, *_middle, high = 1e3 * item.band.contact_time
+    return BAND_CAPTION.format(draws=item.band.draws, low=low, high=high)
+
+
+def _time_axis(axis: Axes, contact_time: float) -> None:
+    length = 1e3 * contact_time
+
+    def to_time(share: Any) -> Any:
+        return share * length
+
+    def to_share(time: Any) -> Any:
+        return time / length
+
+    upper = axis.secondary_xaxis("top", functions=(to_time, to_share))
+    upper.set_xlabel("time [ms]", fontsize=9)
+    upper.tick_params(labelsize=8)
+
+
+def _shade(axis: Axes, found: History) -> None:
+    for span in found.spans:
+        axis.axvspan(span.start_share, span.end_share, color=SHADES[span.phase], linewidth=0, zorder=0)
+    for share in found.transition_shares:
+        axis.axvline(float(share), color="0.35", linestyle=":", linewidth=1.0, zorder=1)
+
+
+def _line(
+    axis: Axes, item: Simulation, name: str, colour: str, alone: bool, factor: float = 1.0, **style: object
+) -> None:
+    """A course with its band and, among several, dots at its transitions."""
+    shares, course = item.shares, factor * getattr(item.history, name)
+    if item.band is not None:
+        low, mid_low, _median, mid_high, high = factor * item.band.quantiles[name]
+        for lower, upper, alpha in ((low, high, 0.15), (mid_low, mid_high, 0.25)):
+            axis.fill_between(shares, lower, upper, color=colour, alpha=alpha, linewidth=0)
+    options: dict[str, Any] = {"color": colour, "linewidth": 1.5, "label": item.label, **style}
+    axis.plot(shares, course, **options)
+    # Slip and grip do not touch the vertical motion.
+    if not alone and name not in VERTICAL_PANELS:
+        _dots(axis, item, course, colour)
+
+
+def _dots(axis: Axes, item: Simulation, course: FloatArray, colour: str) -> None:
+    at = item.history.transition_shares
+    axis.plot(at, np.interp(at, item.shares, course), "o", color=colour, markersize=4, markerfacecolor="white")
+
+
+def _velocities(axis: Axes, item: Simulation, colour: str, alone: bool) -> None:
+    """The centre, and the surfaces of shell and core."""
+    found = item.history
+    if not alone:
+        _line(axis, item, "v_x", colour, alone)
+        axis.plot(item.shares, found.radius * found.omega_2, color=colour, linestyle="--", linewidth=1.2)
+        return
+    _line(axis, item, "v_x", COLOURS[0], alone, label="$v_x$")
+    _line(axis, item, "omega_2", COLOURS[1], alone, found.radius, label=r"$R\,\omega_2$ shell", linestyle="--")
+    _line(axis, item, "omega_1", "0.25", alone, found.radius, label=r"$R\,\omega_1$ core", linestyle="-.")
+    # What jumps at landing and at release shows as a gap between mark and line.
+    for share, motion in ((0.0, found.landing.before), (1.0, found.release.after)):
+        for value, colour_of, mark in (
+            (motion.v_x, COLOURS[0], "o"),
+            (found.radius * motion.omega_2, COLOURS[1], "s"),
+        ):
+            axis.plot(
+                share, value, mark, color=colour_of, markersize=5, markerfacecolor="white", clip_on=False, zorder=5
+            )
+    axis.plot([], [], "o", color="0.3", markersize=5, markerfacecolor="white", label="in flight")
+    axis.legend(loc="best", fontsize=8, frameon=True, framealpha=0.7)
+
+
+def _friction(axis: Axes, item: Simulation, colour: str, alone: bool) -> None:
+    """Friction inside the cone."""
+    limit = item.history.friction * item.history.normal_force
+    # Cones of several curves would hide what lies inside them.
+    for sign in (1.0, -1.0) if alone else ():
+        label = r"$\pm\mu F$" if sign > 0.0 else None
+        axis.plot(item.shares, sign * limit, color="0.4", linestyle="--", linewidth=0.9, label=label)
+    _line(axis, item, "friction_force", colour, alone, label="$F_x$")
+    if alone:
+        axis.legend(loc="best", fontsize=8, frameon=True, framealpha=0.7)
+
+
+def _forces(axis: Axes, item: Simulation, colour: str, alone: bool) -> None:
+    """Both forces in one panel, as the thesis draws them."""
+    _line(axis, item, "normal_force", colour, alone, label="normal force $F$")
+    other = COLOURS[1] if alone else colour
+    _line(axis, item, "friction_force", other, alone, label="friction $F_x$", linestyle="--")
+    if alone:
+        axis.legend(loc="best", fontsize=8, frameon=True, framealpha=0.7)
+
+
+def _plain(name: str, factor: float = 1.0) -> Callable[[Axes, Simulation, str, bool], None]:
+    def draw(axis: Axes, item: Simulation, colour: str, alone: bool) -> None:
+        _line(axis, item, name, colour, alone, factor)
+
+    return draw
+
+
+DRAWN: Mapping[str, Callable[[Axes, Simulation, str, bool], None]] = {
+    "y": _plain("y", 1e3),
+    "v_y": _plain("v_y"),
+    "v_x": _velocities,
+    "slip": _plain("slip"),
+    "normal_force": _plain("normal_force"),
+    "friction_force": _friction,
+    "omega_2": _plain("omega_2"),
+    "centre": _plain("v_x"),
+    "forces": _forces,
+}
+
+
+def _legend(figure: Figure, simulations: Sequence[Simulation], caption: Sequence[str], shown: Sequence[str]) -> None:
+    """Phases of the one, or names of the several."""
+    handles: list[Patch | Line2D]
+    if len(simulations) == 1:
+        phases = dict.fromkeys(span.phase for span in simulations[0].history.spans)
+        handles = [Patch(color=SHADES[phase], label=PHASE_SYMBOL[phase]) for phase in phases]
+        if simulations[0].band is not None:
+            handles.append(Line2D([], [], color="0.2", linewidth=1.5, label="point estimate"))
+    else:
+        handles = [
+            Line2D([], [], color=colour, linewidth=1.5, label=item.label)
+            for colour, item in zip(COLOURS, simulations, strict=False)
+        ]
+        if "v_x" in shown:
+            handles.append(Line2D([], [], color="0.3", linestyle="--", linewidth=1.2, label=r"surface $R\,\omega_2$"))
+        if not set(shown) <= set(VERTICAL_PANELS) and any(len(item.history.spans) > 1 for item in simulations):
+            handles.append(
+                Line2D([], [], color="0.3", marker="o", markerfacecolor="white", linestyle="none", label="transition")
+            )
+    if handles:
+        legend = figure.legend(
+            handles=handles, loc="outside lower center", ncols=min(6, len(handles)), frameon=False, fontsize=9,
+            title="\n".join(caption), title_fontsize=8.5,
+        )  # fmt: skip
+        legend.get_title().set_multialignment("left")

@@ -1,0 +1,95 @@
+"""Simulations as rows for CSV and as content for JSON, SI units throughout."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from fitball.inference.prediction.posterior_predictive import BANDS
+from fitball.inference.prediction.simulate import COURSES, Band, Simulation
+from fitball.models.history import Jump, Motion, Span
+from fitball.models.types import PHASE_SYMBOL, Phase
+
+LEVELS = tuple(f"q{1000 * level:03.0f}".rstrip("0") for level in BANDS)
+UNITS = {
+    "y": "m", "v_y": "m/s", "v_x": "m/s", "omega_1": "rad/s", "omega_2": "rad/s", "twist": "rad", "slip": "m/s",
+    "normal_force": "N", "friction_force": "N",
+}  # fmt: skip
+
+
+def phase_name(code: int) -> str:
+    """A phase in a word; empty where motion along the court is not followed."""
+    return PHASE_SYMBOL[Phase(code)] if code else ""
+
+
+def history_rows(simulations: Sequence[Simulation]) -> list[dict[str, object]]:
+    """One row a curve and time, with the quantiles of the band where there is one."""
+    rows: list[dict[str, object]] = []
+    for item in simulations:
+        found = item.history
+        for k, (share, time) in enumerate(zip(item.shares, found.times, strict=True)):
+            row: dict[str, object] = {"curve": item.label, "share": float(share), "time [s]": float(time)}
+            row |= {f"{name} [{UNITS[name]}]": float(getattr(found, name)[k]) for name in COURSES}
+            row["phase"] = phase_name(int(found.phase[k]))
+            if item.band is not None:
+                for name in COURSES:
+                    levels = item.band.quantiles[name][:, k]
+                    row |= {
+                        f"{name}_{level} [{UNITS[name]}]": float(v) for level, v in zip(LEVELS, levels, strict=True)
+                    }
+            rows.append(row)
+    return rows
+
+
+def simulation_json(item: Simulation) -> dict[str, Any]:
+    """One curve without its courses: what went in, the phases, the peaks, the jumps, the rebound."""
+    found, after = item.history, item.history.release.after
+    impact = item.impact
+    return {
+        "label": item.label,
+        "model": item.model.name,
+        "closures": dict(item.model.options),
+        "parameters": dict(item.parameters),
+        "impact": {name: float(getattr(impact, name)[0]) for name in ("v_x1", "v_y1", "omega_1")},
+        "regime": found.regime_name,
+        "contact_time": found.contact_time,
+        "phases": [_span(span) for span in found.spans],
+        "peak_compression": {"value": found.peak_compression.value, "time": found.peak_compression.time},
+        "peak_normal_force": {"value": found.peak_force.value, "time": found.peak_force.time},
+        "landing": _jump(found.landing),
+        "release": _jump(found.release),
+        "rebound": {"v_x2": after.v_x, "v_y2": -after.v_y, "omega_2": after.omega_2},
+        "posterior": None if item.band is None else _band(item.band),
+    }
+
+
+def _span(span: Span) -> dict[str, object]:
+    return {
+        "phase": PHASE_SYMBOL[span.phase],
+        "start": span.start,
+        "end": span.end,
+        "start_share": span.start_share,
+        "end_share": span.end_share,
+    }
+
+
+def _motion(motion: Motion) -> dict[str, float]:
+    return {"v_x": motion.v_x, "v_y": motion.v_y, "omega_1": motion.omega_1, "omega_2": motion.omega_2}
+
+
+def _jump(jump: Jump) -> dict[str, object]:
+    return {
+        "before": _motion(jump.before),
+        "after": _motion(jump.after),
+        "normal_impulse": jump.normal_impulse,
+        "friction_impulse": jump.friction_impulse,
+    }
+
+
+def _band(band: Band) -> dict[str, object]:
+    return {
+        "draws": band.draws,
+        "failed": band.failed,
+        "contact_time": dict(zip(LEVELS, (float(value) for value in band.contact_time), strict=True)),
+        "regimes": dict(band.regimes),
+    }

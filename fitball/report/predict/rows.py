@@ -1,0 +1,139 @@
+"""Predictions of new impacts as flat rows for CSV files, and as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fitball.data.table import REBOUND_UNITS
+from fitball.inference.prediction.holdout_scores import ChannelScore
+from fitball.inference.prediction.new_impacts import NewPrediction, OutputPrediction
+from fitball.report.form.display_units import Scale, handy
+from fitball.values import FloatArray
+
+LEVELS = ("q025", "q16", "median", "q84", "q975")
+DEGREE = 57.29577951308232
+# Quantities of the calibrated range and the unit they are shown in.
+RANGE_UNITS: Mapping[str, Scale] = {
+    "v_y1": Scale("m/s", 1.0),
+    "theta_1": Scale("deg", DEGREE),
+    "omega_1": Scale("rad/s", 1.0),
+}
+
+
+def output_scale(name: str) -> Scale:
+    """The unit an output is shown in."""
+    return handy(name, REBOUND_UNITS[name])
+
+
+def _columns(item: OutputPrediction) -> dict[str, FloatArray]:
+    """Every column of one output in SI, by what it is; those that do not exist are absent."""
+    found: dict[str, FloatArray] = {"point": item.point}
+    if item.rebound is not None:
+        found["median"] = item.rebound[2]
+        found |= {f"mean_{name}": item.rebound[k] for k, name in enumerate(LEVELS) if name != "median"}
+    if item.measured is not None:
+        found |= {f"data_{name}": item.measured[k] for k, name in enumerate(LEVELS) if name != "median"}
+    if item.shares is not None:
+        found |= {"sd_parameters": item.shares.parameters, "sd_incident": item.shares.incident}
+        if item.shares.measurement is not None:
+            found["sd_measurement"] = item.shares.measurement
+    residual = item.residual
+    if item.observed is not None and residual is not None:
+        found |= {"measured": item.observed, "residual": residual}
+    return found
+
+
+def _number(value: float) -> float | None:
+    """None for what does not exist."""
+    return None if math.isnan(value) else float(value)
+
+
+def prediction_csv_rows(prediction: NewPrediction, ids: Sequence[str]) -> list[dict[str, object]]:
+    """One row an impact; headers carry units. Intervals `mean_*` are of the rebound itself, `data_*` of a new
+    measurement of it.
+    """
+    impacts, found = prediction.impacts, prediction.range
+    columns: dict[str, Sequence[object]] = {
+        "id": ids,
+        "v_x1 [m/s]": impacts.v_x1.tolist(),
+        "v_y1 [m/s]": impacts.v_y1.tolist(),
+        "omega_1 [rad/s]": impacts.omega_1.tolist(),
+    }
+    for item in prediction.outputs:
+        scale = output_scale(item.name)
+        for kind, column in _columns(item).items():
+            columns[f"{item.name}_{kind} [{scale.unit}]"] = [_number(value) for value in column * scale.factor]
+        if item.z is not None:
+            columns[f"{item.name}_z"] = [_number(value) for value in item.z]
+    columns["regimes"] = [
+        "; ".join(f"{name} {share:.4g}" for name, share in row.items()) for row in prediction.regimes
+    ]
+    columns["failed"] = [sum(row.values()) for row in prediction.failures]
+    columns["failed_because"] = ["; ".join(row) for row in prediction.failures]
+    columns["outside"] = ["yes" if flag else "no" for flag in found.outside]
+    for name, beyond in found.beyond.items():
+        scale = RANGE_UNITS[name]
+        columns[f"{name}_beyond [{scale.unit}]"] = (beyond * scale.factor).tolist()
+    if found.hull_distance is not None:
+        columns["hull_distance [m/s]"] = found.hull_distance.tolist()
+    columns["extrapolated"] = [_extrapolated(prediction, k) for k in range(len(impacts))]
+    return [{name: column[k] for name, column in columns.items()} for k in range(len(impacts))]
+
+
+def _extrapolated(prediction: NewPrediction, row: int) -> str:
+    return " ".join(prediction.range.lines) if prediction.range.beyond["v_y1"][row] != 0.0 else ""
+
+
+def prediction_json(
+    prediction: NewPrediction, ids: Sequence[str], scores: Sequence[ChannelScore], notes: Sequence[str]
+) -> dict[str, Any]:
+    """All of it in SI (angles in radians), one object an impact."""
+    found = prediction.range
+    impacts = []
+    for k, name in enumerate(ids):
+        outputs = {
+            item.name: {kind: _number(column[k]) for kind, column in _columns(item).items()}
+            | ({} if item.z is None else {"z": _number(item.z[k])})
+            for item in prediction.outputs
+        }
+        beyond = {quantity: float(column[k]) for quantity, column in found.beyond.items()}
+        impacts.append(
+            {
+                "id": name,
+                "v_x1": float(prediction.impacts.v_x1[k]),
+                "v_y1": float(prediction.impacts.v_y1[k]),
+                "omega_1": float(prediction.impacts.omega_1[k]),
+                "outputs": outputs,
+                "regimes": dict(prediction.regimes[k]),
+                "failed": dict(prediction.failures[k]),
+                "outside": bool(found.outside[k]),
+                "beyond": beyond,
+                "hull_distance": None if found.hull_distance is None else float(found.hull_distance[k]),
+                "extrapolated": _extrapolated(prediction, k).split(),
+            }
+        )
+    return {
+        "units": {item.name: REBOUND_UNITS[item.name] for item in prediction.outputs},
+        "draws": prediction.draws,
+        "calibrated": {name: list(ends) for name, ends in found.limits.items()},
+        "hull_slack": found.slack,
+        "impacts": impacts,
+        "validation": [
+            {
+                "output": item.name,
+                "impacts": item.count,
+                "bias": item.bias,
+                "rms": item.rms,
+                "rms_z": item.rms_z,
+                "within_68": item.within_68,
+                "within_95": item.within_95,
+            }
+            for item in scores
+        ],
+        "outside": int(np.count_nonzero(found.outside)),
+        "notes": list(notes),
+    }

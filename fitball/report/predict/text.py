@@ -1,0 +1,211 @@
+"""Predictions of new impacts as a person reads them on a terminal."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+
+import numpy as np
+
+from fitball.inference.prediction.holdout_scores import ChannelScore
+from fitball.inference.prediction.new_impacts import NewPrediction, OutputPrediction
+from fitball.report.fit.terminal import MOST_LINES, WIDTH, columns, more
+from fitball.report.form.rounding import decimals, fixed, interval, significant
+from fitball.report.predict.rows import RANGE_UNITS, output_scale
+
+# Up to so many impacts each has a table of its own; more stand one a line.
+IN_FULL = 4
+# Remarks on single impacts that are printed; the file and JSON hold all.
+REMARKS = 12
+
+
+def render_prediction(prediction: NewPrediction, ids: Sequence[str]) -> str:
+    """Impacts with their predicted rebounds, and remarks on those that need one."""
+    count = len(ids)
+    if count <= IN_FULL:
+        blocks = [_in_full(prediction, k, name) for k, name in enumerate(ids)]
+        return "\n\n".join("\n".join(block) for block in blocks)
+    lines = _in_brief(prediction, ids)
+    odd = [k for k in range(count) if prediction.range.outside[k] or prediction.failures[k]]
+    remarks = [(ids[k], text) for k in odd for text in remarks_on(prediction, k)]
+    if remarks:
+        lines += [
+            "",
+            f"* outside what the fit was calibrated on ({np.count_nonzero(prediction.range.outside)} impacts)",
+        ]
+        lines += [line for name, text in remarks[:REMARKS] for line in _wrapped(f"{name}: {text}")]
+        if len(remarks) > REMARKS:
+            lines.append(f"  and {len(remarks) - REMARKS} more: see --out or --json")
+    return "\n".join(lines)
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent="  ", subsequent_indent="    ")
+
+
+def _heading(prediction: NewPrediction, row: int, name: str) -> str:
+    impacts = prediction.impacts
+    v_x, v_y, omega = impacts.v_x1[row], impacts.v_y1[row], impacts.omega_1[row]
+    sense = "no spin" if omega == 0.0 else f"{abs(omega):.1f} rad/s {'topspin' if omega > 0.0 else 'backspin'}"
+    angle = np.degrees(np.arctan2(v_y, v_x))
+    return f"{name}: {np.hypot(v_x, v_y):.2f} m/s at {angle:.1f} deg (v_x1 {v_x:.2f}, v_y1 {v_y:.2f} m/s), {sense}"
+
+
+def _in_full(prediction: NewPrediction, row: int, name: str) -> list[str]:
+    lines = [_heading(prediction, row, name)]
+    measured = any(item.observed is not None for item in prediction.outputs)
+    if prediction.draws == 0:
+        heads = ["", "point", *(["measured"] if measured else [])]
+    else:
+        heads = ["", "median", "rebound 68 %", "rebound 95 %", "measurement 68 %", "measurement 95 %"]
+        heads += ["measured", "z"] if measured else []
+    body = [_cells(item, row, measured) for item in prediction.outputs]
+    lines += [f"  {line}" for line in columns([heads, *body])]
+    lines += _shares(prediction, row)
+    if prediction.regimes[row]:
+        lines += _wrapped("regime: " + _regimes(prediction, row))
+    return lines + [line for text in remarks_on(prediction, row) for line in _wrapped(text)]
+
+
+def _shares(prediction: NewPrediction, row: int) -> list[str]:
+    """Standard deviations by what they come from; nothing where the incident state is exact."""
+    body = []
+    for item in prediction.outputs:
+        if item.shares is None:
+            continue
+        scale = output_scale(item.name)
+        found = (item.shares.parameters, item.shares.incident, item.shares.measurement)
+        sizes = [None if sd is None else float(sd[row] * scale.factor) for sd in found]
+        cells = [fixed(size, 0 if size is None else min(max(decimals(size), 0), 3)) for size in sizes]
+        body.append([f"{item.name} [{scale.unit}]", *cells])
+    heads = ["one sd owed to", "parameters", "incident state", "measurement"]
+    return ["", *(f"  {line}" for line in columns([heads, *body]))] if body else []
+
+
+def _places(item: OutputPrediction, row: int) -> int:
+    """Decimals that the uncertainty of the rebound supports, between none and three; three without one."""
+    if item.rebound is None:
+        return 3
+    levels = item.rebound[:, row] * output_scale(item.name).factor
+    # A rebound that most draws agree on to the last digit has no inner interval.
+    half = 0.5 * max(levels[3] - levels[1], 0.5 * (levels[4] - levels[0]))
+    return min(max(decimals(float(half)), 0), 3)
+
+
+def _cells(item: OutputPrediction, row: int, measured: bool) -> list[str]:
+    scale, places = output_scale(item.name), _places(item, row)
+    cells = [f"{item.name} [{scale.unit}]"]
+    observed = [] if not measured else ["-"]
+    if item.observed is not None:
+        observed = [fixed(float(item.observed[row] * scale.factor), places)]
+    if item.rebound is None:
+        return [*cells, fixed(float(item.point[row] * scale.factor), places), *observed]
+    cells.append(fixed(float(item.rebound[2, row] * scale.factor), places))
+    for levels in (item.rebound, item.measured):
+        for low, high in ((1, 3), (0, 4)):
+            if levels is None:
+                cells.append("-")
+            else:
+                ends = levels[:, row] * scale.factor
+                cells.append(interval(float(ends[low]), float(ends[high]), places))
+    if measured:
+        cells += [*observed, "-" if item.z is None else fixed(float(item.z[row]), 1)]
+    return cells
+
+
+def _regimes(prediction: NewPrediction, row: int) -> str:
+    shares = prediction.regimes[row]
+    if prediction.draws == 0:
+        return next(iter(shares))
+    return ", ".join(f"{name} {_percent(share)}" for name, share in shares.items())
+
+
+def _percent(share: float) -> str:
+    """A share of draws; what is rarer than one in a thousand is no certainty."""
+    if share < 0.001:
+        return "< 0.1 %"
+    if 0.999 < share < 1.0:
+        return "> 99.9 %"
+    return f"{100.0 * share:.{1 if share < 0.1 else 0}f} %"
+
+
+def _in_brief(prediction: NewPrediction, ids: Sequence[str]) -> list[str]:
+    """One line an impact: the median, and the 95 % interval of a new measurement (of the rebound where the noise is
+    not known).
+    """
+    impacts = prediction.impacts
+    heads = ["impact", "v_1 [m/s]", "theta_1 [deg]", "omega_1 [rad/s]"]
+    shown = [item for item in prediction.outputs if item.name not in ("v_2", "contact_time")]
+    heads += [f"{item.name} [{output_scale(item.name).unit}]" for item in shown]
+    rows = []
+    for k, name in enumerate(ids[:MOST_LINES]):
+        mark = "*" if prediction.range.outside[k] or prediction.failures[k] else ""
+        angle = np.degrees(np.arctan2(impacts.v_y1[k], impacts.v_x1[k]))
+        speed = np.hypot(impacts.v_x1[k], impacts.v_y1[k])
+        cells = [name + mark, f"{speed:.1f}", f"{angle:.1f}", f"{impacts.omega_1[k]:.0f}"]
+        rows.append([*cells, *(_brief_cell(item, k) for item in shown)])
+    lines = [*columns([heads, *rows]), *more(len(ids), "see --out or --json")]
+    if prediction.draws:
+        lines += [
+            "",
+            "Median, and in brackets 95 % of new measurements (of rebounds where their noise is not known).",
+        ]
+    return lines
+
+
+def _brief_cell(item: OutputPrediction, row: int) -> str:
+    scale, places = output_scale(item.name), _places(item, row)
+    if item.rebound is None:
+        return fixed(float(item.point[row] * scale.factor), places)
+    ends = (item.rebound if item.measured is None else item.measured)[:, row] * scale.factor
+    middle = fixed(float(item.rebound[2, row] * scale.factor), places)
+    return f"{middle} {interval(float(ends[0]), float(ends[4]), places)}"
+
+
+def remarks_on(prediction: NewPrediction, row: int) -> list[str]:
+    """What is special about one impact: outside, extrapolated, not solvable for a share of the draws."""
+    found = prediction.range
+    parts = []
+    for name, beyond in found.beyond.items():
+        if beyond[row] != 0.0:
+            scale = RANGE_UNITS[name]
+            low, high = (end * scale.factor for end in found.limits[name])
+            word = "above" if beyond[row] > 0.0 else "below"
+            amount = abs(beyond[row]) * scale.factor
+            parts.append(f"{name} {amount:.3g} {scale.unit} {word} {low:.4g} to {high:.4g} {scale.unit}")
+    if found.hull_distance is not None and found.new_combination[row]:
+        parts.append(
+            f"combination of velocity and spin {found.hull_distance[row]:.2g} m/s away from those calibrated on "
+            f"(flagged from {found.slack:.2g} m/s)"
+        )
+    remarks = ["outside the calibrated range: " + "; ".join(parts) + "."] if parts else []
+    if found.lines and found.beyond["v_y1"][row] != 0.0:
+        word = "line is" if len(found.lines) == 1 else "lines are"
+        amount = abs(float(found.beyond["v_y1"][row]))
+        remarks.append(f"the {' and '.join(found.lines)} {word} extrapolated by {amount:.3g} m/s in v_y1.")
+    for reason, share in prediction.failures[row].items():
+        who = "the point estimate" if prediction.draws == 0 else f"{_percent(share)} of the draws"
+        remarks.append(f"not solved by {who}: {reason}.")
+    return remarks
+
+
+def render_scores(scores: Sequence[ChannelScore], seen: int, count: int) -> str:
+    """Residuals and coverage of the measured columns; `seen` of the `count` impacts are among those of the fit."""
+    heads = ["output", "impacts", "mean residual", "rms residual", "rms z", "within 68 %", "within 95 %"]
+    rows = []
+    for item in scores:
+        scale = output_scale(item.name)
+        rows.append(
+            [
+                f"{item.name} [{scale.unit}]",
+                str(item.count),
+                significant(item.bias * scale.factor),
+                significant(item.rms * scale.factor),
+                significant(item.rms_z),
+                *("-" if share is None else f"{100.0 * share:.0f} %" for share in (item.within_68, item.within_95)),
+            ]
+        )
+    title = "Measured against predicted: validation on unseen impacts"
+    if seen:
+        title = f"Measured against predicted: no validation, {seen} of {count} impacts are among those of the fit"
+    return "\n".join([title, "", *columns([heads, *rows])])

@@ -1,0 +1,1 @@
+"""Result files written and read back (candidate for a room of its own, fitball/store/, below report)."""

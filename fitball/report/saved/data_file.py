@@ -1,0 +1,177 @@
+"""`data.nc`: the measurements that a fit was made from, one variable a column; `fit.json` holds their digest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from fitball.data.columns import SD_SUFFIX
+from fitball.data.hdf5_arrays import array, finite, opened, texts
+from fitball.data.table import REBOUND_UNITS, ImpactTable, Measurement
+from fitball.errors import ParameterError, ResultFolderError
+from fitball.inference.problem.force_records import Averaged, ForceRecords
+from fitball.inference.problem.problem import Problem
+from fitball.report.form.atomic_write import write_whole
+from fitball.report.saved.fit_file import DataPart, ForcePart
+from fitball.values import Impacts
+from fitball.version import __version__
+
+DATA_NAME = "data.nc"
+KIND = "fitball data"
+UNITS = {"v_x1": "m/s", "v_y1": "m/s", "omega_1": "rad/s", **REBOUND_UNITS}
+INCIDENT = ("v_x1", "v_y1", "omega_1")
+# What is kept of each force record besides its means, as numbers of one kind each.
+COUNTS = ("row", "block", "samples")
+NUMBERS = ("first", "spacing", "begin", "length", "peak", "centroid")
+_FORCE = "force_"
+# Label columns are numbered, because a user may have named one anything; `fit.json` holds their names.
+_LABEL = "label_"
+Columns = Mapping[str, NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class MeasuredData:
+    """What `data.nc` holds: names of the impacts, incident states, rebound columns, labels, and force records."""
+
+    ids: tuple[str, ...]
+    impacts: Impacts
+    measurements: tuple[Measurement, ...]
+    labels: Mapping[str, tuple[str, ...]]
+    force: ForceRecords | None
+
+
+def data_columns(table: ImpactTable, force: ForceRecords | None) -> dict[str, NDArray[Any]]:
+    """Every column of `data.nc` by name, in SI: texts as objects, numbers as float64 or int64."""
+    columns: dict[str, NDArray[Any]] = {"impact": np.array(table.ids, dtype=object)}
+    columns |= {name: getattr(table.impacts, name) for name in INCIDENT}
+    for item in table.measurements:
+        columns[item.name] = item.values
+        if item.sd is not None:
+            columns[item.name + SD_SUFFIX] = item.sd
+    columns |= {f"{_LABEL}{k}": np.array(column, dtype=object) for k, column in enumerate(table.labels.values())}
+    if force is not None:
+        columns |= {_FORCE + name: np.array([getattr(item, name) for item in force.records]) for name in COUNTS}
+        columns |= {_FORCE + name: np.array([getattr(item, name) for item in force.records]) for name in NUMBERS}
+        columns[_FORCE + "means"] = np.where(force.mask, force.means, np.nan)
+    return columns
+
+
+def data_content(problem: Problem) -> dict[str, Any]:
+    """What `fit.json` says of the measurements: which columns there are, their digest, and what the scene knows of
+    the contact time.
+    """
+    table = problem.table
+    found: dict[str, Any] = {
+        "incident_columns": list(table.incident_columns),
+        "measurements": [item.name for item in table.measurements],
+        "with_sd": [item.name for item in table.measurements if item.sd is not None],
+        "labels": list(table.labels),
+        "contact_time": None if problem.contact_time is None else list(problem.contact_time),
+        "sha256": digest(data_columns(table, problem.force)),
+    }
+    if problem.force is not None:
+        force = problem.force
+        found["force"] = {"file": Path(force.source).name, "sha256": force.digest, "start_sd": force.start_sd}
+    return found
+
+
+def digest(columns: Columns) -> str:
+    """SHA-256 over names, shapes and content of all columns, whatever their order."""
+    found = sha256()
+    for name in sorted(columns):
+        column = columns[name]
+        text = column.dtype.kind not in "fi"
+        # Lengths, so that no text can stand for another column.
+        found.update(f"{name} {column.shape} {'text' if text else column.dtype.kind}\n".encode())
+        found.update(_packed(column) if text else np.ascontiguousarray(column).tobytes())
+    return found.hexdigest()
+
+
+def _packed(column: NDArray[Any]) -> bytes:
+    return "".join(f"{len(item)}:{item}" for item in map(str, column)).encode("utf-8", "surrogatepass")
+
+
+def write_data(problem: Problem, path: Path) -> None:
+    """Write `data.nc`, whole or not at all. Raises ResultFolderError."""
+    columns = data_columns(problem.table, problem.force)
+    variables = {}
+    for name, column in columns.items():
+        dims = ("impact",) if not name.startswith(_FORCE) else ("record", "node")[: column.ndim]
+        unit = UNITS.get(name.removesuffix(SD_SUFFIX), "")
+        variables[name] = (dims, column, {"units": unit} if unit else {})
+    for k, name in enumerate(problem.table.labels):
+        variables[f"{_LABEL}{k}"][2]["long_name"] = name
+    made = xr.Dataset(variables, attrs={"kind": KIND, "created_by": f"fitball {__version__}"})
+    write_whole(path, lambda place: made.to_netcdf(place, engine="h5netcdf"))
+
+
+def read_columns(data: DataPart, impacts: int, place: Path) -> dict[str, NDArray[Any]]:
+    """The columns of `data.nc` at `place` that `data`, a section of `fit.json`, names, of so many `impacts`.
+
+    Raises ResultFolderError for a file that is missing, damaged, or not the data of that fit.
+    """
+    numbers = [*INCIDENT, *data.measurements, *(name + SD_SUFFIX for name in data.with_sd)]
+    with opened(place, "the measurements that belong to the fit.json beside it") as file:
+        columns = {name: texts(file, name, impacts) for name in ("impact", *_labels(data))}
+        columns |= {name: finite(file, name, (impacts,)) for name in numbers}
+        if data.force is not None:
+            columns |= _force_columns(file)
+        found = digest(columns)
+    if found != data.sha256:
+        raise ResultFolderError(
+            f"{place}: these measurements are not those that the fit.json beside them was made from; "
+            "calibrate again, or put the files of one run together"
+        )
+    return columns
+
+
+def _labels(data: DataPart) -> list[str]:
+    return [f"{_LABEL}{k}" for k in range(len(data.labels))]
+
+
+def _force_columns(file: h5py.File) -> Columns:
+    means = array(file, _FORCE + "means", (None, None))
+    counts = {_FORCE + name: array(file, _FORCE + name, means.shape[:1], "iu") for name in COUNTS}
+    return (
+        counts
+        | {_FORCE + name: finite(file, _FORCE + name, means.shape[:1]) for name in NUMBERS}
+        | {_FORCE + "means": means}
+    )
+
+
+def read_data(data: DataPart, count: int, place: Path) -> MeasuredData:
+    """The measurements of `count` impacts in `data.nc`. Raises ResultFolderError as `read_columns` does."""
+    columns = read_columns(data, count, place)
+    try:
+        impacts = Impacts(*(columns[name] for name in INCIDENT))
+    except ParameterError as error:
+        raise ResultFolderError(f"{place}: damaged: {error}") from None
+    return MeasuredData(
+        ids=_texts(columns["impact"]),
+        impacts=impacts,
+        measurements=tuple(
+            Measurement(name, columns[name], columns.get(name + SD_SUFFIX)) for name in data.measurements
+        ),
+        labels={name: _texts(columns[label]) for name, label in zip(data.labels, _labels(data), strict=True)},
+        force=None if data.force is None else _force(data.force, columns),
+    )
+
+
+def _texts(column: NDArray[Any]) -> tuple[str, ...]:
+    return tuple(map(str, column))
+
+
+def _force(part: ForcePart, columns: Columns) -> ForceRecords:
+    found = []
+    for k, means in enumerate(columns[_FORCE + "means"]):
+        numbers: dict[str, Any] = {name: columns[_FORCE + name][k].item() for name in (*COUNTS, *NUMBERS)}
+        found.append(Averaged(**numbers, means=tuple(means[~np.isnan(means)].tolist())))
+    return ForceRecords(part.file, part.sha256, part.start_sd, tuple(found))

@@ -1,0 +1,152 @@
+"""Whether the parts of a `fit.json` agree with each other: lengths, names, bounds. Nothing is repaired."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
+
+import numpy as np
+
+from fitball.errors import FitballError
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.problem.priors import parse_prior
+from fitball.inference.results.results import RunStatus, Verdict
+from fitball.models.registry import model
+from fitball.models.specs import SPECS, ParameterSpec
+from fitball.models.types import regime_name
+from fitball.report.saved.fit_file import FitFile, GoldenPart, ParameterPart
+from fitball.values import FloatArray
+
+# A value at a bound is the exponential of a logarithm: rounding may take it this share of the bounds' width beyond.
+ROUNDING = 1e-9
+QUANTILES = ("median", "q025", "q05", "q16", "q84", "q95", "q975")
+
+
+def spec_of(name: str) -> ParameterSpec | None:
+    """Bounds and prior of a parameter of a model or of its noise; None for one that only this fit has."""
+    return NOISE_SPECS.get(name) or SPECS.get(name)
+
+
+def outside(name: str, values: FloatArray) -> bool:
+    """Whether any of the values is beyond the bounds of the parameter; no bounds are known of a fit's own ones."""
+    spec = spec_of(name)
+    if spec is None:
+        return False
+    slack = ROUNDING * (spec.upper - spec.lower)
+    return bool(np.any((values < spec.lower - slack) | (values > spec.upper + slack)))
+
+
+def first_contradiction(file: FitFile) -> str | None:
+    """A sentence on the first two places that contradict each other, None where all agree."""
+    return next(chain(_shapes(file), _names(file), _parameters(file), _golden(file.golden), _model(file)), None)
+
+
+def _shapes(file: FitFile) -> Iterator[str]:
+    fitted, data = file.fitted, file.data
+    width = {"fitted.names": len(fitted.names), "fitted.point": len(fitted.point)}
+    yield from _unequal(width | {f"fitted.draws[{k}]": len(row) for k, row in enumerate(fitted.draws)})
+    yield from _unequal({name: len(getattr(fitted.impacts, name)) for name in ("v_x1", "v_y1", "omega_1")})
+    for name in ("incident_columns", "measurements", "with_sd", "labels"):
+        listed: Sequence[str] = getattr(data, name)
+        if len(set(listed)) < len(listed):
+            yield f"data.{name}: read {_listed(listed)}, where a name comes twice"
+    sampled = file.status is not RunStatus.POINT_ONLY
+    if sampled != (file.diagnostics is not None) or sampled != bool(fitted.draws):
+        yield f"status is '{file.status}', but diagnostics and fitted.draws say otherwise"
+    if file.diagnostics is not None and file.diagnostics.warm_up >= file.diagnostics.steps:
+        yield f"diagnostics: {file.diagnostics.warm_up} steps of warm-up in {file.diagnostics.steps} steps"
+
+
+def _names(file: FitFile) -> Iterator[str]:
+    free = tuple(name for name, item in file.parameters.items() if item.verdict is not Verdict.FIXED)
+    yield from _other_names("fitted.names", file.fitted.names, file.parameters)
+    yield from _other_names("golden.parameters", file.golden.parameters, file.parameters)
+    yield from _other_names("identifiability.looks", file.identifiability.looks, free)
+    for what, matrix in (("covariance", file.covariance), ("correlation", file.correlation)):
+        if matrix is None:
+            continue
+        yield from _other_names(f"{what}.names", matrix.names, free)
+        yield from _unequal({f"{what}.names": len(free), f"{what}.values": len(matrix.values)})
+        yield from _unequal({f"{what}.names": len(free)} | {f"{what} row {k}": len(row) for k, row in
+                                                            enumerate(matrix.values)})  # fmt: skip
+    for name, looks in file.identifiability.looks.items():
+        for profile in (looks.profile, looks.alone):
+            if profile is None:
+                continue
+            if profile.values.size != profile.drop.size or profile.values.size < 2:
+                yield f"profile of {name}: {profile.values.size} values and {profile.drop.size} drops"
+            elif np.any(np.diff(profile.values) <= 0.0) or np.any(profile.drop < 0.0):
+                yield f"profile of {name}: its values do not rise, or a drop is negative"
+            elif outside(name, profile.values):
+                yield f"profile of {name}: a value lies beyond the bounds of the parameter"
+
+
+def _parameters(file: FitFile) -> Iterator[str]:
+    for k, (name, item) in enumerate(file.parameters.items()):
+        spec = spec_of(name)
+        if spec is None:
+            continue
+        listed = [item.point, *(value for value in _quantiles(item) if value is not None)]
+        for what, values in (
+            (f"parameters.{name}", np.array(listed)),
+            (f"golden.parameters.{name}", np.array([file.golden.parameters[name]])),
+            (f"fitted.point of {name}", np.array([file.fitted.point[k]])),
+            (f"fitted.draws of {name}", np.array([row[k] for row in file.fitted.draws])),
+        ):
+            if outside(name, values):
+                yield f"{what}: outside its bounds [{spec.lower:g}, {spec.upper:g}] {spec.unit}".rstrip()
+        if item.unit != spec.unit:
+            yield f"parameters.{name}.unit: read {item.unit!r}, expected {spec.unit!r}"
+        parse_prior(name, item.prior, spec.lower, spec.upper, spec.unit)
+
+
+def _quantiles(item: ParameterPart) -> list[float | None]:
+    return [getattr(item, name) for name in QUANTILES]
+
+
+def _golden(golden: GoldenPart) -> Iterator[str]:
+    given, made = golden.impacts, golden.rebound
+    lengths = {
+        f"golden.{name}": len(column)
+        for part in (given, made)
+        for name in part.__struct_fields__
+        if (column := getattr(part, name)) is not None
+    }
+    yield from _unequal(lengths)
+    for code in made.regime:
+        try:
+            regime_name(code)
+        except ValueError:
+            yield f"golden.rebound.regime: {code} is no sequence of phases"
+
+
+def _model(file: FitFile) -> Iterator[str]:
+    composed = model(file.model.name, ball=file.ball.ball(), tangential=file.fitted.tangential, **file.model.closures)
+    missing = [name for name in composed.parameter_names if name not in file.parameters]
+    if missing:
+        yield f"parameters: without {', '.join(missing)}, which model {file.model.name} has"
+
+
+def _unequal(lengths: dict[str, int]) -> Iterator[str]:
+    (first, count), *rest = lengths.items()
+    for name, other in rest:
+        if other != count:
+            yield f"{first} and {name} differ in number: {count} and {other}"
+
+
+def _other_names(what: str, found: Iterable[str], expected: Iterable[str]) -> Iterator[str]:
+    one, other = list(found), list(expected)
+    if one != other:
+        yield f"{what}: read {_listed(one)}, expected {_listed(other)}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names)[:300] or "none"
+
+
+def checked(file: FitFile) -> str | None:
+    """As `first_contradiction`, with what a model or a prior says of itself."""
+    try:
+        return first_contradiction(file)
+    except FitballError as error:
+        return str(error)

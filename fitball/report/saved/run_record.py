@@ -1,0 +1,269 @@
+"""`run.toml` read back: the run it describes, ready to be made again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+
+from fitball.data.bundled import bundled_folder
+from fitball.data.force_file import load_force
+from fitball.data.frozen import FrozenMapping
+from fitball.data.join import load_tables
+from fitball.data.scene import Scene
+from fitball.errors import ResultFolderError
+from fitball.inference.calibrate import Effort
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.problem.problem import Problem
+from fitball.report.saved.fit_file import BallPart, ModelPart
+from fitball.report.saved.run_file import RUN_KIND, RUN_NAME, RUN_SCHEMA, SCENE_NUMBERS, SCENE_TEXTS
+from fitball.report.saved.saved_fit import FIT_NAME
+from fitball.report.saved.structure import (
+    Counted,
+    Digest,
+    Part,
+    Positive,
+    damaged,
+    place_of,
+    read_toml,
+    refuse_foreign,
+    structured,
+)
+
+
+class NamedTable(Part, frozen=True):
+    """A table, or its force records, as `run.toml` names it: `file` relative to the result folder, or the name of a
+    bundled one.
+    """
+
+    file: str
+    bundled: bool
+    sha256: Digest
+
+
+class TablesPart(Part, frozen=True):
+    """The table of a fit and the files it was joined from; none for a table made in Python."""
+
+    name: str
+    sha256: Digest
+    files: tuple[NamedTable, ...] = ()
+
+
+class MadePart(Part, frozen=True):
+    """By whom and from which seed."""
+
+    version: str
+    seed: Annotated[int, msgspec.Meta(ge=0)]
+    point_only: bool
+
+
+class TimePart(Part, frozen=True):
+    """What the scene knows of the contact time [s]."""
+
+    value: Positive
+    sd: Positive
+
+
+class MeasurementPart(Part, frozen=True):
+    """What is taken of the measurement's errors."""
+
+    distribution: str
+    incident_errors: bool
+    offsets: str | None = None
+
+
+class SamplerPart(Part, frozen=True):
+    """How the posterior was sampled."""
+
+    ensembles: Counted
+    walkers: Counted
+    steps: Counted
+    max_steps: Counted
+    target_ess: Positive
+
+
+# Whatever `run_file` writes of a scene.
+ScenePart = msgspec.defstruct(
+    "ScenePart",
+    [
+        ("ball_sd", Mapping[Literal["mass", "radius", "inertia_ratio"], Positive]),
+        *((name, str | None, None) for name in SCENE_TEXTS),
+        *((name, Positive | None, None) for name in SCENE_NUMBERS),
+    ],
+    bases=(Part,),
+    frozen=True,
+)
+
+
+class RunFile(Part, frozen=True):
+    """The structure of `run.toml`."""
+
+    kind: str
+    schema_version: int
+    notes: tuple[str, ...]
+    fitball: MadePart
+    table: TablesPart
+    model: ModelPart
+    ball: BallPart
+    priors: Mapping[str, str]
+    fix: Mapping[str, float]
+    fixed_because: Mapping[str, str]
+    pool: Mapping[str, str]
+    measurement: MeasurementPart
+    scene: ScenePart  # type: ignore[valid-type]
+    contact_time: TimePart | None = None
+    force: NamedTable | None = None
+    sampler: SamplerPart | None = None
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """A run: `place` is the file that describes it. `scene` and `choices` together define the problem; `reasons` say
+    why parameters are fixed, `notes` are those of the problem; `force` are the force records, if there were any.
+    """
+
+    place: Path
+    tables: tuple[NamedTable, ...]
+    force: NamedTable | None
+    scene: Scene
+    choices: Choices
+    reasons: Mapping[str, str]
+    notes: tuple[str, ...]
+    effort: Effort
+
+    @property
+    def folder(self) -> Path:
+        """The result folder."""
+        return self.place.parent
+
+
+def read_run(path: Path) -> RunRecord:
+    """Read a `run.toml`: the one in a folder, the one beside a `fit.json`, or a TOML file itself.
+
+    Raises ResultFolderError for a file that is missing, damaged, foreign, or of another schema version.
+    """
+    place = path.with_name(RUN_NAME) if path.name == FIT_NAME else place_of(path, RUN_NAME)
+    content = read_toml(place)
+    if "schema_version" not in content and "fitball" in content:
+        raise ResultFolderError(
+            f"{place}: made by a fitball that did not keep all it takes to repeat a run; run calibrate again"
+        )
+    refuse_foreign(place, content, RUN_KIND, RUN_SCHEMA)
+    return _record(place, structured(place, content, RunFile))
+
+
+def _record(place: Path, file: RunFile) -> RunRecord:
+    time = file.contact_time
+    known = {name: value for name, value in msgspec.structs.asdict(file.scene).items() if value is not None}
+    ball_sd = FrozenMapping(known.pop("ball_sd"))
+    contact_time = None if time is None else (time.value, time.sd)
+    choices = Choices(
+        model=file.model.name,
+        closures=file.model.closures,
+        priors=file.priors,
+        fix=file.fix,
+        noise=file.measurement.distribution,
+        pool=file.pool,
+        offsets=file.measurement.offsets,
+        incident_errors=file.measurement.incident_errors,
+    )
+    return RunRecord(
+        place=place,
+        tables=file.table.files,
+        force=file.force,
+        scene=Scene(ball=file.ball.ball(), ball_sd=ball_sd, contact_time=contact_time, **known),
+        choices=choices,
+        reasons=file.fixed_because,
+        notes=file.notes,
+        effort=_effort(file.fitball, file.sampler),
+    )
+
+
+def _effort(made: MadePart, sampler: SamplerPart | None) -> Effort:
+    effort = Effort(seed=made.seed, point_only=made.point_only)
+    if sampler is None:
+        return effort
+    return replace(
+        effort,
+        walkers=sampler.walkers,
+        ensembles=sampler.ensembles,
+        max_steps=sampler.max_steps,
+        ess=sampler.target_ess,
+    )
+
+
+def find_tables(record: RunRecord, given: Sequence[str] = ()) -> tuple[Path, ...]:
+    """The files a run was made from: those `given`, or where `run.toml` says; each checked against its digest.
+
+    Raises ResultFolderError when one is gone or has changed, naming both digests.
+    """
+    if not record.tables:
+        raise ResultFolderError(
+            f"{record.place}: names no file: the table was made in Python; fit it there again to repeat the run"
+        )
+    if given and len(given) != len(record.tables):
+        count = len(record.tables)
+        raise ResultFolderError(
+            f"{record.place}: made from {count} table{'s' if count > 1 else ''}, --data names {len(given)}; "
+            "name each of them, in the order of the fit"
+        )
+    return tuple(
+        _found(Path(given[k]) if given else _place(record, item), item, "the table", "--data")
+        for k, item in enumerate(record.tables)
+    )
+
+
+def find_records(record: RunRecord, given: str | None = None) -> Path | None:
+    """The file of the run's force records, None where it had none; as `find_tables`."""
+    if record.force is None:
+        if given is not None:
+            raise ResultFolderError(f"{record.place}: made without force records, --force names {given}")
+        return None
+    return _found(Path(given) if given else _place(record, record.force), record.force, "the force record", "--force")
+
+
+def _found(place: Path, item: NamedTable, what: str, option: str) -> Path:
+    """`place`, where it holds what `item` says; ResultFolderError otherwise."""
+    try:
+        there = place.is_file()
+    except OSError as error:
+        raise ResultFolderError(f"{str(place)[:200]}: cannot be opened: {error.strerror}") from None
+    if not there:
+        raise ResultFolderError(
+            f"{place}: {what} of this fit is not there; put it back, or say with {option} where it is "
+            f"(SHA-256 {item.sha256})"
+        )
+    found = sha256(place.read_bytes()).hexdigest()
+    if found != item.sha256:
+        raise ResultFolderError(
+            f"{place}: changed since the fit: its SHA-256 is {found}, the fit was made from {item.sha256}; "
+            f"put the old file back, name it with {option}, or calibrate anew"
+        )
+    return place
+
+
+def _place(record: RunRecord, item: NamedTable) -> Path:
+    if item.bundled:
+        return bundled_folder() / item.file
+    try:
+        return (record.folder / item.file).resolve()
+    except (OSError, ValueError, RuntimeError) as error:
+        raise damaged(record.place, f"table.files: {item.file[:200]!r} names no file: {error}") from None
+
+
+def record_problem(record: RunRecord, tables: Sequence[Path], records: Path | None = None) -> Problem:
+    """The problem of a run, from the files that `find_tables` and `find_records` found.
+
+    Raises as reading and `build_problem` do.
+    """
+    table = load_tables(tables, record.scene)
+    force = None if records is None else load_force(records, table)
+    problem = build_problem(table, record.scene, record.choices, force)
+    parameters = tuple(
+        replace(item, fixed_because=record.reasons.get(item.name, item.fixed_because)) for item in problem.parameters
+    )
+    return replace(problem, parameters=parameters, notes=record.notes)

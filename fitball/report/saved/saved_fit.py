@@ -1,0 +1,169 @@
+"""A fit read back from its folder: `fit.json`, and the draws beside it where they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from fitball.errors import ResultFolderError
+from fitball.inference.prediction.new_impacts import DRAWS, NewPrediction, predict_new
+from fitball.inference.prediction.posterior_predictive import thinned
+from fitball.inference.problem.observables import Channel
+from fitball.inference.results.fitted_model import FittedModel
+from fitball.inference.results.results import Golden, Posterior, RunStatus, Verdict
+from fitball.models.types import Rebound
+from fitball.report.saved.data_file import DATA_NAME, MeasuredData, read_data
+from fitball.report.saved.fit_consistency import checked, outside
+from fitball.report.saved.fit_file import KIND, SCHEMA_VERSION, FitFile, FittedPart, GoldenPart, ParameterPart
+from fitball.report.saved.posterior_file import read_netcdf
+from fitball.report.saved.structure import Content, damaged, place_of, read_json, refuse_foreign, structured
+from fitball.values import FloatArray, Impacts
+
+FIT_NAME = "fit.json"
+POSTERIOR_NAME = "posterior.nc"
+
+
+class SavedParameter(ParameterPart, frozen=True, kw_only=True):
+    """A parameter as read back; absent numbers are None."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class SavedFit:
+    """A fit read back from `fit.json`: `file` is all of it, checked, `content` the same as plain values; `place` is
+    where it lies.
+    """
+
+    status: RunStatus
+    verdict: str
+    parameters: Mapping[str, SavedParameter]
+    fitted: FittedModel
+    golden: Golden
+    file: FitFile
+    content: Content
+    place: Path
+
+    @property
+    def free_names(self) -> tuple[str, ...]:
+        """The parameters that were fitted, in order."""
+        return tuple(name for name, item in self.parameters.items() if item.verdict is not Verdict.FIXED)
+
+    def posterior(self, *, agreeing: bool = True) -> Posterior | None:
+        """All draws, from `posterior.nc` beside `fit.json`; None for a point fit.
+
+        `fit.json` holds some of the same draws: unless they are equal to the last digit the two files belong to
+        different runs, which is refused if the draws must be `agreeing`. Raises ResultFolderError for that, and for
+        a file that is missing, damaged or foreign.
+        """
+        found, place = self.file.diagnostics, self.place.with_name(POSTERIOR_NAME)
+        if found is None:
+            return None
+        steps = found.steps - found.warm_up
+        posterior = read_netcdf(place, self.free_names, (found.ensembles, steps, found.walkers))
+        for k, name in enumerate(posterior.names):
+            for values in (posterior.values[..., k], posterior.reference[:, k]):
+                if outside(name, values):
+                    raise damaged(place, f"draws of {name} lie outside its bounds")
+        mine = self.fitted.with_draws(posterior.names, thinned(posterior, self.fitted.draws.shape[0])).draws
+        if agreeing and not np.array_equal(mine, self.fitted.draws):
+            raise ResultFolderError(
+                f"{place}: these draws are of another fit than the fit.json beside them; calibrate again, or put the "
+                "files of one run together"
+            )
+        return posterior
+
+    def measured(self) -> MeasuredData:
+        """The measurements, from `data.nc` beside `fit.json`. Raises ResultFolderError as `read_data` does."""
+        return read_data(self.file.data, self.file.table.impacts, self.place.with_name(DATA_NAME))
+
+    @property
+    def impacts(self) -> Impacts:
+        """Every impact of the fit. Of a long table `fit.json` holds those alone that span its range, and the others
+        are read from `data.nc`; ResultFolderError where that is missing, damaged or of another fit.
+        """
+        known = self.fitted.impacts
+        return known if len(known) == self.file.table.impacts else self.measured().impacts
+
+    def predict_interval(
+        self,
+        impacts: Impacts,
+        observed: Sequence[Channel] = (),
+        *,
+        seed: int = 1,
+        incident_covariance: FloatArray | None = None,
+    ) -> NewPrediction:
+        """See `new_impacts.predict_new`, with draws of the posterior saved beside `fit.json`.
+
+        Raises ResultFolderError as `posterior` does.
+        """
+        posterior, fitted = self.posterior(), self.fitted
+        if posterior is not None:
+            fitted = fitted.with_draws(posterior.names, thinned(posterior, DRAWS))
+        return predict_new(fitted, impacts, observed, seed, incident_covariance)
+
+    def predict(self, impacts: Impacts) -> Mapping[str, FloatArray]:
+        """See `FittedModel.predict`: the same numbers as from the fit that was saved."""
+        return self.fitted.predict(impacts)
+
+
+def read_fit(path: Path) -> SavedFit:
+    """Read `fit.json`, or the one in a folder.
+
+    Raises ResultFolderError for a missing, damaged or foreign file and for another schema version.
+    """
+    place = place_of(path, FIT_NAME)
+    content = read_json(place)
+    refuse_foreign(place, content, KIND, SCHEMA_VERSION)
+    file = structured(place, content, FitFile)
+    wrong = checked(file)
+    if wrong is not None:
+        raise damaged(place, wrong)
+    return SavedFit(
+        status=file.status,
+        verdict=file.verdict,
+        parameters={
+            name: SavedParameter(name=name, **msgspec.structs.asdict(item)) for name, item in file.parameters.items()
+        },
+        fitted=_fitted(file, file.fitted),
+        golden=_golden(file.golden),
+        file=file,
+        content=content,
+        place=place,
+    )
+
+
+def _fitted(file: FitFile, part: FittedPart) -> FittedModel:
+    given = part.impacts
+    return FittedModel(
+        model_name=file.model.name,
+        options=file.model.closures,
+        ball=file.ball.ball(),
+        tangential=part.tangential,
+        names=part.names,
+        point=np.array(part.point),
+        draws=np.array(part.draws, dtype=np.float64).reshape(-1, len(part.names)),
+        impacts=Impacts(np.array(given.v_x1), np.array(given.v_y1), np.array(given.omega_1)),
+    )
+
+
+def _golden(part: GoldenPart) -> Golden:
+    given, made = part.impacts, part.rebound
+    count = len(made.v_x2)
+    cor = None if given.cor is None else np.array(given.cor)
+    return Golden(
+        parameters=part.parameters,
+        impacts=Impacts(np.array(given.v_x1), np.array(given.v_y1), np.array(given.omega_1), cor),
+        rebound=Rebound(
+            np.array(made.v_x2),
+            np.array(made.v_y2),
+            np.array(made.omega_2),
+            np.full(count, np.nan) if made.contact_time is None else np.array(made.contact_time),
+            np.array(made.regime, dtype=np.int64),
+            np.zeros(count, dtype=np.int8),
+        ),
+    )

@@ -1,0 +1,236 @@
+"""A fit beside its repetition: bit-equal, equal within a tolerance, or different and where.
+
+Numbers of a posterior may differ by their Monte Carlo standard errors, a maximum by what its search leaves open,
+rebounds by rounding; verdicts and the status not at all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from scipy.special import ndtri
+
+from fitball.inference.problem.problem import Problem
+from fitball.inference.sampling.monte_carlo_error import QUANTILES, standard_errors
+from fitball.studies.repeat.bits import differing_leaves, same_bytes
+from fitball.studies.repeat.checks import contradictions
+from fitball.studies.repeat.rerun import Kept
+
+# Chance that any one of all numbers of a true repetition lies farther off than its limit.
+FALSE_ALARM = 1e-3
+# A search for the maximum ends when its simplex spans 1e-5 of log density, steps of large tables when they promise
+# 1e-8 of chi-square; so far above that no second search should end.
+LOG_POSTERIOR = 1e-3
+LOG_POSTERIOR_EACH = 1e-7
+# Such a point lies within sqrt(2e-3) sd of the maximum, and no posterior is wider than its prior.
+OF_WIDTH = 0.05
+# Share of a derived number that other rounding may change where draws and point are the same bytes.
+ROUNDING = 1e-9
+
+
+class Outcome(StrEnum):
+    """What a repetition found."""
+
+    BIT_EQUAL = "bit-equal"
+    WITHIN = "equal within tolerance"
+    DIFFERENT = "different"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing compared. `allowed` is the largest difference that counts as equal (None: equality alone does),
+    `standard_error` that of the difference of two Monte Carlo numbers, `basis` why so much is allowed.
+    """
+
+    what: str
+    original: float | str
+    repeated: float | str
+    basis: str
+    differs: bool
+    allowed: float | None = None
+    standard_error: float | None = None
+
+    @property
+    def difference(self) -> float | None:
+        """Repeated less original, None for words."""
+        if isinstance(self.original, str) or isinstance(self.repeated, str):
+            return None
+        return self.repeated - self.original
+
+    @property
+    def ratio(self) -> float | None:
+        """Difference over its standard error; None where there is none."""
+        found = self.difference
+        if found is None or not self.standard_error:
+            return None
+        return abs(found) / self.standard_error
+
+
+@dataclass(frozen=True)
+class Repetition:
+    """The outcome; `same` says of each part whether it is the same bytes. `limit` is the largest ratio of a
+    difference to its standard error that counts as equal; `findings` are empty where all is the same bytes.
+    """
+
+    outcome: Outcome
+    same: Mapping[str, bool]
+    findings: tuple[Finding, ...]
+    limit: float
+    notes: tuple[str, ...]
+
+    @property
+    def different(self) -> tuple[Finding, ...]:
+        """What differs by more than it may."""
+        return tuple(item for item in self.findings if item.differs)
+
+    @property
+    def largest(self) -> Finding | None:
+        """The largest difference in standard errors, None without a posterior."""
+        known = [item for item in self.findings if item.ratio is not None]
+        return max(known, key=lambda item: item.ratio or 0.0, default=None)
+
+
+def compared(problem: Problem, original: Kept, repeated: Kept) -> Repetition:
+    """Compare a result with its repetition; `problem` is that of the repetition."""
+    same = same_bytes(original, repeated)
+    limit = ratio_limit(problem.dimension)
+    notes = tuple(_notes(original, repeated))
+    if all(same.values()):
+        return Repetition(Outcome.BIT_EQUAL, same, (), limit, notes)
+    findings = [
+        *_words(original, repeated),
+        *_monte_carlo(original, repeated, limit),
+        *_point(problem, original, repeated),
+        *_golden(original),
+    ]
+    findings += [Finding(what, a, b, basis, True) for what, a, b, basis in contradictions(original)]
+    findings += _derived(original, repeated, same, {item.what for item in findings if item.differs})
+    outcome = Outcome.DIFFERENT if any(item.differs for item in findings) else Outcome.WITHIN
+    return Repetition(outcome, same, tuple(findings), limit, notes)
+
+
+def ratio_limit(dimension: int) -> float:
+    """Standard errors that the largest of all numbers of `dimension` parameters may differ by (Bonferroni)."""
+    count = max(dimension, 1) * (len(QUANTILES) + 1)
+    return float(-ndtri(0.5 * FALSE_ALARM / count))
+
+
+def _notes(original: Kept, repeated: Kept) -> Iterator[str]:
+    old, new = original.content, repeated.content
+    others = [
+        f"{name} {old['versions'].get(name, '-')}, now {version}"
+        for name, version in new["versions"].items()
+        if old["versions"].get(name) != version
+    ]
+    if others:
+        yield "made with other versions, so that bits may differ: " + "; ".join(others)
+    if old["seed"] != new["seed"]:
+        yield f"run.toml names seed {new['seed']}, the fit was made with seed {old['seed']}"
+    for name, item in new["parameters"].items():
+        before = old["parameters"].get(name)
+        if before is not None and before["prior"] != item["prior"]:
+            yield f"run.toml has the prior {item['prior']} for {name}, the fit was made with {before['prior']}"
+    if old["status"] == "not converged":
+        yield "the sampler of this fit did not converge: the standard errors are themselves unsure"
+
+
+def _words(original: Kept, repeated: Kept) -> Iterator[Finding]:
+    old, new = original.content, repeated.content
+    yield _equal("status", old["status"], new["status"])
+    yield _equal("free parameters", _free(original), _free(repeated))
+    for name, item in old["parameters"].items():
+        if name in new["parameters"]:
+            yield _equal(f"{name} verdict", item["verdict"], new["parameters"][name]["verdict"])
+
+
+def _equal(what: str, old: str, new: str) -> Finding:
+    return Finding(what, old, new, "the same word", old != new)
+
+
+def _free(kept: Kept) -> str:
+    return ", ".join(name for name, item in kept.content["parameters"].items() if item["verdict"] != "fixed")
+
+
+def _monte_carlo(original: Kept, repeated: Kept, limit: float) -> Iterator[Finding]:
+    one, other = original.posterior, repeated.posterior
+    if one is None or other is None:
+        return
+    for name in one.names:
+        if name not in other.names:
+            continue
+        mine = standard_errors(one.values[..., one.names.index(name)])
+        its = standard_errors(other.values[..., other.names.index(name)])
+        for number, error in mine.items():
+            old = original.content["parameters"][name][number]
+            new = repeated.content["parameters"][name][number]
+            joint = math.hypot(error, its[number])
+            yield _number(f"{name} {number}", old, new, limit * joint, "Monte Carlo error", joint)
+
+
+def _number(what: str, old: float, new: float, allowed: float, basis: str, error: float | None = None) -> Finding:
+    gap = abs(new - old)
+    # An allowance that is not a number allows nothing.
+    return Finding(what, old, new, basis, gap > 0.0 and not gap <= allowed, allowed, error)
+
+
+def _point(problem: Problem, original: Kept, repeated: Kept) -> Iterator[Finding]:
+    old, new = original.content, repeated.content
+    measured = sum(channel.observed.size for channel in problem.channels)
+    allowed = LOG_POSTERIOR + LOG_POSTERIOR_EACH * measured
+    basis = "what the search for the maximum leaves open"
+    scores = [float(item["scores"]["log_posterior"]) for item in (old, new)]
+    yield _number("log posterior at the point estimate", scores[0], scores[1], allowed, basis)
+    for item in problem.parameters:
+        if item.name not in old["parameters"]:
+            continue
+        values = np.array([old["parameters"][item.name]["point"], new["parameters"][item.name]["point"]])
+        if item.free:
+            # One width of the prior along its coordinate, as a difference in value there.
+            scale = float(values[0]) if item.prior.log else 1.0
+            width = OF_WIDTH * item.prior.width * abs(scale)
+        else:
+            width = 0.0
+        yield _number(f"{item.name} point", float(values[0]), float(values[1]), width, basis)
+
+
+def _golden(original: Kept) -> Iterator[Finding]:
+    """The kept golden impacts, bounced anew with the kept parameters: is it still the same model?"""
+    fitted, golden = original.saved.fitted, original.saved.golden
+    names = fitted.model.parameter_names
+    row = np.array([[golden.parameters[name] for name in names]])
+    found = fitted.model.evaluate(names, row, golden.impacts)
+    for name in ("v_x2", "v_y2", "omega_2", "contact_time"):
+        old, new = getattr(golden.rebound, name), getattr(found, name)[0]
+        known = ~np.isnan(old)
+        if not known.any():
+            continue
+        allowed = ROUNDING * float(np.max(np.abs(old[known])))
+        worst = int(np.argmax(np.where(known, np.abs(new - old), -1.0)))
+        what = f"golden impact {worst + 1} {name}"
+        yield _number(what, float(old[worst]), float(new[worst]), allowed, "rounding of the model")
+
+
+def _derived(original: Kept, repeated: Kept, same: Mapping[str, bool], told: set[str]) -> Iterator[Finding]:
+    """Numbers of `fit.json` that differ although the draws (or the point) they follow from do not."""
+    old, new = original.content, repeated.content
+    if old["versions"] != new["versions"]:
+        return
+    if original.posterior is None:
+        source = old["fitted"]["point"] == new["fitted"]["point"] or old["golden"] == new["golden"]
+    else:
+        source = same.get("chain", same.get("draws", False))
+    if not source:
+        return
+    for place, one, other in differing_leaves(old, new):
+        what = place.removeprefix("parameters.").replace(".", " ") if place.startswith("parameters.") else place
+        numbers = isinstance(one, int | float) and isinstance(other, int | float)
+        if what in told or (numbers and abs(one - other) <= ROUNDING * abs(one)):
+            continue
+        yield Finding(
+            what, one if numbers else str(one), other if numbers else str(other),
+            "draws or point are the same bytes", True,
+        )  # fmt: skip

@@ -1,0 +1,112 @@
+"""What a repetition found, as a person reads it and as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from textwrap import shorten
+from typing import Any
+
+from fitball.report.fit.terminal import columns
+from fitball.report.form.rounding import significant
+from fitball.studies.repeat.compare import FALSE_ALARM, Finding, Outcome, Repetition
+from fitball.studies.repeat.rerun import Kept
+
+# Rows of the table that are printed; JSON holds all.
+SHOWN = 20
+# Characters of a text that are printed; JSON holds all.
+WIDEST = 40
+
+
+def render(found: Repetition, original: Kept) -> str:
+    """The outcome, what it rests on, and the numbers."""
+    lines = [f"{original.folder} repeated: {found.outcome}", ""]
+    if found.outcome is Outcome.BIT_EQUAL:
+        return "\n".join([*lines, f"  {_bytes(original)}: the same bytes."])
+    same = [name for name, equal in found.same.items() if equal]
+    if same:
+        lines += [f"  The same bytes: {', '.join(same)}.", ""]
+    if found.different:
+        lines += _table(found.different, found.limit)
+    else:
+        lines += _table([item for item in found.findings if item.what.endswith((" median", " point"))], found.limit)
+    largest = found.largest
+    if largest is not None:
+        lines += ["", f"  Largest difference: {largest.what}, {largest.ratio or 0.0:.2g} standard errors."]
+        lines.append(
+            f"  Up to {found.limit:.2g} count as equal: of a thousand true repetitions one has a number beyond."
+        )
+    return "\n".join(lines)
+
+
+def _bytes(original: Kept) -> str:
+    if original.posterior is None:
+        return "all numbers of fit.json (a point fit)"
+    ensembles, steps, walkers, free = original.posterior.values.shape
+    return (
+        f"all numbers of fit.json and the draws ({ensembles} ensembles, {steps} steps, {walkers} walkers, "
+        f"{free} parameters)"
+    )
+
+
+def _table(findings: Sequence[Finding], limit: float) -> list[str]:
+    rows = [["", "original", "repeated", "difference", "allowed", "standard errors"]]
+    rows += [_row(item) for item in findings[:SHOWN]]
+    lines = [f"  {line}" for line in columns(rows)]
+    reasons = dict.fromkeys(item.basis for item in findings)
+    named = {"Monte Carlo error": f"Monte Carlo error ({limit:.2g} standard errors)"}
+    lines += ["", "  Compared by: " + "; ".join(named.get(item, item) for item in reasons) + "."]
+    if len(findings) > SHOWN:
+        lines.append(f"  and {len(findings) - SHOWN} more: see --json")
+    return lines
+
+
+def _row(item: Finding) -> list[str]:
+    gap = item.difference
+    return [
+        item.what,
+        _shown(item.original),
+        _shown(item.repeated),
+        "-" if gap is None else significant(gap),
+        "-" if item.allowed is None or math.isnan(item.allowed) else significant(item.allowed),
+        "-" if item.ratio is None else f"{item.ratio:.2g}",
+    ]
+
+
+def _shown(value: float | str) -> str:
+    return shorten(value, WIDEST, placeholder=" ...") if isinstance(value, str) else f"{value:.7g}"
+
+
+def repetition_json(found: Repetition, original: Mapping[str, Any]) -> dict[str, Any]:
+    """All of it; SI units."""
+    largest = found.largest
+    return {
+        "kind": "fitball repetition",
+        "outcome": str(found.outcome),
+        "model": original["model"]["name"],
+        "table": original["table"]["name"],
+        "same_bytes": dict(found.same),
+        "limit": found.limit,
+        "false_alarm": FALSE_ALARM,
+        "largest": None if largest is None else _entry(largest),
+        "different": [_entry(item) for item in found.different],
+        "compared": [_entry(item) for item in found.findings],
+        "notes": list(found.notes),
+    }
+
+
+def _entry(item: Finding) -> dict[str, Any]:
+    def number(value: float | None) -> float | None:
+        return None if value is None or not math.isfinite(value) else value
+
+    return {
+        "what": item.what,
+        "original": item.original,
+        "repeated": item.repeated,
+        "difference": item.difference,
+        "allowed": number(item.allowed),
+        "standard_error": number(item.standard_error),
+        "ratio": number(item.ratio),
+        "basis": item.basis,
+        "differs": item.differs,
+    }

@@ -1,0 +1,73 @@
+"""Ranks drawn: a histogram a quantity, and the empirical distribution within its simultaneous band."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy.stats import binom
+
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.models.specs import SPECS
+from fitball.report.figures.predictive import COLOURS, new_figure
+from fitball.studies.sbc.summary import VALUES, ModelFinding, QuantityFinding
+from fitball.studies.sbc.uniformity import NullDistribution, bins_for, empirical, null_distribution
+
+CONFIDENCE = 0.95
+PAIRS = 2
+
+
+def rank_figure(finding: ModelFinding) -> Figure:
+    """Two quantities a row: histogram with the 95 % range of a bin, empirical minus uniform distribution."""
+    items = finding.quantities
+    rows = (len(items) + PAIRS - 1) // PAIRS
+    figure = new_figure(11.0, 1.3 + 1.75 * rows)
+    grid = np.atleast_2d(figure.subplots(rows, 2 * PAIRS, sharex=True))
+    cells = grid.reshape(-1, 2)
+    null = null_distribution(items[0].ranks.size, VALUES)
+    for pair, item in zip(cells, items, strict=False):
+        _histogram(pair[0], item)
+        _difference(pair[1], item, null)
+    for pair in cells[len(items) :]:
+        for axis in pair:
+            axis.set_visible(False)
+    for axis in cells[-PAIRS:].ravel():
+        axis.set_xlabel("rank of the truth / 200")
+    for pair in cells[len(items) - PAIRS : len(items)]:
+        for axis in pair:
+            axis.tick_params(labelbottom=True)
+            axis.set_xlabel("rank of the truth / 200")
+    figure.suptitle(
+        f"{finding.model}: {items[0].ranks.size} simulated tables. Left: ranks, 95 % range of each bin;\n"
+        "right: empirical minus uniform distribution, simultaneous 95 % band",
+        fontsize=11,
+    )
+    return figure
+
+
+def _symbol(name: str) -> str:
+    spec = SPECS.get(name) or NOISE_SPECS.get(name)
+    return spec.label if spec is not None else name.replace("_", " ")
+
+
+def _histogram(axis: Axes, item: QuantityFinding) -> None:
+    bins = bins_for(item.ranks.size, VALUES)
+    counts = np.bincount(item.ranks * bins // VALUES, minlength=bins)
+    low, high = (float(binom.ppf(level, item.ranks.size, 1.0 / bins)) for level in (0.025, 0.975))
+    axis.axhspan(low, high, color="0.85", linewidth=0)
+    axis.axhline(item.ranks.size / bins, color="0.5", linewidth=0.8)
+    axis.stairs(counts, np.linspace(0.0, 1.0, bins + 1), fill=True, color=COLOURS[0], alpha=0.7)
+    axis.set_ylim(0.0, 1.15 * max(float(counts.max()), high))
+    axis.set_ylabel("replicates", fontsize=9)
+    axis.set_title(_symbol(item.name) + ("" if item.holds else ": NOT uniform"), fontsize=10)
+
+
+def _difference(axis: Axes, item: QuantityFinding, null: NullDistribution) -> None:
+    place = np.arange(1, VALUES) / VALUES
+    low, high = null.band(CONFIDENCE)
+    axis.fill_between(place, low - place, high - place, color="0.85", linewidth=0)
+    axis.axhline(0.0, color="0.5", linewidth=0.8)
+    found = empirical(item.ranks[None, :], VALUES)[0] / item.ranks.size
+    axis.plot(place, found - place, color=COLOURS[0] if item.holds else COLOURS[1], linewidth=1.2)
+    axis.set_title(f"{_symbol(item.name)}: p = {item.ecdf_p:.2g}", fontsize=10)
+    axis.set_ylabel("difference", fontsize=9)

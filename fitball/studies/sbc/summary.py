@@ -1,0 +1,162 @@
+"""What the ranks of many replicates say: one finding a quantity, one verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitball.studies.sbc.replicate import RANKED, Ranked
+from fitball.studies.sbc.uniformity import (
+    COVERAGES,
+    Coverage,
+    IntArray,
+    chi_square,
+    coverage,
+    holm,
+    null_distribution,
+)
+
+VALUES = RANKED + 1
+# Probability that correct fits fail: of any test on any quantity of any model, by Holm's adjustment.
+FAMILY_ERROR = 0.01
+# Share of replicates without a trustworthy chain above which the ranks prove nothing.
+MOST_UNCONVERGED = 0.05
+# Below this even grossly wrong intervals may pass.
+FEWEST = 20
+
+
+@dataclass(frozen=True)
+class QuantityFinding:
+    """Ranks of one quantity: chi-square and empirical distribution, each with its probability for correct fits
+    alone (`p`) and among all tests of the run (`adjusted`), and the coverage of central intervals.
+    """
+
+    model: str
+    name: str
+    ranks: IntArray
+    chi_square: float
+    chi_square_p: float
+    chi_square_adjusted: float
+    ecdf_p: float
+    ecdf_adjusted: float
+    coverages: tuple[Coverage, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether the ranks look uniform."""
+        return min(self.chi_square_adjusted, self.ecdf_adjusted) >= FAMILY_ERROR
+
+
+@dataclass(frozen=True)
+class ModelFinding:
+    """Replicates of one model: how many, how many without convergence, how many without any fit."""
+
+    model: str
+    replicates: int
+    unconverged: int
+    failed: int
+    quantities: tuple[QuantityFinding, ...]
+
+    @property
+    def complaints(self) -> tuple[str, ...]:
+        """What speaks against the fits, in words; empty when nothing does."""
+        found = []
+        if self.replicates < FEWEST:
+            found.append(f"{self.replicates} replicates prove nothing: at least {FEWEST} are needed")
+        if self.unconverged + self.failed > MOST_UNCONVERGED * self.replicates:
+            found.append(
+                f"{self.unconverged} of {self.replicates} replicates did not converge and {self.failed} had no fit"
+            )
+        found += [
+            f"{item.name}: ranks are not uniform (adjusted p = "
+            f"{min(item.chi_square_adjusted, item.ecdf_adjusted):.2g})"
+            for item in self.quantities
+            if not item.holds
+        ]
+        return tuple(found)
+
+
+def summarise(models: Mapping[str, tuple[tuple[str, ...], Sequence[Ranked]]]) -> tuple[ModelFinding, ...]:
+    """Findings from the replicates of each model, name -> (quantities, replicates).
+
+    Replicates that did not converge are ranked like the others: leaving them out would hide what they miss.
+    """
+    raw = []
+    for model, (names, replicates) in models.items():
+        fitted = [item for item in replicates if not item.failed]
+        for name in names if fitted else ():
+            ranks = np.array([item.ranks[name] for item in fitted], dtype=np.int64)
+            raw.append((model, name, ranks, *chi_square(ranks, VALUES)))
+    nulls = {count: null_distribution(count, VALUES) for count in {item[2].size for item in raw}}
+    ecdf = [nulls[item[2].size].p_value(item[2]) for item in raw]
+    adjusted = holm([item[4] for item in raw] + ecdf)
+    quantities = [
+        QuantityFinding(
+            model,
+            name,
+            ranks,
+            statistic,
+            p,
+            adjusted[k],
+            ecdf[k],
+            adjusted[len(raw) + k],
+            tuple(coverage(ranks, VALUES, nominal) for nominal in COVERAGES),
+        )
+        for k, (model, name, ranks, statistic, p) in enumerate(raw)
+    ]
+    return tuple(
+        ModelFinding(
+            model,
+            len(replicates),
+            sum(not item.converged and not item.failed for item in replicates),
+            sum(bool(item.failed) for item in replicates),
+            tuple(item for item in quantities if item.model == model),
+        )
+        for model, (_, replicates) in models.items()
+    )
+
+
+def summary_rows(findings: Sequence[ModelFinding]) -> list[dict[str, object]]:
+    """One row a quantity."""
+    rows: list[dict[str, object]] = []
+    for finding in findings:
+        for item in finding.quantities:
+            row: dict[str, object] = {
+                "model": item.model,
+                "quantity": item.name,
+                "replicates": item.ranks.size,
+                "chi_square": round(item.chi_square, 3),
+                "chi_square_p": float(f"{item.chi_square_p:.4g}"),
+                "ecdf_p": float(f"{item.ecdf_p:.4g}"),
+                "adjusted_p": float(f"{min(item.chi_square_adjusted, item.ecdf_adjusted):.4g}"),
+            }
+            for part in item.coverages:
+                percent = f"{100 * part.nominal:.0f}"
+                row |= {
+                    f"within_{percent}": round(part.observed, 4),
+                    f"within_{percent}_low": round(part.low, 4),
+                    f"within_{percent}_high": round(part.high, 4),
+                }
+            rows.append(row | {"holds": "yes" if item.holds else "no"})
+    return rows
+
+
+def summary_json(findings: Sequence[ModelFinding], seed: int) -> dict[str, object]:
+    """Verdict and counts."""
+    return {
+        "holds": not any(item.complaints for item in findings),
+        "seed": seed,
+        "family_error": FAMILY_ERROR,
+        "ranked_draws": RANKED,
+        "models": {
+            item.model: {
+                "replicates": item.replicates,
+                "unconverged": item.unconverged,
+                "failed": item.failed,
+                "complaints": list(item.complaints),
+            }
+            for item in findings
+        },
+    }

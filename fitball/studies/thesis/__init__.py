@@ -1,0 +1,1 @@
+"""Rederive and --example."""

@@ -1,0 +1,115 @@
+"""The page and the files of `fitball rederive`; `report.html` last."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from fitball.data.scene import load_scene
+from fitball.data.thesis_tables import thesis_table
+from fitball.errors import ResultFolderError
+from fitball.report.fit.embedded_figures import embedded
+from fitball.report.fit.folder import save_png
+from fitball.report.fit.html import render_template
+from fitball.report.form.atomic_write import write_text, write_whole
+from fitball.studies.thesis import appendix_c, appendix_d, printed_tables, ranking, recalibration
+from fitball.studies.thesis.chapter_five import ChapterFive
+from fitball.studies.thesis.chapter_five_figures import CAPTIONS, draw_all
+
+
+@dataclass(frozen=True)
+class ShownTable:
+    """A table as text: `heads` and `rows` of equal length."""
+
+    heads: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+def shown(frame: pd.DataFrame) -> ShownTable:
+    """A frame with numbers to four significant digits."""
+    return ShownTable(
+        tuple(str(name) for name in frame.columns),
+        tuple(tuple(_text(value) for value in row) for row in frame.itertuples(index=False)),
+    )
+
+
+def _text(value: object) -> str:
+    if isinstance(value, (bool, np.bool_)):
+        return "yes" if value else "no"
+    if isinstance(value, (float, np.floating)):
+        return "" if np.isnan(value) else f"{value:.4g}"
+    return str(value)
+
+
+def tables(found: ChapterFive) -> dict[str, pd.DataFrame]:
+    """Every table that is written beside the page, by the stem of its file."""
+    frames = {
+        "appendix_c": found.appendix_c.rows,
+        "appendix_c_shares": appendix_c.shares(found.appendix_c.rows),
+        "appendix_c_shares_as_printed": appendix_c.shares(found.strict),
+        "appendix_c_shares_by_case": appendix_c.shares_by_case(found.appendix_c.rows),
+        "appendix_c_exceptions": found.appendix_c.exceptions,
+        "slips": found.slips,
+        "appendix_d": found.appendix_d,
+        "appendix_d_exceptions": appendix_d.deviations(found.appendix_d),
+        "energies": found.energies,
+        "mean_friction": found.friction,
+        "damping": found.damping,
+        "examples": found.examples,
+        "figures_36_to_44": printed_tables.figures_36_to_44(),
+        "rankings": ranking.side_by_side(found.rankings),
+        "computation_slips": found.computation_slips,
+        "fits": recalibration.fit_table(found.fits),
+        "parameters": recalibration.parameter_table(found.fits),
+        "offsets": recalibration.offset_table(found.fits),
+        "errata": thesis_table("errata"),
+    }
+    for name, one in {**found.rankings, "chapter_v": found.ranking_chapter_five}.items():
+        frames |= {f"ranking_{name}": one.scores, f"ranking_{name}_certainty": one.certainty}
+    return frames | {f"credible_levels_{name}": item.points for name, item in found.fits.items()}
+
+
+def _rows_beyond(found: ChapterFive) -> pd.DataFrame:
+    """Rows of Appendix C beyond 1 % in velocity or spin, with their cause."""
+    off = found.appendix_c.exceptions
+    return off[off["column"].isin(("v_x2", "omega_2")) & (off["error [%]"].abs() > 1.0)]
+
+
+def write(found: ChapterFive, folder: Path) -> None:
+    """Write CSV files, figures and the page, each whole or not at all. Raises ResultFolderError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ResultFolderError(f"{folder}: cannot be made: {error.strerror}; name another with --out") from None
+    frames = tables(found)
+    for name, frame in frames.items():
+        write_text(folder / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
+    images: dict[str, bytes] = {}
+    for name, draw in draw_all(found).items():
+        place = folder / f"{name}.png"
+        write_whole(place, partial(save_png, draw()))
+        images[name] = place.read_bytes()
+    write_text(folder / "report.html", page(found, frames, images))
+
+
+def page(found: ChapterFive, frames: Mapping[str, pd.DataFrame], images: Mapping[str, bytes]) -> str:
+    """The page as text."""
+    scene = load_scene(recalibration.TABLE)
+    return render_template(
+        "fitball.studies",
+        "chapter_five.html.j2",
+        found=found,
+        figures=embedded(images, CAPTIONS),
+        tables={name: shown(frame) for name, frame in frames.items()},
+        brief=shown(ranking.in_brief(found.rankings)),
+        scene=scene,
+        scales=ranking.SCALE,
+        resamples=ranking.RESAMPLES,
+        beyond=shown(_rows_beyond(found)),
+        inertia_shares=", ".join(f"{name} {100.0 * share:.0f} %" for name, share in found.inertia_shares.items()),
+    )
