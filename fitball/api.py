@@ -13,10 +13,9 @@ from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable
 from fitball.inference.calibrate import MAX_STEPS, Effort, run
 from fitball.inference.prediction.new_impacts import DRAWS, NewPrediction, predict_new
-from fitball.inference.prediction.posterior_predictive import thinned
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.observables import Channel
-from fitball.inference.results.results import Fit
+from fitball.inference.results.results import Fit, thinned
 from fitball.report.fit.folder import prepare, write_all
 from fitball.report.saved.saved_fit import SavedFit, read_fit
 from fitball.values import FloatArray, Impacts

@@ -12,6 +12,7 @@ import pytest
 import fitball
 from fitball.cli.main import main
 from fitball.cli.plot import FORMATS, KIND_NAMES
+from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.results.evidence import ActionLook, End, Examination, InformationLook, Looks, Profile, Spectrum
 from fitball.report.figures.kinds import KINDS, STAMPS
 from fitball.report.figures.profile_arrays import profile_panels
@@ -54,9 +55,9 @@ def test_what_is_read_back_is_what_was_written(fit, folder):
     read = restore(folder)
     assert read.posterior.values.tobytes() == fit.posterior.values.tobytes()
     assert read.posterior.log_posterior.tobytes() == fit.posterior.log_posterior.tobytes()
-    assert read.posterior.reference.tobytes() == fit.posterior.reference.tobytes()
+    assert read.posterior.prior_draws.tobytes() == fit.posterior.prior_draws.tobytes()
     at = read.problem.to_coordinates(read.posterior.draws[::997])
-    assert read.problem.log_posterior(at).tobytes() == fit.problem.log_posterior(at).tobytes()
+    assert log_posterior(read.problem, at).tobytes() == log_posterior(fit.problem, at).tobytes()
     assert read.predictive.regimes == fit.predictive.regimes
     assert read.diagnostics == fit.diagnostics
     _same(read.examination.spectrum, fit.examination.spectrum)

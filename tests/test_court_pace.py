@@ -11,8 +11,8 @@ import pytest
 import fitball
 from fitball.data.read import load_table
 from fitball.inference.prediction.court_pace import DRAWS, court_pace
-from fitball.inference.prediction.posterior_predictive import thinned
 from fitball.inference.results.pace_rating import apparent_friction, itf_impact, pace_categories, pace_rating
+from fitball.inference.results.results import thinned
 from fitball.report.fit.headline import headline
 from fitball.report.fit.html import page
 from fitball.report.fit.pace_rows import pace_lines, pace_table

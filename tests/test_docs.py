@@ -29,15 +29,15 @@ from fitball.inference.identifiability import posterior_verdict as identifiabili
 from fitball.inference.identifiability import power_scaling, profile
 from fitball.inference.identifiability.examine import PROFILED
 from fitball.inference.likelihood import regime_mixture as kinks
+from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.prediction.extrapolation import SLACK
 from fitball.inference.problem import force_records, measurement_noise
 from fitball.inference.problem import group_bias as offsets
 from fitball.inference.problem import pooling as levels
 from fitball.inference.problem.parameters import NOISE_SPECS
-from fitball.inference.results.results import RunStatus, Verdict
+from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT, RunStatus, Verdict
 from fitball.inference.sampling import ensembles as sampling
 from fitball.inference.sampling import moves
-from fitball.inference.sampling.convergence import TARGET_ESS, TARGET_R_HAT
 from fitball.models.registry import ALGEBRAIC, COMPOSITIONS, MODEL_NAMES, THESIS_CLOSURES
 from fitball.models.specs import SPECS
 from fitball.models.types import PHASE_SYMBOL, Closures, ThesisClosures
@@ -246,4 +246,4 @@ def test_the_posterior_is_the_sum_that_the_page_says(distribution):
         z = (problem.table.measurement(name).values - getattr(rebound, name)[0]) / scale
         density = norm.logpdf(z) if distribution == "normal" else student.logpdf(z, truth["degrees_of_freedom"])
         total += np.sum(density - np.log(scale))
-    assert problem.log_posterior(at)[0] == pytest.approx(total, rel=1e-12)
+    assert log_posterior(problem, at)[0] == pytest.approx(total, rel=1e-12)

@@ -28,9 +28,10 @@ from fitball.inference.likelihood.force import (
     force_slopes,
     mean_forces,
 )
+from fitball.inference.likelihood.force_noise import noise_held
+from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
 from fitball.inference.point.maximum_posterior import follow_maximum
 from fitball.inference.prediction.force_notes import force_notes
-from fitball.inference.problem.force_noise import noise_held
 from fitball.inference.problem.priors import parse_prior
 from fitball.inference.problem.subsample import thinned_problem, withheld
 from fitball.models.kernels.dual import STEP
@@ -200,9 +201,9 @@ def test_likelihood_is_the_integral_over_the_start(problem):
 def test_the_likelihood_is_added_to_that_of_the_table(problem):
     values = values_of(problem)
     rebound = problem.rebound(values)
-    alone = replace(problem, force=None).log_likelihood(values, rebound)
+    alone = log_likelihood(replace(problem, force=None), values, rebound)
     records = force_log_likelihood(problem, problem.force, problem.all_values(values))
-    np.testing.assert_allclose(problem.log_likelihood(values, rebound), alone + records, rtol=1e-14)
+    np.testing.assert_allclose(log_likelihood(problem, values, rebound), alone + records, rtol=1e-14)
     # Draws do not see each other: a batch gives what each gives alone.
     many = np.concatenate([values, values_of(problem, k_y=1.1 * K_Y), values])
     batch = force_log_likelihood(problem, problem.force, problem.all_values(many))
@@ -232,7 +233,7 @@ def test_a_known_start_of_contact_holds(problem, tmp_path):
     values = values_of(known)
     found = aligned(known, known.force, known.all_values(values))
     assert np.all(np.abs(found.rows(known.force)[0, :, -1]) > 3.0)
-    assert float(known.log_likelihood(values, known.rebound(values))[0]) < -1e3
+    assert float(log_likelihood(known, values, known.rebound(values))[0]) < -1e3
 
 
 def test_samples_do_not_count_as_measurements(tmp_path):
@@ -255,7 +256,7 @@ def scored(case):
     at = case.to_coordinates(values_of(case))
     steps = 1e-5 * np.diag(case.prior.width)
     for _ in range(8):
-        density = case.log_posterior(np.concatenate([at + steps, at - steps]))
+        density = log_posterior(case, np.concatenate([at + steps, at - steps]))
         gradient = (density[: case.dimension] - density[case.dimension :]) / 2e-5
         information = fisher_information(case, at[0], scene=False) + np.eye(case.dimension)
         at = at + np.clip(np.linalg.solve(information, gradient), -0.3, 0.3) * case.prior.width

@@ -23,6 +23,7 @@ from fitball.data.read import load_table
 from fitball.data.scene import NO_CONTACT_TIME, Scene
 from fitball.inference.calibrate import Effort, fingerprint, run
 from fitball.inference.identifiability.fisher import information_looks
+from fitball.inference.likelihood.posterior import log_likelihood_terms
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import Verdict
 from fitball.report.figures.force_arrays import force_panels
@@ -226,7 +227,7 @@ def test_a_contact_time_column_identifies_k_y(tmp_path, horizontal):
             assert judged.point == pytest.approx(K_Y, rel=0.03)
             assert "contact_time_sd" in fit.problem.free_names
             values = np.array([[fit.point.values[name] for name in fit.problem.free_names]])
-            terms = fit.problem.log_likelihood_terms(values, fit.problem.rebound(values))
+            terms = log_likelihood_terms(fit.problem, values, fit.problem.rebound(values))
             assert terms["contact_time"].shape == (1, 8)
         else:
             assert judged.verdict is Verdict.FIXED

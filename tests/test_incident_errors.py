@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from latent_states import compare
 from scipy import stats
 from scipy.special import logsumexp
 
@@ -15,11 +16,11 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.inference.likelihood import regime_mixture as kinks
 from fitball.inference.likelihood.incident_marginal import seen, standardised
+from fitball.inference.likelihood.posterior import log_likelihood_terms
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.incident import whitened
 from fitball.inference.problem.noise import log_density
 from fitball.studies.bench.hard_cases import BASE
-from fitball.studies.latent_states import compare
 from fitball.values import Impacts
 
 VALUES = {**BASE, "velocity_sd": 0.25, "v_x_sd": 0.25, "v_y_sd": 0.25, "spin_sd": 8.0, "e_x": 0.15, "offset": 0.0}
@@ -94,7 +95,7 @@ def first_order(problem, values):
 
 
 def total(problem, values):
-    return np.sum(list(problem.log_likelihood_terms(values, problem.rebound(values)).values()), axis=0)[0]
+    return np.sum(list(log_likelihood_terms(problem, values, problem.rebound(values)).values()), axis=0)[0]
 
 
 def test_whitening_is_the_normal_density_of_all_channels():
@@ -166,7 +167,7 @@ def test_levels_and_offsets_keep_to_their_impacts_on_a_kink():
     named |= {name: np.full(3, value) for name, value in VALUES.items() if name in named}
     named["mu"], named["mu_spread"] = np.array([0.5, 0.55, 0.62]), np.array([0.1, 0.2, 0.3])
     values = np.stack([named[name] for name in problem.free_names], axis=1)
-    found = np.sum(list(problem.log_likelihood_terms(values, problem.rebound(values)).values()), axis=0)
+    found = np.sum(list(log_likelihood_terms(problem, values, problem.rebound(values)).values()), axis=0)
     exact = np.array([[by_quadrature(problem, values[d : d + 1], k) for k in range(8)] for d in range(3)])
     rough = np.array([first_order(problem, values[d : d + 1]) for d in range(3)])
     assert np.sum(np.abs(rough - found) > 0.05) >= 3

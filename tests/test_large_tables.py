@@ -19,6 +19,7 @@ from fitball.inference.calibrate import Effort
 from fitball.inference.calibrate import run as calibrate_problem
 from fitball.inference.identifiability import fisher as information
 from fitball.inference.identifiability.active_impacts import action_looks
+from fitball.inference.likelihood.posterior import densities, log_posterior
 from fitball.inference.likelihood.residuals import IMPOSSIBLE
 from fitball.inference.point import point_fit as point
 from fitball.inference.point.least_squares import least_squares
@@ -33,7 +34,7 @@ from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import thinned_problem
 from fitball.inference.results.results import Posterior
-from fitball.inference.sampling.prior_draws import reference_draws
+from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.report.figures import predictive as figures
 from fitball.report.fit.html import page
 from fitball.report.fit.terminal import render
@@ -139,9 +140,9 @@ def test_batches_change_no_number_and_stay_below_the_ceiling(monkeypatch, evalua
         made = predictive(problem, at_point, kept, np.random.default_rng(1))
         names = ("observed", "median", "mean_q16", "sd", "point")
         return (
-            problem.log_posterior(problem.to_coordinates(draws)),
-            problem.log_reference(problem.to_coordinates(draws)),
-            reference_draws(problem, np.random.default_rng(4), 50, 100),
+            log_posterior(problem, problem.to_coordinates(draws)),
+            densities(problem, draws, measured=False).scene,
+            prior_draws(problem, np.random.default_rng(4), 50, 100),
             np.array([[getattr(item, name) for name in names] for item in made.channels]),
             made.regimes,
             action_looks(problem, problem.to_coordinates(draws[:20]), made.regimes),
@@ -169,7 +170,7 @@ def test_memory_does_not_grow_with_draws_times_impacts():
     tracemalloc.start()
     try:
         # Eight million cells: at once they take more than a gigabyte.
-        density = problem.log_posterior(np.repeat(at, 400, axis=0))
+        density = log_posterior(problem, np.repeat(at, 400, axis=0))
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()

@@ -16,6 +16,7 @@ from fitball.inference.calibrate import Effort, run
 from fitball.inference.comparison.cross_validation import IMPACTS, leave_out, make_folds
 from fitball.inference.comparison.information_criteria import criteria
 from fitball.inference.comparison.psis_loo import exact_elpd, leave_one_out, smoothed_elpd
+from fitball.inference.likelihood.posterior import log_likelihood_terms, log_posterior
 from fitball.inference.point.point_fit import point_fit
 from fitball.inference.prediction.outputs import measured_outputs, output_errors, root_mean_square
 from fitball.inference.problem.build import Choices, build_problem
@@ -65,14 +66,16 @@ def test_withheld_takes_away_the_likelihood_of_those_rows_and_nothing_else():
     top = problem.to_coordinates(np.array([[point.values[name] for name in problem.free_names]]))
     rng = np.random.default_rng(3)
     coordinates = top + 0.02 * problem.prior.width * rng.standard_normal((40, problem.dimension))
-    coordinates = coordinates[np.isfinite(problem.log_posterior(coordinates))]
+    coordinates = coordinates[np.isfinite(log_posterior(problem, coordinates))]
     assert len(coordinates) > 5
     rows = np.array([1, 5])
     held = withheld(problem, rows)
     values = problem.to_values(coordinates)
-    terms = problem.log_likelihood_terms(values, problem.rebound(values))
+    terms = log_likelihood_terms(problem, values, problem.rebound(values))
     lost = sum(term[:, rows].sum(axis=1) for term in terms.values())
-    np.testing.assert_allclose(held.log_posterior(coordinates), problem.log_posterior(coordinates) - lost, rtol=1e-11)
+    np.testing.assert_allclose(
+        log_posterior(held, coordinates), log_posterior(problem, coordinates) - lost, rtol=1e-11
+    )
     again = withheld(held, np.array([0]))
     assert again.channels[0].rows.tolist() == [2, 3, 4, 6]
 

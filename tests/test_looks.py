@@ -18,6 +18,7 @@ from fitball.inference.identifiability.fisher import fisher_information, informa
 from fitball.inference.identifiability.posterior_verdict import Judgement
 from fitball.inference.identifiability.power_scaling import WEAK
 from fitball.inference.identifiability.verdict import combine
+from fitball.inference.likelihood.posterior import log_likelihood, log_scene_density
 from fitball.inference.results.evidence import (
     LEFT_OUT,
     ContractionLook,
@@ -38,7 +39,7 @@ def numerical_hessian(problem, coordinates):
         points = coordinates[:, None] + problem.prior.width[:, None] * z.reshape(coordinates.size, -1)
         values = problem.to_values(points.T)
         rebound = problem.rebound(values)
-        total = problem.log_likelihood(values, rebound) + problem.log_knowledge(rebound)
+        total = log_likelihood(problem, values, rebound) + log_scene_density(problem, rebound)
         return -total.reshape(z.shape[1:])
 
     scale = np.array([1.0 if item.prior.normal else 12.0**-0.5 for item in problem.free])
@@ -153,7 +154,7 @@ def test_when_every_ball_grips_friction_acts_nowhere_and_is_bounded_from_below()
             if narrowed is not None:
                 draws, before = (
                     item.prior.coordinate(kept[:, problem.free_names.index(item.name)])
-                    for kept in (fit.posterior.draws, fit.posterior.reference)
+                    for kept in (fit.posterior.draws, fit.posterior.prior_draws)
                 )
                 assert narrowed.contraction == pytest.approx(1.0 - draws.var() / before.var(), abs=1e-9)
     # The maximum lies at the edge of grip, where the prior draws it; over the posterior friction acts nowhere.

@@ -17,6 +17,7 @@ from fitball.data.join import joined, load_tables
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.errors import FitError, ParameterError, TableError
+from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.noise import as_residual, draw, log_density
 from fitball.models.types import Status
@@ -85,7 +86,7 @@ def test_the_likelihood_written_out():
                        for p in rng.uniform(0.35, 0.65, 3)])  # fmt: skip
     values += 0.02 * np.abs(values) * rng.standard_normal(values.shape)
     columns = problem.all_values(values)
-    found = problem.log_likelihood(values, problem.rebound(values))
+    found = log_likelihood(problem, values, problem.rebound(values))
     chosen = problem.model
     for draw_number in range(3):
         one = {name: column[draw_number] for name, column in columns.items()}
@@ -113,7 +114,7 @@ def test_a_level_out_of_bounds_is_impossible_and_not_clamped():
     status = problem.rebound(values).status[0]
     assert (status[:10] == Status.OK).all()
     assert (status[10:] == Status.LEVEL_OUT_OF_BOUNDS).all()
-    assert problem.log_posterior(problem.to_coordinates(values))[0] == -np.inf
+    assert log_posterior(problem, problem.to_coordinates(values))[0] == -np.inf
 
 
 @pytest.fixture(scope="module")

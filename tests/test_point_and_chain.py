@@ -20,10 +20,11 @@ from samples import (
 from fitball.errors import FitError
 from fitball.inference import calibrate
 from fitball.inference.calibrate import Effort, run
+from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.point.least_squares import deeper, least_squares
 from fitball.inference.point.maximum_posterior import higher_maximum, maximum_posterior
 from fitball.inference.point.point_fit import point_fit
-from fitball.inference.point.starts import _moved, other_regimes, prior_draws, starting_points
+from fitball.inference.point.starts import _moved, other_regimes, starting_points
 from fitball.inference.results.results import RunStatus
 from fitball.inference.sampling.ensembles import Sampled
 from fitball.inference.second_search import search_again
@@ -68,7 +69,7 @@ def test_the_maximum_lies_nowhere_below_the_truth(model, truth, mu):
     truth = truth | SHARP | {"mu": mu}
     problem = synthetic(problem_of("wang_zero_spin.csv", model, mu=None, contact_time=None), truth, 8)
     squares, point = point_fit(problem, np.random.default_rng(1))
-    assert point.log_posterior >= problem.log_posterior(coordinates_of(problem, truth)[None, :])[0]
+    assert point.log_posterior >= log_posterior(problem, coordinates_of(problem, truth)[None, :])[0]
     weighted = least_squares(problem, row(problem, truth))
     assert squares.chi_square <= weighted.chi_square * (1.0 + 1e-3)
     if 0.2 <= mu <= 0.45:
@@ -77,9 +78,9 @@ def test_the_maximum_lies_nowhere_below_the_truth(model, truth, mu):
 
 def test_starts_reach_regimes_that_no_good_draw_has(sphere):
     problem = sphere[0]
-    draws = prior_draws(problem, np.random.default_rng(1), 4000)
+    draws = problem.prior.draw(np.random.default_rng(1), 4000)
     grips = problem.rebound(draws).regime
-    best = draws[np.argsort(-problem.log_posterior(problem.to_coordinates(draws)))[:16]]
+    best = draws[np.argsort(-log_posterior(problem, problem.to_coordinates(draws)))[:16]]
     assert len(np.unique(problem.rebound(best).regime)) == 1
     reached = _moved(problem, best)[:, problem.free_names.index("mu")]
     assert reached.min() < 0.1 and reached.max() > 3.0
@@ -90,7 +91,7 @@ def test_starts_reach_regimes_that_no_good_draw_has(sphere):
     slides = np.mean(patterns != grips[0, 0], axis=1)
     assert slides[0] == slides.max() > 0.8
     assert 0.0 < slides.min() < 0.8
-    assert np.all(np.isfinite(problem.log_posterior(problem.to_coordinates(found))))
+    assert np.all(np.isfinite(log_posterior(problem, problem.to_coordinates(found))))
     every = starting_points(problem, np.random.default_rng(1), 16)
     assert len(every) > 16
     assert len(np.unique(problem.rebound(every).regime)) > 1
@@ -135,7 +136,7 @@ def test_a_point_below_its_chain_is_searched_again(sphere, monkeypatch):
 
 def chains(problem, draws, score=None):
     coordinates = problem.to_coordinates(draws)
-    scores = problem.log_posterior(coordinates) if score is None else score
+    scores = log_posterior(problem, coordinates) if score is None else score
     moved = np.zeros((1, len(draws)), dtype=bool)
     return Sampled(coordinates[None, None], scores[None, None], (), 0, None, True, moved)
 
@@ -151,7 +152,7 @@ def test_a_draw_that_no_search_improves_becomes_the_point(sphere, monkeypatch):
     problem, squares, point = sphere
     missed = maximum_posterior(problem, row(problem, PLATEAU))
     draw = row(problem, point.values) * 1.002
-    score = problem.log_posterior(problem.to_coordinates(draw))
+    score = log_posterior(problem, problem.to_coordinates(draw))
     assert missed.log_posterior < score[0]
     monkeypatch.setattr(
         "fitball.inference.point.maximum_posterior._with_best_noise", lambda *_, **__: lost(problem, missed)

@@ -13,6 +13,7 @@ from samples import GRIP_SLIP, coordinates_of, problem_of, synthetic
 from fitball.inference.calibrate import Effort, run
 from fitball.inference.identifiability.fisher import fisher_information
 from fitball.inference.identifiability.power_scaling import CONFLICT, WEAK, diagnosis, power_looks, sensitivities
+from fitball.inference.likelihood.posterior import log_likelihood, log_likelihood_terms
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import Posterior
 
@@ -37,7 +38,7 @@ def power_tree(problem, values):
     rebound = problem.rebound(values)
     names = problem.free_names
     prior = {name: problem.free[k].prior.log_density(coordinates[:, k]) for k, name in enumerate(names)}
-    terms = problem.log_likelihood_terms(values, rebound)
+    terms = log_likelihood_terms(problem, values, rebound)
     return xr.DataTree.from_dict(
         {
             "posterior": xr.Dataset({name: (dims, coordinates[None, :, k]) for k, name in enumerate(names)}),
@@ -97,11 +98,11 @@ def test_power_scaling_is_the_published_formula():
     values, posterior = drawn(problem)
     found = power_looks(problem, posterior)
     coordinates = problem.to_coordinates(values)
-    log_likelihood = problem.log_likelihood(values, problem.rebound(values))
+    likelihood = log_likelihood(problem, values, problem.rebound(values))
     for k, name in enumerate(problem.free_names):
         slopes = []
         for power in (0.99, 1.01):
-            weights = np.exp((power - 1.0) * (log_likelihood - log_likelihood.max()))
+            weights = np.exp((power - 1.0) * (likelihood - likelihood.max()))
             distance = cumulative_jensen_shannon(coordinates[:, k], weights / weights.sum())
             slopes.append(distance / abs(np.log2(power)))
         # Smoothing of the largest weights changes little at powers so near one.

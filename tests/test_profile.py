@@ -19,6 +19,7 @@ from fitball.inference.identifiability.profile import coverage, profiles
 from fitball.inference.identifiability.profile_objective import Surface
 from fitball.inference.identifiability.profile_path import best_top, march, searches, sweep
 from fitball.inference.identifiability.quadratic_program import constrained_step
+from fitball.inference.likelihood.posterior import log_likelihood
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.evidence import End
@@ -277,7 +278,7 @@ def test_the_cost_is_the_negative_log_likelihood(grip_slip):
     held = problem.to_coordinates(values)[:, surface.noise_columns]
     given = searches(surface, [problem.free_names.index("mu")], x[:, 0], x, True).given
     cost = surface.cost(x, replace(given, noise=held))
-    assert cost[0] == pytest.approx(-problem.log_likelihood(values, problem.rebound(values))[0], rel=1e-12)
+    assert cost[0] == pytest.approx(-log_likelihood(problem, values, problem.rebound(values))[0], rel=1e-12)
     # The best noise is no worse than any other.
     assert surface.cost(x, given)[0] < cost[0]
 

@@ -15,8 +15,8 @@ from test_power_scaling import cumulative_jensen_shannon, drawn
 from fitball.errors import FitError
 from fitball.inference.comparison.psis_loo import LeaveOneOut, smoothed_elpd
 from fitball.inference.identifiability.power_scaling import POWERS, power_looks, sensitivities
-from fitball.inference.prediction.posterior_predictive import thinned
-from fitball.inference.results.results import Posterior
+from fitball.inference.likelihood.posterior import log_likelihood
+from fitball.inference.results.results import Posterior, thinned
 from fitball.inference.sampling.convergence import convergence
 from fitball.inference.sampling.importance import smoothed
 from fitball.inference.sampling.monte_carlo_error import standard_errors
@@ -74,7 +74,7 @@ def test_every_look_is_a_number_when_walkers_sat():
     problem = synthetic(problem_of("wang_all.csv", "grip-slip"), GRIP_SLIP, 4)
     values, posterior = drawn(problem)
     # The least likely tenth of the draws gives way to the least likely of all.
-    score = problem.log_likelihood(values, problem.rebound(values))
+    score = log_likelihood(problem, values, problem.rebound(values))
     values = values.copy()
     values[np.argsort(score)[:300]] = values[np.argmin(score)]
     for item in power_looks(problem, replace(posterior, values=values[None, :, None, :])).values():

@@ -90,7 +90,7 @@ def _show(args: argparse.Namespace) -> int:
     from fitball.data.read import load_table
     from fitball.data.scene import load_scene
     from fitball.report.fit.balance_table import balance_table
-    from fitball.report.fit.terminal import MOST_LINES, columns, more
+    from fitball.report.form.text_table import MOST_LINES, columns, more
 
     scene = load_scene(args.data)
     table = load_table(args.data, scene=scene)
@@ -196,7 +196,7 @@ def _columns(table: ImpactTable) -> dict[str, Any]:
 def _print_columns(table: ImpactTable) -> None:
     """The table, aligned; in SI units but for angles, which people read in degrees."""
     from fitball.data.units import UNITS
-    from fitball.report.fit.terminal import MOST_LINES, columns, more
+    from fitball.report.form.text_table import MOST_LINES, columns, more
 
     cells = [["id", *table.ids[:MOST_LINES]]]
     for name, values in _columns(table).items():

@@ -74,8 +74,8 @@ def run(args: argparse.Namespace) -> int:
     from fitball.inference.prediction.holdout_scores import impacts_seen, scores
     from fitball.inference.prediction.new_impacts import observed_channels
     from fitball.inference.results.results import RunStatus, Verdict
-    from fitball.report.fit.csv_tables import csv_text
     from fitball.report.form.atomic_write import refuse_existing, write_text
+    from fitball.report.form.csv import csv_text
     from fitball.report.predict.rows import prediction_csv_rows, prediction_json
     from fitball.report.predict.text import render_prediction, render_scores
 

@@ -30,7 +30,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace) -> int:
     """Do it; returns the exit code."""
     from fitball.inference.calibrate import Effort
-    from fitball.report.fit.terminal import columns
+    from fitball.report.form.text_table import columns
     from fitball.studies.thesis.chapter_five import derive
     from fitball.studies.thesis.chapter_five_page import write
     from fitball.studies.thesis.ranking import in_brief, side_by_side

@@ -196,8 +196,8 @@ def _write(
     panels: tuple[str, ...],
 ) -> None:
     """Figure and files, then what was asked for on stdout."""
-    from fitball.report.fit.csv_tables import csv_text
     from fitball.report.form.atomic_write import write_text
+    from fitball.report.form.csv import csv_text
     from fitball.report.history.figure import history_figure
     from fitball.report.history.folder import json_text, write_all
     from fitball.report.history.rows import history_rows, simulation_json

@@ -110,9 +110,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     models = _checked(args)
-    from fitball.report.fit.csv_tables import csv_text
-    from fitball.report.fit.folder import save_png
+    from fitball.report.figures.png import save_png
     from fitball.report.form.atomic_write import write_text, write_whole
+    from fitball.report.form.csv import csv_text
     from fitball.studies.sbc.figure import rank_figure
     from fitball.studies.sbc.replicate import BounceExperiment
     from fitball.studies.sbc.run import run_replicates
@@ -184,7 +184,7 @@ def _checked(args: argparse.Namespace) -> tuple[str, ...]:
 
 def render(findings: Sequence[ModelFinding], folder: Path) -> str:
     """The verdict as a person reads it."""
-    from fitball.report.fit.terminal import columns
+    from fitball.report.form.text_table import columns
 
     parts = []
     for finding in findings:

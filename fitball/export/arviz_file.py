@@ -85,7 +85,7 @@ def _all_draws(saved: SavedFit, posterior: Posterior) -> dict[str, xr.Dataset]:
     return {
         "posterior": draws,
         "sample_stats": xr.Dataset({"lp": (("chain", "draw"), scores)}, coords=coords),
-        "prior": _draws(saved, names, posterior.reference[None]),
+        "prior": _draws(saved, names, posterior.prior_draws[None]),
     }
 
 

@@ -8,7 +8,7 @@ from fitball.inference.prediction.port_check import expected_outputs
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Golden
 from fitball.models.types import regime_name
-from fitball.report.fit.csv_tables import csv_text
+from fitball.report.form.csv import csv_text
 from fitball.values import FloatArray
 
 UNITS: Mapping[str, str] = {

@@ -10,7 +10,7 @@ from fitball.data.grid_text import parse_grid
 from fitball.export.golden_table import UNITS as OUTPUT_UNITS
 from fitball.inference.prediction.lookup import SEED, Lookup, default_axes, make_lookup
 from fitball.models.types import regime_name
-from fitball.report.fit.csv_tables import csv_text
+from fitball.report.form.csv import csv_text
 from fitball.report.saved.saved_fit import SavedFit
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.results import Verdict
 from fitball.models.specs import SPECS
-from fitball.report.fit.csv_tables import csv_text
+from fitball.report.form.csv import csv_text
 from fitball.report.form.display_units import THESIS
 from fitball.report.saved.saved_fit import SavedFit, SavedParameter
 from fitball.version import __version__

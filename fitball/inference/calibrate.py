@@ -22,11 +22,12 @@ from fitball.inference.prediction.extrapolation import spanning_impacts
 from fitball.inference.prediction.force_notes import force_notes
 from fitball.inference.prediction.golden import golden
 from fitball.inference.prediction.group_estimates import level_estimates
-from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator, thinned
+from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import Profiles
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import (
+    TARGET_ESS,
     Diagnostics,
     Estimate,
     Fit,
@@ -36,9 +37,9 @@ from fitball.inference.results.results import (
     RunStatus,
     Timing,
     Verdict,
+    thinned,
 )
 from fitball.inference.sampling.chain_file import ChainFile
-from fitball.inference.sampling.convergence import TARGET_ESS
 from fitball.inference.sampling.ensembles import (
     ENSEMBLES,
     Progress,
@@ -48,7 +49,7 @@ from fitball.inference.sampling.ensembles import (
     default_walkers,
     sample,
 )
-from fitball.inference.sampling.prior_draws import reference_draws
+from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.inference.sampling.stragglers import left_behind_words
 from fitball.inference.second_search import search_again
 from fitball.models.two_mass_model import TwoMassModel
@@ -176,7 +177,7 @@ def run(
             problem.free_names,
             problem.to_values(sampled.kept.reshape(-1, shape[-1])).reshape(shape),
             sampled.log_posterior[:, sampled.warm_up :],
-            reference_draws(problem, np.random.default_rng(seeds[1])),
+            prior_draws(problem, np.random.default_rng(seeds[1])),
         )
         squares, point, said = search_again(shared, squares, point, sampled)
     profiled = _profiles(problem, settings, squares, point, watch, report)
@@ -298,7 +299,7 @@ def _estimate(
         column = posterior.names.index(item.name)
         draws = posterior.draws[:, column]
         levels = [float(x) for x in np.quantile(draws, (0.5, 0.025, 0.05, 0.16, 0.84, 0.95, 0.975))]
-        reference = [float(x) for x in np.quantile(posterior.reference[:, column], (0.025, 0.975))]
+        reference = [float(x) for x in np.quantile(posterior.prior_draws[:, column], (0.025, 0.975))]
         sd = float(np.std(draws, ddof=1))
         found = sampled.convergence
         ess_bulk, ess_tail, r_hat = (

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from fitball.inference.comparison.results import ModelScore
+from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.problem.problem import Problem
 from fitball.models.kernels.bounce import tied_inertia_split
 
@@ -97,7 +98,7 @@ def overtaken(score: ModelScore, others: Sequence[ModelScore]) -> dict[str, list
 def _loses(score: ModelScore, other: ModelScore, starts: Sequence[Values]) -> bool:
     problem = score.fit.problem
     rows = np.array([[start[name] for name in problem.free_names] for start in starts])
-    density = problem.log_posterior(problem.to_coordinates(rows))
+    density = log_posterior(problem, problem.to_coordinates(rows))
     if np.any(density > score.fit.point.log_posterior + SETTLED):
         return True
     mine, theirs = score.criteria, other.criteria

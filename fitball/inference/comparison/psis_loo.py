@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from fitball.inference.comparison.cross_validation import refit
-from fitball.inference.prediction.posterior_predictive import thinned
+from fitball.inference.likelihood.posterior import log_likelihood_terms
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import withheld
-from fitball.inference.results.results import Fit, Posterior
+from fitball.inference.results.results import Fit, Posterior, thinned
 from fitball.inference.sampling.ensembles import Settings, sample
 from fitball.inference.sampling.importance import smoothed
 from fitball.values import FloatArray
@@ -68,7 +68,7 @@ def smoothed_elpd(whole: FloatArray, scored: FloatArray, efficiency: float) -> t
 
 def pointwise(problem: Problem, values: FloatArray, columns: Sequence[str]) -> tuple[FloatArray, FloatArray]:
     """Log likelihood of each impact, all its measurements and those in `columns`, each (draws, impacts)."""
-    terms = problem.log_likelihood_terms(values, problem.rebound(values))
+    terms = log_likelihood_terms(problem, values, problem.rebound(values))
     whole = np.sum(list(terms.values()), axis=0)
     return whole, np.sum([terms[name] for name in columns], axis=0)
 

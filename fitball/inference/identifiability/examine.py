@@ -14,12 +14,11 @@ from fitball.inference.identifiability.posterior_verdict import Judgement, judge
 from fitball.inference.identifiability.power_scaling import power_looks
 from fitball.inference.identifiability.profile import coverage, profiles
 from fitball.inference.identifiability.verdict import combine, touched_by_scene
-from fitball.inference.prediction.posterior_predictive import thinned
-from fitball.inference.problem.force_noise import noise_held
+from fitball.inference.likelihood.force_noise import noise_held
 from fitball.inference.problem.parameters import TAILS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import LEFT_OUT, OTHER_NOISE, ContractionLook, Examination, Looks, Profiles
-from fitball.inference.results.results import PointFit, Posterior, Verdict
+from fitball.inference.results.results import PointFit, Posterior, Verdict, thinned
 from fitball.values import FloatArray
 
 # Rows up to which profiles are made unasked: ten seconds or so.

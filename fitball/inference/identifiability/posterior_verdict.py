@@ -62,7 +62,7 @@ def _judge_free(
 ) -> Judgement:
     column = posterior.names.index(item.name)
     after = item.prior.coordinate(posterior.draws[:, column])
-    before = item.prior.coordinate(posterior.reference[:, column])
+    before = item.prior.coordinate(posterior.prior_draws[:, column])
     contraction = 1.0 - float(np.var(after) / np.var(before))
     left, right = open_ends(after, before)
     remarks = _tied_to(posterior.names, correlation, column)

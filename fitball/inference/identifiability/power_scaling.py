@@ -10,11 +10,10 @@ from __future__ import annotations
 import numpy as np
 from arviz_stats.base.array import array_stats
 
-from fitball.inference.prediction.posterior_predictive import thinned
-from fitball.inference.problem.batches import densities
+from fitball.inference.likelihood.posterior import densities
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import PowerLook
-from fitball.inference.results.results import Posterior
+from fitball.inference.results.results import Posterior, thinned
 from fitball.inference.sampling.convergence import TAILS
 from fitball.inference.sampling.importance import smoothed
 from fitball.values import FloatArray
@@ -38,7 +37,7 @@ def power_looks(problem: Problem, posterior: Posterior) -> dict[str, PowerLook]:
     likelihood = sensitivities(coordinates, found.likelihood)
     scene = None
     if problem.contact_time is not None:
-        scene = sensitivities(coordinates, found.knowledge)
+        scene = sensitivities(coordinates, found.scene)
     looks = {}
     for k, name in enumerate(problem.free_names):
         looks[name] = PowerLook(

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.inference.likelihood.force import force_cost, force_slopes
+from fitball.inference.likelihood.posterior import log_scene_density
 from fitball.inference.likelihood.sensitivities import CHANNEL_SLOPES, channel_slopes, rebound_slopes
 from fitball.inference.problem.batches import batches
 from fitball.inference.problem.noise import LOG_TAU
@@ -202,7 +203,7 @@ class Surface:
         if self.problem.force is not None:
             total = total + force_cost(self.problem, columns)
         if given.scene:
-            total = total - self.problem.log_knowledge(rebound)
+            total = total - log_scene_density(self.problem, rebound)
         return np.where(np.any(rebound.status, axis=1), np.inf, total)
 
     def linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -10,18 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS
+from fitball.inference.problem.problem import Problem
 from fitball.models.kernels.dual import STEP, NumberArray
 from fitball.values import FloatArray
-
-if TYPE_CHECKING:
-    from fitball.inference.problem.problem import Problem
 
 Columns = Mapping[str, NumberArray]
 SD, MISFIT = FORCE_NOISE

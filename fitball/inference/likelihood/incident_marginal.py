@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +13,9 @@ from fitball.inference.problem.incident import IncidentErrors, channel_slopes, s
 from fitball.inference.problem.noise import log_density
 from fitball.inference.problem.observables import Channel
 from fitball.inference.problem.parameters import TAILS
+from fitball.inference.problem.problem import Problem
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
-
-if TYPE_CHECKING:
-    from fitball.inference.problem.problem import Problem
 
 Columns = Mapping[str, FloatArray]
 # Stands for the spread of a measurement that is not there: its square is finite, its inverse nothing.

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.errors import FitError
+from fitball.inference.likelihood.force_noise import best_force_noise
+from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
 from fitball.inference.likelihood.residuals import Weighting, default_noise, named_values, root_mean_squares
 from fitball.inference.point.lmfit_minimiser import SAME_OPTIMUM, Minimiser, minima, simplex
-from fitball.inference.problem.force_noise import best_force_noise
 from fitball.inference.problem.noise import log_density
 from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS, TAILS
 from fitball.inference.problem.priors import Prior
@@ -90,7 +91,7 @@ def higher_maximum(problem: Problem, known: PointFit, starts: FloatArray) -> Poi
     ]
     for start in starts:
         coordinates = problem.to_coordinates(start[None, :])
-        score = float(problem.log_posterior(coordinates)[0])
+        score = float(log_posterior(problem, coordinates)[0])
         own = {name: value for name, value in named_values(problem, start).items() if name in NOISE_SPECS}
         first = _as_candidate(problem, start[None, :], own)
         reached = _with_best_noise(problem, first.at, first.noise, rounds=8)
@@ -108,7 +109,7 @@ def _as_candidate(problem: Problem, values: FloatArray, noise: Mapping[str, floa
     own = _best_noise(problem, values, {**default_noise(problem), **noise})
     minimiser = Minimiser(problem, Weighting(own, penalised=True))
     at = minimiser.to_fitted(values)[0]
-    score = float(problem.log_posterior(problem.to_coordinates(minimiser.values(at[None, :])))[0])
+    score = float(log_posterior(problem, problem.to_coordinates(minimiser.values(at[None, :])))[0])
     return Candidate(score, values[0], at, own)
 
 
@@ -122,13 +123,13 @@ def _best_of(problem: Problem, found: Sequence[Candidate]) -> PointFit:
     # Searches that were apart at their first noise may have met since; the climb is from the first of all.
     distinct = _distinct([top_point, best, *others], problem.prior.width)
     kept = [best, *(item for item in distinct if item is not top_point and item is not best)]
-    scores = problem.log_posterior(np.array(kept))
+    scores = log_posterior(problem, np.array(kept))
     values = problem.to_values(best[None, :])
     rebound = problem.rebound(values)
     return PointFit(
         values=named_values(problem, values[0]),
         log_posterior=float(scores[0]),
-        log_likelihood=float(problem.log_likelihood(values, rebound)[0]),
+        log_likelihood=float(log_likelihood(problem, values, rebound)[0]),
         rms=root_mean_squares(problem, values[0]),
         rebound=rebound,
         optima=tuple(named_values(problem, problem.to_values(at[None, :])[0]) for at in kept),
@@ -158,7 +159,7 @@ def _with_best_noise(problem: Problem, at: FloatArray, noise: Mapping[str, float
             break
     minimiser = Minimiser(problem, Weighting(current, penalised=True))
     coordinates = problem.to_coordinates(minimiser.values(at[None, :]))[0]
-    score = float(problem.log_posterior(coordinates[None, :])[0])
+    score = float(log_posterior(problem, coordinates[None, :])[0])
     return Candidate(score, coordinates, at, current)
 
 
@@ -220,7 +221,7 @@ def _climb(problem: Problem, start: FloatArray) -> FloatArray:
     """Polish a maximum (free,) in coordinates on the posterior itself, restarted until it stands still."""
 
     def cost(step: FloatArray) -> float:
-        value = float(problem.log_posterior((start + problem.prior.width * step)[None, :])[0])
+        value = float(log_posterior(problem, (start + problem.prior.width * step)[None, :])[0])
         return -value if math.isfinite(value) else 1e10
 
     score = cost(np.zeros(problem.dimension))

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.errors import FitError
+from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import thinned_problem
 from fitball.values import FloatArray
@@ -22,19 +23,14 @@ REACH, STEPS = 5.0, 20
 LOOKED_AT = 100
 
 
-def prior_draws(problem: Problem, rng: np.random.Generator, size: int) -> FloatArray:
-    """Free values (size, free) drawn from the priors."""
-    return np.stack([item.prior.draw(rng, size) for item in problem.free], axis=1)
-
-
 def starting_points(problem: Problem, rng: np.random.Generator, count: int) -> FloatArray:
     """The best of many prior draws that lie apart from each other, (<= count, free), and after them starts in which
     impacts meet other regimes than in those, where there are any.
 
     Raises FitError when the model cannot evaluate a single draw of the prior.
     """
-    values = prior_draws(problem, rng, SCREENED)
-    score = problem.log_posterior(problem.to_coordinates(values))
+    values = problem.prior.draw(rng, SCREENED)
+    score = log_posterior(problem, problem.to_coordinates(values))
     ranked = [int(k) for k in np.argsort(-score) if np.isfinite(score[k])]
     if not ranked:
         raise FitError(
@@ -59,7 +55,7 @@ def other_regimes(problem: Problem, starts: FloatArray, count: int) -> FloatArra
     other regimes than the starts do: each the furthest from all before it, and of those the most probable.
     """
     trials = _moved(problem, starts)
-    score = problem.log_posterior(problem.to_coordinates(trials))
+    score = log_posterior(problem, problem.to_coordinates(trials))
     trials, score = trials[np.isfinite(score)], score[np.isfinite(score)]
     seen = thinned_problem(problem, LOOKED_AT)
     known, patterns = seen.rebound(starts).regime, seen.rebound(trials).regime

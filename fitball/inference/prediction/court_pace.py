@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.inference.prediction.extrapolation import calibrated_range
-from fitball.inference.prediction.posterior_predictive import regime_shares, thinned
+from fitball.inference.prediction.posterior_predictive import regime_shares
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.pace_rating import (
     TOLERANCE,
@@ -21,7 +21,7 @@ from fitball.inference.results.pace_rating import (
     pace_categories,
     pace_rating,
 )
-from fitball.inference.results.results import PointFit, Posterior
+from fitball.inference.results.results import PointFit, Posterior, thinned
 from fitball.models.types import STATUS_REASON, Rebound, Status
 from fitball.values import FloatArray, Impacts
 

@@ -18,7 +18,7 @@ from fitball.inference.problem.observables import PREDICTED, Channel
 from fitball.inference.problem.parameters import TAILS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import part_of
-from fitball.inference.results.results import ChannelPrediction, Curve, PointFit, Posterior, Predictive
+from fitball.inference.results.results import ChannelPrediction, Curve, PointFit, Posterior, Predictive, thinned
 from fitball.models.types import Rebound, regime_name
 from fitball.values import FloatArray, Impacts
 
@@ -26,20 +26,6 @@ DRAWS = 1500
 CURVE_DRAWS = 600
 CURVE_POINTS = 61
 BANDS = (0.025, 0.16, 0.5, 0.84, 0.975)
-
-
-def thinned(posterior: Posterior, count: int) -> FloatArray:
-    """`count` draws (draws, free), one at random from each of as many equal shares of the chains, or all if fewer.
-
-    At even spaces the same few walkers would be met again and again wherever the spacing and their number have a
-    divisor in common. The places depend on the numbers of draws alone.
-    """
-    draws = posterior.draws
-    if draws.shape[0] <= count:
-        return draws
-    edges = np.arange(count + 1) * draws.shape[0] // count
-    rows: FloatArray = draws[np.random.default_rng([draws.shape[0], count]).integers(edges[:-1], edges[1:])]
-    return rows
 
 
 def predictive_generator(seed: int) -> np.random.Generator:

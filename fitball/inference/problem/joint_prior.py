@@ -51,6 +51,10 @@ class JointPrior:
         coordinates[:, self._logs] = np.log(values[:, self._logs])
         return coordinates
 
+    def draw(self, rng: np.random.Generator, size: int) -> FloatArray:
+        """Values (size, priors)."""
+        return np.stack([prior.draw(rng, size) for prior in self.priors], axis=1)
+
     def log_density(self, coordinates: FloatArray) -> FloatArray:
         """Log density (draws,) with respect to coordinates; -inf outside the bounds."""
         low, high = self._limits

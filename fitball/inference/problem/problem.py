@@ -1,12 +1,11 @@
-"""The posterior density of one table under one model: pure functions of coordinates, batched over draws.
+"""What is asked: one table under one model, with priors, and the rebounds it predicts, batched over draws.
 
 Coordinates are those in which the priors have their shape: the natural logarithm for log priors, the value in
-SI for the others. Densities are with respect to coordinates.
+SI for the others.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -16,17 +15,13 @@ from numpy.typing import NDArray
 
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
-from fitball.inference.likelihood.force import force_log_likelihood
-from fitball.inference.likelihood.incident_marginal import marginal_terms
-from fitball.inference.problem.batches import densities
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.group_bias import GroupOffsets
 from fitball.inference.problem.incident import IncidentErrors
 from fitball.inference.problem.joint_prior import JointPrior
-from fitball.inference.problem.noise import LOG_TAU, log_density
 from fitball.inference.problem.observables import Channel
 from fitball.inference.problem.parallel import LARGE_BATCH, evaluate_in_parts
-from fitball.inference.problem.parameters import TAILS, Parameter
+from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.pooling import Levels
 from fitball.models.kernels.dual import NumberArray
 from fitball.models.model import Model
@@ -220,58 +215,3 @@ class Problem:
             return found
         bias = self.offsets.offset(columns, channel.name)
         return found - (bias if channel.rows is None else bias[:, channel.rows])
-
-    def log_prior(self, coordinates: FloatArray) -> FloatArray:
-        """Log prior density (draws,)."""
-        return self.prior.log_density(coordinates)
-
-    def log_knowledge(self, rebound: Rebound) -> FloatArray:
-        """Log density (draws,) of what the scene knows of the mean contact time; zero where it knows nothing."""
-        if self.contact_time is None:
-            return np.zeros(rebound.contact_time.shape[0])
-        value, sd = self.contact_time
-        z: FloatArray = (rebound.contact_time.mean(axis=1) - value) / sd
-        return -0.5 * (z * z + LOG_TAU) - math.log(sd)
-
-    def log_likelihood_terms(self, values: FloatArray, rebound: Rebound) -> Mapping[str, FloatArray]:
-        """Log density of each measurement, channel name -> (draws, impacts).
-
-        With incident errors the measurements of an impact depend on each other: each is given those before it.
-        """
-        if self.incident is not None:
-            return marginal_terms(self, self.incident, values, rebound)
-        columns = self.all_values(values)
-        tails = columns[TAILS][:, None] if TAILS in columns else None
-        terms: dict[str, FloatArray] = {}
-        for channel in self.channels:
-            sd = channel.sds(columns, rebound)
-            z = self.deviation(columns, channel, rebound) / sd
-            terms[channel.name] = log_density(z, tails) - np.log(sd)
-        return terms
-
-    def log_likelihood(self, values: FloatArray, rebound: Rebound) -> FloatArray:
-        """Log likelihood (draws,); NaN where the model cannot be evaluated."""
-        total = np.zeros(values.shape[0])
-        for term in self.log_likelihood_terms(values, rebound).values():
-            total += term.sum(axis=1)
-        if self.force is not None:
-            total += force_log_likelihood(self, self.force, self.all_values(values))
-        return total
-
-    def log_posterior(self, coordinates: FloatArray) -> FloatArray:
-        """Log posterior density up to a constant, (draws,); -inf where it is zero or the model has no answer."""
-        return self._log_density(coordinates, measured=True)
-
-    def log_reference(self, coordinates: FloatArray) -> FloatArray:
-        """Log density of all that is known before the table: prior, possibility, and the scene's contact time."""
-        return self._log_density(coordinates, measured=False)
-
-    def _log_density(self, coordinates: FloatArray, measured: bool) -> FloatArray:
-        total = self.log_prior(coordinates)
-        inside = np.flatnonzero(np.isfinite(total))
-        if inside.size == 0:
-            return total
-        found = densities(self, self.to_values(coordinates[inside]), measured=measured)
-        density = found.knowledge + found.likelihood if measured else found.knowledge
-        total[inside] += np.where(found.possible, density, -np.inf)
-        return total

@@ -6,14 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
+import numpy as np
+
 from fitball.data.balances import Balances
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import Examination
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.pace_rating import CourtPace
-from fitball.inference.sampling.convergence import TARGET_ESS
 from fitball.models.types import Rebound
 from fitball.values import FloatArray, Impacts
+
+TARGET_ESS = 1000.0
+TARGET_R_HAT = 1.01
 
 
 class Verdict(StrEnum):
@@ -109,14 +113,14 @@ class Posterior:
     """Draws kept for inference.
 
     `values` is (ensembles, steps, walkers, free parameters) in SI, `log_posterior` is aligned with it,
-    (ensembles, steps, walkers); `reference` (draws, free parameters) are draws from all that was known before
+    (ensembles, steps, walkers); `prior_draws` (draws, free parameters) are draws from all that was known before
     the table.
     """
 
     names: tuple[str, ...]
     values: FloatArray
     log_posterior: FloatArray
-    reference: FloatArray
+    prior_draws: FloatArray
 
     @property
     def draws(self) -> FloatArray:
@@ -294,3 +298,17 @@ class Fit:
     def predict(self, impacts: Impacts) -> Mapping[str, FloatArray]:
         """See `FittedModel.predict`."""
         return self.fitted.predict(impacts)
+
+
+def thinned(posterior: Posterior, count: int) -> FloatArray:
+    """`count` draws (draws, free), one at random from each of as many equal shares of the chains, or all if fewer.
+
+    At even spaces the same few walkers would be met again and again wherever the spacing and their number have a
+    divisor in common. The places depend on the numbers of draws alone.
+    """
+    draws = posterior.draws
+    if draws.shape[0] <= count:
+        return draws
+    edges = np.arange(count + 1) * draws.shape[0] // count
+    rows: FloatArray = draws[np.random.default_rng([draws.shape[0], count]).integers(edges[:-1], edges[1:])]
+    return rows

@@ -9,10 +9,9 @@ import numpy as np
 from arviz_stats.base.array import array_stats
 
 from fitball.errors import FitError
+from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT
 from fitball.values import FloatArray
 
-TARGET_ESS = 1000.0
-TARGET_R_HAT = 1.01
 # Quantiles whose effective sample size is the "tail" one.
 TAILS = (0.05, 0.95)
 

@@ -13,6 +13,7 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from itertools import repeat
 
 import emcee
@@ -20,9 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.errors import FitError
+from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.problem.problem import Problem
+from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT
 from fitball.inference.sampling.chain_file import ChainFile, EnsembleChain
-from fitball.inference.sampling.convergence import TARGET_ESS, TARGET_R_HAT, Convergence, convergence
+from fitball.inference.sampling.convergence import Convergence, convergence
 from fitball.inference.sampling.moves import Moves, StudentProposal, production_moves, warm_up_moves
 from fitball.inference.sampling.stragglers import left_behind, relocation
 from fitball.values import FloatArray
@@ -124,7 +127,7 @@ class Ensemble:
         return emcee.EnsembleSampler(
             self.walkers,
             self.problem.dimension,
-            self.problem.log_posterior,
+            partial(log_posterior, self.problem),
             vectorize=True,
             moves=moves,
             backend=backend,
@@ -199,7 +202,7 @@ def starting_positions(
         centre = np.where(rng.uniform(size=POOL) < 0.5, first % len(optima), rng.integers(len(optima), size=POOL))
         reach = np.exp(rng.uniform(math.log(0.01), 0.0, size=(POOL, 1)))
         pool = optima[centre] + problem.prior.width * reach * rng.standard_normal((POOL, problem.dimension))
-        density = problem.log_posterior(pool)
+        density = log_posterior(problem, pool)
         weight = np.exp(TEMPERING * (density - density.max()))
         if np.count_nonzero(weight) >= 2 * walkers:
             return pool[rng.choice(POOL, walkers, replace=False, p=weight / weight.sum())]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitball.inference.point.starts import prior_draws
-from fitball.inference.problem.batches import densities
+from fitball.inference.likelihood.posterior import densities
 from fitball.inference.problem.problem import Problem
 from fitball.values import FloatArray
 
@@ -15,18 +14,16 @@ WANTED = 1500
 MOST_BATCHES = 12
 
 
-def reference_draws(
-    problem: Problem, rng: np.random.Generator, wanted: int = WANTED, batch: int = BATCH
-) -> FloatArray:
+def prior_draws(problem: Problem, rng: np.random.Generator, wanted: int = WANTED, batch: int = BATCH) -> FloatArray:
     """Independent draws (draws, free) in SI by rejection from the priors, at most `wanted`."""
     accepted: list[FloatArray] = []
     # The scene's knowledge is a normal density: its peak bounds it.
     value_sd = problem.contact_time
     peak = 0.0 if value_sd is None else -0.5 * float(np.log(2.0 * np.pi)) - float(np.log(value_sd[1]))
     for _ in range(MOST_BATCHES):
-        values = prior_draws(problem, rng, batch)
+        values = problem.prior.draw(rng, batch)
         found = densities(problem, values, measured=False)
-        chance = np.where(found.possible, np.exp(found.knowledge - peak), 0.0)
+        chance = np.where(found.possible, np.exp(found.scene - peak), 0.0)
         accepted.append(values[rng.uniform(size=batch) < chance])
         if sum(map(len, accepted)) >= wanted:
             break

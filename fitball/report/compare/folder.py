@@ -10,9 +10,10 @@ from fitball.inference.comparison.results import Comparison
 from fitball.report.compare.figure import compare_figure
 from fitball.report.compare.rows import csv_rows, json_content
 from fitball.report.compare.text import render
-from fitball.report.fit.csv_tables import csv_text
-from fitball.report.fit.folder import holds_older, save_png
+from fitball.report.figures.png import save_png
 from fitball.report.form.atomic_write import remove, write_text, write_whole
+from fitball.report.form.csv import csv_text
+from fitball.report.form.folders import holds_older
 
 JSON_NAME = "compare.json"
 

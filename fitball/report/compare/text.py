@@ -8,7 +8,7 @@ from pathlib import Path
 from fitball.inference.comparison.results import Comparison, ModelScore
 from fitball.inference.results.results import Verdict
 from fitball.report.compare.rows import error_table, extrapolation_table, score_table, scored_outputs
-from fitball.report.fit.terminal import WIDTH, columns
+from fitball.report.form.text_table import WIDTH, columns
 
 LEGEND = (
     "elpd: log predictive density of impacts left out one at a time, summed over the scored columns (Pareto smoothed "

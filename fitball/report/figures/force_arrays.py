@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.inference.likelihood.force import MISFIT, SD, aligned, mean_forces
-from fitball.inference.prediction.posterior_predictive import thinned
-from fitball.inference.results.results import Posterior
+from fitball.inference.results.results import Posterior, thinned
 from fitball.report.figures.drawable import Drawable
 from fitball.values import FloatArray
 

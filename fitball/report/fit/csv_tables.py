@@ -2,43 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
-from typing import TextIO
+from collections.abc import Iterator
 
 import numpy as np
 
 from fitball.inference.results.results import Fit, Predictive
-from fitball.report.form.atomic_write import write_whole
 from fitball.report.form.display_units import THESIS
-
-
-def csv_text(rows: Iterable[Mapping[str, object]]) -> str:
-    """Rows with equal keys as CSV text; None becomes an empty cell."""
-    out = io.StringIO()
-    _write_rows(out, rows)
-    return out.getvalue()
-
-
-def write_csv(path: Path, rows: Iterable[Mapping[str, object]]) -> None:
-    """The same as a file, whole or not at all, without holding all rows in memory. Raises ResultFolderError."""
-
-    def write(place: Path) -> None:
-        with place.open("w", encoding="utf-8", newline="") as out:
-            _write_rows(out, rows)
-
-    write_whole(path, write)
-
-
-def _write_rows(out: TextIO, rows: Iterable[Mapping[str, object]]) -> None:
-    writer: csv.DictWriter[str] | None = None
-    for row in rows:
-        if writer is None:
-            writer = csv.DictWriter(out, fieldnames=list(row), lineterminator="\n")
-            writer.writeheader()
-        writer.writerow({key: "" if value is None else value for key, value in row.items()})
 
 
 def summary_rows(fit: Fit) -> list[dict[str, object]]:

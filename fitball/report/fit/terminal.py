@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import textwrap
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -20,32 +19,7 @@ from fitball.report.fit.summary import (
     prediction_table,
     thesis_rows,
 )
-from fitball.visible import one_line
-
-WIDTH = 100
-# Rows of a table that a person reads on a terminal.
-MOST_LINES = 40
-# A cell that is longer than the texts of this program is a label of the user's: a few words of it tell which.
-WIDEST = 80
-
-
-def columns(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
-    """Rows of cells as lines: the first `left` columns flush left, the others right. A cell stays in its line."""
-    rows = [[one_line(cell, WIDEST) for cell in row] for row in rows]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    lines = []
-    for row in rows:
-        cells = [
-            cell.ljust(width) if k < left else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        lines.append("  ".join(cells).rstrip())
-    return lines
-
-
-def more(count: int, where: str) -> list[str]:
-    """A line that says how many of `count` rows are not shown, and where they are; nothing when all are."""
-    return [f"... and {count - MOST_LINES:,} more: {where}"] if count > MOST_LINES else []
+from fitball.report.form.text_table import MOST_LINES, WIDTH, columns, more
 
 
 def _wrapped(text: str) -> list[str]:

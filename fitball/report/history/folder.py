@@ -10,8 +10,8 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from fitball.report.figures.kinds import save_figure
-from fitball.report.fit.folder import holds_older
 from fitball.report.form.atomic_write import write_text
+from fitball.report.form.folders import holds_older
 
 JSON_NAME = "simulate.json"
 CSV_NAME = "history.csv"

@@ -10,7 +10,7 @@ import numpy as np
 from fitball.inference.prediction.simulate import Simulation
 from fitball.models.history import Motion
 from fitball.models.types import PHASE_SYMBOL
-from fitball.report.fit.terminal import WIDTH, columns
+from fitball.report.form.text_table import WIDTH, columns
 
 
 def render_simulation(item: Simulation) -> str:

@@ -9,8 +9,8 @@ import numpy as np
 
 from fitball.inference.prediction.holdout_scores import ChannelScore
 from fitball.inference.prediction.new_impacts import NewPrediction, OutputPrediction
-from fitball.report.fit.terminal import MOST_LINES, WIDTH, columns, more
 from fitball.report.form.rounding import decimals, fixed, interval, significant
+from fitball.report.form.text_table import MOST_LINES, WIDTH, columns, more
 from fitball.report.predict.rows import RANGE_UNITS, output_scale
 
 # Up to so many impacts each has a table of its own; more stand one a line.

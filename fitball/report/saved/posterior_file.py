@@ -37,10 +37,10 @@ def write_netcdf(fit: Fit, posterior: Posterior, path: Path) -> None:
     )
     prior = xr.Dataset(
         {
-            variable(name): (("chain", "draw"), posterior.reference[None, :, k])
+            variable(name): (("chain", "draw"), posterior.prior_draws[None, :, k])
             for k, name in enumerate(posterior.names)
         },
-        coords={"chain": [0], "draw": np.arange(len(posterior.reference))},
+        coords={"chain": [0], "draw": np.arange(len(posterior.prior_draws))},
     )
     data = xr.Dataset(
         {channel.name: ("impact", channel.observed) for channel in fit.problem.channels},

@@ -11,10 +11,9 @@ import numpy as np
 
 from fitball.errors import ResultFolderError
 from fitball.inference.prediction.new_impacts import DRAWS, NewPrediction, predict_new
-from fitball.inference.prediction.posterior_predictive import thinned
 from fitball.inference.problem.observables import Channel
 from fitball.inference.results.fitted_model import FittedModel
-from fitball.inference.results.results import Golden, Posterior, RunStatus, Verdict
+from fitball.inference.results.results import Golden, Posterior, RunStatus, Verdict, thinned
 from fitball.models.types import Rebound
 from fitball.report.saved.data_file import DATA_NAME, MeasuredData, read_data
 from fitball.report.saved.fit_consistency import checked, outside
@@ -66,7 +65,7 @@ class SavedFit:
         steps = found.steps - found.warm_up
         posterior = read_netcdf(place, self.free_names, (found.ensembles, steps, found.walkers))
         for k, name in enumerate(posterior.names):
-            for values in (posterior.values[..., k], posterior.reference[:, k]):
+            for values in (posterior.values[..., k], posterior.prior_draws[:, k]):
                 if outside(name, values):
                     raise damaged(place, f"draws of {name} lie outside its bounds")
         mine = self.fitted.with_draws(posterior.names, thinned(posterior, self.fitted.draws.shape[0])).draws

@@ -42,7 +42,7 @@ def same_bytes(original: Kept, repeated: Kept) -> dict[str, bool]:
             for a, b in (
                 (one.values, other.values),
                 (one.log_posterior, other.log_posterior),
-                (one.reference, other.reference),
+                (one.prior_draws, other.prior_draws),
             )
         )
     elif one is not None or other is not None:

@@ -24,6 +24,7 @@ from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.data.table import Measurement
 from fitball.errors import FitError
+from fitball.inference.likelihood.posterior import log_likelihood
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.starts import STARTS, starting_points
 from fitball.inference.prediction.posterior_predictive import with_noise
@@ -31,7 +32,7 @@ from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.ensembles import Sampled, Schedule, Settings, default_walkers, sample
-from fitball.inference.sampling.prior_draws import reference_draws
+from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.values import FloatArray
 from fitball.version import __version__
 
@@ -149,7 +150,7 @@ class BounceExperiment:
 
     def truth(self, rng: np.random.Generator) -> FloatArray:
         """One draw (free,) of all that is known before the table. Raises FitError when there is none to be had."""
-        found = reference_draws(self.problem, rng, wanted=1, batch=400)
+        found = prior_draws(self.problem, rng, wanted=1, batch=400)
         if not len(found):
             raise FitError(f"model {self.model}: no draw of the priors agrees with what the scene knows")
         truth: FloatArray = found[0]
@@ -176,7 +177,7 @@ class BounceExperiment:
         named = dict(zip(self.problem.free_names, values, strict=True))
         truth = np.array([[named[name] for name in problem.free_names]])
         together = np.concatenate([truth, draws])
-        score = problem.log_likelihood(together, problem.rebound(together))
+        score = log_likelihood(problem, together, problem.rebound(together))
         quantities = np.column_stack([together, score])
         found = sampled.convergence
         return Ranked(

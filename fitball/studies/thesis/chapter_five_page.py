@@ -13,8 +13,8 @@ import pandas as pd
 from fitball.data.scene import load_scene
 from fitball.data.thesis_tables import thesis_table
 from fitball.errors import ResultFolderError
+from fitball.report.figures.png import save_png
 from fitball.report.fit.embedded_figures import embedded
-from fitball.report.fit.folder import save_png
 from fitball.report.fit.html import render_template
 from fitball.report.form.atomic_write import write_text, write_whole
 from fitball.studies.thesis import appendix_c, appendix_d, printed_tables, ranking, recalibration

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from fitball.errors import FitError
+from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.likelihood.regime_mixture import displaced, roots
-from fitball.inference.point.starts import prior_draws
 from fitball.inference.problem.problem import Problem
 from fitball.values import FloatArray
 
@@ -45,8 +45,8 @@ def compare(problem: Problem, steps: int, seed: int) -> pd.DataFrame:
 
 def _start(problem: Problem, rng: np.random.Generator) -> FloatArray:
     """The best draws of the priors, four a free parameter."""
-    coordinates = problem.to_coordinates(prior_draws(problem, rng, 20_000))
-    score = problem.log_posterior(coordinates[:2000])
+    coordinates = problem.to_coordinates(problem.prior.draw(rng, 20_000))
+    score = log_posterior(problem, coordinates[:2000])
     found: FloatArray = coordinates[:2000][np.argsort(-score)[: max(8, 4 * problem.dimension)]]
     return found
 
@@ -66,7 +66,7 @@ def _log_latent(problem: Problem, at: FloatArray) -> FloatArray:
     """Log density of parameters and of the incident states, these in principal axes and standard deviations."""
     assert problem.incident is not None
     count = len(problem.impacts)
-    total = problem.log_prior(at[:, : problem.dimension])
+    total = problem.prior.log_density(at[:, : problem.dimension])
     z = at[:, problem.dimension :].reshape(-1, count, 3)
     total = total - 0.5 * np.sum(z * z, axis=(1, 2))
     inside = np.flatnonzero(np.isfinite(total))

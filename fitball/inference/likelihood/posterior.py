@@ -1,0 +1,96 @@
+"""The posterior density of a problem: pure functions of coordinates or values, batched over draws.
+
+Densities are with respect to the coordinates of the problem.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.inference.likelihood.force import force_log_likelihood
+from fitball.inference.likelihood.incident_marginal import marginal_terms
+from fitball.inference.problem.batches import batches
+from fitball.inference.problem.noise import LOG_TAU, log_density
+from fitball.inference.problem.parameters import TAILS
+from fitball.inference.problem.problem import Problem
+from fitball.models.types import Rebound
+from fitball.values import FloatArray
+
+
+@dataclass(frozen=True)
+class Densities:
+    """Of each draw (draws,): whether the model can evaluate every impact, the log density of what the scene knows,
+    and the log likelihood (NaN where it is not possible).
+    """
+
+    possible: NDArray[np.bool_]
+    scene: FloatArray
+    likelihood: FloatArray
+
+
+def densities(problem: Problem, values: FloatArray, *, measured: bool = True) -> Densities:
+    """What free values (draws, free) are worth; without `measured` the likelihood is left at zero."""
+    found = []
+    for some in batches(problem, values.shape[0]):
+        rebound = problem.rebound(values[some])
+        # A marked impact (see models.types.Status) has no density: the parameters are impossible there.
+        possible = ~np.any(rebound.status, axis=1)
+        scene = log_scene_density(problem, rebound)
+        likelihood = log_likelihood(problem, values[some], rebound) if measured else np.zeros_like(scene)
+        found.append((possible, scene, likelihood))
+    possible, scene, likelihood = (np.concatenate(column) for column in zip(*found, strict=True))
+    return Densities(possible, scene, likelihood)
+
+
+def log_scene_density(problem: Problem, rebound: Rebound) -> FloatArray:
+    """Log density (draws,) of what the scene knows of the mean contact time; zero where it knows nothing."""
+    if problem.contact_time is None:
+        return np.zeros(rebound.contact_time.shape[0])
+    value, sd = problem.contact_time
+    z: FloatArray = (rebound.contact_time.mean(axis=1) - value) / sd
+    return -0.5 * (z * z + LOG_TAU) - math.log(sd)
+
+
+def log_likelihood_terms(problem: Problem, values: FloatArray, rebound: Rebound) -> Mapping[str, FloatArray]:
+    """Log density of each measurement at free values (draws, free), column -> (draws, impacts).
+
+    With incident errors the measurements of an impact depend on each other: each is given those before it.
+    """
+    if problem.incident is not None:
+        return marginal_terms(problem, problem.incident, values, rebound)
+    columns = problem.all_values(values)
+    tails = columns[TAILS][:, None] if TAILS in columns else None
+    terms: dict[str, FloatArray] = {}
+    for channel in problem.channels:
+        sd = channel.sds(columns, rebound)
+        z = problem.deviation(columns, channel, rebound) / sd
+        terms[channel.name] = log_density(z, tails) - np.log(sd)
+    return terms
+
+
+def log_likelihood(problem: Problem, values: FloatArray, rebound: Rebound) -> FloatArray:
+    """Log likelihood (draws,) of free values (draws, free); NaN where the model cannot be evaluated."""
+    total = np.zeros(values.shape[0])
+    for term in log_likelihood_terms(problem, values, rebound).values():
+        total += term.sum(axis=1)
+    if problem.force is not None:
+        total += force_log_likelihood(problem, problem.force, problem.all_values(values))
+    return total
+
+
+def log_posterior(problem: Problem, coordinates: FloatArray) -> FloatArray:
+    """Log posterior density of coordinates (draws, free) up to a constant, (draws,); -inf where it is zero or the
+    model has no answer.
+    """
+    total = problem.prior.log_density(coordinates)
+    inside = np.flatnonzero(np.isfinite(total))
+    if inside.size == 0:
+        return total
+    found = densities(problem, problem.to_values(coordinates[inside]))
+    total[inside] += np.where(found.possible, found.scene + found.likelihood, -np.inf)
+    return total
