@@ -14,7 +14,7 @@ from fitball.data.table import ImpactTable
 from fitball.inference.calibrate import MAX_STEPS, Effort, run
 from fitball.inference.prediction.new_impacts import DRAWS, NewPrediction, predict_new
 from fitball.inference.problem.build import Choices, build_problem
-from fitball.inference.problem.observables import Channel
+from fitball.inference.problem.observables import Observable
 from fitball.inference.results.results import Fit, thinned
 from fitball.report.fit.folder import prepare, write_all
 from fitball.report.saved.saved_fit import SavedFit, read_fit
@@ -38,7 +38,7 @@ class Calibration(Fit):
     def predict_interval(
         self,
         impacts: Impacts,
-        observed: Sequence[Channel] = (),
+        observed: Sequence[Observable] = (),
         *,
         seed: int = 1,
         incident_covariance: FloatArray | None = None,

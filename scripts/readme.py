@@ -71,7 +71,7 @@ def measure() -> None:
     found = {
         "version": __version__,
         "parameters": {name: _parameter(item) for name, item in fits["all"]["parameters"].items()},
-        "known_together": fits["zero"]["identifiability"]["spectrum"]["sentences"],
+        "known_together": fits["zero"]["identifiability"]["eigendirections"]["sentences"],
         "compared": [_score(item) for item in compared["models"] if item["name"] in LADDER],
         "duel": _duel(compared, "two-mass", "grip-slip"),
         "stiffness": {name: _parameter(fits[name]["parameters"]["k_y"]) for name in ("drop", "bare")},

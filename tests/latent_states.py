@@ -76,9 +76,9 @@ def _log_latent(problem: Problem, at: FloatArray) -> FloatArray:
     states, possible = displaced(problem.impacts.states(), np.einsum("pij,dpj->dpi", root, z[inside]))
     rebound = problem.rebound_like(columns, states, np.arange(count))
     found = np.zeros(len(inside))
-    for channel in problem.channels:
-        sd = channel.sds(columns, rebound)
-        gap = problem.deviation(columns, channel, rebound) / sd
+    for observable in problem.observables:
+        sd = observable.sds(columns, rebound)
+        gap = problem.deviation(columns, observable, rebound) / sd
         found += np.sum(-0.5 * gap * gap - np.log(sd), axis=1)
     total[inside] += np.where(np.all(possible & (rebound.status == 0), axis=1), found, -np.inf)
     return np.asarray(total)

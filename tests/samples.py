@@ -99,12 +99,12 @@ def synthetic(problem, truth, seed=None):
     """The problem with rebounds as the model makes them from `truth`, with noise when there is a seed."""
     rebound = problem.rebound(np.array([[truth[name] for name in problem.free_names]]))
     made = []
-    for channel in problem.channels:
-        values = channel.predict(rebound)[0]
+    for observable in problem.observables:
+        values = observable.predict(rebound)[0]
         if seed is not None:
             rng = np.random.default_rng([seed, len(made)])
-            values = values + truth[channel.noise] * rng.standard_normal(values.size)
-        made.append(Measurement(channel.name, values))
+            values = values + truth[observable.noise] * rng.standard_normal(values.size)
+        made.append(Measurement(observable.name, values))
     table = replace(problem.table, measurements=tuple(made), redundant=())
     return build_problem(table, problem.scene, Choices(model=problem.model.name))
 

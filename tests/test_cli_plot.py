@@ -13,12 +13,20 @@ import fitball
 from fitball.cli.main import main
 from fitball.cli.plot import FORMATS, KIND_NAMES
 from fitball.inference.likelihood.posterior import log_posterior
-from fitball.inference.results.evidence import ActionLook, End, Examination, InformationLook, Looks, Profile, Spectrum
+from fitball.inference.results.evidence import (
+    ActiveImpacts,
+    Eigendirections,
+    End,
+    Evidence,
+    Identifiability,
+    InformationEvidence,
+    Profile,
+)
 from fitball.report.figures.kinds import KINDS, STAMPS
 from fitball.report.figures.profile_arrays import profile_panels
 from fitball.report.figures.regimes import OTHERS, regime_bars, regime_colours
 from fitball.report.form.display_units import handy
-from fitball.report.saved.evidence_content import looks_content
+from fitball.report.saved.evidence_content import evidence_content
 from fitball.report.saved.restore import restore
 from fitball.report.saved.structure import structured
 
@@ -60,9 +68,9 @@ def test_what_is_read_back_is_what_was_written(fit, folder):
     assert log_posterior(read.problem, at).tobytes() == log_posterior(fit.problem, at).tobytes()
     assert read.predictive.regimes == fit.predictive.regimes
     assert read.diagnostics == fit.diagnostics
-    _same(read.examination.spectrum, fit.examination.spectrum)
-    for name, looks in fit.examination.looks.items():
-        _same(read.examination.looks[name], looks)
+    _same(read.identifiability.eigendirections, fit.identifiability.eigendirections)
+    for name, evidence in fit.identifiability.evidence.items():
+        _same(read.identifiability.evidence[name], evidence)
 
 
 def test_an_open_profile_is_read_back_open():
@@ -71,13 +79,13 @@ def test_an_open_profile_is_read_back_open():
         "mu", np.array([0.5, 5.0]), np.array([2.5, 0.0]), 5.0, (0.7, None), (0.6, None), (End.CLOSED, End.BOUND),
         ((), ("k_y",)), 1,
     )  # fmt: skip
-    action = ActionLook(("a",), 1, 2, ("grip",), ("b",), 1, 0.25)
-    looks = Looks(profile, None, InformationLook(None, 2.0, 0.5, 0.4), None, None, action, "because")
-    examination = Examination({"mu": looks}, Spectrum((), (), ("a sentence",)), "", 0.87)
-    read = structured(Path("fit.json"), json.loads(json.dumps(looks_content(examination))), Examination)
-    _same(read.looks["mu"], looks)
+    action = ActiveImpacts(("a",), 1, 2, ("grip",), ("b",), 1, 0.25)
+    evidence = Evidence(profile, None, InformationEvidence(None, 2.0, 0.5, 0.4), None, None, action, "because")
+    identifiability = Identifiability({"mu": evidence}, Eigendirections((), (), ("a sentence",)), "", 0.87)
+    read = structured(Path("fit.json"), json.loads(json.dumps(evidence_content(identifiability))), Identifiability)
+    _same(read.evidence["mu"], evidence)
     assert read.profile_coverage == 0.87
-    assert read.spectrum == examination.spectrum
+    assert read.eigendirections == identifiability.eigendirections
 
 
 def _same(one, other):
@@ -131,9 +139,9 @@ def test_a_drop_test_has_no_regimes(tmp_path, capsys, monkeypatch):
 def test_profiles_that_are_not_stored_are_computed(point_folder, tmp_path, capsys):
     place = tmp_path / "fit.json"
     content = json.loads((point_folder / "fit.json").read_text(encoding="utf-8"))
-    kept = content["identifiability"]["looks"]["mu"]["profile"]["interval_95"]
-    for looks in content["identifiability"]["looks"].values():
-        looks["profile"] = None
+    kept = content["identifiability"]["evidence"]["mu"]["profile"]["interval_95"]
+    for evidence in content["identifiability"]["evidence"].values():
+        evidence["profile"] = None
     place.write_text(json.dumps(content), encoding="utf-8")
     shutil.copy(point_folder / "data.nc", tmp_path)
     assert main(["plot", str(place), "profiles"]) == 0
@@ -189,19 +197,19 @@ def test_missing_damaged_and_older_files(folder, tmp_path, capsys):
 
 def test_panels_show_the_profiles_in_handy_units(fit):
     point = fitball.calibrate("wang_zero_spin.csv", point_only=True, cores=1)
-    panels = dict(zip(point.examination.looks, profile_panels(point, None), strict=True))
-    looks, panel = point.examination.looks["k_y"], panels["k_y"]
-    np.testing.assert_allclose(panel.values, looks.profile.values * handy("k_y", "N/m").factor)
-    np.testing.assert_allclose(panel.log_likelihood, -looks.profile.drop)
+    panels = dict(zip(point.identifiability.evidence, profile_panels(point, None), strict=True))
+    evidence, panel = point.identifiability.evidence["k_y"], panels["k_y"]
+    np.testing.assert_allclose(panel.values, evidence.profile.values * handy("k_y", "N/m").factor)
+    np.testing.assert_allclose(panel.log_likelihood, -evidence.profile.drop)
     assert panel.label.endswith("[kN/m]")
     # The curve crosses the level where the interval ends.
-    for end in looks.profile.interval_95:
+    for end in evidence.profile.interval_95:
         assert np.interp(1e-3 * end, *panel.curve) == pytest.approx(-1.9207, abs=0.01)
     # Without the scene nothing ties k_y down; friction does not care.
     assert np.ptp(panel.curve_alone[1]) < 0.01
     assert panels["mu"].curve_alone.shape == (2, 0)
     assert panels["mu"].posterior is None
-    sampled = dict(zip(fit.examination.looks, profile_panels(fit, fit.posterior), strict=True))
+    sampled = dict(zip(fit.identifiability.evidence, profile_panels(fit, fit.posterior), strict=True))
     low, high = np.quantile(fit.posterior.draws[:, fit.posterior.names.index("mu")], (0.025, 0.975))
     assert sampled["mu"].posterior == pytest.approx((low, high))
     assert sampled["mu"].span[0] < low < high < sampled["mu"].span[1]

@@ -1,4 +1,4 @@
-"""Comparison of models: scores against closed forms, synthetic truths with a negative control, the ladder."""
+"""Comparison of models: scores against closed forms, synthetic truths with a negative control, the candidates."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Measurement
 from fitball.errors import FitError, ModelError
 from fitball.inference.calibrate import Effort, run
-from fitball.inference.comparison.candidates import VARIANTS, build_ladder, default_names, parse_name
+from fitball.inference.comparison.candidates import VARIANTS, build_candidates, default_names, parse_name
 from fitball.inference.comparison.compare import compare
 from fitball.inference.likelihood.residuals import Weighting
 from fitball.inference.point.lmfit_minimiser import Minimiser
@@ -61,7 +61,7 @@ def duel(monkeypatch):
 def compared(table, *models):
     scene = load_scene("wang_all.csv")
     effort = Effort(seed=3, max_steps=500, ensembles=2, ess=400.0, cores=1)
-    return compare(table, build_ladder(table, scene, models), effort, quick=True)
+    return compare(table, build_candidates(table, scene, models), effort, quick=True)
 
 
 COR = {"cor_10": 0.76, "cor_slope": -0.014}
@@ -93,7 +93,7 @@ def test_data_of_brody_do_not_pay_for_more_parameters(duel):
 
 def test_an_interrupted_comparison_keeps_what_is_done():
     table, scene = drop_table(np.random.default_rng(1)), Scene()
-    ladder = build_ladder(table, scene, ("brody", "two-mass+cor=mean", "two-mass"))
+    candidates = build_candidates(table, scene, ("brody", "two-mass+cor=mean", "two-mass"))
     effort = Effort(seed=1, max_steps=100, ensembles=2, cores=1)
 
     def stop(at):
@@ -103,19 +103,19 @@ def test_an_interrupted_comparison_keeps_what_is_done():
 
         return report
 
-    found = compare(table, ladder, effort, quick=True, report=stop("two-mass (3 of 3)"))
+    found = compare(table, candidates, effort, quick=True, report=stop("two-mass (3 of 3)"))
     assert found.status is RunStatus.INTERRUPTED
     assert {item.name for item in found.models} == {"brody", "two-mass+cor=mean"}
     assert "interrupted: two-mass not compared" in found.notes
     with pytest.raises(KeyboardInterrupt):
-        compare(table, ladder, effort, quick=True, report=stop("two-mass+cor=mean (2 of 3)"))
+        compare(table, candidates, effort, quick=True, report=stop("two-mass+cor=mean (2 of 3)"))
 
 
 def test_the_same_seed_gives_the_same_scores():
     table, scene = drop_table(np.random.default_rng(1), count=4), Scene()
-    ladder = build_ladder(table, scene, ("brody", "two-mass+cor=mean"))
+    candidates = build_candidates(table, scene, ("brody", "two-mass+cor=mean"))
     one, two, other = (
-        compare(table, ladder, Effort(seed=seed, cores=cores, max_steps=100, ensembles=2))
+        compare(table, candidates, Effort(seed=seed, cores=cores, max_steps=100, ensembles=2))
         for seed, cores in ((1, 1), (1, 2), (2, 1))
     )
     for first, second in zip(one.models, two.models, strict=True):
@@ -124,18 +124,18 @@ def test_the_same_seed_gives_the_same_scores():
     assert one.models[0].loo.elpd.tobytes() != other.models[0].loo.elpd.tobytes()
 
 
-# --- the ladder
+# --- the candidates
 
 
 def test_default_ladders():
     wang = load_table("wang_all.csv")
     names, said = default_names(wang)
     assert not said
-    ladder = build_ladder(wang, load_scene("wang_all.csv"), names)
-    assert len(ladder.rungs) == 4 + len(VARIANTS)
-    assert ladder.columns == ("v_x2", "v_y2", "omega_2")
-    assert not ladder.notes
-    for first, second in itertools.combinations(ladder.rungs, 2):
+    candidates = build_candidates(wang, load_scene("wang_all.csv"), names)
+    assert len(candidates.candidates) == 4 + len(VARIANTS)
+    assert candidates.columns == ("v_x2", "v_y2", "omega_2")
+    assert not candidates.notes
+    for first, second in itertools.combinations(candidates.candidates, 2):
         assert (first.problem.model.name, first.problem.model.options) != (
             second.problem.model.name,
             second.problem.model.options,
@@ -148,24 +148,24 @@ def test_default_ladders():
     names, said = default_names(spinless)
     assert names == ("brody", "grip-slip", "two-mass+cor=mean")
     assert "without spin" in said[0]
-    assert len(build_ladder(spinless, load_scene("wang_all.csv"), names).rungs) == 3
+    assert len(build_candidates(spinless, load_scene("wang_all.csv"), names).candidates) == 3
 
 
 def test_a_model_that_equals_another_here_is_left_out():
     drop = drop_table(np.random.default_rng(0))
-    ladder = build_ladder(drop, Scene(), ("two-mass", "two-mass+normal=total", "two-mass+cor=mean"))
-    assert [rung.name for rung in ladder.rungs] == ["two-mass", "two-mass+cor=mean"]
-    assert ladder.notes == ("two-mass+normal=total is two-mass on this table and is not fitted again",)
+    candidates = build_candidates(drop, Scene(), ("two-mass", "two-mass+normal=total", "two-mass+cor=mean"))
+    assert [candidate.name for candidate in candidates.candidates] == ["two-mass", "two-mass+cor=mean"]
+    assert candidates.notes == ("two-mass+normal=total is two-mass on this table and is not fitted again",)
 
 
 def test_only_common_columns_are_scored():
     table, scene = load_table("wang_zero_spin.csv"), load_scene("wang_zero_spin.csv")
-    ladder = build_ladder(table, scene, ("grip-slip", "two-mass+cor=measured"))
-    assert ladder.columns == ("v_x2", "omega_2")
-    assert any(note.startswith("v_y2 enters no score") for note in ladder.notes)
-    assert any("is told each measured v_y2" in note for note in ladder.notes)
+    candidates = build_candidates(table, scene, ("grip-slip", "two-mass+cor=measured"))
+    assert candidates.columns == ("v_x2", "omega_2")
+    assert any(note.startswith("v_y2 enters no score") for note in candidates.notes)
+    assert any("is told each measured v_y2" in note for note in candidates.notes)
     # The wall mass_ratio >= COR is there without a COR parameter.
-    problem = ladder.rungs[1].problem
+    problem = candidates.candidates[1].problem
     best = maximum_posterior(problem, starting_points(problem, np.random.default_rng(0), 4))
     assert best.values["mass_ratio"] >= problem.impacts.cor.max()
     minimiser = Minimiser(problem, Weighting({}, penalised=False))
@@ -173,7 +173,7 @@ def test_only_common_columns_are_scored():
     assert minimiser.wall(values)[0] == pytest.approx(problem.impacts.cor.max(), rel=1e-9)
     drop = replace(table, measurements=(table.measurement("v_y2"),))
     with pytest.raises(FitError, match="predicts none of the measured columns"):
-        build_ladder(drop, scene, ("grip-slip", "two-mass+cor=measured"))
+        build_candidates(drop, scene, ("grip-slip", "two-mass+cor=measured"))
 
 
 @pytest.mark.parametrize(
@@ -192,7 +192,7 @@ def test_only_common_columns_are_scored():
 def test_bad_ladders(names, error, message):
     table = load_table("wang_zero_spin.csv")
     with pytest.raises(error, match=message):
-        build_ladder(table, load_scene(table.source), names)
+        build_candidates(table, load_scene(table.source), names)
 
 
 def test_names_of_models():
@@ -227,8 +227,8 @@ def test_published_sets_need_wangs_data():
 
 def test_a_pareto_k_without_a_number_is_null_in_json():
     table, scene = drop_table(np.random.default_rng(1)), Scene()
-    ladder = build_ladder(table, scene, ("brody", "two-mass+cor=mean"))
-    found = compare(table, ladder, Effort(seed=1, max_steps=100, ensembles=2, cores=1), quick=True)
+    candidates = build_candidates(table, scene, ("brody", "two-mass+cor=mean"))
+    found = compare(table, candidates, Effort(seed=1, max_steps=100, ensembles=2, cores=1), quick=True)
     first = found.models[0]
     k = first.loo.pareto_k.copy()
     k[0] = np.inf
@@ -243,7 +243,7 @@ def test_words_of_a_duel(monkeypatch):
     table, scene = load_table("wang_zero_spin.csv"), load_scene("wang_zero_spin.csv")
     monkeypatch.setattr("fitball.inference.comparison.scoring.criteria", lambda _problem, _starts: None)
     effort = Effort(seed=1, max_steps=150, ensembles=2, cores=1)
-    found = compare(table, build_ladder(table, scene, ("brody", "two-mass+torsion=rigid")), effort, quick=True)
+    found = compare(table, build_candidates(table, scene, ("brody", "two-mass+torsion=rigid")), effort, quick=True)
     change = found.rms_difference("two-mass+torsion=rigid", "brody", "v_x2")
     rms = {item.name: item.out_of_sample()["v_x2"] for item in found.models}
     assert change.value == pytest.approx(rms["two-mass+torsion=rigid"] - rms["brody"])

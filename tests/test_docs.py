@@ -28,7 +28,7 @@ from fitball.inference.comparison import results as comparison
 from fitball.inference.identifiability import posterior_verdict as identifiability
 from fitball.inference.identifiability import power_scaling, profile
 from fitball.inference.identifiability.examine import PROFILED
-from fitball.inference.likelihood import regime_mixture as kinks
+from fitball.inference.likelihood import regime_mixture
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.prediction.extrapolation import SLACK
 from fitball.inference.problem import force_records, measurement_noise
@@ -69,9 +69,9 @@ DECIDING = {
     "power-scaling sensitivity": power_scaling.SENSITIVE,
     "degrees of freedom for a noise of its own": measurement_noise.FREEDOM,
     "rows spent by parameters": measurement_noise.SPENT,
-    "reach of a kink in sds": kinks.REACH,
-    "width of a part of the mixture": kinks.WIDTH,
-    "parts of the mixture": kinks.PARTS,
+    "reach of a kink in sds": regime_mixture.REACH,
+    "width of a part of the mixture": regime_mixture.WIDTH,
+    "parts of the mixture": regime_mixture.PARTS,
     "means of a force record": force_records.NODES,
     "correlation length of the misfit": force_records.ALIKE,
     "expected spread between levels": levels.EXPECTED_SPREAD,

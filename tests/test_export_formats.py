@@ -206,7 +206,7 @@ def test_a_number_the_prior_decides_is_marked(small_fit, tmp_path):
     content = json.loads((small_fit / "fit.json").read_text(encoding="utf-8"))
     content["parameters"]["e_x"]["verdict"] = "prior-dominated"
     content["parameters"]["mu"]["verdict"] = "fixed"
-    del content["identifiability"]["looks"]["mu"]
+    del content["identifiability"]["evidence"]["mu"]
     content |= {"covariance": None, "correlation": None}
     (tmp_path / "fit.json").write_text(json.dumps(content), encoding="utf-8")
     marked = fitball.load_fit(tmp_path)

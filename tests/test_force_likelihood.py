@@ -18,7 +18,7 @@ from fitball.data.force_file import load_force
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitError
-from fitball.inference.identifiability.fisher import fisher_information, information_looks
+from fitball.inference.identifiability.fisher import fisher_information, information_evidence
 from fitball.inference.likelihood.force import (
     aligned,
     force_cost,
@@ -52,7 +52,7 @@ def values_of(problem, **moved):
 
 def error_of(problem, values, name="k_y"):
     """Standard error of the logarithm of a parameter to first order."""
-    look = information_looks(problem, problem.to_coordinates(values)[0])[name]
+    look = information_evidence(problem, problem.to_coordinates(values)[0])[name]
     return look.error * problem.prior.width[problem.free_names.index(name)]
 
 

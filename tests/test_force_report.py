@@ -22,7 +22,7 @@ from fitball.data.bundled import bundled_folder, bundled_names
 from fitball.data.read import load_table
 from fitball.data.scene import NO_CONTACT_TIME, Scene
 from fitball.inference.calibrate import Effort, fingerprint, run
-from fitball.inference.identifiability.fisher import information_looks
+from fitball.inference.identifiability.fisher import information_evidence
 from fitball.inference.likelihood.posterior import log_likelihood_terms
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import Verdict
@@ -64,16 +64,16 @@ def test_the_record_identifies_k_y(fit, without):
 
 
 def test_every_look_counts_the_records(fit, without):
-    look, other = fit.examination.looks["k_y"], without.examination.looks["k_y"]
-    assert look.profile.open_sides == (False, False) and other.profile.open_sides == (True, True)
-    assert look.information.error < 0.05 and other.information.error is None
-    assert look.power.likelihood > 0.05 > look.power.own_prior
-    assert look.action.impacts == fit.problem.table.ids and other.action.impacts == ()
+    evidence, other = fit.identifiability.evidence["k_y"], without.identifiability.evidence["k_y"]
+    assert evidence.profile.open_sides == (False, False) and other.profile.open_sides == (True, True)
+    assert evidence.information.error < 0.05 and other.information.error is None
+    assert evidence.power.likelihood > 0.05 > evidence.power.own_prior
+    assert evidence.active_impacts.impacts == fit.problem.table.ids and other.active_impacts.impacts == ()
     # The profile, at its own best noise held, and the posterior agree on what they know.
-    low, high = look.profile.interval_95
+    low, high = evidence.profile.interval_95
     known = fit.parameters["k_y"]
     assert (high - low) == pytest.approx(known.q975 - known.q025, rel=0.35)
-    assert {"force_sd", "force_misfit"} & set(fit.problem.free_names) and look.profile.unsettled == 0
+    assert {"force_sd", "force_misfit"} & set(fit.problem.free_names) and evidence.profile.unsettled == 0
 
 
 def test_a_point_fit_judges_by_its_profile(table):
@@ -177,9 +177,9 @@ def test_records_beside_a_table_with_spin(tmp_path):
     truth = {"k_y": K_Y, "mass_ratio": 0.95, "k_theta": 20.0, "mu": 0.55, "eps_10": 2e-3, "eps_slope": 1e-6}
     truth |= {"cor_10": 0.76, "cor_slope": -1e-3, "velocity_sd": 0.3, "spin_sd": 12.0}
     at = [{**truth, "force_sd": 2.0, "force_misfit": 0.02}[name] for name in problem.free_names]
-    known = information_looks(problem, problem.to_coordinates(np.array([at]))[0])["k_y"]
+    known = information_evidence(problem, problem.to_coordinates(np.array([at]))[0])["k_y"]
     alone = replace(problem, force=None)
-    unknown = information_looks(alone, alone.to_coordinates(np.array([at]))[0])["k_y"]
+    unknown = information_evidence(alone, alone.to_coordinates(np.array([at]))[0])["k_y"]
     # Without the record only priors and k_theta/k_y stand between k_y and its prior.
     assert known.error < 0.1 and unknown.error is None and unknown.contraction < 0.5
 

@@ -14,7 +14,7 @@ import fitball
 from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
-from fitball.inference.likelihood import regime_mixture as kinks
+from fitball.inference.likelihood import regime_mixture
 from fitball.inference.likelihood.incident_marginal import seen, standardised
 from fitball.inference.likelihood.posterior import log_likelihood_terms
 from fitball.inference.problem.build import Choices, build_problem
@@ -43,8 +43,8 @@ def simulated(model, angles, covariance, seed, **values):
     theta = np.radians(angles)
     speed = 17.0 + rng.standard_normal(count)
     seen = Impacts(speed * np.cos(theta), speed * np.sin(theta), 80.0 * rng.standard_normal(count))
-    moves = np.einsum("pij,pj->pi", kinks.roots(covariance), rng.standard_normal((count, 3)))
-    made = chosen.evaluate(chosen.parameter_names, rows, kinks.shifted(seen, moves, np.arange(count)))
+    moves = np.einsum("pij,pj->pi", regime_mixture.roots(covariance), rng.standard_normal((count, 3)))
+    made = chosen.evaluate(chosen.parameter_names, rows, regime_mixture.shifted(seen, moves, np.arange(count)))
     table = load_table("wang_all.csv")
     measurements = tuple(
         replace(item, values=getattr(made, item.name)[0] + sd * rng.standard_normal(count))
@@ -72,16 +72,18 @@ def by_quadrature(problem, values, k):
     weight = -0.5 * np.sum(mesh * mesh, axis=1)
     weight -= logsumexp(weight)
     kept = weight > -25.0
-    moves = mesh[kept] @ kinks.roots(problem.incident.covariance)[k].T
+    moves = mesh[kept] @ regime_mixture.roots(problem.incident.covariance)[k].T
     rows = np.full(kept.sum(), k)
-    made = problem.rebound_like(problem.all_values(values), kinks.shifted(problem.impacts, moves, rows), rows)
+    made = problem.rebound_like(
+        problem.all_values(values), regime_mixture.shifted(problem.impacts, moves, rows), rows
+    )
     columns = problem.all_values(values)
     density = weight[kept].copy()
-    for channel in problem.channels:
-        biased = channel.observed[k]
-        if problem.offsets is not None:
-            biased = biased - problem.offsets.offset(columns, channel.name)[0, k]
-        density += stats.norm(channel.predict(made)[0], columns[channel.noise]).logpdf(biased)
+    for observable in problem.observables:
+        biased = observable.observed[k]
+        if problem.group_bias is not None:
+            biased = biased - problem.group_bias.offset(columns, observable.name)[0, k]
+        density += stats.norm(observable.predict(made)[0], columns[observable.noise]).logpdf(biased)
     return logsumexp(density)
 
 
@@ -98,7 +100,7 @@ def total(problem, values):
     return np.sum(list(log_likelihood_terms(problem, values, problem.rebound(values)).values()), axis=0)[0]
 
 
-def test_whitening_is_the_normal_density_of_all_channels():
+def test_whitening_is_the_normal_density_of_all_observables():
     rng = np.random.default_rng(2)
     factor = rng.standard_normal((5, 4, 3, 3))
     shared = np.einsum("dick,dilk->dicl", factor, factor)
@@ -122,9 +124,9 @@ def test_first_order_away_from_a_kink_and_a_mixture_near_it(model):
     columns = problem.all_values(values)
     near = np.any(
         np.abs(
-            kinks.crossings(
+            regime_mixture.crossings(
                 lambda given, rows: problem.rebound_like(columns, given, rows), problem.impacts,
-                kinks.roots(problem.incident.covariance), problem.rebound(values),
+                regime_mixture.roots(problem.incident.covariance), problem.rebound(values),
             )[0]
         ) > 0.0, axis=1,
     )  # fmt: skip
@@ -178,7 +180,7 @@ def test_a_state_that_leaves_the_court_has_no_impact():
     states = (np.array([[10.0, 12.0]]), np.array([[1.0, 5.0]]), np.zeros((1, 2)), None)
     moves = np.zeros((3, 2, 3))
     moves[1, 0, 1], moves[2, 0, 1], moves[2, 1, 1] = -1.0, -0.5, -5.5
-    found, possible = kinks.displaced(states, moves)
+    found, possible = regime_mixture.displaced(states, moves)
     np.testing.assert_array_equal(possible, [[True, True], [False, True], [True, False]])
     np.testing.assert_array_equal(found.v_y1, [[1.0, 5.0], [1.0, 5.0], [0.5, 5.0]])
 

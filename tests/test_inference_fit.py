@@ -281,11 +281,11 @@ def synthetic(problem, values, seed, only=None):
     rebound = problem.rebound(values[None, :])
     columns = problem.all_values(values[None, :])
     measured = []
-    for channel in problem.channels:
-        if only is None or channel.name in only:
-            noise = float(columns[channel.noise][0])
-            made = channel.predict(rebound)[0] + noise * rng.standard_normal(len(problem.table))
-            measured.append(Measurement(channel.name, made))
+    for observable in problem.observables:
+        if only is None or observable.name in only:
+            noise = float(columns[observable.noise][0])
+            made = observable.predict(rebound)[0] + noise * rng.standard_normal(len(problem.table))
+            measured.append(Measurement(observable.name, made))
     return replace(problem.table, measurements=tuple(measured), redundant=())
 
 

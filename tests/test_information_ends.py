@@ -1,4 +1,4 @@
-"""Where the model ends there is no derivative: looks and profiles say so, and no error of linear algebra comes up."""
+"""Where the model ends there is no derivative: evidence and profiles say so, no error of linear algebra shows."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from samples import TWO_MASS, coordinates_of, hard_sphere, problem_of, synthetic
 
 from fitball.inference import calibrate
 from fitball.inference.calibrate import Effort, run
-from fitball.inference.identifiability.eigendirections import spectrum
-from fitball.inference.identifiability.fisher import fisher_information, information_looks, standard_errors
-from fitball.inference.identifiability.profile_objective import Surface
+from fitball.inference.identifiability.eigendirections import eigendirections
+from fitball.inference.identifiability.fisher import fisher_information, information_evidence, standard_errors
+from fitball.inference.identifiability.profile_objective import ProfileObjective
 from fitball.inference.identifiability.profile_path import best_top
 from fitball.inference.identifiability.symmetric import inverse
 from fitball.inference.point.least_squares import least_squares
@@ -49,8 +49,8 @@ def test_the_information_is_that_of_the_parameters_with_a_derivative(at_end):
     assert np.all(np.isfinite(found[np.ix_(kept, kept)]))
     errors = standard_errors(found)
     assert np.isnan(errors[lost]) and np.all(errors[kept] > 0.0)
-    assert set(problem.free_names) - information_looks(problem, at).keys() == {"mass_ratio"}
-    seen = spectrum(problem, at)
+    assert set(problem.free_names) - information_evidence(problem, at).keys() == {"mass_ratio"}
+    seen = eigendirections(problem, at)
     assert all("mass_ratio" not in item.components for item in seen.directions)
     assert len(seen.directions) == len(seen.directions_without_scene) == 7
     assert any(item.startswith("the model ends next to the maximum in mass_ratio:") for item in seen.sentences)
@@ -73,8 +73,8 @@ def test_a_point_where_the_model_ends_is_reported_and_not_a_crash(at_end, monkey
     none = Profiles(point.log_likelihood, False, {}, "they are not what is tested here")
     monkeypatch.setattr(calibrate, "profile_all", lambda *_: (none, none))
     fit = run(problem, Effort(point_only=True, cores=1))
-    looks = fit.examination.looks["mass_ratio"]
-    assert looks.information is None
+    evidence = fit.identifiability.evidence["mass_ratio"]
+    assert evidence.information is None
     assert fit.parameters["mass_ratio"].verdict is Verdict.NOT_JUDGED
     assert "the model ends next to the maximum in mass_ratio" in " ".join(render(fit, tmp_path).split())
     assert diagnosis_lines(fit)
@@ -82,8 +82,8 @@ def test_a_point_where_the_model_ends_is_reported_and_not_a_crash(at_end, monkey
 
 def test_a_profile_begins_with_finite_steps_where_there_is_no_derivative(at_end):
     problem, _ = at_end
-    surface = Surface(problem)
-    top, _ = best_top(surface, surface.from_values(row(problem, END)), False)
+    objective = ProfileObjective(problem)
+    top, _ = best_top(objective, objective.from_values(row(problem, END)), False)
     assert np.all(top.errors > 0.0) and np.all(np.isfinite(top.errors))
 
 
@@ -129,5 +129,5 @@ def test_inverse_of_what_is_blind_or_missing():
 def test_where_all_derivatives_exist_nothing_is_said_of_ends():
     problem = synthetic(problem_of("wang_zero_spin.csv"), TWO_MASS)
     assert not any(
-        "the model ends" in item for item in spectrum(problem, coordinates_of(problem, TWO_MASS)).sentences
+        "the model ends" in item for item in eigendirections(problem, coordinates_of(problem, TWO_MASS)).sentences
     )

@@ -18,7 +18,7 @@ from fitball.errors import MemoryShortageError
 from fitball.inference.calibrate import Effort
 from fitball.inference.calibrate import run as calibrate_problem
 from fitball.inference.identifiability import fisher as information
-from fitball.inference.identifiability.active_impacts import action_looks
+from fitball.inference.identifiability.active_impacts import active_impacts
 from fitball.inference.likelihood.posterior import densities, log_posterior
 from fitball.inference.likelihood.residuals import IMPOSSIBLE
 from fitball.inference.point import point_fit as point
@@ -66,7 +66,7 @@ def test_a_thinned_problem_is_the_same_problem_on_fewer_rows():
     assert len(small.impacts) == 60
     rows = [int(name) - 1 for name in small.table.ids]
     np.testing.assert_array_equal(small.impacts.v_y1, problem.impacts.v_y1[rows])
-    for thin, full in zip(small.channels, problem.channels, strict=True):
+    for thin, full in zip(small.observables, problem.observables, strict=True):
         np.testing.assert_array_equal(thin.observed, full.observed[rows])
     angles = np.arctan2(problem.impacts.v_y1, problem.impacts.v_x1)
     kept = angles[rows]
@@ -95,10 +95,10 @@ def test_a_sample_that_misleads_is_outvoted_by_the_table(monkeypatch):
     """Rows that the first search does not see still decide where the fit ends."""
     problem = problem_of(240, model="grip-slip")
     shift = np.where(np.arange(240) % 2 == 0, 0.4, -0.4)
-    channels = tuple(
-        replace(item, observed=item.observed + shift) if item.name == "v_x2" else item for item in problem.channels
+    observables = tuple(
+        replace(item, observed=item.observed + shift) if item.name == "v_x2" else item for item in problem.observables
     )
-    shifted = replace(problem, channels=channels)
+    shifted = replace(problem, observables=observables)
     monkeypatch.setattr(point, "SEARCHED", 20)
     squares, _ = point_fit(shifted, np.random.default_rng(1))
     starts = starting_points(shifted, np.random.default_rng(1), STARTS)
@@ -143,23 +143,23 @@ def test_batches_change_no_number_and_stay_below_the_ceiling(monkeypatch, evalua
             log_posterior(problem, problem.to_coordinates(draws)),
             densities(problem, draws, measured=False).scene,
             prior_draws(problem, np.random.default_rng(4), 50, 100),
-            np.array([[getattr(item, name) for name in names] for item in made.channels]),
+            np.array([[getattr(item, name) for name in names] for item in made.observables]),
             made.regimes,
-            action_looks(problem, problem.to_coordinates(draws[:20]), made.regimes),
+            active_impacts(problem, problem.to_coordinates(draws[:20]), made.regimes),
         )
 
-    *whole, regimes, looks = everything()
+    *whole, regimes, evidence = everything()
     monkeypatch.setattr(batches, "CELLS", 900)
     # Curves for figures have as many points whatever the table.
     monkeypatch.setattr("fitball.inference.prediction.posterior_predictive.curves", lambda *_: {})
     evaluated.clear()
-    *parts, regimes_again, looks_again = everything()
+    *parts, regimes_again, evidence_again = everything()
     assert len(evaluated) > 50 and max(evaluated) <= 900
     for one, other in zip(whole, parts, strict=True):
         np.testing.assert_array_equal(one, other)
     assert regimes == regimes_again
-    for name, look in looks.items():
-        again = looks_again[name]
+    for name, look in evidence.items():
+        again = evidence_again[name]
         assert replace(again, share_doubtful=0.0) == replace(look, share_doubtful=0.0)
         assert again.share_doubtful == pytest.approx(look.share_doubtful, abs=1e-12)
 

@@ -77,16 +77,16 @@ def test_withheld_takes_away_the_likelihood_of_those_rows_and_nothing_else():
         log_posterior(held, coordinates), log_posterior(problem, coordinates) - lost, rtol=1e-11
     )
     again = withheld(held, np.array([0]))
-    assert again.channels[0].rows.tolist() == [2, 3, 4, 6]
+    assert again.observables[0].rows.tolist() == [2, 3, 4, 6]
 
 
 def test_thinning_keeps_withheld_rows_apart():
     problem = problem_of("wang_all.csv", model="brody")
     held = thinned_problem(withheld(problem, np.array([0, 4, 9])), 10)
-    for channel, whole in zip(held.channels, problem.channels, strict=True):
-        kept = [held.table.ids[k] for k in channel.rows]
+    for observable, whole in zip(held.observables, problem.observables, strict=True):
+        kept = [held.table.ids[k] for k in observable.rows]
         expected = [whole.observed[problem.table.ids.index(name)] for name in kept]
-        np.testing.assert_array_equal(channel.observed, expected)
+        np.testing.assert_array_equal(observable.observed, expected)
         assert not {problem.table.ids[k] for k in (0, 4, 9)} & set(kept)
 
 

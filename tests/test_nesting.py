@@ -13,7 +13,7 @@ from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.inference import calibrate
 from fitball.inference.calibrate import Effort
-from fitball.inference.comparison.candidates import build_ladder
+from fitball.inference.comparison.candidates import build_candidates
 from fitball.inference.comparison.compare import _status, compare
 from fitball.inference.comparison.information_criteria import Criteria
 from fitball.inference.comparison.nesting import as_container, overtaken
@@ -103,7 +103,7 @@ def test_who_fits_worse_than_what_it_contains_is_overtaken():
 @pytest.fixture
 def stuck(monkeypatch, tmp_path):
     """Compare brody and grip-slip on a hard sphere where the search of grip-slip ends on the plateau; `heed` says
-    whether it looks beside, where it is told to.
+    whether it evidence beside, where it is told to.
     """
     place = SimpleNamespace(heed=True)
     problem = hard_sphere(tmp_path, "grip-slip")
@@ -119,9 +119,9 @@ def stuck(monkeypatch, tmp_path):
     monkeypatch.setattr(calibrate, "search_again", lambda _problem, squares, point, _sampled: (squares, point, ()))
     monkeypatch.setattr("fitball.inference.comparison.compare.make_folds", lambda _table, _rng: ((), []))
     monkeypatch.setattr("fitball.inference.comparison.scoring.criteria", lambda _problem, _starts: None)
-    ladder = build_ladder(problem.table, problem.scene, ("brody", "grip-slip"))
+    candidates = build_candidates(problem.table, problem.scene, ("brody", "grip-slip"))
     effort = Effort(seed=2, max_steps=100, ensembles=2, ess=100.0, cores=1)
-    place.compare = lambda: compare(problem.table, ladder, effort, quick=True)
+    place.compare = lambda: compare(problem.table, candidates, effort, quick=True)
     return place
 
 

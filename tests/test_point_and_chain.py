@@ -131,7 +131,7 @@ def test_a_point_below_its_chain_is_searched_again(sphere, monkeypatch):
     # What hangs on the point follows it.
     assert fit.parameters["mu"].point == fit.point.values["mu"]
     assert fit.golden.parameters["mu"] == fit.point.values["mu"]
-    assert fit.examination.looks["mu"].profile.best == pytest.approx(0.092, abs=0.003)
+    assert fit.identifiability.evidence["mu"].profile.best == pytest.approx(0.092, abs=0.003)
 
 
 def chains(problem, draws, score=None):

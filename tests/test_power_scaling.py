@@ -12,7 +12,7 @@ from samples import GRIP_SLIP, coordinates_of, problem_of, synthetic
 
 from fitball.inference.calibrate import Effort, run
 from fitball.inference.identifiability.fisher import fisher_information
-from fitball.inference.identifiability.power_scaling import CONFLICT, WEAK, diagnosis, power_looks, sensitivities
+from fitball.inference.identifiability.power_scaling import CONFLICT, WEAK, diagnosis, power_evidence, sensitivities
 from fitball.inference.likelihood.posterior import log_likelihood, log_likelihood_terms
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import Posterior
@@ -84,7 +84,7 @@ def test_power_scaling_is_arvizs(monkeypatch):
     monkeypatch.setattr(arviz_stats.utils, "import_module", lambda _name: OnArrays)
     problem = synthetic(problem_of("wang_all.csv", "grip-slip"), GRIP_SLIP, 4)
     values, posterior = drawn(problem)
-    found = power_looks(problem, posterior)
+    found = power_evidence(problem, posterior)
     expected = psense_summary(power_tree(problem, values), round_to=10)
     for name in problem.free_names:
         assert found[name].prior == pytest.approx(expected.loc[name, "prior"], abs=1e-9)
@@ -96,7 +96,7 @@ def test_power_scaling_is_arvizs(monkeypatch):
 def test_power_scaling_is_the_published_formula():
     problem = synthetic(problem_of("wang_all.csv", "grip-slip"), GRIP_SLIP, 4)
     values, posterior = drawn(problem)
-    found = power_looks(problem, posterior)
+    found = power_evidence(problem, posterior)
     coordinates = problem.to_coordinates(values)
     likelihood = log_likelihood(problem, values, problem.rebound(values))
     for k, name in enumerate(problem.free_names):
@@ -118,7 +118,7 @@ def test_a_strong_wrong_prior_is_flagged_and_a_wide_one_is_not():
     for prior in ("normal(0.75, 0.15)", "normal(0.85, 0.012)"):
         choices = Choices(model="grip-slip", priors={"cor_10": prior})
         fits[prior] = run(build_problem(problem.table, problem.scene, choices), effort)
-    wide, wrong = (fit.examination.looks["cor_10"] for fit in fits.values())
+    wide, wrong = (fit.identifiability.evidence["cor_10"] for fit in fits.values())
     assert wide.power.diagnosis == ""
     assert "conflict" not in wide.disagreement
     assert wrong.power.diagnosis == CONFLICT

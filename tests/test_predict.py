@@ -19,7 +19,7 @@ from fitball.errors import ModelError, ParameterError, ResultFolderError
 from fitball.inference.prediction.extrapolation import calibrated_range, hull_distances
 from fitball.inference.prediction.holdout_scores import impacts_seen, scores
 from fitball.inference.prediction.new_impacts import BATCH, predict_new
-from fitball.inference.problem.observables import Channel
+from fitball.inference.problem.observables import Observable
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.report.saved.posterior_file import write_netcdf
 
@@ -123,7 +123,7 @@ def test_unknown_noise_gives_no_measurement_but_stated_noise_does():
     found = predict_new(fitted, impacts)
     assert found.output("omega_2").measured is None
     assert found.output("v_x2").measured is not None
-    stated = Channel("omega_2", np.array([200.0, 210.0]), np.array([1.0, 50.0]), None)
+    stated = Observable("omega_2", np.array([200.0, 210.0]), np.array([1.0, 50.0]), None)
     item = predict_new(fitted, impacts, [stated]).output("omega_2")
     inner = item.rebound[4] - item.rebound[0]
     outer = item.measured[4] - item.measured[0]
@@ -199,7 +199,7 @@ def test_validation_counts_what_it_says():
     plain = predict_new(fitted, impacts)
     mean, sd = plain.output("v_y2").mean, plain.output("v_y2").sd
     observed = mean + sd * np.array([0.0, 0.5, -1.5, 3.0])
-    found = predict_new(fitted, impacts, [Channel("v_y2", observed, None, "velocity_sd")])
+    found = predict_new(fitted, impacts, [Observable("v_y2", observed, None, "velocity_sd")])
     (score,) = scores(found)
     assert (score.name, score.count, score.within_68, score.within_95) == ("v_y2", 4, 0.5, 0.75)
     np.testing.assert_allclose(found.output("v_y2").z, [0.0, 0.5, -1.5, 3.0], atol=0.1)

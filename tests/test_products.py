@@ -11,7 +11,7 @@ from samples import TWO_MASS, coordinates_of, problem_of, synthetic
 
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
-from fitball.inference.identifiability.eigendirections import _with_third, spectrum
+from fitball.inference.identifiability.eigendirections import _with_third, eigendirections
 from fitball.inference.identifiability.fisher import fisher_information, prior_sds
 from fitball.inference.identifiability.products import known_products, log_covariance, log_steps, monomial_error
 from fitball.inference.identifiability.symmetric import inverse
@@ -77,7 +77,7 @@ INNER = TWO_MASS | {
 def test_with_the_inner_mass_alone_mass_ratio_times_friction_is_named():
     """In sliding, mu times the mass on the spring is what pushes: the table knows that product best of all."""
     problem = inner()
-    found = spectrum(problem, coordinates_of(problem, INNER)).sentences
+    found = eigendirections(problem, coordinates_of(problem, INNER)).sentences
     (known,) = (item for item in found if item.startswith("mass_ratio mu is known to "))
     assert "but mass_ratio to " in known and " and mu to " in known
     assert any(item.startswith("k_theta/k_y is known to ") for item in found)
@@ -98,7 +98,7 @@ def test_parameters_that_may_be_negative_or_vanish_have_no_logarithm():
 
 def test_the_default_model_has_no_such_product():
     problem = synthetic(problem_of("wang_zero_spin.csv"), TWO_MASS)
-    found = spectrum(problem, coordinates_of(problem, TWO_MASS)).sentences
+    found = eigendirections(problem, coordinates_of(problem, TWO_MASS)).sentences
     assert len(found) == 1 and found[0].startswith("k_theta/k_y is known to ")
 
 
@@ -107,7 +107,7 @@ def test_what_a_sentence_has_told_is_not_told_again():
     problem = replace(synthetic(problem_of("wang_zero_spin.csv"), TWO_MASS), contact_time=None)
     at = coordinates_of(problem, TWO_MASS)
     assert any(np.count_nonzero(item.exponents) == 2 for item in known_products(log_covariance(problem, at, None)))
-    (told,) = (item for item in spectrum(problem, at).sentences if "k_theta" in item and "k_y" in item)
+    (told,) = (item for item in eigendirections(problem, at).sentences if "k_theta" in item and "k_y" in item)
     assert told.startswith("k_theta/k_y is known to ") and told.endswith("only through the priors")
 
 

@@ -16,8 +16,8 @@ from fitball.data.table import Measurement
 from fitball.inference.identifiability import profile
 from fitball.inference.identifiability.gauss_newton import descend
 from fitball.inference.identifiability.profile import coverage, profiles
-from fitball.inference.identifiability.profile_objective import Surface
-from fitball.inference.identifiability.profile_path import best_top, march, searches, sweep
+from fitball.inference.identifiability.profile_objective import ProfileObjective
+from fitball.inference.identifiability.profile_path import best_top, profile_paths, searches, sweep
 from fitball.inference.identifiability.quadratic_program import constrained_step
 from fitball.inference.likelihood.posterior import log_likelihood
 from fitball.inference.point.maximum_posterior import maximum_posterior
@@ -133,10 +133,12 @@ def synthetic(name, model, truth, seed, **scene_changes):
     values = np.array([[truth[key] for key in problem.free_names]])
     rebound = problem.rebound(values)
     made = []
-    for channel in problem.channels:
-        sd = truth[channel.noise]
+    for observable in problem.observables:
+        sd = truth[observable.noise]
         made.append(
-            Measurement(channel.name, channel.predict(rebound)[0] + sd * rng.standard_normal(len(problem.table)))
+            Measurement(
+                observable.name, observable.predict(rebound)[0] + sd * rng.standard_normal(len(problem.table))
+            )
         )
     table = replace(problem.table, measurements=tuple(made), redundant=())
     return build_problem(table, scene, Choices(model=model))
@@ -160,8 +162,10 @@ def brute_force(problem, name, value, guesses):
             return 1e10
         columns = problem.all_values(values)
         total = 0.0
-        for channel in problem.channels:
-            total -= norm.logpdf(channel.observed, channel.predict(rebound)[0], columns[channel.noise][0]).sum()
+        for observable in problem.observables:
+            total -= norm.logpdf(
+                observable.observed, observable.predict(rebound)[0], columns[observable.noise][0]
+            ).sum()
         if problem.contact_time is not None:
             total -= norm.logpdf(rebound.contact_time.mean(), *problem.contact_time)
         return total
@@ -258,11 +262,11 @@ def test_a_maximum_that_keeps_being_surpassed_ends_in_words(grip_slip, monkeypat
     """Each search meets a higher maximum: after so many there is no profile, and it says so."""
     walked = []
 
-    def surpassed(surface, columns, top, scene):
+    def surpassed(objective, columns, top, scene):
         walked.append(columns)
         return {}, top.x
 
-    monkeypatch.setattr(profile, "march", surpassed)
+    monkeypatch.setattr(profile, "profile_paths", surpassed)
     found = profiles(grip_slip, start(grip_slip), names=["mu"])
     assert len(walked) == profile.RESTARTS
     assert not found.by_name
@@ -272,40 +276,40 @@ def test_a_maximum_that_keeps_being_surpassed_ends_in_words(grip_slip, monkeypat
 
 def test_the_cost_is_the_negative_log_likelihood(grip_slip):
     problem = grip_slip
-    surface = Surface(problem)
+    objective = ProfileObjective(problem)
     values = np.array([[TRUTH[key] for key in problem.free_names]])
-    x = surface.from_values(values)
-    held = problem.to_coordinates(values)[:, surface.noise_columns]
-    given = searches(surface, [problem.free_names.index("mu")], x[:, 0], x, True).given
-    cost = surface.cost(x, replace(given, noise=held))
+    x = objective.from_values(values)
+    held = problem.to_coordinates(values)[:, objective.noise_columns]
+    given = searches(objective, [problem.free_names.index("mu")], x[:, 0], x, True).given
+    cost = objective.cost(x, replace(given, noise=held))
     assert cost[0] == pytest.approx(-log_likelihood(problem, values, problem.rebound(values))[0], rel=1e-12)
     # The best noise is no worse than any other.
-    assert surface.cost(x, given)[0] < cost[0]
+    assert objective.cost(x, given)[0] < cost[0]
 
 
 def test_gradients_are_those_of_the_cost(tmp_path):
     """Polar measurements: the spread of an angle depends on the parameters, which adds to the gradient."""
     problem = polar_problem(tmp_path)
-    surface = Surface(problem)
-    x = surface.from_values(np.array([[TRUTH[key] for key in problem.free_names]]))
-    given = searches(surface, [0], x[:, 0], x, True).given
-    _, gradient, _ = surface.linearised(x, given)
+    objective = ProfileObjective(problem)
+    x = objective.from_values(np.array([[TRUTH[key] for key in problem.free_names]]))
+    given = searches(objective, [0], x[:, 0], x, True).given
+    _, gradient, _ = objective.linearised(x, given)
     for k in range(x.shape[1]):
         step = np.zeros(x.shape[1])
-        step[k] = 1e-5 * surface.width[k]
-        slope = (surface.cost(x + step, given)[0] - surface.cost(x - step, given)[0]) / (2.0 * step[k])
+        step[k] = 1e-5 * objective.width[k]
+        slope = (objective.cost(x + step, given)[0] - objective.cost(x - step, given)[0]) / (2.0 * step[k])
         assert gradient[0, k] == pytest.approx(slope, rel=1e-4, abs=1e-3)
 
 
 def test_a_poor_point_is_mended_from_its_neighbours(grip_slip):
-    surface = Surface(grip_slip)
-    x = surface.from_values(np.array([[TRUTH[key] for key in grip_slip.free_names]]))
-    top, others = best_top(surface, x, True)
-    points, better = march(surface, [0], top, True)
+    objective = ProfileObjective(grip_slip)
+    x = objective.from_values(np.array([[TRUTH[key] for key in grip_slip.free_names]]))
+    top, others = best_top(objective, x, True)
+    points, better = profile_paths(objective, [0], top, True)
     assert better is None
     good = points[0][2]
     points[0][2] = replace(good, cost=good.cost + 1.0, settled=False)
-    mended, better, changed = sweep(surface, points, {0: {1, 3}}, others, top, True)
+    mended, better, changed = sweep(objective, points, {0: {1, 3}}, others, top, True)
     assert better is None
     assert changed[0] == {2}
     assert mended[0][2].cost == pytest.approx(good.cost, abs=1e-3)
@@ -313,15 +317,15 @@ def test_a_poor_point_is_mended_from_its_neighbours(grip_slip):
 
 def test_a_start_outside_the_walls_is_led_inside(two_mass):
     problem, point = two_mass
-    surface = Surface(problem)
-    x = surface.from_values(np.array([[point.values[key] for key in problem.free_names]]))
+    objective = ProfileObjective(problem)
+    x = objective.from_values(np.array([[point.values[key] for key in problem.free_names]]))
     column = problem.free_names.index("mass_ratio")
-    given = searches(surface, [column], np.array([0.7]), x, True)
+    given = searches(objective, [column], np.array([0.7]), x, True)
     # At a mass ratio of 0.7 the restitution found would be impossible.
-    assert not np.isfinite(surface.cost(given.x, given.given))[0]
-    found = descend(surface, given)
+    assert not np.isfinite(objective.cost(given.x, given.given))[0]
+    found = descend(objective, given)
     assert np.isfinite(found.cost[0])
-    names = [item.name for item in surface.items]
+    names = [item.name for item in objective.items]
     line = dict(zip(names, found.x[0], strict=True))
     speeds = problem.impacts.v_y1
     assert np.all(line["cor_10"] + line["cor_slope"] * (speeds - 10.0) <= 0.7)

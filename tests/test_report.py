@@ -252,23 +252,23 @@ def test_prior_density_of_a_log_prior_is_per_value(fit):
 
 def test_residuals_and_points_are_the_measurements(fit):
     residuals = {item.name: item for item in arrays.residual_data(fit)}
-    channel = next(item for item in fit.predictive.channels if item.name == "omega_2")
-    np.testing.assert_allclose(residuals["omega_2"].values * channel.sd + channel.median, channel.observed)
+    observable = next(item for item in fit.predictive.observables if item.name == "omega_2")
+    np.testing.assert_allclose(residuals["omega_2"].values * observable.sd + observable.median, observable.observed)
     points = arrays.measured_points(fit)
     table = fit.problem.table
     angle = np.degrees(np.arctan2(table.measurement("v_y2").values, table.measurement("v_x2").values))
     np.testing.assert_allclose(points["theta_2"].values, angle)
     # The noise across the flight turns the angle by that noise over the speed.
     speed = np.hypot(table.measurement("v_x2").values, table.measurement("v_y2").values)
-    x, y = channel_sd(fit, "v_x2"), channel_sd(fit, "v_y2")
+    x, y = observable_sd(fit, "v_x2"), observable_sd(fit, "v_y2")
     across = np.hypot(x * np.sin(np.radians(angle)), y * np.cos(np.radians(angle)))
     np.testing.assert_allclose(np.radians(points["theta_2"].sd), across / speed, rtol=1e-6)
     assert np.all(x > 1.2 * y)
     assert set(points["v_x2"].groups) == set(table.labels["group"])
 
 
-def channel_sd(fit, name):
-    return next(item for item in fit.predictive.channels if item.name == name).sd
+def observable_sd(fit, name):
+    return next(item for item in fit.predictive.observables if item.name == name).sd
 
 
 class _Page(HTMLParser):

@@ -148,7 +148,7 @@ def test_alt_texts_carry_the_numbers(grip_slip_fit):
     found = alt_texts(grip_slip_fit)
     mu = grip_slip_fit.parameters["mu"]
     assert f"mu {mu.median:.3f} [{mu.q025:.3f}, {mu.q975:.3f}]" in found["corner"]
-    residual = {item.name: (item.observed - item.median) / item.sd for item in grip_slip_fit.predictive.channels}
+    residual = {item.name: (item.observed - item.median) / item.sd for item in grip_slip_fit.predictive.observables}
     for name, values in residual.items():
         worst = int(np.argmax(np.abs(values)))
         beyond = int(np.sum(np.abs(values) > 2.0))

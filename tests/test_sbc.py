@@ -174,8 +174,8 @@ def test_simulated_tables_scatter_as_the_noise_says():
     rebound = experiment.problem.rebound(values[None, :])
     named = dict(zip(experiment.problem.free_names, values, strict=True))
     made = [experiment.simulated(values, np.random.default_rng(k)) for k in range(40)]
-    channels = [channel for problem in made for channel in problem.channels]
-    z = np.concatenate([(item.observed - item.predict(rebound)[0]) / named[item.noise] for item in channels])
+    observables = [observable for problem in made for observable in problem.observables]
+    z = np.concatenate([(item.observed - item.predict(rebound)[0]) / named[item.noise] for item in observables])
     assert abs(z.mean()) < 3.5 / np.sqrt(z.size)
     assert z.std() == pytest.approx(1.0, abs=3.5 / np.sqrt(2 * z.size))
     wrong = BounceExperiment("wang_all.csv", "grip-slip", 0.5)

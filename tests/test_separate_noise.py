@@ -21,7 +21,7 @@ from fitball.inference.comparison.candidates import CORE, build_ladder
 from fitball.inference.identifiability.profile import profiles
 from fitball.inference.likelihood.posterior import log_likelihood
 from fitball.inference.prediction.holdout_scores import scores
-from fitball.inference.prediction.new_impacts import observed_channels, predict_new
+from fitball.inference.prediction.new_impacts import observed_observables, predict_new
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.measurement_noise import (
     FACTOR,
@@ -32,7 +32,7 @@ from fitball.inference.problem.measurement_noise import (
     noise_by_column,
     noise_in,
 )
-from fitball.inference.problem.observables import PREDICTED, Channel
+from fitball.inference.problem.observables import PREDICTED, Observable
 from fitball.inference.problem.parameters import NOISE_SPECS, SD_SPECS
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.types import Rebound
@@ -58,7 +58,7 @@ def noises(table, scene=None, **choices):
     """Noise parameter by column, all noise parameters with their fixed value, and the notes."""
     problem = build_problem(table, scene or Scene(), Choices(model="grip-slip", **choices))
     named = {item.name: item.fixed for item in problem.parameters if item.name in NOISE_SPECS}
-    return {channel.name: channel.noise for channel in problem.channels}, named, problem.notes
+    return {observable.name: observable.noise for observable in problem.observables}, named, problem.notes
 
 
 def made(count, seed, noise=TRUTH):
@@ -200,7 +200,7 @@ def test_all_candidates_of_a_comparison_have_the_same_noise():
     names = (*CORE, "two-mass+cor=measured")
     for table, noise in ((WANG, "v_x_sd"), (SHORT, "velocity_sd")):
         ladder = build_ladder(table, load_scene(table.source), names)
-        assert {rung.problem.channels[0].noise for rung in ladder.rungs} == {noise}
+        assert {rung.problem.observables[0].noise for rung in ladder.rungs} == {noise}
 
 
 def test_speed_and_angle_have_noises_of_their_own(tmp_path):
@@ -252,8 +252,8 @@ def test_intervals_cover_as_promised_and_those_of_one_noise_do_not(fits):
     new = made(400, 6)
     held = {}
     for kind, fit in fits.items():
-        channels, _ = observed_channels(fit.fitted, new)
-        found = scores(fit.predict_interval(new.impacts, channels))
+        observables, _ = observed_observables(fit.fitted, new)
+        found = scores(fit.predict_interval(new.impacts, observables))
         held[kind] = {item.name: (item.within_68, item.within_95) for item in found}
     # Three and a half sds of 400 counts and of a noise known to 6.5 %.
     for name in ("v_x2", "v_y2", "omega_2"):
@@ -300,10 +300,10 @@ def test_the_noise_of_what_was_not_measured_follows(of, back):
     )
     drawn = back(first, second)
     for name, column in VELOCITY.items():
-        channel = derived(Channel(name, v_x, None, NOISE_OF[name]), sizes)
-        assert isinstance(channel, Derived) == (name not in of)
-        assert channel.known(sizes)
-        sd = np.broadcast_to(channel.sds(sizes, rebound), (1, 2))[0]
+        observable = derived(Observable(name, v_x, None, NOISE_OF[name]), sizes)
+        assert isinstance(observable, Derived) == (name not in of)
+        assert observable.known(sizes)
+        sd = np.broadcast_to(observable.sds(sizes, rebound), (1, 2))[0]
         np.testing.assert_allclose(sd, np.std(column(*drawn), axis=0), rtol=0.02)
 
 
@@ -322,8 +322,8 @@ def test_predictions_know_the_noise_of_every_velocity_or_say_that_they_do_not():
     )
     # Speeds and angles of a table that was measured another way are judged all the same.
     measured = (Measurement("v_2", found.output("v_2").point), Measurement("theta_2", found.output("theta_2").point))
-    channels, _ = observed_channels(fitted, replace(first_rows(2), measurements=measured))
-    assert all(item.within_95 == 1.0 for item in scores(predict_new(fitted, impacts, channels)))
+    observables, _ = observed_observables(fitted, replace(first_rows(2), measurements=measured))
+    assert all(item.within_95 == 1.0 for item in scores(predict_new(fitted, impacts, observables)))
     alone = replace(fitted, names=tuple("other_sd" if name == "v_y_sd" else name for name in names))
     known = {item.name: item.measured is not None for item in predict_new(alone, impacts).outputs}
     assert known == {"v_x2": True, "v_y2": False, "v_2": False, "theta_2": False, "omega_2": True}

@@ -50,7 +50,7 @@ def test_two_impacts_are_fitted_and_mostly_the_priors_speak(tmp_path, monkeypatc
     found = run(problem, Effort(max_steps=500, walkers=22, ensembles=2, cores=1))
     assert len(np.unique(found.posterior.draws, axis=0)) < len(found.posterior.draws) / 4
     # Its JSON has no room for what is not a number.
-    powers = [item["power"] for item in json.loads(fit_text(found))["identifiability"]["looks"].values()]
+    powers = [item["power"] for item in json.loads(fit_text(found))["identifiability"]["evidence"].values()]
     assert all(item["likelihood"] > 0.0 for item in powers)
     verdicts = {item.name: str(item.verdict) for item in found.estimates}
     assert {verdicts[name] for name in ("k_y", "k_theta", "velocity_sd", "spin_sd")} == {"prior-dominated"}

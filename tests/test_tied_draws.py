@@ -14,7 +14,7 @@ from test_power_scaling import cumulative_jensen_shannon, drawn
 
 from fitball.errors import FitError
 from fitball.inference.comparison.psis_loo import LeaveOneOut, smoothed_elpd
-from fitball.inference.identifiability.power_scaling import POWERS, power_looks, sensitivities
+from fitball.inference.identifiability.power_scaling import POWERS, power_evidence, sensitivities
 from fitball.inference.likelihood.posterior import log_likelihood
 from fitball.inference.results.results import Posterior, thinned
 from fitball.inference.sampling.convergence import convergence
@@ -77,7 +77,7 @@ def test_every_look_is_a_number_when_walkers_sat():
     score = log_likelihood(problem, values, problem.rebound(values))
     values = values.copy()
     values[np.argsort(score)[:300]] = values[np.argmin(score)]
-    for item in power_looks(problem, replace(posterior, values=values[None, :, None, :])).values():
+    for item in power_evidence(problem, replace(posterior, values=values[None, :, None, :])).values():
         assert np.isfinite([item.prior, item.own_prior, item.likelihood]).all()
         assert item.likelihood > 0.1
 

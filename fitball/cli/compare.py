@@ -1,4 +1,4 @@
-"""`fitball compare DATA`: the ladder of models on one table, judged by impacts they have not seen."""
+"""`fitball compare DATA`: the candidates of models on one table, judged by impacts they have not seen."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.data.read import load_table
     from fitball.data.scene import load_scene
     from fitball.inference.calibrate import Effort
-    from fitball.inference.comparison.candidates import build_ladder, default_names
+    from fitball.inference.comparison.candidates import build_candidates, default_names
     from fitball.inference.comparison.compare import ESS, MAX_STEPS, compare
     from fitball.inference.results.results import RunStatus
     from fitball.report.compare.folder import json_text, prepare, write_all
@@ -73,16 +73,16 @@ def run(args: argparse.Namespace) -> int:
         ess=ESS,
     )
     names, said = default_names(table, args.quick) if args.models is None else (model_names(args.models), [])
-    ladder = build_ladder(table, scene, names)
-    for rung in ladder.rungs:
-        effort.settings(rung.problem)
+    candidates = build_candidates(table, scene, names)
+    for candidate in candidates.candidates:
+        effort.settings(candidate.problem)
     folder = Path(args.out) if args.out else Path("fits") / table.name / "compare"
     prepare(folder, overwrite=args.overwrite)
     if not args.quiet:
         progress.finish()
         tell_notes([*table.remarks, *scene.assumed, *said])
     published = published_sets(table)
-    found = compare(table, ladder, effort, args.quick, published, lambda stage: progress(stage, None))
+    found = compare(table, candidates, effort, args.quick, published, lambda stage: progress(stage, None))
     progress("figure and files", None)
     text = words(found)
     write_all(found, text, folder)

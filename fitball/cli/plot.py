@@ -86,9 +86,9 @@ def _with_profiles(fit: Restored, quiet: bool) -> Restored:
     from fitball.inference.results.evidence import LEFT_OUT
     from fitball.report.figures.kinds import has_profiles
 
-    if has_profiles(fit) or fit.examination.profiles_missing not in ("", LEFT_OUT):
+    if has_profiles(fit) or fit.identifiability.profiles_missing not in ("", LEFT_OUT):
         return fit
     if not quiet:
         print("note: the file holds no profiles: computing them", file=sys.stderr)
     shared = replace(fit.problem, threads=os.cpu_count() or 1)
-    return replace(fit, examination=with_profiles(shared, fit.point, fit.examination))
+    return replace(fit, identifiability=with_profiles(shared, fit.point, fit.identifiability))

@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError(f"seed = {args.seed}: expected a number not below 0")
     from fitball.api import load_fit
     from fitball.inference.prediction.holdout_scores import impacts_seen, scores
-    from fitball.inference.prediction.new_impacts import observed_channels
+    from fitball.inference.prediction.new_impacts import observed_observables
     from fitball.inference.results.results import RunStatus, Verdict
     from fitball.report.form.atomic_write import refuse_existing, write_text
     from fitball.report.form.csv import csv_text
@@ -86,8 +86,8 @@ def run(args: argparse.Namespace) -> int:
     stated, point_only = covariance is not None, saved.status is RunStatus.POINT_ONLY
     if args.exact_incidence:
         covariance = None
-    channels, unused = observed_channels(saved.fitted, table) if table is not None else ((), ())
-    prediction = saved.predict_interval(impacts, channels, seed=args.seed, incident_covariance=covariance)
+    observables, unused = observed_observables(saved.fitted, table) if table is not None else ((), ())
+    prediction = saved.predict_interval(impacts, observables, seed=args.seed, incident_covariance=covariance)
     judged = scores(prediction)
     notes = [*(() if table is None else table.remarks), *unused]
     if point_only:

@@ -62,7 +62,7 @@ def _bare(name: str) -> str:
 def _nearest(name: str, taken: Iterable[str]) -> str | None:
     """The known name that `name` misspells, or None when it is a name of its own.
 
-    A name that differs only in case or signs is always a misspelling; one that merely looks similar is
+    A name that differs only in case or signs is always a misspelling; one that merely evidence similar is
     one only while the name it resembles is absent, since `theta_3` beside `theta_1` is a column of its own.
     """
     known = [*NUMBERS, *LABELS]

@@ -21,7 +21,7 @@ from fitball.inference.prediction.error_budget import error_budget
 from fitball.inference.prediction.extrapolation import spanning_impacts
 from fitball.inference.prediction.force_notes import force_notes
 from fitball.inference.prediction.golden import golden
-from fitball.inference.prediction.group_estimates import level_estimates
+from fitball.inference.prediction.group_estimates import group_estimates
 from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import Profiles
@@ -124,9 +124,11 @@ def fingerprint(problem: Problem, effort: Effort) -> str:
         "ball": [problem.model.ball.mass, problem.model.ball.radius, problem.model.ball.inertia],
         "parameters": [[item.name, item.prior.text, item.fixed] for item in problem.parameters],
         "contact_time": problem.contact_time,
-        "noise": [[channel.name, channel.noise] for channel in problem.channels],
-        "levels": [[item.parameter, item.column, item.index.tolist()] for item in problem.levels],
-        "offsets": None if problem.offsets is None else [problem.offsets.column, problem.offsets.index.tolist()],
+        "noise": [[observable.name, observable.noise] for observable in problem.observables],
+        "levels": [[item.parameter, item.column, item.index.tolist()] for item in problem.pooling],
+        "offsets": None
+        if problem.group_bias is None
+        else [problem.group_bias.column, problem.group_bias.index.tolist()],
         "incident": None if problem.incident is None else problem.incident.covariance.tolist(),
         "sampler": [settings.walkers, settings.ensembles, settings.seed],
     }
@@ -218,7 +220,7 @@ def _assemble(
             prediction = predictive(problem, point, posterior, predictive_generator(effort.seed))
             diagnostics = _diagnostics(sampled, effort)
         regimes = () if prediction is None else prediction.regimes
-        examination, judgements = examine(problem, point, profiled, posterior, correlation, regimes)
+        identifiability, judgements = examine(problem, point, profiled, posterior, correlation, regimes)
         estimates = tuple(
             _estimate(problem, k, point, posterior, sampled, judgements) for k in range(len(problem.parameters))
         )
@@ -240,11 +242,11 @@ def _assemble(
         correlation=correlation,
         diagnostics=diagnostics,
         predictive=prediction,
-        examination=examination,
+        identifiability=identifiability,
         fitted=fitted,
         golden=chosen,
         error_budget=budget,
-        levels=level_estimates(problem, point, posterior),
+        levels=group_estimates(problem, point, posterior),
         status=status,
         verdict=_sentence(status, diagnostics, estimates),
         seed=effort.seed,

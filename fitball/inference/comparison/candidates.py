@@ -30,7 +30,7 @@ VERTICAL = ("v_y2", "v_2")
 
 
 @dataclass(frozen=True)
-class Rung:
+class Candidate:
     """A model of the comparison, under the `name` it was asked for, with its `problem`."""
 
     name: str
@@ -43,12 +43,12 @@ class Rung:
 
 
 @dataclass(frozen=True)
-class Ladder:
+class Candidates:
     """Models to compare on one table; `columns` are the measured ones that all of them predict, `notes` say what
     was left out and why.
     """
 
-    rungs: tuple[Rung, ...]
+    candidates: tuple[Candidate, ...]
     columns: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -84,13 +84,13 @@ def default_names(table: ImpactTable, quick: bool = False) -> tuple[tuple[str, .
     return (*CORE, *VARIANTS), []
 
 
-def build_ladder(table: ImpactTable, scene: Scene, names: Sequence[str]) -> Ladder:
+def build_candidates(table: ImpactTable, scene: Scene, names: Sequence[str]) -> Candidates:
     """Problems for the models called `names`; one that equals an earlier one on this table is left out.
 
     Raises ModelError and FitError as `build_problem` does, for the model `thesis`, for fewer than two models, and
     when no column is predicted by all of them.
     """
-    rungs: list[Rung] = []
+    candidates: list[Candidate] = []
     notes: list[str] = []
     for text in names:
         name, closures = parse_name(text)
@@ -99,25 +99,25 @@ def build_ladder(table: ImpactTable, scene: Scene, names: Sequence[str]) -> Ladd
                 "model thesis repeats a printed computation with its slips and is not ranked; its published "
                 "parameter sets are scored by themselves on Wang's tables, and thesis-exact solves its equations"
             )
-        if text in (rung.name for rung in rungs):
+        if text in (candidate.name for candidate in candidates):
             raise ModelError(f"model {text} is named twice")
         problem = build_problem(table, scene, Choices(model=name, closures=closures))
-        twin = next((rung for rung in rungs if _same(rung.problem, problem)), None)
+        twin = next((candidate for candidate in candidates if _same(candidate.problem, problem)), None)
         if twin is None:
-            rungs.append(Rung(text, problem))
+            candidates.append(Candidate(text, problem))
         else:
             notes.append(f"{text} is {twin.name} on this table and is not fitted again")
-    if len(rungs) < 2:
+    if len(candidates) < 2:
         raise FitError(
-            f"a comparison needs at least two different models; there is {len(rungs)}: name more (--models)"
+            f"a comparison needs at least two different models; there is {len(candidates)}: name more (--models)"
         )
-    columns, said = _common_columns(rungs)
+    columns, said = _common_columns(candidates)
     if not columns:
         raise FitError(
-            f"{table.source}: no measured column is predicted by all of {', '.join(rung.name for rung in rungs)}: "
-            "compare fewer models"
+            f"{table.source}: no measured column is predicted by all of {', '.join(item.name for item in candidates)}"
+            ": compare fewer models"
         )
-    return Ladder(tuple(rungs), columns, tuple(notes + said))
+    return Candidates(tuple(candidates), columns, tuple(notes + said))
 
 
 def _same(one: Problem, other: Problem) -> bool:
@@ -129,9 +129,10 @@ def _same(one: Problem, other: Problem) -> bool:
     )
 
 
-def _common_columns(rungs: Sequence[Rung]) -> tuple[tuple[str, ...], list[str]]:
+def _common_columns(candidates: Sequence[Candidate]) -> tuple[tuple[str, ...], list[str]]:
     predicted: Mapping[str, tuple[str, ...]] = {
-        rung.name: tuple(channel.name for channel in rung.problem.channels) for rung in rungs
+        candidate.name: tuple(observable.name for observable in candidate.problem.observables)
+        for candidate in candidates
     }
     everything = tuple(dict.fromkeys(name for names in predicted.values() for name in names))
     common = tuple(name for name in everything if all(name in names for names in predicted.values()))
@@ -144,6 +145,9 @@ def _common_columns(rungs: Sequence[Rung]) -> tuple[tuple[str, ...], list[str]]:
                 f"{name} enters no score of the comparison, because {', '.join(without)} {verb} not predict it; "
                 "models that do are fitted to it all the same"
             )
-    told = [rung for rung in rungs if rung.told]
-    notes += [f"{rung.name} is told each measured {', '.join(rung.told)}, also of left-out impacts" for rung in told]
+    told = [candidate for candidate in candidates if candidate.told]
+    notes += [
+        f"{candidate.name} is told each measured {', '.join(candidate.told)}, also of left-out impacts"
+        for candidate in told
+    ]
     return common, notes

@@ -1,4 +1,4 @@
-"""The ladder of models on one table, each fitted and scored by what it says of impacts it has not seen."""
+"""The candidates of models on one table, each fitted and scored by what it says of impacts it has not seen."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError
 from fitball.inference.calibrate import Effort
-from fitball.inference.comparison.candidates import Ladder
+from fitball.inference.comparison.candidates import Candidates
 from fitball.inference.comparison.cross_validation import make_folds
 from fitball.inference.comparison.model_weights import pseudo_bma_weights, stacking_weights
 from fitball.inference.comparison.nesting import alarm_words, overtaken, settled_words
@@ -30,13 +30,13 @@ MAX_STEPS = 8000
 
 def compare(
     table: ImpactTable,
-    ladder: Ladder,
+    candidates: Candidates,
     effort: Effort,
     quick: bool = False,
     published: Sequence[FixedPrediction] = (),
     report: Callable[[str], None] = lambda _stage: None,
 ) -> Comparison:
-    """Fit and score every model of the ladder.
+    """Fit and score every model of the candidates.
 
     `quick` leaves out the exact refits of impacts with a high Pareto k. The models are shared among `effort.cores`
     processes; the scores do not depend on their number. Interrupted with at least two models done, it returns those
@@ -50,11 +50,11 @@ def compare(
             f"{table.source}: {count}: models are compared by leaving impacts out, which needs at least "
             f"{LEAST_IMPACTS} of them, and {FEW} to mean anything"
         )
-    fold_seed, weight_seed, *model_seeds = np.random.SeedSequence(effort.seed).spawn(2 + len(ladder.rungs))
+    fold_seed, weight_seed, *model_seeds = np.random.SeedSequence(effort.seed).spawn(2 + len(candidates.candidates))
     folds, notes = make_folds(table, np.random.default_rng(fold_seed))
     tasks = [
-        Task(rung, ladder.columns, folds, effort, seed, quick)
-        for rung, seed in zip(ladder.rungs, model_seeds, strict=True)
+        Task(candidate, candidates.columns, folds, effort, seed, quick)
+        for candidate, seed in zip(candidates.candidates, model_seeds, strict=True)
     ]
     scores: list[ModelScore] = []
     interrupted, alarms = False, list[str]()
@@ -68,9 +68,9 @@ def compare(
             raise KeyboardInterrupt from None
         interrupted = True
         done = {item.name for item in scores}
-        missing = ", ".join(rung.name for rung in ladder.rungs if rung.name not in done)
+        missing = ", ".join(candidate.name for candidate in candidates.candidates if candidate.name not in done)
         notes.append(f"interrupted: {missing} not compared" if missing else "interrupted while searching again")
-    order = [rung.name for rung in ladder.rungs]
+    order = [candidate.name for candidate in candidates.candidates]
     scores.sort(key=lambda item: (-item.loo.total, order.index(item.name)))
     elpd = np.stack([item.loo.elpd for item in scores], axis=1)
     names = [item.name for item in scores]
@@ -80,13 +80,13 @@ def compare(
         notes.insert(0, f"with {len(table)} impacts leave-one-out scores mean nothing: no model is recommended")
     return Comparison(
         table=table,
-        columns=ladder.columns,
+        columns=candidates.columns,
         models=tuple(scores),
         published=tuple(published),
         stacking=stacking,
         pseudo_bma=pseudo_bma,
         status=RunStatus.INTERRUPTED if interrupted else _status(scores, alarms),
-        notes=(*ladder.notes, *notes),
+        notes=(*candidates.notes, *notes),
         seed=effort.seed,
         quick=quick,
         seconds=time.perf_counter() - begun,
@@ -107,9 +107,9 @@ def _searched_again(
     """
     behind = {item.name: found for item in scores if (found := overtaken(item, scores))}
     again = [
-        task.again(start for starts in behind[task.rung.name].values() for start in starts)
+        task.again(start for starts in behind[task.candidate.name].values() for start in starts)
         for task in tasks
-        if task.rung.name in behind
+        if task.candidate.name in behind
     ]
     if not again:
         return list(scores), [], []

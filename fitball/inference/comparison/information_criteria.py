@@ -58,7 +58,9 @@ def criteria(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Criteri
     with np.errstate(divide="ignore"):
         usable = np.all(np.isfinite(bare.to_coordinates(values)), axis=1)
     best = maximum_posterior(bare, values[usable], {name: starts[0][name] for name in default_noise(bare)})
-    return Criteria(best.log_likelihood, bare.dimension, sum(channel.observed.size for channel in bare.channels))
+    return Criteria(
+        best.log_likelihood, bare.dimension, sum(observable.observed.size for observable in bare.observables)
+    )
 
 
 def _flat(prior: Prior) -> Prior:

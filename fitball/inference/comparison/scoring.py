@@ -13,7 +13,7 @@ import numpy as np
 
 from fitball.errors import FitError
 from fitball.inference.calibrate import Effort, run
-from fitball.inference.comparison.candidates import Rung
+from fitball.inference.comparison.candidates import Candidate
 from fitball.inference.comparison.cross_validation import FOLLOWED, Fold, leave_out
 from fitball.inference.comparison.information_criteria import criteria
 from fitball.inference.comparison.psis_loo import leave_one_out
@@ -30,7 +30,7 @@ class Task:
     `beside` further places (all parameters by name) from which its searches begin.
     """
 
-    rung: Rung
+    candidate: Candidate
     columns: tuple[str, ...]
     folds: tuple[Fold, ...]
     effort: Effort
@@ -52,7 +52,7 @@ def scored(tasks: Sequence[Task], cores: int, report: Callable[[str], None]) -> 
     count = len(tasks)
     if cores == 1:
         for k, task in enumerate(tasks):
-            yield score_model(task, _naming(report, f"{task.rung.name} ({k + 1} of {count})"))
+            yield score_model(task, _naming(report, f"{task.candidate.name} ({k + 1} of {count})"))
         return
     workers = min(cores, count)
     report(f"{count} models in {workers} processes")
@@ -83,8 +83,8 @@ def _naming(report: Callable[[str], None], name: str) -> Callable[[str], None]:
 def score_model(task: Task, report: Callable[[str], None] = lambda _stage: None) -> ModelScore:
     """Posterior, leave-one-out densities and left-out errors of a model. Raises FitError, SamplingInterrupted."""
     begun = time.perf_counter()
-    rung, effort, columns = task.rung, task.effort, task.columns
-    problem = rung.problem
+    candidate, effort, columns = task.candidate, task.effort, task.columns
+    problem = candidate.problem
     fit = run(problem, effort, report=lambda stage, _progress: report(stage), beside=task.beside)
     assert fit.posterior is not None
     report("leave-one-out scores")
@@ -94,24 +94,24 @@ def score_model(task: Task, report: Callable[[str], None] = lambda _stage: None)
     settings = refits.settings(problem)
     loo = leave_one_out(problem, fit, fit.posterior, columns, settings, exact=not task.quick)
     report("refits without some impacts")
-    missed, notes = leave_out(problem, fit.point, task.folds, rung.told, np.random.default_rng(fold_seed))
+    missed, notes = leave_out(problem, fit.point, task.folds, candidate.told, np.random.default_rng(fold_seed))
     notes += fit.notes[len(problem.notes) :]
-    every = {channel.name for channel in problem.channels} == set(columns)
+    every = {observable.name for observable in problem.observables} == set(columns)
     starts = (*fit.point.optima[:FOLLOWED], fit.least_squares.values, *task.beside)
     found = criteria(problem, starts) if every else None
     if not every:
-        extra = ", ".join(channel.name for channel in problem.channels if channel.name not in columns)
+        extra = ", ".join(observable.name for observable in problem.observables if observable.name not in columns)
         notes.append(f"fitted to {extra} too, so that AICc and BIC would not compare: left out")
-    left = sum(channel.observed.size for channel in problem.channels) - len(problem.channels)
+    left = sum(observable.observed.size for observable in problem.observables) - len(problem.observables)
     if left <= problem.dimension:
         notes.append(
             f"without one impact {left} measurements are left for {problem.dimension} free parameters: its priors "
             "decide its scores"
         )
     return ModelScore(
-        name=rung.name,
+        name=candidate.name,
         fit=fit,
-        told=rung.told,
+        told=candidate.told,
         loo=loo,
         missed=missed,
         criteria=found,

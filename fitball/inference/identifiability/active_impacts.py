@@ -15,7 +15,7 @@ from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import LOOKED_AT, thinned_problem, thinned_rows
-from fitball.inference.results.evidence import NAMED, ActionLook
+from fitball.inference.results.evidence import NAMED, ActiveImpacts
 from fitball.values import FloatArray
 
 # Change of a rebound, in sds of its noise for the whole width of the prior, below which nothing acts: differences are
@@ -27,9 +27,9 @@ MOSTLY = 0.5
 DOUBT = (0.05, 0.95)
 
 
-def action_looks(
+def active_impacts(
     problem: Problem, coordinates: FloatArray, regimes: Sequence[Mapping[str, float]]
-) -> dict[str, ActionLook]:
+) -> dict[str, ActiveImpacts]:
     """The look at every free parameter but noise, over `coordinates` (draws, free); `regimes` are the probabilities
     of each impact's phase sequences, none of them in doubt when empty. Of a large table a part is looked at.
     """
@@ -53,14 +53,14 @@ def action_looks(
     doubtful = [k for k, shares in enumerate(regimes) if DOUBT[0] < max(shares.values(), default=1.0) < DOUBT[1]]
     # Without motion along the court a contact has no phases, and no name.
     usual = tuple(sorted({max(shares, key=lambda name: shares[name]) for shares in regimes} - {""}))
-    looks = {}
+    evidence = {}
     for column, item in enumerate(problem.free):
         if item.name in NOISE_SPECS:
             continue
         total = float(squares[:, column].sum())
         moved = np.flatnonzero(acting[:, column] >= MOSTLY)
         unsure = [k for k in doubtful if acting[k, column] > 0.0]
-        looks[item.name] = ActionLook(
+        evidence[item.name] = ActiveImpacts(
             impacts=tuple(ids[k] for k in moved[:NAMED]),
             acting=moved.size,
             of=count,
@@ -69,7 +69,7 @@ def action_looks(
             in_doubt=len(unsure),
             share_doubtful=float(squares[doubtful, column].sum()) / total if total > 0.0 else 0.0,
         )
-    return looks
+    return evidence
 
 
 def _on_records(problem: Problem, records: ForceRecords, coordinates: FloatArray) -> FloatArray:

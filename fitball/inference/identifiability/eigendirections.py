@@ -11,7 +11,7 @@ from collections.abc import Collection, Sequence, Set
 
 import numpy as np
 
-from fitball.inference.identifiability.fisher import NONE, fisher_information, prior_sds
+from fitball.inference.identifiability.fisher import UNINFORMED, fisher_information, prior_sds
 from fitball.inference.identifiability.products import (
     known_products,
     log_covariance,
@@ -22,7 +22,7 @@ from fitball.inference.identifiability.products import (
 from fitball.inference.identifiability.symmetric import inverse
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.evidence import Direction, Spectrum
+from fitball.inference.results.evidence import Direction, Eigendirections
 from fitball.inference.results.results import Posterior
 from fitball.values import FloatArray
 
@@ -38,7 +38,7 @@ OPEN, GAIN = 1.0, 0.5
 WITH_THIRD = 0.5
 
 
-def spectrum(problem: Problem, coordinates: FloatArray, posterior: Posterior | None = None) -> Spectrum:
+def eigendirections(problem: Problem, coordinates: FloatArray, posterior: Posterior | None = None) -> Eigendirections:
     """Directions from stiff to sloppy of the parameters that are not noise, at `coordinates` (free,); the sentences
     name the products that are known better than their factors, by the posterior where there is one.
 
@@ -61,7 +61,7 @@ def spectrum(problem: Problem, coordinates: FloatArray, posterior: Posterior | N
             f"the model ends next to the maximum in {_and(ends)}: there is no derivative, and what is said to first "
             f"order takes {_and(ends)} as fixed"
         )
-    return Spectrum(
+    return Eigendirections(
         directions=_directions(items, sds, informed),
         directions_without_scene=_directions(items, sds, alone),
         sentences=tuple(found),
@@ -94,7 +94,7 @@ def _directions(items: Sequence[Parameter], sds: FloatArray, information: FloatA
 
 def _covariance(information: FloatArray) -> FloatArray:
     """Covariance in sds of the priors; directions the table does not see get a huge variance."""
-    return inverse(information, 1.0 / (10.0 * NONE) ** 2)
+    return inverse(information, 1.0 / (10.0 * UNINFORMED) ** 2)
 
 
 def combination(
@@ -120,12 +120,12 @@ def combination(
                 return product(items, rounded), relative(error)
     if not np.any(logs[kept]):
         error = _error(weights * sds, covariance)
-        unseen = error > NONE * float(np.linalg.norm(weights * sds))
+        unseen = error > UNINFORMED * float(np.linalg.norm(weights * sds))
         size = "unknown" if unseen else f"{error:.2g} {items[main].spec.unit}".rstrip()
         return _sum(items, weights, main), size
     order = [int(k) for k in np.argsort(-np.abs(vector)) if kept[k]]
     return "a mixture of " + _and([items[k].name for k in order]), (
-        f"{exact:.2g} sd of the priors" if exact <= NONE else "unknown"
+        f"{exact:.2g} sd of the priors" if exact <= UNINFORMED else "unknown"
     )
 
 

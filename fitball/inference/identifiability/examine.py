@@ -1,4 +1,4 @@
-"""All looks at all parameters, and the verdicts they add up to."""
+"""All evidence at all parameters, and the verdicts they add up to."""
 
 from __future__ import annotations
 
@@ -7,17 +7,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitball.inference.identifiability.active_impacts import action_looks
-from fitball.inference.identifiability.eigendirections import spectrum
-from fitball.inference.identifiability.fisher import information_looks
+from fitball.inference.identifiability.active_impacts import active_impacts
+from fitball.inference.identifiability.eigendirections import eigendirections
+from fitball.inference.identifiability.fisher import information_evidence
 from fitball.inference.identifiability.posterior_verdict import Judgement, judge
-from fitball.inference.identifiability.power_scaling import power_looks
+from fitball.inference.identifiability.power_scaling import power_evidence
 from fitball.inference.identifiability.profile import coverage, profiles
 from fitball.inference.identifiability.verdict import combine, touched_by_scene
 from fitball.inference.likelihood.force_noise import noise_held
 from fitball.inference.problem.parameters import TAILS
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.evidence import LEFT_OUT, OTHER_NOISE, ContractionLook, Examination, Looks, Profiles
+from fitball.inference.results.evidence import (
+    LEFT_OUT,
+    OTHER_NOISE,
+    ContractionEvidence,
+    Evidence,
+    Identifiability,
+    Profiles,
+)
 from fitball.inference.results.results import PointFit, Posterior, Verdict, thinned
 from fitball.values import FloatArray
 
@@ -46,7 +53,7 @@ def profile_all(
         nothing = Profiles(point.log_likelihood, problem.contact_time is not None, {}, OTHER_NOISE)
         return nothing, nothing
     whole = profiles(problem, optima, report=lambda stage: report(f"profiles {stage}"))
-    touched = touched_by_scene(problem, information_looks(problem, _coordinates(problem, point)))
+    touched = touched_by_scene(problem, information_evidence(problem, _coordinates(problem, point)))
     if not touched or whole.missing:
         return whole, Profiles(whole.log_likelihood, False, {}, whole.missing)
     alone = profiles(
@@ -55,14 +62,14 @@ def profile_all(
     return whole, alone
 
 
-def with_profiles(problem: Problem, point: PointFit, examination: Examination) -> Examination:
-    """The same looks with profiles computed now; verdicts stay as they were."""
+def with_profiles(problem: Problem, point: PointFit, identifiability: Identifiability) -> Identifiability:
+    """The same evidence with profiles computed now; verdicts stay as they were."""
     whole, alone = profile_all(problem, point, point.optima, large=True)
-    looks = {
+    evidence = {
         name: replace(item, profile=whole.by_name.get(name), alone=alone.by_name.get(name))
-        for name, item in examination.looks.items()
+        for name, item in identifiability.evidence.items()
     }
-    return replace(examination, looks=looks, profiles_missing=whole.missing)
+    return replace(identifiability, evidence=evidence, profiles_missing=whole.missing)
 
 
 def examine(
@@ -72,21 +79,21 @@ def examine(
     posterior: Posterior | None,
     correlation: FloatArray | None,
     regimes: Sequence[Mapping[str, float]],
-) -> tuple[Examination, dict[str, Judgement]]:
+) -> tuple[Identifiability, dict[str, Judgement]]:
     """Look at every parameter in every way there is, and judge; without a posterior from profile and information.
 
     `regimes` are the probabilities of each impact's phase sequences, empty without a posterior.
     """
     at = _coordinates(problem, point)
-    information = information_looks(problem, at)
+    information = information_evidence(problem, at)
     bases: dict[str, Judgement] = {}
     powers, draws = {}, at[None, :]
     if posterior is not None and correlation is not None:
         bases = judge(problem, point, posterior, correlation)
-        powers = power_looks(problem, posterior)
+        powers = power_evidence(problem, posterior)
         draws = problem.to_coordinates(thinned(posterior, DERIVED))
-    actions = action_looks(problem, draws, regimes)
-    looks, judgements = {}, {}
+    active = active_impacts(problem, draws, regimes)
+    evidence, judgements = {}, {}
     for item in problem.parameters:
         base = bases.get(item.name)
         if not item.free:
@@ -94,19 +101,21 @@ def examine(
             continue
         contraction = None
         if base is not None and base.contraction is not None:
-            contraction = ContractionLook(base.contraction, base.open_sides)
-        seen = Looks(
+            contraction = ContractionEvidence(base.contraction, base.open_sides)
+        seen = Evidence(
             profile=profiled[0].by_name.get(item.name),
             alone=profiled[1].by_name.get(item.name),
             information=information.get(item.name),
             contraction=contraction,
             power=powers.get(item.name),
-            action=actions.get(item.name),
+            active_impacts=active.get(item.name),
             disagreement="",
         )
         judgements[item.name], disagreement = combine(problem, item, base, seen, many=profiled[0].missing == LEFT_OUT)
-        looks[item.name] = replace(seen, disagreement=disagreement)
-    return Examination(looks, spectrum(problem, at, posterior), profiled[0].missing, coverage(problem)), judgements
+        evidence[item.name] = replace(seen, disagreement=disagreement)
+    return Identifiability(
+        evidence, eigendirections(problem, at, posterior), profiled[0].missing, coverage(problem)
+    ), judgements
 
 
 def _coordinates(problem: Problem, point: PointFit) -> FloatArray:

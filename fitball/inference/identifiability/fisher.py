@@ -6,14 +6,14 @@ import numpy as np
 
 from fitball.inference.identifiability.symmetric import inverse
 from fitball.inference.likelihood.force import force_information
-from fitball.inference.likelihood.sensitivities import CHANNEL_SLOPES, prediction_slopes, rebound_slopes
+from fitball.inference.likelihood.sensitivities import OBSERVABLE_SLOPES, prediction_slopes, rebound_slopes
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import LOOKED_AT, thinned_problem
-from fitball.inference.results.evidence import InformationLook
+from fitball.inference.results.evidence import InformationEvidence
 from fitball.values import FloatArray
 
 # Standard errors above this many sds of the prior are no knowledge at all.
-NONE = 1e3
+UNINFORMED = 1e3
 
 
 def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool) -> FloatArray:
@@ -31,15 +31,15 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
     information = rows.T @ rows
     rebound, slopes = rebound_slopes(problem, coordinates[None, :])
     width = problem.prior.width
-    for channel in problem.channels:
-        if channel.noise is None:
+    for observable in problem.observables:
+        if observable.noise is None:
             continue
-        growth = np.zeros((channel.observed.size, problem.dimension))
-        if channel.turned:
+        growth = np.zeros((observable.observed.size, problem.dimension))
+        if observable.turned:
             speed = np.hypot(rebound.v_x2, rebound.v_y2)[0, :, None]
-            growth -= CHANNEL_SLOPES["v_2"](rebound, slopes)[0] / speed * width
-        if channel.noise in problem.free_names:
-            k = problem.free_names.index(channel.noise)
+            growth -= OBSERVABLE_SLOPES["v_2"](rebound, slopes)[0] / speed * width
+        if observable.noise in problem.free_names:
+            k = problem.free_names.index(observable.noise)
             growth[:, k] = width[k] if problem.free[k].prior.log else width[k] / coordinates[k]
         information += 2.0 * growth.T @ growth
     information *= share
@@ -58,7 +58,7 @@ def prior_sds(problem: Problem) -> FloatArray:
     return np.array([1.0 if item.prior.normal else 12.0**-0.5 for item in problem.free])
 
 
-def information_looks(problem: Problem, coordinates: FloatArray) -> dict[str, InformationLook]:
+def information_evidence(problem: Problem, coordinates: FloatArray) -> dict[str, InformationEvidence]:
     """The information about the free parameters at `coordinates` (free,), but for those without a derivative."""
     with_scene = fisher_information(problem, coordinates, scene=True)
     without = fisher_information(problem, coordinates, scene=False)
@@ -68,9 +68,9 @@ def information_looks(problem: Problem, coordinates: FloatArray) -> dict[str, In
     shares = 1.0 - (1.0 - _contraction(after)) / (1.0 - _contraction(before))
     shares_without = _contraction(without)
     return {
-        name: InformationLook(
-            None if errors[k] > NONE else float(errors[k]),
-            None if errors_without[k] > NONE else float(errors_without[k]),
+        name: InformationEvidence(
+            None if errors[k] > UNINFORMED else float(errors[k]),
+            None if errors_without[k] > UNINFORMED else float(errors_without[k]),
             float(shares[k]),
             float(shares_without[k]),
         )
@@ -84,7 +84,7 @@ def standard_errors(information: FloatArray) -> FloatArray:
     those of parameters without a derivative NaN.
     """
     # A millionth of a prior's sd to the minus two stands for nothing: errors reach a thousand sds of a prior.
-    errors: FloatArray = np.sqrt(np.diag(inverse(information, 1e-2 / NONE**2)))
+    errors: FloatArray = np.sqrt(np.diag(inverse(information, 1e-2 / UNINFORMED**2)))
     return errors
 
 

@@ -1,4 +1,4 @@
-"""Damped Gauss-Newton on the likelihood surface, many searches at once: one batch of the kernel a round."""
+"""Damped Gauss-Newton on the likelihood objective, many searches at once: one batch of the kernel a round."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.identifiability.profile_objective import Conditions, Surface
+from fitball.inference.identifiability.profile_objective import Conditions, ProfileObjective
 from fitball.inference.identifiability.quadratic_program import constrained_step
 from fitball.values import FloatArray
 
@@ -16,7 +16,7 @@ PROMISED = 2e-4
 MOST_ROUNDS = 60
 # Rounds as good as the last one that a search with a goal may still need.
 PATIENCE = 10.0
-GENTLE, HOPELESS = 1e-3, 1e9
+GENTLE, MAX_DAMPING = 1e-3, 1e9
 # The longest step in widths of the priors.
 REACH = 1.0
 # Curvature added to directions that the table does not see, in widths of the priors: far below anything measured.
@@ -49,15 +49,15 @@ class Reached:
     settled: NDArray[np.bool_]
 
 
-def descend(surface: Surface, searches: Searches, goal: FloatArray | None = None) -> Reached:
+def descend(objective: ProfileObjective, searches: Searches, goal: FloatArray | None = None) -> Reached:
     """Lower every row's cost as far as damped Gauss-Newton steps go, held columns as they are, bounds and walls kept.
 
     Starts outside the walls are first moved to the nearest point inside. With a `goal` (rows,), rows that advance too
     slowly to get below theirs are given up.
     """
-    x = feasible(surface, searches)
+    x = feasible(objective, searches)
     rows = x.shape[0]
-    cost = surface.cost(x, searches.given)
+    cost = objective.cost(x, searches.given)
     settled = np.zeros(rows, dtype=bool)
     damping = np.full(rows, GENTLE)
     gradient = np.zeros(x.shape)
@@ -67,22 +67,24 @@ def descend(surface: Surface, searches: Searches, goal: FloatArray | None = None
     for _ in range(MOST_ROUNDS):
         fresh = np.flatnonzero(running & stale)
         if fresh.size:
-            _, gradient[fresh], curvature[fresh] = surface.linearised(x[fresh], searches.given.take(fresh))
+            _, gradient[fresh], curvature[fresh] = objective.linearised(x[fresh], searches.given.take(fresh))
             stale[fresh] = False
             # A point so close to where the model ends that no difference exists goes no further.
             running[fresh] &= np.isfinite(gradient[fresh]).all(axis=1)
         busy = np.flatnonzero(running)
         if busy.size == 0:
             break
-        step, promise = _steps(surface, searches.take(busy), x[busy], gradient[busy], curvature[busy], damping[busy])
+        step, promise = _steps(
+            objective, searches.take(busy), x[busy], gradient[busy], curvature[busy], damping[busy]
+        )
         done = (promise < PROMISED) & (damping[busy] <= GENTLE)
         settled[busy[done]] = True
         # A strongly damped step promises little whatever the slope: such a search is stuck, not settled.
-        stuck = (promise < PROMISED) & (damping[busy] > 1.0) | (damping[busy] > HOPELESS)
+        stuck = (promise < PROMISED) & (damping[busy] > 1.0) | (damping[busy] > MAX_DAMPING)
         running[busy[done | stuck]] = False
         tried, step = busy[~done & ~stuck], step[~done & ~stuck]
         trial = x[tried] + step
-        lower = surface.cost(trial, searches.given.take(tried))
+        lower = objective.cost(trial, searches.given.take(tried))
         better = lower < cost[tried]
         moved, refused = tried[better], tried[~better]
         if goal is not None:
@@ -96,7 +98,7 @@ def descend(surface: Surface, searches: Searches, goal: FloatArray | None = None
 
 
 def _steps(
-    surface: Surface,
+    objective: ProfileObjective,
     searches: Searches,
     x: FloatArray,
     gradient: FloatArray,
@@ -105,21 +107,21 @@ def _steps(
 ) -> tuple[FloatArray, FloatArray]:
     """Damped steps (rows, columns) and the decrease each promises, (rows,)."""
     count = x.shape[1]
-    diagonal = damping[:, None] * np.einsum("bkk->bk", curvature) + UNSEEN / surface.width**2
+    diagonal = damping[:, None] * np.einsum("bkk->bk", curvature) + UNSEEN / objective.width**2
     damped = curvature + diagonal[:, :, None] * np.eye(count)
     moving = np.arange(count) != searches.held[:, None]
     # Held columns neither move nor couple.
     coupled = np.where(moving[:, :, None] & moving[:, None, :], damped, np.eye(count))
     slope = np.where(moving, gradient, 0.0)
     step = -np.linalg.solve(coupled, slope[..., None])[..., 0]
-    low, high = surface.limits
-    a, b = surface.walls
-    reach = REACH * surface.width
+    low, high = objective.limits
+    a, b = objective.walls
+    reach = REACH * objective.width
     trial = x + step
     crossed = np.any(((trial < low) | (trial > high) | (np.abs(step) > reach)) & moving, axis=1)
     for row in np.flatnonzero(crossed | np.any(trial @ a.T > b, axis=1)):
         free = moving[row]
-        found = _within(surface, x[row], free, damped[row], slope[row], reach)
+        found = _within(objective, x[row], free, damped[row], slope[row], reach)
         step[row] = 0.0
         if found is not None:
             step[row, free] = found
@@ -128,7 +130,7 @@ def _steps(
 
 
 def _within(
-    surface: Surface,
+    objective: ProfileObjective,
     x: FloatArray,
     free: NDArray[np.bool_],
     curvature: FloatArray,
@@ -136,8 +138,8 @@ def _within(
     reach: FloatArray,
 ) -> FloatArray | None:
     """The best step (free columns,) of one row within bounds, walls and reach; None when nothing is within."""
-    low, high = surface.limits
-    a, b = surface.walls
+    low, high = objective.limits
+    a, b = objective.walls
     identity = np.eye(x.size)
     conditions = np.vstack([identity, -identity, a])[:, free]
     room = np.concatenate([np.minimum(high - x, reach), np.minimum(x - low, reach), b - a @ x])
@@ -148,18 +150,18 @@ def _within(
     return None if step is None else np.clip(x[free] + step, low[free], high[free]) - x[free]
 
 
-def feasible(surface: Surface, searches: Searches) -> FloatArray:
+def feasible(objective: ProfileObjective, searches: Searches) -> FloatArray:
     """The nearest points (rows, columns), in widths of the priors, within bounds and walls; a row for which there is
     none stays where it is, outside.
     """
-    low, high = surface.limits
-    a, b = surface.walls
+    low, high = objective.limits
+    a, b = objective.walls
     count = searches.x.shape[1]
     moving = np.arange(count) != searches.held[:, None]
     x = np.where(moving, np.clip(searches.x, low, high), searches.x)
-    metric = np.diag(surface.width**-2.0)
+    metric = np.diag(objective.width**-2.0)
     for row in np.flatnonzero(np.any(x @ a.T > b, axis=1)):
-        found = _within(surface, x[row], moving[row], metric, np.zeros(count), np.full(count, np.inf))
+        found = _within(objective, x[row], moving[row], metric, np.zeros(count), np.full(count, np.inf))
         if found is not None:
             x[row, moving[row]] += found
     return x

@@ -12,7 +12,7 @@ from arviz_stats.base.array import array_stats
 
 from fitball.inference.likelihood.posterior import densities
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.evidence import PowerLook
+from fitball.inference.results.evidence import PowerEvidence
 from fitball.inference.results.results import Posterior, thinned
 from fitball.inference.sampling.convergence import TAILS
 from fitball.inference.sampling.importance import smoothed
@@ -27,7 +27,7 @@ CONFLICT = "prior-data conflict"
 WEAK = "strong prior / weak likelihood"
 
 
-def power_looks(problem: Problem, posterior: Posterior) -> dict[str, PowerLook]:
+def power_evidence(problem: Problem, posterior: Posterior) -> dict[str, PowerEvidence]:
     """The look at every free parameter, in the coordinate of its prior, on a few thousand draws."""
     values = thinned(posterior, DRAWS)
     coordinates = problem.to_coordinates(values)
@@ -38,16 +38,16 @@ def power_looks(problem: Problem, posterior: Posterior) -> dict[str, PowerLook]:
     scene = None
     if problem.contact_time is not None:
         scene = sensitivities(coordinates, found.scene)
-    looks = {}
+    evidence = {}
     for k, name in enumerate(problem.free_names):
-        looks[name] = PowerLook(
+        evidence[name] = PowerEvidence(
             prior=float(priors[k]),
             own_prior=float(sensitivities(coordinates[:, k : k + 1], each[:, k])[0]),
             scene=None if scene is None else float(scene[k]),
             likelihood=float(likelihood[k]),
             diagnosis=diagnosis(float(priors[k]), float(likelihood[k])),
         )
-    return looks
+    return evidence
 
 
 def sensitivities(draws: FloatArray, log_density: FloatArray) -> FloatArray:

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.stats import chi2
 from scipy.stats import t as student
 
-from fitball.inference.identifiability.profile_objective import Surface
-from fitball.inference.identifiability.profile_path import Point, Top, best_top, march, sweep
+from fitball.inference.identifiability.profile_objective import ProfileObjective
+from fitball.inference.identifiability.profile_path import Point, Top, best_top, profile_paths, sweep
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import End, Interval, Profile, Profiles
@@ -44,33 +44,33 @@ def profiles(
     bound is met; then every point is tried again from both neighbours and from the other optima, so that the profile
     is that of the highest of several optima. A better optimum met on the way begins it all anew.
     """
-    surface = Surface(problem)
-    starts = surface.from_values(np.array([[item[name] for name in problem.free_names] for item in optima]))
+    objective = ProfileObjective(problem)
+    starts = objective.from_values(np.array([[item[name] for name in problem.free_names] for item in optima]))
     columns = [k for k, name in enumerate(problem.free_names) if names is None or name in names]
     scene = scene and problem.contact_time is not None
-    top, others = best_top(surface, starts, scene)
+    top, others = best_top(objective, starts, scene)
     found: dict[int, list[Point]] = {}
     for _ in range(RESTARTS):
-        unbounded = _noise_at_bound(surface, top)
+        unbounded = _noise_at_bound(objective, top)
         if unbounded:
             return Profiles(-top.cost, scene, {}, unbounded)
         report("outwards")
-        found, better = march(surface, columns, top, scene)
+        found, better = profile_paths(objective, columns, top, scene)
         changed = {column: set(range(len(points))) for column, points in found.items()}
         tried = others
         for _ in range(SWEEPS if better is None else 0):
             report("from both sides")
-            found, better, changed = sweep(surface, found, changed, tried, top, scene)
+            found, better, changed = sweep(objective, found, changed, tried, top, scene)
             tried = others[:0]
             if better is not None or not any(changed.values()):
                 break
         if better is None:
             break
-        top, others = best_top(surface, np.concatenate([better[None, :], top.x[None, :], others]), scene)
+        top, others = best_top(objective, np.concatenate([better[None, :], top.x[None, :], others]), scene)
     if columns and not found:
         return Profiles(-top.cost, scene, {}, f"after {RESTARTS} searches a higher maximum is still met on the way")
     lowest = min([top.cost, *(point.cost for points in found.values() for point in points)])
-    named = {problem.free[k].name: _profile(surface, k, points, lowest) for k, points in found.items()}
+    named = {problem.free[k].name: _profile(objective, k, points, lowest) for k, points in found.items()}
     return Profiles(-lowest, scene, named)
 
 
@@ -78,8 +78,8 @@ def coverage(problem: Problem) -> float:
     """How often a drop of 1.92 holds the truth, for a linear model with one fitted noise of as many measurements and
     parameters: there twice the drop is `n ln(1 + t^2/(n - p))` with Student's t of `n - p` degrees of freedom.
     """
-    fitted = [channel for channel in problem.channels if channel.noise in problem.free_names]
-    count = sum(channel.observed.size for channel in fitted)
+    fitted = [observable for observable in problem.observables if observable.noise in problem.free_names]
+    count = sum(observable.observed.size for observable in fitted)
     if not fitted:
         return 1.0 - 2.0 * float(student.sf(math.sqrt(2.0 * DROP_95), math.inf))
     freedom = count - sum(name not in NOISE_SPECS for name in problem.free_names)
@@ -88,11 +88,11 @@ def coverage(problem: Problem) -> float:
     return 1.0 - 2.0 * float(student.sf(math.sqrt(freedom * math.expm1(2.0 * DROP_95 / count)), freedom))
 
 
-def _noise_at_bound(surface: Surface, top: Top) -> str:
+def _noise_at_bound(objective: ProfileObjective, top: Top) -> str:
     """In words, that the likelihood has no maximum because a noise shrinks to nothing; empty when it does not."""
-    for position, k in enumerate(surface.noise_columns):
-        item = surface.problem.free[k]
-        low = surface.ends(k)[0]
+    for position, k in enumerate(objective.noise_columns):
+        item = objective.problem.free[k]
+        low = objective.ends(k)[0]
         # A noise within a thousandth of its bound, on its own scale, is there.
         if top.noise[position] <= low + 1e-3:
             return (
@@ -102,12 +102,12 @@ def _noise_at_bound(surface: Surface, top: Top) -> str:
     return ""
 
 
-def _profile(surface: Surface, column: int, points: list[Point], lowest: float) -> Profile:
-    item = surface.problem.free[column]
+def _profile(objective: ProfileObjective, column: int, points: list[Point], lowest: float) -> Profile:
+    item = objective.problem.free[column]
     ordered = sorted(points, key=lambda point: point.at)
     at = np.array([point.at for point in ordered])
     drop = np.maximum(np.array([point.cost for point in ordered]) - lowest, 0.0)
-    values = at if surface.is_value(column) else item.prior.value(at)
+    values = at if objective.is_value(column) else item.prior.value(at)
     ends = tuple(
         End.CLOSED if drop[k] >= DROP_95 else (End.BOUND if ordered[k].bound else End.MODEL) for k in (0, -1)
     )
@@ -115,7 +115,7 @@ def _profile(surface: Surface, column: int, points: list[Point], lowest: float) 
     def interval(level: float) -> Interval:
         low, high = _crossing(at[::-1], drop[::-1], level), _crossing(at, drop, level)
         sides = np.array([math.nan if side is None else side for side in (low, high)])
-        shown = sides if surface.is_value(column) else item.prior.value(sides)
+        shown = sides if objective.is_value(column) else item.prior.value(sides)
         left, right = (None if math.isnan(side) else float(side) for side in shown)
         return left, right
 
@@ -127,17 +127,17 @@ def _profile(surface: Surface, column: int, points: list[Point], lowest: float) 
         interval_68=interval(DROP_68),
         interval_95=interval(DROP_95),
         ends=(ends[0], ends[1]),
-        leans_on=(_at_bounds(surface, column, ordered[0]), _at_bounds(surface, column, ordered[-1])),
+        leans_on=(_at_bounds(objective, column, ordered[0]), _at_bounds(objective, column, ordered[-1])),
         unsettled=sum(not point.settled for point in ordered),
     )
 
 
-def _at_bounds(surface: Surface, column: int, point: Point) -> tuple[str, ...]:
+def _at_bounds(objective: ProfileObjective, column: int, point: Point) -> tuple[str, ...]:
     """Names of other parameters that lie on a bound of their own at a point that ends a profile."""
-    low, high = surface.limits
-    near = np.minimum(point.x - low, high - point.x) < 1e-6 * surface.width
+    low, high = objective.limits
+    near = np.minimum(point.x - low, high - point.x) < 1e-6 * objective.width
     return tuple(
-        surface.problem.free[k].name for k, at in zip(surface.columns, near, strict=True) if at and k != column
+        objective.problem.free[k].name for k, at in zip(objective.columns, near, strict=True) if at and k != column
     )
 
 

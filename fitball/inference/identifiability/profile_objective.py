@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from fitball.inference.likelihood.force import force_cost, force_slopes
 from fitball.inference.likelihood.posterior import log_scene_density
-from fitball.inference.likelihood.sensitivities import CHANNEL_SLOPES, channel_slopes, rebound_slopes
+from fitball.inference.likelihood.sensitivities import OBSERVABLE_SLOPES, observable_slopes, rebound_slopes
 from fitball.inference.problem.batches import batches
 from fitball.inference.problem.noise import LOG_TAU
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
@@ -30,9 +30,9 @@ Columns = Mapping[str, FloatArray]
 LINE = ("mass_ratio", "cor_10", "cor_slope")
 # How far inside an end where the model stops (a restitution of zero, a shell without mass) a search may go, in units
 # of the quantity itself: nothing measurable, and far above rounding.
-HAIR = 1e-6
+ROUNDING = 1e-6
 # A log prior on [0, ...) ends at minus infinity; this many of its sds below its median a search gives up.
-FAR = 8.0
+PRIOR_REACH = 8.0
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Conditions:
 
 
 @dataclass(frozen=True)
-class Surface:
+class ProfileObjective:
     """The negative log likelihood of a problem and its derivatives, batched over rows."""
 
     problem: Problem
@@ -67,7 +67,7 @@ class Surface:
 
     @cached_property
     def items(self) -> tuple[Parameter, ...]:
-        """The parameters of the surface, one a column."""
+        """The parameters of the objective, one a column."""
         return tuple(self.problem.free[k] for k in self.columns)
 
     @cached_property
@@ -93,9 +93,9 @@ class Surface:
         item = self.problem.free[column]
         if item.name in LINE:
             low, high = item.prior.lower, item.prior.upper
-            return low, min(high, 1.0 - HAIR) if item.name == "mass_ratio" else high
+            return low, min(high, 1.0 - ROUNDING) if item.name == "mass_ratio" else high
         low, high = item.prior.ends
-        return max(low, item.prior.a - FAR * item.prior.b) if item.prior.log else low, high
+        return max(low, item.prior.a - PRIOR_REACH * item.prior.b) if item.prior.log else low, high
 
     @cached_property
     def limits(self) -> tuple[FloatArray, FloatArray]:
@@ -126,7 +126,7 @@ class Surface:
                 rows.append(row)
                 bounds.append(bound)
 
-        if {item.parameter for item in problem.levels} & set(LINE):
+        if {item.parameter for item in problem.pooling} & set(LINE):
             # What differs between levels has no one wall: the model's own refusal bounds it.
             return np.empty((0, len(places))), np.empty(0)
         momentum = problem.model.options.get("normal") == "momentum" and "mass_ratio" in problem.model_names
@@ -135,7 +135,7 @@ class Surface:
                 line = {"cor_10": 1.0}
                 if "cor_slope" in problem.model_names:
                     line["cor_slope"] = speed - ANCHOR_SPEED
-                add({name: -factor for name, factor in line.items()}, -HAIR)
+                add({name: -factor for name, factor in line.items()}, -ROUNDING)
                 # A hair of rounding below the wall, or the restitution of the core would exceed 1.
                 add({**line, "mass_ratio": -1.0} if momentum else line, -1e-12 if momentum else 1.0)
         elif momentum and problem.impacts.cor is not None:
@@ -174,10 +174,10 @@ class Surface:
         for position, k in enumerate(self.noise_columns):
             item = self.problem.free[k]
             squares, count = np.zeros(given.noise.shape[0]), 0
-            for channel in self.problem.channels:
-                if channel.noise == item.name:
-                    z = self.problem.deviation(columns, channel, rebound) / channel.spread(1.0, rebound)
-                    squares, count = squares + np.sum(z * z, axis=1), count + channel.observed.size
+            for observable in self.problem.observables:
+                if observable.noise == item.name:
+                    z = self.problem.deviation(columns, observable, rebound) / observable.spread(1.0, rebound)
+                    squares, count = squares + np.sum(z * z, axis=1), count + observable.observed.size
             best = np.clip(np.sqrt(squares / count), item.prior.lower, item.prior.upper)
             held = given.noise[:, position]
             sizes[item.name] = np.where(np.isnan(held), best, item.prior.value(np.nan_to_num(held)))
@@ -196,9 +196,9 @@ class Surface:
     def _cost(self, columns: Columns, rebound: Rebound, given: Conditions) -> FloatArray:
         sizes = self._noise(columns, rebound, given)
         total = np.zeros(rebound.v_x2.shape[0])
-        for channel in self.problem.channels:
-            spread = channel.sds(sizes, rebound)
-            z = self.problem.deviation(columns, channel, rebound) / spread
+        for observable in self.problem.observables:
+            spread = observable.sds(sizes, rebound)
+            z = self.problem.deviation(columns, observable, rebound) / spread
             total = total + np.sum(0.5 * (z * z + LOG_TAU) + np.log(spread), axis=1)
         if self.problem.force is not None:
             total = total + force_cost(self.problem, columns)
@@ -222,7 +222,7 @@ class Surface:
         rebound, slopes = rebound_slopes(self.problem, coordinates)
         columns = self.problem.all_values(self.problem.to_values(coordinates))
         sizes = self._noise(columns, rebound, given)
-        # From coordinates of the priors to those of the surface.
+        # From coordinates of the priors to those of the objective.
         chain = np.where(self._as_value, 1.0 / np.where(self._as_value, x, 1.0), 1.0)
         rows, count = x.shape
         gradient = np.zeros((rows, count))
@@ -233,14 +233,16 @@ class Surface:
             gradient = gradient + np.einsum("bm,bmk->bk", z, slope)
             curvature = curvature + np.einsum("bmk,bml->bkl", slope, slope)
 
-        for channel in self.problem.channels:
-            spread = np.broadcast_to(channel.sds(sizes, rebound), rebound.v_x2.shape)
-            z = -self.problem.deviation(columns, channel, rebound) / spread
-            slope = channel_slopes(self.problem, channel, rebound, slopes)[..., self.columns] * chain[:, None, :]
-            if channel.turned:
+        for observable in self.problem.observables:
+            spread = np.broadcast_to(observable.sds(sizes, rebound), rebound.v_x2.shape)
+            z = -self.problem.deviation(columns, observable, rebound) / spread
+            slope = (
+                observable_slopes(self.problem, observable, rebound, slopes)[..., self.columns] * chain[:, None, :]
+            )
+            if observable.turned:
                 # The spread of an angle falls with the rebound speed: z = (angle - observed) speed/noise.
                 speed = np.hypot(rebound.v_x2, rebound.v_y2)
-                growth = CHANNEL_SLOPES["v_2"](rebound, slopes)[..., self.columns] * chain[:, None, :]
+                growth = OBSERVABLE_SLOPES["v_2"](rebound, slopes)[..., self.columns] * chain[:, None, :]
                 growth = growth / speed[..., None]
                 gather(z, slope / spread[..., None] + z[..., None] * growth)
                 gradient = gradient - growth.sum(axis=1)

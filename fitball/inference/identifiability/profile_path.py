@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.inference.identifiability.gauss_newton import Reached, Searches, descend
-from fitball.inference.identifiability.profile_objective import Conditions, Surface
+from fitball.inference.identifiability.profile_objective import Conditions, ProfileObjective
 from fitball.inference.identifiability.symmetric import inverse
 from fitball.values import FloatArray
 
 # Where a path ends (a 95 % interval ends at 1.92), and the change of the log likelihood a step aims at and accepts.
-ENOUGH, AIM, COARSE = 2.5, 0.3, 0.9
+DEPTH, AIM, COARSE = 2.5, 0.3, 0.9
 # A drop below this says nothing of how a profile goes on.
 FLAT = 0.03
 # Halvings of a step after which what cannot be evaluated counts as the end of what the model can do.
@@ -72,7 +72,7 @@ class _Path:
         """Take a point or go back half a step; stop where the drop is enough, at the bound, or at the model's end."""
         last = self.points[-1]
         rise = point.cost - last.cost
-        far = last.cost - lowest > ENOUGH
+        far = last.cost - lowest > DEPTH
         if not np.isfinite(point.cost) or (rise > COARSE and not far and self.halvings < HALVINGS):
             self.halvings += 1
             self.step = 0.5 * abs(point.at - last.at)
@@ -81,7 +81,7 @@ class _Path:
         self.points.append(point)
         self.halvings = 0
         self.step = self._next_step(point, lowest)
-        self.running = point.cost - lowest < ENOUGH and not point.bound and len(self.points) < MOST_POINTS
+        self.running = point.cost - lowest < DEPTH and not point.bound and len(self.points) < MOST_POINTS
 
     def _next_step(self, point: Point, lowest: float) -> float:
         """The step that would lower a parabola from its top through this point by AIM more; at most twice the
@@ -95,78 +95,80 @@ class _Path:
         return min(max(away * (float(np.sqrt(1.0 + AIM / drop)) - 1.0), 0.25 * last), 2.0 * last)
 
 
-def searches(surface: Surface, columns: Sequence[int], at: FloatArray, x: FloatArray, scene: bool) -> Searches:
+def searches(
+    objective: ProfileObjective, columns: Sequence[int], at: FloatArray, x: FloatArray, scene: bool
+) -> Searches:
     """Searches from `x` (rows, columns) that hold the free parameters `columns` (rows,) at `at` (rows,)."""
     x = x.copy()
     held = np.full(len(columns), -1)
-    noise = np.full((len(columns), len(surface.noise_columns)), np.nan)
+    noise = np.full((len(columns), len(objective.noise_columns)), np.nan)
     for row, column in enumerate(columns):
-        if column in surface.noise_columns:
-            noise[row, surface.noise_columns.index(column)] = at[row]
+        if column in objective.noise_columns:
+            noise[row, objective.noise_columns.index(column)] = at[row]
         else:
-            held[row] = surface.columns.index(column)
+            held[row] = objective.columns.index(column)
             x[row, held[row]] = at[row]
     return Searches(x, held, Conditions(noise, scene))
 
 
-def _free(surface: Surface, x: FloatArray, scene: bool) -> Searches:
+def _free(objective: ProfileObjective, x: FloatArray, scene: bool) -> Searches:
     """Searches that hold nothing."""
-    noise = np.full((x.shape[0], len(surface.noise_columns)), np.nan)
+    noise = np.full((x.shape[0], len(objective.noise_columns)), np.nan)
     return Searches(x, np.full(x.shape[0], -1), Conditions(noise, scene))
 
 
-def best_top(surface: Surface, starts: FloatArray, scene: bool) -> tuple[Top, FloatArray]:
+def best_top(objective: ProfileObjective, starts: FloatArray, scene: bool) -> tuple[Top, FloatArray]:
     """The highest maximum reached from `starts` (rows, columns), and the other ones that may matter."""
-    given = _free(surface, starts, scene)
-    found = descend(surface, given)
+    given = _free(objective, starts, scene)
+    found = descend(objective, given)
     order = np.argsort(found.cost, kind="stable")
     best = int(order[0])
     others: list[int] = []
     for k in order[1:]:
-        apart = [np.max(np.abs(found.x[k] - found.x[j]) / surface.width) > SAME for j in (best, *others)]
-        # A profile followed down to ENOUGH cannot meet an optimum that lies below that.
-        if all(apart) and found.settled[k] and found.cost[k] < found.cost[best] + ENOUGH:
+        apart = [np.max(np.abs(found.x[k] - found.x[j]) / objective.width) > SAME for j in (best, *others)]
+        # A profile followed down to DEPTH cannot meet an optimum that lies below that.
+        if all(apart) and found.settled[k] and found.cost[k] < found.cost[best] + DEPTH:
             others.append(int(k))
     top = found.x[best][None, :]
-    values = surface.values(top, given.given.take(np.array([best])))
-    noise = surface.problem.to_coordinates(values)[0, surface.noise_columns]
-    return Top(top[0], float(found.cost[best]), noise, _errors(surface, top, scene)), found.x[others]
+    values = objective.values(top, given.given.take(np.array([best])))
+    noise = objective.problem.to_coordinates(values)[0, objective.noise_columns]
+    return Top(top[0], float(found.cost[best]), noise, _errors(objective, top, scene)), found.x[others]
 
 
-def _errors(surface: Surface, x: FloatArray, scene: bool) -> FloatArray:
+def _errors(objective: ProfileObjective, x: FloatArray, scene: bool) -> FloatArray:
     """Standard errors (free,) to first order, at most the widths of the priors."""
-    problem = surface.problem
-    _, _, curvature = surface.linearised(x, _free(surface, x, scene).given)
+    problem = objective.problem
+    _, _, curvature = objective.linearised(x, _free(objective, x, scene).given)
     errors = problem.prior.width.copy()
     # The width of the prior as a weak measurement keeps unseen directions finite; where there is no derivative, it is
     # all there is.
-    shares = np.sqrt(np.diag(inverse(curvature[0] * np.outer(surface.width, surface.width), 1.0)))
-    errors[surface.columns] = surface.width * np.where(np.isfinite(shares), shares, 1.0)
-    for k in surface.noise_columns:
+    shares = np.sqrt(np.diag(inverse(curvature[0] * np.outer(objective.width, objective.width), 1.0)))
+    errors[objective.columns] = objective.width * np.where(np.isfinite(shares), shares, 1.0)
+    for k in objective.noise_columns:
         name = problem.free[k].name
-        count = sum(item.observed.size for item in problem.channels if item.noise == name)
+        count = sum(item.observed.size for item in problem.observables if item.noise == name)
         scale = 1.0 if problem.free[k].prior.log else float(problem.free[k].prior.quantile(np.array([0.5]))[0])
         errors[k] = scale / np.sqrt(2.0 * count)
     return errors
 
 
-def march(
-    surface: Surface, columns: Sequence[int], top: Top, scene: bool
+def profile_paths(
+    objective: ProfileObjective, columns: Sequence[int], top: Top, scene: bool
 ) -> tuple[dict[int, list[Point]], FloatArray | None]:
     """Points of the free parameters `columns` from the maximum outwards; or, when a better maximum is met, where."""
-    start = np.empty(surface.problem.dimension)
-    start[surface.columns] = top.x
-    start[surface.noise_columns] = top.noise
+    start = np.empty(objective.problem.dimension)
+    start[objective.columns] = top.x
+    start[objective.noise_columns] = top.noise
     paths = []
     for k in columns:
-        low, high = surface.ends(k)
+        low, high = objective.ends(k)
         for direction, end in ((-1.0, low), (1.0, high)):
             origin = Point(float(start[k]), top.x, top.cost, True, bool(abs(end - start[k]) <= 0.0))
             paths.append(_Path(k, direction, end, FIRST * float(top.errors[k]), [origin], running=not origin.bound))
     while running := [path for path in paths if path.running]:
         at = np.array([path.proposal() for path in running])
         x = np.array([path.points[-1].x for path in running])
-        found = descend(surface, searches(surface, [path.column for path in running], at, x, scene))
+        found = descend(objective, searches(objective, [path.column for path in running], at, x, scene))
         better = int(np.argmin(found.cost))
         if found.cost[better] < top.cost - HIGHER:
             return {}, found.x[better]
@@ -184,7 +186,7 @@ def _point(found: Reached, row: int, at: float, end: float) -> Point:
 
 
 def sweep(
-    surface: Surface,
+    objective: ProfileObjective,
     points: dict[int, list[Point]],
     changed: dict[int, set[int]],
     others: FloatArray,
@@ -206,8 +208,8 @@ def sweep(
     if not owners:
         return points, None, {}
     goal = np.array([points[column][k].cost for column, k in owners])
-    given = searches(surface, [column for column, _ in owners], at, np.array(starts), scene)
-    found = descend(surface, given, goal)
+    given = searches(objective, [column for column, _ in owners], at, np.array(starts), scene)
+    found = descend(objective, given, goal)
     better = int(np.argmin(found.cost))
     if found.cost[better] < top.cost - HIGHER:
         return points, found.x[better], {}

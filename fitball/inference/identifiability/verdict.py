@@ -1,5 +1,5 @@
-"""Four looks, one verdict: the posterior's where there is one, corrected by the profile, and where looks disagree,
-why.
+"""Four kinds of evidence, one verdict: the posterior's where there is one, corrected by the profile, and
+where they disagree, why.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fitball.inference.identifiability.posterior_verdict import (
 from fitball.inference.identifiability.power_scaling import CONFLICT, SENSITIVE
 from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.evidence import ActionLook, InformationLook, Looks, PowerLook, Profile
+from fitball.inference.results.evidence import ActiveImpacts, Evidence, InformationEvidence, PowerEvidence, Profile
 from fitball.inference.results.results import Verdict
 
 # Difference between the contraction found and the one promised to first order that is worth a word.
@@ -28,28 +28,30 @@ NAMED_IN_WORDS = 20
 
 
 def combine(
-    problem: Problem, item: Parameter, base: Judgement | None, looks: Looks, *, many: bool = False
+    problem: Problem, item: Parameter, base: Judgement | None, evidence: Evidence, *, many: bool = False
 ) -> tuple[Judgement, str]:
-    """The verdict on one free parameter and the disagreement of its looks in words; `base` is that of the posterior,
-    `many` says that profiles were left out because rows are many.
+    """The verdict on one free parameter and the disagreement of its evidence in words; `base` is that of the
+    posterior, `many` says that profiles were left out because rows are many.
     """
-    judged = from_profile(problem, item, looks, many) if base is None else _corrected(problem, item, base, looks)
-    remarks = _action(looks.action)
-    differences = [] if base is None else _differences(problem, item, base, judged, looks)
+    judged = (
+        from_profile(problem, item, evidence, many) if base is None else _corrected(problem, item, base, evidence)
+    )
+    remarks = _active(evidence.active_impacts)
+    differences = [] if base is None else _differences(problem, item, base, judged, evidence)
     return replace(judged, reason=judged.reason + remarks), "; ".join(differences)
 
 
-def from_profile(problem: Problem, item: Parameter, looks: Looks, many: bool = False) -> Judgement:
+def from_profile(problem: Problem, item: Parameter, evidence: Evidence, many: bool = False) -> Judgement:
     """The verdict without a posterior, from the profile and the information; from the information alone where rows
     are `many`, so that the likelihood is near normal.
     """
-    profile, information = looks.profile, looks.information
+    profile, information = evidence.profile, evidence.information
     if information is None:
         return Judgement(None, Verdict.NOT_JUDGED, "a point fit alone cannot tell")
     if profile is None:
         return _from_information(problem, information, many)
     unit = item.spec.unit
-    if rests_on_scene(looks) and information.contraction_without_scene < NOT_ALONE:
+    if rests_on_scene(evidence) and information.contraction_without_scene < NOT_ALONE:
         return Judgement(
             None, Verdict.PRIOR_DOMINATED, f"its size comes from {scene_words(problem)}, not from the table"
         )
@@ -73,7 +75,7 @@ def from_profile(problem: Problem, item: Parameter, looks: Looks, many: bool = F
     )
 
 
-def _from_information(problem: Problem, look: InformationLook, many: bool) -> Judgement:
+def _from_information(problem: Problem, look: InformationEvidence, many: bool) -> Judgement:
     if not many:
         return Judgement(None, Verdict.NOT_JUDGED, "there is no profile, and a point fit alone cannot tell")
     if look.error_without_scene is None and look.contraction_without_scene < NOT_ALONE:
@@ -85,14 +87,14 @@ def _from_information(problem: Problem, look: InformationLook, many: bool) -> Ju
     return Judgement(None, Verdict.IDENTIFIED, words)
 
 
-def rests_on_scene(looks: Looks) -> bool:
+def rests_on_scene(evidence: Evidence) -> bool:
     """Whether the profile without the scene's contact time is open although it is closed with it."""
-    if looks.alone is None or looks.profile is None:
+    if evidence.alone is None or evidence.profile is None:
         return False
-    return any(looks.alone.open_sides) and not all(looks.profile.open_sides)
+    return any(evidence.alone.open_sides) and not all(evidence.profile.open_sides)
 
 
-def touched_by_scene(problem: Problem, information: dict[str, InformationLook]) -> list[str]:
+def touched_by_scene(problem: Problem, information: dict[str, InformationEvidence]) -> list[str]:
     """Names of the parameters whose standard error the scene's contact time changes."""
     if problem.contact_time is None:
         return []
@@ -129,9 +131,9 @@ def _why_open(profile: Profile, right: bool) -> str:
     return f"the profile stays {profile.ends[right]}"
 
 
-def _corrected(problem: Problem, item: Parameter, base: Judgement, looks: Looks) -> Judgement:
+def _corrected(problem: Problem, item: Parameter, base: Judgement, evidence: Evidence) -> Judgement:
     """The posterior's verdict, where the profile shows that it is not the table that closes a side."""
-    profile = looks.profile
+    profile = evidence.profile
     if profile is None or base.verdict is Verdict.PRIOR_DOMINATED or not any(profile.open_sides):
         return base
     left, right = profile.open_sides
@@ -143,19 +145,21 @@ def _corrected(problem: Problem, item: Parameter, base: Judgement, looks: Looks)
         )
     if base.verdict is Verdict.ONE_SIDED:
         return base
-    found = from_profile(problem, item, looks)
+    found = from_profile(problem, item, evidence)
     return replace(base, verdict=Verdict.ONE_SIDED, reason=found.reason + "; there its prior closes the posterior")
 
 
-def _differences(problem: Problem, item: Parameter, base: Judgement, judged: Judgement, looks: Looks) -> list[str]:
+def _differences(
+    problem: Problem, item: Parameter, base: Judgement, judged: Judgement, evidence: Evidence
+) -> list[str]:
     found = []
-    profile, unit = looks.profile, item.spec.unit
+    profile, unit = evidence.profile, item.spec.unit
     if profile is not None:
         closed = not any(profile.open_sides)
         within = interval(profile, unit)
         if judged.verdict is not base.verdict:
             found.append(f"the posterior by itself would be called {base.verdict}, the profile is open")
-        elif base.verdict is Verdict.PRIOR_DOMINATED and closed and rests_on_scene(looks):
+        elif base.verdict is Verdict.PRIOR_DOMINATED and closed and rests_on_scene(evidence):
             found.append(
                 f"the profile is closed on both sides, {within}, but only because {scene_words(problem)} counts in "
                 "it: without it, it is open"
@@ -171,19 +175,19 @@ def _differences(problem: Problem, item: Parameter, base: Judgement, judged: Jud
                 f"the profile is closed on both sides, {within}, but the posterior stays high to the {end} end of "
                 "what was possible: the best fits there are worse, many others nearly as good"
             )
-        elif base.verdict is Verdict.IDENTIFIED and rests_on_scene(looks):
+        elif base.verdict is Verdict.IDENTIFIED and rests_on_scene(evidence):
             found.append(f"the profile is closed, {within}, only with {scene_words(problem)}: without it, it is open")
-    if looks.information is not None and looks.contraction is not None:
-        promised, reached = looks.information.contraction, looks.contraction.contraction
+    if evidence.information is not None and evidence.contraction is not None:
+        promised, reached = evidence.information.contraction, evidence.contraction.contraction
         if abs(promised - reached) > NOT_NORMAL:
             found.append(
                 f"to first order the contraction would be {promised:.2f}, the posterior's is {reached:.2f}: the "
                 "likelihood is far from normal"
             )
-    return found + _power(looks.power, judged.verdict)
+    return found + _power(evidence.power, judged.verdict)
 
 
-def _power(power: PowerLook | None, verdict: Verdict) -> list[str]:
+def _power(power: PowerEvidence | None, verdict: Verdict) -> list[str]:
     if power is None or not power.diagnosis:
         return []
     whose = "its prior" if power.own_prior >= SENSITIVE else "the priors of others"
@@ -195,16 +199,16 @@ def _power(power: PowerLook | None, verdict: Verdict) -> list[str]:
     return [f"it follows {whose} more than the table ({numbers})"]
 
 
-def _action(action: ActionLook | None) -> str:
-    if action is None:
+def _active(active: ActiveImpacts | None) -> str:
+    if active is None:
         return ""
-    if not action.impacts:
-        where = f" ({', '.join(action.regimes)})" if action.regimes else ""
-        return f"; at these values it moves the rebound of none of the {action.of} impacts{where}"
-    if action.share_doubtful > DRIVEN and action.doubtful:
-        more = f" and {action.in_doubt - NAMED_IN_WORDS:,} more" if action.in_doubt > NAMED_IN_WORDS else ""
+    if not active.impacts:
+        where = f" ({', '.join(active.regimes)})" if active.regimes else ""
+        return f"; at these values it moves the rebound of none of the {active.of} impacts{where}"
+    if active.share_doubtful > DRIVEN and active.doubtful:
+        more = f" and {active.in_doubt - NAMED_IN_WORDS:,} more" if active.in_doubt > NAMED_IN_WORDS else ""
         return (
-            f"; {100.0 * action.share_doubtful:.0f} % of what the table says of it comes from impacts whose regime "
-            f"is in doubt ({', '.join(action.doubtful[:NAMED_IN_WORDS])}{more})"
+            f"; {100.0 * active.share_doubtful:.0f} % of what the table says of it comes from impacts whose regime "
+            f"is in doubt ({', '.join(active.doubtful[:NAMED_IN_WORDS])}{more})"
         )
     return ""

@@ -134,7 +134,9 @@ def force_slopes(
     found = aligned(problem, records, columns)
     rows = found.rows(records)
     slopes = np.zeros((*rows.shape, problem.dimension))
-    still = NOISE_SPECS.keys() | (problem.offsets.names(problem.channels) if problem.offsets is not None else set())
+    still = NOISE_SPECS.keys() | (
+        problem.group_bias.names(problem.observables) if problem.group_bias is not None else set()
+    )
     sd = records.start[1]
     for k, name in enumerate(problem.free_names):
         if name in still:

@@ -1,4 +1,4 @@
-"""The likelihood of a table whose incident states were measured with errors; see `incident` and `kinks`."""
+"""The likelihood of a table whose incident states were measured with errors; see `incident` and `regime_mixture`."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.likelihood import regime_mixture as kinks
-from fitball.inference.problem.incident import IncidentErrors, channel_slopes, spread_by_input, whitened
+from fitball.inference.likelihood import regime_mixture
+from fitball.inference.problem.incident import IncidentErrors, observable_slopes, spread_by_input, whitened
 from fitball.inference.problem.noise import log_density
-from fitball.inference.problem.observables import Channel
+from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parameters import TAILS
 from fitball.inference.problem.problem import Problem
 from fitball.models.types import Rebound
@@ -32,7 +32,7 @@ class Seen:
     group, all broadcastable to (draws, impacts); `observed` is NaN where nothing was measured.
     """
 
-    channel: Channel
+    observable: Observable
     observed: FloatArray
     sd: FloatArray | None
     bias: FloatArray
@@ -41,32 +41,32 @@ class Seen:
         """For pairs of a draw and an impact, each of shape (pairs, 1)."""
         sd = None if self.sd is None else self.sd[rows][:, None]
         bias = self.bias[draws, rows][:, None] if self.bias.ndim == 2 else self.bias
-        return Seen(self.channel, self.observed[rows][:, None], sd, bias)
+        return Seen(self.observable, self.observed[rows][:, None], sd, bias)
 
 
 def seen(problem: Problem, columns: Columns) -> tuple[Seen, ...]:
     """All measured columns of the table."""
     found = []
-    for channel in problem.channels:
-        observed, sd = channel.over(len(problem.impacts))
-        bias = np.zeros(()) if problem.offsets is None else problem.offsets.offset(columns, channel.name)
-        found.append(Seen(replace(channel, rows=None), observed, sd, bias))
+    for observable in problem.observables:
+        observed, sd = observable.over(len(problem.impacts))
+        bias = np.zeros(()) if problem.group_bias is None else problem.group_bias.offset(columns, observable.name)
+        found.append(Seen(replace(observable, rows=None), observed, sd, bias))
     return tuple(found)
 
 
 def marginal_terms(
     problem: Problem, incident: IncidentErrors, values: FloatArray, rebound: Rebound
 ) -> Mapping[str, FloatArray]:
-    """Log density of each measurement given those before it, channel name -> (draws, impacts).
+    """Log density of each measurement given those before it, observable name -> (draws, impacts).
 
-    Near a change of regime only their sum over an impact is meant: it stands in the first channel.
+    Near a change of regime only their sum over an impact is meant: it stands in the first observable.
     """
     columns = problem.all_values(values)
     measured = seen(problem, columns)
     slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
     terms = _log_densities(measured, columns, rebound, slopes, incident.covariance)
-    root = kinks.roots(incident.covariance)
-    towards = kinks.crossings(
+    root = regime_mixture.roots(incident.covariance)
+    towards = regime_mixture.crossings(
         lambda impacts, rows: problem.rebound_like(columns, impacts, rows), problem.impacts, root, rebound
     )
     draws, rows = np.nonzero(np.any(np.abs(towards) > 0.0, axis=-1))
@@ -79,20 +79,20 @@ def marginal_terms(
         found = _mixture(problem, pairs)
         for place, term in enumerate(terms):
             term[some, of] = found if place == 0 else 0.0
-    return {item.channel.name: term for item, term in zip(measured, terms, strict=True)}
+    return {item.observable.name: term for item, term in zip(measured, terms, strict=True)}
 
 
 def incident_sds(problem: Problem, columns: Columns, rebound: Rebound) -> Mapping[str, FloatArray | float]:
-    """What incident errors alone make each channel scatter by (draws, impacts), to first order; 0 without them."""
+    """What incident errors alone make each observable scatter by (draws, impacts), to first order; 0 without them."""
     if problem.incident is None:
-        return {channel.name: 0.0 for channel in problem.channels}
+        return {observable.name: 0.0 for observable in problem.observables}
     slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
     return {
-        channel.name: np.sqrt(
+        observable.name: np.sqrt(
             np.einsum("dik,ikl,dil->di", found, problem.incident.covariance, found, optimize=True).clip(0.0)
         )
-        for channel in problem.channels
-        for found in (channel_slopes(channel, rebound, slopes),)
+        for observable in problem.observables
+        for found in (observable_slopes(observable, rebound, slopes),)
     }
 
 
@@ -105,15 +105,15 @@ def standardised(
     incident states. Returns those deviations and their conditional sds. What was not measured has the deviation zero
     and the sd `UNKNOWN`, which takes part in nothing.
     """
-    by_channel = np.stack([channel_slopes(item.channel, rebound, slopes) for item in measured], axis=2)
+    by_observable = np.stack([observable_slopes(item.observable, rebound, slopes) for item in measured], axis=2)
     gaps, spreads = [], []
     for item in measured:
-        channel = replace(item.channel, observed=item.observed, sd=item.sd)
-        gap = item.observed - channel.predict(rebound) - item.bias
+        observable = replace(item.observable, observed=item.observed, sd=item.sd)
+        gap = item.observed - observable.predict(rebound) - item.bias
         missing = np.broadcast_to(np.isnan(item.observed), gap.shape)
         gaps.append(np.where(missing, 0.0, gap))
-        spreads.append(np.where(missing, UNKNOWN, np.broadcast_to(channel.sds(columns, rebound), gap.shape)))
-    return whitened(gaps, spreads, spread_by_input(by_channel, covariance))
+        spreads.append(np.where(missing, UNKNOWN, np.broadcast_to(observable.sds(columns, rebound), gap.shape)))
+    return whitened(gaps, spreads, spread_by_input(by_observable, covariance))
 
 
 def _log_densities(
@@ -130,12 +130,12 @@ class Pairs:
     """Pairs of a draw and an impact of the table near a change of regime.
 
     `columns` parameters (pairs,), `measured` what was seen, `states` incident states (pairs, 1); `root` (pairs, 3, 3)
-    as in `kinks.roots`, `towards` (pairs, 3) a direction, in principal axes, in which the regime changes.
+    as in `regime_mixture.roots`, `towards` (pairs, 3) a direction, in principal axes, in which the regime changes.
     """
 
     columns: Columns
     measured: Sequence[Seen]
-    states: kinks.States
+    states: regime_mixture.States
     root: FloatArray
     towards: FloatArray
 
@@ -144,11 +144,11 @@ def _mixture(problem: Problem, pairs: Pairs) -> FloatArray:
     """Log density (pairs,) of all measurements of each impact, its incident errors split."""
     across = _across(problem, pairs)
     along = np.einsum("pij,pj->pi", pairs.root, across)
-    states, possible = kinks.displaced(pairs.states, kinks.parts()[0][:, None] * along[:, None, :])
+    states, possible = regime_mixture.displaced(pairs.states, regime_mixture.parts()[0][:, None] * along[:, None, :])
     rebound, slopes = problem.linearised(pairs.columns, states)
-    narrow = kinks.narrowed(pairs.root, across)[:, None]
+    narrow = regime_mixture.narrowed(pairs.root, across)[:, None]
     density = np.sum(_log_densities(pairs.measured, pairs.columns, rebound, slopes, narrow), axis=0)
-    return kinks.mixed(np.where(possible & (rebound.status == 0), density, -np.inf))
+    return regime_mixture.mixed(np.where(possible & (rebound.status == 0), density, -np.inf))
 
 
 def _across(problem: Problem, pairs: Pairs) -> FloatArray:
@@ -156,18 +156,18 @@ def _across(problem: Problem, pairs: Pairs) -> FloatArray:
 
     The rebound is continuous, so that its derivative jumps by a matrix of rank one whose rows point across.
     """
-    moves = kinks.REACH * np.einsum("pij,pj->pi", pairs.root, pairs.towards)
-    states, possible = kinks.displaced(pairs.states, np.stack([np.zeros_like(moves), moves], axis=1))
+    moves = regime_mixture.REACH * np.einsum("pij,pj->pi", pairs.root, pairs.towards)
+    states, possible = regime_mixture.displaced(pairs.states, np.stack([np.zeros_like(moves), moves], axis=1))
     rebound, found = problem.linearised(pairs.columns, states)
     # In units of any noise: only the direction of the jump is wanted.
-    by_channel = np.stack(
+    by_observable = np.stack(
         [
-            channel_slopes(item.channel, rebound, found) / _typical_noise(item, pairs.columns)
+            observable_slopes(item.observable, rebound, found) / _typical_noise(item, pairs.columns)
             for item in pairs.measured
         ],
         axis=2,
     )
-    jump = np.matmul(by_channel[:, 1] - by_channel[:, 0], pairs.root)
+    jump = np.matmul(by_observable[:, 1] - by_observable[:, 0], pairs.root)
     # Where the other side has no derivative the way that was looked is all that is known.
     known = np.isfinite(jump).all(axis=(1, 2)) & possible[:, 1]
     across = pairs.towards.copy()
@@ -175,7 +175,7 @@ def _across(problem: Problem, pairs: Pairs) -> FloatArray:
     return across
 
 
-def _upright(problem: Problem, rows: NDArray[np.int64]) -> kinks.States:
+def _upright(problem: Problem, rows: NDArray[np.int64]) -> regime_mixture.States:
     """The incident states of the table's `rows`, one below the other."""
     v_x1, v_y1, omega_1, cor = problem.impacts.take(rows).states()
     return v_x1.T, v_y1.T, omega_1.T, None if cor is None else cor.T
@@ -183,7 +183,7 @@ def _upright(problem: Problem, rows: NDArray[np.int64]) -> kinks.States:
 
 def _typical_noise(item: Seen, columns: Columns) -> FloatArray:
     """A noise of the measured column, (pairs, 1, 1) or one number."""
-    if item.channel.sd is not None:
-        return np.asarray(np.median(item.channel.sd))
-    size = columns[str(item.channel.noise)][:, None, None]
-    return TURN * size if item.channel.turned else size
+    if item.observable.sd is not None:
+        return np.asarray(np.median(item.observable.sd))
+    size = columns[str(item.observable.noise)][:, None, None]
+    return TURN * size if item.observable.turned else size

@@ -66,10 +66,10 @@ def log_likelihood_terms(problem: Problem, values: FloatArray, rebound: Rebound)
     columns = problem.all_values(values)
     tails = columns[TAILS][:, None] if TAILS in columns else None
     terms: dict[str, FloatArray] = {}
-    for channel in problem.channels:
-        sd = channel.sds(columns, rebound)
-        z = problem.deviation(columns, channel, rebound) / sd
-        terms[channel.name] = log_density(z, tails) - np.log(sd)
+    for observable in problem.observables:
+        sd = observable.sds(columns, rebound)
+        z = problem.deviation(columns, observable, rebound) / sd
+        terms[observable.name] = log_density(z, tails) - np.log(sd)
     return terms
 
 

@@ -39,8 +39,8 @@ def residuals(problem: Problem, values: FloatArray, weighting: Weighting) -> Flo
         slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
         found, _ = standardised(seen(problem, held), held, rebound, slopes, problem.incident.covariance)
         rows = [as_residual(-z, tails) for z in found]
-    for channel in problem.channels if problem.incident is None else ():
-        z = problem.deviation(columns, channel, rebound) / channel.sds(weighting.noise, rebound)
+    for observable in problem.observables if problem.incident is None else ():
+        z = problem.deviation(columns, observable, rebound) / observable.sds(weighting.noise, rebound)
         rows.append(as_residual(-z, tails))
     if problem.contact_time is not None:
         value, sd = problem.contact_time
@@ -64,11 +64,11 @@ def _held(weighting: Weighting, draws: int) -> dict[str, FloatArray]:
 
 
 def root_mean_squares(problem: Problem, values: FloatArray) -> dict[str, float]:
-    """Unweighted root mean square residual of each channel at free values (free,)."""
+    """Unweighted root mean square residual of each observable at free values (free,)."""
     rebound = problem.rebound(values[None, :])
     return {
-        channel.name: float(np.sqrt(np.mean((channel.predict(rebound)[0] - channel.observed) ** 2)))
-        for channel in problem.channels
+        observable.name: float(np.sqrt(np.mean((observable.predict(rebound)[0] - observable.observed) ** 2)))
+        for observable in problem.observables
     }
 
 

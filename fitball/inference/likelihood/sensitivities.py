@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from fitball.inference.likelihood.incident_marginal import incident_sds
-from fitball.inference.problem.observables import Channel
+from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parameters import NOISE_SPECS, TAILS
 from fitball.inference.problem.problem import Problem
 from fitball.models.types import Rebound
@@ -31,7 +31,9 @@ def rebound_slopes(problem: Problem, coordinates: FloatArray) -> tuple[Rebound, 
     calls batched: one for all draws and parameters.
     """
     draws = coordinates.shape[0]
-    still = NOISE_SPECS.keys() | (problem.offsets.names(problem.channels) if problem.offsets is not None else set())
+    still = NOISE_SPECS.keys() | (
+        problem.group_bias.names(problem.observables) if problem.group_bias is not None else set()
+    )
     moving = [k for k, name in enumerate(problem.free_names) if name not in still]
     steps = np.zeros((2 * len(moving), problem.dimension))
     sizes = STEP * problem.prior.width[moving]
@@ -73,7 +75,7 @@ def _across(rebound: Rebound, slopes: Slopes) -> FloatArray:
     return across - (rebound.v_y2 / square)[..., None] * slopes["v_x2"]
 
 
-CHANNEL_SLOPES: Mapping[str, Callable[[Rebound, Slopes], FloatArray]] = {
+OBSERVABLE_SLOPES: Mapping[str, Callable[[Rebound, Slopes], FloatArray]] = {
     "v_x2": lambda _rebound, slopes: slopes["v_x2"],
     "v_y2": lambda _rebound, slopes: slopes["v_y2"],
     "omega_2": lambda _rebound, slopes: slopes["omega_2"],
@@ -83,22 +85,22 @@ CHANNEL_SLOPES: Mapping[str, Callable[[Rebound, Slopes], FloatArray]] = {
 }
 
 
-def channel_slopes(problem: Problem, channel: Channel, rebound: Rebound, slopes: Slopes) -> FloatArray:
-    """Derivatives (draws, impacts, free) of what is measured in a channel, the bias of its group included."""
-    found = CHANNEL_SLOPES[channel.name](rebound, slopes)
-    if problem.offsets is None:
+def observable_slopes(problem: Problem, observable: Observable, rebound: Rebound, slopes: Slopes) -> FloatArray:
+    """Derivatives (draws, impacts, free) of what is measured in an observable, the bias of its group included."""
+    found = OBSERVABLE_SLOPES[observable.name](rebound, slopes)
+    if problem.group_bias is None:
         return found
     found = found.copy()
-    for place, label in enumerate(problem.offsets.labels):
-        name = problem.offsets.name(channel.name, label)
+    for place, label in enumerate(problem.group_bias.labels):
+        name = problem.group_bias.name(observable.name, label)
         if name in problem.free_names:
-            found[:, problem.offsets.index == place, problem.free_names.index(name)] += 1.0
+            found[:, problem.group_bias.index == place, problem.free_names.index(name)] += 1.0
     return found
 
 
 def prediction_slopes(problem: Problem, coordinates: FloatArray) -> FloatArray:
     """Derivatives (draws, measurements, free) of all predictions, in units of their noise, with respect to
-    coordinates (draws, free) counted in widths of the priors; measurements run channel by channel.
+    coordinates (draws, free) counted in widths of the priors; measurements run observable by observable.
 
     Errors of the incident state count as noise; heavy tails make a measurement worth (nu + 1)/(nu + 3) of a normal
     one (Lange, Little and Taylor 1989).
@@ -111,9 +113,9 @@ def prediction_slopes(problem: Problem, coordinates: FloatArray) -> FloatArray:
         nu = columns[TAILS][:, None, None]
         worth = np.sqrt((nu + 1.0) / (nu + 3.0))
     rows = []
-    for channel in problem.channels:
-        spread = np.broadcast_to(channel.sds(columns, rebound), rebound.v_x2.shape)
-        spread = np.hypot(spread, by_incidence[channel.name])
-        rows.append(worth * channel_slopes(problem, channel, rebound, slopes) / spread[..., None])
+    for observable in problem.observables:
+        spread = np.broadcast_to(observable.sds(columns, rebound), rebound.v_x2.shape)
+        spread = np.hypot(spread, by_incidence[observable.name])
+        rows.append(worth * observable_slopes(problem, observable, rebound, slopes) / spread[..., None])
     scaled: FloatArray = np.concatenate(rows, axis=1) * problem.prior.width
     return scaled

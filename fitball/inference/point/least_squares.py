@@ -38,7 +38,9 @@ def least_squares(problem: Problem, starts: FloatArray) -> LeastSquares:
     minimiser = Minimiser(problem, weighting)
     values = minimiser.values(distinct[0].at[None, :])[0]
     stderr, missing = _standard_errors(problem, minimiser, distinct[0].at)
-    measured = sum(channel.observed.size for channel in problem.channels) + (problem.contact_time is not None)
+    measured = sum(observable.observed.size for observable in problem.observables) + (
+        problem.contact_time is not None
+    )
     return LeastSquares(
         values=named_values(problem, values),
         stderr=stderr,

@@ -58,7 +58,7 @@ class Minimiser:
         names = problem.free_names
         walled = problem.model.options.get("normal") == "momentum" and "mass_ratio" in names
         # The wall of parameters that differ between levels is not one number.
-        walled = walled and not {"mass_ratio", "cor_10", "cor_slope"} & {item.parameter for item in problem.levels}
+        walled = walled and not {"mass_ratio", "cor_10", "cor_slope"} & {item.parameter for item in problem.pooling}
         self.walled = names.index("mass_ratio") if walled else None
         # The mass ratio lies between the wall, or this if it is higher, and this.
         self.lowest, self.highest = SPECS["mass_ratio"].lower, SPECS["mass_ratio"].upper

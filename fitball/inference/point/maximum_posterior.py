@@ -71,7 +71,7 @@ def follow_maximum(problem: Problem, starts: FloatArray, noise: Mapping[str, flo
     found = [_as_candidate(problem, start[None, :], noise) for start in starts]
     scale = Minimiser(problem, Weighting(found[0].noise, penalised=True)).scale()
     followed: list[Candidate] = []
-    least = max(item.score for item in found) - HOPELESS * sum(item.observed.size for item in problem.channels)
+    least = max(item.score for item in found) - HOPELESS * sum(item.observed.size for item in problem.observables)
     for item in sorted((item for item in found if item.score >= least), key=lambda item: -item.score):
         apart = [np.max(np.abs(item.at - other.at) / scale) > ONE_BASIN for other in followed]
         if all(apart):
@@ -167,23 +167,25 @@ def _best_noise(problem: Problem, values: FloatArray, current: Mapping[str, floa
     """Noise that maximises the posterior for the residuals at `values` (1, free), on a fine grid of the prior."""
     rebound = problem.rebound(values)
     columns = problem.all_values(values)
-    units = {channel.name: channel.spread(1.0, rebound) for channel in problem.channels if channel.noise}
-    gaps = {channel.name: problem.deviation(columns, channel, rebound) for channel in problem.channels}
+    units = {
+        observable.name: observable.spread(1.0, rebound) for observable in problem.observables if observable.noise
+    }
+    gaps = {observable.name: problem.deviation(columns, observable, rebound) for observable in problem.observables}
     best = dict(current)
     for item in problem.free:
         if item.name not in NOISE_SPECS or item.name in (TAILS, *FORCE_NOISE):
             continue
         mine = [
-            (gaps[channel.name] / units[channel.name]).ravel()
-            for channel in problem.channels
-            if channel.noise == item.name
+            (gaps[observable.name] / units[observable.name]).ravel()
+            for observable in problem.observables
+            if observable.noise == item.name
         ]
         best[item.name] = _best_scale(item.prior, np.concatenate(mine), best.get(TAILS))
     if problem.force is not None:
         best |= best_force_noise(problem, problem.force, columns, best)
     tails = next((item for item in problem.free if item.name == TAILS), None)
     if tails is not None:
-        z = [gaps[channel.name] / channel.sds(best, rebound) for channel in problem.channels]
+        z = [gaps[observable.name] / observable.sds(best, rebound) for observable in problem.observables]
         best[TAILS] = _best_tails(tails.prior, np.concatenate([item.ravel() for item in z]))
     return best
 

@@ -52,7 +52,7 @@ def _surfaces(problem: Problem) -> dict[tuple[str, ...], list[int]]:
     """Rows of the table by the labels of the levels that the problem tells apart; all together without levels."""
     found: dict[tuple[str, ...], list[int]] = {}
     for row in range(len(problem.table)):
-        labels = tuple(item.labels[int(item.index[row])] for item in problem.levels)
+        labels = tuple(item.labels[int(item.index[row])] for item in problem.pooling)
         found.setdefault(labels, []).append(row)
     return found
 
@@ -95,7 +95,7 @@ def _rate(
 
 def _sliding_friction(problem: Problem, labels: tuple[str, ...], columns: Mapping[str, FloatArray]) -> FloatArray:
     """The coefficient of sliding friction (draws,) on a surface."""
-    for item, label in zip(problem.levels, labels, strict=True):
+    for item, label in zip(problem.pooling, labels, strict=True):
         if item.parameter == "mu":
             return item.value(columns, label)
     return columns["mu"]

@@ -38,14 +38,16 @@ def error_budget(
         error, reference = _against_oracle(chosen, golden), INDEPENDENT
     else:
         error, reference = _by_rounding(fitted, golden), STIFF if two_mass else ROUNDED
-    widths = {} if prediction is None else {item.name: item.mean_q84 - item.mean_q16 for item in prediction.channels}
+    widths = (
+        {} if prediction is None else {item.name: item.mean_q84 - item.mean_q16 for item in prediction.observables}
+    )
     lines = {}
-    for channel in problem.channels:
-        sd = channel.sds(point.values, point.rebound)
-        lines[channel.name] = BudgetLine(
-            numerical=float(np.max(error[channel.name], initial=0.0)),
+    for observable in problem.observables:
+        sd = observable.sds(point.values, point.rebound)
+        lines[observable.name] = BudgetLine(
+            numerical=float(np.max(error[observable.name], initial=0.0)),
             measurement=float(np.median(sd)),
-            posterior=0.5 * float(np.median(widths[channel.name])) if channel.name in widths else None,
+            posterior=0.5 * float(np.median(widths[observable.name])) if observable.name in widths else None,
         )
     return ErrorBudget(len(golden.impacts), reference, lines)
 

@@ -12,12 +12,12 @@ from fitball.values import FloatArray
 LEVELS = (0.5, 0.025, 0.16, 0.84, 0.975)
 
 
-def level_estimates(problem: Problem, point: PointFit, posterior: Posterior | None) -> tuple[LevelEstimate, ...]:
+def group_estimates(problem: Problem, point: PointFit, posterior: Posterior | None) -> tuple[LevelEstimate, ...]:
     """The value at every level, at the point estimate and, with a posterior, its quantiles."""
     at_point = {name: np.array([value]) for name, value in point.values.items()}
     columns = None if posterior is None else problem.all_values(posterior.draws)
     found = []
-    for item in problem.levels:
+    for item in problem.pooling:
         for place, label in enumerate(item.labels):
             draws: FloatArray | None = None if columns is None else item.value(columns, label)
             quantiles = [None] * len(LEVELS) if draws is None else [float(x) for x in np.quantile(draws, LEVELS)]

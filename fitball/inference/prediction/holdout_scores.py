@@ -11,7 +11,7 @@ from fitball.values import Impacts
 
 
 @dataclass(frozen=True)
-class ChannelScore:
+class ObservableScore:
     """One measured column against its prediction, in SI, over the `count` impacts that could be predicted.
 
     `bias` and `rms` are those of the residuals; `rms_z` (1 expected) and the shares of measurements within the 68 and
@@ -27,7 +27,7 @@ class ChannelScore:
     within_95: float | None
 
 
-def scores(prediction: NewPrediction) -> tuple[ChannelScore, ...]:
+def scores(prediction: NewPrediction) -> tuple[ObservableScore, ...]:
     """One score for each output that was measured and could be predicted at some impact."""
     found = [_score(item) for item in prediction.outputs if item.observed is not None]
     return tuple(item for item in found if item is not None)
@@ -43,7 +43,7 @@ def _states(impacts: Impacts) -> list[tuple[float, ...]]:
     return list(zip(impacts.v_x1.tolist(), impacts.v_y1.tolist(), impacts.omega_1.tolist(), strict=True))
 
 
-def _score(item: OutputPrediction) -> ChannelScore | None:
+def _score(item: OutputPrediction) -> ObservableScore | None:
     residual = item.residual
     if residual is None or item.observed is None or np.all(np.isnan(residual)):
         return None
@@ -56,6 +56,6 @@ def _score(item: OutputPrediction) -> ChannelScore | None:
         levels, observed = item.measured[:, known], item.observed[known]
         within_68 = float(np.mean((observed >= levels[1]) & (observed <= levels[3])))
         within_95 = float(np.mean((observed >= levels[0]) & (observed <= levels[4])))
-    return ChannelScore(
+    return ObservableScore(
         item.name, left.size, float(left.mean()), float(np.sqrt(np.mean(left**2))), rms_z, within_68, within_95
     )

@@ -14,7 +14,7 @@ from fitball.inference.prediction.extrapolation import CalibratedRange, calibrat
 from fitball.inference.prediction.posterior_predictive import bands, regime_shares, with_noise
 from fitball.inference.prediction.uncertain_incidence import Shares, drawn_rebound, shares
 from fitball.inference.problem.measurement_noise import derived, noise_in
-from fitball.inference.problem.observables import TANGENTIAL, Channel, build_channels
+from fitball.inference.problem.observables import TANGENTIAL, Observable, build_observables
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.types import STATUS_REASON, Rebound, Status
 from fitball.values import FloatArray, Impacts
@@ -85,7 +85,7 @@ class NewPrediction:
 def predict_new(
     fitted: FittedModel,
     impacts: Impacts,
-    observed: Sequence[Channel] = (),
+    observed: Sequence[Observable] = (),
     seed: int = 1,
     incident_covariance: FloatArray | None = None,
 ) -> NewPrediction:
@@ -102,21 +102,21 @@ def predict_new(
             f"model {fitted.model_name} with cor = measured takes each impact's own coefficient of restitution as "
             "an input: it predicts tables with a column v_y2 only"
         )
-    channels = output_channels(fitted, len(impacts), observed)
+    observables = output_observables(fitted, len(impacts), observed)
     rng = np.random.default_rng(seed)
     # A stream of its own: the noise is the same with and without uncertainty of the incident state.
     states = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
     parts = []
     for rows in (slice(k, k + BATCH) for k in range(0, len(impacts), BATCH)):
-        mine, cut = _part(impacts, rows), [_rows_of(item, rows) for item in channels]
+        mine, cut = _part(impacts, rows), [_rows_of(item, rows) for item in observables]
         if incident_covariance is None or fitted.draws.shape[0] == 0:
             parts.append(_batch(fitted, mine, cut, rng))
         else:
             parts.append(_uncertain_batch(fitted, mine, cut, incident_covariance[rows], rng, states))
     known = {item.name for item in observed}
     outputs = tuple(
-        _joined([part[0][k] for part in parts], channel.observed if channel.name in known else None)
-        for k, channel in enumerate(channels)
+        _joined([part[0][k] for part in parts], observable.observed if observable.name in known else None)
+        for k, observable in enumerate(observables)
     )
     return NewPrediction(
         impacts=impacts,
@@ -135,12 +135,12 @@ def predict_new(
     )
 
 
-def output_channels(fitted: FittedModel, count: int, observed: Sequence[Channel]) -> tuple[Channel, ...]:
+def output_observables(fitted: FittedModel, count: int, observed: Sequence[Observable]) -> tuple[Observable, ...]:
     """Every output the model has, measured or not."""
     measured = {item.name: item for item in observed}
     nothing, noise_of = np.full(count, np.nan), noise_in(fitted.names)
     return tuple(
-        measured.get(name, derived(Channel(name, nothing, None, noise_of[name]), fitted.names))
+        measured.get(name, derived(Observable(name, nothing, None, noise_of[name]), fitted.names))
         for name in OUTPUTS
         if (fitted.tangential or name not in (*TANGENTIAL, "v_2"))
         and (fitted.model.has_time or name != "contact_time")
@@ -152,30 +152,35 @@ def _part(impacts: Impacts, rows: slice) -> Impacts:
     return Impacts(impacts.v_x1[rows], impacts.v_y1[rows], impacts.omega_1[rows], cor)
 
 
-def _rows_of(channel: Channel, rows: slice) -> Channel:
-    return replace(channel, observed=channel.observed[rows], sd=None if channel.sd is None else channel.sd[rows])
+def _rows_of(observable: Observable, rows: slice) -> Observable:
+    return replace(
+        observable, observed=observable.observed[rows], sd=None if observable.sd is None else observable.sd[rows]
+    )
 
 
 _Part = tuple[list[OutputPrediction], tuple[Mapping[str, float], ...], tuple[Mapping[str, float], ...]]
 
 
-def _batch(fitted: FittedModel, impacts: Impacts, channels: Sequence[Channel], rng: np.random.Generator) -> _Part:
+def _batch(
+    fitted: FittedModel, impacts: Impacts, observables: Sequence[Observable], rng: np.random.Generator
+) -> _Part:
     at_point = fitted.rebound(impacts)
     if fitted.draws.shape[0] == 0:
         alone = [
-            OutputPrediction(item.name, item.predict(at_point)[0], None, None, None, None, None) for item in channels
+            OutputPrediction(item.name, item.predict(at_point)[0], None, None, None, None, None)
+            for item in observables
         ]
         return alone, regime_shares(at_point), _failures(at_point)
     drawn = fitted.rebound(impacts, fitted.draws)
     columns = dict(zip(fitted.names, fitted.draws.T, strict=True))
-    found = [_output(item, item.predict(at_point)[0], columns, drawn, rng) for item in channels]
+    found = [_output(item, item.predict(at_point)[0], columns, drawn, rng) for item in observables]
     return found, regime_shares(drawn), _failures(drawn)
 
 
 def _uncertain_batch(
     fitted: FittedModel,
     impacts: Impacts,
-    channels: Sequence[Channel],
+    observables: Sequence[Observable],
     covariance: FloatArray,
     rng: np.random.Generator,
     states: np.random.Generator,
@@ -184,7 +189,7 @@ def _uncertain_batch(
     one, other = (drawn_rebound(fitted, impacts, covariance, states) for _ in range(2))
     columns = dict(zip(fitted.names, fitted.draws.T, strict=True))
     found = []
-    for item in channels:
+    for item in observables:
         made = _output(item, item.predict(at_point)[0], columns, one, rng)
         noise = None
         if made.measured is not None:
@@ -196,16 +201,20 @@ def _uncertain_batch(
 
 
 def _output(
-    channel: Channel, point: FloatArray, columns: Mapping[str, FloatArray], drawn: Rebound, rng: np.random.Generator
+    observable: Observable,
+    point: FloatArray,
+    columns: Mapping[str, FloatArray],
+    drawn: Rebound,
+    rng: np.random.Generator,
 ) -> OutputPrediction:
-    if not channel.known(columns.keys()):
-        return OutputPrediction(channel.name, point, bands(channel.predict(drawn)), None, None, None, None)
-    predicted, _spread, data = with_noise(channel, columns, drawn, rng)
+    if not observable.known(columns.keys()):
+        return OutputPrediction(observable.name, point, bands(observable.predict(drawn)), None, None, None, None)
+    predicted, _spread, data = with_noise(observable, columns, drawn, rng)
     # Impacts that no draw can evaluate have no moments either.
     solved = np.any(drawn.status == 0, axis=0)
     mean, sd = np.full(solved.shape, np.nan), np.full(solved.shape, np.nan)
     mean[solved], sd[solved] = np.nanmean(data[:, solved], axis=0), np.nanstd(data[:, solved], axis=0)
-    return OutputPrediction(channel.name, point, bands(predicted), bands(data), mean, sd, None)
+    return OutputPrediction(observable.name, point, bands(predicted), bands(data), mean, sd, None)
 
 
 def _failures(rebound: Rebound) -> tuple[Mapping[str, float], ...]:
@@ -245,9 +254,9 @@ def _joined_shares(parts: Sequence[Shares]) -> Shares | None:
     )
 
 
-def observed_channels(fitted: FittedModel, table: ImpactTable) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
+def observed_observables(fitted: FittedModel, table: ImpactTable) -> tuple[tuple[Observable, ...], tuple[str, ...]]:
     """The measured columns of a table that `fitted` can answer for, and a sentence for each that it cannot."""
-    channels, notes = build_channels(
+    observables, notes = build_observables(
         table, fitted.tangential, fitted.model.has_time, fitted.model.needs_cor, noise_in(fitted.names)
     )
-    return tuple(derived(channel, fitted.names) for channel in channels), tuple(notes)
+    return tuple(derived(observable, fitted.names) for observable in observables), tuple(notes)

@@ -14,11 +14,11 @@ from fitball.data.table import REBOUND_UNITS
 from fitball.inference.likelihood.incident_marginal import incident_sds
 from fitball.inference.problem.batches import cells
 from fitball.inference.problem.noise import draw
-from fitball.inference.problem.observables import PREDICTED, Channel
+from fitball.inference.problem.observables import PREDICTED, Observable
 from fitball.inference.problem.parameters import TAILS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import part_of
-from fitball.inference.results.results import ChannelPrediction, Curve, PointFit, Posterior, Predictive, thinned
+from fitball.inference.results.results import Curve, ObservablePrediction, PointFit, Posterior, Predictive, thinned
 from fitball.models.types import Rebound, regime_name
 from fitball.values import FloatArray, Impacts
 
@@ -34,7 +34,7 @@ def predictive_generator(seed: int) -> np.random.Generator:
 
 
 def predictive(problem: Problem, point: PointFit, posterior: Posterior, rng: np.random.Generator) -> Predictive:
-    """Quantiles of each channel at each impact, with and without noise; regimes; curves.
+    """Quantiles of each observable at each impact, with and without noise; regimes; curves.
 
     Impacts are taken some at a time, so that memory does not grow with draws times impacts.
     """
@@ -44,12 +44,12 @@ def predictive(problem: Problem, point: PointFit, posterior: Posterior, rng: np.
     for place in (np.arange(k, min(k + size, count)) for k in range(0, count, size)):
         part = problem if place.size == count else part_of(problem, place)
         parts.append(_at_impacts(part, point.rebound.take(place), values, rng))
-    channels = tuple(_joined([item[0][k] for item in parts]) for k in range(len(problem.channels)))
+    observables = tuple(_joined([item[0][k] for item in parts]) for k in range(len(problem.observables)))
     regimes = tuple(share for item in parts for share in item[1])
-    return Predictive(channels, regimes, curves(problem, thinned(posterior, CURVE_DRAWS)))
+    return Predictive(observables, regimes, curves(problem, thinned(posterior, CURVE_DRAWS)))
 
 
-def _joined(parts: Sequence[ChannelPrediction]) -> ChannelPrediction:
+def _joined(parts: Sequence[ObservablePrediction]) -> ObservablePrediction:
     arrays = [name for name, value in vars(parts[0]).items() if isinstance(value, np.ndarray)]
     joined: dict[str, Any] = {name: np.concatenate([getattr(item, name) for item in parts]) for name in arrays}
     return replace(parts[0], **joined)
@@ -57,24 +57,24 @@ def _joined(parts: Sequence[ChannelPrediction]) -> ChannelPrediction:
 
 def _at_impacts(
     problem: Problem, at_point: Rebound, values: FloatArray, rng: np.random.Generator
-) -> tuple[list[ChannelPrediction], tuple[Mapping[str, float], ...]]:
-    """Every channel, and the regimes, at the impacts of the problem."""
+) -> tuple[list[ObservablePrediction], tuple[Mapping[str, float], ...]]:
+    """Every observable, and the regimes, at the impacts of the problem."""
     rebound = problem.rebound(values)
     columns = problem.all_values(values)
     by_incidence = incident_sds(problem, columns, rebound)
-    channels = []
-    for channel in problem.channels:
-        predicted, spread, data = with_noise(channel, columns, rebound, rng, by_incidence[channel.name])
-        if problem.offsets is not None:
-            data = data + problem.offsets.offset(columns, channel.name)
+    observables = []
+    for observable in problem.observables:
+        predicted, spread, data = with_noise(observable, columns, rebound, rng, by_incidence[observable.name])
+        if problem.group_bias is not None:
+            data = data + problem.group_bias.offset(columns, observable.name)
         low, mid_low, median, mid_high, high = np.quantile(predicted, BANDS, axis=0)
-        channels.append(
-            ChannelPrediction(
-                name=channel.name,
-                unit=REBOUND_UNITS[channel.name],
-                observed=channel.observed,
+        observables.append(
+            ObservablePrediction(
+                name=observable.name,
+                unit=REBOUND_UNITS[observable.name],
+                observed=observable.observed,
                 sd=np.median(spread, axis=0),
-                point=channel.predict(at_point)[0],
+                point=observable.predict(at_point)[0],
                 median=median,
                 mean_q025=low,
                 mean_q16=mid_low,
@@ -84,22 +84,22 @@ def _at_impacts(
                 data_q975=np.quantile(data, BANDS[-1], axis=0),
             )
         )
-    return channels, regime_shares(rebound)
+    return observables, regime_shares(rebound)
 
 
 def with_noise(
-    channel: Channel,
+    observable: Observable,
     columns: Mapping[str, FloatArray],
     rebound: Rebound,
     rng: np.random.Generator,
     incident_sd: FloatArray | float = 0.0,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """One channel draw by draw, each (draws, impacts): without noise, the sd of its noise, and a new measurement.
+    """One observable draw by draw, each (draws, impacts): without noise, the sd of its noise, and a new measurement.
 
     `columns` are the draws of each parameter by name, (draws,); `incident_sd` is what incident errors add.
     """
-    predicted = channel.predict(rebound)
-    spread = np.hypot(np.broadcast_to(channel.sds(columns, rebound), predicted.shape), incident_sd)
+    predicted = observable.predict(rebound)
+    spread = np.hypot(np.broadcast_to(observable.sds(columns, rebound), predicted.shape), incident_sd)
     tails = columns[TAILS][:, None] if TAILS in columns else None
     return predicted, spread, predicted + spread * draw(rng, predicted.shape, tails)
 
@@ -143,7 +143,7 @@ def _curve(problem: Problem, values: FloatArray, rows: NDArray[np.int64]) -> Cur
     angle, fast = between(theta), between(speed)
     cor = None if problem.impacts.cor is None else between(problem.impacts.cor[rows])
     impacts = Impacts(fast * np.cos(angle), fast * np.sin(angle), between(problem.impacts.omega_1[rows]), cor)
-    alike = all(np.unique(item.index[rows]).size == 1 for item in problem.levels)
+    alike = all(np.unique(item.index[rows]).size == 1 for item in problem.pooling)
     rebound = problem.rebound(values, impacts, int(rows[0]) if alike else None)
     return Curve(angle, impacts, {name: bands(predict(rebound)) for name, predict in PREDICTED.items()})
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from fitball.inference.likelihood import regime_mixture as kinks
+from fitball.inference.likelihood import regime_mixture
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.types import Rebound, Status
 from fitball.values import FloatArray, Impacts
@@ -37,13 +37,16 @@ def drawn_rebound(fitted: FittedModel, impacts: Impacts, covariance: FloatArray,
     the court is no impact: it is NaN and marked.
     """
     draws = fitted.draws.shape[0]
-    root = kinks.roots(covariance)
+    root = regime_mixture.roots(covariance)
     moves = np.einsum("kij,dkj->dki", root, rng.standard_normal((draws, len(impacts), 3)))
     possible = impacts.v_y1 + moves[..., 1] > 0.0
     # Something must be bounced in the place of what is no impact; it is struck out below.
     moves[~possible] = 0.0
     every = np.arange(len(impacts))
-    made = [fitted.rebound(kinks.shifted(impacts, moves[k], every), fitted.draws[k : k + 1]) for k in range(draws)]
+    made = [
+        fitted.rebound(regime_mixture.shifted(impacts, moves[k], every), fitted.draws[k : k + 1])
+        for k in range(draws)
+    ]
     found = Rebound(*(np.concatenate([getattr(item, name.name) for item in made]) for name in fields(Rebound)))
     for array in (found.v_x2, found.v_y2, found.omega_2, found.contact_time):
         array[~possible] = np.nan

@@ -12,13 +12,13 @@ from fitball.data.scene import NO_CONTACT_TIME, NO_MU, NO_SPIN_SD, NO_VELOCITY_S
 from fitball.data.table import NOISE_OF, SHARED_SD, VELOCITIES, ImpactTable
 from fitball.errors import FitError, ParameterError, suggestion
 from fitball.inference.problem.force_noise import force_noise, records_for
-from fitball.inference.problem.group_bias import GroupOffsets, build_offsets
+from fitball.inference.problem.group_bias import GroupBias, build_group_bias
 from fitball.inference.problem.incident import IncidentErrors
 from fitball.inference.problem.measurement_noise import expected_sizes, named_noise, noise_by_column, noise_parameters
 from fitball.inference.problem.noise import DISTRIBUTIONS, STUDENT
-from fitball.inference.problem.observables import Channel, build_channels
+from fitball.inference.problem.observables import Observable, build_observables
 from fitball.inference.problem.parameters import NOISE_SPECS, TAILS, build_parameters
-from fitball.inference.problem.pooling import Levels, build_levels
+from fitball.inference.problem.pooling import Pooling, build_pooling
 from fitball.inference.problem.priors import Prior, parse_prior
 from fitball.inference.problem.problem import Problem
 from fitball.models.model import Model
@@ -64,21 +64,21 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     closures = {**(scene.closures if name == scene.model else {}), **choices.closures}
     chosen, fixed, notes = _compose(table, scene, name, closures)
     noise_of = _noise_of(table, scene, choices, notes)
-    channels, unused = build_channels(table, table.has_tangential, chosen.has_time, chosen.needs_cor, noise_of)
+    observables, unused = build_observables(table, table.has_tangential, chosen.has_time, chosen.needs_cor, noise_of)
     notes += unused
-    if not channels:
+    if not observables:
         raise FitError(f"{table.source}: model {name} predicts none of the measured columns")
     incident = _incident(table, choices, notes)
     if incident is not None and force is not None:
         notes.append("force records are compared at the stated incident speed, taken as exact")
     contact_time = scene.contact_time if chosen.has_time else None
     records = records_for(chosen, scene, force, notes)
-    measured_time = any(channel.name == "contact_time" for channel in channels)
+    measured_time = any(observable.name == "contact_time" for observable in observables)
     timed = contact_time is not None or measured_time or records is not None
     if "k_y" in chosen.parameter_names and "k_theta" not in chosen.parameter_names and not timed:
         fixed["k_y"] = (2.0e4, "it acts on the contact time only, and none is known")
     priors = _scene_priors(scene, fixed)
-    noise = noise_parameters(channels, table, scene, priors, fixed)
+    noise = noise_parameters(observables, table, scene, priors, fixed)
     if records is not None:
         noise += force_noise(records, scene, priors, fixed)
     ball_names = tuple(item for item in BALL_PARAMETERS if item.removeprefix("ball_") in scene.ball_sd)
@@ -93,7 +93,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     fixed |= {key: (value, "fixed by the scene") for key, value in scene_fix.items()}
     fixed |= {key: (value, "fixed on request") for key, value in choices.fix.items()}
     wanted = {**priors, **choices.priors}
-    levels, offsets, extra = _structure(table, scene, choices, chosen, channels, wanted)
+    levels, offsets, extra = _structure(table, scene, choices, chosen, observables, wanted)
     parameters = build_parameters(names, wanted, fixed, ball_names, extra)
     notes += [f"{item.parameter} is fitted to each {item.column} apart, pooled in part" for item in levels]
     return Problem(
@@ -101,7 +101,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
         scene=scene,
         model=chosen,
         parameters=parameters,
-        channels=channels,
+        observables=observables,
         impacts=impacts_with_cor(table, chosen),
         contact_time=contact_time,
         notes=(
@@ -109,8 +109,8 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
             *notes,
             *([REPRODUCTION_ONLY] if name == THESIS else []),
         ),
-        levels=levels,
-        offsets=offsets,
+        pooling=levels,
+        group_bias=offsets,
         incident=incident,
         force=records,
     )
@@ -149,17 +149,17 @@ def _structure(
     scene: Scene,
     choices: Choices,
     chosen: Model,
-    channels: tuple[Channel, ...],
+    observables: tuple[Observable, ...],
     priors: Mapping[str, str],
-) -> tuple[tuple[Levels, ...], GroupOffsets | None, dict[str, ParameterSpec]]:
-    """Levels, group offsets and heavy tails that scene or user ask for, and the parameters these bring."""
+) -> tuple[tuple[Pooling, ...], GroupBias | None, dict[str, ParameterSpec]]:
+    """Pooling, group offsets and heavy tails that scene or user ask for, and the parameters these bring."""
     distribution = choices.noise or scene.distribution
     if distribution not in DISTRIBUTIONS:
         raise ParameterError(f"noise '{distribution}': {suggestion(distribution, DISTRIBUTIONS)}")
     extra = {TAILS: NOISE_SPECS[TAILS]} if distribution == STUDENT else {}
     pool = {**scene.pool, **choices.pool}
     known = {name: _prior_of(name, priors) for name in pool if name in chosen.parameter_names}
-    levels = build_levels(
+    levels = build_pooling(
         table,
         pool,
         chosen.parameter_names,
@@ -170,10 +170,10 @@ def _structure(
         median = float(known[item.parameter].quantile(np.array([0.5]))[0])
         extra |= item.specs(SPECS[item.parameter].unit, median)
     column = choices.offsets or scene.offsets
-    offsets = None if column is None else build_offsets(table, column)
+    offsets = None if column is None else build_group_bias(table, column)
     if offsets is not None:
         sizes = {name: getattr(scene, name) or size for name, size in expected_sizes(scene, table).items()}
-        extra |= offsets.specs(channels, sizes)
+        extra |= offsets.specs(observables, sizes)
     return levels, offsets, extra
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.problem.observables import Channel
+from fitball.inference.problem.observables import Observable
 from fitball.models.jacobian import OUTPUTS
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
@@ -31,22 +31,22 @@ class IncidentErrors:
         return IncidentErrors(self.covariance[rows])
 
 
-def channel_slopes(channel: Channel, rebound: Rebound, slopes: FloatArray) -> FloatArray:
-    """Derivatives (draws, impacts, inputs) of a channel, from those of the rebound (draws, impacts, 4, inputs)."""
-    if channel.name in OUTPUTS:
-        return slopes[..., OUTPUTS.index(channel.name), :]
+def observable_slopes(observable: Observable, rebound: Rebound, slopes: FloatArray) -> FloatArray:
+    """Derivatives (draws, impacts, inputs) of an observable, from those of the rebound (..., 4, inputs)."""
+    if observable.name in OUTPUTS:
+        return slopes[..., OUTPUTS.index(observable.name), :]
     along, up = slopes[..., 0, :], slopes[..., 1, :]
     v_x, v_y = rebound.v_x2[..., None], rebound.v_y2[..., None]
-    if channel.name == "v_2":
+    if observable.name == "v_2":
         return np.asarray((v_x * along + v_y * up) / np.hypot(v_x, v_y))
     return np.asarray((v_x * up - v_y * along) / (v_x * v_x + v_y * v_y))
 
 
 def spread_by_input(slopes: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Covariance (draws, impacts, channels, channels) that the incident errors alone give the channels.
+    """Covariance (draws, impacts, observables, observables) that the incident errors alone give the observables.
 
-    `slopes` (draws, impacts, channels, 3); `covariance` (impacts, 3, 3), or any that broadcasts to (draws, impacts,
-    3, 3).
+    `slopes` (draws, impacts, observables, 3); `covariance` (impacts, 3, 3), or any that broadcasts to
+    (draws, impacts, 3, 3).
     """
     found: FloatArray = np.einsum("...ck,...kl,...ml->...cm", slopes, covariance, slopes, optimize=True)
     return found
@@ -55,9 +55,10 @@ def spread_by_input(slopes: FloatArray, covariance: FloatArray) -> FloatArray:
 def whitened(deviations: Sequence[FloatArray], spreads: Sequence[FloatArray], shared: FloatArray) -> tuple[
     list[FloatArray], list[FloatArray]
 ]:  # fmt: skip
-    """Standardised deviations (draws, impacts) of each channel given those before it, and their conditional sds.
+    """Standardised deviations (draws, impacts) of each observable given those before it, and their conditional sds.
 
-    `deviations` and `spreads` are (draws, impacts) a channel; `shared` (draws, impacts, channels, channels).
+    `deviations` and `spreads` are (draws, impacts) per observable; `shared` (draws, impacts, observables,
+    observables).
     """
     count = len(deviations)
     lower: list[list[FloatArray]] = []
@@ -68,7 +69,7 @@ def whitened(deviations: Sequence[FloatArray], spreads: Sequence[FloatArray], sh
         for j in range(i):
             known = np.sum([row[k] * lower[j][k] for k in range(j)], axis=0)
             row.append((shared[..., i, j] - known) / sds[j])
-        # Never below the channel's own noise: the rest is a covariance, whose Schur complement rounding may spoil.
+        # Never below the observable's own noise: the rest is a covariance, whose Schur complement rounding may spoil.
         rest = shared[..., i, i] - np.sum([item * item for item in row], axis=0)
         sds.append(np.sqrt(spreads[i] * spreads[i] + np.maximum(rest, 0.0)))
         explained = np.sum([row[k] * found[k] for k in range(i)], axis=0)

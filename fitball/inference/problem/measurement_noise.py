@@ -20,7 +20,7 @@ import numpy as np
 from fitball.data.scene import Scene
 from fitball.data.table import NOISE_OF, SHARED_SD, VELOCITIES, ImpactTable
 from fitball.errors import ParameterError, suggestion
-from fitball.inference.problem.observables import TANGENTIAL, Channel, Sizes
+from fitball.inference.problem.observables import TANGENTIAL, Observable, Sizes
 from fitball.inference.problem.parameters import SD_SPECS
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
@@ -107,14 +107,14 @@ def expected_sizes(scene: Scene, table: ImpactTable) -> Mapping[str, float]:
 
 
 def noise_parameters(
-    channels: Sequence[Channel],
+    observables: Sequence[Observable],
     table: ImpactTable,
     scene: Scene,
     priors: dict[str, str],
     fixed: dict[str, tuple[float, str]],
 ) -> tuple[str, ...]:
-    """Noise parameters the channels use; a sd known to the scene fixes one, an expected one centres its prior."""
-    used = tuple(dict.fromkeys(channel.noise for channel in channels if channel.noise is not None))
+    """Noise parameters the observables use; a sd known to the scene fixes one, an expected one centres its prior."""
+    used = tuple(dict.fromkeys(observable.noise for observable in observables if observable.noise is not None))
     expected = expected_sizes(scene, table)
     for name in used:
         value = getattr(scene, name)
@@ -126,7 +126,7 @@ def noise_parameters(
 
 
 @dataclass(frozen=True)
-class Derived(Channel):
+class Derived(Observable):
     """A quantity of the velocity that a fit has no noise for; it follows, to first order, from the independent
     noises of two columns `of` that it has.
     """
@@ -138,7 +138,7 @@ class Derived(Channel):
         return True
 
     def sds(self, sizes: Sizes, rebound: Rebound) -> FloatArray:
-        """See `Channel`."""
+        """See `Observable`."""
         if self.sd is not None:
             return self.sd
         mine, one, other = (_gradient(name, rebound) for name in (self.name, *self.of))
@@ -149,12 +149,12 @@ class Derived(Channel):
             return np.asarray(np.hypot(a * first, b * second))
 
 
-def derived(channel: Channel, names: Collection[str]) -> Channel:
-    """The channel as a fit with parameters `names` knows it: its noise from others where it has none of its own."""
+def derived(observable: Observable, names: Collection[str]) -> Observable:
+    """The observable as a fit with parameters `names` knows it: its noise from others where it has none."""
     of = [name for name in VELOCITIES if NOISE_OF[name] in names]
-    if channel.known(names) or channel.name not in VELOCITIES or len(of) < 2:
-        return channel
-    return Derived(channel.name, channel.observed, channel.sd, None, channel.rows, (of[0], of[1]))
+    if observable.known(names) or observable.name not in VELOCITIES or len(of) < 2:
+        return observable
+    return Derived(observable.name, observable.observed, observable.sd, None, observable.rows, (of[0], of[1]))
 
 
 def _gradient(name: str, rebound: Rebound) -> tuple[FloatArray, FloatArray]:

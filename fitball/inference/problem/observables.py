@@ -26,7 +26,7 @@ TANGENTIAL = ("v_x2", "theta_2", "omega_2")
 
 
 @dataclass(frozen=True)
-class Channel:
+class Observable:
     """One measured column: `observed` (impacts,), its stated `sd` (impacts,) or the noise parameter it uses.
 
     With `rows` only those impacts of the problem have a measurement here, and (impacts,) means (rows,).
@@ -63,7 +63,7 @@ class Channel:
         """`spread` for the noise parameters among `sizes`."""
         return self.spread(0.0 if self.noise is None else np.asarray(sizes[self.noise])[..., None], rebound)
 
-    def at(self, entries: NDArray[np.int64]) -> Channel:
+    def at(self, entries: NDArray[np.int64]) -> Observable:
         """The column with some of its entries alone; `rows` still say which impacts of the problem they belong to."""
         sd = None if self.sd is None else self.sd[entries]
         rows = entries if self.rows is None else self.rows[entries]
@@ -85,14 +85,14 @@ class Channel:
         return array if self.rows is None else array[..., self.rows]
 
 
-def build_channels(
+def build_observables(
     table: ImpactTable, tangential: bool, has_time: bool, needs_cor: bool, noise_of: Mapping[str, str]
-) -> tuple[tuple[Channel, ...], list[str]]:
-    """Channels the model can answer for, and a sentence for each column it cannot.
+) -> tuple[tuple[Observable, ...], list[str]]:
+    """Observables the model can answer for, and a sentence for each column it cannot.
 
     `noise_of` names the noise parameter of each column.
     """
-    channels, notes = [], []
+    observables, notes = [], []
     for item in table.measurements:
         if item.name in TANGENTIAL and not tangential:
             notes.append(f"{item.name} is not used: without v_x1 only the vertical motion is fitted")
@@ -102,5 +102,5 @@ def build_channels(
             notes.append(f"{item.name} is not scored: the measured coefficient of restitution is an input")
         else:
             noise = noise_of[item.name] if item.sd is None else None
-            channels.append(Channel(item.name, item.values, item.sd, noise))
-    return tuple(channels), notes
+            observables.append(Observable(item.name, item.values, item.sd, noise))
+    return tuple(observables), notes

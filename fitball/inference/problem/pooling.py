@@ -23,7 +23,7 @@ EXPECTED_SPREAD = 0.3
 
 
 @dataclass(frozen=True)
-class Levels:
+class Pooling:
     """A parameter over the `labels` of a `column`; `index` (impacts,) says which label an impact has.
 
     `log` is whether its coordinate is the logarithm; `bounds` are those of the parameter, in SI.
@@ -55,9 +55,9 @@ class Levels:
         """Where values leave the bounds of the parameter."""
         return np.asarray((values < self.bounds[0]) | (values > self.bounds[1]))
 
-    def take(self, rows: NDArray[np.int64]) -> Levels:
+    def take(self, rows: NDArray[np.int64]) -> Pooling:
         """The same levels for some of the impacts."""
-        return Levels(self.parameter, self.column, self.labels, self.index[rows], self.log, self.bounds)
+        return Pooling(self.parameter, self.column, self.labels, self.index[rows], self.log, self.bounds)
 
     def specs(self, unit: str, median: float) -> dict[str, ParameterSpec]:
         """What the additional parameters are, by name; `median` is that of the parameter's prior."""
@@ -93,11 +93,11 @@ def labels_of(table: ImpactTable, column: str, asked_by: str) -> tuple[str, ...]
     return table.labels[column]
 
 
-def build_levels(
+def build_pooling(
     table: ImpactTable, pool: Mapping[str, str], names: Sequence[str], logs: Mapping[str, bool],
     bounds: Mapping[str, tuple[float, float]],
-) -> tuple[Levels, ...]:  # fmt: skip
-    """Levels for `pool` (parameter -> label column), in the order of `pool`.
+) -> tuple[Pooling, ...]:  # fmt: skip
+    """Pooling for `pool` (parameter -> label column), in the order of `pool`.
 
     `names` are the parameters of the model. Raises ParameterError for a parameter it has not, FitError for a column
     the table has not or that holds one label only.
@@ -112,5 +112,5 @@ def build_levels(
         if len(distinct) < 2:
             raise FitError(f"{asked}: column {column} of {table.source} holds one label only: {distinct[0]}")
         index = np.array([distinct.index(label) for label in labels], dtype=np.int64)
-        found.append(Levels(name, column, distinct, index, logs[name], bounds[name]))
+        found.append(Pooling(name, column, distinct, index, logs[name], bounds[name]))
     return tuple(found)

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.inference.problem.force_records import ForceRecords
-from fitball.inference.problem.group_bias import GroupOffsets
+from fitball.inference.problem.group_bias import GroupBias
 from fitball.inference.problem.incident import IncidentErrors
 from fitball.inference.problem.joint_prior import JointPrior
-from fitball.inference.problem.observables import Channel
+from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parallel import LARGE_BATCH, evaluate_in_parts
 from fitball.inference.problem.parameters import Parameter
-from fitball.inference.problem.pooling import Levels
+from fitball.inference.problem.pooling import Pooling
 from fitball.models.kernels.dual import NumberArray
 from fitball.models.model import Model
 from fitball.models.specs import SPECS
@@ -36,8 +36,8 @@ class Problem:
     """A table, a model and priors: all that defines a posterior.
 
     `contact_time` is what the scene knows of the mean contact time of the table, (value, sd) [s], or None.
-    `notes` are the sentences that tell what was left out or assumed, and why. `levels` are parameters that differ
-    between surfaces or balls, `offsets` biases of whole groups, `incident` the errors of the
+    `notes` are the sentences that tell what was left out or assumed, and why. `pooling` tells of parameters that
+    differ between surfaces or balls, `group_bias` of biases of whole groups, `incident` the errors of the
     incident state, `force` records of the force on the court (for a two-mass ball). `threads` share large batches.
     """
 
@@ -45,12 +45,12 @@ class Problem:
     scene: Scene
     model: Model
     parameters: tuple[Parameter, ...]
-    channels: tuple[Channel, ...]
+    observables: tuple[Observable, ...]
     impacts: Impacts
     contact_time: tuple[float, float] | None
     notes: tuple[str, ...]
-    levels: tuple[Levels, ...] = ()
-    offsets: GroupOffsets | None = None
+    pooling: tuple[Pooling, ...] = ()
+    group_bias: GroupBias | None = None
     incident: IncidentErrors | None = None
     force: ForceRecords | None = None
     threads: int = 1
@@ -100,7 +100,7 @@ class Problem:
     def groups(self) -> tuple[str, ...] | None:
         """The label of each impact by which figures tell impacts apart, None when there is none."""
         labels = self.table.labels.get("group")
-        return self.table.labels[self.levels[0].column] if labels is None and self.levels else labels
+        return self.table.labels[self.pooling[0].column] if labels is None and self.pooling else labels
 
     def rebound(self, values: FloatArray, impacts: Impacts | None = None, like: int | None = None) -> Rebound:
         """Rebounds (draws, impacts) for free values (draws, free), of the table's impacts by default.
@@ -110,7 +110,7 @@ class Problem:
         columns = self.all_values(values)
         if impacts is None:
             return self.rebound_like(columns, self.impacts, np.arange(len(self.impacts)))
-        if like is None or not self.levels:
+        if like is None or not self.pooling:
             return self._evaluate(columns, impacts)
         return self.rebound_like(columns, impacts, np.full(len(impacts), like))
 
@@ -118,12 +118,12 @@ class Problem:
         self, columns: Mapping[str, FloatArray], impacts: Impacts | OwnImpacts, rows: NDArray[np.int64]
     ) -> Rebound:
         """Rebounds (draws, impacts) of impacts that meet the surface and ball of the table's `rows` (impacts,)."""
-        if not self.levels:
+        if not self.pooling:
             return self._evaluate(columns, impacts)
         found, order = [], []
         for mine, own in self._blocks(columns, rows):
             made = self._evaluate({**columns, **own}, impacts.take(mine))
-            for item in self.levels:
+            for item in self.pooling:
                 made.status[item.outside(own[item.parameter])] = Status.LEVEL_OUT_OF_BOUNDS
             found.append(made)
             order.append(mine)
@@ -150,7 +150,7 @@ class Problem:
     ) -> Mapping[str, FloatArray]:
         """The parameters with which each of `draws` meets the one impact of the table that `rows` names beside it."""
         found = {name: column[draws] for name, column in columns.items()}
-        for item in self.levels:
+        for item in self.pooling:
             by_level = np.stack([item.value(columns, label) for label in item.labels])
             found[item.parameter] = by_level[item.index[rows], draws]
         return found
@@ -189,14 +189,14 @@ class Problem:
         self, columns: Mapping[str, FloatArray], rows: NDArray[np.int64]
     ) -> Iterator[tuple[NDArray[np.int64], dict[str, FloatArray]]]:
         """Places among `rows` that share all levels, with the parameters of those levels."""
-        if not self.levels:
+        if not self.pooling:
             yield np.arange(len(rows)), {}
             return
-        keys = np.stack([item.index[rows] for item in self.levels])
+        keys = np.stack([item.index[rows] for item in self.pooling])
         distinct, which = np.unique(keys, axis=1, return_inverse=True)
         for k, key in enumerate(distinct.T):
-            labels = [item.labels[place] for item, place in zip(self.levels, key, strict=True)]
-            own = {item.parameter: item.value(columns, name) for item, name in zip(self.levels, labels, strict=True)}
+            labels = [item.labels[place] for item, place in zip(self.pooling, key, strict=True)]
+            own = {item.parameter: item.value(columns, name) for item, name in zip(self.pooling, labels, strict=True)}
             yield np.flatnonzero(which.ravel() == k), own
 
     def _model_rows(self, columns: Mapping[str, FloatArray]) -> FloatArray:
@@ -208,10 +208,10 @@ class Problem:
             return self.model.evaluate(self.model_names, rows, impacts)
         return evaluate_in_parts(self.model, self.model_names, rows, impacts, self.threads)
 
-    def deviation(self, columns: Mapping[str, FloatArray], channel: Channel, rebound: Rebound) -> FloatArray:
+    def deviation(self, columns: Mapping[str, FloatArray], observable: Observable, rebound: Rebound) -> FloatArray:
         """Measured less predicted (draws, impacts), the bias of the impact's group taken off."""
-        found = channel.observed - channel.predict(rebound)
-        if self.offsets is None:
+        found = observable.observed - observable.predict(rebound)
+        if self.group_bias is None:
             return found
-        bias = self.offsets.offset(columns, channel.name)
-        return found - (bias if channel.rows is None else bias[:, channel.rows])
+        bias = self.group_bias.offset(columns, observable.name)
+        return found - (bias if observable.rows is None else bias[:, observable.rows])

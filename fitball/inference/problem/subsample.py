@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.errors import FitError
-from fitball.inference.problem.observables import Channel
+from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
 
 # Rows that tell what a first-order look at a large table can tell: sums over the others are alike.
@@ -42,7 +42,7 @@ def thinned_problem(problem: Problem, rows: int) -> Problem:
 def part_of(problem: Problem, kept: NDArray[np.int64]) -> Problem:
     """The same problem on the impacts `kept` (sorted) alone."""
     impacts = problem.impacts.take(kept)
-    channels = tuple(_renumbered(item, kept) for item in problem.channels)
+    observables = tuple(_renumbered(item, kept) for item in problem.observables)
     table = replace(
         problem.table,
         impacts=problem.table.impacts.take(kept),
@@ -63,19 +63,19 @@ def part_of(problem: Problem, kept: NDArray[np.int64]) -> Problem:
         problem,
         table=table,
         impacts=impacts,
-        channels=channels,
+        observables=observables,
         incident=None if problem.incident is None else problem.incident.take(kept),
         force=None if problem.force is None else problem.force.take(kept),
-        levels=tuple(item.take(kept) for item in problem.levels),
-        offsets=None if problem.offsets is None else problem.offsets.take(kept),
+        pooling=tuple(item.take(kept) for item in problem.pooling),
+        group_bias=None if problem.group_bias is None else problem.group_bias.take(kept),
     )
 
 
-def _renumbered(channel: Channel, kept: NDArray[np.int64]) -> Channel:
-    """The channel of a table that consists of the impacts `kept` (sorted) alone."""
-    if channel.rows is None:
-        return replace(channel.at(kept), rows=None)
-    found = channel.at(np.flatnonzero(np.isin(channel.rows, kept)))
+def _renumbered(observable: Observable, kept: NDArray[np.int64]) -> Observable:
+    """The observable of a table that consists of the impacts `kept` (sorted) alone."""
+    if observable.rows is None:
+        return replace(observable.at(kept), rows=None)
+    found = observable.at(np.flatnonzero(np.isin(observable.rows, kept)))
     assert found.rows is not None
     return replace(found, rows=np.searchsorted(kept, found.rows))
 
@@ -88,12 +88,12 @@ def withheld(problem: Problem, rows: NDArray[np.int64]) -> Problem:
     problem but for the likelihood of `rows`, which is what importance sampling of left-out impacts assumes. Raises
     FitError when a column would be left without a measurement.
     """
-    channels = []
-    for item in problem.channels:
+    observables = []
+    for item in problem.observables:
         mine = np.arange(item.observed.size) if item.rows is None else item.rows
         entries = np.flatnonzero(~np.isin(mine, rows))
         if entries.size == 0:
             raise FitError(f"{problem.table.source}: nothing is left of {item.name} to fit without those impacts")
-        channels.append(item.at(entries))
+        observables.append(item.at(entries))
     force = None if problem.force is None else problem.force.without(rows)
-    return replace(problem, channels=tuple(channels), force=force)
+    return replace(problem, observables=tuple(observables), force=force)

@@ -1,4 +1,4 @@
-"""Four looks at how well a table tells a parameter, as frozen values: profile, information, contraction,
+"""Four kinds of evidence at how well a table tells a parameter, as frozen values: profile, information, contraction,
 power-scaling.
 
 Nothing is computed here; see `profile`, `information`, `identifiability` and `power_scaling`.
@@ -71,7 +71,7 @@ LEFT_OUT = "the table is large, and they were left out; fitball plot FIT profile
 
 
 @dataclass(frozen=True)
-class InformationLook:
+class InformationEvidence:
     """First-order standard errors of one parameter without any prior, in sds of its prior, from the table with and
     without the scene's contact time (None: the table does not see it at all). `contraction` is what the table is to
     add to priors and scene, `contraction_without_scene` to priors alone.
@@ -96,7 +96,7 @@ class Direction:
 
 
 @dataclass(frozen=True)
-class Spectrum:
+class Eigendirections:
     """Directions of parameter space from stiff to sloppy, with and without what the scene knows, and in `sentences`
     what can move unnoticed by the table.
     """
@@ -107,7 +107,7 @@ class Spectrum:
 
 
 @dataclass(frozen=True)
-class ContractionLook:
+class ContractionEvidence:
     """One minus posterior over prior variance, and whether the marginal likelihood stays high at either end."""
 
     contraction: float
@@ -115,7 +115,7 @@ class ContractionLook:
 
 
 @dataclass(frozen=True)
-class PowerLook:
+class PowerEvidence:
     """How much the posterior of one parameter changes when all priors, its own prior, the scene's knowledge, or the
     likelihood are raised to a power near one (Kallioinen et al. 2023), and the diagnosis in words ("" for none).
     """
@@ -132,7 +132,7 @@ NAMED = 40
 
 
 @dataclass(frozen=True)
-class ActionLook:
+class ActiveImpacts:
     """Where one parameter moves a rebound: the number of impacts, `acting` of those looked at, in which it does over
     most of the posterior, the `regimes` that these have most often, and the share of its information that comes from
     the `in_doubt` impacts whose regime is in doubt. `impacts` and `doubtful` are the ids of the first NAMED of them.
@@ -148,29 +148,29 @@ class ActionLook:
 
 
 @dataclass(frozen=True)
-class Looks:
+class Evidence:
     """All that is known of how well one parameter is known; None where a look was not possible.
 
     `alone` is the profile without the scene's contact time, for parameters that it touches. `disagreement` says in
-    words where two looks differ and why, "" where they agree.
+    words where two evidence differ and why, "" where they agree.
     """
 
     profile: Profile | None
     alone: Profile | None
-    information: InformationLook | None
-    contraction: ContractionLook | None
-    power: PowerLook | None
-    action: ActionLook | None
+    information: InformationEvidence | None
+    contraction: ContractionEvidence | None
+    power: PowerEvidence | None
+    active_impacts: ActiveImpacts | None
     disagreement: str
 
 
 @dataclass(frozen=True)
-class Examination:
+class Identifiability:
     """The looks at every free parameter, the spectrum of the information, why profiles are missing, if they are, and
     how often a 95 % interval of a profile holds the truth on a table of this size.
     """
 
-    looks: Mapping[str, Looks]
-    spectrum: Spectrum
+    evidence: Mapping[str, Evidence]
+    eigendirections: Eigendirections
     profiles_missing: str
     profile_coverage: float

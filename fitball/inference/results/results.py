@@ -10,7 +10,7 @@ import numpy as np
 
 from fitball.data.balances import Balances
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.evidence import Examination
+from fitball.inference.results.evidence import Identifiability
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.pace_rating import CourtPace
 from fitball.models.types import Rebound
@@ -44,7 +44,7 @@ class LeastSquares:
     """Weighted least squares: no prior but the bounds, noise at its stated or nominal size.
 
     `values` holds every parameter by name in SI; `stderr` a number, or None with the cause in
-    `missing`. `rms` is the root mean square residual of each channel, in its unit.
+    `missing`. `rms` is the root mean square residual of each observable, in its unit.
     """
 
     values: Mapping[str, float]
@@ -153,7 +153,7 @@ class Diagnostics:
 
 
 @dataclass(frozen=True)
-class ChannelPrediction:
+class ObservablePrediction:
     """Posterior prediction of one measured column at the table's impacts, all (impacts,) in SI.
 
     `mean_*` are quantiles of the noise-free rebound (parameter uncertainty alone), `data_*` of a new
@@ -188,14 +188,14 @@ class Curve:
 
 @dataclass(frozen=True)
 class Predictive:
-    """Predictions of every channel, the regime sequences of each impact with their posterior probability, and a
+    """Predictions of every observable, the regime sequences of each impact with their posterior probability, and a
     band over incidence angle for figures.
 
     `regimes[i]` maps a sequence in words to its probability at impact i. `curves` maps a group label ("" when
     the table has no groups) to predictions along that group's incidence angles.
     """
 
-    channels: tuple[ChannelPrediction, ...]
+    observables: tuple[ObservablePrediction, ...]
     regimes: tuple[Mapping[str, float], ...]
     curves: Mapping[str, Curve]
 
@@ -279,7 +279,7 @@ class Fit:
     correlation: FloatArray | None
     diagnostics: Diagnostics | None
     predictive: Predictive | None
-    examination: Examination
+    identifiability: Identifiability
     fitted: FittedModel
     golden: Golden
     error_budget: ErrorBudget

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.inference.results.results import ChannelPrediction, Posterior
+from fitball.inference.results.results import ObservablePrediction, Posterior
 from fitball.report.figures.drawable import Drawable, parameter
 from fitball.report.form.display_units import handy
 from fitball.values import FloatArray
@@ -44,7 +44,7 @@ class TraceData:
 
 @dataclass(frozen=True)
 class ResidualData:
-    """Standardised residuals of one channel at the posterior median, along `along`, with each impact's group."""
+    """Standardised residuals of one observable at the posterior median, along `along`, with each impact's group."""
 
     name: str
     along: FloatArray
@@ -126,23 +126,23 @@ def group_of(fit: Drawable) -> tuple[str, ...]:
 
 
 def residual_data(fit: Drawable) -> tuple[ResidualData, ...]:
-    """Standardised residuals of every channel: (measured - predicted)/sd."""
+    """Standardised residuals of every observable: (measured - predicted)/sd."""
     along = incidence(fit)[1]
     groups = group_of(fit)
     result = []
-    for channel in fit.problem.channels:
-        predicted, sd = _median_and_sd(fit, channel.name)
-        result.append(ResidualData(channel.name, along, (channel.observed - predicted) / sd, groups))
+    for observable in fit.problem.observables:
+        predicted, sd = _median_and_sd(fit, observable.name)
+        result.append(ResidualData(observable.name, along, (observable.observed - predicted) / sd, groups))
     return tuple(result)
 
 
 def _median_and_sd(fit: Drawable, name: str) -> tuple[FloatArray, FloatArray]:
     if fit.predictive is not None:
-        found: ChannelPrediction = next(item for item in fit.predictive.channels if item.name == name)
+        found: ObservablePrediction = next(item for item in fit.predictive.observables if item.name == name)
         return found.median, found.sd
-    channel = next(item for item in fit.problem.channels if item.name == name)
-    spread = np.broadcast_to(channel.sds(fit.point.values, fit.point.rebound), (1, len(fit.problem.table)))[0]
-    return channel.predict(fit.point.rebound)[0], spread
+    observable = next(item for item in fit.problem.observables if item.name == name)
+    spread = np.broadcast_to(observable.sds(fit.point.values, fit.point.rebound), (1, len(fit.problem.table)))[0]
+    return observable.predict(fit.point.rebound)[0], spread
 
 
 @dataclass(frozen=True)
@@ -159,8 +159,8 @@ def measured_points(fit: Drawable) -> Mapping[str, MeasuredPoints]:
     """Outputs as measured; the angle follows from components with their noise where it was not."""
     along = incidence(fit)[1]
     groups = group_of(fit)
-    raw = {channel.name: channel.observed for channel in fit.problem.channels}
-    spread = {channel.name: _median_and_sd(fit, channel.name)[1] for channel in fit.problem.channels}
+    raw = {observable.name: observable.observed for observable in fit.problem.observables}
+    spread = {observable.name: _median_and_sd(fit, observable.name)[1] for observable in fit.problem.observables}
     if "theta_2" not in raw and {"v_x2", "v_y2"} <= raw.keys():
         v_x, v_y = raw["v_x2"], raw["v_y2"]
         raw["theta_2"] = np.arctan2(v_y, v_x)

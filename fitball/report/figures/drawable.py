@@ -6,7 +6,7 @@ from typing import Protocol
 
 from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.evidence import Examination
+from fitball.inference.results.evidence import Identifiability
 from fitball.inference.results.results import Diagnostics, PointFit, Predictive
 
 
@@ -30,7 +30,7 @@ class Drawable(Protocol):
         """How the sampler did, None for a point fit."""
 
     @property
-    def examination(self) -> Examination:
+    def identifiability(self) -> Identifiability:
         """The looks at every parameter."""
 
 

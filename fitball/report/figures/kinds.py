@@ -61,7 +61,7 @@ def _drawn(posterior: Posterior | None) -> Posterior:
 
 def _profiles(fit: Drawable, posterior: Posterior | None) -> Figure:
     if not has_profiles(fit):
-        raise ResultFolderError(f"there are no profiles: {fit.examination.profiles_missing}")
+        raise ResultFolderError(f"there are no profiles: {fit.identifiability.profiles_missing}")
     return profiles_figure(fit, posterior)
 
 
@@ -84,7 +84,7 @@ KINDS: Mapping[str, Kind] = {
 
 def has_profiles(fit: Drawable) -> bool:
     """Whether any parameter has one."""
-    return any(looks.profile is not None for looks in fit.examination.looks.values())
+    return any(evidence.profile is not None for evidence in fit.identifiability.evidence.values())
 
 
 def has_regimes(fit: Drawable) -> bool:

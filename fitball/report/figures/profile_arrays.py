@@ -40,9 +40,9 @@ class ProfilePanel:
 def profile_panels(fit: Drawable, posterior: Posterior | None) -> tuple[ProfilePanel, ...]:
     """A panel for each parameter that has a profile, in the order of the fit."""
     panels = []
-    for name, looks in fit.examination.looks.items():
-        if looks.profile is not None:
-            panels.append(_panel(fit, name, looks.profile, looks.alone, posterior))
+    for name, evidence in fit.identifiability.evidence.items():
+        if evidence.profile is not None:
+            panels.append(_panel(fit, name, evidence.profile, evidence.alone, posterior))
     return tuple(panels)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from fitball.inference.results.results import Fit
 from fitball.report.figures.arrays import residual_data
 from fitball.report.figures.force_arrays import force_panels
-from fitball.report.fit.evidence_rows import look_rows
+from fitball.report.fit.evidence_rows import evidence_rows
 from fitball.report.fit.summary import parameter_rows
 from fitball.report.form.display_units import handy
 
@@ -35,7 +35,7 @@ def _predictive(fit: Fit) -> str:
         parts = [f"{name}: root mean square difference {_size(name, value)}" for name, value in fit.point.rms.items()]
         return f"Measured rebounds and the point estimate along {along}. " + "; ".join(parts) + "."
     parts = []
-    for item in fit.predictive.channels:
+    for item in fit.predictive.observables:
         inside = np.sum((item.observed >= item.data_q025) & (item.observed <= item.data_q975))
         off = float(np.sqrt(np.mean((item.observed - item.median) ** 2)))
         parts.append(
@@ -71,7 +71,9 @@ def _residuals(fit: Fit) -> str:
 
 def _profiles(fit: Fit) -> str:
     parts = [
-        f"{row.name} {row.profile} {row.unit}".rstrip() for row in look_rows(fit).rows if row.profile not in ("-",)
+        f"{row.name} {row.profile} {row.unit}".rstrip()
+        for row in evidence_rows(fit).rows
+        if row.profile not in ("-",)
     ]
     return "Profile likelihoods with their 95 % intervals: " + "; ".join(parts) + "."
 

@@ -46,16 +46,16 @@ def summary_rows(fit: Fit) -> list[dict[str, object]]:
 
 def prediction_rows(fit: Fit) -> Iterator[dict[str, object]]:
     """One row an impact and measured column: measured, predicted, with intervals in SI (angles in radians)."""
-    for channel in fit.problem.channels:
-        point = channel.predict(fit.point.rebound)[0]
+    for observable in fit.problem.observables:
+        point = observable.predict(fit.point.rebound)[0]
         found = None
         if fit.predictive is not None:
-            found = next(item for item in fit.predictive.channels if item.name == channel.name)
+            found = next(item for item in fit.predictive.observables if item.name == observable.name)
         for k, name in enumerate(fit.problem.table.ids):
             row: dict[str, object] = {
                 "id": name,
-                "output": channel.name,
-                "measured": float(channel.observed[k]),
+                "output": observable.name,
+                "measured": float(observable.observed[k]),
                 "point": float(point[k]),
             }
             for key in ("median", "mean_q025", "mean_q16", "mean_q84", "mean_q975", "data_q025", "data_q975", "sd"):

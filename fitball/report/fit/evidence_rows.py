@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fitball.inference.results.evidence import InformationLook, Profile
+from fitball.inference.results.evidence import InformationEvidence, Profile
 from fitball.inference.results.results import Fit
 from fitball.report.form.display_units import Scale, handy
 from fitball.report.form.rounding import decimals, fixed, significant
@@ -24,13 +24,13 @@ class LookRow:
     information: str
     contraction: str
     power: str
-    action: str
+    active_impacts: str
     verdict: str
 
 
 @dataclass(frozen=True)
-class LookTable:
-    """All rows, remarks (what cannot be told apart, where looks disagree), whether the scene takes part, and how
+class EvidenceTable:
+    """All rows, remarks (what cannot be told apart, where evidence disagree), whether the scene takes part, and how
     often a 95 % interval of a profile holds the truth.
     """
 
@@ -40,32 +40,40 @@ class LookTable:
     coverage: str
 
 
-def look_rows(fit: Fit) -> LookTable:
+def evidence_rows(fit: Fit) -> EvidenceTable:
     """The looks at every free parameter."""
     scene = fit.problem.contact_time is not None
     rows = []
-    remarks = list(fit.examination.spectrum.sentences)
-    if fit.examination.profiles_missing:
-        remarks.append(f"there are no profiles: {fit.examination.profiles_missing}")
-    for name, looks in fit.examination.looks.items():
+    remarks = list(fit.identifiability.eigendirections.sentences)
+    if fit.identifiability.profiles_missing:
+        remarks.append(f"there are no profiles: {fit.identifiability.profiles_missing}")
+    for name, evidence in fit.identifiability.evidence.items():
         estimate = fit.parameters[name]
         scale = handy(name, estimate.unit)
         rows.append(
             LookRow(
                 name=name,
                 unit=scale.unit,
-                profile=_interval(looks.profile, scale),
-                alone=_interval(looks.alone, scale) if looks.alone is not None else "the same" if scene else "-",
-                information=_information(looks.information, scene),
-                contraction="-" if looks.contraction is None else f"{looks.contraction.contraction:.2f}",
-                power="-" if looks.power is None else f"{looks.power.prior:.2f} | {looks.power.likelihood:.2f}",
-                action="-" if looks.action is None else f"{looks.action.acting} of {looks.action.of}",
+                profile=_interval(evidence.profile, scale),
+                alone=_interval(evidence.alone, scale)
+                if evidence.alone is not None
+                else "the same"
+                if scene
+                else "-",
+                information=_information(evidence.information, scene),
+                contraction="-" if evidence.contraction is None else f"{evidence.contraction.contraction:.2f}",
+                power="-"
+                if evidence.power is None
+                else f"{evidence.power.prior:.2f} | {evidence.power.likelihood:.2f}",
+                active_impacts="-"
+                if evidence.active_impacts is None
+                else f"{evidence.active_impacts.acting} of {evidence.active_impacts.of}",
                 verdict=estimate.verdict,
             )
         )
-        if looks.disagreement:
-            remarks.append(f"{name}: {looks.disagreement}")
-    return LookTable(tuple(rows), tuple(remarks), scene, f"{100.0 * fit.examination.profile_coverage:.0f} %")
+        if evidence.disagreement:
+            remarks.append(f"{name}: {evidence.disagreement}")
+    return EvidenceTable(tuple(rows), tuple(remarks), scene, f"{100.0 * fit.identifiability.profile_coverage:.0f} %")
 
 
 def _interval(profile: Profile | None, scale: Scale) -> str:
@@ -89,7 +97,7 @@ def _interval(profile: Profile | None, scale: Scale) -> str:
     return f"{text} by the bounds of {', '.join(leaning)}" if leaning else text
 
 
-def _information(look: InformationLook | None, scene: bool) -> str:
+def _information(look: InformationEvidence | None, scene: bool) -> str:
     if look is None:
         return "-"
     found = _error(look.error)
@@ -100,14 +108,14 @@ def _error(error: float | None) -> str:
     return "none" if error is None else significant(error, 2)
 
 
-def spectrum_rows(fit: Fit) -> tuple[tuple[str, ...], ...]:
+def direction_rows(fit: Fit) -> tuple[tuple[str, ...], ...]:
     """Combinations from stiff to sloppy with what each is known to; beside them those without the scene, if it knows
     anything.
     """
-    spectrum = fit.examination.spectrum
+    eigendirections = fit.identifiability.eigendirections
     if fit.problem.contact_time is None:
-        return tuple((item.words, item.known_to) for item in spectrum.directions)
+        return tuple((item.words, item.known_to) for item in eigendirections.directions)
     return tuple(
         (item.words, item.known_to, alone.words, alone.known_to)
-        for item, alone in zip(spectrum.directions, spectrum.directions_without_scene, strict=True)
+        for item, alone in zip(eigendirections.directions, eigendirections.directions_without_scene, strict=True)
     )

@@ -38,7 +38,7 @@ def headline(fit: Fit) -> str:
         parts.append("judge none by itself")
     levels = "".join(
         f"; {item.parameter} differs between {len(item.labels)} {item.column}s and is told for each of them"
-        for item in fit.problem.levels
+        for item in fit.problem.pooling
     )
     return (
         f"{STATUS_WORDS[fit.status]}: of {free} free parameters the {len(fit.problem.table)} impacts "
@@ -49,7 +49,7 @@ def headline(fit: Fit) -> str:
 def _pooling(fit: Fit) -> set[str]:
     """Parameters that only serve to pool another over its levels, and that other, whose levels say more."""
     found: set[str] = set()
-    for item in fit.problem.levels:
+    for item in fit.problem.pooling:
         found |= {item.parameter, item.spread_name, *map(item.place_name, item.labels)}
     return found
 

@@ -11,7 +11,7 @@ from fitball.inference.results.results import Fit, Verdict
 from fitball.report.fit.balance_table import balance_table
 from fitball.report.fit.budget_rows import budget_table
 from fitball.report.fit.embedded_figures import PageFigure
-from fitball.report.fit.evidence_rows import look_rows, spectrum_rows
+from fitball.report.fit.evidence_rows import direction_rows, evidence_rows
 from fitball.report.fit.headline import NOT_TOLD, TOLD, headline, told_rows
 from fitball.report.fit.pace_rows import pace_table
 from fitball.report.fit.published_rows import case_table
@@ -50,7 +50,7 @@ SECTIONS = {
     "predictions": "Measured and predicted",
     "thesis": "Beside the thesis's best cases",
     "balances": "Model-free balances",
-    "looks": "How each parameter is known",
+    "evidence": "How each parameter is known",
     "diagnosis": "Diagnosis",
     "budget": "Error budget",
     "notes": "Notes on table and scene",
@@ -101,8 +101,8 @@ def page(fit: Fit, figures: Mapping[str, PageFigure], command: str | None = None
         diagnosis=diagnosis_lines(fit, budget=False),
         budget=budget_table(fit.error_budget),
         notes=remarks,
-        looks=look_rows(fit),
-        spectrum=spectrum_rows(fit),
+        evidence=evidence_rows(fit),
+        eigendirections=direction_rows(fit),
         figures=figures,
         command=command,
         versions=", ".join(f"{name} {number}" for name, number in package_versions().items())

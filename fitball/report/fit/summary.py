@@ -167,16 +167,16 @@ def prediction_table(fit: Fit, most: int | None = None) -> PredictionTable:
     theta = np.degrees(np.arctan2(impacts.v_y1, impacts.v_x1))
     speed = np.hypot(impacts.v_x1, impacts.v_y1)
     heads, columns = [], []
-    for channel in problem.channels:
-        scale = handy(channel.name, {"omega_2": "rad/s"}.get(channel.name, "m/s"))
-        heads.append(f"{channel.name} [{scale.unit}]")
-        predicted = channel.predict(fit.point.rebound)[0] * scale.factor
+    for observable in problem.observables:
+        scale = handy(observable.name, {"omega_2": "rad/s"}.get(observable.name, "m/s"))
+        heads.append(f"{observable.name} [{scale.unit}]")
+        predicted = observable.predict(fit.point.rebound)[0] * scale.factor
         half = None
         if fit.predictive is not None:
-            found = next(item for item in fit.predictive.channels if item.name == channel.name)
+            found = next(item for item in fit.predictive.observables if item.name == observable.name)
             predicted = found.median * scale.factor
             half = 0.5 * (found.mean_q84 - found.mean_q16) * scale.factor
-        columns.append([_cell(channel.observed[k] * scale.factor, predicted[k], half, k) for k in shown])
+        columns.append([_cell(observable.observed[k] * scale.factor, predicted[k], half, k) for k in shown])
     rows = tuple(
         PredictionRow(
             id=problem.table.ids[k],

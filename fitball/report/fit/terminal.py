@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fitball.inference.results.results import Fit
 from fitball.report.fit.balance_table import balance_table
-from fitball.report.fit.evidence_rows import look_rows
+from fitball.report.fit.evidence_rows import evidence_rows
 from fitball.report.fit.pace_rows import pace_lines
 from fitball.report.fit.summary import (
     diagnosis_lines,
@@ -60,7 +60,7 @@ def render(fit: Fit, folder: Path) -> str:
     parts.append("What the table says of each parameter:")
     for row in rows:
         parts += _wrapped(f"{row.name}: {row.verdict}; {row.reason}")
-    parts += [line for remark in look_rows(fit).remarks for line in _wrapped(f"note: {remark}")]
+    parts += [line for remark in evidence_rows(fit).remarks for line in _wrapped(f"note: {remark}")]
     parts += ["", "Measured | predicted (median +- half of the 68 % interval, without noise):", ""]
     predictions = prediction_table(fit, MOST_LINES)
     top = ["impact", "theta_1 [deg]", *predictions.heads, "contact"]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fitball.data.table import REBOUND_UNITS
-from fitball.inference.prediction.holdout_scores import ChannelScore
+from fitball.inference.prediction.holdout_scores import ObservableScore
 from fitball.inference.prediction.new_impacts import NewPrediction, OutputPrediction
 from fitball.report.form.display_units import Scale, handy
 from fitball.values import FloatArray
@@ -89,7 +89,7 @@ def _extrapolated(prediction: NewPrediction, row: int) -> str:
 
 
 def prediction_json(
-    prediction: NewPrediction, ids: Sequence[str], scores: Sequence[ChannelScore], notes: Sequence[str]
+    prediction: NewPrediction, ids: Sequence[str], scores: Sequence[ObservableScore], notes: Sequence[str]
 ) -> dict[str, Any]:
     """All of it in SI (angles in radians), one object an impact."""
     found = prediction.range

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fitball.inference.prediction.holdout_scores import ChannelScore
+from fitball.inference.prediction.holdout_scores import ObservableScore
 from fitball.inference.prediction.new_impacts import NewPrediction, OutputPrediction
 from fitball.report.form.rounding import decimals, fixed, interval, significant
 from fitball.report.form.text_table import MOST_LINES, WIDTH, columns, more
@@ -189,7 +189,7 @@ def remarks_on(prediction: NewPrediction, row: int) -> list[str]:
     return remarks
 
 
-def render_scores(scores: Sequence[ChannelScore], seen: int, count: int) -> str:
+def render_scores(scores: Sequence[ObservableScore], seen: int, count: int) -> str:
     """Residuals and coverage of the measured columns; `seen` of the `count` impacts are among those of the fit."""
     heads = ["output", "impacts", "mean residual", "rms residual", "rms z", "within 68 %", "within 95 %"]
     rows = []

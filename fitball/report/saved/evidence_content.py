@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from fitball.inference.results.evidence import End, Examination
+from fitball.inference.results.evidence import End, Identifiability
 
 
-def looks_content(examination: Examination) -> dict[str, Any]:
+def evidence_content(identifiability: Identifiability) -> dict[str, Any]:
     """Every look with its fields by name; arrays and tuples become lists."""
-    found: dict[str, Any] = _plain(asdict(examination))
+    found: dict[str, Any] = _plain(asdict(identifiability))
     return found
 
 

@@ -61,7 +61,7 @@ def _names(file: FitFile) -> Iterator[str]:
     free = tuple(name for name, item in file.parameters.items() if item.verdict is not Verdict.FIXED)
     yield from _other_names("fitted.names", file.fitted.names, file.parameters)
     yield from _other_names("golden.parameters", file.golden.parameters, file.parameters)
-    yield from _other_names("identifiability.looks", file.identifiability.looks, free)
+    yield from _other_names("identifiability.evidence", file.identifiability.evidence, free)
     for what, matrix in (("covariance", file.covariance), ("correlation", file.correlation)):
         if matrix is None:
             continue
@@ -69,8 +69,8 @@ def _names(file: FitFile) -> Iterator[str]:
         yield from _unequal({f"{what}.names": len(free), f"{what}.values": len(matrix.values)})
         yield from _unequal({f"{what}.names": len(free)} | {f"{what} row {k}": len(row) for k, row in
                                                             enumerate(matrix.values)})  # fmt: skip
-    for name, looks in file.identifiability.looks.items():
-        for profile in (looks.profile, looks.alone):
+    for name, evidence in file.identifiability.evidence.items():
+        for profile in (evidence.profile, evidence.alone):
             if profile is None:
                 continue
             if profile.values.size != profile.drop.size or profile.values.size < 2:

@@ -8,14 +8,14 @@ from typing import Annotated, Any, Literal
 import msgspec
 import numpy as np
 
-from fitball.inference.results.evidence import Examination
+from fitball.inference.results.evidence import Identifiability
 from fitball.inference.results.pace_rating import CourtPace
 from fitball.inference.results.results import BudgetLine, LevelEstimate, RunStatus, Verdict
 from fitball.report.saved.structure import Counted, Digest, Part, Positive
 from fitball.values import Ball
 
 # Version 1 held the measurements themselves, which lie in `data.nc` now.
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 KIND = "fitball fit"
 Numbers = tuple[float, ...]
 Texts = tuple[str, ...]
@@ -225,7 +225,7 @@ class FittedPart(Part, frozen=True):
 class FitFile(Part, frozen=True):
     """A fitted parameter set. Numbers are in SI units unless a unit stands beside them."""
 
-    schema_version: Literal[2]
+    schema_version: Literal[3]
     kind: Literal["fitball fit"]
     status: RunStatus
     verdict: str
@@ -244,7 +244,7 @@ class FitFile(Part, frozen=True):
     levels: tuple[LevelEstimate, ...]
     error_budget: Budget
     golden: GoldenPart
-    identifiability: Examination
+    identifiability: Identifiability
     data: DataPart
     fitted: FittedPart
     court_pace: CourtPace | None = None

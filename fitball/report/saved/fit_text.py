@@ -15,7 +15,7 @@ from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.results import Estimate, Fit, Golden
 from fitball.report.form.display_units import THESIS
 from fitball.report.saved.data_file import data_content
-from fitball.report.saved.evidence_content import looks_content
+from fitball.report.saved.evidence_content import evidence_content
 from fitball.report.saved.fit_file import KIND, SCHEMA_VERSION
 from fitball.values import Ball, FloatArray
 from fitball.version import __version__
@@ -66,7 +66,7 @@ def fit_content(fit: Fit) -> dict[str, Any]:
         "error_budget": asdict(fit.error_budget) | {"share": fit.error_budget.share},
         "court_pace": None if fit.court_pace is None else asdict(fit.court_pace),
         "golden": _golden(fit.golden),
-        "identifiability": looks_content(fit.examination),
+        "identifiability": evidence_content(fit.identifiability),
         "data": data_content(problem),
         "fitted": {
             "tangential": fit.fitted.tangential,

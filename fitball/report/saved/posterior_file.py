@@ -43,7 +43,7 @@ def write_netcdf(fit: Fit, posterior: Posterior, path: Path) -> None:
         coords={"chain": [0], "draw": np.arange(len(posterior.prior_draws))},
     )
     data = xr.Dataset(
-        {channel.name: ("impact", channel.observed) for channel in fit.problem.channels},
+        {observable.name: ("impact", observable.observed) for observable in fit.problem.observables},
         coords={"impact": list(fit.problem.table.ids)},
     )
     tree = xr.DataTree.from_dict(

@@ -14,11 +14,11 @@ from fitball.errors import FitballError, ResultFolderError
 from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
 from fitball.inference.problem.build import impacts_with_cor
 from fitball.inference.problem.measurement_noise import noise_in
-from fitball.inference.problem.observables import build_channels
+from fitball.inference.problem.observables import build_observables
 from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.priors import parse_prior
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.evidence import Examination
+from fitball.inference.results.evidence import Identifiability
 from fitball.inference.results.results import Diagnostics, PointFit, Posterior, Predictive, Verdict
 from fitball.report.saved.data_file import MeasuredData
 from fitball.report.saved.fit_consistency import spec_of
@@ -35,7 +35,7 @@ class Restored:
     point: PointFit
     predictive: Predictive | None
     diagnostics: Diagnostics | None
-    examination: Examination
+    identifiability: Identifiability
     posterior: Posterior | None
 
 
@@ -69,7 +69,7 @@ def _problem(saved: SavedFit, measured: MeasuredData) -> Problem:
     fitted, data = saved.fitted, saved.file.data
     table = _table(saved.file, measured)
     noise_of = noise_in(saved.parameters)
-    channels, _unused = build_channels(
+    observables, _unused = build_observables(
         table, table.has_tangential, fitted.model.has_time, fitted.model.needs_cor, noise_of
     )
     return Problem(
@@ -77,7 +77,7 @@ def _problem(saved: SavedFit, measured: MeasuredData) -> Problem:
         scene=Scene(ball=fitted.ball, contact_time=data.contact_time),
         model=fitted.model,
         parameters=tuple(_parameter(saved, name) for name in saved.parameters),
-        channels=channels,
+        observables=observables,
         impacts=impacts_with_cor(table, fitted.model),
         contact_time=data.contact_time,
         notes=saved.file.notes,

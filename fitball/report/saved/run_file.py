@@ -67,10 +67,10 @@ def run_text(fit: Fit, folder: Path) -> str:
     lines += _section("priors", {item.name: item.prior.text for item in problem.parameters})
     lines += _section("fix", {name: item.fixed for name, item in fixed.items()})
     lines += _section("fixed_because", {name: item.fixed_because for name, item in fixed.items()})
-    lines += _section("pool", {item.parameter: item.column for item in problem.levels})
+    lines += _section("pool", {item.parameter: item.column for item in problem.pooling})
     measurement: dict[str, object] = {"distribution": "student-t" if TAILS in fit.point.values else "normal"}
-    if problem.offsets is not None:
-        measurement["offsets"] = problem.offsets.column
+    if problem.group_bias is not None:
+        measurement["offsets"] = problem.group_bias.column
     measurement["incident_errors"] = problem.incident is not None
     lines += _section("measurement", measurement)
     lines += _scene(problem.scene)

@@ -11,7 +11,7 @@ import numpy as np
 
 from fitball.errors import ResultFolderError
 from fitball.inference.prediction.new_impacts import DRAWS, NewPrediction, predict_new
-from fitball.inference.problem.observables import Channel
+from fitball.inference.problem.observables import Observable
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Golden, Posterior, RunStatus, Verdict, thinned
 from fitball.models.types import Rebound
@@ -91,7 +91,7 @@ class SavedFit:
     def predict_interval(
         self,
         impacts: Impacts,
-        observed: Sequence[Channel] = (),
+        observed: Sequence[Observable] = (),
         *,
         seed: int = 1,
         incident_covariance: FloatArray | None = None,

@@ -179,7 +179,7 @@ def _number(what: str, old: float, new: float, allowed: float, basis: str, error
 
 def _point(problem: Problem, original: Kept, repeated: Kept) -> Iterator[Finding]:
     old, new = original.content, repeated.content
-    measured = sum(channel.observed.size for channel in problem.channels)
+    measured = sum(observable.observed.size for observable in problem.observables)
     allowed = LOG_POSTERIOR + LOG_POSTERIOR_EACH * measured
     basis = "what the search for the maximum leaves open"
     scores = [float(item["scores"]["log_posterior"]) for item in (old, new)]

@@ -162,8 +162,8 @@ class BounceExperiment:
         rebound = known.rebound(values[None, :])
         columns = known.all_values(values[None, :])
         measured = tuple(
-            Measurement(channel.name, with_noise(channel, columns, rebound, rng)[2][0], channel.sd)
-            for channel in known.channels
+            Measurement(observable.name, with_noise(observable, columns, rebound, rng)[2][0], observable.sd)
+            for observable in known.observables
         )
         fix = {}
         if self.wrong_sigma is not None:

@@ -214,7 +214,7 @@ def error_figure(found: ChapterFive) -> Figure:
     printed = thesis_table("appendix_c")
     fit = found.fits["two-mass"].fit
     assert fit.predictive is not None
-    medians = {channel.name: channel.median for channel in fit.predictive.channels}
+    medians = {observable.name: observable.median for observable in fit.predictive.observables}
     figure = new_figure(12.0, 9.0)
     grid = figure.subplots(3, 3, sharey="row")
     for column, spin in enumerate(SPINS):

@@ -11,21 +11,21 @@ from scipy.differentiate import hessian
 from scipy.stats import norm
 
 from fitball.inference.calibrate import Effort, run
-from fitball.inference.identifiability.active_impacts import action_looks
-from fitball.inference.identifiability.eigendirections import combination, product, relative, spectrum
+from fitball.inference.identifiability.active_impacts import active_impacts
+from fitball.inference.identifiability.eigendirections import combination, eigendirections, product, relative
 from fitball.inference.identifiability.examine import examine, profile_all
-from fitball.inference.identifiability.fisher import fisher_information, information_looks
+from fitball.inference.identifiability.fisher import fisher_information, information_evidence
 from fitball.inference.identifiability.posterior_verdict import Judgement
 from fitball.inference.identifiability.power_scaling import WEAK
 from fitball.inference.identifiability.verdict import combine
 from fitball.inference.likelihood.posterior import log_likelihood, log_scene_density
 from fitball.inference.results.evidence import (
     LEFT_OUT,
-    ContractionLook,
+    ContractionEvidence,
     End,
-    InformationLook,
-    Looks,
-    PowerLook,
+    Evidence,
+    InformationEvidence,
+    PowerEvidence,
     Profile,
     Profiles,
 )
@@ -70,8 +70,11 @@ def test_information_is_the_covariance_of_the_score(tmp_path):
     rebound, columns = problem.rebound(values), problem.all_values(values)
     rng = np.random.default_rng(3)
     scores = np.zeros((20000, at.size))
-    for channel in problem.channels:
-        predicted, spread = channel.predict(rebound), channel.spread(columns[channel.noise][:, None], rebound)
+    for observable in problem.observables:
+        predicted, spread = (
+            observable.predict(rebound),
+            observable.spread(columns[observable.noise][:, None], rebound),
+        )
         spread = np.broadcast_to(spread, predicted.shape)
         made = predicted[0] + spread[0] * rng.standard_normal((20000, predicted.shape[1]))
         for k in range(at.size):
@@ -86,7 +89,7 @@ def test_information_is_the_covariance_of_the_score(tmp_path):
 def test_the_spectrum_names_what_only_the_contact_time_tells():
     problem = synthetic(problem_of("wang_zero_spin.csv"), TWO_MASS)
     at = coordinates_of(problem, TWO_MASS)
-    found = spectrum(problem, at)
+    found = eigendirections(problem, at)
     assert len(found.sentences) == 1
     assert found.sentences[0].startswith("k_theta/k_y is known to ")
     assert found.sentences[0].endswith("their product only through the scene's contact time")
@@ -98,13 +101,13 @@ def test_the_spectrum_names_what_only_the_contact_time_tells():
     weights[names.index("k_theta")], weights[names.index("k_y")] = 1.5, -1.0
     error = np.sqrt(weights @ np.linalg.pinv(curvature, rcond=1e-7) @ weights)
     assert f" {relative(error)}," in found.sentences[0]
-    assert spectrum(open_problem, at).sentences[0].endswith("only through the priors")
+    assert eigendirections(open_problem, at).sentences[0].endswith("only through the priors")
     assert found.directions_without_scene[-1].known_to == "unknown"
     assert found.directions_without_scene[-1].words == "k_y k_theta^0.5"
-    looks = information_looks(problem, at)
-    assert looks["k_y"].error_without_scene is None
-    assert looks["k_y"].error == pytest.approx(0.2, abs=0.02)
-    assert looks["mu"].error == pytest.approx(looks["mu"].error_without_scene, rel=1e-6)
+    evidence = information_evidence(problem, at)
+    assert evidence["k_y"].error_without_scene is None
+    assert evidence["k_y"].error == pytest.approx(0.2, abs=0.02)
+    assert evidence["mu"].error == pytest.approx(evidence["mu"].error_without_scene, rel=1e-6)
 
 
 def test_combinations_in_words():
@@ -142,14 +145,14 @@ def test_when_every_ball_grips_friction_acts_nowhere_and_is_bounded_from_below()
     problem = synthetic(problem_of("wang_zero_spin.csv", "grip-slip", mu=None), truth, 8)
     for point_only in (True, False):
         fit = run(problem, Effort(seed=2, cores=1, point_only=point_only))
-        mu, look = fit.parameters["mu"], fit.examination.looks["mu"]
+        mu, evidence = fit.parameters["mu"], fit.identifiability.evidence["mu"]
         assert mu.verdict is Verdict.ONE_SIDED
         assert "from below only" in mu.reason
-        assert look.profile.ends == (End.CLOSED, End.BOUND)
+        assert evidence.profile.ends == (End.CLOSED, End.BOUND)
         assert fit.parameters["e_x"].verdict is Verdict.IDENTIFIED
-        assert len(fit.examination.looks["e_x"].action.impacts) >= 6
+        assert len(fit.identifiability.evidence["e_x"].active_impacts.impacts) >= 6
         for item in problem.free:
-            narrowed = fit.examination.looks[item.name].contraction
+            narrowed = fit.identifiability.evidence[item.name].contraction
             assert (narrowed is None) == point_only
             if narrowed is not None:
                 draws, before = (
@@ -158,7 +161,7 @@ def test_when_every_ball_grips_friction_acts_nowhere_and_is_bounded_from_below()
                 )
                 assert narrowed.contraction == pytest.approx(1.0 - draws.var() / before.var(), abs=1e-9)
     # The maximum lies at the edge of grip, where the prior draws it; over the posterior friction acts nowhere.
-    assert look.action.impacts == ()
+    assert evidence.active_impacts.impacts == ()
     assert "moves the rebound of none of the 7 impacts (grip)" in mu.reason
 
 
@@ -169,7 +172,7 @@ def test_when_no_ball_grips_the_torsion_acts_nowhere():
     rebound = problem.rebound(problem.to_values(at[None, :]))
     # Topspin has not come up in any impact: all slide from first to last but the steepest ones.
     sliding = [problem.table.ids[k] for k in np.flatnonzero(rebound.regime[0] == 1)]
-    found = action_looks(problem, at[None, :], [])
+    found = active_impacts(problem, at[None, :], [])
     assert found["k_theta"].impacts == tuple(name for name in problem.table.ids if name not in sliding)
     assert set(sliding) <= set(found["mu"].impacts)
     assert len(sliding) >= 4
@@ -179,16 +182,16 @@ def test_impacts_in_doubt_are_named_with_their_share():
     problem = problem_of("wang_zero_spin.csv")
     at = coordinates_of(problem, TWO_MASS)
     split = [{"slide": 1.0}, {"slide": 0.5, "slide-grip": 0.5}, *({"slide": 0.97, "grip": 0.03} for _ in range(5))]
-    found = action_looks(problem, at[None, :], split)
+    found = active_impacts(problem, at[None, :], split)
     assert found["mu"].doubtful == ("zero-2",)
     assert 0.0 < found["cor_10"].share_doubtful < 1.0 / 3.0
-    certain = action_looks(problem, at[None, :], [{"slide": 1.0}] * 7)
+    certain = active_impacts(problem, at[None, :], [{"slide": 1.0}] * 7)
     assert certain["mu"].doubtful == ()
     assert certain["mu"].share_doubtful == 0.0
-    everything = action_looks(problem, at[None, :], [{"slide": 0.6, "grip": 0.4}] * 7)
+    everything = active_impacts(problem, at[None, :], [{"slide": 0.6, "grip": 0.4}] * 7)
     assert everything["mu"].share_doubtful == pytest.approx(1.0)
-    looks = replace(LOOKS, action=everything["mu"])
-    judged, _ = combine(problem, problem.free[3], None, looks)
+    evidence = replace(EVIDENCE, active_impacts=everything["mu"])
+    judged, _ = combine(problem, problem.free[3], None, evidence)
     assert "100 % of what the table says of it comes from impacts whose regime is in doubt (zero-1, zero-2" in (
         judged.reason
     )
@@ -201,13 +204,13 @@ def profile(left=End.CLOSED, right=End.CLOSED, leans=((), ())):
     )
 
 
-LOOKS = Looks(profile(), None, InformationLook(0.3, 0.3, 0.9, 0.9), None, None, None, "")
+EVIDENCE = Evidence(profile(), None, InformationEvidence(0.3, 0.3, 0.9, 0.9), None, None, None, "")
 IDENTIFIED = Judgement(0.9, Verdict.IDENTIFIED, "the table narrows it from both sides")
 ONE_SIDED = Judgement(0.5, Verdict.ONE_SIDED, "from below only", (False, True))
 DOMINATED = Judgement(0.1, Verdict.PRIOR_DOMINATED, "as it was known before", (True, True))
 OPEN_RIGHT, OPEN = profile(right=End.BOUND), profile(End.BOUND, End.BOUND)
 CASES = [
-    # base, profile, profile without scene, verdict, words of the disagreement (None: the looks agree)
+    # base, profile, profile without scene, verdict, words of the disagreement (None: the evidence agree)
     (IDENTIFIED, profile(), None, Verdict.IDENTIFIED, None),
     (IDENTIFIED, OPEN_RIGHT, None, Verdict.ONE_SIDED, "the posterior by itself would be called identified"),
     (IDENTIFIED, OPEN, None, Verdict.PRIOR_DOMINATED, "the posterior by itself would be called identified"),
@@ -226,9 +229,9 @@ CASES = [
 
 
 @pytest.mark.parametrize(("base", "shape", "alone", "verdict", "words"), CASES)
-def test_looks_add_up_to_one_verdict(base, shape, alone, verdict, words):
+def test_the_evidence_adds_up_to_one_verdict(base, shape, alone, verdict, words):
     problem = problem_of("wang_zero_spin.csv")
-    judged, disagreement = combine(problem, problem.free[3], base, replace(LOOKS, profile=shape, alone=alone))
+    judged, disagreement = combine(problem, problem.free[3], base, replace(EVIDENCE, profile=shape, alone=alone))
     assert judged.verdict is verdict
     assert judged.reason
     if words is None:
@@ -239,17 +242,17 @@ def test_looks_add_up_to_one_verdict(base, shape, alone, verdict, words):
 
 def test_a_size_that_comes_from_the_scene_is_no_finding_of_the_table():
     problem = problem_of("wang_zero_spin.csv")
-    looks = replace(LOOKS, alone=OPEN, information=InformationLook(0.2, None, 0.3, 0.3))
-    judged, _ = combine(problem, problem.free[1], None, looks)
+    evidence = replace(EVIDENCE, alone=OPEN, information=InformationEvidence(0.2, None, 0.3, 0.3))
+    judged, _ = combine(problem, problem.free[1], None, evidence)
     assert judged.verdict is Verdict.PRIOR_DOMINATED
     assert "its size comes from the scene's contact time (5 +- 0.5 ms)" in judged.reason
 
 
 def test_other_disagreements_are_told():
     problem = problem_of("wang_zero_spin.csv")
-    skewed = replace(LOOKS, contraction=ContractionLook(0.5, (False, False)))
+    skewed = replace(EVIDENCE, contraction=ContractionEvidence(0.5, (False, False)))
     assert "to first order the contraction would be 0.90" in combine(problem, problem.free[3], IDENTIFIED, skewed)[1]
-    weak = replace(LOOKS, power=PowerLook(0.2, 0.01, None, 0.01, WEAK))
+    weak = replace(EVIDENCE, power=PowerEvidence(0.2, 0.01, None, 0.01, WEAK))
     assert (
         "follows the priors of others more than the table" in combine(problem, problem.free[3], IDENTIFIED, weak)[1]
     )
@@ -266,9 +269,9 @@ def test_without_profiles_a_point_fit_does_not_judge():
     problem = problem_of("wang_zero_spin.csv", "grip-slip")
     fit = run(problem, Effort(point_only=True, cores=1))
     nothing = Profiles(0.0, False, {}, "no maximum")
-    examination, judgements = examine(problem, fit.point, (nothing, nothing), None, None, ())
+    identifiability, judgements = examine(problem, fit.point, (nothing, nothing), None, None, ())
     assert judgements["mu"].verdict is Verdict.NOT_JUDGED
-    assert examination.profiles_missing == "no maximum"
+    assert identifiability.profiles_missing == "no maximum"
     # A large table, whose profiles are left out, is judged by its information.
     left_out = Profiles(0.0, False, {}, LEFT_OUT)
     _, judgements = examine(problem, fit.point, (left_out, left_out), None, None, ())
