@@ -8,6 +8,7 @@ from typing import Any
 import tomli_w
 
 from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Verdict
 from fitball.models.specs import SPECS
 from fitball.report.form.csv import csv_text
@@ -16,7 +17,7 @@ from fitball.report.saved.saved_fit import SavedFit, SavedParameter
 from fitball.version import __version__
 
 SCHEMA_VERSION = 1
-NUMBERS = ("point", "median", "sd", "q025", "q16", "q84", "q975")
+NUMBERS = ("point", *ESSENTIALS)
 
 
 def parameter_content(saved: SavedFit) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from fitball.data.bundled import bundled_folder
 from fitball.inference.problem.parameters import SD_SPECS, TAILS
 from fitball.inference.results.results import Fit
 from fitball.report.saved.fit_file import BallPart, ModelPart
-from fitball.report.saved.structure import Counted, Digest, Part, Positive, plain
+from fitball.report.saved.structure import Counted, Digest, Part, Positive, part, plain
 from fitball.version import __version__
 
 RUN_NAME = "run.toml"
@@ -121,8 +121,8 @@ def run_text(fit: Fit, folder: Path) -> str:
 
     Tables are named relative to the `folder` that the text is written to.
     """
-    problem, ball, force = fit.problem, fit.problem.model.ball, fit.problem.force
-    table = problem.table
+    problem = fit.problem
+    table, force = problem.table, problem.force
     run = RunFile(
         kind=RUN_KIND,
         schema_version=RUN_SCHEMA,
@@ -130,7 +130,7 @@ def run_text(fit: Fit, folder: Path) -> str:
         fitball=MadePart(__version__, fit.seed, fit.diagnostics is None),
         table=TablesPart(table.name, table.digest, tuple(_named(*file, folder) for file in table.files)),
         model=ModelPart(problem.model.name, problem.model.options),
-        ball=BallPart(ball.mass, ball.radius, ball.inertia),
+        ball=part(BallPart, problem.model.ball),
         priors={spec.name: spec.prior.text for spec in problem.parameters},
         fix={spec.name: spec.fixed for spec in problem.parameters if spec.fixed is not None},
         fixed_because={spec.name: spec.fixed_because for spec in problem.parameters if spec.fixed is not None},
@@ -140,10 +140,10 @@ def run_text(fit: Fit, folder: Path) -> str:
             incident_errors=problem.incident is not None,
             offsets=None if problem.group_bias is None else problem.group_bias.column,
         ),
-        scene=msgspec.convert(problem.scene, ScenePart, from_attributes=True),
+        scene=part(ScenePart, problem.scene),
         contact_time=None if problem.contact_time is None else TimePart(*problem.contact_time),
         force=None if force is None else _named(force.source, force.digest, folder),
-        sampler=msgspec.convert(fit.diagnostics, SamplerPart | None, from_attributes=True),
+        sampler=None if fit.diagnostics is None else part(SamplerPart, fit.diagnostics),
     )
     # A name that is no Unicode is written as the numbers that stand for its bytes.
     return (HEAD + tomli_w.dumps(plain(run))).encode("utf-8", "backslashreplace").decode()

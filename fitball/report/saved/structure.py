@@ -16,6 +16,7 @@ import numpy as np
 from fitball.errors import FitballError, ResultFolderError
 
 Kept = TypeVar("Kept")
+Section = TypeVar("Section", bound=msgspec.Struct)
 Content = dict[str, Any]
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 Counted = Annotated[int, msgspec.Meta(ge=1)]
@@ -92,6 +93,12 @@ def structured(place: Path, content: Content, kind: type[Kept]) -> Kept:
         raise damaged(place, f"{where}: {shown}{words[:1].lower()}{words[1:]}" if where else words) from None
     except FitballError as error:
         raise damaged(place, str(error)) from None
+
+
+def part(kind: type[Section], source: object, **others: Any) -> Section:
+    """The section `kind` with what `source` has under the names of its fields, but for the `others`."""
+    names = [name for name in kind.__struct_fields__ if name not in others]
+    return kind(**{name: getattr(source, name) for name in names}, **others)
 
 
 def plain(value: object) -> Any:
