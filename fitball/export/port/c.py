@@ -21,8 +21,9 @@ def c_port(port: Port, prefix: str = "fitball_") -> str:
     """The header's text; every name in it begins with `prefix`. Raises UnportableError."""
     functions = port.source.functions
     signatures = {item.name: signature(item) for item in functions}
-    structs = [kind for kinds, result in signatures.values() for kind in (*kinds, result) if isinstance(kind, tuple)]
-    kinds: list[tuple[Type, ...]] = [kind for kind in structs if isinstance(kind, tuple)]
+    kinds: list[tuple[Type, ...]] = [
+        kind for kinds, result in signatures.values() for kind in (*kinds, result) if isinstance(kind, tuple)
+    ]
     complex_numbers = any("z" in _flat(kind) for pair in signatures.values() for kind in (*pair[0], pair[1]))
     parts = [
         _head(port, prefix, complex_numbers),
