@@ -96,7 +96,7 @@ def test_golden_impacts_hold_to_the_last_digit(two_mass, two_mass_folder):
         ("[]", "read kind None, expected 'fitball fit'"),
         ('{"kind": "fitball fit", "schema_version": 99}', "schema_version 99"),
         ('{"kind": "fitball fit", "schema_version": 1}', "run calibrate again"),
-        ('{"kind": "fitball fit", "schema_version": 2}', "damaged"),
+        ('{"kind": "fitball fit", "schema_version": 3}', "damaged"),
     ],
 )
 def test_a_file_that_is_no_fit_is_refused(tmp_path, content, said):
@@ -227,7 +227,7 @@ def test_rows_say_what_the_estimates_say(two_mass):
 
 
 def test_corner_shows_the_prior_as_it_is(fit):
-    data = arrays.corner_data(fit, fit.posterior)
+    data = arrays.corner_data(fit)
     names = fit.posterior.names
     k = names.index("mu")
     edges, density = data.prior[k]
@@ -241,7 +241,7 @@ def test_corner_shows_the_prior_as_it_is(fit):
 
 
 def test_prior_density_of_a_log_prior_is_per_value(fit):
-    data = arrays.corner_data(fit, fit.posterior)
+    data = arrays.corner_data(fit)
     k = fit.posterior.names.index("v_x_sd")
     edges, density = data.prior[k]
     from scipy.stats import lognorm
