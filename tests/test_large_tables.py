@@ -5,7 +5,6 @@ from __future__ import annotations
 import tracemalloc
 from dataclasses import replace
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -38,8 +37,7 @@ from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.report.figures import predictive as figures
 from fitball.report.fit.html import page
 from fitball.report.fit.terminal import render
-from fitball.report.saved.data_file import data_content, read_data, write_data
-from fitball.report.saved.fit_file import DataPart
+from fitball.report.saved.data_file import data_part, read_data, write_data
 from fitball.report.saved.fit_text import fit_text
 from fitball.studies.bench.measure import enlarged, spread_draws
 
@@ -266,7 +264,7 @@ def test_data_are_read_back_as_they_were(tmp_path):
     table = load_table(path)
     problem = build_problem(table, load_scene(path), Choices(), load_force(records, table))
     write_data(problem, tmp_path / "data.nc")
-    found = read_data(msgspec.convert(data_content(problem), DataPart), 2, tmp_path / "data.nc")
+    found = read_data(data_part(problem), 2, tmp_path / "data.nc")
     assert (found.ids, found.labels) == (("x", "y"), {"impact": ("1", "2"), "a/b": ("", "über")})
     (item,) = found.measurements
     np.testing.assert_array_equal(item.sd, [0.1, 0.2])

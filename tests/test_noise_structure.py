@@ -244,8 +244,8 @@ def test_the_command_line_and_the_scene_say_the_same(tmp_path, monkeypatch, caps
     for name, item in one["parameters"].items():
         assert other["parameters"][name]["point"] == item["point"]
     run = (tmp_path / "a" / "run.toml").read_text("utf-8")
-    assert 'distribution" = "student-t"' in run
-    assert '"mu" = "group"' in run
+    assert 'distribution = "student-t"' in run
+    assert 'mu = "group"' in run
     capsys.readouterr()
     assert main(["calibrate", "wang_all.csv", "--noise", "gaussian"]) == 2
     assert "normal" in capsys.readouterr().err

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from typing import Any
 
+import tomli_w
+
 from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Verdict
 from fitball.models.specs import SPECS
 from fitball.report.form.csv import csv_text
@@ -15,7 +17,7 @@ from fitball.report.saved.saved_fit import SavedFit, SavedParameter
 from fitball.version import __version__
 
 SCHEMA_VERSION = 1
-NUMBERS = ("point", "median", "sd", "q025", "q16", "q84", "q975")
+NUMBERS = ("point", *ESSENTIALS)
 
 
 def parameter_content(saved: SavedFit) -> dict[str, Any]:
@@ -81,30 +83,8 @@ def json_text(saved: SavedFit) -> str:
 
 def toml_text(saved: SavedFit) -> str:
     """The same as TOML."""
-    lines = ["# A fitted parameter set of fitball; SI units unless a unit stands beside a number."]
-    _section((), parameter_content(saved), lines)
-    return "\n".join(lines) + "\n"
-
-
-def _section(path: tuple[str, ...], content: Mapping[str, Any], lines: list[str]) -> None:
-    """A table of TOML: its own values first, then the tables in it. JSON's scalars, strings and arrays are TOML's."""
-    plain = {key: value for key, value in content.items() if not isinstance(value, Mapping)}
-    if path and (plain or not content):
-        lines += ["", f"[{'.'.join(map(_key, path))}]"]
-    lines += [f"{_key(key)} = {_value(value)}" for key, value in plain.items()]
-    for key, value in content.items():
-        if isinstance(value, Mapping):
-            _section((*path, key), value, lines)
-
-
-def _key(name: str) -> str:
-    bare = name.isascii() and name.replace("_", "").replace("-", "").isalnum()
-    return name if bare else json.dumps(name)
-
-
-def _value(value: object) -> str:
-    # The delete character alone is legal in JSON's strings and not in TOML's.
-    return json.dumps(value, allow_nan=False).replace("\x7f", "\\u007f")
+    head = "# A fitted parameter set of fitball; SI units unless a unit stands beside a number.\n"
+    return head + tomli_w.dumps(parameter_content(saved))
 
 
 def parameter_table(saved: SavedFit) -> str:

@@ -26,6 +26,7 @@ from fitball.inference.prediction.posterior_predictive import predictive, predic
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import Profiles
 from fitball.inference.results.fitted_model import FittedModel
+from fitball.inference.results.quantiles import SUMMARY
 from fitball.inference.results.results import (
     TARGET_ESS,
     Diagnostics,
@@ -49,6 +50,7 @@ from fitball.inference.sampling.ensembles import (
     default_walkers,
     sample,
 )
+from fitball.inference.sampling.monte_carlo_error import summaries
 from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.inference.sampling.stragglers import left_behind_words
 from fitball.inference.second_search import search_again
@@ -294,21 +296,15 @@ def _estimate(
     judgements: Mapping[str, Judgement],
 ) -> Estimate:
     item = problem.parameters[row]
-    levels: list[float | None] = [None] * 7
-    reference: list[float | None] = [None, None]
-    sd = ess_bulk = ess_tail = r_hat = None
+    numbers: dict[str, float | None] = dict.fromkeys((*SUMMARY, "ess_bulk", "ess_tail", "r_hat"))
     if item.free and posterior is not None and sampled is not None:
-        column = posterior.names.index(item.name)
-        draws = posterior.draws[:, column]
-        levels = [float(x) for x in np.quantile(draws, (0.5, 0.025, 0.05, 0.16, 0.84, 0.95, 0.975))]
-        reference = [float(x) for x in np.quantile(posterior.prior_draws[:, column], (0.025, 0.975))]
-        sd = float(np.std(draws, ddof=1))
-        found = sampled.convergence
-        ess_bulk, ess_tail, r_hat = (
-            found.ess_bulk[item.name],
-            found.ess_tail[item.name],
-            found.r_hat[item.name],
-        )
+        convergence = sampled.convergence
+        numbers |= summaries(posterior.values[..., posterior.names.index(item.name)])
+        numbers |= {
+            "ess_bulk": convergence.ess_bulk[item.name],
+            "ess_tail": convergence.ess_tail[item.name],
+            "r_hat": convergence.r_hat[item.name],
+        }
     judged = judgements[item.name]
     return Estimate(
         name=item.name,
@@ -317,22 +313,10 @@ def _estimate(
         meaning=item.spec.meaning,
         prior=item.prior.text,
         point=point.values[item.name],
-        median=levels[0],
-        sd=sd,
-        q025=levels[1],
-        q05=levels[2],
-        q16=levels[3],
-        q84=levels[4],
-        q95=levels[5],
-        q975=levels[6],
         contraction=judged.contraction,
         verdict=judged.verdict,
         reason=judged.reason,
-        ess_bulk=ess_bulk,
-        ess_tail=ess_tail,
-        r_hat=r_hat,
-        reference_q025=reference[0],
-        reference_q975=reference[1],
+        **numbers,
     )
 
 

@@ -88,7 +88,7 @@ def _directions(items: Sequence[Parameter], sds: FloatArray, information: FloatA
     for k in np.argsort(-eigenvalues, kind="stable"):
         words, known_to = combination(items, vectors[:, k], sds, covariance)
         components = {item.name: float(part) for item, part in zip(items, vectors[:, k], strict=True)}
-        found.append(Direction(float(max(eigenvalues[k], 0.0)), components, words, known_to))
+        found.append(Direction(components, words, known_to))
     return tuple(found)
 
 

@@ -21,12 +21,12 @@ from fitball.inference.results.pace_rating import (
     pace_categories,
     pace_rating,
 )
+from fitball.inference.results.quantiles import MEDIAN_FIRST, quantiles
 from fitball.inference.results.results import PointFit, Posterior, thinned
 from fitball.models.types import STATUS_REASON, Rebound, Status
 from fitball.values import FloatArray, Impacts
 
 DRAWS = 4000
-LEVELS = (0.5, 0.025, 0.16, 0.84, 0.975)
 SLIDING = ("slide", "slide back")
 LINES = {"cor_slope": "COR", "eps_slope": "eps"}
 
@@ -116,9 +116,8 @@ def _quantities(impact: Impacts, rebound: Rebound, sliding: FloatArray) -> dict[
 
 
 def _spread(point: FloatArray, draws: FloatArray, sampled: bool) -> Spread:
-    if not sampled:
-        return Spread(float(point[0]), None, None, None, None, None)
-    return Spread(float(point[0]), *(float(x) for x in np.quantile(draws, LEVELS)))
+    spread = quantiles(draws, MEDIAN_FIRST) if sampled else dict.fromkeys(MEDIAN_FIRST)
+    return Spread(float(point[0]), **spread)
 
 
 def _reach(problem: Problem, rows: NDArray[np.int64]) -> Reach:

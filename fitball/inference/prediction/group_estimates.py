@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from fitball.inference.problem.problem import Problem
+from fitball.inference.results.quantiles import MEDIAN_FIRST, quantiles
 from fitball.inference.results.results import LevelEstimate, PointFit, Posterior
 from fitball.models.specs import SPECS
 from fitball.values import FloatArray
-
-LEVELS = (0.5, 0.025, 0.16, 0.84, 0.975)
 
 
 def group_estimates(problem: Problem, point: PointFit, posterior: Posterior | None) -> tuple[LevelEstimate, ...]:
@@ -20,7 +19,6 @@ def group_estimates(problem: Problem, point: PointFit, posterior: Posterior | No
     for item in problem.pooling:
         for place, label in enumerate(item.labels):
             draws: FloatArray | None = None if columns is None else item.value(columns, label)
-            quantiles = [None] * len(LEVELS) if draws is None else [float(x) for x in np.quantile(draws, LEVELS)]
             found.append(
                 LevelEstimate(
                     item.parameter,
@@ -29,9 +27,8 @@ def group_estimates(problem: Problem, point: PointFit, posterior: Posterior | No
                     SPECS[item.parameter].unit,
                     int(np.count_nonzero(item.index == place)),
                     float(item.value(at_point, label)[0]),
-                    quantiles[0],
-                    None if draws is None else float(np.std(draws, ddof=1)),
-                    *quantiles[1:],
+                    sd=None if draws is None else float(np.std(draws, ddof=1)),
+                    **(dict.fromkeys(MEDIAN_FIRST) if draws is None else quantiles(draws, MEDIAN_FIRST)),
                 )
             )
     return tuple(found)

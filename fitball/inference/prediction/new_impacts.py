@@ -31,7 +31,7 @@ LINES = {"cor_slope": "COR", "eps_slope": "eps"}
 class OutputPrediction:
     """One output of every impact in SI, all (impacts,) or (5, impacts).
 
-    `rebound` are the quantiles `predictive.BANDS` of the rebound itself (what the parameters leave open), `measured`
+    `rebound` are the quantiles `quantiles.BAND` of the rebound itself (what the parameters leave open), `measured`
     those of a new measurement, `mean` and `sd` its moments. None where there is no posterior, and for `measured`,
     `mean`, `sd` where the noise is not known. `point` is at the point estimate; `observed` what the table says.
     Where the incident state is uncertain all but `point` contain that, and `shares` says what comes from where.

@@ -18,6 +18,7 @@ from fitball.inference.problem.observables import PREDICTED, Observable
 from fitball.inference.problem.parameters import TAILS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import part_of
+from fitball.inference.results.quantiles import BAND_LEVELS
 from fitball.inference.results.results import Curve, ObservablePrediction, PointFit, Posterior, Predictive, thinned
 from fitball.models.types import Rebound, regime_name
 from fitball.values import FloatArray, Impacts
@@ -25,7 +26,6 @@ from fitball.values import FloatArray, Impacts
 DRAWS = 1500
 CURVE_DRAWS = 600
 CURVE_POINTS = 61
-BANDS = (0.025, 0.16, 0.5, 0.84, 0.975)
 
 
 def predictive_generator(seed: int) -> np.random.Generator:
@@ -67,7 +67,7 @@ def _at_impacts(
         predicted, spread, data = with_noise(observable, columns, rebound, rng, by_incidence[observable.name])
         if problem.group_bias is not None:
             data = data + problem.group_bias.offset(columns, observable.name)
-        low, mid_low, median, mid_high, high = np.quantile(predicted, BANDS, axis=0)
+        low, mid_low, median, mid_high, high = np.quantile(predicted, BAND_LEVELS, axis=0)
         observables.append(
             ObservablePrediction(
                 name=observable.name,
@@ -80,8 +80,8 @@ def _at_impacts(
                 mean_q16=mid_low,
                 mean_q84=mid_high,
                 mean_q975=high,
-                data_q025=np.quantile(data, BANDS[0], axis=0),
-                data_q975=np.quantile(data, BANDS[-1], axis=0),
+                data_q025=np.quantile(data, BAND_LEVELS[0], axis=0),
+                data_q975=np.quantile(data, BAND_LEVELS[-1], axis=0),
             )
         )
     return observables, regime_shares(rebound)
@@ -150,7 +150,7 @@ def _curve(problem: Problem, values: FloatArray, rows: NDArray[np.int64]) -> Cur
 
 def bands(array: FloatArray) -> FloatArray:
     """Quantiles (5, points); draws that the model cannot evaluate there are left out, NaN where none is left."""
-    result = np.full((len(BANDS), array.shape[1]), np.nan)
+    result = np.full((len(BAND_LEVELS), array.shape[1]), np.nan)
     known = ~np.all(np.isnan(array), axis=0)
-    result[:, known] = np.nanquantile(array[:, known], BANDS, axis=0)
+    result[:, known] = np.nanquantile(array[:, known], BAND_LEVELS, axis=0)
     return result

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.errors import FitError, ParameterError, suggestion
-from fitball.inference.prediction.posterior_predictive import BANDS
 from fitball.inference.results.fitted_model import FittedModel
+from fitball.inference.results.quantiles import BAND_LEVELS
 from fitball.models.history import History
 from fitball.models.model import Model
 from fitball.models.specs import BALL_PARAMETERS, SPECS
@@ -44,7 +44,7 @@ DEFAULTS: Mapping[str, float] = {
 class Band:
     """What posterior draws say of the courses, at equal shares of each draw's own contact time.
 
-    `quantiles` maps `COURSES` to arrays (5, POINTS) of the levels `predictive.BANDS`; `contact_time` [s] has the same
+    `quantiles` maps `COURSES` to arrays (5, POINTS) of the levels `quantiles.BAND`; `contact_time` [s] has the same
     levels, (5,). `regimes` maps phase sequences to their probability among the `draws` that can be evaluated;
     `failed` is the number that cannot.
     """
@@ -100,11 +100,11 @@ def simulate_fit(fitted: FittedModel, impact: Impacts, draws: int = DRAWS) -> Si
     found = [item for item in (_drawn(model, values(row), impact) for row in rows) if item is not None]
     if not found:
         raise FitError("no draw of the posterior can be evaluated at this impact")
-    quantiles = {name: np.quantile([getattr(item, name) for item in found], BANDS, axis=0) for name in COURSES}
+    quantiles = {name: np.quantile([getattr(item, name) for item in found], BAND_LEVELS, axis=0) for name in COURSES}
     counts = Counter(item.regime for item in found).most_common()
     band = Band(
         quantiles=quantiles,
-        contact_time=np.quantile([item.contact_time for item in found], BANDS),
+        contact_time=np.quantile([item.contact_time for item in found], BAND_LEVELS),
         regimes={regime_name(code): number / len(found) for code, number in counts},
         draws=len(found),
         failed=len(rows) - len(found),

@@ -89,7 +89,6 @@ class Direction:
     parameters it is in words, and the standard error of that combination in words.
     """
 
-    eigenvalue: float
     components: Mapping[str, float]
     words: str
     known_to: str

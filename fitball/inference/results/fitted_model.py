@@ -8,13 +8,13 @@ from functools import cached_property
 
 import numpy as np
 
+from fitball.inference.results.quantiles import BAND, BAND_LEVELS
 from fitball.models.model import Model
 from fitball.models.registry import model
 from fitball.models.specs import SPECS
 from fitball.models.types import Rebound
 from fitball.values import Ball, FloatArray, Impacts
 
-QUANTILES: Mapping[str, float] = {"q025": 0.025, "q16": 0.16, "median": 0.5, "q84": 0.84, "q975": 0.975}
 OUTPUTS = ("v_x2", "v_y2", "omega_2", "contact_time")
 
 
@@ -72,9 +72,9 @@ class FittedModel:
         for name in OUTPUTS:
             array = getattr(spread, name)
             known = ~np.all(np.isnan(array), axis=0)
-            levels = np.full((len(QUANTILES), len(impacts)), np.nan)
+            bands = np.full((len(BAND), len(impacts)), np.nan)
             if np.any(known):
-                levels[:, known] = np.nanquantile(array[:, known], list(QUANTILES.values()), axis=0)
-            for row, label in enumerate(QUANTILES):
-                result[f"{name}_{label}"] = levels[row]
+                bands[:, known] = np.nanquantile(array[:, known], BAND_LEVELS, axis=0)
+            for row, label in enumerate(BAND):
+                result[f"{name}_{label}"] = bands[row]
         return result

@@ -104,8 +104,6 @@ class Estimate:
     ess_bulk: float | None
     ess_tail: float | None
     r_hat: float | None
-    reference_q025: float | None
-    reference_q975: float | None
 
 
 @dataclass(frozen=True)

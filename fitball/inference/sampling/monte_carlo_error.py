@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from arviz_stats.base.array import array_stats
 
+from fitball.inference.results.quantiles import QUANTILES, quantiles
 from fitball.values import FloatArray
-
-# Quantiles of a posterior that `fit.json` quotes.
-QUANTILES: Mapping[str, float] = {
-    "median": 0.5, "q025": 0.025, "q05": 0.05, "q16": 0.16, "q84": 0.84, "q95": 0.95, "q975": 0.975,
-}  # fmt: skip
 
 
 def summaries(draws: FloatArray) -> dict[str, float]:
     """Standard deviation and `QUANTILES` of the draws of one parameter, any shape."""
     flat = draws.ravel()
-    levels = np.quantile(flat, list(QUANTILES.values()))
-    return {"sd": float(np.std(flat, ddof=1)), **dict(zip(QUANTILES, levels.tolist(), strict=True))}
+    return {"sd": float(np.std(flat, ddof=1)), **quantiles(flat)}
 
 
 def standard_errors(chains: FloatArray) -> dict[str, float]:

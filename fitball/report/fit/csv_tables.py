@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fitball.inference.results.quantiles import SUMMARY
 from fitball.inference.results.results import Fit, Predictive
 from fitball.report.form.display_units import THESIS
 
@@ -19,14 +20,7 @@ def summary_rows(fit: Fit) -> list[dict[str, object]]:
             {
                 "parameter": item.name,
                 "unit": item.unit,
-                "median": item.median,
-                "sd": item.sd,
-                "q025": item.q025,
-                "q05": item.q05,
-                "q16": item.q16,
-                "q84": item.q84,
-                "q95": item.q95,
-                "q975": item.q975,
+                **{name: getattr(item, name) for name in SUMMARY},
                 "point": item.point,
                 "least_squares": fit.least_squares.values[item.name],
                 "least_squares_stderr": fit.least_squares.stderr[item.name],

@@ -7,6 +7,7 @@ import textwrap
 from dataclasses import asdict
 from pathlib import Path
 
+from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Fit
 from fitball.report.fit.balance_table import balance_table
 from fitball.report.fit.evidence_rows import evidence_rows
@@ -94,12 +95,7 @@ def render_json(fit: Fit, folder: Path) -> str:
         "parameters": {
             item.name: {
                 "unit": item.unit,
-                "median": item.median,
-                "sd": item.sd,
-                "q025": item.q025,
-                "q16": item.q16,
-                "q84": item.q84,
-                "q975": item.q975,
+                **{name: getattr(item, name) for name in ESSENTIALS},
                 "point": item.point,
                 "verdict": item.verdict,
                 "reason": item.reason,

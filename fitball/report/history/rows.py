@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from fitball.inference.prediction.posterior_predictive import BANDS
 from fitball.inference.prediction.simulate import COURSES, Band, Simulation
+from fitball.inference.results.quantiles import BAND_LEVELS
 from fitball.models.history import Jump, Motion, Span
 from fitball.models.types import PHASE_SYMBOL, Phase
 
-LEVELS = tuple(f"q{1000 * level:03.0f}".rstrip("0") for level in BANDS)
+LEVELS = tuple(f"q{1000 * level:03.0f}".rstrip("0") for level in BAND_LEVELS)
 UNITS = {
     "y": "m", "v_y": "m/s", "v_x": "m/s", "omega_1": "rad/s", "omega_2": "rad/s", "twist": "rad", "slip": "m/s",
     "normal_force": "N", "friction_force": "N",

@@ -11,10 +11,10 @@ import numpy as np
 from fitball.data.table import REBOUND_UNITS
 from fitball.inference.prediction.holdout_scores import ObservableScore
 from fitball.inference.prediction.new_impacts import NewPrediction, OutputPrediction
+from fitball.inference.results.quantiles import BAND
 from fitball.report.form.display_units import Scale, handy
 from fitball.values import FloatArray
 
-LEVELS = ("q025", "q16", "median", "q84", "q975")
 DEGREE = 57.29577951308232
 # Quantities of the calibrated range and the unit they are shown in.
 RANGE_UNITS: Mapping[str, Scale] = {
@@ -34,9 +34,9 @@ def _columns(item: OutputPrediction) -> dict[str, FloatArray]:
     found: dict[str, FloatArray] = {"point": item.point}
     if item.rebound is not None:
         found["median"] = item.rebound[2]
-        found |= {f"mean_{name}": item.rebound[k] for k, name in enumerate(LEVELS) if name != "median"}
+        found |= {f"mean_{name}": item.rebound[k] for k, name in enumerate(BAND) if name != "median"}
     if item.measured is not None:
-        found |= {f"data_{name}": item.measured[k] for k, name in enumerate(LEVELS) if name != "median"}
+        found |= {f"data_{name}": item.measured[k] for k, name in enumerate(BAND) if name != "median"}
     if item.shares is not None:
         found |= {"sd_parameters": item.shares.parameters, "sd_incident": item.shares.incident}
         if item.shares.measurement is not None:

@@ -21,6 +21,7 @@ from fitball.inference.problem.force_records import Averaged, ForceRecords
 from fitball.inference.problem.problem import Problem
 from fitball.report.form.atomic_write import write_whole
 from fitball.report.saved.fit_file import DataPart, ForcePart
+from fitball.report.saved.structure import part
 from fitball.values import Impacts
 from fitball.version import __version__
 
@@ -64,23 +65,21 @@ def data_columns(table: ImpactTable, force: ForceRecords | None) -> dict[str, ND
     return columns
 
 
-def data_content(problem: Problem) -> dict[str, Any]:
+def data_part(problem: Problem) -> DataPart:
     """What `fit.json` says of the measurements: which columns there are, their digest, and what the scene knows of
     the contact time.
     """
-    table = problem.table
-    found: dict[str, Any] = {
-        "incident_columns": list(table.incident_columns),
-        "measurements": [item.name for item in table.measurements],
-        "with_sd": [item.name for item in table.measurements if item.sd is not None],
-        "labels": list(table.labels),
-        "contact_time": None if problem.contact_time is None else list(problem.contact_time),
-        "sha256": digest(data_columns(table, problem.force)),
-    }
-    if problem.force is not None:
-        force = problem.force
-        found["force"] = {"file": Path(force.source).name, "sha256": force.digest, "start_sd": force.start_sd}
-    return found
+    table, force = problem.table, problem.force
+    return part(
+        DataPart,
+        table,
+        measurements=tuple(item.name for item in table.measurements),
+        with_sd=tuple(item.name for item in table.measurements if item.sd is not None),
+        labels=tuple(table.labels),
+        contact_time=problem.contact_time,
+        sha256=digest(data_columns(table, force)),
+        force=None if force is None else ForcePart(Path(force.source).name, force.digest, force.start_sd),
+    )
 
 
 def digest(columns: Columns) -> str:

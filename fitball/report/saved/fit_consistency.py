@@ -10,6 +10,7 @@ import numpy as np
 from fitball.errors import FitballError
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.priors import parse_prior
+from fitball.inference.results.quantiles import QUANTILES
 from fitball.inference.results.results import RunStatus, Verdict
 from fitball.models.registry import model
 from fitball.models.specs import SPECS, ParameterSpec
@@ -19,7 +20,6 @@ from fitball.values import FloatArray
 
 # A value at a bound is the exponential of a logarithm: rounding may take it this share of the bounds' width beyond.
 ROUNDING = 1e-9
-QUANTILES = ("median", "q025", "q05", "q16", "q84", "q95", "q975")
 
 
 def spec_of(name: str) -> ParameterSpec | None:

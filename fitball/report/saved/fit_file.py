@@ -15,8 +15,8 @@ from fitball.report.saved.structure import Counted, Digest, Part, Positive
 from fitball.values import Ball
 
 # Version 1 held the measurements themselves, which lie in `data.nc` now.
-SCHEMA_VERSION = 3
-KIND = "fitball fit"
+SCHEMA_VERSION: Literal[3] = 3
+KIND: Literal["fitball fit"] = "fitball fit"
 Numbers = tuple[float, ...]
 Texts = tuple[str, ...]
 # Speeds and spins far beyond any that could be measured, and far below where squares overflow.
@@ -198,7 +198,7 @@ class ForcePart(Part, frozen=True):
     start_sd: Positive | None
 
 
-class DataPart(Part, frozen=True):
+class DataPart(Part, frozen=True, omit_defaults=True):
     """The measurements the fit was made from, which lie in data.nc: names of measured columns, of those with a stated
     sd, of label columns; SHA-256 over all columns; contact_time is (value, sd) as known to the scene.
     """
@@ -222,7 +222,7 @@ class FittedPart(Part, frozen=True):
     impacts: Incident
 
 
-class FitFile(Part, frozen=True):
+class FitFile(Part, frozen=True, kw_only=True):
     """A fitted parameter set. Numbers are in SI units unless a unit stands beside them."""
 
     schema_version: Literal[3]
@@ -243,11 +243,11 @@ class FitFile(Part, frozen=True):
     seed: Annotated[int, msgspec.Meta(ge=0)]
     levels: tuple[LevelEstimate, ...]
     error_budget: Budget
+    court_pace: CourtPace | None = None
     golden: GoldenPart
     identifiability: Identifiability
     data: DataPart
     fitted: FittedPart
-    court_pace: CourtPace | None = None
 
 
 def fit_schema() -> dict[str, Any]:

@@ -1,17 +1,20 @@
-"""`run.toml`: all that is needed to repeat a run; `run_record` reads it back."""
+"""`run.toml`: all that is needed to repeat a run, as structures that are written and read; see `run_record`."""
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import tomli_w
 
 from fitball.data.bundled import bundled_folder
-from fitball.data.scene import Scene
-from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.parameters import SD_SPECS, TAILS
 from fitball.inference.results.results import Fit
+from fitball.report.saved.fit_file import BallPart, ModelPart
+from fitball.report.saved.structure import Counted, Digest, Part, Positive, part, plain
 from fitball.version import __version__
 
 RUN_NAME = "run.toml"
@@ -20,21 +23,97 @@ RUN_KIND = "fitball run"
 RUN_SCHEMA = 2
 SCENE_NUMBERS = (*SD_SPECS, "nominal_velocity_sd", "nominal_spin_sd", "force_sd", "force_start_sd")
 SCENE_TEXTS = ("model", "surface", "description", "citation")
+HEAD = """\
+# Everything this result depends on; SI units. `fitball repeat` runs it again.
+# The priors are those of all parameters; the prior of one that is fixed takes no part.
+
+"""
 
 
-def _toml(value: object) -> str:
-    """A scalar, or a list of them, as TOML; JSON's strings, numbers and booleans are valid TOML, but for DEL."""
-    return json.dumps(value).replace("\x7f", "\\u007f")
+class NamedTable(Part, frozen=True):
+    """A table, or its force records, as `run.toml` names it: `file` relative to the result folder, or the name of a
+    bundled one.
+    """
+
+    file: str
+    bundled: bool
+    sha256: Digest
 
 
-def _section(name: str, content: Mapping[str, object], brackets: str = "[]") -> list[str]:
-    half = len(brackets) // 2
-    head = f"{brackets[:half]}{name}{brackets[half:]}"
-    return [head, *(f"{_toml(key)} = {_toml(value)}" for key, value in content.items()), ""]
+class TablesPart(Part, frozen=True):
+    """The table of a fit and the files it was joined from; none for a table made in Python."""
+
+    name: str
+    sha256: Digest
+    files: tuple[NamedTable, ...] = ()
 
 
-def _force(records: ForceRecords, folder: Path) -> dict[str, object]:
-    return _named(Path(records.source), folder) | {"sha256": records.digest}
+class MadePart(Part, frozen=True):
+    """By whom and from which seed."""
+
+    version: str
+    seed: Annotated[int, msgspec.Meta(ge=0)]
+    point_only: bool
+
+
+class TimePart(Part, frozen=True):
+    """What the scene knows of the contact time [s]."""
+
+    value: Positive
+    sd: Positive
+
+
+class MeasurementPart(Part, frozen=True, omit_defaults=True):
+    """What is taken of the measurement's errors."""
+
+    distribution: str
+    incident_errors: bool
+    offsets: str | None = None
+
+
+class SamplerPart(Part, frozen=True):
+    """How the posterior was sampled."""
+
+    ensembles: Counted
+    walkers: Counted
+    steps: Counted
+    max_steps: Counted
+    target_ess: Positive
+
+
+# What the scene knew besides that which stands in the other sections.
+ScenePart = msgspec.defstruct(
+    "ScenePart",
+    [
+        ("ball_sd", Mapping[Literal["mass", "radius", "inertia_ratio"], Positive]),
+        *((name, str | None, None) for name in SCENE_TEXTS),
+        *((name, Positive | None, None) for name in SCENE_NUMBERS),
+    ],
+    bases=(Part,),
+    frozen=True,
+    omit_defaults=True,
+)
+
+
+class RunFile(Part, frozen=True, omit_defaults=True):
+    """The structure of `run.toml`."""
+
+    kind: str
+    schema_version: int
+    notes: tuple[str, ...]
+    fitball: MadePart
+    table: TablesPart
+    model: ModelPart
+    ball: BallPart
+    priors: Mapping[str, str]
+    fix: Mapping[str, float]
+    fixed_because: Mapping[str, str]
+    pool: Mapping[str, str]
+    measurement: MeasurementPart
+    scene: ScenePart  # type: ignore[valid-type]
+    contact_time: TimePart | None = None
+    force: NamedTable | None = None
+    sampler: SamplerPart | None = None
 
 
 def run_text(fit: Fit, folder: Path) -> str:
@@ -43,62 +122,36 @@ def run_text(fit: Fit, folder: Path) -> str:
     Tables are named relative to the `folder` that the text is written to.
     """
     problem = fit.problem
-    ball = problem.model.ball
-    fixed = {item.name: item for item in problem.parameters if item.fixed is not None}
-    lines = ["# Everything this result depends on; SI units. `fitball repeat` runs it again.", ""]
-    lines += [
-        f"kind = {_toml(RUN_KIND)}",
-        f"schema_version = {RUN_SCHEMA}",
-        f"notes = {_toml(list(problem.notes))}",
-        "",
-    ]
-    lines += _section("fitball", {"version": __version__, "seed": fit.seed, "point_only": fit.diagnostics is None})
-    lines += _section("table", {"name": problem.table.name, "sha256": problem.table.digest})
-    for place, digest in problem.table.files:
-        lines += _section("table.files", _named(Path(place), folder) | {"sha256": digest}, "[[]]")
-    lines += _section("model", {"name": problem.model.name})
-    lines += _section("model.closures", problem.model.options)
-    lines += _section("ball", {"mass": ball.mass, "radius": ball.radius, "inertia": ball.inertia})
-    if problem.contact_time is not None:
-        lines += _section("contact_time", {"value": problem.contact_time[0], "sd": problem.contact_time[1]})
-    if problem.force is not None:
-        lines += _section("force", _force(problem.force, folder))
-    lines += ["# Of all parameters; the prior of one that is fixed below takes no part."]
-    lines += _section("priors", {item.name: item.prior.text for item in problem.parameters})
-    lines += _section("fix", {name: item.fixed for name, item in fixed.items()})
-    lines += _section("fixed_because", {name: item.fixed_because for name, item in fixed.items()})
-    lines += _section("pool", {item.parameter: item.column for item in problem.pooling})
-    measurement: dict[str, object] = {"distribution": "student-t" if TAILS in fit.point.values else "normal"}
-    if problem.group_bias is not None:
-        measurement["offsets"] = problem.group_bias.column
-    measurement["incident_errors"] = problem.incident is not None
-    lines += _section("measurement", measurement)
-    lines += _scene(problem.scene)
-    if fit.diagnostics is not None:
-        found = fit.diagnostics
-        lines += _section(
-            "sampler",
-            {
-                "ensembles": found.ensembles,
-                "walkers": found.walkers,
-                "steps": found.steps,
-                "max_steps": found.max_steps,
-                "target_ess": found.target_ess,
-            },
-        )
-    return "\n".join(lines)
+    table, force = problem.table, problem.force
+    run = RunFile(
+        kind=RUN_KIND,
+        schema_version=RUN_SCHEMA,
+        notes=problem.notes,
+        fitball=MadePart(__version__, fit.seed, fit.diagnostics is None),
+        table=TablesPart(table.name, table.digest, tuple(_named(*file, folder) for file in table.files)),
+        model=ModelPart(problem.model.name, problem.model.options),
+        ball=part(BallPart, problem.model.ball),
+        priors={spec.name: spec.prior.text for spec in problem.parameters},
+        fix={spec.name: spec.fixed for spec in problem.parameters if spec.fixed is not None},
+        fixed_because={spec.name: spec.fixed_because for spec in problem.parameters if spec.fixed is not None},
+        pool={level.parameter: level.column for level in problem.pooling},
+        measurement=MeasurementPart(
+            distribution="student-t" if TAILS in fit.point.values else "normal",
+            incident_errors=problem.incident is not None,
+            offsets=None if problem.group_bias is None else problem.group_bias.column,
+        ),
+        scene=part(ScenePart, problem.scene),
+        contact_time=None if problem.contact_time is None else TimePart(*problem.contact_time),
+        force=None if force is None else _named(force.source, force.digest, folder),
+        sampler=None if fit.diagnostics is None else part(SamplerPart, fit.diagnostics),
+    )
+    # A name that is no Unicode is written as the numbers that stand for its bytes.
+    return (HEAD + tomli_w.dumps(plain(run))).encode("utf-8", "backslashreplace").decode()
 
 
-def _named(place: Path, folder: Path) -> dict[str, object]:
+def _named(source: str, digest: str, folder: Path) -> NamedTable:
     """How a table is named: bundled ones by name, others by the way from the result folder to them."""
+    place = Path(source)
     if place.parent == bundled_folder().resolve():
-        return {"file": place.name, "bundled": True}
-    return {"file": Path(os.path.relpath(place, folder.resolve())).as_posix(), "bundled": False}
-
-
-def _scene(scene: Scene) -> list[str]:
-    """What the scene knew besides that which stands in the other sections."""
-    content: dict[str, object] = {
-        name: getattr(scene, name) for name in (*SCENE_TEXTS, *SCENE_NUMBERS) if getattr(scene, name) is not None
-    }
-    return [*_section("scene", content), *_section("scene.ball_sd", scene.ball_sd)]
+        return NamedTable(place.name, True, digest)
+    return NamedTable(Path(os.path.relpath(place, folder.resolve())).as_posix(), False, digest)

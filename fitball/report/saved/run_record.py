@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated, Literal
 
 import msgspec
 
@@ -19,105 +18,17 @@ from fitball.errors import ResultFolderError
 from fitball.inference.calibrate import Effort
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.problem import Problem
-from fitball.report.saved.fit_file import BallPart, ModelPart
-from fitball.report.saved.run_file import RUN_KIND, RUN_NAME, RUN_SCHEMA, SCENE_NUMBERS, SCENE_TEXTS
+from fitball.report.saved.run_file import (
+    RUN_KIND,
+    RUN_NAME,
+    RUN_SCHEMA,
+    MadePart,
+    NamedTable,
+    RunFile,
+    SamplerPart,
+)
 from fitball.report.saved.saved_fit import FIT_NAME
-from fitball.report.saved.structure import (
-    Counted,
-    Digest,
-    Part,
-    Positive,
-    damaged,
-    place_of,
-    read_toml,
-    refuse_foreign,
-    structured,
-)
-
-
-class NamedTable(Part, frozen=True):
-    """A table, or its force records, as `run.toml` names it: `file` relative to the result folder, or the name of a
-    bundled one.
-    """
-
-    file: str
-    bundled: bool
-    sha256: Digest
-
-
-class TablesPart(Part, frozen=True):
-    """The table of a fit and the files it was joined from; none for a table made in Python."""
-
-    name: str
-    sha256: Digest
-    files: tuple[NamedTable, ...] = ()
-
-
-class MadePart(Part, frozen=True):
-    """By whom and from which seed."""
-
-    version: str
-    seed: Annotated[int, msgspec.Meta(ge=0)]
-    point_only: bool
-
-
-class TimePart(Part, frozen=True):
-    """What the scene knows of the contact time [s]."""
-
-    value: Positive
-    sd: Positive
-
-
-class MeasurementPart(Part, frozen=True):
-    """What is taken of the measurement's errors."""
-
-    distribution: str
-    incident_errors: bool
-    offsets: str | None = None
-
-
-class SamplerPart(Part, frozen=True):
-    """How the posterior was sampled."""
-
-    ensembles: Counted
-    walkers: Counted
-    steps: Counted
-    max_steps: Counted
-    target_ess: Positive
-
-
-# Whatever `run_file` writes of a scene.
-ScenePart = msgspec.defstruct(
-    "ScenePart",
-    [
-        ("ball_sd", Mapping[Literal["mass", "radius", "inertia_ratio"], Positive]),
-        *((name, str | None, None) for name in SCENE_TEXTS),
-        *((name, Positive | None, None) for name in SCENE_NUMBERS),
-    ],
-    bases=(Part,),
-    frozen=True,
-)
-
-
-class RunFile(Part, frozen=True):
-    """The structure of `run.toml`."""
-
-    kind: str
-    schema_version: int
-    notes: tuple[str, ...]
-    fitball: MadePart
-    table: TablesPart
-    model: ModelPart
-    ball: BallPart
-    priors: Mapping[str, str]
-    fix: Mapping[str, float]
-    fixed_because: Mapping[str, str]
-    pool: Mapping[str, str]
-    measurement: MeasurementPart
-    scene: ScenePart  # type: ignore[valid-type]
-    contact_time: TimePart | None = None
-    force: NamedTable | None = None
-    sampler: SamplerPart | None = None
+from fitball.report.saved.structure import damaged, place_of, read_toml, refuse_foreign, structured
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ import numpy as np
 from fitball.errors import FitballError, ResultFolderError
 
 Kept = TypeVar("Kept")
+Section = TypeVar("Section", bound=msgspec.Struct)
 Content = dict[str, Any]
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 Counted = Annotated[int, msgspec.Meta(ge=1)]
@@ -86,7 +87,7 @@ def structured(place: Path, content: Content, kind: type[Kept]) -> Kept:
     try:
         return _converted(content, kind)
     except msgspec.ValidationError as error:
-        words = _QUOTED.sub(_plain, str(error).partition(" - at ")[0])
+        words = _QUOTED.sub(_named_kinds, str(error).partition(" - at ")[0])
         found, where = _located(content, kind, str(error))
         shown = "" if found is content else f"read {_shown(found)}, "
         raise damaged(place, f"{where}: {shown}{words[:1].lower()}{words[1:]}" if where else words) from None
@@ -94,7 +95,23 @@ def structured(place: Path, content: Content, kind: type[Kept]) -> Kept:
         raise damaged(place, str(error)) from None
 
 
-def _plain(match: re.Match[str]) -> str:
+def part(kind: type[Section], source: object, **others: Any) -> Section:
+    """The section `kind` with what `source` has under the names of its fields, but for the `others`."""
+    names = [name for name in kind.__struct_fields__ if name not in others]
+    return kind(**{name: getattr(source, name) for name in names}, **others)
+
+
+def plain(value: object) -> Any:
+    """`value` as what JSON and TOML know: sections by name, lists, texts, numbers."""
+    return msgspec.to_builtins(value, enc_hook=_unpacked)
+
+
+def _unpacked(value: Any) -> Any:
+    """What msgspec does not know: read-only mappings, and arrays and numbers of NumPy."""
+    return dict(value) if isinstance(value, Mapping) else value.tolist()
+
+
+def _named_kinds(match: re.Match[str]) -> str:
     """The types that msgspec names, in the words of a reader."""
     return " or ".join(_WORDS.get(name, name) for name in match[1].split(" | "))
 

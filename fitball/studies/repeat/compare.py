@@ -15,7 +15,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from fitball.inference.problem.problem import Problem
-from fitball.inference.sampling.monte_carlo_error import QUANTILES, standard_errors
+from fitball.inference.results.quantiles import QUANTILES
+from fitball.inference.sampling.monte_carlo_error import standard_errors
 from fitball.studies.repeat.bits import differing_leaves, same_bytes
 from fitball.studies.repeat.checks import contradictions
 from fitball.studies.repeat.rerun import Kept
