@@ -6,7 +6,6 @@ import numpy as np
 
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import LevelEstimate, PointFit, Posterior
-from fitball.models.specs import SPECS
 from fitball.values import FloatArray
 
 LEVELS = (0.5, 0.025, 0.16, 0.84, 0.975)
@@ -26,7 +25,7 @@ def group_estimates(problem: Problem, point: PointFit, posterior: Posterior | No
                     item.parameter,
                     item.column,
                     label,
-                    SPECS[item.parameter].unit,
+                    problem.model.specs[item.parameter].unit,
                     int(np.count_nonzero(item.index == place)),
                     float(item.value(at_point, label)[0]),
                     quantiles[0],
