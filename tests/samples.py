@@ -50,7 +50,7 @@ POLAR = (
 
 def leave_out_figures(patch):
     """Results are saved without their figures, half of the time a save takes: for tests that look at other files."""
-    patch.setattr("fitball.report.fit.folder.drawable_kinds", lambda _fit, _posterior: [])
+    patch.setattr("fitball.report.fit.folder.drawable_kinds", lambda _fit: [])
 
 
 def save_without_figures(fit, folder):

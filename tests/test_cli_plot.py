@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 import fitball
 from fitball.cli.main import main
-from fitball.cli.plot import FORMATS, KIND_NAMES
+from fitball.cli.plot import FORMATS
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.results.evidence import (
     ActiveImpacts,
@@ -22,9 +23,13 @@ from fitball.inference.results.evidence import (
     InformationEvidence,
     Profile,
 )
-from fitball.report.figures.kinds import KINDS, STAMPS
+from fitball.report.figures.kinds import KINDS
+from fitball.report.figures.names import FIGURES
 from fitball.report.figures.profile_arrays import profile_panels
 from fitball.report.figures.regimes import OTHERS, regime_bars, regime_colours
+from fitball.report.figures.save import STAMPS
+from fitball.report.fit.alt_texts import WORDS
+from fitball.report.fit.html import SECTIONS
 from fitball.report.form.display_units import handy
 from fitball.report.saved.restore import restore
 from fitball.report.saved.structure import plain, structured
@@ -52,7 +57,7 @@ def test_every_figure_is_the_one_of_the_run(folder, tmp_path, capsys):
     assert main(["plot", str(folder / "fit.json"), "all", "--out", str(out)]) == 0
     said = capsys.readouterr().out.split()
     # This table has no force records; `test_force_report` draws those.
-    kinds = [name for name in KIND_NAMES if name != "force"]
+    kinds = [name for name in FIGURES if name != "force"]
     assert said == [str(out / f"{name}.png") for name in kinds]
     for name in kinds:
         assert (out / f"{name}.png").read_bytes() == (folder / f"{name}.png").read_bytes(), name
@@ -99,7 +104,11 @@ def _same(one, other):
 
 
 def test_kinds_and_formats_are_the_ones_promised():
-    assert tuple(KINDS) == KIND_NAMES
+    assert set(KINDS) == set(FIGURES) == set(WORDS)
+    page = (files("fitball.report") / "templates" / "report.html.j2").read_text(encoding="utf-8")
+    for text in FIGURES.values():
+        assert text.section in SECTIONS
+        assert f"in figures.{text.section} %}}" in page
     assert tuple(STAMPS) == FORMATS
 
 
@@ -118,7 +127,7 @@ def test_a_point_fit_shows_what_it_has(point_folder, tmp_path, capsys):
     assert main(["plot", str(point_folder), "all", "--out", str(tmp_path)]) == 0
     captured = capsys.readouterr()
     assert sorted(item.name for item in tmp_path.iterdir()) == ["predictive.png", "profiles.png", "residuals.png"]
-    assert "left out corner, trace, regimes" in captured.err
+    assert "left out regimes, corner, trace" in captured.err
     for kind in ("corner", "trace", "regimes"):
         assert main(["plot", str(point_folder), kind]) == 2
         assert "needs a posterior; run calibrate without --point-only" in capsys.readouterr().err
@@ -196,7 +205,7 @@ def test_missing_damaged_and_older_files(folder, tmp_path, capsys):
 
 def test_panels_show_the_profiles_in_handy_units(fit):
     point = fitball.calibrate("wang_zero_spin.csv", point_only=True, cores=1)
-    panels = dict(zip(point.identifiability.evidence, profile_panels(point, None), strict=True))
+    panels = dict(zip(point.identifiability.evidence, profile_panels(point), strict=True))
     evidence, panel = point.identifiability.evidence["k_y"], panels["k_y"]
     np.testing.assert_allclose(panel.values, evidence.profile.values * handy("k_y", "N/m").factor)
     np.testing.assert_allclose(panel.log_likelihood, -evidence.profile.drop)
@@ -208,7 +217,7 @@ def test_panels_show_the_profiles_in_handy_units(fit):
     assert np.ptp(panel.curve_alone[1]) < 0.01
     assert panels["mu"].curve_alone.shape == (2, 0)
     assert panels["mu"].posterior is None
-    sampled = dict(zip(fit.identifiability.evidence, profile_panels(fit, fit.posterior), strict=True))
+    sampled = dict(zip(fit.identifiability.evidence, profile_panels(fit), strict=True))
     low, high = np.quantile(fit.posterior.draws[:, fit.posterior.names.index("mu")], (0.025, 0.975))
     assert sampled["mu"].posterior == pytest.approx((low, high))
     assert sampled["mu"].span[0] < low < high < sampled["mu"].span[1]

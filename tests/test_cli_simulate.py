@@ -12,15 +12,17 @@ import pytest
 import fitball
 from fitball.cli.main import main
 from fitball.errors import FitError
-from fitball.inference.prediction.simulate import COURSES, DEFAULTS, POINTS, chosen_parameters, simulate, simulate_fit
+from fitball.inference.prediction.simulate import COURSES, POINTS, chosen_parameters, simulate, simulate_fit
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.oracle.oracle import oracle_rebound
+from fitball.models.specs import SPECS
 from fitball.models.types import unpack_regime
 from fitball.report.history.figure import ALL_PANELS, DRAWN, LABELS, history_figure
 from fitball.report.saved.fit_text import fit_text
 from fitball.studies.thesis.example_claims import MEASURES, findings, run_example
 from fitball.studies.thesis.simulate_examples import EXAMPLES
 
+DEFAULTS = {name: spec.typical for name, spec in SPECS.items() if spec.typical is not None}
 IMPACT = "v=38 mph, theta=18 deg, spin=950 rpm top"
 
 

@@ -15,7 +15,7 @@ from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Measurement
 from fitball.errors import FitError, ModelError
 from fitball.inference.calibrate import Effort, run
-from fitball.inference.comparison.candidates import VARIANTS, build_candidates, default_names, parse_name
+from fitball.inference.comparison.candidates import build_candidates, default_names, parse_name
 from fitball.inference.comparison.compare import compare
 from fitball.inference.likelihood.residuals import Weighting
 from fitball.inference.point.lmfit_minimiser import Minimiser
@@ -132,7 +132,7 @@ def test_default_ladders():
     names, said = default_names(wang)
     assert not said
     candidates = build_candidates(wang, load_scene("wang_all.csv"), names)
-    assert len(candidates.candidates) == 4 + len(VARIANTS)
+    assert len(candidates.candidates) == 4 + 8
     assert candidates.columns == ("v_x2", "v_y2", "omega_2")
     assert not candidates.notes
     for first, second in itertools.combinations(candidates.candidates, 2):

@@ -38,7 +38,7 @@ from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT, RunStatus, Verdict
 from fitball.inference.sampling import ensembles as sampling
 from fitball.inference.sampling import moves
-from fitball.models.registry import ALGEBRAIC, COMPOSITIONS, MODEL_NAMES, THESIS_CLOSURES
+from fitball.models.registry import MODELS
 from fitball.models.specs import SPECS
 from fitball.models.types import PHASE_SYMBOL, Closures, ThesisClosures
 from fitball.report.figures.kinds import KINDS
@@ -135,10 +135,9 @@ def test_every_closure_and_option_is_documented_and_exists():
 
 
 def test_every_model_is_documented_with_its_composition_and_parameters():
-    closures = {**COMPOSITIONS, "thesis": THESIS_CLOSURES}
     expected = {}
-    for name in MODEL_NAMES:
-        chosen = "algebraic" if name in ALGEBRAIC else f"`{', '.join(asdict(closures[name]).values())}`"
+    for name, item in MODELS.items():
+        chosen = "algebraic" if item.closures is None else f"`{', '.join(asdict(item.closures).values())}`"
         expected[name] = [chosen, f"`{', '.join(fitball.model(name).parameter_names)}`"]
     assert {row[0].strip("`"): row[1:] for row in table(PHYSICS, "model", "composition", "parameters")} == expected
 

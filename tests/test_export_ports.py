@@ -18,7 +18,6 @@ from fitball.export.port.port import make_port
 from fitball.export.port.python import python_port
 from fitball.inference.prediction.golden import golden
 from fitball.inference.results.fitted_model import FittedModel
-from fitball.models.kernel_call import kernel_call
 from fitball.models.registry import model
 from fitball.models.types import Closures
 from fitball.values import Ball, Impacts
@@ -104,7 +103,7 @@ def random_cases(draw_priors):
     for k in rng.permutation(len(chosen))[:COUNT]:
         made = model("two-mass", **{name: getattr(chosen[k], name) for name in Closures.__dataclass_fields__})
         values = draw_priors(made, rng, 1)
-        call = kernel_call(made, made.parameter_names, values[0])
+        call = made.kernel_call(made.parameter_names, values[0])
         v_x, v_y, omega = rng.uniform(-30, 30, 2), rng.uniform(1.0, 25.0, 2), rng.uniform(-500.0, 500.0, 2)
         cor = rng.uniform(0.4, 0.9, 2)
         # A ball that lands without slip, in half of the closures.

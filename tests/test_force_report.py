@@ -113,7 +113,7 @@ def test_the_figure_is_the_one_of_the_run(folder, tmp_path, capsys):
 
 
 def test_what_the_figure_shows(fit, folder):
-    panels = force_panels(fit, fit.posterior)
+    panels = force_panels(fit)
     assert panels[0].title == "drop 1: 4 m/s"
     panel = panels[-1]
     truth = force_at(1e-3 * panel.along, 12.0)
@@ -121,7 +121,7 @@ def test_what_the_figure_shows(fit, folder):
     assert np.abs(panel.course[1] - truth)[inside].max() < 0.05 * truth.max()
     within = (panel.means > panel.expected[0]) & (panel.means < panel.expected[1])
     assert within.mean() > 0.7
-    read = force_panels(restore(folder), restore(folder).posterior)
+    read = force_panels(restore(folder))
     np.testing.assert_array_equal(read[-1].course, panel.course)
 
 

@@ -227,7 +227,7 @@ def test_rows_say_what_the_estimates_say(two_mass):
 
 
 def test_corner_shows_the_prior_as_it_is(fit):
-    data = arrays.corner_data(fit, fit.posterior)
+    data = arrays.corner_data(fit)
     names = fit.posterior.names
     k = names.index("mu")
     edges, density = data.prior[k]
@@ -241,7 +241,7 @@ def test_corner_shows_the_prior_as_it_is(fit):
 
 
 def test_prior_density_of_a_log_prior_is_per_value(fit):
-    data = arrays.corner_data(fit, fit.posterior)
+    data = arrays.corner_data(fit)
     k = fit.posterior.names.index("v_x_sd")
     edges, density = data.prior[k]
     from scipy.stats import lognorm

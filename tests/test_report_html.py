@@ -133,13 +133,13 @@ def test_many_points_are_drawn_as_pixels(grip_slip_fit):
     from matplotlib.figure import Figure
 
     for impacts, form in ((MOST_VECTOR, "svg+xml"), (MOST_VECTOR + 1, "png")):
-        found = page_figures({"residuals": Figure()}, {"residuals": "c"}, {"residuals": "a"}, impacts)
-        assert found["residuals"].source.startswith(f"data:image/{form};base64,")
+        found = page_figures({"residuals": Figure()}, {"residuals": "a"}, impacts)["predictions"][0]
+        assert found.source.startswith(f"data:image/{form};base64,")
 
 
 def test_long_tables_are_cut_and_say_so(grip_slip_fit, monkeypatch):
     monkeypatch.setattr("fitball.report.fit.html.MOST_ROWS", 5)
-    cut = page(grip_slip_fit, {})
+    cut = page(grip_slip_fit, page_figures({}, {}, 0))
     assert cut.count("16 more impacts stand in") == 2
     assert faults(cut) == []
 
@@ -227,7 +227,7 @@ def test_the_page_says_how_to_repeat_it(grip_slip_fit, text):
     assert f"numpy {np.__version__}" in text
     assert "made from Python" in text
     assert "fitball calibrate a &amp; b.csv --seed 3" in page(
-        grip_slip_fit, {}, "fitball calibrate a & b.csv --seed 3"
+        grip_slip_fit, page_figures({}, {}, 0), "fitball calibrate a & b.csv --seed 3"
     )
 
 

@@ -9,20 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitball.errors import ParameterError, ResultFolderError, suggestion
+from fitball.report.figures.names import FIGURES
 
 if TYPE_CHECKING:
     from fitball.report.saved.restore import Restored
 
-KIND_NAMES = ("corner", "trace", "predictive", "residuals", "profiles", "regimes", "force")
+KIND_LINES = "\n".join(f"  {name:10}  {text.summary}" for name, text in FIGURES.items())
 FORMATS = ("png", "svg", "pdf")
-EXAMPLE = """kinds:
-  corner      posterior of all pairs of parameters, with priors
-  trace       walkers of every ensemble after warm-up
-  predictive  measured rebounds against the posterior prediction
-  residuals   standardised residuals
-  profiles    profile likelihood of every parameter
-  regimes     posterior probability of each phase sequence, impact by impact
-  force       force-time records against the posterior prediction
+EXAMPLE = f"""kinds:
+{KIND_LINES}
   all         every one of them that the fit can show
 
 examples:
@@ -42,7 +37,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("fit", metavar="FIT", help="a fit.json, or the folder that holds one")
-    parser.add_argument("kind", metavar="KIND", help=f"{', '.join(KIND_NAMES)} or all")
+    parser.add_argument("kind", metavar="KIND", help=f"{', '.join(FIGURES)} or all")
     parser.add_argument("--format", default="png", metavar="FORMAT", help="png (default), svg or pdf")
     parser.add_argument("--out", metavar="DIR", help="folder to write to (default: beside fit.json)")
     parser.add_argument("--quiet", action="store_true", help="no notes: only errors and files")
@@ -51,19 +46,20 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Do it; returns the exit code."""
-    if args.kind not in (*KIND_NAMES, "all"):
-        raise ParameterError(f"unknown figure '{args.kind}': {suggestion(args.kind, (*KIND_NAMES, 'all'))}")
+    if args.kind not in (*FIGURES, "all"):
+        raise ParameterError(f"unknown figure '{args.kind}': {suggestion(args.kind, (*FIGURES, 'all'))}")
     if args.format not in FORMATS:
         raise ParameterError(f"--format {args.format}: {suggestion(args.format, FORMATS)}")
-    from fitball.report.figures.kinds import KINDS, drawable_kinds, save_figure
+    from fitball.report.figures.kinds import draw, drawable_kinds
+    from fitball.report.figures.save import save_figure
     from fitball.report.saved.restore import restore
 
     path = Path(args.fit)
     fit = restore(path)
     if args.kind == "profiles":
         fit = _with_profiles(fit, args.quiet)
-    kinds = [args.kind] if args.kind != "all" else drawable_kinds(fit, fit.posterior)
-    left_out = [name for name in KIND_NAMES[:-1] if args.kind == "all" and name not in kinds]
+    kinds = [args.kind] if args.kind != "all" else drawable_kinds(fit)
+    left_out = [name for name in FIGURES if args.kind == "all" and name not in (*kinds, "force")]
     if left_out and not args.quiet:
         print(f"note: left out {', '.join(left_out)}: this fit has not what they show", file=sys.stderr)
     folder = Path(args.out) if args.out else (path if path.is_dir() else path.parent)
@@ -73,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
         raise ResultFolderError(f"{folder}: cannot be made: {error.strerror}; name another with --out") from None
     for name in kinds:
         place = folder / f"{name}.{args.format}"
-        save_figure(KINDS[name].draw(fit, fit.posterior), place, args.format)
+        save_figure(draw(name, fit), place, args.format)
         print(place)
     return 0
 

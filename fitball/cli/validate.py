@@ -12,7 +12,6 @@ import os
 import sys
 import time
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -110,8 +109,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     models = _checked(args)
-    from fitball.report.figures.png import save_png
-    from fitball.report.form.atomic_write import write_text, write_whole
+    from fitball.report.figures.save import save_figure
+    from fitball.report.form.atomic_write import write_text
     from fitball.report.form.csv import csv_text
     from fitball.studies.sbc.figure import rank_figure
     from fitball.studies.sbc.replicate import BounceExperiment
@@ -132,7 +131,7 @@ def _run(args: argparse.Namespace) -> int:
     for finding in findings:
         if finding.quantities:
             figure = rank_figure(finding)
-            write_whole(folder / f"ranks_{finding.model}.png", partial(save_png, figure))
+            save_figure(figure, folder / f"ranks_{finding.model}.png")
     rows = summary_rows(findings)
     if rows:
         write_text(folder / "summary.csv", csv_text(rows))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.results import RunStatus, Verdict
-from fitball.models.specs import SPECS
+from fitball.models.registry import parameter_spec
 from fitball.report.form.display_units import handy
 from fitball.report.form.rounding import decimals, fixed, interval, significant
 from fitball.report.saved.saved_fit import SavedFit, SavedParameter
@@ -49,7 +49,7 @@ def paper_rows(saved: SavedFit) -> tuple[PaperRow, ...]:
 
 def _row(item: SavedParameter) -> PaperRow:
     scale = handy(item.name, item.unit)
-    spec = SPECS.get(item.name) or NOISE_SPECS.get(item.name)
+    spec = parameter_spec(item.name) or NOISE_SPECS.get(item.name)
     label = spec.label if spec is not None else ""
     if item.median is None or item.sd is None or item.verdict is Verdict.FIXED:
         value = significant(item.point * scale.factor, 4)

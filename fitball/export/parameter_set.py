@@ -10,7 +10,7 @@ import tomli_w
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Verdict
-from fitball.models.specs import SPECS
+from fitball.models.registry import parameter_spec
 from fitball.report.form.csv import csv_text
 from fitball.report.form.display_units import THESIS
 from fitball.report.saved.saved_fit import SavedFit, SavedParameter
@@ -56,7 +56,7 @@ def _levels(listed: list[dict[str, Any]]) -> dict[str, Any]:
 
 def role(name: str) -> str:
     """Whether a parameter belongs to the bounce, to the noise of a measurement, or to a group of impacts."""
-    return "noise" if name in NOISE_SPECS else "model" if name in SPECS else "group"
+    return "noise" if name in NOISE_SPECS else "model" if parameter_spec(name) is not None else "group"
 
 
 def _parameter(item: SavedParameter) -> dict[str, Any]:

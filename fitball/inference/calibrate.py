@@ -54,7 +54,6 @@ from fitball.inference.sampling.monte_carlo_error import summaries
 from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.inference.sampling.stragglers import left_behind_words
 from fitball.inference.second_search import search_again
-from fitball.models.two_mass_model import TwoMassModel
 from fitball.values import FloatArray
 from fitball.version import __version__
 
@@ -326,12 +325,11 @@ def _fitted(problem: Problem, point: PointFit, posterior: Posterior | None) -> F
     if posterior is not None:
         columns = problem.all_values(thinned(posterior, KEPT_DRAWS))
         draws = np.stack([columns[name] for name in names], axis=1)
-    tangential = problem.model.tangential if isinstance(problem.model, TwoMassModel) else problem.table.has_tangential
     return FittedModel(
         model_name=problem.model.name,
         options=dict(problem.model.options),
         ball=problem.model.ball,
-        tangential=tangential,
+        tangential=problem.model.tangential,
         names=names,
         point=np.array([point.values[name] for name in names]),
         draws=draws,

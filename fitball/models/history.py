@@ -15,9 +15,6 @@ from fitball.models.kernels.two_mass import PIECE_ENDING, PIECE_PHASE, PIECE_TIM
 from fitball.models.types import Phase, Rebound, regime_name
 from fitball.values import FloatArray, Impacts
 
-# Models whose courses `Model.history` gives; the others have no time axis, or break their own equations.
-MODELS_WITH_HISTORY = ("two-mass", "thesis-exact")
-
 
 @dataclass(frozen=True)
 class Motion:

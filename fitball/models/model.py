@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import final
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import ClassVar, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fitball.errors import ModelError, ParameterError, suggestion
-from fitball.models.history import MODELS_WITH_HISTORY, History
+from fitball.models.capabilities import HAIR, ROUNDING, KernelCall, LinearConstraint, Oracle
+from fitball.models.history import History
 from fitball.models.jacobian import ReboundJacobian
+from fitball.models.kernels.bounce import ANCHOR_SPEED
 from fitball.models.kernels.dual import NumberArray
-from fitball.models.specs import BALL_PARAMETERS, SPECS, ParameterSpec
+from fitball.models.specs import BALL_PARAMETERS, BALL_SPECS, ParameterSpec
 from fitball.models.types import STATUS_REASON, Rebound, Status
 from fitball.values import Ball, FloatArray, Impacts, OwnImpacts
 
@@ -23,23 +26,37 @@ from fitball.values import Ball, FloatArray, Impacts, OwnImpacts
 class Model(ABC):
     """A bounce model with its ball; subclasses say which parameters it has and evaluate it.
 
-    `options` are the named choices it was composed of, as text.
+    `options` are the named choices it was composed of, as text. With `tangential` false only the vertical motion is
+    solved.
+
+    What a model can do beside `rebound` it says itself: `has_time` (a contact time), `has_force` (`force_integrals`),
+    `no_history` (why `history` gives no courses, if so), `linear_constraints`, `oracle`, `kernel_call` (for ports).
+    With `absent_is_zero`, parameters that it does not list are zero. `remark` goes with every fit of it; `unranked`
+    says why comparisons refuse it, if they do.
     """
+
+    has_time: ClassVar[bool] = False
+    has_force: ClassVar[bool] = False
+    no_history: ClassVar[str] = "has no time axis: its bounce is one impulse"
+    absent_is_zero: ClassVar[bool] = False
+    remark: ClassVar[str] = ""
+    unranked: ClassVar[str] = ""
 
     name: str
     ball: Ball
     options: Mapping[str, str]
     parameters: tuple[ParameterSpec, ...]
+    tangential: bool = field(default=True, kw_only=True)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters `rebound` needs, in order."""
         return tuple(spec.name for spec in self.parameters)
 
-    @property
-    @abstractmethod
-    def has_time(self) -> bool:
-        """Whether the model has a time axis, and so a contact time."""
+    @cached_property
+    def specs(self) -> Mapping[str, ParameterSpec]:
+        """Its parameters and those of its ball, by name."""
+        return {**{spec.name: spec for spec in self.parameters}, **BALL_SPECS}
 
     @property
     def needs_cor(self) -> bool:
@@ -67,6 +84,46 @@ class Model(ABC):
         `parameters` are those of `names` to differentiate with respect to: all by default, `()` for none, which
         leaves the derivatives with respect to the incident state.
         """
+
+    @abstractmethod
+    def kernel_call(self, names: Sequence[str], values: FloatArray) -> KernelCall:
+        """The call of the kernel of one impact that `evaluate` makes for `values` (names,)."""
+
+    def linear_constraints(self, impacts: Impacts) -> tuple[LinearConstraint, ...]:
+        """What the model demands of its parameters at these impacts beside their bounds: a restitution in (0, 1]."""
+        return tuple(
+            item
+            for line in restitution_lines(self.parameter_names, impacts)
+            for item in (positive(line), LinearConstraint(line, 1.0))
+        )
+
+    @property
+    def oracle(self) -> Oracle | None:
+        """An independent solution of the same motion, None where there is none to integrate."""
+        return None
+
+    @property
+    def force_remark(self) -> str:
+        """What a force record shows otherwise than `force_integrals`; empty if nothing."""
+        return ""
+
+    def force_integrals(
+        self,
+        names: Sequence[str],  # noqa: ARG002
+        values: NumberArray,  # noqa: ARG002
+        impacts: Impacts,  # noqa: ARG002
+        first: NumberArray,  # noqa: ARG002
+        spacing: FloatArray,  # noqa: ARG002
+        count: int,  # noqa: ARG002
+    ) -> tuple[NumberArray, NumberArray, NumberArray]:
+        """First and second time integral of the vertical spring's force [N s, N s^2], (draws, impacts, `count`), at
+        `first` (draws, impacts) [s] after landing and every `spacing` (impacts,) from there; and the mean time of
+        that force after landing, (draws, impacts).
+
+        No validation; NaN where the motion has no answer. With complex `values` (see `dual`) the imaginary parts are
+        derivatives. Raises ModelError for a model without a force-time course (`has_force`).
+        """
+        raise ModelError(f"model {self.name} has no force-time course")
 
     @final
     def rebound(self, parameters: Mapping[str, ArrayLike], impacts: Impacts) -> Rebound:
@@ -112,10 +169,7 @@ class Model(ABC):
         model that has no such courses, and ParameterError for more than one impact, a time outside the contact, or
         NaN.
         """
-        raise ModelError(
-            f"model {self.name} has no time axis: its bounce is one impulse; models with a history: "
-            + ", ".join(MODELS_WITH_HISTORY)
-        )
+        raise ModelError(f"model {self.name} {self.no_history}")
 
     def _single(self, parameters: Mapping[str, ArrayLike], impact: Impacts) -> tuple[tuple[str, ...], FloatArray]:
         """Names and values (1, names) of one parameter set for one impact. Raises ParameterError."""
@@ -138,7 +192,7 @@ class Model(ABC):
         names = tuple(parameters)
         columns = [np.asarray(parameters[name], dtype=np.float64) for name in names]
         for name, column in zip(names, columns, strict=True):
-            spec = SPECS[name]
+            spec = self.specs[name]
             if column.ndim > 1:
                 raise ParameterError(f"{name} has shape {column.shape}: expected a number or one value a draw")
             bad = ~((column >= spec.lower) & (column <= spec.upper))
@@ -154,6 +208,33 @@ class Model(ABC):
             lengths = {name: column.shape for name, column in zip(names, columns, strict=True)}
             raise ParameterError(f"parameters differ in number of draws: {lengths}") from None
         return names, np.atleast_2d(values), values.ndim == 1
+
+
+def restitution_lines(names: Sequence[str], impacts: Impacts) -> list[dict[str, float]]:
+    """The restitution at the slowest and at the fastest impact as coefficients of parameters among `names`; none
+    where it is no parameter.
+    """
+    if "cor_10" not in names:
+        return []
+    speeds = float(impacts.v_y1.min()), float(impacts.v_y1.max())
+    rates = [{"cor_slope": speed - ANCHOR_SPEED} if "cor_slope" in names else {} for speed in speeds]
+    return [{"cor_10": 1.0, **rate} for rate in rates]
+
+
+def positive(line: Mapping[str, float]) -> LinearConstraint:
+    """That a restitution is above zero."""
+    return LinearConstraint({name: -factor for name, factor in line.items()}, 0.0, ROUNDING)
+
+
+def below_mass_ratio(line: Mapping[str, float], measured: float = 0.0) -> LinearConstraint:
+    """That the core returns no faster than it came: a restitution, `measured` or a `line`, below the mass ratio."""
+    return LinearConstraint(
+        {**line, "mass_ratio": -1.0},
+        -measured,
+        HAIR * (measured or 1.0),
+        lower_bound_of="mass_ratio",
+        words="mass_ratio >= COR",
+    )
 
 
 def ball_columns(

@@ -1,57 +1,137 @@
-"""The ladder of models by name, and `model`, which composes one."""
+"""The ladder of models by name, and `model`, which composes one.
+
+A new model is one entry of `MODELS`; what stands here of it is what has to be known before it is composed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, fields, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 from fitball.errors import ModelError, suggestion
-from fitball.models.grip_slip import BRODY_PARAMETERS, GRIP_SLIP_PARAMETERS, GripSlipModel
+from fitball.models.grip_slip import BRODY, GRIP_SLIP, VERTICAL, GripSlipModel
 from fitball.models.model import Model
-from fitball.models.specs import SPECS
-from fitball.models.thesis.model import ThesisModel, thesis_parameters
-from fitball.models.two_mass_model import TwoMassModel, two_mass_parameters
+from fitball.models.specs import SPECS, ParameterSpec
+from fitball.models.thesis.model import compose_thesis
+from fitball.models.two_mass_model import compose_two_mass
 from fitball.models.types import Closures, ThesisClosures
 from fitball.values import Ball
 
-COMPOSITIONS: Mapping[str, Closures] = {
-    "two-mass": Closures("zero_force", "momentum", "contact", "mean", "tied", "matched", "line"),
-    "thesis-exact": Closures("zero_displacement", "inner", "grip", "shell", "tied", "matched", "line"),
-}
-ALGEBRAIC: Mapping[str, tuple[str, ...]] = {"grip-slip": GRIP_SLIP_PARAMETERS, "brody": BRODY_PARAMETERS}
-THESIS = "thesis"
-THESIS_CLOSURES = ThesisClosures("chapter_five", "tied", "line")
-MODEL_NAMES = (*COMPOSITIONS, *ALGEBRAIC, THESIS)
 DEFAULT_MODEL = "two-mass"
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """What a model is on a table that does not show all of it: the `closures` it takes there unless told otherwise,
+    and the `candidates` that a comparison tries of it by default, as names with closures.
+    """
+
+    closures: Mapping[str, str] = field(default_factory=dict)
+    candidates: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Entry:
+    """How a model is composed, from its name, ball, whether there is motion along the court, and its closures, which
+    are `closures` with some replaced (None: it has none).
+
+    `candidates` are what a comparison tries of it by default, `variants` what more unless it has to be quick.
+    `spinless` and `vertical` are the model on a table without spin, and without any motion along the court; None
+    where it cannot be fitted to such a table.
+    """
+
+    compose: Callable[[str, Ball, bool, Any], Model]
+    closures: Closures | ThesisClosures | None = None
+    candidates: tuple[str, ...] = ()
+    variants: tuple[str, ...] = ()
+    spinless: Reduced | None = Reduced()
+    vertical: Reduced | None = Reduced()
+
+
+# Without spin shell and core turn as one, and without motion along the court the mass ratio acts nowhere.
+_RIGID = {"torsion": "rigid", "normal": "total"}
+_TOTAL = {"normal": "total"}
+
+# Most complete first; a comparison begins with the last.
+MODELS: dict[str, Entry] = {
+    "two-mass": Entry(
+        compose_two_mass,
+        Closures("zero_force", "momentum", "contact", "mean", "tied", "matched", "line"),
+        candidates=("two-mass",),
+        # One closure changed at a time. `normal = inner` is left to those who name it, because it breaks the momentum
+        # balance of the ball; `cor = measured`, because it is told a column that the others predict.
+        variants=(
+            "two-mass+release=zero_displacement",
+            "two-mass+normal=total",
+            "two-mass+offset=grip",
+            "two-mass+spin=shell",
+            "two-mass+inertia=table",
+            "two-mass+torsion=free",
+            "two-mass+torsion=rigid",
+            "two-mass+cor=mean",
+        ),
+        spinless=Reduced(_RIGID, ("two-mass+cor=mean",)),
+        vertical=Reduced(_TOTAL, ("two-mass", "two-mass+cor=mean")),
+    ),
+    "thesis-exact": Entry(
+        compose_two_mass,
+        Closures("zero_displacement", "inner", "grip", "shell", "tied", "matched", "line"),
+        candidates=("thesis-exact",),
+        spinless=Reduced(_RIGID),
+        vertical=Reduced(_TOTAL),
+    ),
+    "grip-slip": Entry(
+        GripSlipModel.composer(GRIP_SLIP, VERTICAL),
+        candidates=("grip-slip",),
+        spinless=Reduced(candidates=("grip-slip",)),
+    ),
+    "brody": Entry(
+        GripSlipModel.composer(BRODY, VERTICAL), candidates=("brody",), spinless=Reduced(candidates=("brody",))
+    ),
+    "thesis": Entry(compose_thesis, ThesisClosures("chapter_five", "tied", "line"), spinless=None, vertical=None),
+}
+
+
+def entry(name: str) -> Entry:
+    """What is known of the model called `name`. Raises ModelError for an unknown one."""
+    if name not in MODELS:
+        raise ModelError(f"unknown model '{name}': {suggestion(name, MODELS)}")
+    return MODELS[name]
 
 
 def model(name: str = DEFAULT_MODEL, *, ball: Ball | None = None, tangential: bool = True, **closures: str) -> Model:
     """Compose the model called `name`, with any closure replaced by keyword (`normal="total"`).
 
-    `ball` defaults to Wang's. `tangential=False` keeps the vertical motion only, for drop tests; algebraic
-    models have no such reduction and ignore it. Raises ModelError for an unknown name, closure or option.
+    `ball` defaults to Wang's. `tangential=False` keeps the vertical motion only, for drop tests. Raises ModelError
+    for an unknown name, closure or option.
     """
-    chosen = ball if ball is not None else Ball()
-    if name in ALGEBRAIC:
-        if closures:
-            raise ModelError(f"model {name} has no closures, so {', '.join(sorted(closures))} cannot be chosen")
-        names = ALGEBRAIC[name] if tangential else ("cor_10", "cor_slope")
-        return GripSlipModel(name, chosen, {}, tuple(SPECS[item] for item in names))
-    if name == THESIS:
-        _check_names(ThesisClosures, closures)
-        mine = replace(THESIS_CLOSURES, **closures)  # type: ignore[arg-type]
-        specs = tuple(SPECS[item] for item in thesis_parameters(mine))
-        return ThesisModel(name, chosen, asdict(mine), specs, closures=mine)
-    if name not in COMPOSITIONS:
-        raise ModelError(f"unknown model '{name}': {suggestion(name, MODEL_NAMES)}")
-    _check_names(Closures, closures)
-    composed = replace(COMPOSITIONS[name], **closures)  # type: ignore[arg-type]
-    parameters = tuple(SPECS[item] for item in two_mass_parameters(composed, tangential))
-    return TwoMassModel(name, chosen, asdict(composed), parameters, closures=composed, tangential=tangential)
+    found = entry(name)
+    if found.closures is None and closures:
+        raise ModelError(f"model {name} has no closures, so {', '.join(sorted(closures))} cannot be chosen")
+    composed = found.closures and _changed(found.closures, closures)
+    return found.compose(name, ball if ball is not None else Ball(), tangential, composed)
 
 
-def _check_names(kind: type[Closures | ThesisClosures], chosen: Mapping[str, str]) -> None:
-    known = [item.name for item in fields(kind)]
+def parameter_spec(name: str) -> ParameterSpec | None:
+    """What a parameter of any model, or of its ball, is; None for a name that none of them has."""
+    own = (spec for item in MODELS for spec in model(item).parameters if spec.name == name)
+    return SPECS.get(name) or next(own, None)
+
+
+def with_history() -> tuple[str, ...]:
+    """Names of the models whose `history` gives courses."""
+    return tuple(name for name in MODELS if not model(name).no_history)
+
+
+def ranked() -> tuple[str, ...]:
+    """Names of the models that may stand in a comparison."""
+    return tuple(name for name in MODELS if not model(name).unranked)
+
+
+def _changed(base: Closures | ThesisClosures, chosen: Mapping[str, str]) -> Closures | ThesisClosures:
+    known = [item.name for item in fields(base)]
     for closure in chosen:
         if closure not in known:
             raise ModelError(f"unknown closure '{closure}': {suggestion(closure, known)}")
+    return replace(base, **chosen)  # type: ignore[arg-type]

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 class ParameterSpec:
     """A model parameter: `unit` (SI, empty when dimensionless), closed bounds, default prior, meaning.
 
-    `label` is its symbol in figures (mathtext).
+    `label` is its symbol in figures (mathtext). `typical` is a round number near the fits to Wang's 21 impacts, for
+    those who only want to see a bounce. Where `open_above` the model has no answer at the upper bound itself.
     """
 
     name: str
@@ -24,11 +25,21 @@ class ParameterSpec:
     prior: str
     meaning: str
     label: str
+    typical: float | None = None
+    open_above: bool = False
 
 
 _ALL = (
     ParameterSpec(
-        "mass_ratio", "", 0.3, 1.0, "uniform(0.3, 1)", "mass of the core over mass of the ball", r"$M_1/M$"
+        "mass_ratio",
+        "",
+        0.3,
+        1.0,
+        "uniform(0.3, 1)",
+        "mass of the core over mass of the ball",
+        r"$M_1/M$",
+        typical=0.87,
+        open_above=True,
     ),
     ParameterSpec(
         "k_y",
@@ -38,6 +49,7 @@ _ALL = (
         "lognormal(2.0e4, 1.0)",
         "vertical stiffness between core and shell",
         r"$K_y$",
+        typical=2.0e4,
     ),
     ParameterSpec(
         "k_theta",
@@ -47,6 +59,7 @@ _ALL = (
         "lognormal(30, 1.5)",
         "torsional stiffness between core and shell",
         r"$K_\theta$",
+        typical=20.0,
     ),
     ParameterSpec(
         "mu",
@@ -56,6 +69,7 @@ _ALL = (
         "lognormal(0.6, 0.4)",
         "coefficient of sliding friction of ball on court",
         r"$\mu$",
+        typical=0.56,
     ),
     ParameterSpec(
         "eps_10",
@@ -65,6 +79,7 @@ _ALL = (
         "normal(0, 0.005)",
         "distance of the normal force ahead of the centre at 10 m/s",
         r"$\varepsilon_{10}$",
+        typical=2.4e-3,
     ),
     ParameterSpec(
         "eps_slope",
@@ -74,6 +89,7 @@ _ALL = (
         "normal(0, 0.001)",
         "change of that distance per vertical speed",
         r"$\varepsilon'$",
+        typical=0.0,
     ),
     ParameterSpec(
         "cor_10",
@@ -83,6 +99,7 @@ _ALL = (
         "normal(0.75, 0.15)",
         "coefficient of restitution at 10 m/s",
         r"$\mathrm{COR}_{10}$",
+        typical=0.776,
     ),
     ParameterSpec(
         "cor_slope",
@@ -92,6 +109,7 @@ _ALL = (
         "normal(0, 0.02)",
         "change of the coefficient of restitution per vertical speed",
         r"$\mathrm{COR}'$",
+        typical=-0.0158,
     ),
     ParameterSpec(
         "zeta_theta",
@@ -101,6 +119,7 @@ _ALL = (
         "lognormal(0.5, 1.0)",
         "torsional damping ratio while sliding",
         r"$\zeta_\theta$",
+        typical=0.5,
     ),
     ParameterSpec(
         "inertia_split",
@@ -110,6 +129,7 @@ _ALL = (
         "uniform(0.1, 0.98)",
         "moment of inertia of the core over that of the ball",
         r"$I_1/I$",
+        typical=0.7,
     ),
     ParameterSpec(
         "c_y",
@@ -145,3 +165,9 @@ _ALL = (
 
 SPECS: Mapping[str, ParameterSpec] = {spec.name: spec for spec in _ALL}
 BALL_PARAMETERS = ("ball_mass", "ball_radius", "inertia_ratio")
+BALL_SPECS: Mapping[str, ParameterSpec] = {name: SPECS[name] for name in BALL_PARAMETERS}
+
+
+def specs(*names: str) -> tuple[ParameterSpec, ...]:
+    """Those called `names`."""
+    return tuple(SPECS[name] for name in names)

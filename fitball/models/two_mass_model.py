@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fitball.models.capabilities import KernelCall, LinearConstraint, Oracle
 from fitball.models.history import History, two_mass_history
 from fitball.models.jacobian import ReboundJacobian, seeds
 from fitball.models.kernels import bounce, bounce_jacobian, force
 from fitball.models.kernels.dual import NumberArray
-from fitball.models.model import Model, ball_columns
+from fitball.models.model import Model, ball_columns, below_mass_ratio, positive, restitution_lines
+from fitball.models.specs import specs
 from fitball.models.types import Closures, Rebound
-from fitball.values import FloatArray, Impacts, OwnImpacts
+from fitball.values import Ball, FloatArray, Impacts, OwnImpacts
 
 NORMAL_CODES = {
     "inner": bounce.NORMAL_INNER,
@@ -59,13 +61,11 @@ class TwoMassModel(Model):
     values and cost nothing.
     """
 
-    closures: Closures = field(kw_only=True)
-    tangential: bool = field(default=True, kw_only=True)
+    has_time = True
+    has_force = True
+    no_history = ""
 
-    @property
-    def has_time(self) -> bool:
-        """The two-mass ball has a contact time."""
-        return True
+    closures: Closures = field(kw_only=True)
 
     @cached_property
     def codes(self) -> NDArray[np.int64]:
@@ -105,6 +105,40 @@ class TwoMassModel(Model):
         bounce.bounce_batch(self._rows(names, values), self.codes, *_incident(impacts), out, regime, status)
         return Rebound(out[0], out[1], out[2], out[3], regime, status)
 
+    def kernel_call(self, names: Sequence[str], values: FloatArray) -> KernelCall:
+        """See `Model.kernel_call`."""
+        row = self._rows(names, np.asarray(values, dtype=np.float64)[None, :])[0]
+        return KernelCall(
+            "two-mass", bounce.bounce, bounce.COLUMNS, tuple(map(float, row)), tuple(map(int, self.codes)), {}
+        )
+
+    def linear_constraints(self, impacts: Impacts) -> tuple[LinearConstraint, ...]:
+        """See `Model.linear_constraints`: under momentum balance the core cannot return faster than it came."""
+        if self.closures.normal != "momentum":
+            return super().linear_constraints(impacts)
+        if impacts.cor is not None and self.needs_cor:
+            return (below_mass_ratio({}, float(impacts.cor.max())),)
+        lines = restitution_lines(self.parameter_names, impacts)
+        return tuple(item for line in lines for item in (positive(line), below_mass_ratio(line)))
+
+    @property
+    def oracle(self) -> Oracle | None:
+        """See `Model.oracle`."""
+        # Its imports take a quarter of a second, which only a calibration needs.
+        from fitball.models.oracle.two_mass import TwoMassOracle
+
+        return TwoMassOracle(self.closures, self.ball) if self.tangential else None
+
+    @property
+    def force_remark(self) -> str:
+        """The landing impulse of the shell takes no time and is not in the force."""
+        if self.closures.normal != "momentum":
+            return ""
+        return (
+            "the blow that stops the shell at landing takes no time and is in no force record: records are compared "
+            "with the spring's force alone"
+        )
+
     def force_integrals(
         self,
         names: Sequence[str],
@@ -114,13 +148,7 @@ class TwoMassModel(Model):
         spacing: FloatArray,
         count: int,
     ) -> tuple[NumberArray, NumberArray, NumberArray]:
-        """First and second time integral of the vertical spring's force [N s, N s^2], (draws, impacts, `count`), at
-        `first` (draws, impacts) [s] after landing and every `spacing` (impacts,) from there; and the mean time of
-        that force after landing, (draws, impacts).
-
-        No validation; NaN where the motion has no answer. With complex `values` (see `dual`) the imaginary parts are
-        derivatives. The landing impulse of the shell (`normal = momentum`) takes no time and is not in it.
-        """
+        """See `Model.force_integrals`."""
         rows = self._rows(names, values)
         out = np.empty((2, values.shape[0], len(impacts), count), dtype=rows.dtype)
         centroid = np.empty((values.shape[0], len(impacts)), dtype=rows.dtype)
@@ -159,6 +187,12 @@ class TwoMassModel(Model):
         names, values = self._single(parameters, impact)
         rebound = self.rebound(parameters, impact)
         return two_mass_history(self._rows(names, values)[0], self.codes, impact, rebound, times)
+
+
+def compose_two_mass(name: str, ball: Ball, tangential: bool, closures: Closures) -> TwoMassModel:
+    """The model of a composition with its parameters."""
+    parameters = specs(*two_mass_parameters(closures, tangential))
+    return TwoMassModel(name, ball, asdict(closures), parameters, closures=closures, tangential=tangential)
 
 
 def _incident(impacts: Impacts | OwnImpacts) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

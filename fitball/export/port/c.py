@@ -10,7 +10,7 @@ from fitball.export.port.c_text import CALLS, FACE, HELPERS, SELF_TEST
 from fitball.export.port.c_types import STRIDE, Type, struct_definitions
 from fitball.export.port.kernel_source import Constant
 from fitball.export.port.port import SELF_TEST_TOLERANCE, SERIES_SIZE, Port, status_reasons
-from fitball.models.kernel_call import LINES
+from fitball.models.capabilities import LINES
 from fitball.models.kernels.events import DEPTH, POLES
 from fitball.models.types import PHASE_SYMBOL
 
@@ -85,9 +85,9 @@ def _constant(name: str, value: Constant, prefix: str) -> str:
 
 
 def _face(port: Port) -> str:
-    kind = port.call.entry.__name__
-    cor = "cor" if port.needs_cor else "NAN" if kind == "bounce" else f"COR_10 + COR_SLOPE * (v_y1 - {port.anchor!r})"
-    call = CALLS[kind].replace("THE_COR", cor).replace("ANCHOR", repr(port.anchor))
+    cor = "cor" if port.needs_cor else "COR_10 + COR_SLOPE * (v_y1 - ANCHOR)" if port.call.lines else "NAN"
+    call = CALLS[port.call.convention].replace("THE_KERNEL", port.call.entry.__name__).replace("THE_COR", cor)
+    call = call.replace("ANCHOR", repr(port.anchor))
     for name in LINES:
         call = call.replace(name.upper(), repr(port.call.lines.get(name, 0.0)))
     row = "\n".join(

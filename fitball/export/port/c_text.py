@@ -10,22 +10,22 @@ static inline int64_t @@max_whole(int64_t a, int64_t b) { return b > a ? b : a; 
 COMPLEX_HELPER
 """
 
-# How each kernel is called, by its name.
+# How a kernel is called, by its convention (see `models.capabilities`).
 CALLS = {
-    "algebraic_bounce": """
-    const @@tidddi_ k = @@algebraic_bounce(row, v_x1, v_y1, omega_1);
+    "impulse": """
+    const @@tidddi_ k = @@THE_KERNEL(row, v_x1, v_y1, omega_1);
     found.status = (int)k.f0;
     found.v_x2 = k.f1;
     found.v_y2 = k.f2;
     found.omega_2 = k.f3;
     found.regime = k.f4;
 """,
-    "bounce": """
+    "two-mass": """
     static const int64_t codes[] = {CODE_LIST};
     double function[SERIES_SIZE] = {0}, twist[SERIES_SIZE] = {0}, drive[SERIES_SIZE] = {0}, poles[POLE_SIZE] = {0};
     double stack[STACK_SIZE] = {0};
     const @@taaaas_ scratch = {function, twist, drive, poles, stack};
-    const @@tiddddii_ k = @@bounce(row, codes, v_x1, v_y1, omega_1, THE_COR, scratch);
+    const @@tiddddii_ k = @@THE_KERNEL(row, codes, v_x1, v_y1, omega_1, THE_COR, scratch);
     found.status = (int)k.f0;
     found.v_x2 = k.f1;
     found.v_y2 = k.f2;
@@ -33,9 +33,9 @@ CALLS = {
     found.contact_time = k.f4;
     found.regime = k.f5;
 """,
-    "thesis_bounce": """
+    "thesis": """
     row[4] = EPS_10 + EPS_SLOPE * (v_y1 - ANCHOR);
-    const @@tiddddi_ k = @@thesis_bounce(row, CODE_LIST, THE_COR, v_x1, v_y1, omega_1);
+    const @@tiddddi_ k = @@THE_KERNEL(row, CODE_LIST, THE_COR, v_x1, v_y1, omega_1);
     found.status = (int)k.f0;
     found.v_x2 = k.f1;
     found.v_y2 = k.f2;

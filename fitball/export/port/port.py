@@ -9,11 +9,10 @@ import numpy as np
 from fitball.export.port.kernel_source import KernelSource, kernel_source
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Golden
-from fitball.models.kernel_call import KernelCall, kernel_call
+from fitball.models.capabilities import KernelCall
 from fitball.models.kernels.bounce import ANCHOR_SPEED
 from fitball.models.kernels.events import SIZE
 from fitball.models.kernels.oscillator import SERIES_LENGTH
-from fitball.models.specs import SPECS
 from fitball.models.types import STATUS_REASON, Status
 from fitball.version import __version__
 
@@ -61,8 +60,8 @@ class Port:
 def make_port(fitted: FittedModel, golden: Golden, origin: str) -> Port:
     """The port of a fitted model at its point estimate; `origin` says which fit it is."""
     model = fitted.model
-    kept = [k for k, name in enumerate(fitted.names) if name in SPECS]
-    call = kernel_call(model, [fitted.names[k] for k in kept], fitted.point[kept])
+    kept = fitted.model_columns
+    call = model.kernel_call([fitted.names[k] for k in kept], fitted.point[kept])
     closures = ", ".join(f"{name} = {value}" for name, value in fitted.options.items())
     titles = (
         f"Bounce of a ball: model {fitted.model_name}.",

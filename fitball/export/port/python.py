@@ -10,7 +10,7 @@ from textwrap import wrap
 from fitball.export.port.kernel_source import Constant, UnportableError, free_names
 from fitball.export.port.port import SELF_TEST_TOLERANCE, SERIES_SIZE, Port, status_reasons
 from fitball.export.port.python_text import CALLS, FACE, SELF_TEST
-from fitball.models.kernel_call import LINES
+from fitball.models.capabilities import LINES
 from fitball.models.kernels.events import POLES
 from fitball.models.types import PHASE_BITS, PHASE_SYMBOL
 
@@ -108,9 +108,8 @@ def _function(function: ast.FunctionDef) -> str:
 
 
 def _call(port: Port) -> str:
-    kind = port.call.entry.__name__
-    cor = {True: "cor", False: "math.nan" if kind == "bounce" else "COR_10 + COR_SLOPE * (v_y1 - ANCHOR)"}
-    text = CALLS[kind].replace("THE_COR", cor[port.needs_cor])
+    cor = "cor" if port.needs_cor else "COR_10 + COR_SLOPE * (v_y1 - ANCHOR)" if port.call.lines else "math.nan"
+    text = CALLS[port.call.convention].replace("THE_KERNEL", port.call.entry.__name__).replace("THE_COR", cor)
     text = text.replace("SERIES_SIZE", str(SERIES_SIZE)).replace("POLE_SIZE", str(POLES))
     return text.replace("ANCHOR", repr(port.anchor))
 

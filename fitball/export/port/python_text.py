@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-# How each kernel is called, by its name; arrays are lists, and a dictionary stands for the one of two dimensions.
+# How a kernel is called, by its convention (see `models.capabilities`); arrays are lists, and a dictionary stands for
+# the one of two dimensions.
 CALLS = {
-    "algebraic_bounce": """
-    status, v_x2, v_y2, omega_2, phases = algebraic_bounce(ROW, v_x1, v_y1, omega_1)
+    "impulse": """
+    status, v_x2, v_y2, omega_2, phases = THE_KERNEL(ROW, v_x1, v_y1, omega_1)
     contact_time = None
 """,
-    "bounce": """
+    "two-mass": """
     scratch = ([0.0] * SERIES_SIZE, [0.0] * SERIES_SIZE, [0.0] * SERIES_SIZE, [0.0] * POLE_SIZE, {})
-    found = bounce(ROW, CODES, v_x1, v_y1, omega_1, THE_COR, scratch)
+    found = THE_KERNEL(ROW, CODES, v_x1, v_y1, omega_1, THE_COR, scratch)
     status, v_x2, v_y2, omega_2, contact_time, phases, _ = found
 """,
-    "thesis_bounce": """
+    "thesis": """
     row = (*ROW[:4], EPS_10 + EPS_SLOPE * (v_y1 - ANCHOR), *ROW[5:])
-    found = thesis_bounce(row, CODES[0], THE_COR, v_x1, v_y1, omega_1)
+    found = THE_KERNEL(row, CODES[0], THE_COR, v_x1, v_y1, omega_1)
     status, v_x2, v_y2, omega_2, contact_time, phases = found
 """,
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from fitball.data.scene import Scene
@@ -10,21 +10,8 @@ from fitball.data.table import ImpactTable
 from fitball.errors import FitError, ModelError
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.problem import Problem
-from fitball.models.registry import THESIS
+from fitball.models.registry import DEFAULT_MODEL, MODELS, Entry, Reduced, model
 
-CORE = ("brody", "grip-slip", "thesis-exact", "two-mass")
-# One closure of the default model changed at a time. `normal = inner` is left to those who name it, because it
-# breaks the momentum balance of the ball; `cor = measured`, because it is told a column that the others predict.
-VARIANTS = (
-    "two-mass+release=zero_displacement",
-    "two-mass+normal=total",
-    "two-mass+offset=grip",
-    "two-mass+spin=shell",
-    "two-mass+inertia=table",
-    "two-mass+torsion=free",
-    "two-mass+torsion=rigid",
-    "two-mass+cor=mean",
-)
 # Rebounds that a model with another column's measured value as input does not predict.
 VERTICAL = ("v_y2", "v_2")
 
@@ -70,18 +57,25 @@ def parse_name(text: str) -> tuple[str, dict[str, str]]:
 def default_names(table: ImpactTable, quick: bool = False) -> tuple[tuple[str, ...], list[str]]:
     """Models that can differ on this table, and a sentence for those left out."""
     if not table.has_tangential:
-        return ("two-mass", "two-mass+cor=mean"), [
+        return _tried(lambda item: item.vertical), [
             "without motion along the court every model says COR(v_y1) v_y1: brody, grip-slip, thesis-exact and the "
             "other closures are left out"
         ]
     if not table.has_spin:
-        return ("brody", "grip-slip", "two-mass+cor=mean"), [
+        return _tried(lambda item: item.spinless), [
             "without spin the two-mass ball is rigid and equals brody: two-mass, thesis-exact and all closures but "
             "cor are left out"
         ]
+    core = _tried(lambda item: item)
     if quick:
-        return CORE, ["quick: the closures of two-mass are left out"]
-    return (*CORE, *VARIANTS), []
+        return core, [f"quick: the closures of {DEFAULT_MODEL} are left out"]
+    return (*core, *(name for item in MODELS.values() for name in item.variants)), []
+
+
+def _tried(kind: Callable[[Entry], Entry | Reduced | None]) -> tuple[str, ...]:
+    """Candidates of all models on one kind of table, the simplest model first."""
+    found = [kind(item) for item in reversed(MODELS.values())]
+    return tuple(name for item in found if item is not None for name in item.candidates)
 
 
 def build_candidates(table: ImpactTable, scene: Scene, names: Sequence[str]) -> Candidates:
@@ -94,11 +88,8 @@ def build_candidates(table: ImpactTable, scene: Scene, names: Sequence[str]) -> 
     notes: list[str] = []
     for text in names:
         name, closures = parse_name(text)
-        if name == THESIS:
-            raise ModelError(
-                "model thesis repeats a printed computation with its slips and is not ranked; its published "
-                "parameter sets are scored by themselves on Wang's tables, and thesis-exact solves its equations"
-            )
+        if reason := model(name).unranked:
+            raise ModelError(reason)
         if text in (candidate.name for candidate in candidates):
             raise ModelError(f"model {text} is named twice")
         problem = build_problem(table, scene, Choices(model=name, closures=closures))

@@ -81,9 +81,8 @@ def _judge_free(
     if left or right:
         end = float(np.quantile(posterior.draws[:, column], 0.05 if right else 0.95))
         side, other = ("below", "upwards") if right else ("above", "downwards")
-        limit = "the prior"
-        if item.name == "mass_ratio" and left and problem.model.options.get("normal") == "momentum":
-            limit = "mass_ratio >= COR, which the model demands"
+        demanded = [c for c in problem.model.linear_constraints(problem.impacts) if c.lower_bound_of == item.name]
+        limit = f"{demanded[0].words}, which the model demands" if left and demanded else "the prior"
         reason = (
             f"the table bounds it from {side} only ({'>' if right else '<'} {plain(end, item.spec.unit)} "
             f"with 95 %); {other} it is limited by {limit}"

@@ -2,14 +2,14 @@
 point.
 
 The scene's contact time counts as one more measurement where that is asked for. No prior enters; bounds, and what
-the model can evaluate, do. Coordinates are those of the priors, but for the mass ratio and the line of restitution,
-which are taken as values: what the model demands of them is linear then.
+the model can evaluate, do. Coordinates are those of the priors, but for parameters of the model's linear constraints,
+which are taken as values, as the constraints are linear in.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,15 +22,11 @@ from fitball.inference.problem.batches import batches
 from fitball.inference.problem.noise import LOG_TAU
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
-from fitball.models.kernels.bounce import ANCHOR_SPEED
+from fitball.models.capabilities import ROUNDING
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
 
 Columns = Mapping[str, FloatArray]
-LINE = ("mass_ratio", "cor_10", "cor_slope")
-# How far inside an end where the model stops (a restitution of zero, a shell without mass) a search may go, in units
-# of the quantity itself: nothing measurable, and far above rounding.
-ROUNDING = 1e-6
 # A log prior on [0, ...) ends at minus infinity; this many of its sds below its median a search gives up.
 PRIOR_REACH = 8.0
 
@@ -71,9 +67,15 @@ class ProfileObjective:
         return tuple(self.problem.free[k] for k in self.columns)
 
     @cached_property
+    def _constrained(self) -> frozenset[str]:
+        """Parameters of which the model demands something linear, at some level at least."""
+        constraints = self.problem.model.linear_constraints(self.problem.impacts)
+        return frozenset(name for item in constraints for name in item.coefficients)
+
+    @cached_property
     def _as_value(self) -> NDArray[np.bool_]:
         """Columns taken as values although their prior is one of the logarithm."""
-        return np.array([item.prior.log and item.name in LINE for item in self.items], dtype=bool)
+        return np.array([item.prior.log and item.name in self._constrained for item in self.items], dtype=bool)
 
     @cached_property
     def width(self) -> FloatArray:
@@ -86,15 +88,16 @@ class ProfileObjective:
 
     def is_value(self, column: int) -> bool:
         """Whether a free parameter's coordinate is here its value although its prior has another."""
-        return self.problem.free[column].name in LINE
+        return self.problem.free[column].name in self._constrained
 
     def ends(self, column: int) -> tuple[float, float]:
         """Bounds of a free parameter in the coordinate it has here."""
         item = self.problem.free[column]
-        if item.name in LINE:
-            low, high = item.prior.lower, item.prior.upper
-            return low, min(high, 1.0 - ROUNDING) if item.name == "mass_ratio" else high
-        low, high = item.prior.ends
+        # A bound at which the model has no answer is kept off as such a constraint is.
+        prior = replace(item.prior, upper=item.prior.upper - ROUNDING) if item.spec.open_above else item.prior
+        if self.is_value(column):
+            return prior.lower, prior.upper
+        low, high = prior.ends
         return max(low, item.prior.a - PRIOR_REACH * item.prior.b) if item.prior.log else low, high
 
     @cached_property
@@ -105,19 +108,14 @@ class ProfileObjective:
 
     @cached_property
     def walls(self) -> tuple[FloatArray, FloatArray]:
-        """Linear conditions `a x <= b` beside the bounds, (walls, columns) and (walls,): the restitution stays
-        within (0, 1], and under momentum balance below the mass ratio, at the slowest and the fastest impact.
-        """
-        problem = self.problem
-        speeds = problem.impacts.v_y1
-        fixed = {item.name: item.fixed for item in problem.parameters if item.fixed is not None}
+        """The model's linear constraints as conditions `a x <= b`, (walls, columns) and (walls,)."""
+        fixed = {item.name: item.fixed for item in self.problem.parameters if item.fixed is not None}
         places = {item.name: k for k, item in enumerate(self.items)}
         rows: list[FloatArray] = []
         bounds: list[float] = []
-
-        def add(coefficients: dict[str, float], bound: float) -> None:
-            row = np.zeros(len(places))
-            for name, factor in coefficients.items():
+        for constraint in self.problem.linear_constraints:
+            row, bound = np.zeros(len(places)), constraint.bound - constraint.margin
+            for name, factor in constraint.coefficients.items():
                 if name in places:
                     row[places[name]] = factor
                 elif name in fixed:
@@ -125,21 +123,6 @@ class ProfileObjective:
             if np.any(row):
                 rows.append(row)
                 bounds.append(bound)
-
-        if {item.parameter for item in problem.pooling} & set(LINE):
-            # What differs between levels has no one wall: the model's own refusal bounds it.
-            return np.empty((0, len(places))), np.empty(0)
-        momentum = problem.model.options.get("normal") == "momentum" and "mass_ratio" in problem.model_names
-        if "cor_10" in problem.model_names:
-            for speed in (float(speeds.min()), float(speeds.max())):
-                line = {"cor_10": 1.0}
-                if "cor_slope" in problem.model_names:
-                    line["cor_slope"] = speed - ANCHOR_SPEED
-                add({name: -factor for name, factor in line.items()}, -ROUNDING)
-                # A hair of rounding below the wall, or the restitution of the core would exceed 1.
-                add({**line, "mass_ratio": -1.0} if momentum else line, -1e-12 if momentum else 1.0)
-        elif momentum and problem.impacts.cor is not None:
-            add({"mass_ratio": -1.0}, -float(problem.impacts.cor.max()) * (1.0 + 1e-12))
         return np.array(rows).reshape(-1, len(places)), np.array(bounds)
 
     def from_values(self, values: FloatArray) -> FloatArray:

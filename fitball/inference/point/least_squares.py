@@ -85,8 +85,8 @@ def _standard_errors(
     ]
     for name in at_bound:
         missing[name] = (
-            "the best value lies on the wall mass_ratio = COR, where no symmetric error exists"
-            if minimiser.walled is not None and name == "mass_ratio"
+            f"the best value lies on the wall {minimiser.wall_words}, where no symmetric error exists"
+            if minimiser.walled is not None and name == problem.free_names[minimiser.walled]
             else "the best value lies on a bound, where no symmetric error exists"
         )
     # Where the model cannot be evaluated a difference step away, every residual jumps to IMPOSSIBLE at once.

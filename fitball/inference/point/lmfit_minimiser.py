@@ -14,7 +14,7 @@ import numpy as np
 from fitball.inference.likelihood.residuals import IMPOSSIBLE, Weighting, residuals
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
-from fitball.models.specs import SPECS
+from fitball.models.capabilities import HAIR
 from fitball.values import FloatArray
 
 # Share of its prior's median below which a positive parameter has vanished: nothing that is measured still depends on
@@ -46,39 +46,44 @@ class Minimum:
 class Minimiser:
     """One weighting of one problem in lmfit's terms, over the free parameters that are not noise.
 
-    Under momentum balance the core cannot return faster than it came, `mass_ratio >= COR` at every impact: a wall
-    that moves with the restitution and on which the best fit often lies. There the mass ratio is fitted as the
-    fraction of the way from that wall to its upper bound, so that the wall is a bound lmfit knows.
+    A model may demand that one parameter exceeds what others say (`LinearConstraint.lower_bound_of`): a wall that
+    moves with them and on which the best fit often lies. That parameter is fitted as the fraction of the way from the
+    wall to its upper bound, so that the wall is a bound lmfit knows.
     """
 
     def __init__(self, problem: Problem, weighting: Weighting) -> None:
         self.problem = problem
         self.weighting = weighting
         self.columns = [k for k, item in enumerate(problem.free) if item.name not in NOISE_SPECS]
-        names = problem.free_names
-        walled = problem.model.options.get("normal") == "momentum" and "mass_ratio" in names
-        # The wall of parameters that differ between levels is not one number.
-        walled = walled and not {"mass_ratio", "cor_10", "cor_slope"} & {item.parameter for item in problem.pooling}
-        self.walled = names.index("mass_ratio") if walled else None
-        # The mass ratio lies between the wall, or this if it is higher, and this.
-        self.lowest, self.highest = SPECS["mass_ratio"].lower, SPECS["mass_ratio"].upper
-        if self.walled is not None and weighting.penalised:
-            self.lowest, self.highest = problem.free[self.walled].prior.support
+        self.walls = [item for item in problem.linear_constraints if item.lower_bound_of in problem.free_names]
+        self.walled: int | None = None
+        if self.walls:
+            self.walled = problem.free_names.index(self.walls[0].lower_bound_of)
+            item = problem.free[self.walled]
+            # The parameter lies between the wall, or this if it is higher, and this.
+            self.lowest, self.highest = (
+                item.prior.support if weighting.penalised else (item.spec.lower, item.spec.upper)
+            )
         self.evaluations = 0
 
     def wall(self, values: FloatArray) -> FloatArray:
-        """Lowest possible mass ratio (draws,) for the restitution in `values` (draws, free)."""
+        """Lowest possible value (draws,) of the walled parameter, given the others in `values` (draws, free)."""
         columns = self.problem.all_values(values)
-        speeds = self.problem.impacts.v_y1
-        if "cor_10" not in columns and self.problem.impacts.cor is not None:
-            lines = [np.full(values.shape[0], self.problem.impacts.cor.max())]
-        elif "cor_slope" in columns:
-            lines = [columns["cor_10"] + columns["cor_slope"] * (end - 10.0) for end in (speeds.min(), speeds.max())]
-        else:
-            lines = [columns["cor_10"]]
-        # A hair above the wall, so that rounding does not put the restitution of the core above 1.
-        wall: FloatArray = np.maximum(np.max(lines, axis=0) * (1.0 + 1e-12), self.lowest)
+        lines = [
+            sum(
+                (factor * columns[name] for name, factor in item.coefficients.items() if name != item.lower_bound_of),
+                np.full(values.shape[0], -item.bound),
+            )
+            for item in self.walls
+        ]
+        # A hair above the wall, so that rounding does not put a point beyond it.
+        wall: FloatArray = np.maximum(np.max(lines, axis=0) * (1.0 + HAIR), self.lowest)
         return wall
+
+    @property
+    def wall_words(self) -> str:
+        """What holds on the wall."""
+        return self.walls[0].words.replace(">=", "=")
 
     def to_fitted(self, values: FloatArray) -> FloatArray:
         """Coordinates (draws, fitted) of free values (draws, free)."""

@@ -37,6 +37,8 @@ def court_pace(problem: Problem, point: PointFit, posterior: Posterior | None) -
         return None
     if problem.model.needs_cor:
         return CourtPace((), "closure cor = measured takes the restitution of each impact from the table")
+    if "mu" not in problem.model.parameter_names:
+        return CourtPace((), f"model {problem.model.name} has no coefficient of sliding friction")
     at_point = {name: np.array([value]) for name, value in point.values.items()}
     drawn = at_point if posterior is None else dict(problem.all_values(thinned(posterior, DRAWS)))
     ratings = []

@@ -7,7 +7,6 @@ import numpy as np
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.quantiles import MEDIAN_FIRST, quantiles
 from fitball.inference.results.results import LevelEstimate, PointFit, Posterior
-from fitball.models.specs import SPECS
 from fitball.values import FloatArray
 
 
@@ -24,7 +23,7 @@ def group_estimates(problem: Problem, point: PointFit, posterior: Posterior | No
                     item.parameter,
                     item.column,
                     label,
-                    SPECS[item.parameter].unit,
+                    problem.model.specs[item.parameter].unit,
                     int(np.count_nonzero(item.index == place)),
                     float(item.value(at_point, label)[0]),
                     sd=None if draws is None else float(np.std(draws, ddof=1)),

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.errors import FitError, ParameterError, suggestion
+from fitball.errors import FitError, ModelError, ParameterError, suggestion
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.quantiles import BAND_LEVELS
 from fitball.models.history import History
 from fitball.models.model import Model
-from fitball.models.specs import BALL_PARAMETERS, SPECS
+from fitball.models.registry import with_history
+from fitball.models.specs import BALL_PARAMETERS
 from fitball.models.types import regime_name
 from fitball.values import FloatArray, Impacts
 
@@ -25,19 +26,6 @@ DRAWS = 200
 COURSES = (
     "y", "v_y", "v_x", "omega_1", "omega_2", "twist", "slip", "normal_force", "friction_force",
 )  # fmt: skip
-# Round numbers near the fits of the two-mass models to Wang's 21 impacts, for those who only want to see a bounce.
-DEFAULTS: Mapping[str, float] = {
-    "mass_ratio": 0.87,
-    "k_y": 2.0e4,
-    "k_theta": 20.0,
-    "mu": 0.56,
-    "eps_10": 2.4e-3,
-    "eps_slope": 0.0,
-    "cor_10": 0.776,
-    "cor_slope": -0.0158,
-    "zeta_theta": 0.5,
-    "inertia_split": 0.7,
-}
 
 
 @dataclass(frozen=True)
@@ -87,7 +75,7 @@ def simulate_fit(fitted: FittedModel, impact: Impacts, draws: int = DRAWS) -> Si
     Raises what `Model.history` raises at the point, and FitError when no draw can be evaluated.
     """
     model = fitted.model
-    kept = [k for k, name in enumerate(fitted.names) if name in SPECS]
+    kept = fitted.model_columns
 
     def values(row: FloatArray) -> dict[str, float]:
         return {fitted.names[k]: float(row[k]) for k in kept}
@@ -113,12 +101,13 @@ def simulate_fit(fitted: FittedModel, impact: Impacts, draws: int = DRAWS) -> Si
 
 
 def chosen_parameters(model: Model, changed: Mapping[str, float]) -> dict[str, float]:
-    """`DEFAULTS` of the model's parameters with some changed. Raises ParameterError for an unknown name."""
+    """Typical values of the model's parameters with some changed. Raises ParameterError for an unknown name."""
     allowed = (*model.parameter_names, *BALL_PARAMETERS)
     for name in changed:
         if name not in allowed:
             raise ParameterError(f"model {model.name} has no parameter '{name}': {suggestion(name, allowed)}")
-    return {**{name: DEFAULTS[name] for name in model.parameter_names if name in DEFAULTS}, **changed}
+    typical = {spec.name: spec.typical for spec in model.parameters if spec.typical is not None}
+    return {**typical, **changed}
 
 
 def _drawn(model: Model, parameters: Mapping[str, float], impact: Impacts) -> History | None:
@@ -130,8 +119,7 @@ def _drawn(model: Model, parameters: Mapping[str, float], impact: Impacts) -> Hi
 
 
 def _history(model: Model, parameters: Mapping[str, float], impact: Impacts) -> History:
-    # A model without a time axis says so before it is asked for its contact time.
-    if not model.has_time:
-        return model.history(parameters, impact, 0.0)
+    if model.no_history:
+        raise ModelError(f"model {model.name} {model.no_history}; models with a history: {', '.join(with_history())}")
     contact_time = float(model.rebound(parameters, impact).contact_time[0])
     return model.history(parameters, impact, np.linspace(0.0, 1.0, POINTS) * contact_time)

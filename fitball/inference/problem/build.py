@@ -22,14 +22,9 @@ from fitball.inference.problem.pooling import Pooling, build_pooling
 from fitball.inference.problem.priors import Prior, parse_prior
 from fitball.inference.problem.problem import Problem
 from fitball.models.model import Model
-from fitball.models.registry import ALGEBRAIC, THESIS, model
-from fitball.models.specs import BALL_PARAMETERS, SPECS, ParameterSpec
+from fitball.models.registry import Reduced, entry, model
+from fitball.models.specs import BALL_PARAMETERS, ParameterSpec
 from fitball.values import Impacts
-
-REPRODUCTION_ONLY = (
-    "model thesis repeats a printed computation with its slips: it breaks the ball's own balances, reproduces print, "
-    "and is no rival of the other models"
-)
 
 
 @dataclass(frozen=True)
@@ -94,7 +89,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     fixed |= {key: (value, "fixed on request") for key, value in choices.fix.items()}
     wanted = {**priors, **choices.priors}
     levels, offsets, extra = _structure(table, scene, choices, chosen, observables, wanted)
-    parameters = build_parameters(names, wanted, fixed, ball_names, extra)
+    parameters = build_parameters(names, chosen.specs, wanted, fixed, ball_names, extra)
     notes += [f"{item.parameter} is fitted to each {item.column} apart, pooled in part" for item in levels]
     return Problem(
         table=table,
@@ -107,7 +102,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
         notes=(
             *(item for item in scene.assumed if item not in _idle(known, fixed.keys(), timed)),
             *notes,
-            *([REPRODUCTION_ONLY] if name == THESIS else []),
+            *([chosen.remark] if chosen.remark else []),
         ),
         pooling=levels,
         group_bias=offsets,
@@ -158,7 +153,8 @@ def _structure(
         raise ParameterError(f"noise '{distribution}': {suggestion(distribution, DISTRIBUTIONS)}")
     extra = {TAILS: NOISE_SPECS[TAILS]} if distribution == STUDENT else {}
     pool = {**scene.pool, **choices.pool}
-    known = {name: _prior_of(name, priors) for name in pool if name in chosen.parameter_names}
+    specs = chosen.specs
+    known = {name: _prior_of(specs[name], priors) for name in pool if name in chosen.parameter_names}
     levels = build_pooling(
         table,
         pool,
@@ -168,7 +164,7 @@ def _structure(
     )
     for item in levels:
         median = float(known[item.parameter].quantile(np.array([0.5]))[0])
-        extra |= item.specs(SPECS[item.parameter].unit, median)
+        extra |= item.specs(specs[item.parameter].unit, median)
     column = choices.offsets or scene.offsets
     offsets = None if column is None else build_group_bias(table, column)
     if offsets is not None:
@@ -177,35 +173,35 @@ def _structure(
     return levels, offsets, extra
 
 
-def _prior_of(name: str, priors: Mapping[str, str]) -> Prior:
-    spec = SPECS[name]
-    return parse_prior(name, priors.get(name, spec.prior), spec.lower, spec.upper, spec.unit)
+def _prior_of(spec: ParameterSpec, priors: Mapping[str, str]) -> Prior:
+    return parse_prior(spec.name, priors.get(spec.name, spec.prior), spec.lower, spec.upper, spec.unit)
 
 
 def _compose(
     table: ImpactTable, scene: Scene, name: str, closures: Mapping[str, str]
 ) -> tuple[Model, dict[str, tuple[float, str]], list[str]]:
     """The model reduced to what the table shows, parameters that act nowhere, and why."""
-    reduced = dict(closures)
+    known = entry(name)
     fixed: dict[str, tuple[float, str]] = {}
     notes = []
+    reduced: Reduced | None = Reduced()
     if not table.has_tangential:
         notes.append("no motion along the court was measured: only the vertical motion is fitted")
-        if name not in ALGEBRAIC:
-            reduced.setdefault("normal", "total")
+        reduced = known.vertical
     elif not table.has_spin:
         notes.append(
             "no spin was measured: incident spin is taken as zero, shell and core turn as one, "
             "and the offset is held at zero"
         )
-        if name not in ALGEBRAIC:
-            reduced.setdefault("torsion", "rigid")
-            reduced.setdefault("normal", "total")
+        reduced = known.spinless
         for parameter in ("eps_10", "eps_slope", "offset"):
             fixed[parameter] = (0.0, "it shows in the spin, which was not measured")
     elif "omega_1" not in table.incident_columns:
         notes.append("no column omega_1: the incident spin is taken as zero")
-    return model(name, ball=scene.ball, tangential=table.has_tangential, **reduced), fixed, notes
+    if reduced is None:
+        raise FitError(f"{table.source}: model {name} can only be fitted where spin was measured")
+    closures = {**reduced.closures, **closures}
+    return model(name, ball=scene.ball, tangential=table.has_tangential, **closures), fixed, notes
 
 
 def _scene_priors(scene: Scene, fixed: dict[str, tuple[float, str]]) -> dict[str, str]:

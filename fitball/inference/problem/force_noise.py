@@ -9,7 +9,6 @@ from fitball.data.scene import Scene
 from fitball.inference.problem.force_records import ForceRecords, build_records
 from fitball.inference.problem.parameters import FORCE_NOISE
 from fitball.models.model import Model
-from fitball.models.two_mass_model import TwoMassModel
 
 # Noise of a sample that is expected, as a share of the records' mean peak.
 EXPECTED = 0.01
@@ -21,7 +20,7 @@ def records_for(chosen: Model, scene: Scene, force: ForceFile | None, notes: lis
         if scene.force_file is not None:
             notes.append(f"the force records of {scene.force_file} are not used here")
         return None
-    if not isinstance(chosen, TwoMassModel):
+    if not chosen.has_force:
         notes.append(f"{Path(force.source).name} is not used: model {chosen.name} has no force-time course")
         return None
     records = build_records(force, scene.force_start_sd)
@@ -36,11 +35,8 @@ def records_for(chosen: Model, scene: Scene, force: ForceFile | None, notes: lis
         if scene.force_start_sd is not None
         else "the start of contact in a force record is found from the record, one nuisance each, integrated out"
     )
-    if chosen.options.get("normal") == "momentum":
-        notes.append(
-            "the blow that stops the shell at landing takes no time and is in no force record: records are compared "
-            "with the spring's force alone"
-        )
+    if chosen.force_remark:
+        notes.append(chosen.force_remark)
     return records
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fitball.data.table import SHARED_SD
 from fitball.errors import ParameterError, suggestion
 from fitball.inference.problem.priors import Prior, parse_prior
-from fitball.models.specs import SPECS, ParameterSpec
+from fitball.models.specs import ParameterSpec
 
 
 def _speed(name: str, meaning: str, label: str) -> ParameterSpec:
@@ -84,6 +84,7 @@ class Parameter:
 
 def build_parameters(
     names: Sequence[str],
+    specs: Mapping[str, ParameterSpec],
     priors: Mapping[str, str],
     fixed: Mapping[str, tuple[float, str]],
     ball_names: Sequence[str] = (),
@@ -91,8 +92,8 @@ def build_parameters(
 ) -> tuple[Parameter, ...]:
     """Parameters called `names`, with overridden `priors`, and `fixed` name -> (value, why).
 
-    `extra` are further parameters that only this problem has, by name. Raises ParameterError for a name that is not
-    among them, a value outside its bounds, or a bad prior.
+    `specs` are those of the model, `extra` are further parameters that only this problem has, by name. Raises
+    ParameterError for a name that is not among them, a value outside its bounds, or a bad prior.
     """
     others = extra or {}
     everything = (*names, *ball_names, *others)
@@ -102,7 +103,7 @@ def build_parameters(
                 raise ParameterError(f"{kind} for unknown parameter '{name}': {suggestion(name, everything)}")
     built = []
     for name in everything:
-        spec = others.get(name) or NOISE_SPECS.get(name) or SPECS[name]
+        spec = others.get(name) or NOISE_SPECS.get(name) or specs[name]
         prior = parse_prior(name, priors.get(name, spec.prior), spec.lower, spec.upper, spec.unit)
         value, why = fixed.get(name, (None, ""))
         if value is not None and not spec.lower <= value <= spec.upper:

@@ -23,10 +23,9 @@ from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parallel import LARGE_BATCH, evaluate_in_parts
 from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.pooling import Pooling
+from fitball.models.capabilities import LinearConstraint
 from fitball.models.kernels.dual import NumberArray
 from fitball.models.model import Model
-from fitball.models.specs import SPECS
-from fitball.models.two_mass_model import TwoMassModel
 from fitball.models.types import Rebound, Status
 from fitball.values import FloatArray, Impacts, OwnImpacts
 
@@ -38,7 +37,7 @@ class Problem:
     `contact_time` is what the scene knows of the mean contact time of the table, (value, sd) [s], or None.
     `notes` are the sentences that tell what was left out or assumed, and why. `pooling` tells of parameters that
     differ between surfaces or balls, `group_bias` of biases of whole groups, `incident` the errors of the
-    incident state, `force` records of the force on the court (for a two-mass ball). `threads` share large batches.
+    incident state, `force` records of the force on the court. `threads` share large batches.
     """
 
     table: ImpactTable
@@ -68,7 +67,7 @@ class Problem:
     @cached_property
     def model_names(self) -> tuple[str, ...]:
         """Names of all parameters that the model itself takes."""
-        return tuple(item.name for item in self.parameters if item.name in SPECS)
+        return tuple(item.name for item in self.parameters if item.name in self.model.specs)
 
     @property
     def dimension(self) -> int:
@@ -95,6 +94,15 @@ class Problem:
             if item.fixed is not None:
                 columns[item.name] = np.full(values.shape[0], item.fixed)
         return columns
+
+    @cached_property
+    def linear_constraints(self) -> tuple[LinearConstraint, ...]:
+        """What the model demands of its parameters at the table's impacts; of those that differ between levels
+        nothing is said here, the model's own refusal bounds them.
+        """
+        pooled = {item.parameter for item in self.pooling}
+        found = self.model.linear_constraints(self.impacts)
+        return tuple(item for item in found if not pooled & item.coefficients.keys())
 
     @cached_property
     def groups(self) -> tuple[str, ...] | None:
@@ -170,8 +178,7 @@ class Problem:
         spacing: FloatArray,
         count: int,
     ) -> tuple[NumberArray, NumberArray, NumberArray]:
-        """See `TwoMassModel.force_integrals`, for the table's impacts `rows`; `columns` may be complex."""
-        assert isinstance(self.model, TwoMassModel)
+        """See `Model.force_integrals`, for the table's impacts `rows`; `columns` may be complex."""
         found = None
         for mine, own in self._blocks(columns, rows):
             values = self._model_rows({**columns, **own})

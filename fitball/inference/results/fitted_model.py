@@ -11,7 +11,6 @@ import numpy as np
 from fitball.inference.results.quantiles import BAND, BAND_LEVELS
 from fitball.models.model import Model
 from fitball.models.registry import model
-from fitball.models.specs import SPECS
 from fitball.models.types import Rebound
 from fitball.values import Ball, FloatArray, Impacts
 
@@ -41,10 +40,15 @@ class FittedModel:
         """The model, composed anew."""
         return model(self.model_name, ball=self.ball, tangential=self.tangential, **self.options)
 
+    @cached_property
+    def model_columns(self) -> list[int]:
+        """Places, among `names`, of the parameters that the model itself takes."""
+        return [k for k, name in enumerate(self.names) if name in self.model.specs]
+
     def rebound(self, impacts: Impacts, values: FloatArray | None = None) -> Rebound:
         """Rebounds (draws, impacts) at `values` (draws, names), by default at the point estimate (1, impacts)."""
         rows = self.point[None, :] if values is None else values
-        kept = [k for k, name in enumerate(self.names) if name in SPECS]
+        kept = self.model_columns
         return self.model.evaluate([self.names[k] for k in kept], np.ascontiguousarray(rows[:, kept]), impacts)
 
     def with_draws(self, names: Sequence[str], draws: FloatArray) -> FittedModel:

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from fitball.data.thesis_tables import fraction
-from fitball.models.registry import model
-from fitball.models.thesis.model import ThesisModel
+from fitball.models.thesis.model import ThesisModel, compose_thesis
+from fitball.models.types import ThesisClosures
+from fitball.values import Ball
 
 # The thesis converts with 39.37 inches to the metre; within its own numbers that is the inch.
 INCH = 1.0 / 39.37
@@ -60,9 +61,7 @@ def case_parameters(
 
 def printed_model() -> ThesisModel:
     """Model `thesis` as Appendix C and the examples use it: damping, inertia and restitution given."""
-    chosen = model("thesis", damping="given", inertia="table", cor="measured")
-    assert isinstance(chosen, ThesisModel)
-    return chosen
+    return compose_thesis("thesis", Ball(), True, ThesisClosures("given", "table", "measured"))
 
 
 def relative_error(found: Any, printed: Any) -> Any:

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from fitball.errors import ModelError
-from fitball.models.history import MODELS_WITH_HISTORY, History
+from fitball.models.capabilities import LINES, KernelCall
 from fitball.models.jacobian import INPUTS, OUTPUTS, ReboundJacobian, moved_inputs
 from fitball.models.kernels.bounce import ANCHOR_SPEED, tied_inertia_split
 from fitball.models.kernels.dual import NumberArray
 from fitball.models.model import Model, ball_columns
+from fitball.models.specs import specs
 from fitball.models.thesis import jacobian as thesis_jacobian
 from fitball.models.thesis import kernel as thesis
 from fitball.models.types import Rebound, ThesisClosures
-from fitball.values import FloatArray, Impacts, OwnImpacts
+from fitball.values import Ball, FloatArray, Impacts, OwnImpacts
 
+COLUMNS = (
+    "mass_ratio", "k_y", "k_theta", "mu", "eps", "c_y", "inertia_split", "ball_mass", "ball_radius", "ball_inertia"
+)  # fmt: skip
 DAMPING_CODES = {
     "given": thesis.DAMPING_GIVEN,
     "chapter_three": thesis.DAMPING_CHAPTER_THREE,
@@ -62,12 +64,21 @@ class ThesisCourse:
 class ThesisModel(Model):
     """The bounce as the thesis computed it; reproduces print and breaks balances, so it is no rival of the others."""
 
-    closures: ThesisClosures = field(kw_only=True)
+    has_time = True
+    no_history = (
+        "has no history: forces and spins of its computation do not obey its own equations; `course` gives the "
+        "velocities it computed"
+    )
+    remark = (
+        "model thesis repeats a printed computation with its slips: it breaks the ball's own balances, reproduces "
+        "print, and is no rival of the other models"
+    )
+    unranked = (
+        "model thesis repeats a printed computation with its slips and is not ranked; its published parameter sets "
+        "are scored by themselves on Wang's tables, and thesis-exact solves its equations"
+    )
 
-    @property
-    def has_time(self) -> bool:
-        """The two-mass ball has a contact time."""
-        return True
+    closures: ThesisClosures = field(kw_only=True)
 
     def _rows(self, names: Sequence[str], values: NumberArray) -> tuple[NumberArray, dict[str, int]]:
         index = {name: column for column, name in enumerate(names)}
@@ -139,12 +150,13 @@ class ThesisModel(Model):
             cor=slopes[..., len(INPUTS)] if given.cor is not None else None,
         )
 
-    def history(self, parameters: Mapping[str, ArrayLike], impact: Impacts, times: ArrayLike) -> History:  # noqa: ARG002
-        """There is none: forces and spins of this computation do not obey its own equations."""
-        raise ModelError(
-            "model thesis has no history: forces and spins of its computation do not obey its own equations; "
-            f"`course` gives the velocities it computed; models with a history: {', '.join(MODELS_WITH_HISTORY)}"
-        )
+    def kernel_call(self, names: Sequence[str], values: FloatArray) -> KernelCall:
+        """See `Model.kernel_call`."""
+        given = np.asarray(values, dtype=np.float64)[None, :]
+        rows, index = self._rows(names, given)
+        lines = {name: float(given[0, index[name]]) if name in index else 0.0 for name in LINES}
+        code = DAMPING_CODES[self.closures.damping]
+        return KernelCall("thesis", thesis.thesis_bounce, COLUMNS, tuple(map(float, rows[0])), (code,), lines)
 
     def course(self, parameters: Mapping[str, float], impact: Impacts, times: FloatArray) -> ThesisCourse:
         """Velocities of one impact (the first) at `times` [s]; raises what `rebound` raises."""
@@ -171,3 +183,9 @@ class ThesisModel(Model):
         surface = radius * spin
         velocity = np.where(times <= slip_end, v_x - (friction * sliding).real, surface)
         return ThesisCourse(times, velocity, surface, spin, t_r, t_c)
+
+
+def compose_thesis(name: str, ball: Ball, tangential: bool, closures: ThesisClosures) -> ThesisModel:
+    """The model of a composition with its parameters; it knows no motion that is vertical only."""
+    parameters = specs(*thesis_parameters(closures))
+    return ThesisModel(name, ball, asdict(closures), parameters, closures=closures, tangential=tangential)

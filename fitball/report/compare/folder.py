@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-from functools import partial
 from pathlib import Path
 
 from fitball.inference.comparison.results import Comparison
 from fitball.report.compare.figure import compare_figure
 from fitball.report.compare.rows import csv_rows, json_content
 from fitball.report.compare.text import render
-from fitball.report.figures.png import save_png
-from fitball.report.form.atomic_write import remove, write_text, write_whole
+from fitball.report.figures.save import save_figure
+from fitball.report.form.atomic_write import remove, write_text
 from fitball.report.form.csv import csv_text
 from fitball.report.form.folders import holds_older
 
@@ -35,7 +34,7 @@ def json_text(found: Comparison, words: str) -> str:
 
 def write_all(found: Comparison, words: str, folder: Path) -> None:
     """Write every file, each whole or not at all. Raises ResultFolderError."""
-    write_whole(folder / "compare.png", partial(save_png, compare_figure(found)))
+    save_figure(compare_figure(found), folder / "compare.png")
     write_text(folder / "compare.csv", csv_text(csv_rows(found)))
     write_text(folder / "compare.txt", render(found, words, folder) + "\n")
     write_text(folder / JSON_NAME, json_text(found, words))

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from fitball.data.table import REBOUND_UNITS
 from fitball.inference.comparison.cross_validation import GROUPS, IMPACTS
 from fitball.inference.comparison.results import Comparison, ModelScore
-from fitball.models.two_mass_model import TwoMassModel
+from fitball.models.registry import DEFAULT_MODEL
 from fitball.report.compare.rows import in_unit, schemes, scored_outputs
 from fitball.report.form.display_units import handy
 from fitball.report.form.rounding import fixed
@@ -68,7 +68,7 @@ def _mean_ratio(name: str, rms: Mapping[str, Mapping[str, float]]) -> float:
 
 
 def _time(found: Comparison) -> str:
-    timed = [item for item in found.models if isinstance(item.fit.problem.model, TwoMassModel)]
+    timed = [item for item in found.models if item.fit.problem.model.has_time]
     if not timed or len(timed) == len(found.models):
         return ""
     return (
@@ -79,12 +79,12 @@ def _time(found: Comparison) -> str:
 
 def _masses(found: Comparison) -> str:
     """The two-mass ball against its strongest rival without a time axis, as composed and as chosen afterwards."""
-    rivals = [item for item in found.models if not isinstance(item.fit.problem.model, TwoMassModel)]
-    family = [item for item in found.models if isinstance(item.fit.problem.model, TwoMassModel)]
+    rivals = [item for item in found.models if not item.fit.problem.model.has_time]
+    family = [item for item in found.models if item.fit.problem.model.has_time]
     if not rivals or not family or not found.table.has_spin or not found.table.has_tangential:
         return ""
     rival = rivals[0]
-    default = found.by_name.get("two-mass", family[0])
+    default = found.by_name.get(DEFAULT_MODEL, family[0])
     text = f"Do two masses earn their parameters? {_duel(found, default, rival)}: {_verdict(found, default, rival)}."
     if family[0] is not default:
         text += (

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.inference.results.results import ObservablePrediction, Posterior
-from fitball.report.figures.drawable import Drawable, parameter
+from fitball.report.figures.drawable import Drawable, drawn, parameter
 from fitball.report.form.display_units import handy
 from fitball.values import FloatArray
 
@@ -64,8 +64,9 @@ def _labels_and_factors(fit: Drawable, posterior: Posterior) -> tuple[list[str],
     return labels, np.array([scale.factor for scale in scales])
 
 
-def corner_data(fit: Drawable, posterior: Posterior) -> CornerData:
+def corner_data(fit: Drawable) -> CornerData:
     """Everything the corner plot shows."""
+    posterior = drawn(fit)
     labels, factors = _labels_and_factors(fit, posterior)
     draws = posterior.draws
     rows = np.linspace(0, draws.shape[0] - 1, min(CORNER_DRAWS, draws.shape[0])).astype(int)
@@ -97,8 +98,9 @@ def _prior_density(fit: Drawable, name: str, edges: FloatArray) -> FloatArray:
     return result
 
 
-def trace_data(fit: Drawable, posterior: Posterior) -> tuple[TraceData, ...]:
+def trace_data(fit: Drawable) -> tuple[TraceData, ...]:
     """A few walkers of each ensemble, thinned."""
+    posterior = drawn(fit)
     labels, factors = _labels_and_factors(fit, posterior)
     _, steps, walkers, _ = posterior.values.shape
     shown = np.unique(np.linspace(0, steps - 1, min(TRACE_STEPS, steps)).astype(int))

@@ -7,7 +7,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from fitball.inference.results.results import Posterior
 from fitball.report.figures.arrays import HISTOGRAM_BINS, corner_data
 from fitball.report.figures.drawable import Drawable
 from fitball.report.figures.predictive import COLOURS, new_figure
@@ -17,9 +16,9 @@ PANEL = 1.55
 LABEL_MARGIN = 1.0
 
 
-def corner_figure(fit: Drawable, posterior: Posterior) -> Figure:
+def corner_figure(fit: Drawable) -> Figure:
     """All pairs of free parameters."""
-    data = corner_data(fit, posterior)
+    data = corner_data(fit)
     count = len(data.labels)
     side = max(4.5, PANEL * count + 1.2)
     # corner lays its panels out itself.

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from fitball.errors import ResultFolderError
 from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import Identifiability
-from fitball.inference.results.results import Diagnostics, PointFit, Predictive
+from fitball.inference.results.results import Diagnostics, PointFit, Posterior, Predictive
 
 
 class Drawable(Protocol):
@@ -30,8 +31,19 @@ class Drawable(Protocol):
         """How the sampler did, None for a point fit."""
 
     @property
+    def posterior(self) -> Posterior | None:
+        """Draws, None for a point fit."""
+
+    @property
     def identifiability(self) -> Identifiability:
-        """The looks at every parameter."""
+        """The evidence on every parameter."""
+
+
+def drawn(fit: Drawable) -> Posterior:
+    """The draws of a fit. Raises ResultFolderError for a point fit."""
+    if fit.posterior is None:
+        raise ResultFolderError("this figure needs a posterior; run calibrate without --point-only")
+    return fit.posterior
 
 
 def parameter(fit: Drawable, name: str) -> Parameter:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from fitball.inference.results.results import Posterior
 from fitball.report.figures.drawable import Drawable
 from fitball.report.figures.force_arrays import force_panels
 from fitball.report.figures.predictive import COLOURS, new_figure
@@ -13,9 +12,9 @@ from fitball.report.figures.predictive import COLOURS, new_figure
 COLUMNS = 3
 
 
-def force_figure(fit: Drawable, posterior: Posterior | None) -> Figure:
+def force_figure(fit: Drawable) -> Figure:
     """Measured means with the sensor's noise, the model's force, and what a record is expected to show."""
-    panels = force_panels(fit, posterior)
+    panels = force_panels(fit)
     columns = min(COLUMNS, len(panels))
     rows = -(-len(panels) // columns)
     figure = new_figure(3.4 * columns + 0.4, 2.7 * rows + 1.1)

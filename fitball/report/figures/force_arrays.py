@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.inference.likelihood.force import MISFIT, SD, aligned, mean_forces
-from fitball.inference.results.results import Posterior, thinned
+from fitball.inference.results.results import thinned
 from fitball.report.figures.drawable import Drawable
 from fitball.values import FloatArray
 
@@ -33,14 +33,14 @@ class ForcePanel:
     expected: FloatArray
 
 
-def force_panels(fit: Drawable, posterior: Posterior | None) -> tuple[ForcePanel, ...]:
+def force_panels(fit: Drawable) -> tuple[ForcePanel, ...]:
     """Some records from the slowest impact to the fastest, over draws of the posterior or at the point estimate."""
     problem = fit.problem
     records = problem.force
     assert records is not None
     values = np.array([[fit.point.values[name] for name in problem.free_names]])
-    if posterior is not None:
-        values = thinned(posterior, DRAWS)
+    if fit.posterior is not None:
+        values = thinned(fit.posterior, DRAWS)
     columns = problem.all_values(values)
     found = aligned(problem, records, columns)
     start = found.start + found.move

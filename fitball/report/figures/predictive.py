@@ -13,9 +13,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from fitball.inference.results.results import Posterior
 from fitball.report.figures.arrays import axis_label, group_of, incidence, measured_points, residual_data, trace_data
-from fitball.report.figures.drawable import Drawable, parameter
+from fitball.report.figures.drawable import Drawable, drawn, parameter
 from fitball.report.form.display_units import handy
 
 # Colour-blind safe (Okabe and Ito).
@@ -150,9 +149,10 @@ def residual_figure(fit: Drawable) -> Figure:
     return figure
 
 
-def trace_figure(fit: Drawable, posterior: Posterior) -> Figure:
+def trace_figure(fit: Drawable) -> Figure:
     """A few walkers of each ensemble after warm-up, and the marginal of each ensemble."""
-    data = trace_data(fit, posterior)
+    posterior = drawn(fit)
+    data = trace_data(fit)
     figure = new_figure(11.0, 1.0 + 1.35 * len(data))
     grid = np.atleast_2d(figure.subplots(len(data), 2, width_ratios=[4, 1], sharex="col"))
     for k, (row, item) in enumerate(zip(grid, data, strict=True)):

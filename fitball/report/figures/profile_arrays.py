@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.inference.results.evidence import Profile
-from fitball.inference.results.results import Posterior
 from fitball.report.figures.arrays import axis_label
 from fitball.report.figures.drawable import Drawable, parameter
 from fitball.report.form.display_units import handy
@@ -37,22 +36,21 @@ class ProfilePanel:
     posterior: tuple[float, float] | None
 
 
-def profile_panels(fit: Drawable, posterior: Posterior | None) -> tuple[ProfilePanel, ...]:
+def profile_panels(fit: Drawable) -> tuple[ProfilePanel, ...]:
     """A panel for each parameter that has a profile, in the order of the fit."""
     panels = []
     for name, evidence in fit.identifiability.evidence.items():
         if evidence.profile is not None:
-            panels.append(_panel(fit, name, evidence.profile, evidence.alone, posterior))
+            panels.append(_panel(fit, name, evidence.profile, evidence.alone))
     return tuple(panels)
 
 
-def _panel(
-    fit: Drawable, name: str, profile: Profile, alone: Profile | None, posterior: Posterior | None
-) -> ProfilePanel:
+def _panel(fit: Drawable, name: str, profile: Profile, alone: Profile | None) -> ProfilePanel:
     item = parameter(fit, name)
     scale = handy(name, item.spec.unit)
     within = None
     ends = [float(profile.values[0]), float(profile.values[-1])]
+    posterior = fit.posterior
     if posterior is not None:
         low, high = np.quantile(posterior.draws[:, posterior.names.index(name)], (0.025, 0.975)) * scale.factor
         within = (float(low), float(high))

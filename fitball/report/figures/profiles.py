@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from fitball.inference.identifiability.profile import DROP_68, DROP_95
-from fitball.inference.results.results import Posterior
 from fitball.report.figures.drawable import Drawable
 from fitball.report.figures.predictive import COLOURS, new_figure
 from fitball.report.figures.profile_arrays import LOWEST, ProfilePanel, profile_panels
@@ -20,9 +19,9 @@ BAR = -2.35
 FEW_DECADES = 50.0
 
 
-def profiles_figure(fit: Drawable, posterior: Posterior | None) -> Figure:
+def profiles_figure(fit: Drawable) -> Figure:
     """All profiles; with a posterior its 95 % intervals below them."""
-    panels = profile_panels(fit, posterior)
+    panels = profile_panels(fit)
     columns = min(COLUMNS, len(panels))
     rows = -(-len(panels) // columns)
     figure = new_figure(2.5 * columns + 1.0, 2.35 * rows + 1.0)

@@ -75,9 +75,10 @@ def regime_colours(regimes: Sequence[str]) -> list[str]:
     return colours
 
 
-def regimes_figure(fit: Drawable, predictive: Predictive) -> Figure:
+def regimes_figure(fit: Drawable) -> Figure:
     """One bar an impact, a colour a phase sequence."""
-    data = regime_bars(fit, predictive)
+    assert fit.predictive is not None
+    data = regime_bars(fit, fit.predictive)
     figure = new_figure(8.5, 1.7 + 0.27 * len(data.labels))
     axis = figure.subplots()
     places = np.arange(len(data.labels))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from fitball.inference.results.results import Fit
 from fitball.report.figures.arrays import residual_data
 from fitball.report.figures.force_arrays import force_panels
+from fitball.report.figures.kinds import drawable_kinds
 from fitball.report.fit.evidence_rows import evidence_rows
 from fitball.report.fit.summary import parameter_rows
 from fitball.report.form.display_units import handy
@@ -21,12 +23,7 @@ SURE = 0.95
 
 def alt_texts(fit: Fit) -> dict[str, str]:
     """A text for every figure that this fit can show."""
-    found = {"predictive": _predictive(fit), "residuals": _residuals(fit), "profiles": _profiles(fit)}
-    if fit.problem.force is not None:
-        found["force"] = _force(fit)
-    if fit.posterior is not None:
-        found |= {"corner": _corner(fit), "trace": _trace(fit), "regimes": _regimes(fit)}
-    return found
+    return {name: WORDS[name](fit) for name in drawable_kinds(fit)}
 
 
 def _predictive(fit: Fit) -> str:
@@ -47,7 +44,7 @@ def _predictive(fit: Fit) -> str:
 
 def _force(fit: Fit) -> str:
     parts = []
-    for panel in force_panels(fit, fit.posterior):
+    for panel in force_panels(fit):
         inside = np.sum((panel.means >= panel.expected[0]) & (panel.means <= panel.expected[1]))
         parts.append(
             f"{panel.title}: measured up to {panel.means.max():.0f} N, "
@@ -121,3 +118,15 @@ def _regimes(fit: Fit) -> str:
 def _size(name: str, value: float) -> str:
     scale = handy(name, {"omega_2": "rad/s", "contact_time": "s", "theta_2": "rad"}.get(name, "m/s"))
     return f"{value * scale.factor:.2g} {scale.unit}"
+
+
+# Of every figure in `names.FIGURES`.
+WORDS: Mapping[str, Callable[[Fit], str]] = {
+    "corner": _corner,
+    "trace": _trace,
+    "predictive": _predictive,
+    "residuals": _residuals,
+    "profiles": _profiles,
+    "regimes": _regimes,
+    "force": _force,
+}

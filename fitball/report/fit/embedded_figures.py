@@ -10,10 +10,9 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from fitball.report.figures.kinds import DPI, save_figure
+from fitball.report.figures.names import FIGURES
+from fitball.report.figures.save import DPI, save_figure
 
-# Figures that draw thousands of draws or steps: a path for each would be larger than the pixels.
-RASTER = ("corner", "trace")
 # Impacts up to which a vector figure is smaller than its pixels (a marker is 250 bytes).
 MOST_VECTOR = 400
 # Dots an inch of a raster figure on the page; the files beside it are finer.
@@ -31,18 +30,18 @@ class PageFigure:
     width: float
 
 
-def page_figures(
-    figures: Mapping[str, Figure], captions: Mapping[str, str], alt: Mapping[str, str], impacts: int
-) -> dict[str, PageFigure]:
-    """Figures by name in the order of `captions`; `impacts` is how many rows the table has."""
-    found = {}
-    for name in captions:
-        if name in figures:
-            form = "png" if name in RASTER or impacts > MOST_VECTOR else "svg"
-            content = _rendered(figures[name], form, PAGE_DPI if name in RASTER else DPI)
-            width = float(figures[name].get_figwidth())
-            found[name] = PageFigure(data_uri(content, form), captions[name], alt[name], width)
-    return found
+def page_figures(figures: Mapping[str, Figure], alt: Mapping[str, str], impacts: int) -> dict[str, list[PageFigure]]:
+    """The figures of each section of the page; `impacts` is how many rows the table has."""
+    sections: dict[str, list[PageFigure]] = {text.section: [] for text in FIGURES.values()}
+    for name, text in FIGURES.items():
+        if name not in figures:
+            continue
+        figure = figures[name]
+        form = "png" if text.raster or impacts > MOST_VECTOR else "svg"
+        content = _rendered(figure, form, PAGE_DPI if text.raster else DPI)
+        shown = PageFigure(data_uri(content, form), text.caption, alt[name], float(figure.get_figwidth()))
+        sections[text.section].append(shown)
+    return sections
 
 
 def embedded(images: Mapping[str, bytes], captions: Mapping[str, str]) -> dict[str, PageFigure]:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 from fitball.errors import ResultFolderError
 from fitball.inference.results.results import Fit
-from fitball.report.figures.kinds import KINDS, drawable_kinds
-from fitball.report.figures.png import save_png
+from fitball.report.figures.kinds import draw, drawable_kinds
+from fitball.report.figures.save import save_figure
 from fitball.report.fit.alt_texts import alt_texts
 from fitball.report.fit.csv_tables import prediction_rows, regime_rows, summary_rows
 from fitball.report.fit.embedded_figures import page_figures
-from fitball.report.fit.html import CAPTIONS, page
-from fitball.report.form.atomic_write import remove, write_text, write_whole
+from fitball.report.fit.html import page
+from fitball.report.form.atomic_write import remove, write_text
 from fitball.report.form.csv import write_csv
 from fitball.report.form.folders import make_folder
 from fitball.report.saved.data_file import DATA_NAME, write_data
@@ -56,9 +55,9 @@ def write_all(fit: Fit, folder: Path, command: str | None = None) -> None:
         write_netcdf(fit, posterior, folder / POSTERIOR_NAME)
     if fit.predictive is not None:
         write_csv(folder / "regimes.csv", regime_rows(fit, fit.predictive))
-    figures = {name: KINDS[name].draw(fit, posterior) for name in drawable_kinds(fit, posterior)}
+    figures = {name: draw(name, fit) for name in drawable_kinds(fit)}
     for name, figure in figures.items():
-        write_whole(folder / f"{name}.png", partial(save_png, figure))
+        save_figure(figure, folder / f"{name}.png")
         # Laid out once: the page draws it again as it stands.
         figure.set_layout_engine("none")
     write_data(fit.problem, folder / DATA_NAME)
@@ -66,6 +65,6 @@ def write_all(fit: Fit, folder: Path, command: str | None = None) -> None:
     write_csv(folder / "predictions.csv", prediction_rows(fit))
     write_csv(folder / "balances.csv", fit.balances.rows())
     write_text(folder / RUN_NAME, run_text(fit, folder))
-    shown = page_figures(figures, CAPTIONS, alt_texts(fit), len(fit.problem.table))
+    shown = page_figures(figures, alt_texts(fit), len(fit.problem.table))
     write_text(folder / "report.html", page(fit, shown, command))
     write_text(folder / FIT_NAME, fit_text(fit))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
@@ -28,18 +28,6 @@ from fitball.version import __version__
 
 # Impacts listed one by one; the files beside the page hold them all.
 MOST_ROWS = 300
-
-CAPTIONS = {
-    "corner": "Posterior of all pairs of parameters, with the prior on the diagonal and the point estimate.",
-    "predictive": "Measured rebounds with error bars and, where there is a posterior, its prediction.",
-    "force": "Force records (points: means of samples, with the sensor's noise) against the model: 95 % of its force "
-    "(dark) and of a record (light: with sensor noise and misfit).",
-    "profiles": "Profile likelihood of every parameter: the best fit for each of its values, below the best of all; "
-    "intervals of 68 and 95 % end at -0.5 and -1.92. Bars: 95 % of the posterior.",
-    "regimes": "Posterior probability of each sequence of slip and grip, impact by impact.",
-    "residuals": "Standardised residuals, impact by impact and against normal quantiles.",
-    "trace": "Walkers of every ensemble after warm-up, and the marginals ensemble by ensemble.",
-}
 
 
 SECTIONS = {
@@ -70,7 +58,7 @@ def render_template(package: str, template: str, **context: object) -> str:
     return environment.get_template(template).render(version=__version__, **context)
 
 
-def page(fit: Fit, figures: Mapping[str, PageFigure], command: str | None = None) -> str:
+def page(fit: Fit, figures: Mapping[str, Sequence[PageFigure]], command: str | None = None) -> str:
     """The page as text; `command` is the line that made the fit, None where none did."""
     problem = fit.problem
     pace, cases, remarks = pace_table(fit), case_table(fit), notes(fit)

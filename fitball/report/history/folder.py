@@ -9,7 +9,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from fitball.report.figures.kinds import save_figure
+from fitball.report.figures.save import save_figure
 from fitball.report.form.atomic_write import write_text
 from fitball.report.form.folders import holds_older
 

@@ -12,8 +12,8 @@ from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.priors import parse_prior
 from fitball.inference.results.quantiles import QUANTILES
 from fitball.inference.results.results import RunStatus, Verdict
-from fitball.models.registry import model
-from fitball.models.specs import SPECS, ParameterSpec
+from fitball.models.registry import model, parameter_spec
+from fitball.models.specs import ParameterSpec
 from fitball.models.types import regime_name
 from fitball.report.saved.fit_file import FitFile, GoldenPart, ParameterPart
 from fitball.values import FloatArray
@@ -24,7 +24,7 @@ ROUNDING = 1e-9
 
 def spec_of(name: str) -> ParameterSpec | None:
     """Bounds and prior of a parameter of a model or of its noise; None for one that only this fit has."""
-    return NOISE_SPECS.get(name) or SPECS.get(name)
+    return NOISE_SPECS.get(name) or parameter_spec(name)
 
 
 def outside(name: str, values: FloatArray) -> bool:

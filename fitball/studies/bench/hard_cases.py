@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from fitball.models.kernels.bounce import tied_inertia_split
+from fitball.models.model import Model
 from fitball.models.registry import model
-from fitball.models.two_mass_model import TwoMassModel
 from fitball.values import Ball, Impacts, impacts
 
 BASE: Mapping[str, float] = {
@@ -41,12 +41,10 @@ class HardCase:
     cor: float | None = None
 
     @property
-    def model(self) -> TwoMassModel:
+    def model(self) -> Model:
         """The composition."""
         closures: dict[str, Any] = dict(self.closures)
-        chosen = model("two-mass", **closures)
-        assert isinstance(chosen, TwoMassModel)
-        return chosen
+        return model("two-mass", **closures)
 
     @property
     def parameters(self) -> dict[str, float]:

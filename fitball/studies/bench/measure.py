@@ -26,10 +26,9 @@ from fitball.inference.calibrate import Effort, run
 from fitball.inference.comparison.workers import die_on_interrupt
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.problem.build import Choices, build_problem
-from fitball.models.oracle.oracle import oracle_rebound
 from fitball.studies.bench.hard_cases import BASE
 from fitball.studies.bench.rivals import Method, adaptive, set_up, stepped
-from fitball.studies.bench.scenes import HARD, Scene, default_model, scenes
+from fitball.studies.bench.scenes import HARD, Scene, default_model, oracle, scenes
 from fitball.values import FloatArray, Impacts, impacts
 
 Solved = tuple[FloatArray, FloatArray]
@@ -139,7 +138,8 @@ def _solvers(scene: Scene, pace: Pace) -> Iterator[tuple[str, str, Callable[[], 
         return np.array([item.v_x2[0, 0] for item in made]), np.array([item.omega_2[0, 0] for item in made])
 
     def exponentials() -> Solved:
-        made = [oracle_rebound(chosen.closures, chosen.ball, _named(scene, k), singles[k]) for k in range(count)]
+        exact = oracle()
+        made = [exact.rebound(_named(scene, k), singles[k]) for k in range(count)]
         return np.array([item.v_x2[0] for item in made]), np.array([item.omega_2[0] for item in made])
 
     yield "closed form, one by one", "", one_by_one

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 from pathlib import Path
 
 import pandas as pd
 
 from fitball.errors import ResultFolderError
-from fitball.report.figures.png import save_png
-from fitball.report.form.atomic_write import write_text, write_whole
+from fitball.report.figures.save import save_figure
+from fitball.report.form.atomic_write import write_text
 from fitball.studies.bench.figure import figure
 from fitball.studies.bench.measure import Bench
 
@@ -26,7 +25,7 @@ def write(found: Bench, folder: Path) -> None:
     for name in ("precision", "batches", "growth", "start_up", "stages"):
         frame: pd.DataFrame = getattr(found, name)
         write_text(folder / f"{name}.csv", frame.to_csv(index=False, float_format="%.4g", lineterminator="\n"))
-    write_whole(folder / FIGURE, partial(save_png, figure(found)))
+    save_figure(figure(found), folder / FIGURE)
     write_text(folder / "summary.md", "\n".join(summary(found)) + "\n")
 
 

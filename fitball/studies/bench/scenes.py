@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.data.read import load_table
-from fitball.models.oracle.oracle import oracle_rebound, oracle_rebound_mp
+from fitball.models.capabilities import Oracle
+from fitball.models.model import Model
 from fitball.models.registry import model
-from fitball.models.two_mass_model import TwoMassModel
 from fitball.studies.bench.hard_cases import BASE, hard_cases
 from fitball.values import FloatArray, Impacts, impacts
 
@@ -38,11 +38,16 @@ class Scene:
         return np.asarray(np.hypot(self.impacts.v_x1, self.impacts.v_y1) + spin)
 
 
-def default_model() -> TwoMassModel:
-    """The default model."""
-    chosen = model("two-mass")
-    assert isinstance(chosen, TwoMassModel)
-    return chosen
+def default_model() -> Model:
+    """The model whose solvers are compared."""
+    return model("two-mass")
+
+
+def oracle() -> Oracle:
+    """Its independent solution."""
+    found = default_model().oracle
+    assert found is not None
+    return found
 
 
 def scenes(pool: Executor) -> tuple[Scene, ...]:
@@ -85,12 +90,10 @@ def _scene(name: str, names: tuple[str, ...], values: FloatArray, given: Impacts
 
 
 def _exact_to_fifty(parameters: Mapping[str, float], one: Impacts) -> tuple[float, float]:
-    chosen = default_model()
-    exact = oracle_rebound_mp(chosen.closures, chosen.ball, parameters, one)
+    exact = oracle().rebound(parameters, one, digits=50)
     return float(exact.v_x2[0]), float(exact.omega_2[0])
 
 
 def _exact_to_sixteen(parameters: Mapping[str, float], one: Impacts) -> tuple[float, float]:
-    chosen = default_model()
-    exact = oracle_rebound(chosen.closures, chosen.ball, parameters, one)
+    exact = oracle().rebound(parameters, one)
     return float(exact.v_x2[0]), float(exact.omega_2[0])

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from scipy.stats import binom
 
 from fitball.inference.problem.parameters import NOISE_SPECS
-from fitball.models.specs import SPECS
+from fitball.models.registry import parameter_spec
 from fitball.report.figures.predictive import COLOURS, new_figure
 from fitball.studies.sbc.summary import VALUES, ModelFinding, QuantityFinding
 from fitball.studies.sbc.uniformity import NullDistribution, bins_for, empirical, null_distribution
@@ -46,7 +46,7 @@ def rank_figure(finding: ModelFinding) -> Figure:
 
 
 def _symbol(name: str) -> str:
-    spec = SPECS.get(name) or NOISE_SPECS.get(name)
+    spec = parameter_spec(name) or NOISE_SPECS.get(name)
     return spec.label if spec is not None else name.replace("_", " ")
 
 

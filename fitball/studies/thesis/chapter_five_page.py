@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +12,10 @@ import pandas as pd
 from fitball.data.scene import load_scene
 from fitball.data.thesis_tables import thesis_table
 from fitball.errors import ResultFolderError
-from fitball.report.figures.png import save_png
+from fitball.report.figures.save import save_figure
 from fitball.report.fit.embedded_figures import embedded
 from fitball.report.fit.html import render_template
-from fitball.report.form.atomic_write import write_text, write_whole
+from fitball.report.form.atomic_write import write_text
 from fitball.studies.thesis import appendix_c, appendix_d, printed_tables, ranking, recalibration
 from fitball.studies.thesis.chapter_five import ChapterFive
 from fitball.studies.thesis.chapter_five_figures import CAPTIONS, draw_all
@@ -92,7 +91,7 @@ def write(found: ChapterFive, folder: Path) -> None:
     images: dict[str, bytes] = {}
     for name, draw in draw_all(found).items():
         place = folder / f"{name}.png"
-        write_whole(place, partial(save_png, draw()))
+        save_figure(draw(), place)
         images[name] = place.read_bytes()
     write_text(folder / "report.html", page(found, frames, images))
 

@@ -1,0 +1,62 @@
+"""The figures of a fit by name, and what is said of each: nothing here draws, so that it loads at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class FigureText:
+    """A figure in words: a line of help, its `caption`, the section of the page it stands in (an id in
+    `html.SECTIONS`), and whether it is embedded as pixels since it has thousands of paths.
+    """
+
+    summary: str
+    caption: str
+    section: str
+    raster: bool = False
+
+
+# In the order of the page.
+FIGURES: Mapping[str, FigureText] = {
+    "predictive": FigureText(
+        "measured rebounds against the posterior prediction",
+        "Measured rebounds with error bars and, where there is a posterior, its prediction.",
+        "predictions",
+    ),
+    "residuals": FigureText(
+        "standardised residuals",
+        "Standardised residuals, impact by impact and against normal quantiles.",
+        "predictions",
+    ),
+    "force": FigureText(
+        "force-time records against the posterior prediction",
+        "Force records (points: means of samples, with the sensor's noise) against the model: 95 % of its force "
+        "(dark) and of a record (light: with sensor noise and misfit).",
+        "predictions",
+    ),
+    "regimes": FigureText(
+        "posterior probability of each phase sequence, impact by impact",
+        "Posterior probability of each sequence of slip and grip, impact by impact.",
+        "predictions",
+    ),
+    "profiles": FigureText(
+        "profile likelihood of every parameter",
+        "Profile likelihood of every parameter: the best fit for each of its values, below the best of all; "
+        "intervals of 68 and 95 % end at -0.5 and -1.92. Bars: 95 % of the posterior.",
+        "evidence",
+    ),
+    "corner": FigureText(
+        "posterior of all pairs of parameters, with priors",
+        "Posterior of all pairs of parameters, with the prior on the diagonal and the point estimate.",
+        "evidence",
+        raster=True,
+    ),
+    "trace": FigureText(
+        "walkers of every ensemble after warm-up",
+        "Walkers of every ensemble after warm-up, and the marginals ensemble by ensemble.",
+        "diagnosis",
+        raster=True,
+    ),
+}
