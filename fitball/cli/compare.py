@@ -6,7 +6,7 @@ import argparse
 import os
 from pathlib import Path
 
-from fitball.cli.options import tell_notes
+from fitball.cli.options import add_verb, tell_notes
 from fitball.cli.progress import ProgressLine
 from fitball.errors import ModelError
 
@@ -26,13 +26,7 @@ did not converge."""
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb to the command line."""
-    parser = subparsers.add_parser(
-        "compare",
-        help=HELP,
-        description=HELP[0].upper() + HELP[1:] + ".",
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = add_verb(subparsers, "compare", run, help=HELP, epilog=EXAMPLE)
     parser.add_argument("data", metavar="DATA", help="a table (CSV or Parquet), or the name of a bundled one")
     parser.add_argument("--models", metavar="A,B,...", help="models to compare (default: those that can differ here)")
     parser.add_argument("--config", metavar="FILE.toml", help="scene file (default: the .toml beside DATA)")
@@ -46,11 +40,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--overwrite", action="store_true", help="replace an older result in the folder")
     parser.add_argument("--json", action="store_true", help="print compare.json")
     parser.add_argument("--quiet", action="store_true", help="no progress, no table: only errors and the folder")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do it; returns the exit code."""
+    """Fit and score every model, write the folder, print the tables; 1 where a posterior did not converge."""
     progress = ProgressLine(args.quiet)
     progress("loading", None)
     from fitball.data.read import load_table

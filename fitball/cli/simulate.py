@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fitball.cli.options import count, tell_notes
+from fitball.cli.options import add_verb, count, tell_notes
 from fitball.errors import ParameterError, suggestion
 
 if TYPE_CHECKING:
@@ -31,12 +31,13 @@ EXAMPLE = """examples:
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb `simulate`."""
-    parser = subparsers.add_parser(
+    parser = add_verb(
+        subparsers,
         "simulate",
+        run,
         help="one impact through time: velocities, spins, forces, slip and grip",
         description=DESCRIPTION,
         epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "--impact", metavar="TEXT", help='the impact, e.g. "v=17, theta=18, spin=100" (default: m/s, deg, rad/s)'
@@ -63,11 +64,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--csv", metavar="FILE.csv", help="write the courses to this file too")
     parser.add_argument("--json", action="store_true", help="print JSON (SI units)")
     parser.add_argument("--quiet", action="store_true", help="no table and no notes: only errors and files")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do it; returns the exit code."""
+    """Solve the impact, write its course, print it."""
     if args.format not in FORMATS:
         raise ParameterError(f"--format {args.format}: {suggestion(args.format, FORMATS)}")
     _check_together(args)

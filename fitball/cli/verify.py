@@ -8,6 +8,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fitball.cli.options import add_verb
 from fitball.errors import Fault, ParameterError, ResultFolderError, TableError
 
 if TYPE_CHECKING:
@@ -33,12 +34,13 @@ Exit code 0 if every impact passes, 1 if one fails."""
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb to the command line."""
-    parser = subparsers.add_parser(
+    parser = add_verb(
+        subparsers,
         "verify",
+        run,
         help="check a port of a fitted model against its golden impacts",
         description="Compare the outputs of another program with the golden impacts of a fit.",
         epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("port", metavar="PORT.csv", help="outputs of the port for the golden impacts")
     parser.add_argument("--fit", metavar="FIT", help="result folder or fit.json (default: beside PORT.csv)")
@@ -47,11 +49,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("--json", action="store_true", help="print JSON (SI units, angles in radians)")
     parser.add_argument("--quiet", action="store_true", help="print the result alone")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do it; returns the exit code."""
+    """Compare the port and print where it deviates; 0 where it agrees, else 1."""
     if not (math.isfinite(args.tolerance) and args.tolerance > 0.0):
         raise ParameterError(f"--tolerance {args.tolerance:g}: expected a positive number")
     from fitball.data.port_file import read_port
