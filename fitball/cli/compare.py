@@ -52,9 +52,12 @@ def run(args: argparse.Namespace) -> int:
     from fitball.inference.comparison.candidates import build_candidates, default_names
     from fitball.inference.comparison.compare import ESS, MAX_STEPS, compare
     from fitball.inference.results.results import RunStatus
-    from fitball.report.compare.folder import json_text, prepare, write_all
+    from fitball.report.compare.folder import JSON_NAME, write_all
+    from fitball.report.compare.rows import json_content
     from fitball.report.compare.text import render
     from fitball.report.compare.words import words
+    from fitball.report.form.folders import clear_folder
+    from fitball.report.form.json_text import json_text
     from fitball.studies.thesis.published_sets import published_sets
 
     scene = load_scene(args.data, args.config)
@@ -70,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     for candidate in candidates.candidates:
         effort.settings(candidate.problem)
     folder = Path(args.out) if args.out else Path("fits") / table.name / "compare"
-    prepare(folder, overwrite=args.overwrite)
+    clear_folder(folder, JSON_NAME, overwrite=args.overwrite)
     if not args.quiet:
         progress.finish()
         tell_notes([*table.remarks, *scene.assumed, *said])
@@ -81,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     write_all(found, text, folder)
     progress.finish()
     if args.json:
-        print(json_text(found, text), end="")
+        print(json_text(json_content(found, text)), end="")
     elif args.quiet:
         print(folder)
     else:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -69,6 +68,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.inference.results.results import RunStatus, Verdict
     from fitball.report.form.atomic_write import refuse_existing, write_text
     from fitball.report.form.csv import csv_text
+    from fitball.report.form.json_text import json_text
     from fitball.report.predict.rows import prediction_csv_rows, prediction_json
     from fitball.report.predict.text import render_prediction, render_scores
 
@@ -102,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
     if not args.quiet:
         tell_notes(notes)
     if args.json:
-        print(json.dumps(prediction_json(prediction, ids, judged, notes), indent=1, allow_nan=False))
+        print(json_text(prediction_json(prediction, ids, judged, notes)), end="")
     elif not args.quiet:
         print(render_prediction(prediction, ids))
         if judged:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import tempfile
 from contextlib import nullcontext
@@ -50,6 +49,7 @@ def run(args: argparse.Namespace) -> int:
 
     from fitball.inference.sampling.ensembles import SamplingInterrupted
     from fitball.report.fit.folder import prepare, write_all
+    from fitball.report.form.json_text import json_text
     from fitball.report.saved.run_record import find_records, find_tables, read_run, record_problem
     from fitball.studies.repeat.compare import Outcome, compared
     from fitball.studies.repeat.rerun import check_rows, read_kept, rerun, write_numbers
@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
         for note in found.notes:
             print(f"note: {note}", file=sys.stderr)
     if args.json:
-        print(json.dumps(repetition_json(found, original.content), indent=1, allow_nan=False))
+        print(json_text(repetition_json(found, original.content)), end="")
     elif args.quiet:
         print(found.outcome)
     else:

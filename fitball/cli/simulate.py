@@ -77,13 +77,14 @@ def run(args: argparse.Namespace) -> int:
         print(list_text())
         return 0
     from fitball.report.form.atomic_write import refuse_existing
-    from fitball.report.history.folder import prepare
+    from fitball.report.form.folders import clear_folder
+    from fitball.report.history.folder import CSV_NAME, FIGURE_STEM, JSON_NAME
 
     solved, name, content, text, title, panels = _example(args) if args.example else _one(args)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER / name
     if args.csv is not None:
         refuse_existing(Path(args.csv), args.overwrite)
-    prepare(folder, overwrite=args.overwrite)
+    clear_folder(folder, JSON_NAME, CSV_NAME, f"{FIGURE_STEM}.*", overwrite=args.overwrite)
     _write(args, folder, solved, content, text, title, panels)
     return 0
 
@@ -198,8 +199,9 @@ def _write(
     """Figure and files, then what was asked for on stdout."""
     from fitball.report.form.atomic_write import write_text
     from fitball.report.form.csv import csv_text
+    from fitball.report.form.json_text import json_text
     from fitball.report.history.figure import history_figure
-    from fitball.report.history.folder import json_text, write_all
+    from fitball.report.history.folder import write_all
     from fitball.report.history.rows import history_rows, simulation_json
 
     content = {**extra, "simulations": [simulation_json(item) for item in solved]}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -59,6 +58,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.export.golden_table import golden_ids
     from fitball.export.port_words import port_json, port_text
     from fitball.inference.prediction.port_check import check_port
+    from fitball.report.form.json_text import json_text
     from fitball.report.saved.saved_fit import read_fit
 
     saved = read_fit(_fit_path(args.port, args.fit))
@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     regimes = None if port.regimes is None else tuple(port.regimes[k] for k in order)
     check = check_port(saved.fitted, saved.golden, outputs, regimes, args.tolerance)
     if args.json:
-        print(json.dumps(port_json(check, ids, saved.fitted.model_name), indent=1, allow_nan=False))
+        print(json_text(port_json(check, ids, saved.fitted.model_name)), end="")
     else:
         text = port_text(check, ids, saved.fitted.model_name)
         print(text[text.rindex("\n\n") + 2 :] if args.quiet else text)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import tomli_w
@@ -74,11 +73,6 @@ def _parameter(item: SavedParameter) -> dict[str, Any]:
         numbers = {name: found[name] * scale.factor for name in NUMBERS if name in found}
         found["thesis"] = {"unit": scale.unit} | numbers
     return found
-
-
-def json_text(saved: SavedFit) -> str:
-    """The set as JSON; NaN cannot occur."""
-    return json.dumps(parameter_content(saved), indent=1, allow_nan=False) + "\n"
 
 
 def toml_text(saved: SavedFit) -> str:

@@ -1,5 +1,5 @@
 """Figures of a fit: the arrays first, then the drawing; one registry of kinds.
 
-Offers: `KINDS`, `save_png`.
+Offers: `KINDS`, `draw`, `save_figure`.
 May import: report.form, inference, models, data.
 """
