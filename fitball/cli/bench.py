@@ -18,7 +18,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "bench",
         run,
         help="speed against error, and where time goes",
-        description="Measure time an impact against error for the closed form and for what one would write without "
+        description="Measure time per impact against error for the closed form and for what one would write without "
         "it, cold starts, the stages of a calibration, and growth with rows and draws. Writes CSV files, a figure "
         "and a summary.",
         epilog="example:\n  fitball bench --quick\n",

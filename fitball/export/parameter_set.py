@@ -82,7 +82,7 @@ def toml_text(saved: SavedFit) -> str:
 
 
 def parameter_table(saved: SavedFit) -> str:
-    """CSV: one row a parameter, in SI and, where the thesis has a unit of its own, in that."""
+    """CSV: one row per parameter, in SI and, where the thesis has a unit of its own, in that."""
     rows: list[dict[str, object]] = []
     for item in saved.parameters.values():
         scale = THESIS.get(item.name)

@@ -27,14 +27,14 @@ def measured_outputs(table: ImpactTable) -> dict[str, FloatArray]:
     return {name: found[name] for name in OUTPUTS if name in found}
 
 
-def predicted_outputs(rebound: Rebound, told: Collection[str]) -> dict[str, FloatArray]:
-    """Outputs of one parameter set (impacts,), from rebounds (1, impacts); those a model is told, and a contact time
+def predicted_outputs(rebound: Rebound, given_columns: Collection[str]) -> dict[str, FloatArray]:
+    """Outputs of one parameter set (impacts,), from rebounds (1, impacts); those given to a model, and a contact time
     it does not have, are left out.
     """
-    found = {name: PREDICTED[name](rebound)[0] for name in OUTPUTS if name not in told}
+    found = {name: PREDICTED[name](rebound)[0] for name in OUTPUTS if name not in given_columns}
     if np.any(np.isnan(found["contact_time"])):
         del found["contact_time"]
-    if "v_y2" in told:
+    if "v_y2" in given_columns:
         found.pop("v_2")
     return found
 
