@@ -57,7 +57,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--resume", action="store_true", help="go on with an interrupted or unconverged run")
     parser.add_argument("--overwrite", action="store_true", help="replace an older result in the folder")
     parser.add_argument("--max-steps", type=count, metavar="N", help="steps of each ensemble at most (default 20000)")
-    parser.add_argument("--walkers", type=count, metavar="N", help="walkers of each ensemble (default 4 per parameter)")
+    parser.add_argument(
+        "--walkers", type=count, metavar="N", help="walkers of each ensemble (default 4 per parameter)"
+    )
     add_cores(parser)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.add_argument("--quiet", action="store_true", help="no progress, no table: only errors and files")
