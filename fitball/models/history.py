@@ -98,13 +98,8 @@ class History:
     radius: float
 
     @property
-    def transitions(self) -> FloatArray:
-        """Times at which one phase hands over to the next [s], (spans - 1,)."""
-        return np.array([span.start for span in self.spans[1:]])
-
-    @property
     def transition_shares(self) -> FloatArray:
-        """`transitions` as shares of the contact time."""
+        """Times at which one phase hands over to the next, as shares of the contact time, (spans - 1,)."""
         return np.array([span.start_share for span in self.spans[1:]])
 
     @property
@@ -133,7 +128,7 @@ def two_mass_history(
     """Courses of the impact whose rebound is known; `row` and `codes` as in `bounce`. Raises ParameterError."""
     contact_time = float(rebound.contact_time[0])
     wanted = checked_times(times, contact_time)
-    v_x, v_y, omega = (float(item[0]) for item in (impact.v_x1, impact.v_y1, impact.omega_1))
+    v_x, v_y, omega = (float(column[0]) for column in (impact.v_x1, impact.v_y1, impact.omega_1))
     cor = float(impact.cor[0]) if impact.cor is not None else math.nan
     # The end is looked at whether it was asked for or not.
     all_courses, all_phases, facts, pieces = kernel.bounce_history(
@@ -172,28 +167,28 @@ def two_mass_history(
 
 def _after_release(codes: NDArray[np.int64], leaving: Motion, rebound: Rebound) -> Motion:
     """The ball in flight: one spin where that is the closure, and the core's velocity that of the ball."""
-    v_x2, v_y2, omega_2 = (float(item[0]) for item in (rebound.v_x2, rebound.v_y2, rebound.omega_2))
+    v_x2, v_y2, omega_2 = (float(column[0]) for column in (rebound.v_x2, rebound.v_y2, rebound.omega_2))
     keeps_twisting = codes[3] == 1
     return Motion(v_x2, -v_y2, leaving.omega_1 if keeps_twisting else omega_2, omega_2)
 
 
 def _spans(record: FloatArray, t_force: float, contact_time: float) -> tuple[Span, ...]:
     """Phases with their times; what lasts no time is none, and pieces of one phase that a series cut are joined."""
-    found: list[tuple[Phase, float, float]] = []
+    phases: list[tuple[Phase, float, float]] = []
     start = time = lasted = 0.0
     for phase, ending, elapsed in record[:, [PIECE_PHASE, PIECE_ENDING, PIECE_TIME]]:
         time += float(elapsed)
         lasted += float(elapsed)
         if ending != UNFINISHED:
             if lasted > 0.0:
-                found.append((Phase(int(phase)), start, time))
+                phases.append((Phase(int(phase)), start, time))
             start, lasted = time, 0.0
-    if found and contact_time > t_force:
-        found.append((Phase.FREE, t_force, contact_time))
-    if found:
+    if phases and contact_time > t_force:
+        phases.append((Phase.FREE, t_force, contact_time))
+    if phases:
         # The last piece ends with the contact, whatever the rounding of the sum says.
-        found[-1] = (*found[-1][:2], contact_time)
-    return tuple(Span(phase, a, b, a / contact_time, b / contact_time) for phase, a, b in found)
+        phases[-1] = (*phases[-1][:2], contact_time)
+    return tuple(Span(phase, a, b, a / contact_time, b / contact_time) for phase, a, b in phases)
 
 
 def _peaks(facts: FloatArray, v_y: float) -> tuple[Peak, Peak]:

@@ -253,7 +253,7 @@ def thesis_batch(
         own = i if v_x1.shape[0] > 1 else 0
         for j in range(v_x1.shape[1]):
             row[4] = eps[i, j]
-            found, v_x2, v_y2, omega_2, time, phases = thesis_bounce(
+            status[i, j], v_x2, v_y2, omega_2, time, phases = thesis_bounce(
                 row, damping_formula, cor[i, j], v_x1[own, j], v_y1[own, j], omega_1[own, j]
             )
             out[0, i, j] = v_x2
@@ -261,4 +261,3 @@ def thesis_batch(
             out[2, i, j] = omega_2
             out[3, i, j] = time
             regime[i, j] = phases
-            status[i, j] = found

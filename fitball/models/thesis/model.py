@@ -164,7 +164,7 @@ class ThesisModel(Model):
         names = tuple(parameters)
         rows, _index = self._rows(names, np.array([[float(parameters[name]) for name in names]]))
         mass_ratio, k_y, k_theta, mu, _eps, c_y, split, mass, radius, inertia = (float(x) for x in rows[0])
-        v_x, v_y, omega = (float(item[0]) for item in (impact.v_x1, impact.v_y1, impact.omega_1))
+        v_x, v_y, omega = (float(column[0]) for column in (impact.v_x1, impact.v_y1, impact.omega_1))
         line = v_y - ANCHOR_SPEED
         if impact.cor is not None:
             cor = float(impact.cor[0])
