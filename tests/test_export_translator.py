@@ -34,9 +34,9 @@ FLAGS = ("-std=c99", "-O0", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
 )
 def test_the_translator_refuses_what_it_does_not_know(body):
     function = ast.parse(f"def kernel(x: float) -> float:\n    {body}\n").body[0]
-    signatures = {"kernel": signature(function)}
+    signatures = {"kernel": signature(function, {})}
     with pytest.raises(UnportableError):
-        c_function(function, signatures, {}, "fitball_")
+        c_function(function, signatures, {}, {}, "fitball_")
 
 
 def test_the_translator_keeps_what_python_means(tmp_path):
@@ -50,7 +50,7 @@ def test_the_translator_keeps_what_python_means(tmp_path):
     scope = {}
     exec(source, scope)
     function = ast.parse(source).body[0]
-    text = c_function(function, {"kernel": signature(function)}, {}, "")
+    text = c_function(function, {"kernel": signature(function, {})}, {}, {}, "")
     main = "#include <stdio.h>\n#include <math.h>\n#include <stdint.h>\n#include <stdbool.h>\n#include <stddef.h>\n"
     main += text + '\nint main(void) { printf("%.17g %.17g", kernel(1.3, 5), kernel(-0.7, 3)); return 0; }\n'
     (tmp_path / "main.c").write_text(main)
@@ -69,7 +69,7 @@ def test_least_and_greatest_of_whole_and_real_numbers(name):
         listed = ", ".join(f"{letter}: {kind}" for letter, kind in zip("abc", kinds, strict=False))
         source = f"def kernel({listed}) -> float:\n    return 1.0 * {call}\n"
         function = ast.parse(source).body[0]
-        return c_function(function, {"kernel": signature(function)}, {}, "p_")
+        return c_function(function, {"kernel": signature(function, {})}, {}, {}, "p_")
 
     assert f"p_{name}_whole(a, b)" in translated(f"{name}(a, b)", ["int", "int"])
     for kinds in (["int", "float"], ["float", "int"], ["float", "float"]):

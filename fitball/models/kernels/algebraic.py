@@ -69,9 +69,6 @@ def algebraic_batch(
         row = rows[i]
         own = i if v_x1.shape[0] > 1 else 0
         for j in range(v_x1.shape[1]):
-            found, v_x2, v_y2, omega_2, phase = algebraic_bounce(row, v_x1[own, j], v_y1[own, j], omega_1[own, j])
-            out[0, i, j] = v_x2
-            out[1, i, j] = v_y2
-            out[2, i, j] = omega_2
-            regime[i, j] = phase
-            status[i, j] = found
+            status[i, j], out[0, i, j], out[1, i, j], out[2, i, j], regime[i, j] = algebraic_bounce(
+                row, v_x1[own, j], v_y1[own, j], omega_1[own, j]
+            )
