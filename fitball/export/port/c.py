@@ -11,7 +11,7 @@ from fitball.export.port.c_types import STRIDE, Type, fields_of, struct_definiti
 from fitball.export.port.kernel_source import Constant
 from fitball.export.port.port import SELF_TEST_TOLERANCE, SERIES_SIZE, Port, status_reasons
 from fitball.models.capabilities import LINES
-from fitball.models.kernels.events import DEPTH
+from fitball.models.kernels.events import MAX_DEPTH
 from fitball.models.types import PHASE_SYMBOL
 
 WIDTH = 110
@@ -27,7 +27,7 @@ def c_port(port: Port, prefix: str = "fitball_") -> str:
     parts = [
         _head(port, prefix, complex_numbers),
         "\n".join(struct_definitions(kinds, prefix)),
-        "\n".join(_constant(name, value, prefix) for name, value in port.source.constants.items()),
+        "\n".join(c_constant(name, value, prefix) for name, value in port.source.constants.items()),
         HELPERS.replace("COMPLEX_HELPER", _COMPLEX if complex_numbers else ""),
         *(c_function(item, signatures, port.source.constants, structs, prefix) for item in functions),
         _face(port),
@@ -75,14 +75,17 @@ def _head(port: Port, prefix: str, complex_numbers: bool) -> str:
     )
 
 
-def _constant(name: str, value: Constant, prefix: str) -> str:
+def c_constant(name: str, value: Constant, prefix: str) -> str:
+    """The definition of a module constant."""
     if isinstance(value, tuple):
         return f"static const {prefix}{type(value).__name__} {prefix.upper()}{name} = {_braced(value)};"
     return f"#define {prefix.upper()}{name} ({value!r})"
 
 
 def _braced(value: Constant) -> str:
-    return f"{{{', '.join(map(_braced, value))}}}" if isinstance(value, tuple) else repr(value)
+    if isinstance(value, tuple):
+        return f"{{{', '.join(map(_braced, value))}}}"
+    return repr(value).lower()
 
 
 def _face(port: Port) -> str:
@@ -100,7 +103,7 @@ def _face(port: Port) -> str:
         FACE.replace("CALL_THE_KERNEL", call.strip("\n"))
         .replace("PARAMETER_ROW", row)
         .replace("SERIES_SIZE", str(SERIES_SIZE))
-        .replace("STACK_SIZE", str((DEPTH + 1) * STRIDE))
+        .replace("STACK_SIZE", str((MAX_DEPTH + 1) * STRIDE))
         .replace("CODE_LIST", ", ".join(map(str, port.call.codes)))
         .replace("PHASE_NAMES", phases)
         .replace("REASON_CASES", reasons)

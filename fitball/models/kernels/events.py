@@ -23,13 +23,13 @@ from fitball.values import FloatArray
 # Layout of a function's coefficient array: its value (5, from 0), two derivatives, and bounds of the sixth.
 SLOPE, CURVE, BOUND, SIZE = 5, 9, 13, 15
 # Halvings after which an undecided interval is narrower than the rounding of its ends.
-DEPTH = 56
+MAX_DEPTH = 56
 # The row behind the stack of `first_zero` holds how many halvings are left to the contact. A ball of the field needs
 # some tens; a joint with a million oscillations in one contact would need seconds.
-HALVINGS, ALLOWANCE = DEPTH, 1.0e6
+HALVINGS_LEFT, MAX_HALVINGS = MAX_DEPTH, 1.0e6
 NO_ZERO = -1.0
 # Decay over one step back beyond which the basis is computed afresh: undoing it amplifies rounding by its inverse.
-UNDONE = 0.5
+LARGEST_DECAY_UNDONE = 0.5
 AT_START: Basis[float] = Basis(Swing(1.0, 0.0, 1.0), Swing(1.0, 0.0, 1.0))
 
 
@@ -170,7 +170,7 @@ def polish(
             step = following - t
         t = following
         if series.terms == 0:
-            if -step * max(oscillators.torsion.decay, oscillators.vertical.decay) > UNDONE:
+            if -step * max(oscillators.torsion.decay, oscillators.vertical.decay) > LARGEST_DECAY_UNDONE:
                 basis = basis_at(oscillators, t)
             else:
                 basis = Basis(
@@ -198,7 +198,7 @@ def first_zero(
 
     Returns it with the basis there; NaN if f overflows or the halvings allowed run out. `order` zeros are known to
     sit at 0 itself (0: f(0) > 0; 1: f' > 0 there; 2: f'' > 0). `end_basis` is the basis at `end`, which a series does
-    not need. `stack` is scratch of shape (DEPTH + 1, 5).
+    not need. `stack` is scratch of shape (MAX_DEPTH + 1, 5).
     """
     left = 0.0
     f0, d0, s0, m0 = evaluate(c, AT_START, series, series_bound, 0.0)
@@ -223,15 +223,15 @@ def first_zero(
         elif order == 0 and f1 <= 0.0 and falls_once(f0, b1, b2, b3, b4, f1, error):
             t = left + h * guess(f0, b1, b2, b3, b4, f1)
             return polish(c, oscillators, series, left, right, t)
-        elif depth >= DEPTH - 1 or h <= 4.5e-16 * right:
+        elif depth >= MAX_DEPTH - 1 or h <= 4.5e-16 * right:
             # Narrower than rounding can resolve: what the right end shows is all there is to know.
             crossed = f1 <= 0.0 and order == 0
             if crossed:
                 return right, AT_START if series.terms > 0 else basis_at(oscillators, right)
-        elif stack[HALVINGS, 0] <= 0.0:
+        elif stack[HALVINGS_LEFT, 0] <= 0.0:
             return math.nan, AT_START
         else:
-            stack[HALVINGS, 0] -= 1.0
+            stack[HALVINGS_LEFT, 0] -= 1.0
             stack[depth, 0], stack[depth, 1], stack[depth, 2] = right, f1, d1
             stack[depth, 3], stack[depth, 4] = s1, m1
             depth += 1

@@ -25,7 +25,7 @@ PIECE_PHASE, PIECE_ENDING, PIECE_SIDE, PIECE_TIME, PIECE_TERMS, PIECE_LENGTH, PI
 UNFINISHED, FORCE_ENDED, EVENT, RESUMED = range(4)
 
 # Relative distance to the edge of the friction cone that rounding of the forces alone can make.
-TIE = 1e-13
+CONE_ROUNDING = 1e-13
 
 
 @compiled
@@ -50,7 +50,7 @@ def cone_margin(friction: float, friction_slope: float, limit: float, limit_slop
     a phase hands over to the next.
     """
     margin = limit - abs(friction)
-    noise = TIE * (limit + abs(friction))
+    noise = CONE_ROUNDING * (limit + abs(friction))
     if margin > noise or margin < -noise:
         return margin
     if friction > noise:
