@@ -42,10 +42,11 @@ int main(void)
         for (int k = 0; k < 8; ++k) if (scanf("%lld", &c[k]) != 1) return 1;
         for (int k = 0; k < 4; ++k) if (scanf("%lf", &v[k]) != 1) return 1;
         const int64_t codes[8] = {c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7]};
-        double function[44], twist[44], drive[44], poles[8], stack[5 * 57];
-        const fitball_taaaas_ scratch = {function, twist, drive, poles, stack};
-        const fitball_tiddddii_ k = fitball_bounce(row, codes, v[0], v[1], v[2], v[3], scratch);
-        printf("%d %.17g %.17g %.17g %.17g %lld\\n", (int)k.f0, k.f1, k.f2, k.f3, k.f4, (long long)k.f5);
+        double function[44], twist[44], drive[44], stack[5 * 57];
+        const fitball_Scratch scratch = {function, twist, drive, stack};
+        const fitball_Bounce b = fitball_bounce(row, codes, v[0], v[1], v[2], v[3], scratch);
+        printf("%d %.17g %.17g %.17g %.17g %lld\\n",
+               (int)b.status, b.v_x2, b.v_y2, b.omega_2, b.contact_time, (long long)b.regime);
     }
 }
 """
@@ -58,9 +59,9 @@ spec.loader.exec_module(port)
 for line in sys.stdin:
     cells = line.split()
     row, codes = list(map(float, cells[:13])), list(map(int, cells[13:21]))
-    scratch = ([0.0] * 44, [0.0] * 44, [0.0] * 44, [0.0] * 8, {})
-    found = port.bounce(row, codes, *map(float, cells[21:]), scratch)
-    print(*map(repr, found[:6]))
+    scratch = port.Scratch([0.0] * 44, [0.0] * 44, [0.0] * 44, {})
+    b = port.bounce(row, codes, *map(float, cells[21:]), scratch)
+    print(*map(repr, (b.status, b.v_x2, b.v_y2, b.omega_2, b.contact_time, b.regime)))
 assert not {"numpy", "numba"} & set(sys.modules)
 """
 

@@ -99,16 +99,16 @@ def test_the_compile_cache_expires_when_a_called_kernel_changes(tmp_path):
 
     shutil.copytree(ROOT / "fitball", tmp_path / "fitball", ignore=shutil.ignore_patterns("__pycache__"))
     code = (
-        "import sys\nsys.path.insert(0, '.')\nfrom fitball.models.kernels.rigid import rigid_contact\n"
-        "print(15.0 - rigid_contact(0.06, 0.033, 3e-5, 0.5, 0.0, True, 0.0, 0.5, False, 15.0, 0.0)[0])"
+        "import sys\nsys.path.insert(0, '.')\nfrom fitball.models.kernels.oscillator import oscillator\n"
+        "print(oscillator(1.0, 4.0, 5.0).frequency)"
     )
     env = {"PATH": "", "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "NUMBA_NUM_THREADS": "1"}
     first = python(code, cwd=tmp_path, env=env)
-    callee = tmp_path / "fitball" / "models" / "kernels" / "landing.py"
+    callee = tmp_path / "fitball" / "models" / "kernels" / "dual.py"
     text = callee.read_text(encoding="utf-8")
-    line = "return direction * mu * impulse, impulse, 0.0, 0.0"
+    line = "return -x if x.real < 0.0 else x"
     assert line in text
-    callee.write_text(text.replace(line, line.replace("mu *", "0.5 * mu *")), encoding="utf-8")
+    callee.write_text(text.replace(line, line.replace("else x", "else 0.25 * x")), encoding="utf-8")
     second = python(code, cwd=tmp_path, env=env)
     assert float(first.stdout) == pytest.approx(2.0 * float(second.stdout)), first.stderr + second.stderr
     other = python(

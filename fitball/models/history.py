@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from fitball.errors import ParameterError
 from fitball.models.kernels import bounce_history as kernel
-from fitball.models.kernels.bounce import TORSION_RIGID
-from fitball.models.kernels.two_mass import PIECE_ENDING, PIECE_PHASE, PIECE_TIME, UNFINISHED
+from fitball.models.kernels.bounce import BALL_MASS, BALL_RADIUS, MU, SPIN, SPIN_SHELL, TORSION, TORSION_RIGID
+from fitball.models.kernels.phases import PIECE_ENDING, PIECE_PHASE, PIECE_TIME, UNFINISHED
+from fitball.models.kernels.quantities import VerticalMotion
 from fitball.models.types import Phase, Rebound, regime_name
 from fitball.values import FloatArray, Impacts
 
@@ -98,13 +99,8 @@ class History:
     radius: float
 
     @property
-    def transitions(self) -> FloatArray:
-        """Times at which one phase hands over to the next [s], (spans - 1,)."""
-        return np.array([span.start for span in self.spans[1:]])
-
-    @property
     def transition_shares(self) -> FloatArray:
-        """`transitions` as shares of the contact time."""
+        """Times at which one phase hands over to the next, as shares of the contact time, (spans - 1,)."""
         return np.array([span.start_share for span in self.spans[1:]])
 
     @property
@@ -133,19 +129,16 @@ def two_mass_history(
     """Courses of the impact whose rebound is known; `row` and `codes` as in `bounce`. Raises ParameterError."""
     contact_time = float(rebound.contact_time[0])
     wanted = checked_times(times, contact_time)
-    v_x, v_y, omega = (float(item[0]) for item in (impact.v_x1, impact.v_y1, impact.omega_1))
+    v_x, v_y, omega = (float(column[0]) for column in (impact.v_x1, impact.v_y1, impact.omega_1))
     cor = float(impact.cor[0]) if impact.cor is not None else math.nan
     # The end is looked at whether it was asked for or not.
-    all_courses, all_phases, facts, pieces = kernel.bounce_history(
-        row, codes, v_x, v_y, omega, cor, np.append(wanted, contact_time)
-    )
-    courses, phases, at_end = all_courses[:, :-1], all_phases[:-1], all_courses[:, -1]
-    spin = float(facts[kernel.LANDED_OMEGA])
-    landed = Motion(float(facts[kernel.LANDED_V_X]), v_y, spin if codes[5] == TORSION_RIGID else omega, spin)
+    followed = kernel.bounce_history(row, codes, v_x, v_y, omega, cor, np.append(wanted, contact_time))
+    courses, at_end = followed.courses[:, :-1], followed.courses[:, -1]
+    spin = followed.landed_omega
+    landed = Motion(followed.landed_v_x, v_y, spin if codes[TORSION] == TORSION_RIGID else omega, spin)
     leaving = Motion(*(float(at_end[k]) for k in (kernel.V_X, kernel.V_Y, kernel.OMEGA_CORE, kernel.OMEGA_SHELL)))
     left = _after_release(codes, leaving, rebound)
-    mass, radius = float(row[10]), float(row[11])
-    peak_compression, peak_force = _peaks(facts, v_y)
+    peak_compression, peak_force = _peaks(followed.vertical, v_y)
     return History(
         times=wanted,
         y=courses[kernel.Y],
@@ -155,60 +148,64 @@ def two_mass_history(
         omega_2=courses[kernel.OMEGA_SHELL],
         twist=courses[kernel.TWIST],
         slip=courses[kernel.SLIP],
-        normal_force=courses[kernel.NORMAL],
-        friction_force=courses[kernel.FRICTION],
-        phase=phases,
+        normal_force=courses[kernel.NORMAL_FORCE],
+        friction_force=courses[kernel.FRICTION_FORCE],
+        phase=followed.phases[:-1],
         contact_time=contact_time,
-        landing=Jump(Motion(v_x, v_y, omega, omega), landed, float(facts[kernel.LANDING]), mass * (landed.v_x - v_x)),
+        landing=Jump(
+            Motion(v_x, v_y, omega, omega), landed, followed.landing, float(row[BALL_MASS]) * (landed.v_x - v_x)
+        ),
         release=Jump(leaving, left, 0.0, 0.0),
-        spans=_spans(pieces, float(facts[kernel.T_FORCE]), contact_time),
+        spans=_spans(followed.phase_log, followed.vertical.t_force, contact_time),
         regime=int(rebound.regime[0]),
         peak_compression=peak_compression,
         peak_force=peak_force,
-        friction=float(row[3]),
-        radius=radius,
+        friction=float(row[MU]),
+        radius=float(row[BALL_RADIUS]),
     )
 
 
 def _after_release(codes: NDArray[np.int64], leaving: Motion, rebound: Rebound) -> Motion:
     """The ball in flight: one spin where that is the closure, and the core's velocity that of the ball."""
-    v_x2, v_y2, omega_2 = (float(item[0]) for item in (rebound.v_x2, rebound.v_y2, rebound.omega_2))
-    keeps_twisting = codes[3] == 1
+    v_x2, v_y2, omega_2 = (float(column[0]) for column in (rebound.v_x2, rebound.v_y2, rebound.omega_2))
+    keeps_twisting = codes[SPIN] == SPIN_SHELL
     return Motion(v_x2, -v_y2, leaving.omega_1 if keeps_twisting else omega_2, omega_2)
 
 
-def _spans(record: FloatArray, t_force: float, contact_time: float) -> tuple[Span, ...]:
+def _spans(phase_log: FloatArray, t_force: float, contact_time: float) -> tuple[Span, ...]:
     """Phases with their times; what lasts no time is none, and pieces of one phase that a series cut are joined."""
-    found: list[tuple[Phase, float, float]] = []
+    phases: list[tuple[Phase, float, float]] = []
     start = time = lasted = 0.0
-    for phase, ending, elapsed in record[:, [PIECE_PHASE, PIECE_ENDING, PIECE_TIME]]:
+    for phase, ending, elapsed in phase_log[:, [PIECE_PHASE, PIECE_ENDING, PIECE_TIME]]:
         time += float(elapsed)
         lasted += float(elapsed)
         if ending != UNFINISHED:
             if lasted > 0.0:
-                found.append((Phase(int(phase)), start, time))
+                phases.append((Phase(int(phase)), start, time))
             start, lasted = time, 0.0
-    if found and contact_time > t_force:
-        found.append((Phase.FREE, t_force, contact_time))
-    if found:
+    if phases and contact_time > t_force:
+        phases.append((Phase.FREE, t_force, contact_time))
+    if phases:
         # The last piece ends with the contact, whatever the rounding of the sum says.
-        found[-1] = (*found[-1][:2], contact_time)
-    return tuple(Span(phase, a, b, a / contact_time, b / contact_time) for phase, a, b in found)
+        phases[-1] = (*phases[-1][:2], contact_time)
+    return tuple(Span(phase, a, b, a / contact_time, b / contact_time) for phase, a, b in phases)
 
 
-def _peaks(facts: FloatArray, v_y: float) -> tuple[Peak, Peak]:
+def _peaks(vertical: VerticalMotion[float], v_y: float) -> tuple[Peak, Peak]:
     """Largest compression and largest normal force, each where its derivative vanishes."""
-    riding, omega2, sigma, w2 = (float(facts[k]) for k in (kernel.RIDING, kernel.OMEGA2, kernel.SIGMA, kernel.W2))
+    spring = vertical.spring
+    sigma, w_squared = spring.decay, spring.damped_squared
     # Below a billionth of the decay the frequency changes neither angle over frequency nor its hyperbolic twin.
-    w = max(math.sqrt(abs(w2)), 1e-9 * sigma)
+    w = max(spring.frequency, 1e-9 * sigma)
     # y' = 0 where tan(w t) = w/sigma.
-    t_y = math.atan2(w, sigma) / w if w2 >= 0.0 else math.atanh(w / sigma) / w
+    t_y = math.atan2(w, sigma) / w if w_squared >= 0.0 else math.atanh(w / sigma) / w
     # F = riding (2 sigma y' + omega^2 y) starts at 2 sigma, with slope omega^2 - 4 sigma^2, in units of riding v_y:
-    # beyond zeta = 1/2 it only falls. F' = 0 where tan(w t)/w = slope/(w2 2 sigma + sigma (slope + 2 sigma^2)).
-    slope = omega2 - 4.0 * sigma * sigma
+    # beyond zeta = 1/2 it only falls. F' = 0 where tan(w t)/w = slope/(w^2 2 sigma + sigma (slope + 2 sigma^2)).
+    slope = spring.natural_squared - 4.0 * sigma * sigma
     t_force = 0.0
     if slope > 0.0:
-        t_force = math.atan2(w * slope, sigma * (2.0 * w2 + slope + 2.0 * sigma * sigma)) / w
-    y, _rate = kernel.vertical_at(sigma, omega2, w2, v_y, t_y)
-    at_force, rate = kernel.vertical_at(sigma, omega2, w2, v_y, t_force)
-    return Peak(y, t_y), Peak(riding * (2.0 * sigma * rate + omega2 * at_force), t_force)
+        t_force = math.atan2(w * slope, sigma * (2.0 * w_squared + slope + 2.0 * sigma * sigma)) / w
+    y, _rate = kernel.vertical_at(spring, v_y, t_y)
+    at_force, rate = kernel.vertical_at(spring, v_y, t_force)
+    largest = vertical.riding_mass * (2.0 * sigma * rate + spring.natural_squared * at_force)
+    return Peak(y, t_y), Peak(largest, t_force)

@@ -23,8 +23,8 @@ class ReboundJacobian:
     restitution make of `v_y1`. `parameters` (draws, impacts, 4, names): with respect to `names`. `cor` (draws,
     impacts, 4): with respect to the impact's own measured restitution, which the closure `cor = measured` makes an
     input independent of the speeds; None without that closure. All are those of the regime the impact is in; on the
-    boundary of two regimes the rebound has a kink, and they are one-sided (`boundary.boundary_margin` tells how near
-    that is). Where the status is not OK they are NaN, as is the contact time of models that have none.
+    boundary of two regimes the rebound has a kink, and they are one-sided. Where the status is not OK they are NaN,
+    as is the contact time of models that have none.
     """
 
     rebound: Rebound
@@ -42,12 +42,12 @@ def seeds(
 ) -> FloatArray:
     """What each column of `rows(names, values)` gains per unit of a parameter, (parameters, draws, columns)."""
     plain = rows(names, values)
-    found = np.empty((len(parameters), *plain.shape))
+    gains = np.empty((len(parameters), *plain.shape))
     for k, name in enumerate(parameters):
         moved = values.astype(np.complex128)
         moved[:, list(names).index(name)] += 1j * STEP
-        found[k] = rows(names, moved).imag / STEP
-    return found
+        gains[k] = rows(names, moved).imag / STEP
+    return gains
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import ClassVar, final
 
@@ -137,25 +137,18 @@ class Model(ABC):
         names, values, single = self._checked(parameters)
         if self.needs_cor and impacts.cor is None:
             raise ModelError("closure cor = 'measured' needs each impact's own `cor`: pass impacts(..., cor=...)")
-        found = self.evaluate(names, values, impacts)
+        rebound = self.evaluate(names, values, impacts)
         if not single:
-            return found
-        failed = np.flatnonzero(found.status[0])
+            return rebound
+        failed = np.flatnonzero(rebound.status[0])
         if failed.size:
             first = int(failed[0])
-            reason = STATUS_REASON[Status(int(found.status[0, first]))]
+            reason = STATUS_REASON[Status(int(rebound.status[0, first]))]
             raise ParameterError(
                 f"model {self.name}: impact {first + 1} (v_y1 = {impacts.v_y1[first]:g} m/s) cannot be "
                 f"evaluated: {reason}"
             )
-        return Rebound(
-            found.v_x2[0],
-            found.v_y2[0],
-            found.omega_2[0],
-            found.contact_time[0],
-            found.regime[0],
-            found.status[0],
-        )
+        return Rebound(*(getattr(rebound, column.name)[0] for column in fields(Rebound)))
 
     def history(
         self,

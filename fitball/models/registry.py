@@ -106,16 +106,16 @@ def model(name: str = DEFAULT_MODEL, *, ball: Ball | None = None, tangential: bo
     `ball` defaults to Wang's. `tangential=False` keeps the vertical motion only, for drop tests. Raises ModelError
     for an unknown name, closure or option.
     """
-    found = entry(name)
-    if found.closures is None and closures:
+    chosen = entry(name)
+    if chosen.closures is None and closures:
         raise ModelError(f"model {name} has no closures, so {', '.join(sorted(closures))} cannot be chosen")
-    composed = found.closures and _changed(found.closures, closures)
-    return found.compose(name, ball if ball is not None else Ball(), tangential, composed)
+    composed = chosen.closures and _changed(chosen.closures, closures)
+    return chosen.compose(name, ball if ball is not None else Ball(), tangential, composed)
 
 
 def parameter_spec(name: str) -> ParameterSpec | None:
     """What a parameter of any model, or of its ball, is; None for a name that none of them has."""
-    own = (spec for item in MODELS for spec in model(item).parameters if spec.name == name)
+    own = (spec for other in MODELS for spec in model(other).parameters if spec.name == name)
     return SPECS.get(name) or next(own, None)
 
 
@@ -130,7 +130,7 @@ def ranked() -> tuple[str, ...]:
 
 
 def _changed(base: Closures | ThesisClosures, chosen: Mapping[str, str]) -> Closures | ThesisClosures:
-    known = [item.name for item in fields(base)]
+    known = [closure.name for closure in fields(base)]
     for closure in chosen:
         if closure not in known:
             raise ModelError(f"unknown closure '{closure}': {suggestion(closure, known)}")

@@ -92,8 +92,9 @@ class TwoMassModel(Model):
             if name in names:
                 rows[:, column] = values[:, list(names).index(name)]
         if "mass_ratio" not in names:
-            rows[:, 0] = 1.0
-        rows[:, 10], rows[:, 11], rows[:, 12] = ball_columns(self.ball, names, values)
+            rows[:, bounce.MASS_RATIO] = 1.0
+        columns = ball_columns(self.ball, names, values)
+        rows[:, bounce.BALL_MASS], rows[:, bounce.BALL_RADIUS], rows[:, bounce.BALL_INERTIA] = columns
         return rows
 
     def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts) -> Rebound:

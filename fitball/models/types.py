@@ -25,10 +25,10 @@ Damping = Literal["given", "chapter_three", "chapter_five"]
 def check_options(closures: Closures | ThesisClosures) -> None:
     """Raise ModelError for a closure that has no such option."""
     hints = get_type_hints(type(closures))
-    for item in fields(closures):
-        value, known = getattr(closures, item.name), get_args(hints[item.name])
+    for closure in fields(closures):
+        value, known = getattr(closures, closure.name), get_args(hints[closure.name])
         if value not in known:
-            raise ModelError(f"closure {item.name} = {value!r}: {suggestion(str(value), known)}")
+            raise ModelError(f"closure {closure.name} = {value!r}: {suggestion(str(value), known)}")
 
 
 @dataclass(frozen=True)
@@ -161,4 +161,4 @@ class Rebound:
 
     def take(self, impacts: NDArray[np.int64]) -> Rebound:
         """Those of some of the impacts."""
-        return Rebound(*(getattr(self, item.name)[..., impacts] for item in fields(self)))
+        return Rebound(*(getattr(self, column.name)[..., impacts] for column in fields(self)))

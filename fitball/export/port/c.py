@@ -7,11 +7,11 @@ from textwrap import wrap
 
 from fitball.export.port.c_statements import c_function, signature
 from fitball.export.port.c_text import CALLS, FACE, HELPERS, SELF_TEST
-from fitball.export.port.c_types import STRIDE, Type, struct_definitions
+from fitball.export.port.c_types import STRIDE, Type, fields_of, struct_definitions, structs_of
 from fitball.export.port.kernel_source import Constant
 from fitball.export.port.port import SELF_TEST_TOLERANCE, SERIES_SIZE, Port, status_reasons
 from fitball.models.capabilities import LINES
-from fitball.models.kernels.events import DEPTH, POLES
+from fitball.models.kernels.events import MAX_DEPTH
 from fitball.models.types import PHASE_SYMBOL
 
 WIDTH = 110
@@ -20,24 +20,22 @@ WIDTH = 110
 def c_port(port: Port, prefix: str = "fitball_") -> str:
     """The header's text; every name in it begins with `prefix`. Raises UnportableError."""
     functions = port.source.functions
-    signatures = {item.name: signature(item) for item in functions}
-    kinds: list[tuple[Type, ...]] = [
-        kind for kinds, result in signatures.values() for kind in (*kinds, result) if isinstance(kind, tuple)
-    ]
-    complex_numbers = any("z" in _flat(kind) for pair in signatures.values() for kind in (*pair[0], pair[1]))
+    structs = structs_of(port.source.structs)
+    signatures = {item.name: signature(item, structs) for item in functions}
+    kinds = [*structs.values(), *(kind for taken, result in signatures.values() for kind in (*taken, result))]
+    complex_numbers = any("z" in _flat(kind) for kind in kinds)
     parts = [
         _head(port, prefix, complex_numbers),
         "\n".join(struct_definitions(kinds, prefix)),
-        "\n".join(_constant(name, value, prefix) for name, value in port.source.constants.items()),
+        "\n".join(c_constant(name, value, prefix) for name, value in port.source.constants.items()),
         HELPERS.replace("COMPLEX_HELPER", _COMPLEX if complex_numbers else ""),
-        *(c_function(item, signatures, port.source.constants, prefix) for item in functions),
+        *(c_function(item, signatures, port.source.constants, structs, prefix) for item in functions),
         _face(port),
-        SELF_TEST,
+        _self_test(port),
         f"#endif /* {_guard(prefix)} */",
     ]
     text = "\n\n".join(part.strip("\n") for part in parts if part.strip()) + "\n"
-    text = text.replace("@@", prefix).replace("@UP@", prefix.upper()).replace("TOLERANCE_", repr(SELF_TEST_TOLERANCE))
-    return _golden(text, port)
+    return text.replace("@@", prefix).replace("@UP@", prefix.upper())
 
 
 _COMPLEX = """
@@ -52,7 +50,7 @@ static inline double complex @@complex(double re, double im)
 
 
 def _flat(kind: Type) -> str:
-    return kind if isinstance(kind, str) else "".join(map(_flat, kind))
+    return kind if isinstance(kind, str) else "".join(_flat(item) for _name, item in fields_of(kind))
 
 
 def _guard(prefix: str) -> str:
@@ -77,11 +75,17 @@ def _head(port: Port, prefix: str, complex_numbers: bool) -> str:
     )
 
 
-def _constant(name: str, value: Constant, prefix: str) -> str:
+def c_constant(name: str, value: Constant, prefix: str) -> str:
+    """The definition of a module constant."""
     if isinstance(value, tuple):
-        kind = "t" + "d" * len(value) + "_"
-        return f"static const {prefix}{kind} {prefix.upper()}{name} = {{{', '.join(map(repr, value))}}};"
+        return f"static const {prefix}{type(value).__name__} {prefix.upper()}{name} = {_braced(value)};"
     return f"#define {prefix.upper()}{name} ({value!r})"
+
+
+def _braced(value: Constant) -> str:
+    if isinstance(value, tuple):
+        return f"{{{', '.join(map(_braced, value))}}}"
+    return repr(value).lower()
 
 
 def _face(port: Port) -> str:
@@ -99,8 +103,7 @@ def _face(port: Port) -> str:
         FACE.replace("CALL_THE_KERNEL", call.strip("\n"))
         .replace("PARAMETER_ROW", row)
         .replace("SERIES_SIZE", str(SERIES_SIZE))
-        .replace("POLE_SIZE", str(POLES))
-        .replace("STACK_SIZE", str((DEPTH + 1) * STRIDE))
+        .replace("STACK_SIZE", str((MAX_DEPTH + 1) * STRIDE))
         .replace("CODE_LIST", ", ".join(map(str, port.call.codes)))
         .replace("PHASE_NAMES", phases)
         .replace("REASON_CASES", reasons)
@@ -108,7 +111,7 @@ def _face(port: Port) -> str:
     )
 
 
-def _golden(text: str, port: Port) -> str:
+def _self_test(port: Port) -> str:
     def number(value: float) -> str:
         return "NAN" if math.isnan(value) else repr(value)
 
@@ -122,7 +125,8 @@ def _golden(text: str, port: Port) -> str:
     )
     incident = "in[0], in[1], in[2]" + (", in[3]" if port.needs_cor else "")
     return (
-        text.replace("GOLDEN_ROWS", rows)
+        SELF_TEST.replace("GOLDEN_ROWS", rows)
+        .replace("TOLERANCE_", repr(SELF_TEST_TOLERANCE))
         .replace("GOLDEN_INCIDENT", incident)
         .replace("BALL_RADIUS", repr(port.radius))
         .replace("MODEL_NAME", port.model)

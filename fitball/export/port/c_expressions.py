@@ -6,7 +6,7 @@ import ast
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from fitball.export.port.c_types import STRIDE, Type, c_type, joined
+from fitball.export.port.c_types import STRIDE, Struct, Structs, Type, c_type, joined
 from fitball.export.port.kernel_source import Constant, UnportableError
 
 _ARITHMETIC: Mapping[type[ast.operator], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
@@ -23,10 +23,11 @@ Code = tuple[str, Type]
 
 @dataclass
 class Scope:
-    """What names mean: signatures of kernels, module constants, and the locals of the function at hand."""
+    """What names mean: signatures of kernels, module constants, structs, and the locals of the function at hand."""
 
     signatures: Mapping[str, tuple[tuple[Type, ...], Type]]
     constants: Mapping[str, Constant]
+    structs: Structs
     prefix: str
     variables: dict[str, Type] = field(default_factory=dict)
 
@@ -62,7 +63,9 @@ def _name(node: ast.Name, scope: Scope) -> Code:
         return node.id, scope.variables[node.id]
     if node.id in scope.constants:
         value = scope.constants[node.id]
-        kind: Type = ("d",) * len(value) if isinstance(value, tuple) else "d" if isinstance(value, float) else "i"
+        kind: Type = "d" if isinstance(value, float) else "i"
+        if isinstance(value, tuple):
+            kind = scope.structs[type(value).__name__]
         return f"{scope.prefix.upper()}{node.id}", kind
     raise UnknownTypeError(f"{node.id} is read before its type is known")
 
@@ -129,6 +132,8 @@ def _attribute(node: ast.Attribute, scope: Scope) -> Code:
     if isinstance(node.value, ast.Name) and node.value.id == "math" and node.attr in _MATH_VALUES:
         return _MATH_VALUES[node.attr], "d"
     text, kind = expression(node.value, scope)
+    if isinstance(kind, Struct) and (held := kind.field(node.attr)) is not None:
+        return f"{text}.{node.attr}", held
     if node.attr in ("real", "imag") and kind == "z":
         return f"c{node.attr}({text})", "d"
     if node.attr == "real" and kind == "d":
@@ -176,12 +181,20 @@ def _call(node: ast.Call, scope: Scope) -> Code:
     if not isinstance(node.func, ast.Name):
         raise refused(node)
     name = node.func.id
+    if name in scope.structs:
+        made = scope.structs[name]
+        _check_arguments(node, tuple(kind for _field, kind in made.fields), kinds)
+        return f"({c_type(made, scope.prefix)}){{{listed}}}", made
     if name in scope.signatures:
         wanted, result = scope.signatures[name]
-        if len(wanted) != len(kinds) or any(joined(*pair) != pair[0] for pair in zip(wanted, kinds, strict=True)):
-            raise refused(node)
+        _check_arguments(node, wanted, kinds)
         return f"{scope.prefix}{name}({listed})", result
     return _builtin(node, name, listed, kinds, scope.prefix)
+
+
+def _check_arguments(node: ast.Call, wanted: tuple[Type, ...], kinds: list[Type]) -> None:
+    if len(wanted) != len(kinds) or any(joined(*pair) != pair[0] for pair in zip(wanted, kinds, strict=True)):
+        raise refused(node)
 
 
 def _builtin(node: ast.Call, name: str, listed: str, kinds: list[Type], prefix: str) -> Code:

@@ -7,29 +7,28 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from fitball.export.port.c_expressions import Scope, UnknownTypeError, expression, refused
-from fitball.export.port.c_types import Type, annotated, c_type, declared, joined
+from fitball.export.port.c_types import Structs, Type, annotated, c_type, declared, fields_of, joined
 from fitball.export.port.kernel_source import Constant, UnportableError, local_names
 
 Signature = tuple[tuple[Type, ...], Type]
 
 
-def signature(function: ast.FunctionDef) -> Signature:
+def signature(function: ast.FunctionDef, structs: Structs) -> Signature:
     """Types of the parameters and of the result."""
-    two_indices = {
-        node.value.id
-        for node in ast.walk(function)
-        if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Tuple) and isinstance(node.value, ast.Name)
-    }
-    kinds = ["S" if item.arg in two_indices else annotated(item.annotation) for item in function.args.args]
-    return tuple(kinds), annotated(function.returns)
+    kinds = (annotated(item.annotation, structs) for item in function.args.args)
+    return tuple(kinds), annotated(function.returns, structs)
 
 
 def c_function(
-    function: ast.FunctionDef, signatures: Mapping[str, Signature], constants: Mapping[str, Constant], prefix: str
+    function: ast.FunctionDef,
+    signatures: Mapping[str, Signature],
+    constants: Mapping[str, Constant],
+    structs: Structs,
+    prefix: str,
 ) -> str:
     """One kernel as a `static inline` function. Raises UnportableError for what has no translation."""
     kinds, result = signatures[function.name]
-    scope = Scope(signatures, constants, prefix)
+    scope = Scope(signatures, constants, structs, prefix)
     names = [item.arg for item in function.args.args]
     scope.variables.update(zip(names, kinds, strict=True))
     _infer(function, scope)
@@ -54,11 +53,16 @@ def c_function(
 
 
 def _initialised(kind: Type, name: str, prefix: str) -> str:
-    text = declared(kind, name, prefix)
-    zero = {"b": "false", "i": "0", "d": "0.0", "z": "0.0"}
-    if isinstance(kind, tuple):
-        return f"{text} = {{0}}" if not isinstance(kind[0], tuple) else f"{text} = {{{{0}}}}"
-    return f"{text} = {zero.get(kind, 'NULL')}"
+    held = fields_of(kind)
+    # What follows a first zero is zero too; of structs within structs compilers want to see it.
+    short = held and isinstance(held[0][1], str)
+    return f"{declared(kind, name, prefix)} = {'{0}' if short else _zero(kind)}"
+
+
+def _zero(kind: Type) -> str:
+    if isinstance(kind, str):
+        return {"b": "false", "i": "0", "d": "0.0", "z": "0.0"}.get(kind, "NULL")
+    return f"{{{', '.join(_zero(item) for _name, item in fields_of(kind))}}}"
 
 
 def _read_names(function: ast.FunctionDef) -> set[str]:

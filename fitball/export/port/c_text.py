@@ -22,16 +22,15 @@ CALLS = {
 """,
     "two-mass": """
     static const int64_t codes[] = {CODE_LIST};
-    double function[SERIES_SIZE] = {0}, twist[SERIES_SIZE] = {0}, drive[SERIES_SIZE] = {0}, poles[POLE_SIZE] = {0};
-    double stack[STACK_SIZE] = {0};
-    const @@taaaas_ scratch = {function, twist, drive, poles, stack};
-    const @@tiddddii_ k = @@THE_KERNEL(row, codes, v_x1, v_y1, omega_1, THE_COR, scratch);
-    found.status = (int)k.f0;
-    found.v_x2 = k.f1;
-    found.v_y2 = k.f2;
-    found.omega_2 = k.f3;
-    found.contact_time = k.f4;
-    found.regime = k.f5;
+    double function[SERIES_SIZE] = {0}, twist[SERIES_SIZE] = {0}, drive[SERIES_SIZE] = {0}, stack[STACK_SIZE] = {0};
+    const @@Scratch scratch = {function, twist, drive, stack};
+    const @@Bounce solved = @@THE_KERNEL(row, codes, v_x1, v_y1, omega_1, THE_COR, scratch);
+    found.status = (int)solved.status;
+    found.v_x2 = solved.v_x2;
+    found.v_y2 = solved.v_y2;
+    found.omega_2 = solved.omega_2;
+    found.contact_time = solved.contact_time;
+    found.regime = solved.regime;
 """,
     "thesis": """
     row[4] = EPS_10 + EPS_SLOPE * (v_y1 - ANCHOR);

@@ -3,12 +3,28 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
 from fitball.export.port.kernel_source import UnportableError
 
+
+@dataclass(frozen=True)
+class Struct:
+    """A named tuple: a struct with fields of the same names."""
+
+    name: str
+    fields: tuple[tuple[str, Type], ...]
+
+    def field(self, name: str) -> Type | None:
+        """The type of a field, None if there is none of that name."""
+        return dict(self.fields).get(name)
+
+
 # d double, i integer, b truth value, z complex, A array of double, I array of integers, S array of double with two
-# indices (rows of STRIDE), v nothing; a Python tuple of these is a struct.
-Type = str | tuple["Type", ...]
+# indices (rows of STRIDE), v nothing; a Python tuple of these is a struct with fields f0, f1, ...
+Type = str | tuple["Type", ...] | Struct
+Structs = Mapping[str, Struct]
 
 STRIDE = 5
 _PLAIN = {
@@ -23,21 +39,29 @@ _PLAIN = {
 }
 _NAMES: dict[str, Type] = {
     "float": "d", "Number": "d", "int": "i", "bool": "b", "complex": "z",
-    "FloatArray": "A", "NumberArray": "A", "Scratch": ("A", "A", "A", "A", "S"),
+    "FloatArray": "A", "NumberArray": "A", "Stack": "S",
 }  # fmt: skip
 
 
-def annotated(node: ast.expr | None) -> Type:
+def structs_of(fields: Mapping[str, Mapping[str, ast.expr]]) -> Structs:
+    """The structs that named tuples become, given the annotations of their fields, inner ones first."""
+    made: dict[str, Struct] = {}
+    for name, given in fields.items():
+        made[name] = Struct(name, tuple((item, annotated(node, made)) for item, node in given.items()))
+    return made
+
+
+def annotated(node: ast.expr | None, structs: Structs) -> Type:
     """The type an annotation names. Raises UnportableError for one that kernels are not known to use."""
     if isinstance(node, ast.Constant) and node.value is None:
         return "v"
-    if isinstance(node, ast.Name) and node.id in _NAMES:
-        return _NAMES[node.id]
+    if isinstance(node, ast.Name) and node.id in {**_NAMES, **structs}:
+        return {**_NAMES, **structs}[node.id]
     if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name):
         if node.value.id == "tuple" and isinstance(node.slice, ast.Tuple):
-            return tuple(annotated(item) for item in node.slice.elts)
-        if node.value.id == "Basis":
-            return ("d",) * 6
+            return tuple(annotated(item, structs) for item in node.slice.elts)
+        if node.value.id in structs:
+            return structs[node.value.id]
         if node.value.id == "NDArray" and "int64" in ast.unparse(node.slice):
             return "I"
     raise UnportableError(f"annotation {'missing' if node is None else ast.unparse(node)}: no C type is known for it")
@@ -59,24 +83,34 @@ def c_type(kind: Type, prefix: str) -> str:
 
 
 def _letters(kind: Type) -> str:
+    if isinstance(kind, Struct):
+        return kind.name
     return kind.lower() if isinstance(kind, str) else "t" + "".join(map(_letters, kind)) + "_"
 
 
-def struct_definitions(kinds: list[tuple[Type, ...]], prefix: str) -> list[str]:
-    """Definitions of the structs of `kinds`, inner ones first, each once."""
-    found: dict[str, str] = {}
+def fields_of(kind: Type) -> tuple[tuple[str, Type], ...]:
+    """Names and types of what a struct holds; of anything else, nothing."""
+    if isinstance(kind, Struct):
+        return kind.fields
+    return tuple((f"f{k}", item) for k, item in enumerate(kind)) if isinstance(kind, tuple) else ()
 
-    def define(kind: tuple[Type, ...]) -> None:
-        for item in kind:
-            if isinstance(item, tuple):
-                define(item)
-        fields = " ".join(f"{declared(item, f'f{k}', prefix)};" for k, item in enumerate(kind))
+
+def struct_definitions(kinds: Iterable[Type], prefix: str) -> list[str]:
+    """Definitions of the structs of `kinds`, inner ones first, each once."""
+    definitions: dict[str, str] = {}
+
+    def define(kind: Type) -> None:
+        if isinstance(kind, str):
+            return
+        for _name, item in fields_of(kind):
+            define(item)
+        fields = " ".join(f"{declared(item, name, prefix)};" for name, item in fields_of(kind))
         name = c_type(kind, prefix)
-        found.setdefault(name, f"typedef struct {{ {fields} }} {name};")
+        definitions.setdefault(name, f"typedef struct {{ {fields} }} {name};")
 
     for kind in kinds:
         define(kind)
-    return list(found.values())
+    return list(definitions.values())
 
 
 def declared(kind: Type, name: str, prefix: str) -> str:

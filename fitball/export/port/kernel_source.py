@@ -1,7 +1,7 @@
 """The source of a kernel and of all it calls, as syntax trees: what ports are generated from.
 
 Ports are not written a second time: the kernels are plain scalar functions, and what is emitted elsewhere is their
-own source. `specialised` narrows it to floats without a record of phases; everything else stays as it is written.
+own source. `specialised` narrows it to floats without a log of phases; everything else stays as it is written.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ import ast
 import builtins
 import inspect
 import math
+import sys
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +24,7 @@ BUILTINS = ("abs", "complex", "int", "max", "min", "range")
 # Functions of `dual` that are those of `math` for a float.
 _MATH = ("exp", "log", "sqrt", "sin", "cos", "sinh", "cosh")
 
-Constant = int | float | tuple[float, ...]
+Constant = int | float | tuple["Constant", ...]
 
 
 class UnportableError(Exception):
@@ -32,10 +33,13 @@ class UnportableError(Exception):
 
 @dataclass(frozen=True)
 class KernelSource:
-    """Functions, each after those it calls, and the module constants they use."""
+    """Functions, each after those it calls, the module constants they use, and the named tuples they hand each other:
+    annotations by field, each tuple after those it holds.
+    """
 
     functions: tuple[ast.FunctionDef, ...]
     constants: Mapping[str, Constant]
+    structs: Mapping[str, Mapping[str, ast.expr]]
 
 
 def kernel_source(*entries: Callable[..., Any]) -> KernelSource:
@@ -43,6 +47,22 @@ def kernel_source(*entries: Callable[..., Any]) -> KernelSource:
     found: dict[str, ast.FunctionDef] = {}
     origin: dict[str, Any] = {}
     constants: dict[str, Constant] = {}
+    structs: dict[str, Mapping[str, ast.expr]] = {}
+
+    def add_struct(kind: Any) -> None:
+        if kind.__name__ in structs:
+            return
+        # With postponed annotations the fields' types are held as text.
+        annotations = {
+            name: ast.parse(text.__forward_arg__, mode="eval").body for name, text in kind.__annotations__.items()
+        }
+        add_structs_of(annotations.values(), vars(sys.modules[kind.__module__]))
+        structs[kind.__name__] = annotations
+
+    def add_structs_of(annotations: Iterable[ast.expr], known: Mapping[str, Any]) -> None:
+        for name in sorted(_names(annotations)):
+            if _is_struct(known.get(name)):
+                add_struct(known[name])
 
     def add(function: Any) -> None:
         plain = getattr(function, "py_func", function)
@@ -52,6 +72,8 @@ def kernel_source(*entries: Callable[..., Any]) -> KernelSource:
             return
         origin[plain.__name__] = plain
         tree = _tree(plain)
+        given = [item.annotation for item in tree.args.args] + [tree.returns]
+        add_structs_of([item for item in given if item is not None], plain.__globals__)
         for name in sorted(free_names(tree)):
             value = plain.__globals__.get(name, _MISSING)
             if value is _MISSING and name in BUILTINS and hasattr(builtins, name):
@@ -59,7 +81,9 @@ def kernel_source(*entries: Callable[..., Any]) -> KernelSource:
             # A specialised kernel may call `math` where its module imports the same function from `dual`.
             if name == "math" and value in (math, _MISSING):
                 continue
-            if isinstance(value, (int, float)) or _is_numbers(value):
+            if _is_struct(value):
+                add_struct(value)
+            elif isinstance(value, (int, float)) or _is_struct(type(value)):
                 if name in constants and repr(constants[name]) != repr(value):
                     raise UnportableError(f"{plain.__name__}: two kernels disagree about the constant {name}")
                 constants[name] = value
@@ -71,14 +95,18 @@ def kernel_source(*entries: Callable[..., Any]) -> KernelSource:
 
     for entry in entries:
         add(entry)
-    return KernelSource(tuple(found.values()), dict(sorted(constants.items())))
+    return KernelSource(tuple(found.values()), dict(sorted(constants.items())), structs)
 
 
 _MISSING = object()
 
 
-def _is_numbers(value: object) -> bool:
-    return isinstance(value, tuple) and all(isinstance(item, float) for item in value)
+def _is_struct(value: object) -> bool:
+    return isinstance(value, type) and issubclass(value, tuple) and hasattr(value, "_fields")
+
+
+def _names(trees: Iterable[ast.AST]) -> set[str]:
+    return {node.id for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Name)}
 
 
 def _tree(function: Callable[..., Any]) -> ast.FunctionDef:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import ast
 import builtins
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from textwrap import wrap
 
 from fitball.export.port.kernel_source import Constant, UnportableError, free_names
 from fitball.export.port.port import SELF_TEST_TOLERANCE, SERIES_SIZE, Port, status_reasons
 from fitball.export.port.python_text import CALLS, FACE, SELF_TEST
 from fitball.models.capabilities import LINES
-from fitball.models.kernels.events import POLES
 from fitball.models.types import PHASE_BITS, PHASE_SYMBOL
 
 WIDTH = 110
@@ -23,6 +22,7 @@ def python_port(port: Port) -> str:
         _docstring(port),
         "import math",
         _data(port),
+        *(_class(name, fields) for name, fields in port.source.structs.items()),
         _constants(port.source.constants),
         *(_function(item) for item in port.source.functions),
         FACE.replace("CALL_THE_KERNEL", _call(port)).replace(", SIGNATURE", ", cor" if port.needs_cor else ""),
@@ -41,7 +41,7 @@ def check_self_contained(text: str) -> None:
         if isinstance(node, ast.ImportFrom) or (isinstance(node, ast.Import) and node.names[0].name != "math"):
             raise UnportableError(f"the module imports more than math: {ast.unparse(node)}")
     for item in tree.body:
-        if isinstance(item, ast.FunctionDef):
+        if isinstance(item, (ast.ClassDef, ast.FunctionDef)):
             known.add(item.name)
         elif isinstance(item, ast.Assign):
             known |= {node.id for node in ast.walk(item.targets[0]) if isinstance(node, ast.Name)}
@@ -97,6 +97,12 @@ def _constants(constants: Mapping[str, Constant]) -> str:
     return "\n".join(f"{name} = {value!r}" for name, value in constants.items())
 
 
+def _class(name: str, fields: Iterable[str]) -> str:
+    """A class for a named tuple, which would need an import."""
+    lines = [f"class {name}:", f"    def __init__(self, {', '.join(fields)}):"]
+    return "\n".join([*lines, *(f"        self.{field} = {field}" for field in fields)])
+
+
 def _function(function: ast.FunctionDef) -> str:
     """A kernel's text without annotations, which name types that a port does not have."""
     plain = ast.parse(ast.unparse(function)).body[0]
@@ -110,7 +116,7 @@ def _function(function: ast.FunctionDef) -> str:
 def _call(port: Port) -> str:
     cor = "cor" if port.needs_cor else "COR_10 + COR_SLOPE * (v_y1 - ANCHOR)" if port.call.lines else "math.nan"
     text = CALLS[port.call.convention].replace("THE_KERNEL", port.call.entry.__name__).replace("THE_COR", cor)
-    text = text.replace("SERIES_SIZE", str(SERIES_SIZE)).replace("POLE_SIZE", str(POLES))
+    text = text.replace("SERIES_SIZE", str(SERIES_SIZE))
     return text.replace("ANCHOR", repr(port.anchor))
 
 

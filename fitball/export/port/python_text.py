@@ -10,9 +10,10 @@ CALLS = {
     contact_time = None
 """,
     "two-mass": """
-    scratch = ([0.0] * SERIES_SIZE, [0.0] * SERIES_SIZE, [0.0] * SERIES_SIZE, [0.0] * POLE_SIZE, {})
-    found = THE_KERNEL(ROW, CODES, v_x1, v_y1, omega_1, THE_COR, scratch)
-    status, v_x2, v_y2, omega_2, contact_time, phases, _ = found
+    scratch = Scratch([0.0] * SERIES_SIZE, [0.0] * SERIES_SIZE, [0.0] * SERIES_SIZE, {})
+    solved = THE_KERNEL(ROW, CODES, v_x1, v_y1, omega_1, THE_COR, scratch)
+    status, v_x2, v_y2, omega_2 = solved.status, solved.v_x2, solved.v_y2, solved.omega_2
+    contact_time, phases = solved.contact_time, solved.regime
 """,
     "thesis": """
     row = (*ROW[:4], EPS_10 + EPS_SLOPE * (v_y1 - ANCHOR), *ROW[5:])

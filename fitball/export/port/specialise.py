@@ -1,23 +1,23 @@
-"""A kernel's syntax tree narrowed to plain floats, without what only derivatives and records of phases need."""
+"""A kernel's syntax tree narrowed to plain floats, without what only derivatives and logs of phases need."""
 
 from __future__ import annotations
 
 import ast
 from collections.abc import Set as AbstractSet
 
-# The optional record of phases: a parameter of this name is always None in a port.
-RECORD = "record"
+# The optional log of phases: a parameter of this name is always None in a port.
+PHASE_LOG = "phase_log"
 # The kind of number a kernel takes where it serves floats and derivatives alike (`models.dual`).
 NUMBER = "Number"
 
 
 def specialised(function: ast.FunctionDef, math_names: AbstractSet[str]) -> ast.FunctionDef:
-    """The function for floats: calls of `math_names` go to `math`, carried derivatives, the record and whatever was
-    computed for their sake alone are left out.
+    """The function for floats: calls of `math_names` go to `math`, carried derivatives, the phase log and whatever
+    was computed for their sake alone are left out.
     """
     generic = any(isinstance(node, ast.Name) and node.id == NUMBER for node in ast.walk(function))
     function.decorator_list = []
-    function.args.args = [item for item in function.args.args if item.arg != RECORD]
+    function.args.args = [item for item in function.args.args if item.arg != PHASE_LOG]
     narrowed = _Narrow(math_names, generic).visit(function)
     assert isinstance(narrowed, ast.FunctionDef)
     while _drop_unused(narrowed):
@@ -36,7 +36,7 @@ class _Narrow(ast.NodeTransformer):
                 return node.args[0]
             if node.func.id in self.math_names:
                 node.func = ast.Attribute(ast.Name("math", ast.Load()), node.func.id, ast.Load())
-        node.args = [item for item in node.args if not _is_record(item)]
+        node.args = [item for item in node.args if not _is_log(item)]
         return node
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
@@ -46,7 +46,7 @@ class _Narrow(ast.NodeTransformer):
 
     def visit_If(self, node: ast.If) -> ast.AST | None:
         test = node.test
-        if isinstance(test, ast.Compare) and _is_record(test.left) and isinstance(test.ops[0], ast.IsNot):
+        if isinstance(test, ast.Compare) and _is_log(test.left) and isinstance(test.ops[0], ast.IsNot):
             return None
         self.generic_visit(node)
         return node
@@ -57,8 +57,8 @@ class _Narrow(ast.NodeTransformer):
         return ast.Assign([node.target], node.value)
 
 
-def _is_record(node: ast.expr) -> bool:
-    named = isinstance(node, ast.Name) and node.id == RECORD
+def _is_log(node: ast.expr) -> bool:
+    named = isinstance(node, ast.Name) and node.id == PHASE_LOG
     return named or (isinstance(node, ast.Constant) and node.value is None)
 
 

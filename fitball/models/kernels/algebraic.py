@@ -1,6 +1,9 @@
 """The algebraic bounce, and batches of it over draws and impacts, as kernels.
 
-A parameter set is a row whose columns are `COLUMNS`. With `e_x` and `offset` zero the ball slides or rolls.
+A parameter set is a row whose columns are `COLUMNS`. With the normal impulse `P = M (1 + COR) v_y1`, `a = I/(M R^2)`
+and the slip `u = v_x - R omega`, the friction impulse of a grip is `H = M a/(1 + a) ((1 + e_x) u + D P/(a M R))` with
+`D` the offset (Walton 1993; Foerster et al. 1994; Cross 2002), at most `mu P`; then `v_x` loses `H/M` and `omega`
+gains `(R H - D P)/I`. With `e_x` and `offset` zero the ball slides or rolls (Brody 1984).
 """
 
 from __future__ import annotations
@@ -69,9 +72,6 @@ def algebraic_batch(
         row = rows[i]
         own = i if v_x1.shape[0] > 1 else 0
         for j in range(v_x1.shape[1]):
-            found, v_x2, v_y2, omega_2, phase = algebraic_bounce(row, v_x1[own, j], v_y1[own, j], omega_1[own, j])
-            out[0, i, j] = v_x2
-            out[1, i, j] = v_y2
-            out[2, i, j] = omega_2
-            regime[i, j] = phase
-            status[i, j] = found
+            status[i, j], out[0, i, j], out[1, i, j], out[2, i, j], regime[i, j] = algebraic_bounce(
+                row, v_x1[own, j], v_y1[own, j], omega_1[own, j]
+            )

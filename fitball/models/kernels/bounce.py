@@ -1,7 +1,9 @@
 """One bounce of any two-mass composition, and batches over draws and impacts, as kernels.
 
 A parameter set is a row whose columns are `COLUMNS`; closures are passed as integers so that one compiled
-kernel serves every composition.
+kernel serves every composition. Here stand the lines `COR(v_y1)` and `eps(v_y1)` (Jafri 2004, Eq. 51:
+`eps = C1 v_y1 + C2`), the share of the core in the ball's inertia (Eqs 67 and 69) and `v_y2 = COR v_y1` (Eq. 7); the
+motions themselves stand in `contact` (vertical), `two_mass` and `rigid`.
 """
 
 from __future__ import annotations
@@ -13,9 +15,11 @@ from numpy.typing import NDArray
 
 from fitball.models.kernels.compiled import compiled, compiled_allocating, inlined
 from fitball.models.kernels.contact import vertical_contact
-from fitball.models.kernels.dual import Number, NumberArray, exp, sqrt
+from fitball.models.kernels.dual import Number, NumberArray, sqrt
+from fitball.models.kernels.oscillator import oscillator
+from fitball.models.kernels.quantities import Bounce, Contact, Joint, Scratch, VerticalMotion
 from fitball.models.kernels.rigid import rigid_contact
-from fitball.models.kernels.two_mass import Scratch, make_scratch, two_mass_contact
+from fitball.models.kernels.two_mass import make_scratch, two_mass_contact
 from fitball.models.types import Status
 from fitball.values import FloatArray
 
@@ -34,11 +38,18 @@ COLUMNS = (
     "ball_radius",
     "ball_inertia",
 )
+(
+    MASS_RATIO, K_Y, K_THETA, MU, EPS_10, EPS_SLOPE, COR_10, COR_SLOPE, ZETA_THETA, INERTIA_SPLIT,
+    BALL_MASS, BALL_RADIUS, BALL_INERTIA,
+) = range(len(COLUMNS))  # fmt: skip
 # Speed at which the lines of `eps` and of the coefficient of restitution are anchored [m/s].
 ANCHOR_SPEED = 10.0
 # Inner radius of the shell in units of the outer one, for the split of inertia (Jafri 2004, Appendix B).
 CORE_RADIUS_RATIO = 0.97
 
+# What the integers of `codes` choose, and their values.
+RELEASE, NORMAL, OFFSET, SPIN, INERTIA, TORSION, RESTITUTION, TANGENTIAL = range(8)
+RELEASE_ZERO_FORCE, OFFSET_CONTACT, SPIN_SHELL, INERTIA_TIED = 1, 1, 1, 1
 NORMAL_INNER, NORMAL_MOMENTUM, NORMAL_TOTAL = 0, 1, 2
 TORSION_MATCHED, TORSION_FREE, TORSION_RIGID = 0, 1, 2
 COR_LINE, COR_MEAN, COR_MEASURED = 0, 1, 2
@@ -65,61 +76,78 @@ def tied_shell_share(mass_ratio: Number) -> Number:
 @inlined
 def vertical_motion(
     row: NumberArray, codes: NDArray[np.int64], v_y: Number, cor_measured: Number
-) -> tuple[int, Number, Number, Number, Number, Number, Number, Number]:
-    """Return `(status, cor, riding_mass, omega2, sigma, w2, t_force, t_contact)` of one impact.
-
-    `riding_mass` [kg] is that on the vertical spring, the rest as in `vertical_contact`.
-    """
-    mass_ratio, mass, normal = row[0], row[10], codes[1]
-    cor = row[6]
-    if codes[6] == COR_LINE:
-        cor += row[7] * (v_y - ANCHOR_SPEED)
-    elif codes[6] == COR_MEASURED:
+) -> tuple[int, VerticalMotion[Number]]:
+    """Status and vertical motion of one impact."""
+    mass_ratio, normal = row[MASS_RATIO], codes[NORMAL]
+    cor = row[COR_10]
+    if codes[RESTITUTION] == COR_LINE:
+        cor += row[COR_SLOPE] * (v_y - ANCHOR_SPEED)
+    elif codes[RESTITUTION] == COR_MEASURED:
         cor = cor_measured
-    riding_mass = mass if normal == NORMAL_TOTAL else mass_ratio * mass
-    omega2 = row[1] / riding_mass
-    status, sigma, w2, t_force, t_contact = vertical_contact(
-        cor, mass_ratio if normal == NORMAL_MOMENTUM else 1.0 + 0.0 * cor, omega2, codes[0] == 1
+    riding_mass = row[BALL_MASS] if normal == NORMAL_TOTAL else mass_ratio * row[BALL_MASS]
+    natural_squared = row[K_Y] / riding_mass
+    status, decay, damped_squared, t_force, t_contact = vertical_contact(
+        cor,
+        mass_ratio if normal == NORMAL_MOMENTUM else 1.0 + 0.0 * cor,
+        natural_squared,
+        codes[RELEASE] == RELEASE_ZERO_FORCE,
     )
-    return status, cor, riding_mass, omega2, sigma, w2, t_force, t_contact
+    spring = oscillator(decay, damped_squared, natural_squared)
+    return status, VerticalMotion(cor, riding_mass, spring, t_force, t_contact)
 
 
 @inlined
-def landing_and_offset(row: NumberArray, codes: NDArray[np.int64], v_y: Number) -> tuple[Number, Number]:
-    """Landing impulse that stops the shell [N s], and the offset of the normal force [m] at this speed."""
-    mass_ratio = row[0]
-    landing = (1.0 - mass_ratio) * row[10] * v_y if codes[1] == NORMAL_MOMENTUM else 0.0 * v_y
-    return landing, row[4] + row[5] * (v_y - ANCHOR_SPEED)
-
-
-@inlined
-def joint(row: NumberArray, codes: NDArray[np.int64], w2: Number) -> tuple[int, Number, Number, Number, Number]:
-    """Return `(status, inertia_core, inertia_shell, damping, w2_slide)` of the torsional joint.
-
-    `w2` is the damped vertical frequency squared, which `torsion = matched` repeats.
+def joint_of(row: NumberArray, codes: NDArray[np.int64], vertical_squared: Number) -> tuple[int, Joint[Number]]:
+    """Status and torsional joint; with `torsion = matched` its damped frequency squared is the vertical one,
+    `vertical_squared`, with `rigid` the shell is the whole ball.
     """
-    mass_ratio, inertia = row[0], row[12]
-    tied = codes[4] == 1
-    inertia_core = inertia * (tied_inertia_split(mass_ratio) if tied else row[9])
-    inertia_shell = inertia * (tied_shell_share(mass_ratio) if tied else 1.0 - row[9])
-    if not (inertia_core.real > 0.0 and inertia_shell.real > 0.0):
-        return NO_INERTIA, inertia_core, inertia_shell, inertia, w2
-    compliance = 1.0 / inertia_core + 1.0 / inertia_shell
-    natural2 = row[2] * compliance
-    if codes[5] == TORSION_MATCHED:
-        if natural2.real < w2.real:
-            return TORSION_TOO_SOFT, inertia_core, inertia_shell, inertia, w2
-        decay = sqrt(natural2 - w2)
-        return OK, inertia_core, inertia_shell, 2.0 * decay / compliance, w2
-    zeta = row[8]
-    decay = zeta * sqrt(natural2)
-    return OK, inertia_core, inertia_shell, 2.0 * decay / compliance, natural2 * (1.0 - zeta) * (1.0 + zeta)
+    mass_ratio, stiffness, inertia = row[MASS_RATIO], row[K_THETA], row[BALL_INERTIA]
+    nothing = 0.0 * inertia
+    if codes[TORSION] == TORSION_RIGID:
+        return OK, Joint(nothing, inertia, nothing, nothing, nothing)
+    tied = codes[INERTIA] == INERTIA_TIED
+    core = inertia * (tied_inertia_split(mass_ratio) if tied else row[INERTIA_SPLIT])
+    shell = inertia * (tied_shell_share(mass_ratio) if tied else 1.0 - row[INERTIA_SPLIT])
+    if not (core.real > 0.0 and shell.real > 0.0):
+        return NO_INERTIA, Joint(core, shell, nothing, nothing, nothing)
+    compliance = 1.0 / core + 1.0 / shell
+    natural_squared = stiffness * compliance
+    if codes[TORSION] == TORSION_MATCHED:
+        if natural_squared.real < vertical_squared.real:
+            return TORSION_TOO_SOFT, Joint(core, shell, nothing, nothing, nothing)
+        decay = sqrt(natural_squared - vertical_squared)
+        return OK, Joint(core, shell, stiffness, 2.0 * decay / compliance, vertical_squared)
+    zeta = row[ZETA_THETA]
+    decay = zeta * sqrt(natural_squared)
+    slide_squared = natural_squared * (1.0 - zeta) * (1.0 + zeta)
+    return OK, Joint(core, shell, stiffness, 2.0 * decay / compliance, slide_squared)
 
 
 @inlined
-def rigid_impulse(landing: Number, riding_mass: Number, v_y: Number, sigma: Number, t_force: Number) -> Number:
-    """Normal impulse of a contact [N s]: what the core's momentum loses by the time the compressive force ends."""
-    return landing + riding_mass * v_y * (1.0 + exp(-sigma * t_force))
+def contact_of(
+    row: NumberArray,
+    codes: NDArray[np.int64],
+    vertical: VerticalMotion[Number],
+    v_x: Number,
+    v_y: Number,
+    omega: Number,
+) -> tuple[int, Contact[Number]]:
+    """Status and contact of one impact whose vertical motion is known."""
+    status, joint = joint_of(row, codes, vertical.spring.damped_squared)
+    landing = 0.0 * v_y
+    if codes[NORMAL] == NORMAL_MOMENTUM:
+        landing = (1.0 - row[MASS_RATIO]) * row[BALL_MASS] * v_y
+    eps = row[EPS_10] + row[EPS_SLOPE] * (v_y - ANCHOR_SPEED)
+    return status, Contact(
+        row[BALL_MASS], row[BALL_RADIUS], joint, row[MU], eps, codes[OFFSET] == OFFSET_CONTACT,
+        codes[SPIN] == SPIN_SHELL, landing, vertical, v_x, v_y, omega,
+    )  # fmt: skip
+
+
+@compiled
+def unsolved(status: int, regime: int) -> Bounce:
+    """The bounce of an impact that cannot be evaluated."""
+    return Bounce(status, math.nan, math.nan, math.nan, math.nan, regime, 0)
 
 
 @compiled
@@ -131,38 +159,25 @@ def bounce(
     omega: float,
     cor_measured: float,
     scratch: Scratch,
-    record: FloatArray | None,
-) -> tuple[int, float, float, float, float, int, int]:
-    """Return `(status, v_x2, v_y2, omega_2, contact_time, regime, pieces)` of one impact.
-
-    `codes` are (release is zero_force, normal, offset is contact, spin is shell, inertia is tied, torsion,
-    cor, tangential motion wanted). `record` and `pieces` as in `two_mass_contact`.
-    """
-    status, cor, riding_mass, omega2, sigma, w2, t_force, t_contact = vertical_motion(row, codes, v_y, cor_measured)
+    phase_log: FloatArray | None,
+) -> Bounce:
+    """Solve one impact; `codes` as named above, `phase_log` as in `two_mass_contact`."""
+    status, vertical = vertical_motion(row, codes, v_y, cor_measured)
     if status != OK:
-        return status, math.nan, math.nan, math.nan, math.nan, 0, 0
-    if codes[7] == 0:
-        return OK, v_x, cor * v_y, omega, t_contact, 0, 0
-    mu, mass, radius = row[3], row[10], row[11]
-    landing, eps = landing_and_offset(row, codes, v_y)
-    eps_in_slide = codes[2] == 1
-    if codes[5] == TORSION_RIGID:
-        v_x2, omega_2, regime = rigid_contact(
-            mass, radius, row[12], mu, eps, eps_in_slide,
-            landing, rigid_impulse(landing, riding_mass, v_y, sigma, t_force), t_contact > t_force, v_x, omega,
-        )  # fmt: skip
-        return OK, v_x2, cor * v_y, omega_2, t_contact, regime, 0
-    status, inertia_core, inertia_shell, damping, w2_slide = joint(row, codes, w2)
+        return unsolved(status, 0)
+    v_y2 = vertical.cor * v_y
+    if codes[TANGENTIAL] == 0:
+        return Bounce(OK, v_x, v_y2, omega, vertical.t_contact, 0, 0)
+    status, contact = contact_of(row, codes, vertical, v_x, v_y, omega)
     if status != OK:
-        return status, math.nan, math.nan, math.nan, math.nan, 0, 0
-    status, v_x2, omega_2, regime, pieces = two_mass_contact(
-        mass, radius, inertia_core, inertia_shell, row[2], damping, w2_slide,
-        mu, eps, eps_in_slide, codes[3] == 1, riding_mass, landing, omega2, sigma, w2, t_force, t_contact,
-        v_x, v_y, omega, scratch, record,
-    )  # fmt: skip
+        return unsolved(status, 0)
+    if codes[TORSION] == TORSION_RIGID:
+        v_x2, omega_2, regime = rigid_contact(contact)
+        return Bounce(OK, v_x2, v_y2, omega_2, vertical.t_contact, regime, 0)
+    status, v_x2, omega_2, regime, pieces = two_mass_contact(contact, scratch, phase_log)
     if status != OK:
-        return status, math.nan, math.nan, math.nan, math.nan, regime, 0
-    return OK, v_x2, cor * v_y, omega_2, t_contact, regime, pieces
+        return unsolved(status, regime)
+    return Bounce(OK, v_x2, v_y2, omega_2, vertical.t_contact, regime, pieces)
 
 
 @compiled_allocating
@@ -186,12 +201,10 @@ def bounce_batch(
         row = rows[i]
         own = i if v_x1.shape[0] > 1 else 0
         for j in range(v_x1.shape[1]):
-            found, v_x2, v_y2, omega_2, time, phases, _pieces = bounce(
-                row, codes, v_x1[own, j], v_y1[own, j], omega_1[own, j], cor[own, j], scratch, None
-            )
-            out[0, i, j] = v_x2
-            out[1, i, j] = v_y2
-            out[2, i, j] = omega_2
-            out[3, i, j] = time
-            regime[i, j] = phases
-            status[i, j] = found
+            solved = bounce(row, codes, v_x1[own, j], v_y1[own, j], omega_1[own, j], cor[own, j], scratch, None)
+            out[0, i, j] = solved.v_x2
+            out[1, i, j] = solved.v_y2
+            out[2, i, j] = solved.omega_2
+            out[3, i, j] = solved.contact_time
+            regime[i, j] = solved.regime
+            status[i, j] = solved.status

@@ -1,7 +1,8 @@
 """Vertical motion of the core on its spring and damper, from landing to release, as kernels.
 
-`M1 y'' + C_y y' + K_y y = 0`, `y(0) = 0`, `y'(0) = v` (Jafri 2004, Eqs 1-2). The coefficient of
-restitution fixes the damping; which equation does so depends on when the ball is taken to leave.
+`M1 y'' + C_y y' + K_y y = 0`, `y(0) = 0`, `y'(0) = v` (Jafri 2004, Eqs 1-2). The coefficient of restitution `e` fixes
+the damping ratio `zeta`; which equation does so depends on when the ball is taken to leave: at `y = 0`
+(`e = exp(-pi zeta/sqrt(1 - zeta^2))`, Eq. 5), or when the force has fallen to zero (not in the thesis).
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ def find_angle_complement(x: float) -> float:
     for _ in range(30):
         tangent = math.tan(d)
         arm = 0.5 * math.pi - d
-        secant2 = 1.0 + tangent * tangent
+        secant_squared = 1.0 + tangent * tangent
         f = arm * tangent - x
-        f1 = arm * secant2 - tangent
-        f2 = 2.0 * (arm * tangent - 1.0) * secant2
+        f1 = arm * secant_squared - tangent
+        f2 = 2.0 * (arm * tangent - 1.0) * secant_squared
         step = f / (f1 - 0.5 * f * f2 / f1)
         d -= step
         if abs(step) <= 1e-6 * d:
@@ -131,12 +132,12 @@ def zero_displacement_release(e: Number) -> tuple[Number, Number, Number, Number
 
 @compiled
 def vertical_contact(
-    cor: Number, cor_over_e: Number, omega2: Number, zero_force: bool
+    cor: Number, cor_over_e: Number, natural_squared: Number, zero_force: bool
 ) -> tuple[int, Number, Number, Number, Number]:
-    """Vertical motion for a measured or modelled `cor`; `omega2 = K_y/M_eff` [1/s^2].
+    """Vertical motion for a measured or modelled `cor`; `natural_squared = K_y/M_eff` [1/s^2].
 
     `cor_over_e` is the share of the core's restitution `e` that the whole ball keeps (`M1/M` under
-    momentum balance, 1 otherwise). Returns `(status, sigma, w2, t_force, t_contact)`: decay [1/s], damped
+    momentum balance, 1 otherwise). Returns `(status, decay, damped_squared, t_force, t_contact)`: decay [1/s], damped
     frequency squared [1/s^2, negative beyond critical damping], end of the compressive force, release [s].
     """
     if not 0.0 < cor.real <= 1.0:
@@ -144,9 +145,9 @@ def vertical_contact(
     e = cor / cor_over_e
     if e.real > 1.0:
         return COR_EXCEEDS_MASS_RATIO, math.nan, math.nan, math.nan, math.nan
-    omega = sqrt(omega2)
+    omega_y = sqrt(natural_squared)
     if zero_force:
-        zeta, root2, angle = zero_force_release(e)
-        return OK, zeta * omega, root2 * omega2, angle / omega, angle / omega
-    zeta, root2, angle_force, angle = zero_displacement_release(e)
-    return OK, zeta * omega, root2 * omega2, angle_force / omega, angle / omega
+        zeta, share, angle = zero_force_release(e)
+        return OK, zeta * omega_y, share * natural_squared, angle / omega_y, angle / omega_y
+    zeta, share, angle_force, angle = zero_displacement_release(e)
+    return OK, zeta * omega_y, share * natural_squared, angle_force / omega_y, angle / omega_y

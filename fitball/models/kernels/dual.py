@@ -27,8 +27,8 @@ NumberArray = NDArray[Any]
 
 def carry(value: float, x: Number, slope: float) -> Number:
     """A function's `value` at the real part of `x` with what `x` carries, times the slope of the function there."""
-    found: Number = _carried(value, x, slope) if isinstance(x, complex) else value  # type: ignore[redundant-expr]
-    return found
+    carried: Number = _carried(value, x, slope) if isinstance(x, complex) else value  # type: ignore[redundant-expr]
+    return carried
 
 
 def _carried(value: Any, x: Any, slope: Any) -> Any:
@@ -49,7 +49,7 @@ _overload(carry, jit_options={"error_model": "numpy"})(_carry_compiled)
 
 
 @compiled
-def size(x: Number) -> Number:
+def magnitude(x: Number) -> Number:
     """`|x|`."""
     return -x if x.real < 0.0 else x
 

@@ -1,10 +1,10 @@
 """The first zero of a contact function, certified: no earlier zero is missed, however close a pair.
 
-A contact function (slip, or the margin of the friction cone) is
+A contact function (slip `v_x - R omega_2`, or the margin `mu F -+ F_x` of the friction cone) is
 
     f(t) = c0 + A1 C(t) + A2 S(t) + B1 C_f(t) + B2 S_f(t)
 
-with the torsional and the vertical pole pair of `oscillator`, or near resonance a polynomial. Between
+with the swings of the torsional and the vertical oscillator, or near resonance a polynomial. Between
 two times the quintic through values, slopes and curvatures at both is off by at most `max|f6| h^6/46080`, its slope
 by `max|f6| h^5 sqrt(5)/30000` (Birkhoff and Priver 1967), and the sixth derivative `f6` is bounded in closed form;
 so an interval is either proved free of zeros, proved to hold exactly one, or halved.
@@ -15,49 +15,45 @@ from __future__ import annotations
 import math
 
 from fitball.models.kernels.compiled import compiled
-from fitball.models.kernels.dual import Number, NumberArray
-from fitball.models.kernels.oscillator import damped_pair, series_value, shift_pair
+from fitball.models.kernels.dual import Number
+from fitball.models.kernels.oscillator import series_value, shift_swing, swing_at
+from fitball.models.kernels.quantities import Basis, Oscillator, Oscillators, Series, Stack, Swing
 from fitball.values import FloatArray
 
-# Layout of a function's coefficient array.
-VALUE, SLOPE, CURVE, BOUND, SIZE = 0, 5, 9, 13, 15
-# Layout of the pole array: torsional pair, vertical pair.
-TORSION, VERTICAL, POLES = 0, 4, 8
+# Layout of a function's coefficient array: its value (5, from 0), two derivatives, and bounds of the sixth.
+SLOPE, CURVE, BOUND, SIZE = 5, 9, 13, 15
 # Halvings after which an undecided interval is narrower than the rounding of its ends.
-DEPTH = 56
+MAX_DEPTH = 56
 # The row behind the stack of `first_zero` holds how many halvings are left to the contact. A ball of the field needs
 # some tens; a joint with a million oscillations in one contact would need seconds.
-HALVINGS, ALLOWANCE = DEPTH, 1.0e6
+HALVINGS_LEFT, MAX_HALVINGS = MAX_DEPTH, 1.0e6
 NO_ZERO = -1.0
 # Decay over one step back beyond which the basis is computed afresh: undoing it amplifies rounding by its inverse.
-UNDONE = 0.5
-# `(C, S, envelope)` of the torsional pair, then of the vertical pair.
-Basis = tuple[Number, Number, Number, Number, Number, Number]
-AT_START: Basis[float] = (1.0, 0.0, 1.0, 1.0, 0.0, 1.0)
+LARGEST_DECAY_UNDONE = 0.5
+AT_START: Basis[float] = Basis(Swing(1.0, 0.0, 1.0), Swing(1.0, 0.0, 1.0))
 
 
 @compiled
-def sixth_derivative_bound(a: float, w2: float, b: float, c: float, s: float, span: float) -> float:
+def sixth_derivative_bound(o: Oscillator[float], c: float, s: float, span: float) -> float:
     """Bound of |d^6/dt^6 (c C + s S)| over its envelope, for times up to `span`."""
-    if w2 * span * span > 1.0:
-        return b * b * b * math.sqrt(c * c + s * s / w2)
+    if o.damped_squared * span * span > 1.0:
+        cube = o.natural_squared * o.natural_squared * o.natural_squared
+        return cube * math.sqrt(c * c + s * s / o.damped_squared)
     for _ in range(6):
-        c, s = s - a * c, -w2 * c - a * s
+        c, s = s - o.decay * c, -o.damped_squared * c - o.decay * s
     return abs(c) + abs(s) * span
 
 
 @compiled
-def prepare(c: FloatArray, poles: FloatArray, span: float) -> None:
-    """Fill in derivatives and bounds behind the five value coefficients of `c`."""
-    for pair in range(2):
-        a, w2, b = poles[4 * pair], poles[4 * pair + 1], poles[4 * pair + 2]
-        cc, ss = c[1 + 2 * pair], c[2 + 2 * pair]
-        c[BOUND + pair] = sixth_derivative_bound(a, w2, b, cc, ss, span)
-        cc, ss = ss - a * cc, -w2 * cc - a * ss
-        c[SLOPE + 2 * pair] = cc
-        c[SLOPE + 2 * pair + 1] = ss
-        c[CURVE + 2 * pair] = ss - a * cc
-        c[CURVE + 2 * pair + 1] = -w2 * cc - a * ss
+def prepare_swing(c: FloatArray, place: int, o: Oscillator[float], span: float) -> None:
+    """Fill in derivatives and bound of the share that one oscillator (0, 1) has in `c`."""
+    first, second = c[1 + 2 * place], c[2 + 2 * place]
+    c[BOUND + place] = sixth_derivative_bound(o, first, second, span)
+    first, second = second - o.decay * first, -o.damped_squared * first - o.decay * second
+    c[SLOPE + 2 * place] = first
+    c[SLOPE + 2 * place + 1] = second
+    c[CURVE + 2 * place] = second - o.decay * first
+    c[CURVE + 2 * place + 1] = -o.damped_squared * first - o.decay * second
 
 
 @compiled
@@ -70,39 +66,30 @@ def prepare_series(c: FloatArray, n: int, h: float) -> float:
 
 
 @compiled
-def basis_at(poles: NumberArray, t: Number) -> Basis[Number]:
-    """`(C, S, envelope)` of the torsional and of the vertical pair at time `t`."""
-    p, q, e = damped_pair(poles[0], poles[1], poles[2], poles[3], t)
-    r, s, g = damped_pair(poles[4], poles[5], poles[6], poles[7], t)
-    return p, q, e, r, s, g
-
-
-@compiled
-def shifted(poles: FloatArray, basis: Basis[float], t: float) -> Basis[float]:
-    """The basis a short time `t` (of either sign) later, by the addition theorem; envelopes are left as they are."""
-    p, q, e, r, s, g = basis
-    c, d = shift_pair(poles[0], poles[1], poles[2], poles[3], t)
-    u, v = shift_pair(poles[4], poles[5], poles[6], poles[7], t)
-    return p * c - poles[1] * q * d, q * c + p * d, e, r * u - poles[5] * s * v, s * u + r * v, g
+def basis_at(oscillators: Oscillators[Number], t: Number) -> Basis[Number]:
+    """The swings of both oscillators at time `t`."""
+    return Basis(swing_at(oscillators.torsion, t), swing_at(oscillators.vertical, t))
 
 
 @compiled
 def evaluate(
-    c: FloatArray, basis: Basis[float], n: int, h: float, series_bound: float, t: float
+    c: FloatArray, basis: Basis[float], series: Series, series_bound: float, t: float
 ) -> tuple[float, float, float, float]:
     """Value, slope, curvature at `t`, where the basis is `basis`, and a bound of the sixth derivative from `t` on.
 
-    `n > 0` means a series in `t/h`, which does not need the basis.
+    A series does not need the basis.
     """
-    if n > 0:
-        f, d, dd = series_value(c, n, t / h)
+    if series.terms > 0:
+        h = series.length
+        f, d, dd = series_value(c, series.terms, t / h)
         return f, d / h, dd / (h * h), series_bound
-    p, q, e, r, s, g = basis
+    torsion, vertical = basis.torsion, basis.vertical
+    p, q, r, s = torsion.cosine, torsion.sine, vertical.cosine, vertical.sine
     return (
         c[0] + c[1] * p + c[2] * q + c[3] * r + c[4] * s,
-        c[5] * p + c[6] * q + c[7] * r + c[8] * s,
-        c[9] * p + c[10] * q + c[11] * r + c[12] * s,
-        c[13] * e + c[14] * g,
+        c[SLOPE] * p + c[SLOPE + 1] * q + c[SLOPE + 2] * r + c[SLOPE + 3] * s,
+        c[CURVE] * p + c[CURVE + 1] * q + c[CURVE + 2] * r + c[CURVE + 3] * s,
+        c[BOUND] * torsion.envelope + c[BOUND + 1] * vertical.envelope,
     )
 
 
@@ -162,16 +149,16 @@ def guess(b0: float, b1: float, b2: float, b3: float, b4: float, b5: float) -> f
 
 @compiled
 def polish(
-    c: FloatArray, poles: FloatArray, n: int, scale: float, left: float, right: float, t: float
+    c: FloatArray, oscillators: Oscillators[float], series: Series, left: float, right: float, t: float
 ) -> tuple[float, Basis[float]]:
     """The zero between `left` (f > 0) and `right` (f <= 0), to rounding: Halley from `t`, kept in the bracket.
 
     Returns it with the basis there (a series has none).
     """
     h = right - left
-    basis = AT_START if n > 0 else basis_at(poles, t)
+    basis = AT_START if series.terms > 0 else basis_at(oscillators, t)
     for _ in range(60):
-        f, d, dd, _bound = evaluate(c, basis, n, scale, 0.0, t)
+        f, d, dd, _bound = evaluate(c, basis, series, 0.0, t)
         if f > 0.0:
             left = t
         else:
@@ -182,9 +169,14 @@ def polish(
             following = 0.5 * (left + right)
             step = following - t
         t = following
-        if n == 0:
-            undoes = -step * max(poles[TORSION], poles[VERTICAL]) > UNDONE
-            basis = basis_at(poles, t) if undoes else shifted(poles, basis, step)
+        if series.terms == 0:
+            if -step * max(oscillators.torsion.decay, oscillators.vertical.decay) > LARGEST_DECAY_UNDONE:
+                basis = basis_at(oscillators, t)
+            else:
+                basis = Basis(
+                    shift_swing(oscillators.torsion, basis.torsion, step),
+                    shift_swing(oscillators.vertical, basis.vertical, step),
+                )
         # Halley's error is the cube of the step, in units of an interval on which f is nearly a cubic.
         if abs(step) <= 1e-6 * h or right - left <= 2.3e-16 * right:
             break
@@ -194,23 +186,22 @@ def polish(
 @compiled
 def first_zero(
     c: FloatArray,
-    poles: FloatArray,
-    n: int,
-    scale: float,
+    oscillators: Oscillators[float],
+    series: Series,
     series_bound: float,
     order: int,
     end: float,
     end_basis: Basis[float],
-    stack: FloatArray,
+    stack: Stack,
 ) -> tuple[float, Basis[float]]:
     """First time in (0, end] at which f, positive just after 0, falls to zero; NO_ZERO if there is none.
 
     Returns it with the basis there; NaN if f overflows or the halvings allowed run out. `order` zeros are known to
     sit at 0 itself (0: f(0) > 0; 1: f' > 0 there; 2: f'' > 0). `end_basis` is the basis at `end`, which a series does
-    not need. `stack` is scratch of shape (DEPTH + 1, 5).
+    not need. `stack` is scratch of shape (MAX_DEPTH + 1, 5).
     """
     left = 0.0
-    f0, d0, s0, m0 = evaluate(c, AT_START, n, scale, series_bound, 0.0)
+    f0, d0, s0, m0 = evaluate(c, AT_START, series, series_bound, 0.0)
     if order > 0:
         f0 = 0.0
     elif f0 <= 0.0:
@@ -219,7 +210,7 @@ def first_zero(
         d0 = 0.0
     depth = 0
     right = end
-    f1, d1, s1, m1 = evaluate(c, end_basis, n, scale, series_bound, right)
+    f1, d1, s1, m1 = evaluate(c, end_basis, series, series_bound, right)
     if not abs(f0) + abs(f1) + m0 < math.inf:
         return math.nan, AT_START
     while True:
@@ -231,22 +222,22 @@ def first_zero(
             crossed = False
         elif order == 0 and f1 <= 0.0 and falls_once(f0, b1, b2, b3, b4, f1, error):
             t = left + h * guess(f0, b1, b2, b3, b4, f1)
-            return polish(c, poles, n, scale, left, right, t)
-        elif depth >= DEPTH - 1 or h <= 4.5e-16 * right:
+            return polish(c, oscillators, series, left, right, t)
+        elif depth >= MAX_DEPTH - 1 or h <= 4.5e-16 * right:
             # Narrower than rounding can resolve: what the right end shows is all there is to know.
             crossed = f1 <= 0.0 and order == 0
             if crossed:
-                return right, AT_START if n > 0 else basis_at(poles, right)
-        elif stack[HALVINGS, 0] <= 0.0:
+                return right, AT_START if series.terms > 0 else basis_at(oscillators, right)
+        elif stack[HALVINGS_LEFT, 0] <= 0.0:
             return math.nan, AT_START
         else:
-            stack[HALVINGS, 0] -= 1.0
+            stack[HALVINGS_LEFT, 0] -= 1.0
             stack[depth, 0], stack[depth, 1], stack[depth, 2] = right, f1, d1
             stack[depth, 3], stack[depth, 4] = s1, m1
             depth += 1
             right = left + 0.5 * h
-            middle = AT_START if n > 0 else basis_at(poles, right)
-            f1, d1, s1, m1 = evaluate(c, middle, n, scale, series_bound, right)
+            middle = AT_START if series.terms > 0 else basis_at(oscillators, right)
+            f1, d1, s1, m1 = evaluate(c, middle, series, series_bound, right)
             continue
         if depth == 0:
             return NO_ZERO, end_basis

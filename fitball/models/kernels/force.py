@@ -1,8 +1,9 @@
 """The vertical spring's force through a contact, as its first and second time integrals, as kernels.
 
-`F = K_y y + C_y y' = -M1 y''` while it is compressive (`0 < t < t_force`), and nothing before and after: so its
-impulse is `P = M1 (v_y1 - y')` and the integral of that `Q = M1 (v_y1 t - y)`. A sensor shows means of the force
-over a time, which are differences of these integrals; unlike the force itself they have no step at landing.
+`F = K_y y + C_y y' = -M1 y''` (Jafri 2004, Eq. 1; `M` in place of `M1` with `normal = total`) while it is compressive
+(`0 < t < t_force`), and nothing before and after: so its impulse is `P = M1 (v_y1 - y')` and the integral of that
+`Q = M1 (v_y1 t - y)`. A sensor shows means of the force over a time, which are differences of these integrals; unlike
+the force itself they have no step at landing.
 """
 
 from __future__ import annotations
@@ -12,18 +13,18 @@ from numpy.typing import NDArray
 
 from fitball.models.kernels.bounce import OK, vertical_motion
 from fitball.models.kernels.compiled import compiled, compiled_allocating
-from fitball.models.kernels.dual import Number, NumberArray, size, sqrt
-from fitball.models.kernels.oscillator import damped_pair
+from fitball.models.kernels.dual import Number, NumberArray
+from fitball.models.kernels.oscillator import swing_at
+from fitball.models.kernels.quantities import VerticalMotion
 from fitball.values import FloatArray
 
 
 @compiled
-def spring_integrals(
-    riding_mass: Number, v_y: Number, sigma: Number, w2: Number, omega2: Number, w: Number, t: Number
-) -> tuple[Number, Number]:
-    """`(P, Q)` [N s, N s^2] at a time `t` during the contact, `w = sqrt(|w2|)`."""
-    cosine, sine, _envelope = damped_pair(sigma, w2, omega2, w, t)
-    return riding_mass * v_y * (1.0 - cosine + sigma * sine), riding_mass * v_y * (t - sine)
+def spring_integrals(vertical: VerticalMotion[Number], v_y: Number, t: Number) -> tuple[Number, Number]:
+    """`(P, Q)` [N s, N s^2] at a time `t` during the contact."""
+    swing = swing_at(vertical.spring, t)
+    scale = vertical.riding_mass * v_y
+    return scale * (1.0 - swing.cosine + vertical.spring.decay * swing.sine), scale * (t - swing.sine)
 
 
 @compiled_allocating
@@ -47,15 +48,14 @@ def force_batch(
         for j in range(v_y1.shape[0]):
             # Real or complex as the row is.
             zero = 0.0 * rows[i, 0]
-            status, _cor, mass, omega2, sigma, w2, t_force, _t_contact = vertical_motion(
-                rows[i], codes, v_y1[j] + zero, cor[j] + zero
-            )
+            v_y = v_y1[j] + zero
+            status, vertical = vertical_motion(rows[i], codes, v_y, cor[j] + zero)
             if status != OK:
                 out[:, i, j, :] = np.nan
                 centroid[i, j] = np.nan
                 continue
-            w = sqrt(size(w2))
-            whole, passed = spring_integrals(mass, v_y1[j] + zero, sigma, w2, omega2, w, t_force)
+            t_force = vertical.t_force
+            whole, passed = spring_integrals(vertical, v_y, t_force)
             centroid[i, j] = t_force - passed / whole
             for k in range(out.shape[3]):
                 t = first[i, j] + k * spacing[j]
@@ -64,5 +64,5 @@ def force_batch(
                 elif t.real >= t_force.real:
                     out[0, i, j, k], out[1, i, j, k] = whole, passed + whole * (t - t_force)
                 else:
-                    impulse, integral = spring_integrals(mass, v_y1[j] + zero, sigma, w2, omega2, w, t + zero)
+                    impulse, integral = spring_integrals(vertical, v_y, t + zero)
                     out[0, i, j, k], out[1, i, j, k] = impulse, integral

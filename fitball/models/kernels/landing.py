@@ -1,14 +1,16 @@
 """The landing impulse: the shell stops at once and friction acts with it, as kernels.
 
 While the impulse `J` grows from 0 to `J0`, the slip obeys `du/dJ = -s mu A + R eps/I_s` with the constant
-compliance `A = 1/M + R^2/I_s`: a bounce with constant force, so Coulomb's law can be followed exactly.
-The same law carries the whole contact when shell and core turn as one (`I_s = I`).
+compliance `A = 1/M + R^2/I_s`: a bounce with constant force, so Coulomb's law can be followed exactly. Not in the
+thesis, whose shell has mass but is not stopped. The same law carries the whole contact when shell and core turn as
+one (`I_s = I`).
 """
 
 from __future__ import annotations
 
 from fitball.models.kernels.compiled import compiled, inlined
 from fitball.models.kernels.dual import Number
+from fitball.models.kernels.quantities import Contact
 
 
 @compiled
@@ -51,23 +53,26 @@ def friction_impulse(
 
 
 @inlined
-def landed(
-    mass: Number,
-    radius: Number,
-    inertia_shell: Number,
-    mu: Number,
-    eps: Number,
-    eps_in_slide: bool,
-    impulse: Number,
-    v_x: Number,
-    omega: Number,
-) -> tuple[Number, Number, bool]:
-    """`(v_x, omega_2, stuck)` just after the landing impulse [N s]: `stuck` if it has used up the slip."""
-    compliance = 1.0 / mass + radius * radius / inertia_shell
-    need = radius * eps / (inertia_shell * compliance)
-    friction, slipped, held, _onward = friction_impulse(
-        v_x - radius * omega, impulse, mu, need if eps_in_slide else 0.0 * need, need, compliance
+def impulsive_friction(contact: Contact[Number], impulse: Number) -> tuple[Number, Number, Number, float]:
+    """`friction_impulse` of a contact whose shell alone turns with the court."""
+    inertia, radius = contact.joint.shell, contact.radius
+    compliance = 1.0 / contact.mass + radius * radius / inertia
+    need = radius * contact.eps / (inertia * compliance)
+    return friction_impulse(
+        contact.v_x - radius * contact.omega,
+        impulse,
+        contact.mu,
+        need if contact.eps_in_slide else 0.0 * need,
+        need,
+        compliance,
     )
-    acting = impulse if eps_in_slide else impulse - slipped - held
-    turned = omega + (radius * friction - eps * acting) / inertia_shell
-    return v_x - friction / mass, turned, slipped.real < impulse.real
+
+
+@inlined
+def landed(contact: Contact[Number]) -> tuple[Number, Number, bool]:
+    """`(v_x, omega_2, stuck)` just after the landing impulse: `stuck` if it has used up the slip."""
+    impulse = contact.landing
+    friction, slipped, held, _onward = impulsive_friction(contact, impulse)
+    acting = impulse if contact.eps_in_slide else impulse - slipped - held
+    turned = contact.omega + (contact.radius * friction - contact.eps * acting) / contact.joint.shell
+    return contact.v_x - friction / contact.mass, turned, slipped.real < impulse.real

@@ -1,12 +1,11 @@
 """The damped oscillator and its response to an exponentially damped sinusoid, as kernels.
 
-An oscillator `x'' + 2 a x' + b x = 0` is held as the pole pair `(a, w2, b, w)` with
-`w2 = b - a^2` (negative when overdamped) and `w = sqrt(|w2|)`. Its motions are spanned by
+The motions of `x'' + 2 a x' + b x = 0` are spanned, with `w^2 = b - a^2`, by
 
     C(t) = exp(-a t) cos(w t),    S(t) = exp(-a t) sin(w t)/w,
 
-which are entire in `w2`: critical damping is no special case. A function of time is held by its
-coefficients in such a basis; differentiation maps coefficients to coefficients.
+which are entire in `w^2`: critical damping is no special case. A function of time is held by its coefficients in such
+a basis; differentiation maps coefficients to coefficients. The plainest case is `y = v S(t)` (Jafri 2004, Eq. 2).
 
 The response of one oscillator to another has a removable singularity where a pole of the one meets a
 pole of the other. There the partial fractions cancel, and a Taylor series (`series_response`) takes over.
@@ -15,9 +14,10 @@ pole of the other. There the partial fractions cancel, and a Taylor series (`ser
 from __future__ import annotations
 
 from fitball.models.kernels.compiled import compiled
-from fitball.models.kernels.dual import Number, NumberArray, cos, exp, sin
+from fitball.models.kernels.dual import Number, NumberArray, cos, exp, magnitude, sin, sqrt
+from fitball.models.kernels.quantities import Oscillator, Oscillators, Swing
 
-# |w2| t^2 below which sin(wt)/w is summed as a series; five terms leave an error of 3e-18.
+# |w^2| t^2 below which sin(wt)/w is summed as a series; five terms leave an error of 3e-18.
 SMALL_PHASE = 0.01
 # |a t| below which exp(-a t) is summed as a series; seven terms leave an error of 3e-16 times 1e-2.
 SMALL_DECAY = 0.02
@@ -31,72 +31,92 @@ SERIES_LENGTH = 44
 
 
 @compiled
-def damped_pair(a: Number, w2: Number, b: Number, w: Number, t: Number) -> tuple[Number, Number, Number]:
-    """Return `(C, S, envelope)` at time `t`, where `envelope` bounds exp(-a t) times any cos or cosh."""
-    x = w2 * t * t
+def oscillator(decay: Number, damped_squared: Number, natural_squared: Number) -> Oscillator[Number]:
+    """An oscillator whose squared frequencies are both known."""
+    return Oscillator(decay, damped_squared, natural_squared, sqrt(magnitude(damped_squared)))
+
+
+@compiled
+def swing_at(o: Oscillator[Number], t: Number) -> Swing[Number]:
+    """The oscillator's swing at time `t`."""
+    x = o.damped_squared * t * t
     if x.real > SMALL_PHASE:
-        envelope = exp(-a * t)
-        return envelope * cos(w * t), envelope * sin(w * t) / w, envelope
+        envelope = exp(-o.decay * t)
+        return Swing(envelope * cos(o.frequency * t), envelope * sin(o.frequency * t) / o.frequency, envelope)
     if x.real < -SMALL_PHASE:
         # a - w by way of the product of the poles, because the difference cancels when overdamped.
-        slow = exp(-b / (a + w) * t)
-        fast = exp(-(a + w) * t)
-        return 0.5 * (slow + fast), 0.5 * (slow - fast) / w, slow
-    envelope = exp(-a * t)
+        slow = exp(-o.natural_squared / (o.decay + o.frequency) * t)
+        fast = exp(-(o.decay + o.frequency) * t)
+        return Swing(0.5 * (slow + fast), 0.5 * (slow - fast) / o.frequency, slow)
+    envelope = exp(-o.decay * t)
     cosine = 1.0 - x * (1.0 / 2 - x * (1.0 / 24 - x * (1.0 / 720 - x * (1.0 / 40320))))
     sine = 1.0 - x * (1.0 / 6 - x * (1.0 / 120 - x * (1.0 / 5040 - x * (1.0 / 362880))))
     # An overdamped pair in this branch grows by at most cosh(0.1) over its envelope.
-    return envelope * cosine, envelope * t * sine, envelope * 1.01
+    return Swing(envelope * cosine, envelope * t * sine, envelope * 1.01)
 
 
 @compiled
-def shift_pair(a: float, w2: float, b: float, w: float, t: float) -> tuple[float, float]:
-    """`(C, S)` at a short time `t` of either sign: by short series where `damped_pair` would call three functions."""
-    u = a * t
-    x = w2 * t * t
+def shift_swing(o: Oscillator[float], swing: Swing[float], t: float) -> Swing[float]:
+    """The swing a short time `t` (of either sign) later, by the addition theorem; the envelope is left as it is.
+
+    Short series take the place of the three functions that `swing_at` would call.
+    """
+    u = o.decay * t
+    x = o.damped_squared * t * t
     if abs(u) > SMALL_DECAY or abs(x) > SMALL_PHASE:
-        cosine, sine, _envelope = damped_pair(a, w2, b, w, t)
-        return cosine, sine
-    decay = 1.0 - u * (1.0 - u * (1.0 / 2 - u * (1.0 / 6 - u * (1.0 / 24 - u * (1.0 / 120 - u * (1.0 / 720))))))
-    cosine = 1.0 - x * (1.0 / 2 - x * (1.0 / 24 - x * (1.0 / 720 - x * (1.0 / 40320))))
-    sine = 1.0 - x * (1.0 / 6 - x * (1.0 / 120 - x * (1.0 / 5040 - x * (1.0 / 362880))))
-    return decay * cosine, decay * t * sine
+        step = swing_at(o, t)
+        c, s = step.cosine, step.sine
+    else:
+        decay = 1.0 - u * (1.0 - u * (1.0 / 2 - u * (1.0 / 6 - u * (1.0 / 24 - u * (1.0 / 120 - u * (1.0 / 720))))))
+        cosine = 1.0 - x * (1.0 / 2 - x * (1.0 / 24 - x * (1.0 / 720 - x * (1.0 / 40320))))
+        sine = 1.0 - x * (1.0 / 6 - x * (1.0 / 120 - x * (1.0 / 5040 - x * (1.0 / 362880))))
+        c, s = decay * cosine, decay * t * sine
+    return Swing(
+        swing.cosine * c - o.damped_squared * swing.sine * s, swing.sine * c + swing.cosine * s, swing.envelope
+    )
 
 
 @compiled
-def resultant(a: float, w2: float, sigma: float, w2_force: float) -> float:
+def advance(o: Oscillator[Number], swing: Swing[Number], x: Number, v: Number) -> tuple[Number, Number]:
+    """Displacement and velocity of the free oscillator when it swings, from `x` and `v` at the start."""
+    c, s = swing.cosine, swing.sine
+    return x * c + (v + o.decay * x) * s, v * c - (o.decay * v + o.natural_squared * x) * s
+
+
+@compiled
+def resultant(oscillators: Oscillators[float]) -> float:
     """Product of the differences between the two pole pairs, free of cancellation [1/s^4]."""
-    gap = a - sigma
-    rho = gap * gap + (w2 - w2_force)
-    return rho * rho + 4.0 * gap * gap * w2_force
+    torsion, vertical = oscillators.torsion, oscillators.vertical
+    gap = torsion.decay - vertical.decay
+    rho = gap * gap + (torsion.damped_squared - vertical.damped_squared)
+    return rho * rho + 4.0 * gap * gap * vertical.damped_squared
 
 
 @compiled
 def forced_response(
-    a: Number,
-    w2: Number,
-    sigma: Number,
-    w2_force: Number,
+    oscillators: Oscillators[Number],
     kappa: Number,
     force_c: Number,
     force_s: Number,
     x0: Number,
     v0: Number,
-) -> tuple[Number, Number, Number, Number]:
-    """Solve `x'' + 2 a x' + b x = kappa (force_c C_f + force_s S_f)`, `x(0) = x0`, `x'(0) = v0`.
+    out: NumberArray,
+) -> None:
+    """Solve `x'' + 2 a x' + b x = kappa (force_c C_f + force_s S_f)`, `x(0) = x0`, `x'(0) = v0` for the torsion.
 
-    Returns `(h_c, h_s, p_c, p_s)` with `x = h_c C + h_s S + p_c C_f + p_s S_f`, by partial fractions:
-    the caller keeps away from resonance.
+    Writes `(h_c, h_s, p_c, p_s)` with `x = h_c C + h_s S + p_c C_f + p_s S_f` into `out`, by partial fractions: the
+    caller keeps away from resonance.
     """
-    gap = a - sigma
-    rho = gap * gap + (w2 - w2_force)
+    torsion, vertical = oscillators.torsion, oscillators.vertical
+    gap = torsion.decay - vertical.decay
+    rho = gap * gap + (torsion.damped_squared - vertical.damped_squared)
     alpha = 2.0 * gap
-    scale = kappa / (rho * rho + alpha * alpha * w2_force)
+    scale = kappa / (rho * rho + alpha * alpha * vertical.damped_squared)
     p_c = (rho * force_c - alpha * force_s) * scale
-    p_s = (rho * force_s + alpha * w2_force * force_c) * scale
+    p_s = (rho * force_s + alpha * vertical.damped_squared * force_c) * scale
     h_c = x0 - p_c
-    h_s = v0 + sigma * p_c - p_s + a * h_c
-    return h_c, h_s, p_c, p_s
+    out[0], out[2], out[3] = h_c, p_c, p_s
+    out[1] = v0 + vertical.decay * p_c - p_s + torsion.decay * h_c
 
 
 @compiled
@@ -106,18 +126,18 @@ def series_length(reach: float) -> int:
 
 
 @compiled
-def series_free(c0: Number, s0: Number, sigma: Number, omega2: Number, h: float, n: int, out: NumberArray) -> None:
-    """Taylor coefficients in `t/h` of `c0 C + s0 S` for the pair with decay `sigma` and `b = omega2`."""
+def series_free(c0: Number, s0: Number, o: Oscillator[Number], h: float, n: int, out: NumberArray) -> None:
+    """Taylor coefficients in `t/h` of `c0 C + s0 S`."""
     out[0] = c0
-    out[1] = (s0 - sigma * c0) * h
+    out[1] = (s0 - o.decay * c0) * h
     for k in range(n - 2):
-        out[k + 2] = -(2.0 * sigma * h * (k + 1) * out[k + 1] + omega2 * h * h * out[k]) / ((k + 1) * (k + 2))
+        pull = 2.0 * o.decay * h * (k + 1) * out[k + 1] + o.natural_squared * h * h * out[k]
+        out[k + 2] = -pull / ((k + 1) * (k + 2))
 
 
 @compiled
 def series_response(
-    a: Number,
-    b: Number,
+    o: Oscillator[Number],
     kappa: Number,
     force: NumberArray,
     x0: Number,
@@ -130,8 +150,8 @@ def series_response(
     out[0] = x0
     out[1] = v0 * h
     for k in range(n - 2):
-        pull = kappa * force[k] - b * out[k]
-        out[k + 2] = (h * h * pull - 2.0 * a * h * (k + 1) * out[k + 1]) / ((k + 1) * (k + 2))
+        pull = kappa * force[k] - o.natural_squared * out[k]
+        out[k + 2] = (h * h * pull - 2.0 * o.decay * h * (k + 1) * out[k + 1]) / ((k + 1) * (k + 2))
 
 
 @compiled

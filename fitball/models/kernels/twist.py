@@ -1,8 +1,11 @@
 """The twist between core and shell within one phase, and the functions whose first zero ends it, as kernels.
 
-`th = theta_1 - theta_2` is a damped oscillator driven by the normal force (Jafri 2004, Eqs 11-19, 31 and 42-45, with
-the initial conditions that continuity asks for). It is held in the basis of `oscillator`, or near resonance as a
-Taylor series.
+The twist `th = theta_1 - theta_2` (Jafri 2004, Eq. 18) is driven by the normal force: while sliding in direction `s`
+
+    th'' + C_theta B th' + K_theta B th = -(s mu R - eps) F/I2,    B = 1/I1 + 1/I2    (Eq. 31, there without eps)
+
+and at zero slip `+eps F/(I2 + M R^2)` with `B = 1/I1 + 1/(I2 + M R^2)` (Eqs 19 and 45), each with the initial
+conditions that continuity asks for. It is held in the basis of `oscillator`, or near resonance as a Taylor series.
 """
 
 from __future__ import annotations
@@ -10,172 +13,178 @@ from __future__ import annotations
 import math
 
 from fitball.models.kernels.compiled import compiled
-from fitball.models.kernels.dual import Number, NumberArray, size, sqrt
-from fitball.models.kernels.events import TORSION, VERTICAL, Basis, prepare, prepare_series
+from fitball.models.kernels.dual import Number, NumberArray
+from fitball.models.kernels.events import prepare_series, prepare_swing
 from fitball.models.kernels.oscillator import (
     NEAR_RESONANCE,
     SERIES_REACH,
-    damped_pair,
     forced_response,
+    oscillator,
     resultant,
     series_free,
     series_length,
     series_response,
     series_value,
+    swing_at,
+)
+from fitball.models.kernels.quantities import (
+    Basis,
+    Contact,
+    Coupling,
+    Load,
+    Oscillator,
+    Oscillators,
+    Series,
+    VerticalMotion,
+    Weights,
 )
 from fitball.values import FloatArray
 
 
 @compiled
+def coupling_of(
+    contact: Contact[Number], gyration: Number, slide_compliance: Number, grip_compliance: Number
+) -> Coupling[Number]:
+    """What follows from the constants of a contact whose `gyration` and relative compliances `B` are known."""
+    joint = contact.joint
+    decay = 0.5 * joint.damping * grip_compliance
+    natural_squared = joint.stiffness * grip_compliance
+    return Coupling(
+        joint.core + joint.shell,
+        gyration,
+        contact.mass * contact.radius / gyration,
+        contact.eps if contact.eps_in_slide else 0.0 * contact.eps,
+        oscillator(0.5 * joint.damping * slide_compliance, joint.slide_squared, joint.stiffness * slide_compliance),
+        oscillator(decay, natural_squared - decay * decay, natural_squared),
+    )
+
+
+@compiled
+def load_of(vertical: VerticalMotion[Number], y: Number, y_rate: Number) -> Load[Number]:
+    """The normal force `F = K_y y + C_y y' = -M1 y''` at a compression and its rate."""
+    spring = vertical.spring
+    y_accel = -2.0 * spring.decay * y_rate - spring.natural_squared * y
+    return Load(
+        -vertical.riding_mass * y_accel,
+        vertical.riding_mass * (spring.natural_squared * y_rate + 2.0 * spring.decay * y_accel),
+        vertical.riding_mass * y_rate,
+    )
+
+
+@compiled
 def twist_motion(
-    th: float,
+    angle: float,
     rate: float,
     kappa: float,
-    force: float,
-    force_rate: float,
-    poles: FloatArray,
+    load: Load[float],
+    oscillators: Oscillators[float],
     span: float,
     careful: bool,
     twist: FloatArray,
     drive: FloatArray,
-) -> tuple[int, float]:
+) -> Series:
     """Solve for the twist in one phase that lasts at most `span`.
 
-    Returns `(n, length)`. With `n = 0`, `twist[:4]` holds the coefficients in the basis of both pole pairs and
-    `length` is `span`. Near resonance `twist[:n]` holds a Taylor series in `t/length`, `drive[:n]` that of the
-    force, and `length` may be shorter than `span`: the phase is then solved in pieces. `careful` asks for the
-    series, which loses nothing to cancellation just after the start.
+    In the basis of both oscillators `twist[:4]` are its coefficients and the length is `span`. Near resonance
+    `twist` holds a Taylor series, `drive` that of the force, and the length may be shorter than `span`: the phase is
+    then solved in pieces. `careful` asks for the series, which loses nothing to cancellation just after the start.
     """
-    a, w2, b = poles[TORSION], poles[TORSION + 1], poles[TORSION + 2]
-    sigma, w2_force, b_force = poles[VERTICAL], poles[VERTICAL + 1], poles[VERTICAL + 2]
-    span2 = span * span
-    if not careful and resultant(a, w2, sigma, w2_force) * span2 * span2 > NEAR_RESONANCE:
-        twist[0], twist[1], twist[2], twist[3] = forced_response(
-            a, w2, sigma, w2_force, kappa, force, force_rate + sigma * force, th, rate
-        )
-        return 0, span
-    pole = max(
-        a + poles[TORSION + 3] if w2 < 0.0 else math.sqrt(b),
-        sigma + poles[VERTICAL + 3] if w2_force < 0.0 else math.sqrt(b_force),
-    )
+    torsion, vertical = oscillators.torsion, oscillators.vertical
+    span_squared = span * span
+    force_s = load.force_rate + vertical.decay * load.force
+    if not careful and resultant(oscillators) * span_squared * span_squared > NEAR_RESONANCE:
+        forced_response(oscillators, kappa, load.force, force_s, angle, rate, twist)
+        return Series(0, span)
+    pole = max(fastest(torsion), fastest(vertical))
     length = span if pole * span <= SERIES_REACH else SERIES_REACH / pole
     n = series_length(pole * length)
-    series_free(force, force_rate + sigma * force, sigma, b_force, length, n, drive)
-    series_response(a, b, kappa, drive, th, rate, length, n, twist)
-    return n, length
+    series_free(load.force, force_s, vertical, length, n, drive)
+    series_response(torsion, kappa, drive, angle, rate, length, n, twist)
+    return Series(n, length)
+
+
+@compiled
+def fastest(o: Oscillator[float]) -> float:
+    """Magnitude of the oscillator's larger pole [1/s]."""
+    return o.decay + o.frequency if o.damped_squared < 0.0 else math.sqrt(o.natural_squared)
 
 
 @compiled
 def twist_at(
-    twist: NumberArray, poles: NumberArray, n: int, length: float, t: Number, basis: Basis[Number]
+    twist: NumberArray, oscillators: Oscillators[Number], series: Series, t: Number, basis: Basis[Number]
 ) -> tuple[Number, Number]:
     """Twist and its rate at time `t` of the phase, where the basis is `basis` (not needed by a series)."""
-    if n > 0:
-        th, rate, _ = series_value(twist, n, t / length)
-        return th, rate / length
-    p, q, _e, r, s, _g = basis
-    a, w2, sigma, w2_force = poles[0], poles[1], poles[4], poles[5]
-    th = twist[0] * p + twist[1] * q + twist[2] * r + twist[3] * s
+    if series.terms > 0:
+        angle, rate, _ = series_value(twist, series.terms, t / series.length)
+        return angle, rate / series.length
+    torsion, vertical = oscillators.torsion, oscillators.vertical
+    p, q, r, s = basis.torsion.cosine, basis.torsion.sine, basis.vertical.cosine, basis.vertical.sine
+    angle = twist[0] * p + twist[1] * q + twist[2] * r + twist[3] * s
     rate = (
-        (twist[1] - a * twist[0]) * p
-        - (w2 * twist[0] + a * twist[1]) * q
-        + (twist[3] - sigma * twist[2]) * r
-        - (w2_force * twist[2] + sigma * twist[3]) * s
+        (twist[1] - torsion.decay * twist[0]) * p
+        - (torsion.damped_squared * twist[0] + torsion.decay * twist[1]) * q
+        + (twist[3] - vertical.decay * twist[2]) * r
+        - (vertical.damped_squared * twist[2] + vertical.decay * twist[3]) * s
     )
-    return th, rate
+    return angle, rate
 
 
 @compiled
 def vertical_after(
-    poles: NumberArray, n: int, y: Number, y_rate: Number, elapsed: Number, basis: Basis[Number]
+    spring: Oscillator[Number], terms: int, y: Number, y_rate: Number, elapsed: Number, basis: Basis[Number]
 ) -> tuple[Number, Number]:
-    """Displacement and velocity of the core `elapsed` after they were `y`, `y_rate`."""
-    sigma, b = poles[VERTICAL], poles[VERTICAL + 2]
-    r, s = basis[3], basis[4]
-    if n > 0:
-        r, s, _envelope = damped_pair(sigma, poles[VERTICAL + 1], b, poles[VERTICAL + 3], elapsed)
-    return y * r + (y_rate + sigma * y) * s, y_rate * r - (sigma * y_rate + b * y) * s
+    """Displacement and velocity of the core `elapsed` after they were `y`, `y_rate`; a series brings no basis."""
+    swing = swing_at(spring, elapsed) if terms > 0 else basis.vertical
+    c, s, a = swing.cosine, swing.sine, spring.decay
+    return y * c + (y_rate + a * y) * s, y_rate * c - (a * y_rate + spring.natural_squared * y) * s
 
 
 @compiled
 def compose(
-    constant: float,
-    on_twist: float,
-    on_rate: float,
-    on_force: float,
-    on_impulse: float,
-    force: float,
-    force_rate: float,
-    momentum: float,
-    poles: FloatArray,
+    weights: Weights,
+    load: Load[float],
+    oscillators: Oscillators[float],
+    series: Series,
     twist: FloatArray,
     drive: FloatArray,
-    n: int,
-    length: float,
     out: FloatArray,
 ) -> float:
-    """Write `constant + on_twist th + on_rate th' + on_force F + on_impulse int F dt` into `out`.
+    """Write a contact function of a phase that starts with `load` into `out`.
 
-    `momentum` is that of the core at the start of the phase, towards the court; the impulse is what it has
-    lost since. Returns the bound of the sixth derivative where the function is a series.
+    Returns the bound of the sixth derivative where the function is a series.
     """
+    n, length = series.terms, series.length
     if n > 0:
         for k in range(n):
-            value = on_twist * twist[k] + on_force * drive[k]
+            value = weights.angle * twist[k] + weights.force * drive[k]
             if k + 1 < n:
-                value += on_rate * (k + 1) * twist[k + 1] / length
+                value += weights.rate * (k + 1) * twist[k + 1] / length
             if k > 0:
-                value += on_impulse * drive[k - 1] * length / k
+                value += weights.impulse * drive[k - 1] * length / k
             out[k] = value
-        out[0] += constant
+        out[0] += weights.constant
         return prepare_series(out, n, length)
-    a, w2, sigma, w2_force = poles[0], poles[1], poles[4], poles[5]
-    out[0] = constant + on_impulse * momentum
-    out[1] = on_twist * twist[0] + on_rate * (twist[1] - a * twist[0])
-    out[2] = on_twist * twist[1] - on_rate * (w2 * twist[0] + a * twist[1])
-    out[3] = on_twist * twist[2] + on_rate * (twist[3] - sigma * twist[2])
-    out[3] += on_force * force - on_impulse * momentum
-    out[4] = on_twist * twist[3] - on_rate * (w2_force * twist[2] + sigma * twist[3])
-    out[4] += on_force * (force_rate + sigma * force) - on_impulse * (sigma * momentum - force)
-    prepare(out, poles, length)
+    torsion, vertical = oscillators.torsion, oscillators.vertical
+    out[0] = weights.constant + weights.impulse * load.momentum
+    out[1] = weights.angle * twist[0] + weights.rate * (twist[1] - torsion.decay * twist[0])
+    out[2] = weights.angle * twist[1] - weights.rate * (torsion.damped_squared * twist[0] + torsion.decay * twist[1])
+    out[3] = weights.angle * twist[2] + weights.rate * (twist[3] - vertical.decay * twist[2])
+    out[3] += weights.force * load.force - weights.impulse * load.momentum
+    out[4] = weights.angle * twist[3] - weights.rate * (
+        vertical.damped_squared * twist[2] + vertical.decay * twist[3]
+    )
+    out[4] += weights.force * (load.force_rate + vertical.decay * load.force) - weights.impulse * (
+        vertical.decay * load.momentum - load.force
+    )
+    prepare_swing(out, 0, torsion, length)
+    prepare_swing(out, 1, vertical, length)
     return 0.0
 
 
 @compiled
-def pin(function: FloatArray, n: int, order: int) -> int:
-    """Let the function be exactly zero at the start of its phase when `order` zeros are known to be there.
-
-    The rounding of its constant would otherwise outweigh it for a while. Returns `order`.
-    """
-    if order > 0:
-        function[0] = 0.0 if n > 0 else -(function[1] + function[3])
-    return order
-
-
-@compiled
-def set_torsion(poles: NumberArray, stiffness: Number, damping: Number, compliance: Number, w2: Number) -> None:
-    """Torsional poles for the relative compliance `1/I1 + 1/I_shell`; `w2` as given where it is known."""
-    poles[TORSION] = 0.5 * damping * compliance
-    poles[TORSION + 1] = w2
-    poles[TORSION + 2] = stiffness * compliance
-    poles[TORSION + 3] = sqrt(size(w2))
-
-
-@compiled
-def free_twist_rate(
-    poles: NumberArray,
-    stiffness: Number,
-    damping: Number,
-    compliance: Number,
-    w2: Number,
-    th: Number,
-    rate: Number,
-    t: Number,
-) -> Number:
-    """Rate of the twist after `t` seconds without ground force."""
-    set_torsion(poles, stiffness, damping, compliance, w2)
-    a = poles[TORSION]
-    p, q, _envelope = damped_pair(a, w2, poles[TORSION + 2], poles[TORSION + 3], t)
-    swing = rate + a * th
-    after: Number = rate * p - (w2 * th + a * swing) * q
-    return after
+def free_twist(torsion: Oscillator[Number], angle: Number, rate: Number, t: Number) -> tuple[Number, Number]:
+    """Twist and its rate after `t` seconds without ground force."""
+    swing = swing_at(torsion, t)
+    c, s = swing.cosine, swing.sine
+    lead = rate + torsion.decay * angle
+    return angle * c + lead * s, rate * c - (torsion.damped_squared * angle + torsion.decay * lead) * s

@@ -60,11 +60,11 @@ class ExpmMarch:
             sizes = np.maximum(_sizes(rows, a, states, block * step + times), reached)
             sizes = np.maximum.accumulate(sizes, axis=0)
             reached = sizes[-1:]
-            found = [
+            first_falls = [
                 _first_fall(row, a, times, states, GUARD_NOISE * size)
                 for row, size in zip(rows, sizes.T, strict=True)
             ]
-            falls = [fall for fall in found if fall is not None]
+            falls = [fall for fall in first_falls if fall is not None]
             if falls:
                 index, beyond = min(falls, key=lambda fall: float(times[fall[0]]) + fall[1])
                 elapsed = block * step + float(times[index]) + beyond

@@ -101,8 +101,8 @@ class TaylorMarch:
             return None if signs[-1] else left
         lower, upper = _halved(coefficients)
         middle = (left + right) / 2
-        found = self._isolated(lower, terms, left, middle)
-        return self._isolated(upper, terms, middle, right) if found is None else found
+        fall = self._isolated(lower, terms, left, middle)
+        return self._isolated(upper, terms, middle, right) if fall is None else fall
 
     def _polished(self, terms: Row, left: Number, right: Number) -> Number:
         """The single fall through zero between `left` and `right`: Newton, halving where it would leave."""

@@ -13,7 +13,19 @@ from numpy.typing import NDArray
 
 from fitball.models.kernels.compiled import compiled, compiled_allocating
 from fitball.models.kernels.dual import STEP, cos, exp, sin, sqrt
-from fitball.models.thesis.kernel import INERTIA_UNIT, OK, thesis_bounce, thesis_damping, thesis_motion
+from fitball.models.thesis.kernel import (
+    BALL_MASS,
+    C_Y,
+    EPS,
+    INERTIA_UNIT,
+    K_Y,
+    MASS_RATIO,
+    OK,
+    contact_of,
+    thesis_bounce,
+    thesis_damping,
+    thesis_motion,
+)
 from fitball.values import FloatArray
 
 ComplexArray = NDArray[np.complex128]
@@ -30,8 +42,8 @@ def times(x: Pair, y: Pair) -> Pair:
 @compiled
 def over(x: Pair, y: Pair) -> Pair:
     """Quotient."""
-    size2 = y[0] * y[0] + y[1] * y[1]
-    return (x[0] * y[0] + x[1] * y[1]) / size2, (x[1] * y[0] - x[0] * y[1]) / size2
+    magnitude_squared = y[0] * y[0] + y[1] * y[1]
+    return (x[0] * y[0] + x[1] * y[1]) / magnitude_squared, (x[1] * y[0] - x[0] * y[1]) / magnitude_squared
 
 
 @compiled
@@ -49,11 +61,17 @@ def swing(amplitude: Pair, late: Pair, early: Pair) -> complex:
 
 @compiled
 def driven_spin_pair(
-    inertia_core: complex, inertia_shell: complex, k_theta: complex, w2: complex, drive: complex, z: Pair, g: Pair
+    inertia_core: complex,
+    inertia_shell: complex,
+    k_theta: complex,
+    damped_squared: complex,
+    drive: complex,
+    z: Pair,
+    g: Pair,
 ) -> Pair:
     """`thesis.driven_spin` for a joint known to be stiff enough."""
     reduced = inertia_core * inertia_shell / (inertia_core + inertia_shell)
-    damping = 2.0 * reduced * sqrt(k_theta / reduced - w2)
+    damping = 2.0 * reduced * sqrt(k_theta / reduced - damped_squared)
     square = times(z, z)
     below = reduced * square[0] + damping * z[0] + k_theta, reduced * square[1] + damping * z[1]
     scale = reduced * drive / (inertia_shell * inertia_shell)
@@ -63,7 +81,7 @@ def driven_spin_pair(
 
 
 @compiled
-def thesis_again(
+def thesis_derivative(
     row: ComplexArray,
     damping_formula: int,
     eps: complex,
@@ -82,24 +100,24 @@ def thesis_again(
     core_mass = mass_ratio * mass
     inertia_core, inertia_shell = split * inertia, (1.0 - split) * inertia
     sigma = thesis_damping(damping_formula, c_y, core_mass, k_y, mass_ratio, cor)
-    w2 = k_y / core_mass - sigma * sigma
-    w = sqrt(w2)
+    damped_squared = k_y / core_mass - sigma * sigma
+    w = sqrt(damped_squared)
     z = (-sigma, w)
     damping = 2.0 * core_mass * sigma
     g = (damping * v_y, -(k_y - damping * sigma) * v_y / w)
     t_c = math.pi / w
     impulse = over(g, z)
     friction = sign * mu / mass * impulse[0], sign * mu / mass * impulse[1]
-    driven = driven_spin_pair(inertia_core, inertia_shell, k_theta, w2, sign * mu * radius, z, g)
+    driven = driven_spin_pair(inertia_core, inertia_shell, k_theta, damped_squared, sign * mu * radius, z, g)
     leak = inertia_core / (inertia_core + inertia_shell) / INERTIA_UNIT * sign * mu * radius
     slide = driven[0] + leak * impulse[0], driven[1] + leak * impulse[1]
     one = (1.0 + 0.0 * w, 0.0 * w)
     end = power(z, t_c)
     if math.isnan(t_r):
-        stray = -damping * v_y * sigma / w2 * end[0]
+        stray = -damping * v_y * sigma / damped_squared * end[0]
         v_x2 = v_x - swing(friction, end, one) - sign * mu / mass * stray
         return v_x2, cor * v_y, omega + swing(slide, end, one), t_c
-    roll = driven_spin_pair(inertia_core, inertia_shell + mass * radius * radius, k_theta, w2, -eps, z, g)
+    roll = driven_spin_pair(inertia_core, inertia_shell + mass * radius * radius, k_theta, damped_squared, -eps, z, g)
     slipping = friction[0] + radius * slide[0], friction[1] + radius * slide[1]
     start = power(z, complex(t_r, 0.0))
     slip = v_x - radius * omega - swing(slipping, start, one)
@@ -131,19 +149,16 @@ def thesis_slopes(
         row[:] = rows[i].real
         own = i if v_x1.shape[0] > 1 else 0
         for j in range(v_x1.shape[1]):
-            row[4] = eps[i, j].real
+            row[EPS] = eps[i, j].real
             v_x, v_y, omega = v_x1[own, j].real, v_y1[own, j].real, omega_1[own, j].real
             status = thesis_bounce(row, damping_formula, cor[i, j].real, v_x, v_y, omega)[0]
             if status != OK:
                 slopes[i, j, :] = math.nan
                 continue
-            core_mass = row[0] * row[7]
-            sigma = thesis_damping(damping_formula, row[5], core_mass, row[1], row[0], cor[i, j].real)
-            motion = thesis_motion(
-                row[7], row[8], row[6] * row[9], (1.0 - row[6]) * row[9], core_mass,
-                row[1], sigma, row[2], row[3], row[4], v_x, v_y, omega,
-            )  # fmt: skip
-            moved = thesis_again(
+            core_mass = row[MASS_RATIO] * row[BALL_MASS]
+            sigma = thesis_damping(damping_formula, row[C_Y], core_mass, row[K_Y], row[MASS_RATIO], cor[i, j].real)
+            motion = thesis_motion(contact_of(row, sigma, v_x, v_y, omega))
+            moved = thesis_derivative(
                 rows[i],
                 damping_formula,
                 eps[i, j],
@@ -151,8 +166,8 @@ def thesis_slopes(
                 v_x1[own, j],
                 v_y1[own, j],
                 omega_1[own, j],
-                motion[1],
-                motion[6],
+                motion.sign,
+                motion.t_r,
             )
             for output in range(4):
                 slopes[i, j, output] = moved[output].imag / STEP

@@ -8,6 +8,7 @@ motion the normal force is `F = Re(g e^{zt})`, and so is every course of the con
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,13 @@ from fitball.values import FloatArray
 IntArray = NDArray[np.int64]
 ByteArray = NDArray[np.int8]
 
+COLUMNS = (
+    "mass_ratio", "k_y", "k_theta", "mu", "eps", "c_y", "inertia_split", "ball_mass", "ball_radius", "ball_inertia"
+)  # fmt: skip
+(
+    MASS_RATIO, K_Y, K_THETA, MU, EPS, C_Y, INERTIA_SPLIT, BALL_MASS, BALL_RADIUS, BALL_INERTIA,
+) = range(len(COLUMNS))  # fmt: skip
+
 OK = int(Status.OK)
 COR_OUT_OF_RANGE = int(Status.COR_OUT_OF_RANGE)
 TORSION_TOO_SOFT = int(Status.TORSION_TOO_SOFT)
@@ -33,6 +41,42 @@ DAMPING_GIVEN, DAMPING_CHAPTER_THREE, DAMPING_CHAPTER_FIVE = 0, 1, 2
 INERTIA_UNIT = 4.4482216152605 * 0.0254
 
 
+class ThesisContact(NamedTuple):
+    """All that decides one contact, SI; `sigma` is the decay of the vertical motion [1/s], `eps` the offset [m]."""
+
+    mass: float
+    radius: float
+    inertia_core: float
+    inertia_shell: float
+    core_mass: float
+    k_y: float
+    sigma: float
+    k_theta: float
+    mu: float
+    eps: float
+    v_x: float
+    v_y: float
+    omega: float
+
+
+class ThesisMotion(NamedTuple):
+    """What describes one contact, NaN or 0 where `status` is not OK.
+
+    While sliding `v_x(t) = v_x - Re(friction (e^{zt} - 1))`, `omega(t) = omega + Re(slide (e^{zt} - 1))`; from
+    `t_r` (NaN: never) the ball rolls with `omega(t) = omega(t_r) + Re(roll (e^{zt} - e^{z t_r}))`, `v_x = R omega`,
+    until `t_c` [s]. `sign` is the direction of the slip.
+    """
+
+    status: int
+    sign: float
+    z: complex
+    friction: complex
+    slide: complex
+    roll: complex
+    t_r: float
+    t_c: float
+
+
 @compiled
 def thesis_damping(
     formula: int, c_y: Number, core_mass: Number, k_y: Number, mass_ratio: Number, cor: Number
@@ -42,23 +86,29 @@ def thesis_damping(
     SLIP: by Eqs (5)-(7) the core leaves with `COR M/M1` of its speed, which exceeds 1 for nearly every impact.
     Chapter III and Appendix C took the inverse ratio, `(M1/M)/COR`; Chapter V `COR` itself.
     """
-    natural2 = k_y / core_mass
+    natural_squared = k_y / core_mass
     if formula == DAMPING_GIVEN:
         sigma = 0.5 * c_y / core_mass
-        return sigma if sigma.real * sigma.real < natural2.real else math.nan + 0.0 * sigma
+        return sigma if sigma.real * sigma.real < natural_squared.real else math.nan + 0.0 * sigma
     left = mass_ratio / cor if formula == DAMPING_CHAPTER_THREE else cor
     if not 0.0 < left.real <= 1.0:
         return math.nan + 0.0 * left
     decrement = -log(left) / math.pi
-    return decrement * sqrt(natural2 / (1.0 + decrement * decrement))
+    return decrement * sqrt(natural_squared / (1.0 + decrement * decrement))
 
 
 @compiled
 def driven_spin(
-    inertia_core: float, inertia_shell: float, k_theta: float, w2: float, drive: float, z: complex, g: complex
+    inertia_core: float,
+    inertia_shell: float,
+    k_theta: float,
+    damped_squared: float,
+    drive: float,
+    z: complex,
+    g: complex,
 ) -> complex:
     """Amplitude `q` of the shell's spin, `omega = const + Re(q e^{zt})`, under a torque `drive * F`; NaN if the
-    joint is too soft for its damped frequency to equal the vertical one, `w2` squared.
+    joint is too soft for its damped frequency to equal the vertical one.
 
     `inertia_shell` is `I2` while sliding and `I2 + M R^2` while rolling.
 
@@ -67,10 +117,10 @@ def driven_spin(
     SLIP: the torque itself, which drives the shell most, is not among its terms (see `thesis_motion`).
     """
     reduced = inertia_core * inertia_shell / (inertia_core + inertia_shell)
-    natural2 = k_theta / reduced
-    if not natural2 >= w2:
+    natural_squared = k_theta / reduced
+    if not natural_squared >= damped_squared:
         return complex(math.nan, math.nan)
-    damping = 2.0 * reduced * math.sqrt(natural2 - w2)
+    damping = 2.0 * reduced * math.sqrt(natural_squared - damped_squared)
     pole = (reduced * z + damping) * z + k_theta
     # On the pole itself the amplitude is infinite; dividing by it would raise.
     if not abs(pole.real) + abs(pole.imag) > 0.0:
@@ -124,30 +174,23 @@ def first_sign_change(u0: float, h: complex, z: complex, end: float) -> float:
 @compiled
 def exponential(z: complex, t: float) -> complex:
     """`e^{zt}`."""
-    size = math.exp(z.real * t)
-    return complex(size * math.cos(z.imag * t), size * math.sin(z.imag * t))
+    magnitude = math.exp(z.real * t)
+    return complex(magnitude * math.cos(z.imag * t), magnitude * math.sin(z.imag * t))
 
 
 @compiled
-def thesis_motion(
-    mass: float,
-    radius: float,
-    inertia_core: float,
-    inertia_shell: float,
-    core_mass: float,
-    k_y: float,
-    sigma: float,
-    k_theta: float,
-    mu: float,
-    eps: float,
-    v_x: float,
-    v_y: float,
-    omega: float,
-) -> tuple[int, float, complex, complex, complex, complex, float, float]:
-    """What describes one contact: `(status, sign, z, friction, slide, roll, t_r, t_c)`.
+def contact_of(row: FloatArray, sigma: float, v_x: float, v_y: float, omega: float) -> ThesisContact:
+    """The contact of one impact for a row of `COLUMNS`."""
+    inertia, split = row[BALL_INERTIA], row[INERTIA_SPLIT]
+    return ThesisContact(
+        row[BALL_MASS], row[BALL_RADIUS], split * inertia, (1.0 - split) * inertia, row[MASS_RATIO] * row[BALL_MASS],
+        row[K_Y], sigma, row[K_THETA], row[MU], row[EPS], v_x, v_y, omega,
+    )  # fmt: skip
 
-    While sliding `v_x(t) = v_x - Re(friction (e^{zt} - 1))`, `omega(t) = omega + Re(slide (e^{zt} - 1))`; from
-    `t_r` (NaN: never) the ball rolls with `omega(t) = omega(t_r) + Re(roll (e^{zt} - e^{z t_r}))`, `v_x = R omega`.
+
+@compiled
+def thesis_motion(c: ThesisContact) -> ThesisMotion:
+    """Amplitudes and times of one contact.
 
     SLIP: the friction torque enters the shell's spin multiplied by the reduced moment of inertia in lbf s^2 in, so
     that all but 0.02 % of it is lost; rolling has no such term at all.
@@ -155,25 +198,26 @@ def thesis_motion(
     SLIP: rolling restarts without relative spin of core and shell, and with the clock still counting from landing.
     """
     nothing = complex(0.0, 0.0)
-    w2 = k_y / core_mass - sigma * sigma
-    w = math.sqrt(w2)
-    z = complex(-sigma, w)
-    damping = 2.0 * core_mass * sigma
-    g = complex(damping * v_y, -(k_y - damping * sigma) * v_y / w)
-    t_c = math.pi / w
-    sign = 1.0 if v_x - radius * omega > 0.0 else -1.0
-    friction = sign * mu / mass * g / z
-    slide = driven_spin(inertia_core, inertia_shell, k_theta, w2, sign * mu * radius, z, g)
-    roll = driven_spin(inertia_core, inertia_shell + mass * radius * radius, k_theta, w2, -eps, z, g)
+    damped_squared = c.k_y / c.core_mass - c.sigma * c.sigma
+    frequency = math.sqrt(damped_squared)
+    z = complex(-c.sigma, frequency)
+    damping = 2.0 * c.core_mass * c.sigma
+    g = complex(damping * c.v_y, -(c.k_y - damping * c.sigma) * c.v_y / frequency)
+    t_c = math.pi / frequency
+    slip = c.v_x - c.radius * c.omega
+    sign = 1.0 if slip > 0.0 else -1.0
+    friction = sign * c.mu / c.mass * g / z
+    slide = driven_spin(c.inertia_core, c.inertia_shell, c.k_theta, damped_squared, sign * c.mu * c.radius, z, g)
+    gyration = c.inertia_shell + c.mass * c.radius * c.radius
+    roll = driven_spin(c.inertia_core, gyration, c.k_theta, damped_squared, -c.eps, z, g)
     if math.isnan(slide.real) or math.isnan(roll.real):
-        return TORSION_TOO_SOFT, sign, nothing, nothing, nothing, nothing, math.nan, math.nan
+        return ThesisMotion(TORSION_TOO_SOFT, sign, nothing, nothing, nothing, nothing, math.nan, math.nan)
     if not (math.isfinite(slide.real) and math.isfinite(roll.real)):
-        return RESONANCE, sign, nothing, nothing, nothing, nothing, math.nan, math.nan
-    reduced = inertia_core * inertia_shell / (inertia_core + inertia_shell)
-    slide += reduced / INERTIA_UNIT * sign * mu * radius / inertia_shell * g / z
-    slip = v_x - radius * omega
-    t_r = first_sign_change(sign * slip, -sign * (friction + radius * slide), z, t_c)
-    return OK, sign, z, friction, slide, roll, t_r if t_r >= 0.0 else math.nan, t_c
+        return ThesisMotion(RESONANCE, sign, nothing, nothing, nothing, nothing, math.nan, math.nan)
+    reduced = c.inertia_core * c.inertia_shell / (c.inertia_core + c.inertia_shell)
+    slide += reduced / INERTIA_UNIT * sign * c.mu * c.radius / c.inertia_shell * g / z
+    t_r = first_sign_change(sign * slip, -sign * (friction + c.radius * slide), z, t_c)
+    return ThesisMotion(OK, sign, z, friction, slide, roll, t_r if t_r >= 0.0 else math.nan, t_c)
 
 
 @compiled
@@ -191,42 +235,28 @@ def thesis_bounce(
     row: FloatArray, damping_formula: int, cor: float, v_x: float, v_y: float, omega: float
 ) -> tuple[int, float, float, float, float, int]:
     """Return `(status, v_x2, v_y2, omega_2, contact_time, regime)`; `row` as in `thesis_batch`."""
-    mass_ratio, k_y, k_theta, mu, eps, c_y, split, mass, radius, inertia = row
     if not 0.0 < cor <= 1.0:
         return COR_OUT_OF_RANGE, math.nan, math.nan, math.nan, math.nan, 0
-    core_mass = mass_ratio * mass
-    sigma = thesis_damping(damping_formula, c_y, core_mass, k_y, mass_ratio, cor)
+    core_mass = row[MASS_RATIO] * row[BALL_MASS]
+    sigma = thesis_damping(damping_formula, row[C_Y], core_mass, row[K_Y], row[MASS_RATIO], cor)
     if math.isnan(sigma):
         return DAMPING_OUT_OF_RANGE, math.nan, math.nan, math.nan, math.nan, 0
-    if not 0.0 < split < 1.0:
+    if not 0.0 < row[INERTIA_SPLIT] < 1.0:
         return NO_INERTIA, math.nan, math.nan, math.nan, math.nan, 0
-    status, sign, z, friction, slide, roll, t_r, t_c = thesis_motion(
-        mass,
-        radius,
-        split * inertia,
-        (1.0 - split) * inertia,
-        core_mass,
-        k_y,
-        sigma,
-        k_theta,
-        mu,
-        eps,
-        v_x,
-        v_y,
-        omega,
-    )
-    if status != OK:
-        return status, math.nan, math.nan, math.nan, math.nan, 0
-    regime = append_phase(0, 0, slide_phase(sign))
-    end = exponential(z, t_c)
+    motion = thesis_motion(contact_of(row, sigma, v_x, v_y, omega))
+    if motion.status != OK:
+        return motion.status, math.nan, math.nan, math.nan, math.nan, 0
+    regime = append_phase(0, 0, slide_phase(motion.sign))
+    end = exponential(motion.z, motion.t_c)
     # SLIP: the rebound velocity is not that of Eqs (5)-(7) but each impact's measured restitution.
     v_y2 = cor * v_y
-    if math.isnan(t_r):
-        v_x2 = v_x - (friction * (end - 1.0)).real - sign * mu / mass * stray_impulse(core_mass, sigma, v_y, z, end)
-        return OK, v_x2, v_y2, omega + (slide * (end - 1.0)).real, t_c, regime
-    start = exponential(z, t_r)
-    omega_2 = omega + (slide * (start - 1.0)).real + (roll * (end - start)).real
-    return OK, radius * omega_2, v_y2, omega_2, t_c, append_phase(regime, 1, GRIP)
+    if math.isnan(motion.t_r):
+        stray = motion.sign * row[MU] / row[BALL_MASS] * stray_impulse(core_mass, sigma, v_y, motion.z, end)
+        v_x2 = v_x - (motion.friction * (end - 1.0)).real - stray
+        return OK, v_x2, v_y2, omega + (motion.slide * (end - 1.0)).real, motion.t_c, regime
+    start = exponential(motion.z, motion.t_r)
+    omega_2 = omega + (motion.slide * (start - 1.0)).real + (motion.roll * (end - start)).real
+    return OK, row[BALL_RADIUS] * omega_2, v_y2, omega_2, motion.t_c, append_phase(regime, 1, GRIP)
 
 
 @compiled_allocating
@@ -244,16 +274,16 @@ def thesis_batch(
 ) -> None:
     """Fill `out` (4, draws, impacts) with v_x2, v_y2, omega_2, contact_time, and regimes and statuses.
 
-    `rows` (draws, 10): mass_ratio, k_y, k_theta, mu, (set here), c_y, inertia_split, ball mass, radius and inertia;
-    `eps`, `cor` (draws, impacts); the incident columns the same or (1, impacts), shared by all draws.
+    `rows` (draws, columns) as named by `COLUMNS`, of which EPS is set here; `eps`, `cor` (draws, impacts); the
+    incident columns the same or (1, impacts), shared by all draws.
     """
     row = np.empty(rows.shape[1])
     for i in range(rows.shape[0]):
         row[:] = rows[i]
         own = i if v_x1.shape[0] > 1 else 0
         for j in range(v_x1.shape[1]):
-            row[4] = eps[i, j]
-            found, v_x2, v_y2, omega_2, time, phases = thesis_bounce(
+            row[EPS] = eps[i, j]
+            status[i, j], v_x2, v_y2, omega_2, time, phases = thesis_bounce(
                 row, damping_formula, cor[i, j], v_x1[own, j], v_y1[own, j], omega_1[own, j]
             )
             out[0, i, j] = v_x2
@@ -261,4 +291,3 @@ def thesis_batch(
             out[2, i, j] = omega_2
             out[3, i, j] = time
             regime[i, j] = phases
-            status[i, j] = found

@@ -18,9 +18,6 @@ from fitball.models.thesis import kernel as thesis
 from fitball.models.types import Rebound, ThesisClosures
 from fitball.values import Ball, FloatArray, Impacts, OwnImpacts
 
-COLUMNS = (
-    "mass_ratio", "k_y", "k_theta", "mu", "eps", "c_y", "inertia_split", "ball_mass", "ball_radius", "ball_inertia"
-)  # fmt: skip
 DAMPING_CODES = {
     "given": thesis.DAMPING_GIVEN,
     "chapter_three": thesis.DAMPING_CHAPTER_THREE,
@@ -82,13 +79,14 @@ class ThesisModel(Model):
 
     def _rows(self, names: Sequence[str], values: NumberArray) -> tuple[NumberArray, dict[str, int]]:
         index = {name: column for column, name in enumerate(names)}
-        rows = np.zeros((values.shape[0], 10), dtype=values.dtype)
-        for column, name in ((0, "mass_ratio"), (1, "k_y"), (2, "k_theta"), (3, "mu"), (5, "c_y")):
+        rows = np.zeros((values.shape[0], len(thesis.COLUMNS)), dtype=values.dtype)
+        for column, name in enumerate(thesis.COLUMNS):
             if name in index:
                 rows[:, column] = values[:, index[name]]
-        tied = self.closures.inertia == "tied"
-        rows[:, 6] = [tied_inertia_split(m) for m in rows[:, 0]] if tied else values[:, index["inertia_split"]]
-        rows[:, 7], rows[:, 8], rows[:, 9] = ball_columns(self.ball, names, values)
+        if self.closures.inertia == "tied":
+            rows[:, thesis.INERTIA_SPLIT] = [tied_inertia_split(m) for m in rows[:, thesis.MASS_RATIO]]
+        columns = ball_columns(self.ball, names, values)
+        rows[:, thesis.BALL_MASS], rows[:, thesis.BALL_RADIUS], rows[:, thesis.BALL_INERTIA] = columns
         return rows, index
 
     def _lines(
@@ -156,32 +154,33 @@ class ThesisModel(Model):
         rows, index = self._rows(names, given)
         lines = {name: float(given[0, index[name]]) if name in index else 0.0 for name in LINES}
         code = DAMPING_CODES[self.closures.damping]
-        return KernelCall("thesis", thesis.thesis_bounce, COLUMNS, tuple(map(float, rows[0])), (code,), lines)
+        return KernelCall("thesis", thesis.thesis_bounce, thesis.COLUMNS, tuple(map(float, rows[0])), (code,), lines)
 
     def course(self, parameters: Mapping[str, float], impact: Impacts, times: FloatArray) -> ThesisCourse:
         """Velocities of one impact (the first) at `times` [s]; raises what `rebound` raises."""
         self.rebound(parameters, impact)
         names = tuple(parameters)
         rows, _index = self._rows(names, np.array([[float(parameters[name]) for name in names]]))
-        mass_ratio, k_y, k_theta, mu, _eps, c_y, split, mass, radius, inertia = (float(x) for x in rows[0])
-        v_x, v_y, omega = (float(item[0]) for item in (impact.v_x1, impact.v_y1, impact.omega_1))
+        row = rows[0]
+        v_x, v_y, omega = (float(column[0]) for column in (impact.v_x1, impact.v_y1, impact.omega_1))
         line = v_y - ANCHOR_SPEED
+        row[thesis.EPS] = parameters["eps_10"] + parameters["eps_slope"] * line
         if impact.cor is not None:
             cor = float(impact.cor[0])
         else:
             cor = parameters["cor_10"] + parameters.get("cor_slope", 0.0) * line
-        core = mass_ratio * mass
-        sigma = thesis.thesis_damping(DAMPING_CODES[self.closures.damping], c_y, core, k_y, mass_ratio, cor)
-        _status, _sign, z, friction, slide, roll, t_r, t_c = thesis.thesis_motion(
-            mass, radius, split * inertia, (1.0 - split) * inertia, core, k_y, sigma, k_theta, mu,
-            parameters["eps_10"] + parameters["eps_slope"] * line, v_x, v_y, omega,
-        )  # fmt: skip
+        mass_ratio, k_y = row[thesis.MASS_RATIO], row[thesis.K_Y]
+        core_mass = mass_ratio * row[thesis.BALL_MASS]
+        formula = DAMPING_CODES[self.closures.damping]
+        sigma = thesis.thesis_damping(formula, row[thesis.C_Y], core_mass, k_y, mass_ratio, cor)
+        motion = thesis.thesis_motion(thesis.contact_of(row, sigma, v_x, v_y, omega))
+        z, t_r, t_c = motion.z, motion.t_r, motion.t_c
         slip_end = t_r if np.isfinite(t_r) else t_c
         sliding = np.exp(z * np.minimum(times, slip_end)) - 1.0
         rolling = np.exp(z * np.maximum(times, slip_end)) - np.exp(z * slip_end)
-        spin = omega + (slide * sliding).real + (roll * rolling).real
-        surface = radius * spin
-        velocity = np.where(times <= slip_end, v_x - (friction * sliding).real, surface)
+        spin = omega + (motion.slide * sliding).real + (motion.roll * rolling).real
+        surface = row[thesis.BALL_RADIUS] * spin
+        velocity = np.where(times <= slip_end, v_x - (motion.friction * sliding).real, surface)
         return ThesisCourse(times, velocity, surface, spin, t_r, t_c)
 
 

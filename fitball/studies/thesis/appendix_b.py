@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 from fitball.data.thesis_tables import fraction
 from fitball.inference.thesis import inputs as thesis_inputs
 from fitball.inference.thesis.inputs import DAMPING, INCH, INERTIA, STIFFNESS
-from fitball.models.thesis.kernel import stray_impulse, thesis_motion
+from fitball.models.thesis.kernel import ThesisContact, stray_impulse, thesis_motion
 from fitball.models.types import Status
 
 Inputs = Mapping[str, float]
@@ -96,22 +96,25 @@ def program(inputs: Inputs, ball_mass: float | None = None) -> Program | None:
     if not sigma**2 < inputs["k_y"] * STIFFNESS / core_mass:
         return None
     moment = inputs["inertia"] * INERTIA
-    status, sign, z, friction, slide, roll, _t_r, _t_c = thesis_motion(
-        mass,
-        inputs["radius"] * INCH,
-        inputs["i1_over_i"] * moment,
-        inputs["i2_over_i"] * moment,
-        core_mass,
-        inputs["k_y"] * STIFFNESS,
-        sigma,
-        thesis_inputs.K_THETA,
-        thesis_inputs.FRICTION,
-        (thesis_inputs.C1 * inputs["offset_v_y1"] + thesis_inputs.C2) * INCH,
-        inputs["v_x1"],
-        inputs["v_y1"],
-        inputs["omega_1"],
+    contact = ThesisContact(
+        mass=mass,
+        radius=inputs["radius"] * INCH,
+        inertia_core=inputs["i1_over_i"] * moment,
+        inertia_shell=inputs["i2_over_i"] * moment,
+        core_mass=core_mass,
+        k_y=inputs["k_y"] * STIFFNESS,
+        sigma=sigma,
+        k_theta=thesis_inputs.K_THETA,
+        mu=thesis_inputs.FRICTION,
+        eps=(thesis_inputs.C1 * inputs["offset_v_y1"] + thesis_inputs.C2) * INCH,
+        v_x=inputs["v_x1"],
+        v_y=inputs["v_y1"],
+        omega=inputs["omega_1"],
     )
-    return Program(inputs, sign, z, friction, slide, roll) if status == int(Status.OK) else None
+    motion = thesis_motion(contact)
+    if motion.status != int(Status.OK):
+        return None
+    return Program(inputs, motion.sign, motion.z, motion.friction, motion.slide, motion.roll)
 
 
 def outputs(codes: Mapping[str, Inputs]) -> dict[str, float]:
