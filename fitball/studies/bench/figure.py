@@ -12,14 +12,14 @@ FLOOR = 1e-17
 MARKS = ("D", "d", "*", "o", "s", "^", "v", "P")
 
 
-def figure(found: Bench) -> Figure:
+def figure(bench: Bench) -> Figure:
     """Time per impact against largest error, one panel per scene, one curve per solver."""
-    names = list(dict.fromkeys(found.precision["scene"]))
+    names = list(dict.fromkeys(bench.precision["scene"]))
     made = new_figure(13.0, 7.4)
     panels = made.subplots(2, 3, sharex=True, sharey=True).ravel()
-    solvers = list(dict.fromkeys(found.precision["solver"]))
+    solvers = list(dict.fromkeys(bench.precision["solver"]))
     for panel, name in zip(panels, names, strict=False):
-        mine = found.precision[found.precision["scene"] == name]
+        mine = bench.precision[bench.precision["scene"] == name]
         for k, solver in enumerate(solvers):
             rows = mine[mine["solver"] == solver]
             if rows.empty:
@@ -38,5 +38,5 @@ def figure(found: Bench) -> Figure:
     handles, labels = panels[1].get_legend_handles_labels()
     panels[-1].axis("off")
     panels[-1].legend(handles, labels, loc="center", frameon=False)
-    made.suptitle(f"Speed against error ({found.machine}, one thread)")
+    made.suptitle(f"Speed against error ({bench.machine}, one thread)")
     return made

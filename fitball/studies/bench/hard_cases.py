@@ -63,7 +63,7 @@ FREE = {"torsion": "free"}
 
 def hard_cases() -> tuple[HardCase, ...]:
     """The whole catalogue; names are unique."""
-    found = (
+    cases = (
         *_torsional_damping(),
         *_resonance(),
         *_stiffness(),
@@ -75,8 +75,8 @@ def hard_cases() -> tuple[HardCase, ...]:
         *_mass_ratio(),
         *_extremes(),
     )
-    assert len({case.name for case in found}) == len(found)
-    return found
+    assert len({case.name for case in cases}) == len(cases)
+    return cases
 
 
 def _torsional_damping() -> Iterator[HardCase]:

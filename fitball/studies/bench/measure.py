@@ -73,9 +73,9 @@ def measure(pace: Pace, cores: int, report: Callable[[str], None]) -> Bench:
     report("exact answers")
     # Started afresh, not forked: threads and locks of this process do not come along.
     with ProcessPoolExecutor(cores, get_context("spawn"), die_on_interrupt) as pool:
-        found = scenes(pool)
+        solved_scenes = scenes(pool)
     report("speed against error")
-    precision = pd.DataFrame(list(work_precision(found, pace)))
+    precision = pd.DataFrame(list(work_precision(solved_scenes, pace)))
     report("batches and threads")
     batches = batch_costs(pace, cores)
     report("growth with rows and draws")
@@ -111,9 +111,9 @@ def errors(scene: Scene, solved: Solved) -> FloatArray:
     return np.asarray(np.maximum(velocity, spin) / scene.speed)
 
 
-def work_precision(found: tuple[Scene, ...], pace: Pace) -> Iterator[dict[str, object]]:
+def work_precision(solved_scenes: tuple[Scene, ...], pace: Pace) -> Iterator[dict[str, object]]:
     """One row per solver, setting and scene: microseconds per impact, largest and median error."""
-    for scene in found:
+    for scene in solved_scenes:
         for solver, setting, action in _solvers(scene, pace):
             error = errors(scene, action())
             seconds = timed(action, pace.seconds, pace.repeats) / len(scene.impacts)

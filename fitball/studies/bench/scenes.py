@@ -45,9 +45,9 @@ def default_model() -> Model:
 
 def oracle() -> Oracle:
     """Its independent solution."""
-    found = default_model().oracle
-    assert found is not None
-    return found
+    solution = default_model().oracle
+    assert solution is not None
+    return solution
 
 
 def scenes(pool: Executor) -> tuple[Scene, ...]:

@@ -40,7 +40,7 @@ def run_target(
     shutil.rmtree(valid, ignore_errors=True)
     valid.mkdir(parents=True)
     target.build(valid)
-    found = []
+    broken = []
     worker = _Worker(target, main)
     try:
         for index in range(cases):
@@ -52,11 +52,11 @@ def run_target(
             if finding is None:
                 shutil.rmtree(place)
             else:
-                found.append(finding)
+                broken.append(finding)
             report(index + 1)
     finally:
         worker.stop()
-    return found
+    return broken
 
 
 def finding_text(finding: Finding) -> str:

@@ -107,25 +107,25 @@ def _text(stream: io.TextIOWrapper) -> str:
 
 def complaints(target: Target, case: Case, ending: Ending) -> list[str]:
     """What is wrong with how a case ended; nothing when it ended well."""
-    found = []
+    faults = []
     if ending.error:
         lines = ending.error.strip().splitlines()
         place = next((line.strip() for line in reversed(lines[:-1]) if "fitball" in line and "line" in line), "")
-        found.append(f"exception: {lines[-1][:300]} ({place[-120:]})")
+        faults.append(f"exception: {lines[-1][:300]} ({place[-120:]})")
     elif ending.code not in target.exits:
-        found.append(f"exit {ending.code}")
+        faults.append(f"exit {ending.code}")
     if ending.warned:
-        found.append(f"a warning of a library: {ending.warned[0][-300:]}")
+        faults.append(f"a warning of a library: {ending.warned[0][-300:]}")
     if ending.code == 2 and not ending.err.strip() and not ending.out.strip():
-        found.append("exit 2 without a word")
+        faults.append("exit 2 without a word")
     # Data for programs is as long as the data.
     shown = ending.err if "--json" in case.words else ending.out + ending.err
     if len(shown) > MOST_CHARACTERS:
-        found.append(f"{len(shown)} characters of text")
+        faults.append(f"{len(shown)} characters of text")
     wild = sorted({character for character in ending.out + ending.err if _controls(character)})
     if wild:
-        found.append(f"control characters on the terminal: {', '.join(f'U+{ord(item):04X}' for item in wild[:5])}")
-    return found
+        faults.append(f"control characters on the terminal: {', '.join(f'U+{ord(item):04X}' for item in wild[:5])}")
+    return faults
 
 
 def _controls(character: str) -> bool:

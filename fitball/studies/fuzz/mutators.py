@@ -34,10 +34,10 @@ def pick(rng: Random, items: tuple[str, ...]) -> str:
 
 
 def _replace_match(text: str, rng: Random, pattern: re.Pattern[str], choices: tuple[str, ...]) -> str:
-    found = list(pattern.finditer(text))
-    if not found:
+    matches = list(pattern.finditer(text))
+    if not matches:
         return text + pick(rng, choices)
-    at = found[rng.integers(len(found))]
+    at = matches[rng.integers(len(matches))]
     return text[: at.start()] + pick(rng, choices) + text[at.end() :]
 
 
@@ -47,10 +47,10 @@ def _number(text: str, rng: Random) -> str:
 
 def _scaled(text: str, rng: Random) -> str:
     """A number as large or small as a wrong unit makes it."""
-    found = list(_NUMBER.finditer(text))
-    if not found:
+    matches = list(_NUMBER.finditer(text))
+    if not matches:
         return text
-    at = found[rng.integers(len(found))]
+    at = matches[rng.integers(len(matches))]
     return text[: at.start()] + f"{float(at[0]) * 10.0 ** int(rng.integers(-8, 9)):.6g}" + text[at.end() :]
 
 
@@ -115,10 +115,10 @@ def damage_text_file(path: Path, rng: Random) -> str:
 
 def _bytes(data: bytes, rng: Random) -> bytes:
     """Some bytes replaced."""
-    found = np.frombuffer(data, dtype=np.uint8).copy()
-    if found.size:
-        found[rng.integers(found.size, size=int(rng.integers(1, 8)))] = rng.integers(256)
-    return found.tobytes()
+    content = np.frombuffer(data, dtype=np.uint8).copy()
+    if content.size:
+        content[rng.integers(content.size, size=int(rng.integers(1, 8)))] = rng.integers(256)
+    return content.tobytes()
 
 
 def _span(data: bytes, rng: Random) -> bytes:

@@ -72,10 +72,10 @@ def damage_toml(path: Path, rng: Random) -> str:
     text = path.read_text(encoding="utf-8")
     said = []
     for _ in range(int(rng.integers(1, 3))):
-        found = list(_TOML_VALUE.finditer(text))
-        if not found:
+        matches = list(_TOML_VALUE.finditer(text))
+        if not matches:
             break
-        at = found[rng.integers(len(found))]
+        at = matches[rng.integers(len(matches))]
         quoted = at[0].startswith('"') == bool(rng.integers(4))
         # JSON's strings are TOML's but for a pair of surrogates.
         new = json.dumps(pick(rng, TEXTS)) if quoted else pick(rng, _TOML_NUMBERS)

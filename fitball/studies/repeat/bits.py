@@ -34,10 +34,10 @@ def differing_leaves(one: Any, other: Any, at: str = "") -> Iterator[tuple[str, 
 
 def same_bytes(original: Kept, repeated: Kept) -> dict[str, bool]:
     """Which parts of two results are equal bit for bit; parts that only one of them has are left out."""
-    found = {"fit.json": next(differing_leaves(original.content, repeated.content), None) is None}
+    equal = {"fit.json": next(differing_leaves(original.content, repeated.content), None) is None}
     one, other = original.posterior, repeated.posterior
     if one is not None and other is not None:
-        found["draws"] = one.names == other.names and all(
+        equal["draws"] = one.names == other.names and all(
             a.shape == b.shape and a.tobytes() == b.tobytes()
             for a, b in (
                 (one.values, other.values),
@@ -46,10 +46,10 @@ def same_bytes(original: Kept, repeated: Kept) -> dict[str, bool]:
             )
         )
     elif one is not None or other is not None:
-        found["draws"] = False
+        equal["draws"] = False
     if original.chains is not None and repeated.chains is not None:
-        found["chain"] = _same_chains(original, repeated)
-    return found
+        equal["chain"] = _same_chains(original, repeated)
+    return equal
 
 
 def _same_chains(original: Kept, repeated: Kept) -> bool:

@@ -38,9 +38,9 @@ def _summaries(kept: Kept) -> Iterator[Contradiction]:
         item = kept.content["parameters"].get(name)
         if item is None:
             continue
-        found = summaries(kept.posterior.values[..., k])
-        for number, value in found.items():
-            if item[number] is None or not abs(item[number] - value) <= SUMMARY * (abs(value) + found["sd"]):
+        recomputed = summaries(kept.posterior.values[..., k])
+        for number, value in recomputed.items():
+            if item[number] is None or not abs(item[number] - value) <= SUMMARY * (abs(value) + recomputed["sd"]):
                 yield f"{name} {number}", item[number], value, "what its own draws in posterior.nc give"
 
 

@@ -65,10 +65,10 @@ class Finding:
     @property
     def ratio(self) -> float | None:
         """Difference over its standard error; None where there is none."""
-        found = self.difference
-        if found is None or not self.standard_error:
+        difference = self.difference
+        if difference is None or not self.standard_error:
             return None
-        return abs(found) / self.standard_error
+        return abs(difference) / self.standard_error
 
 
 @dataclass(frozen=True)
@@ -203,9 +203,9 @@ def _golden(original: Kept) -> Iterator[Finding]:
     fitted, golden = original.saved.fitted, original.saved.golden
     names = fitted.model.parameter_names
     row = np.array([[golden.parameters[name] for name in names]])
-    found = fitted.model.evaluate(names, row, golden.impacts)
+    rebound = fitted.model.evaluate(names, row, golden.impacts)
     for name in ("v_x2", "v_y2", "omega_2", "contact_time"):
-        old, new = getattr(golden.rebound, name), getattr(found, name)[0]
+        old, new = getattr(golden.rebound, name), getattr(rebound, name)[0]
         known = ~np.isnan(old)
         if not known.any():
             continue

@@ -18,23 +18,25 @@ SHOWN = 20
 WIDEST = 40
 
 
-def render(found: Repetition, original: Kept) -> str:
+def render(repetition: Repetition, original: Kept) -> str:
     """The outcome, what it rests on, and the numbers."""
-    lines = [f"{original.folder} repeated: {found.outcome}", ""]
-    if found.outcome is Outcome.BIT_EQUAL:
+    lines = [f"{original.folder} repeated: {repetition.outcome}", ""]
+    if repetition.outcome is Outcome.BIT_EQUAL:
         return "\n".join([*lines, f"  {_bytes(original)}: the same bytes."])
-    same = [name for name, equal in found.same.items() if equal]
+    same = [name for name, equal in repetition.same.items() if equal]
     if same:
         lines += [f"  The same bytes: {', '.join(same)}.", ""]
-    if found.different:
-        lines += _table(found.different, found.limit)
+    if repetition.different:
+        lines += _table(repetition.different, repetition.limit)
     else:
-        lines += _table([item for item in found.findings if item.what.endswith((" median", " point"))], found.limit)
-    largest = found.largest
+        lines += _table(
+            [item for item in repetition.findings if item.what.endswith((" median", " point"))], repetition.limit
+        )
+    largest = repetition.largest
     if largest is not None:
         lines += ["", f"  Largest difference: {largest.what}, {largest.ratio or 0.0:.2g} standard errors."]
         lines.append(
-            f"  Up to {found.limit:.2g} count as equal: of a thousand true repetitions one has a number beyond."
+            f"  Up to {repetition.limit:.2g} count as equal: of a thousand true repetitions one has a number beyond."
         )
     return "\n".join(lines)
 
@@ -77,21 +79,21 @@ def _shown(value: float | str) -> str:
     return shorten(value, WIDEST, placeholder=" ...") if isinstance(value, str) else f"{value:.7g}"
 
 
-def repetition_json(found: Repetition, original: Mapping[str, Any]) -> dict[str, Any]:
+def repetition_json(repetition: Repetition, original: Mapping[str, Any]) -> dict[str, Any]:
     """All of it; SI units."""
-    largest = found.largest
+    largest = repetition.largest
     return {
         "kind": "fitball repetition",
-        "outcome": str(found.outcome),
+        "outcome": str(repetition.outcome),
         "model": original["model"]["name"],
         "table": original["table"]["name"],
-        "same_bytes": dict(found.same),
-        "limit": found.limit,
+        "same_bytes": dict(repetition.same),
+        "limit": repetition.limit,
         "false_alarm": FALSE_ALARM,
         "largest": None if largest is None else _entry(largest),
-        "different": [_entry(item) for item in found.different],
-        "compared": [_entry(item) for item in found.findings],
-        "notes": list(found.notes),
+        "different": [_entry(item) for item in repetition.different],
+        "compared": [_entry(item) for item in repetition.findings],
+        "notes": list(repetition.notes),
     }
 
 

@@ -67,7 +67,7 @@ def _difference(axis: Axes, item: QuantityFinding, null: NullDistribution) -> No
     low, high = null.band(CONFIDENCE)
     axis.fill_between(place, low - place, high - place, color="0.85", linewidth=0)
     axis.axhline(0.0, color="0.5", linewidth=0.8)
-    found = empirical(item.ranks[None, :], VALUES)[0] / item.ranks.size
-    axis.plot(place, found - place, color=COLOURS[0] if item.holds else COLOURS[1], linewidth=1.2)
+    distribution = empirical(item.ranks[None, :], VALUES)[0] / item.ranks.size
+    axis.plot(place, distribution - place, color=COLOURS[0] if item.holds else COLOURS[1], linewidth=1.2)
     axis.set_title(f"{_symbol(item.name)}: p = {item.ecdf_p:.2g}", fontsize=10)
     axis.set_ylabel("difference", fontsize=9)

@@ -66,19 +66,19 @@ class RankFile:
 
     def read(self, count: int) -> list[Ranked]:
         """The first `count` replicates. Raises ResultFolderError for a damaged line."""
-        found = []
+        ranked = []
         with self.path.open(encoding="utf-8", newline="") as file:
             next(file)
             for number, row in enumerate(csv.DictReader(file)):
                 if number == count:
                     break
                 try:
-                    found.append(self._ranked(number, row))
+                    ranked.append(self._ranked(number, row))
                 except (KeyError, TypeError, ValueError):
                     raise ResultFolderError(
                         f"{self.path}: line {number + 3} is damaged; remove it and all that follow, and run again"
                     ) from None
-        return found
+        return ranked
 
     def _ranked(self, number: int, row: Mapping[str, str]) -> Ranked:
         if int(row["replicate"]) != number:

@@ -150,10 +150,10 @@ class BounceExperiment:
 
     def truth(self, rng: np.random.Generator) -> FloatArray:
         """One draw (free,) of all that is known before the table. Raises FitError when there is none to be had."""
-        found = prior_draws(self.problem, rng, wanted=1, batch=400)
-        if not len(found):
+        drawn = prior_draws(self.problem, rng, wanted=1, batch=400)
+        if not len(drawn):
             raise FitError(f"model {self.model}: no draw of the priors agrees with what the scene knows")
-        truth: FloatArray = found[0]
+        truth: FloatArray = drawn[0]
         return truth
 
     def simulated(self, values: FloatArray, rng: np.random.Generator) -> Problem:
@@ -179,13 +179,13 @@ class BounceExperiment:
         together = np.concatenate([truth, draws])
         score = log_likelihood(problem, together, problem.rebound(together))
         quantities = np.column_stack([together, score])
-        found = sampled.convergence
+        convergence = sampled.convergence
         return Ranked(
             dict(zip(self.names, ranks_among(quantities[0], quantities[1:]), strict=True)),
             sampled.converged,
             sampled.chains.shape[1],
-            found.min_ess,
-            found.max_r_hat,
+            convergence.min_ess,
+            convergence.max_r_hat,
         )
 
 

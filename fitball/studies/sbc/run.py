@@ -45,7 +45,7 @@ def _computed(replicate: Callable[[int], Ranked], numbers: range, cores: int) ->
     with ProcessPoolExecutor(min(cores, len(numbers)), context, ignore_interrupts) as pool:
         try:
             with interrupts_held():
-                found = pool.map(replicate, numbers)
-            yield from zip(numbers, found, strict=True)
+                results = pool.map(replicate, numbers)
+            yield from zip(numbers, results, strict=True)
         finally:
             pool.shutdown(wait=True, cancel_futures=True)

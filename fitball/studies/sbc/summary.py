@@ -62,20 +62,20 @@ class ModelFinding:
     @property
     def complaints(self) -> tuple[str, ...]:
         """What speaks against the fits, in words; empty when nothing does."""
-        found = []
+        faults = []
         if self.replicates < FEWEST:
-            found.append(f"{self.replicates} replicates prove nothing: at least {FEWEST} are needed")
+            faults.append(f"{self.replicates} replicates prove nothing: at least {FEWEST} are needed")
         if self.unconverged + self.failed > MOST_UNCONVERGED * self.replicates:
-            found.append(
+            faults.append(
                 f"{self.unconverged} of {self.replicates} replicates did not converge and {self.failed} had no fit"
             )
-        found += [
+        faults += [
             f"{item.name}: ranks are not uniform (adjusted p = "
             f"{min(item.chi_square_adjusted, item.ecdf_adjusted):.2g})"
             for item in self.quantities
             if not item.holds
         ]
-        return tuple(found)
+        return tuple(faults)
 
 
 def summarise(models: Mapping[str, tuple[tuple[str, ...], Sequence[Ranked]]]) -> tuple[ModelFinding, ...]:

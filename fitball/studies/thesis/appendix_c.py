@@ -57,22 +57,22 @@ def with_corrected_inputs(rows: pd.DataFrame, errata: pd.DataFrame) -> pd.DataFr
 def recompute(rows: pd.DataFrame) -> pd.DataFrame:
     """`rows` with NAME and NAME_error [%] for every output, from the inputs in `rows`."""
     chosen = printed_model()
-    found: dict[str, list[float]] = {name: [] for name in COLUMNS}
+    columns: dict[str, list[float]] = {name: [] for name in COLUMNS}
     for row in rows.to_dict("records"):
         impact = impacts(row["v_x1 [m/s]"], row["v_y1 [m/s]"], row["omega_1 [rad/s]"], row["cor"])
         inputs = (row["mass_ratio"], row["k_y [lb/in]"], row["i1_over_i"], row["c_y [lb s/in]"])
         rebound = chosen.rebound(case_parameters(*inputs), impact)
         timing = chosen.rebound(case_parameters(*inputs, rounded_mass=True), impact)
         v_x2, v_y2 = float(rebound.v_x2[0]), float(rebound.v_y2[0])
-        found["v_x2"].append(v_x2)
-        found["v_y2"].append(-v_y2)
-        found["omega_2"].append(float(rebound.omega_2[0]))
-        found["theta_2"].append(-float(np.degrees(np.arctan2(v_y2, v_x2))))
-        found["contact_time"].append(1e3 * float(timing.contact_time[0]))
+        columns["v_x2"].append(v_x2)
+        columns["v_y2"].append(-v_y2)
+        columns["omega_2"].append(float(rebound.omega_2[0]))
+        columns["theta_2"].append(-float(np.degrees(np.arctan2(v_y2, v_x2))))
+        columns["contact_time"].append(1e3 * float(timing.contact_time[0]))
     result = rows.copy()
     for name in COLUMNS:
-        result[name] = found[name]
-        result[f"{name}_error"] = relative_error(found[name], rows[HEADS[name]])
+        result[name] = columns[name]
+        result[f"{name}_error"] = relative_error(columns[name], rows[HEADS[name]])
     return result
 
 
@@ -141,12 +141,12 @@ def reproduce() -> AppendixC:
     return AppendixC(rows, pd.DataFrame(exceptions), tuple(unlisted), tuple(sorted(stale)))
 
 
-def mended(found: AppendixC) -> pd.DataFrame:
+def mended(appendix: AppendixC) -> pd.DataFrame:
     """The rows with every printed `v_x2` and `omega_2` whose misprint or other input is known set to the recomputed
     value; unexplained ones stand as printed.
     """
-    rows, known = found.rows.copy(), found.exceptions["kind"].isin(("misprint", "other input"))
-    for item in found.exceptions[known & found.exceptions["column"].isin(("v_x2", "omega_2"))].itertuples():
+    rows, known = appendix.rows.copy(), appendix.exceptions["kind"].isin(("misprint", "other input"))
+    for item in appendix.exceptions[known & appendix.exceptions["column"].isin(("v_x2", "omega_2"))].itertuples():
         chosen = (rows["table"] == item.table) & (rows["case"] == item.case)
         rows.loc[chosen, HEADS[str(item.column)]] = rows.loc[chosen, str(item.column)]
     return rows

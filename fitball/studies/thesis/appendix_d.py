@@ -73,15 +73,15 @@ def deviations(rows: pd.DataFrame) -> pd.DataFrame:
         (item["table"], item["row"], item["column"]): (item["kind"], item["evidence"])
         for item in errata.to_dict("records")
     }
-    found = []
+    rows_found = []
     for row in rows.to_dict("records"):
         for name in COLUMNS:
             if not row[f"{name}_matches"]:
                 place = (row["table"], f"{row['theta_1 [deg]']:g}", name)
                 kind, cause = listed.get(place, ("unlisted", ""))
-                found.append(
+                rows_found.append(
                     {"table": row["table"], "theta_1 [deg]": row["theta_1 [deg]"], "column": name,
                      "printed [%]": row[HEADS[name]], "recomputed [%]": round(row[name], 3),
                      "kind": kind, "cause": cause}
                 )  # fmt: skip
-    return pd.DataFrame(found)
+    return pd.DataFrame(rows_found)

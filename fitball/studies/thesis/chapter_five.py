@@ -113,11 +113,11 @@ def derive(effort: Effort, report: Callable[[str], None]) -> ChapterFive:
     )  # fmt: skip
 
 
-def _check_appendix_c(found: appendix_c.AppendixC, strict: pd.DataFrame) -> Check:
-    error, before = appendix_c.worst_error(found.rows), appendix_c.worst_error(strict)
+def _check_appendix_c(appendix: appendix_c.AppendixC, strict: pd.DataFrame) -> Check:
+    error, before = appendix_c.worst_error(appendix.rows), appendix_c.worst_error(strict)
     within = {limit: int(np.sum(error <= limit)) for limit in ROWS_WITHIN}
     beyond = int(np.sum(error > 1.0))
-    kinds = found.exceptions["kind"].value_counts().to_dict()
+    kinds = appendix.exceptions["kind"].value_counts().to_dict()
     finding = (
         f"{within[0.1]} of {len(error)} rows within 0.1 % in both V_x2 and omega_2, {within[0.5]} within 0.5 %, "
         f"{within[1.0]} within 1 % ({int(np.sum(before <= 0.1))} and {int(np.sum(before <= 1.0))} before the inputs "
@@ -125,11 +125,13 @@ def _check_appendix_c(found: appendix_c.AppendixC, strict: pd.DataFrame) -> Chec
         f"{kinds.get('unexplained', 0)} are unexplained."
     )
     problems = [
-        *(f"not in the errata: {item}" for item in found.unlisted),
-        *(f"no longer off: {x}" for x in found.stale),
+        *(f"not in the errata: {item}" for item in appendix.unlisted),
+        *(f"no longer off: {x}" for x in appendix.stale),
     ]
     return Check(
-        "Appendix C", " ".join([finding, *problems]), within == ROWS_WITHIN and not found.unlisted and not found.stale
+        "Appendix C",
+        " ".join([finding, *problems]),
+        within == ROWS_WITHIN and not appendix.unlisted and not appendix.stale,
     )
 
 
@@ -174,12 +176,12 @@ def _check_friction(rows: pd.DataFrame) -> Check:
 
 
 def _check_inertia(inertia: Variable) -> Check:
-    printed, found = INERTIA_OF["1/2"], inertia.nominal_value
-    how = "truncated" if 0.0 <= found - printed < 1e-5 else "neither rounded nor truncated"
-    how = "rounded" if abs(found - printed) <= 0.5e-5 else how
+    printed, measured = INERTIA_OF["1/2"], inertia.nominal_value
+    how = "truncated" if 0.0 <= measured - printed < 1e-5 else "neither rounded nor truncated"
+    how = "rounded" if abs(measured - printed) <= 0.5e-5 else how
     return Check(
         "Table 8",
-        f"I = ({1e4 * found:.3f} +- {1e4 * inertia.std_dev:.3f})e-4 lbf s^2 in by Eq. (79); the thesis prints "
+        f"I = ({1e4 * measured:.3f} +- {1e4 * inertia.std_dev:.3f})e-4 lbf s^2 in by Eq. (79); the thesis prints "
         f"{printed:.5f}, {how}. Drag of the air, the tape and slanting strings are in no budget.",
         abs(inertia.nominal_value - 2.888e-4) < 1e-7,
     )
@@ -206,8 +208,8 @@ def _check_examples(rows: pd.DataFrame) -> Check:
     used = rows[rows["inputs"] == "used"]
     worst = float(np.abs(used[["v_x2_error", "omega_2_error"]].to_numpy()).max())
     words = (printed_tables.rebound_words, printed_tables.transition_words)
-    found = [told for number in used["example"] for word in words if (told := word(rows, int(number)))]
-    finding = f"both rebounds to {worst:.3f} %. {' '.join(found)}"
+    words_said = [told for number in used["example"] for word in words if (told := word(rows, int(number)))]
+    finding = f"both rebounds to {worst:.3f} %. {' '.join(words_said)}"
     return Check("Examples of Chapter III", finding, worst < printed_tables.EXAMPLE_ROUNDING)
 
 

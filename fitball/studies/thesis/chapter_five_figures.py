@@ -52,14 +52,14 @@ NAMES: Mapping[str, tuple[str, str]] = {
 K_THETA = "k_theta [lb in/rad]"
 
 
-def draw_all(found: ChapterFive) -> dict[str, Callable[[], Figure]]:
+def draw_all(chapter: ChapterFive) -> dict[str, Callable[[], Figure]]:
     """Every figure by name."""
     return {
-        "glance": lambda: glance_figure(found.fits),
+        "glance": lambda: glance_figure(chapter.fits),
         "chapter_v": chapter_v_figure,
         "transition": transition_figure,
         "offset": offset_figure,
-        "errors": lambda: error_figure(found),
+        "errors": lambda: error_figure(chapter),
     }
 
 
@@ -209,10 +209,10 @@ def offset_figure() -> Figure:
     return figure
 
 
-def error_figure(found: ChapterFive) -> Figure:
+def error_figure(chapter: ChapterFive) -> Figure:
     """Percentage errors of the three cases and of the recalibrated default model, impact by impact."""
     printed = thesis_table("appendix_c")
-    fit = found.fits["two-mass"].fit
+    fit = chapter.fits["two-mass"].fit
     assert fit.predictive is not None
     medians = {observable.name: observable.median for observable in fit.predictive.observables}
     figure = new_figure(12.0, 9.0)

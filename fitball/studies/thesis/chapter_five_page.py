@@ -45,70 +45,70 @@ def _text(value: object) -> str:
     return str(value)
 
 
-def tables(found: ChapterFive) -> dict[str, pd.DataFrame]:
+def tables(chapter: ChapterFive) -> dict[str, pd.DataFrame]:
     """Every table that is written beside the page, by the stem of its file."""
     frames = {
-        "appendix_c": found.appendix_c.rows,
-        "appendix_c_shares": appendix_c.shares(found.appendix_c.rows),
-        "appendix_c_shares_as_printed": appendix_c.shares(found.strict),
-        "appendix_c_shares_by_case": appendix_c.shares_by_case(found.appendix_c.rows),
-        "appendix_c_exceptions": found.appendix_c.exceptions,
-        "slips": found.slips,
-        "appendix_d": found.appendix_d,
-        "appendix_d_exceptions": appendix_d.deviations(found.appendix_d),
-        "energies": found.energies,
-        "mean_friction": found.friction,
-        "damping": found.damping,
-        "examples": found.examples,
+        "appendix_c": chapter.appendix_c.rows,
+        "appendix_c_shares": appendix_c.shares(chapter.appendix_c.rows),
+        "appendix_c_shares_as_printed": appendix_c.shares(chapter.strict),
+        "appendix_c_shares_by_case": appendix_c.shares_by_case(chapter.appendix_c.rows),
+        "appendix_c_exceptions": chapter.appendix_c.exceptions,
+        "slips": chapter.slips,
+        "appendix_d": chapter.appendix_d,
+        "appendix_d_exceptions": appendix_d.deviations(chapter.appendix_d),
+        "energies": chapter.energies,
+        "mean_friction": chapter.friction,
+        "damping": chapter.damping,
+        "examples": chapter.examples,
         "figures_36_to_44": printed_tables.figures_36_to_44(),
-        "rankings": ranking.side_by_side(found.rankings),
-        "computation_slips": found.computation_slips,
-        "fits": recalibration.fit_table(found.fits),
-        "parameters": recalibration.parameter_table(found.fits),
-        "offsets": recalibration.offset_table(found.fits),
+        "rankings": ranking.side_by_side(chapter.rankings),
+        "computation_slips": chapter.computation_slips,
+        "fits": recalibration.fit_table(chapter.fits),
+        "parameters": recalibration.parameter_table(chapter.fits),
+        "offsets": recalibration.offset_table(chapter.fits),
         "errata": thesis_table("errata"),
     }
-    for name, one in {**found.rankings, "chapter_v": found.ranking_chapter_five}.items():
+    for name, one in {**chapter.rankings, "chapter_v": chapter.ranking_chapter_five}.items():
         frames |= {f"ranking_{name}": one.scores, f"ranking_{name}_certainty": one.certainty}
-    return frames | {f"credible_levels_{name}": item.points for name, item in found.fits.items()}
+    return frames | {f"credible_levels_{name}": item.points for name, item in chapter.fits.items()}
 
 
-def _rows_beyond(found: ChapterFive) -> pd.DataFrame:
+def _rows_beyond(chapter: ChapterFive) -> pd.DataFrame:
     """Rows of Appendix C beyond 1 % in velocity or spin, with their cause."""
-    off = found.appendix_c.exceptions
+    off = chapter.appendix_c.exceptions
     return off[off["column"].isin(("v_x2", "omega_2")) & (off["error [%]"].abs() > 1.0)]
 
 
-def write(found: ChapterFive, folder: Path) -> None:
+def write(chapter: ChapterFive, folder: Path) -> None:
     """Write CSV files, figures and the page, each whole or not at all. Raises ResultFolderError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ResultFolderError(f"{folder}: cannot be made: {error.strerror}; name another with --out") from None
-    frames = tables(found)
+    frames = tables(chapter)
     for name, frame in frames.items():
         write_text(folder / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
     images: dict[str, bytes] = {}
-    for name, draw in draw_all(found).items():
+    for name, draw in draw_all(chapter).items():
         place = folder / f"{name}.png"
         save_figure(draw(), place)
         images[name] = place.read_bytes()
-    write_text(folder / "report.html", page(found, frames, images))
+    write_text(folder / "report.html", page(chapter, frames, images))
 
 
-def page(found: ChapterFive, frames: Mapping[str, pd.DataFrame], images: Mapping[str, bytes]) -> str:
+def page(chapter: ChapterFive, frames: Mapping[str, pd.DataFrame], images: Mapping[str, bytes]) -> str:
     """The page as text."""
     scene = load_scene(recalibration.TABLE)
     return render_template(
         "fitball.studies",
         "chapter_five.html.j2",
-        found=found,
+        found=chapter,
         figures=embedded(images, CAPTIONS),
         tables={name: shown(frame) for name, frame in frames.items()},
-        brief=shown(ranking.in_brief(found.rankings)),
+        brief=shown(ranking.in_brief(chapter.rankings)),
         scene=scene,
         scales=ranking.SCALE,
         resamples=ranking.RESAMPLES,
-        beyond=shown(_rows_beyond(found)),
-        inertia_shares=", ".join(f"{name} {100.0 * share:.0f} %" for name, share in found.inertia_shares.items()),
+        beyond=shown(_rows_beyond(chapter)),
+        inertia_shares=", ".join(f"{name} {100.0 * share:.0f} %" for name, share in chapter.inertia_shares.items()),
     )

@@ -30,8 +30,8 @@ def slip_table(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
     ours, exact = rankings[RECOMPUTED].errors, rankings[EXACT].errors
     for (case, mine), name in zip(thesis_table("appendix_c").groupby("case"), ours, strict=True):
         ratio, share = mine["mass_ratio"].iloc[0], mine["i1_over_i"].iloc[0]
-        found = np.array([item for spin in SPINS for item in _sliding(mine[mine["spin"] == spin], spin)])
-        gained, printed, stray = found.reshape(-1, 3).T
+        ratios = np.array([item for spin in SPINS for item in _sliding(mine[mine["spin"] == spin], spin)])
+        gained, printed, stray = ratios.reshape(-1, 3).T
         rows.append(
             {"set": case, "M1/M": ratio, "I1/I2": share / (1.0 - share), "sliding": len(gained),
              "spin gained / balance": np.median(gained), "in print": np.median(printed),

@@ -95,17 +95,17 @@ def _as_computed(name: str) -> Mapping[str, float]:
         return {}
     table = examples()
     row = table[(table["example"] == number) & (table["inputs"] == "stated")].iloc[0]
-    found = {"v_x2": float(row["v_x2_recomputed"]), "omega_2": float(row["omega_2_recomputed"])}
+    rebound = {"v_x2": float(row["v_x2_recomputed"]), "omega_2": float(row["omega_2_recomputed"])}
     transition = float(row["transition_recomputed"])
-    return found | ({"rolling begins": transition} if math.isfinite(transition) else {})
+    return rebound | ({"rolling begins": transition} if math.isfinite(transition) else {})
 
 
-def _first_rest(found: History) -> Span | None:
-    return next((span for span in found.spans if span.phase in RESTING), None)
+def _first_rest(history: History) -> Span | None:
+    return next((span for span in history.spans if span.phase in RESTING), None)
 
 
-def _rolling_share(found: History) -> float:
-    return sum(span.end_share - span.start_share for span in found.spans if span.phase in RESTING)
+def _rolling_share(history: History) -> float:
+    return sum(span.end_share - span.start_share for span in history.spans if span.phase in RESTING)
 
 
 def _ordered(values: Sequence[float], sign: float) -> bool:
@@ -129,9 +129,9 @@ def _after(solved: Sequence[Simulation], name: str) -> list[float]:
 
 def _rolling_start(solved: Sequence[Simulation], curve: int) -> float:
     """Spin with which the shell rolls first [rad/s], or that of the end if it never does."""
-    found = solved[curve].history
-    span = _first_rest(found)
-    return float(np.interp(span.start if span else found.contact_time, found.times, found.omega_2))
+    history = solved[curve].history
+    span = _first_rest(history)
+    return float(np.interp(span.start if span else history.contact_time, history.times, history.omega_2))
 
 
 def appendix_b_start(item: Simulation) -> float:
@@ -157,10 +157,10 @@ def _impulse_ratio(solved: Sequence[Simulation], curve: int) -> float:
     The second is what the core loses until the force ends, `M1 (v_y1 - y')`.
     """
     item = solved[curve]
-    found = item.history
-    end = next((span.start for span in found.spans if span.phase is Phase.FREE), found.contact_time)
+    history = item.history
+    end = next((span.start for span in history.spans if span.phase is Phase.FREE), history.contact_time)
     rate = float(item.model.history(item.parameters, item.impact, end).v_y[0])
-    lost = item.parameters["ball_mass"] * (float(item.impact.v_x1[0]) - found.release.after.v_x)
+    lost = item.parameters["ball_mass"] * (float(item.impact.v_x1[0]) - history.release.after.v_x)
     core = item.parameters["mass_ratio"] * item.parameters["ball_mass"]
     return lost / (core * (float(item.impact.v_y1[0]) - rate))
 
@@ -178,8 +178,8 @@ def _falls_then_rises(solved: Sequence[Simulation], curve: int) -> bool:
 
 
 def _while_resting(solved: Sequence[Simulation], curve: int) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    found = solved[curve].history
-    return found.omega_2[np.isin(found.phase, RESTING)]
+    history = solved[curve].history
+    return history.omega_2[np.isin(history.phase, RESTING)]
 
 
 def _steady(solved: Sequence[Simulation], curve: int) -> bool:

@@ -16,7 +16,7 @@ def list_text() -> str:
     return "\n".join(columns([["example", "what it shows"], *([item.name, item.title] for item in EXAMPLES)], left=2))
 
 
-def example_text(example: Example, found: Sequence[Finding]) -> str:
+def example_text(example: Example, results: Sequence[Finding]) -> str:
     """Title, inputs, and each claim with its finding."""
     head = f"{example.name}: {example.title} (Jafri 2004)"
     lines = [head, "=" * len(head), *_wrapped("Stated: ", example.stated)]
@@ -25,12 +25,12 @@ def example_text(example: Example, found: Sequence[Finding]) -> str:
     for text in remarks(example):
         lines += _wrapped("Note: ", text)
     rows = [["the thesis says", "printed", "exact", "exact - printed", "thesis's computation"]]
-    rows += [[item.claim.said, *_cells(item)] for item in found]
-    notes = [line for item in found if item.note for line in _wrapped("* ", item.note)]
+    rows += [[item.claim.said, *_cells(item)] for item in results]
+    notes = [line for item in results if item.note for line in _wrapped("* ", item.note)]
     return "\n".join([*lines, "", *columns(rows), *notes])
 
 
-def example_json(example: Example, found: Sequence[Finding]) -> dict[str, Any]:
+def example_json(example: Example, results: Sequence[Finding]) -> dict[str, Any]:
     """The record of an example: what was stated, assumed, claimed and found."""
     return {
         "name": example.name,
@@ -49,7 +49,7 @@ def example_json(example: Example, found: Sequence[Finding]) -> dict[str, Any]:
                 "thesis_computation": item.computed,
                 "note": item.note,
             }
-            for item in found
+            for item in results
         ],
     }
 

@@ -71,8 +71,8 @@ def mean_friction() -> pd.DataFrame:
     rows = []
     for spin in SPINS:
         wang = measured(spin)
-        found = (wang["v_x1"] - wang["v_x2"]) / (wang["v_y1"] + wang["v_y2"])
-        for angle, value, exact in zip(printed["nominal_theta_1 [deg]"], printed[spin], found, strict=True):
+        friction = (wang["v_x1"] - wang["v_x2"]) / (wang["v_y1"] + wang["v_y2"])
+        for angle, value, exact in zip(printed["nominal_theta_1 [deg]"], printed[spin], friction, strict=True):
             if abs(value - exact) <= 0.0005 + 1e-12:
                 how = "rounded"
             else:

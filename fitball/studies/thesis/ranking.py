@@ -53,9 +53,9 @@ def errors(predicted: Mapping[str, Mapping[str, FloatArray]]) -> dict[str, Float
     }
 
 
-def joint_squares(found: Mapping[str, FloatArray]) -> FloatArray:
+def joint_squares(by_output: Mapping[str, FloatArray]) -> FloatArray:
     """Mean of the squared errors of velocity and spin over their scales, an impact; (21,)."""
-    return np.asarray(np.mean([(found[name] / scale) ** 2 for name, scale in SCALE.items()], axis=0))
+    return np.asarray(np.mean([(by_output[name] / scale) ** 2 for name, scale in SCALE.items()], axis=0))
 
 
 def rank(sets: Mapping[str, Mapping[str, FloatArray]], seed: int = 1) -> Ranking:
@@ -123,13 +123,13 @@ def solved_sets(chosen: Model) -> dict[str, dict[str, FloatArray]]:
     return sets
 
 
-def rank_all(found: appendix_c.AppendixC, seed: int) -> dict[str, Ranking]:
+def rank_all(appendix: appendix_c.AppendixC, seed: int) -> dict[str, Ranking]:
     """The seven sets ranked by what Appendix C prints, by print with known misprints mended, by the thesis's
     computation, and by its equations solved exactly.
     """
     sets = {
-        PRINTED: printed_sets(found.rows),
-        MENDED: printed_sets(appendix_c.mended(found)),
+        PRINTED: printed_sets(appendix.rows),
+        MENDED: printed_sets(appendix_c.mended(appendix)),
         RECOMPUTED: solved_sets(printed_model()),
         EXACT: solved_sets(model("thesis-exact", inertia="table", cor="measured")),
     }

@@ -82,14 +82,20 @@ def recalibrate(name: str, effort: Effort, report: Callable[[str], None]) -> Rec
     return Recalibration(fit, _place(Recalibration(fit, ()), np.random.default_rng(effort.seed)))
 
 
-def offset_constants(found: Recalibration) -> tuple[FloatArray, FloatArray]:
+def offset_constants(recalibration: Recalibration) -> tuple[FloatArray, FloatArray]:
     """Posterior draws of `C1` [in/(m/s)] and `C2` [in] of Eq. (51)."""
-    slope = found.column("eps_slope")
-    return slope / INCH, (found.column("eps_10") - 10.0 * slope) / INCH
+    slope = recalibration.column("eps_slope")
+    return slope / INCH, (recalibration.column("eps_10") - 10.0 * slope) / INCH
 
 
-def _place(found: Recalibration, rng: np.random.Generator) -> tuple[Placed, ...]:
-    draws = np.array([found.column("mass_ratio"), np.log(found.column("k_y")), np.log(found.column("k_theta"))])
+def _place(recalibration: Recalibration, rng: np.random.Generator) -> tuple[Placed, ...]:
+    draws = np.array(
+        [
+            recalibration.column("mass_ratio"),
+            np.log(recalibration.column("k_y")),
+            np.log(recalibration.column("k_theta")),
+        ]
+    )
     placed = []
     for case in thesis_table("table_9").to_dict("records"):
         values = {
@@ -98,21 +104,21 @@ def _place(found: Recalibration, rng: np.random.Generator) -> tuple[Placed, ...]
             "k_theta": float(case["k_theta [lb in/rad]"]) * TORSION,
         }
         point = np.array([values["mass_ratio"], np.log(values["k_y"]), np.log(values["k_theta"])])
-        below = {name: float(np.mean(found.column(name) < value)) for name, value in values.items()}
-        refused = {name: _refusal(found, name, value) for name, value in values.items()}
+        below = {name: float(np.mean(recalibration.column(name) < value)) for name, value in values.items()}
+        refused = {name: _refusal(recalibration, name, value) for name, value in values.items()}
         excluded = {name: why for name, why in refused.items() if why}
         placed.append(Placed(f"case {case['case']}", credible_level(draws, point, rng), below, excluded))
-    c1, c2 = offset_constants(found)
+    c1, c2 = offset_constants(recalibration)
     level = credible_level(np.array([c1, c2]), np.array([C1, C2]), rng)
     placed.append(Placed("Eq. (53)", level, {"C1": float(np.mean(c1 < C1)), "C2": float(np.mean(c2 < C2))}, {}))
     return tuple(placed)
 
 
-def _refusal(found: Recalibration, name: str, value: float) -> str:
+def _refusal(recalibration: Recalibration, name: str, value: float) -> str:
     """Why the model has no solution for some impact with this value in any draw; empty where one draw has."""
-    chosen, problem = found.fit.problem.model, found.fit.problem
+    chosen, problem = recalibration.fit.problem.model, recalibration.fit.problem
     names = chosen.parameter_names
-    columns = [found.column(item)[::REFUSAL_STRIDE] for item in names]
+    columns = [recalibration.column(item)[::REFUSAL_STRIDE] for item in names]
     columns[names.index(name)] = np.full_like(columns[0], value)
     status = chosen.evaluate(names, np.column_stack(columns), problem.impacts).status
     failed = status != Status.OK
@@ -126,16 +132,16 @@ def credible_level(draws: FloatArray, point: FloatArray, rng: np.random.Generato
     return float(np.mean(density(draws[:, chosen]) > density(point)[0]))
 
 
-def parameter_table(found: Mapping[str, Recalibration]) -> pd.DataFrame:
+def parameter_table(fits: Mapping[str, Recalibration]) -> pd.DataFrame:
     """Medians and 95 % intervals in the thesis's units beside Table 9 (its three cases) and Eq. (53)."""
     cases = thesis_table("table_9").astype(str).agg(", ".join)
     scales = {"mass_ratio": ("M1/M", "", 1.0, cases["mass_ratio"]),
               "k_y": ("k_y", "lb/in", STIFFNESS, cases["k_y [lb/in]"]),
               "k_theta": ("k_theta", "lb in/rad", TORSION, cases["k_theta [lb in/rad]"]),
               "mu": ("mu", "", 1.0, f"{FRICTION:g}")}  # fmt: skip
-    shown = {head: {key: item.column(name) / head[2] for key, item in found.items()} for name, head in scales.items()}
+    shown = {head: {key: item.column(name) / head[2] for key, item in fits.items()} for name, head in scales.items()}
     for k, head in enumerate((("C1", "in/(m/s)", 1.0, f"{C1:g}"), ("C2", "in", 1.0, f"{C2:g}"))):
-        shown[head] = {key: offset_constants(item)[k] for key, item in found.items()}
+        shown[head] = {key: offset_constants(item)[k] for key, item in fits.items()}
     # One of the fitted models is called `thesis` too.
     return pd.DataFrame(
         [
@@ -152,10 +158,10 @@ def interval(draws: FloatArray) -> str:
     return f"{median:.3g} [{low:.3g}, {high:.3g}]"
 
 
-def fit_table(found: Mapping[str, Recalibration]) -> pd.DataFrame:
+def fit_table(fits: Mapping[str, Recalibration]) -> pd.DataFrame:
     """How well each free fit does, and whether its chain converged."""
     rows = []
-    for name, item in found.items():
+    for name, item in fits.items():
         least, diagnosis = item.fit.least_squares, item.fit.diagnostics
         assert diagnosis is not None
         rows.append(
@@ -166,16 +172,16 @@ def fit_table(found: Mapping[str, Recalibration]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def offset_table(found: Mapping[str, Recalibration]) -> pd.DataFrame:
+def offset_table(fits: Mapping[str, Recalibration]) -> pd.DataFrame:
     """Each impact's model-free offset [in] with its sd beside Eq. (53) and the fitted lines."""
-    first = next(iter(found.values())).fit
+    first = next(iter(fits.values())).fit
     balance = first.balances.offset
     v_y1 = first.problem.impacts.v_y1
     frame = pd.DataFrame(
         {"impact": first.problem.table.ids, "v_y1 [m/s]": v_y1, "model-free [in]": balance.values / INCH,
          "sd [in]": balance.sd / INCH, "Eq. (53) [in]": C1 * v_y1 + C2}
     )  # fmt: skip
-    for name, item in found.items():
+    for name, item in fits.items():
         c1, c2 = (float(np.median(draws)) for draws in offset_constants(item))
         frame[f"{name} [in]"] = c1 * v_y1 + c2
     return frame

@@ -139,19 +139,19 @@ class Candidates:
 
 def candidates(row: Row, rows: pd.DataFrame, clauses: Sequence[Clause]) -> Candidates | None:
     """The first list that holds the inputs of each clause; None if those of one stand on no list."""
-    found: list[tuple[str, tuple[Inputs, ...]]] = []
+    fitting: list[tuple[str, tuple[Inputs, ...]]] = []
     for clause in clauses:
         for name, draw in SOURCES.items():
             drawn = tuple(draw(row, rows))
             if any(_same(item, clause.inputs) for item in drawn):
-                found.append((name, drawn))
+                fitting.append((name, drawn))
                 break
         else:
             return None
-    return Candidates(tuple(clauses), tuple(name for name, _ in found), tuple(drawn for _, drawn in found))
+    return Candidates(tuple(clauses), tuple(name for name, _ in fitting), tuple(drawn for _, drawn in fitting))
 
 
-def by_chance(row: Row, found: Candidates, columns: Sequence[str]) -> Chance:
+def by_chance(row: Row, alternatives: Candidates, columns: Sequence[str]) -> Chance:
     """What a slip is worth that claims these `columns` of a row, the lists of its clauses combined.
 
     A ball that rolls in the end gives one number, `v_x2` being `R omega_2`; one that slides gives two.
@@ -160,13 +160,13 @@ def by_chance(row: Row, found: Candidates, columns: Sequence[str]) -> Chance:
     own = row_inputs(row)
 
     def deviations(chosen: Sequence[Inputs]) -> tuple[float, ...]:
-        made = [Clause(clause.codes, inputs) for clause, inputs in zip(found.clauses, chosen, strict=True)]
+        made = [Clause(clause.codes, inputs) for clause, inputs in zip(alternatives.clauses, chosen, strict=True)]
         values = outputs(filled_in(own, made))
         return tuple(np.round(100.0 * (np.array([values[name] for name in columns]) / printed - 1.0), DISTINCT))
 
-    distinct = {item for item in map(deviations, itertools.product(*found.lists)) if np.all(np.isfinite(item))}
+    distinct = {item for item in map(deviations, itertools.product(*alternatives.lists)) if np.all(np.isfinite(item))}
     near = sum(max(map(abs, item)) <= NEAR for item in distinct)
-    mine = np.abs(deviations([clause.inputs for clause in found.clauses]))
+    mine = np.abs(deviations([clause.inputs for clause in alternatives.clauses]))
     rolls = len(columns) == 2 and abs(printed[0] / (printed[1] * own["radius"] * INCH) - 1.0) < ROLLS
     shares = np.maximum(mine.max(keepdims=True) if rolls else mine, LAST_DIGIT) / NEAR
     return Chance(len(distinct), float(near * np.prod(shares)))

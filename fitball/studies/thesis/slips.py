@@ -124,26 +124,26 @@ def chances(cells: pd.DataFrame) -> pd.Series:
     outputs of one row, have not.
     """
     counted = cells[cells["expected by chance"].notna()]
-    found = {}
+    by_cell = {}
     for name, group in counted.groupby(counted["slip"].str.split(";").str[-1].str.strip(), sort=False):
         worst = group.groupby("table")[["candidates", "expected by chance"]].max()
         single = worst["expected by chance"] / worst["candidates"]
-        found[str(name)] = float(worst["candidates"].max() * single.prod())
-    return pd.Series(found, dtype=float)
+        by_cell[str(name)] = float(worst["candidates"].max() * single.prod())
+    return pd.Series(by_cell, dtype=float)
 
 
 def faults(cells: pd.DataFrame) -> list[str]:
     """What is wrong with the slips of the errata, in words; empty if every one does what it says."""
-    found = []
+    complaints = []
     for (table, slip, column), group in cells.groupby(["table", "slip", "column"], sort=False):
         worst, stated = float(group["residual"].max()), float(group["stated"].iloc[0])
         where = f"{table} row {' '.join(group['row'])}, {column} with '{slip}'"
         if not abs(worst - stated) <= STATED:
-            found.append(f"{where}: residual {worst:.4f}, stated {stated:g}")
+            complaints.append(f"{where}: residual {worst:.4f}, stated {stated:g}")
         if (group["source"] == "").any():
-            found.append(f"{where}: an input that stands on no list of candidates")
+            complaints.append(f"{where}: an input that stands on no list of candidates")
     chance = chances(cells)
-    return found + [f"{name}: {value:.2f} fits by chance" for name, value in chance.items() if value > BY_CHANCE]
+    return complaints + [f"{name}: {value:.2f} fits by chance" for name, value in chance.items() if value > BY_CHANCE]
 
 
 def unexplained() -> list[str]:

@@ -145,10 +145,10 @@ def _outside(item: Placed, name: str) -> str:
     return f"{side} {'every draw' if share >= 1.0 else f'{_percent(share)} of draws'}"
 
 
-def _grouped(found: Iterable[tuple[str, str]]) -> str:
+def _grouped(pairs: Iterable[tuple[str, str]]) -> str:
     """Words with the points they are true of, in order; empty words are left out."""
     points: dict[str, list[str]] = {}
-    for words, point in found:
+    for words, point in pairs:
         points.setdefault(words, []).append(point)
     return ", ".join(f"{words} ({listed(names)})" for words, names in points.items() if words)
 

@@ -55,11 +55,11 @@ def formula_table() -> pd.DataFrame:
     for place, spin, ratio, k_y, c_y in printed:
         m = fraction(ratio)
         lefts = {"Eq. (8)": cor[spin] / m, "Chapter III": m / cor[spin], "Chapter V": cor[spin]}
-        found = {name: damping_of(left, m, k_y) for name, left in lefts.items()}
-        near = {name: abs(100.0 * (value / c_y - 1.0)) for name, value in found.items() if math.isfinite(value)}
+        dampings = {name: damping_of(left, m, k_y) for name, left in lefts.items()}
+        near = {name: abs(100.0 * (value / c_y - 1.0)) for name, value in dampings.items() if math.isfinite(value)}
         nearest = min(near, key=lambda name: near[name])
         rows.append(
-            {"place": place, "spin": spin, "mass_ratio": ratio, "k_y [lb/in]": k_y, "printed": c_y, **found,
+            {"place": place, "spin": spin, "mass_ratio": ratio, "k_y [lb/in]": k_y, "printed": c_y, **dampings,
              "obeys": nearest if near[nearest] <= OBEYS else "none", "nearest [%]": near[nearest]}
         )  # fmt: skip
     return pd.DataFrame(rows)
