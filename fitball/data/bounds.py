@@ -39,8 +39,8 @@ def normal_speed(columns: Mapping[str, NumberColumn], end: str) -> FloatArray | 
     can rest on it.
     """
     names = _normal_columns(columns, end)
-    found = velocity({name: Uncertain.exact(columns[name].values) for name in names}, end).y
-    return None if found is None else found.value
+    speed = velocity({name: Uncertain.exact(columns[name].values) for name in names}, end).y
+    return None if speed is None else speed.value
 
 
 def _normal_columns(columns: Mapping[str, NumberColumn], end: str) -> tuple[str, ...]:
@@ -124,7 +124,7 @@ def _reach(count: int) -> float:
 def _known(columns: Mapping[str, NumberColumn], scene: Scene) -> dict[str, Uncertain]:
     """The columns that count, each with its noise: as stated, or else as the scene expects it of the rebound."""
     velocity_sd = scene.nominal_velocity_sd if scene.velocity_sd is None else scene.velocity_sd
-    found = {}
+    quantities = {}
     for name in (*independent(columns, "1"), *independent(columns, "2"), "omega_1", "omega_2"):
         if name not in columns:
             continue
@@ -141,8 +141,8 @@ def _known(columns: Mapping[str, NumberColumn], scene: Scene) -> dict[str, Uncer
             sd = velocity_sd / np.abs(columns["v_2"].values)
         elif name.endswith("2"):
             sd = np.full_like(values, velocity_sd)
-        found[name] = Uncertain.measured(name, values, sd)
-    return found
+        quantities[name] = Uncertain.measured(name, values, sd)
+    return quantities
 
 
 def _restitution(known: Mapping[str, Uncertain], columns: Mapping[str, NumberColumn]) -> _Bound | None:

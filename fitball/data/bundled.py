@@ -32,8 +32,8 @@ def bundled_folder() -> Path:
 
 def bundled_names() -> tuple[str, ...]:
     """File names of the bundled tables, sorted; force records beside a table are none."""
-    found = {path.stem for path in bundled_folder().glob("*.csv")}
-    return tuple(f"{name}.csv" for name in sorted(found - {name + FORCE_ENDING for name in found}))
+    stems = {path.stem for path in bundled_folder().glob("*.csv")}
+    return tuple(f"{name}.csv" for name in sorted(stems - {name + FORCE_ENDING for name in stems}))
 
 
 def bundled_tables() -> tuple[BundledTable, ...]:

@@ -87,32 +87,32 @@ def load_force(path: Path, table: ImpactTable) -> ForceFile:
 
 def _header(raw: RawTable, faults: list[Fault]) -> dict[str, Column] | None:
     """The three columns; None, with a fault for each, when one is missing or its unit is not understood."""
-    found: dict[str, Column] = {}
+    columns: dict[str, Column] = {}
     count = len(faults)
     for index, cell in enumerate(raw.header):
         name, unit = split_cell(cell, raw.header_line, faults)
-        if name in found:
+        if name in columns:
             faults.append(Fault("another column has that name already; keep one", None, raw.header_line, name))
         elif name == "id":
-            found[name] = Column(index, name, None)
+            columns[name] = Column(index, name, None)
         elif name in DIMENSIONS:
             try:
-                found[name] = Column(index, name, parse_unit(unit, DIMENSIONS[name]))
+                columns[name] = Column(index, name, parse_unit(unit, DIMENSIONS[name]))
             except UnitError as error:
                 faults.append(Fault(str(error), line=raw.header_line, column=name))
-                found[name] = Column(index, name, DEFAULT_UNIT[DIMENSIONS[name]])
+                columns[name] = Column(index, name, DEFAULT_UNIT[DIMENSIONS[name]])
         elif name in MISNAMED:
             message = f"unknown column; did you mean '{MISNAMED[name]}'? Rename it"
             faults.append(Fault(message, line=raw.header_line, column=name))
-    missing = [name for name in ("id", *DIMENSIONS) if name not in found]
+    missing = [name for name in ("id", *DIMENSIONS) if name not in columns]
     faults += [Fault(f"there is no column '{name}'; {EXPECTED}", line=raw.header_line) for name in missing]
-    return found if len(faults) == count else None
+    return columns if len(faults) == count else None
 
 
 def _records(
     raw: RawTable, id_column: int, columns: Mapping[str, NumberColumn], table: ImpactTable, faults: list[Fault]
 ) -> list[ForceRecord]:
-    found: list[ForceRecord] = []
+    records: list[ForceRecord] = []
     begun: dict[str, int] = {}
     for name, group in groupby(range(len(raw.rows)), key=lambda k: raw.rows[k].cells[id_column]):
         places = list(group)
@@ -127,9 +127,9 @@ def _records(
         else:
             record = _record(name, places, raw.rows, columns, table, faults)
             if record is not None:
-                found.append(record)
+                records.append(record)
         begun.setdefault(name, head.number)
-    return found
+    return records
 
 
 def _record(

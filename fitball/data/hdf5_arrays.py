@@ -34,43 +34,43 @@ def opened(path: Path, what: str) -> Iterator[h5py.File]:
 
 def group(parent: h5py.Group, name: str) -> h5py.Group:
     """A group in another. Raises ValueError."""
-    found = parent.get(name)
-    if not isinstance(found, h5py.Group):
+    member = parent.get(name)
+    if not isinstance(member, h5py.Group):
         raise ValueError(f"no group {name}")  # noqa: TRY004
-    return found
+    return member
 
 
 def array(parent: h5py.Group, name: str, shape: tuple[int | None, ...], kind: str = "f") -> np.ndarray[Any, Any]:
     """A dataset of that shape (None: any length) and kind of number ("f", or "iu"). Raises ValueError."""
-    found = parent.get(name)
+    member = parent.get(name)
     where = f"{parent.name.rstrip('/')}/{name}"
-    if not isinstance(found, h5py.Dataset):
+    if not isinstance(member, h5py.Dataset):
         raise ValueError(f"no array {where}")  # noqa: TRY004
-    fits = len(found.shape) == len(shape) and all(b in (a, None) for a, b in zip(found.shape, shape, strict=True))
-    if found.dtype.kind not in kind or not fits:
+    fits = len(member.shape) == len(shape) and all(b in (a, None) for a, b in zip(member.shape, shape, strict=True))
+    if member.dtype.kind not in kind or not fits:
         wanted = " x ".join("any" if count is None else str(count) for count in shape)
         raise ValueError(
-            f"{where}: read {found.dtype} of shape {' x '.join(map(str, found.shape))}, expected "
+            f"{where}: read {member.dtype} of shape {' x '.join(map(str, member.shape))}, expected "
             f"{'floating-point' if kind == 'f' else 'whole'} numbers of shape {wanted}"
         )
     # Nothing here is compressed: a length that was damaged must not fill the memory.
-    if found.nbytes > Path(parent.file.filename).stat().st_size:
-        raise ValueError(f"{where}: {found.size} numbers, more than the file has room for")
-    return np.asarray(found[()])
+    if member.nbytes > Path(parent.file.filename).stat().st_size:
+        raise ValueError(f"{where}: {member.size} numbers, more than the file has room for")
+    return np.asarray(member[()])
 
 
 def texts(parent: h5py.Group, name: str, count: int) -> np.ndarray[Any, Any]:
     """A column of `count` texts. Raises ValueError."""
-    found = array(parent, name, (count,), "O")
-    if not all(isinstance(item, bytes) for item in found):
+    column = array(parent, name, (count,), "O")
+    if not all(isinstance(item, bytes) for item in column):
         raise ValueError(f"{parent.name.rstrip('/')}/{name}: not a column of texts")
-    return np.array([item.decode("utf-8") for item in found], dtype=object)
+    return np.array([item.decode("utf-8") for item in column], dtype=object)
 
 
 def finite(parent: h5py.Group, name: str, shape: tuple[int | None, ...]) -> FloatArray:
     """As `array`, of finite double-precision numbers. Raises ValueError."""
-    found = array(parent, name, shape).astype(np.float64)
-    bad = np.argwhere(~np.isfinite(found))
+    numbers = array(parent, name, shape).astype(np.float64)
+    bad = np.argwhere(~np.isfinite(numbers))
     if bad.size:
         raise ValueError(f"{parent.name.rstrip('/')}/{name}: entry {bad[0].tolist()} is not a finite number")
-    return found
+    return numbers

@@ -57,7 +57,7 @@ def parse_uncertain_impact(text: str) -> tuple[Impacts, FloatArray | None]:
 
 def _values(text: str) -> dict[str, Uncertain]:
     """Quantities by the tables' names, in SI."""
-    found: dict[str, Uncertain] = {}
+    quantities: dict[str, Uncertain] = {}
     for item in text.split(","):
         key, equals, value = (part.strip() for part in item.partition("="))
         if not equals or not key or not value:
@@ -65,15 +65,15 @@ def _values(text: str) -> dict[str, Uncertain]:
         if key not in _NAMES:
             raise ParameterError(f"unknown quantity '{key}': {suggestion(key, _NAMES)}")
         name, dimension = _NAMES[key]
-        if name in found:
+        if name in quantities:
             raise ParameterError(f"{key} is given twice")
         number, sd = _number(key, value, dimension)
         at = np.array([number])
         refuse_beyond(name, at)
         if sd is not None:
             refuse_beyond(name + SD_SUFFIX, np.array([sd]))
-        found[name] = Uncertain.exact(at) if sd is None else Uncertain.measured(name, at, np.array([sd]))
-    return found
+        quantities[name] = Uncertain.exact(at) if sd is None else Uncertain.measured(name, at, np.array([sd]))
+    return quantities
 
 
 def _number(key: str, text: str, dimension: Dimension) -> tuple[float, float | None]:
@@ -100,22 +100,22 @@ def _number(key: str, text: str, dimension: Dimension) -> tuple[float, float | N
     return unit.to_si(number), unit.to_si(sd)
 
 
-def _impact(found: dict[str, Uncertain]) -> tuple[Impacts, FloatArray | None]:
+def _impact(quantities: dict[str, Uncertain]) -> tuple[Impacts, FloatArray | None]:
     """Components from what was given. Raises ParameterError for too little, too much or the impossible."""
-    given = frozenset(found) - {"omega_1"}
+    given = frozenset(quantities) - {"omega_1"}
     if given == {"v_1", "theta_1"}:
-        if not found["v_1"].value[0] > 0.0:
+        if not quantities["v_1"].value[0] > 0.0:
             raise ParameterError("expected a positive speed v")
-        if not 0.0 < found["theta_1"].value[0] < pi:
+        if not 0.0 < quantities["theta_1"].value[0] < pi:
             raise ParameterError("expected an angle theta to the court between 0 and 180 deg")
     elif given in ({"v_x1", "v_y1"}, {"v_y1"}):
-        if not found["v_y1"].value[0] > 0.0:
+        if not quantities["v_y1"].value[0] > 0.0:
             raise ParameterError("expected a positive speed v_y towards the court")
     else:
         words = ", ".join(sorted(given)) or "no velocity"
         raise ParameterError(f"read {words}; {_FORMS}")
     nothing = Uncertain.exact(np.zeros(1))
-    along = velocity(found, "1")
-    state = [along.x or nothing, along.y or nothing, found.get("omega_1", nothing)]
+    along = velocity(quantities, "1")
+    state = [along.x or nothing, along.y or nothing, quantities.get("omega_1", nothing)]
     known = any(item.parts for item in state)
     return Impacts(*(item.value for item in state)), covariance_matrix(state, 1) if known else None

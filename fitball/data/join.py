@@ -39,9 +39,9 @@ def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
         raise TableError(" + ".join(item.source for item in tables), faults)
 
     def stacked(columns: Sequence[FloatArray]) -> FloatArray:
-        found = np.concatenate(columns)
-        found.setflags(write=False)
-        return found
+        whole = np.concatenate(columns)
+        whole.setflags(write=False)
+        return whole
 
     labels = {
         name: tuple(text for item in tables for text in item.labels.get(name, ("",) * len(item)))

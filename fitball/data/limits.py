@@ -61,8 +61,8 @@ def beyond_limit(name: str, values: FloatArray) -> NDArray[np.bool_]:
     What is zero or negative is left to checks that say why it may not be.
     """
     limit, size = _limit(name), np.abs(values)
-    found: NDArray[np.bool_] = (size > limit.most) | ((size > 0.0) & (size < limit.least))
-    return found
+    beyond: NDArray[np.bool_] = (size > limit.most) | ((size > 0.0) & (size < limit.least))
+    return beyond
 
 
 def within_limits(
@@ -72,17 +72,17 @@ def within_limits(
 
     NaN, so that no later check draws conclusions from it.
     """
-    found = dict(columns)
+    kept = dict(columns)
     for name, column in columns.items():
         beyond = beyond_limit(name, column.values)
         if not beyond.any():
             continue
-        found[name] = replace(column, values=np.where(beyond, np.nan, column.values))
+        kept[name] = replace(column, values=np.where(beyond, np.nan, column.values))
         for index in np.flatnonzero(beyond):
             read = column.shown(column.values[index])
             message = f"read {read}; expected {_limit(name).words}: check the unit and the digits"
             faults.append(Fault(message, rows[index].number, rows[index].line, name))
-    return found
+    return kept
 
 
 def refuse_beyond(name: str, values: FloatArray) -> None:

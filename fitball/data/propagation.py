@@ -104,12 +104,12 @@ class Uncertain:
 
 def covariance_matrix(items: Sequence[Uncertain | None], count: int) -> FloatArray:
     """Covariance (count, items, items) of numbers (count,) that may share inputs; zeros for an item that is None."""
-    found = np.zeros((count, len(items), len(items)))
+    covariance = np.zeros((count, len(items), len(items)))
     for i, one in enumerate(items):
         for j, other in enumerate(items):
             if one is None or other is None:
                 continue
             for name, part in one.parts.items():
                 if name in other.parts:
-                    found[:, i, j] += part * other.parts[name]
-    return found
+                    covariance[:, i, j] += part * other.parts[name]
+    return covariance

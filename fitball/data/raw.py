@@ -150,10 +150,10 @@ def _refuse_other_delimiters(source: str, text: str, header_line: int) -> None:
     """Raise TableError when the header is divided by something else than commas."""
     lines = re.split(r"\r\n|\r|\n", text)
     header = re.sub(r'"[^"]*"', "", lines[header_line - 1])
-    found = max(_DELIMITER_WORDS, key=header.count)
-    if header.count(found) <= header.count(","):
+    delimiter = max(_DELIMITER_WORDS, key=header.count)
+    if header.count(delimiter) <= header.count(","):
         return
-    message = f"columns are divided by {_DELIMITER_WORDS[found]} ('{found}'); expected commas"
+    message = f"columns are divided by {_DELIMITER_WORDS[delimiter]} ('{delimiter}'); expected commas"
     for number, line in enumerate(lines[header_line:], start=header_line + 1):
         decimal = _DECIMAL_COMMA.search(line)
         if decimal and not line.lstrip().startswith("#"):

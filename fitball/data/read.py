@@ -119,7 +119,7 @@ def _assemble(
 ) -> ImpactTable:
     impacts, incident_columns, incident_sd, covariance = _incident(columns, len(raw.rows))
     counted = {*independent(columns, "2"), "omega_2", "contact_time"}
-    found = [*notices, *_unit_notices(columns), *_unused_sds(columns)]
+    remarks = [*notices, *_unit_notices(columns), *_unused_sds(columns)]
     rebound = [_measurement(columns, name) for name in REBOUND if name in columns]
     return ImpactTable(
         name=path.stem,
@@ -139,7 +139,7 @@ def _assemble(
             }
         ),
         units=FrozenMapping({name: column.unit.symbol for name, column in columns.items()}),
-        notices=tuple(sorted(found, key=lambda notice: notice.row or 0)),
+        notices=tuple(sorted(remarks, key=lambda notice: notice.row or 0)),
         incident_covariance=covariance,
         files=((str(path.resolve()), sha256(raw.data).hexdigest()),),
     )

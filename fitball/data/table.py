@@ -62,15 +62,15 @@ def summed_up(notices: Iterable[Notice]) -> tuple[str, ...]:
     kinds: dict[str, list[Notice]] = {}
     for place, notice in enumerate(notices):
         kinds.setdefault(notice.kind or f"\0{place}", []).append(notice)
-    found: list[str] = []
+    sentences: list[str] = []
     for kind, members in kinds.items():
         if len(members) <= NOTICES_TOLD:
-            found += map(str, members)
+            sentences += map(str, members)
             continue
         named = ", ".join(str(item.row) for item in members[:NOTICES_TOLD])
         first = replace(members[0], message=members[0].message.removeprefix(f"{kind}: "))
-        found.append(f"rows {named} and {len(members) - NOTICES_TOLD:,} more: {kind}; {first}")
-    return tuple(found)
+        sentences.append(f"rows {named} and {len(members) - NOTICES_TOLD:,} more: {kind}; {first}")
+    return tuple(sentences)
 
 
 @dataclass(frozen=True)
