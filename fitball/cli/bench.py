@@ -34,15 +34,15 @@ def run(args: argparse.Namespace) -> int:
 
     report = stages(args.quiet)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER
-    found = measure(QUICK if args.quick else FULL, args.cores, report)
-    write(found, folder)
+    bench = measure(QUICK if args.quick else FULL, args.cores, report)
+    write(bench, folder)
     if args.json:
         frames = {
-            name: json.loads(getattr(found, name).to_json(orient="records"))
+            name: json.loads(getattr(bench, name).to_json(orient="records"))
             for name in ("precision", "batches", "growth", "start_up", "stages")
         }
-        print(json.dumps({"machine": found.machine, **frames}, indent=2))
+        print(json.dumps({"machine": bench.machine, **frames}, indent=2))
     else:
-        print("\n".join(summary(found)))
+        print("\n".join(summary(bench)))
         print(f"Results: {folder}")
     return 0

@@ -67,19 +67,19 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def pairs(option: str, given: Sequence[str], convert: Callable[[str], T]) -> dict[str, T]:
     """Read repeated NAME=VALUE options. Raises ParameterError for a missing `=`, a bad value, a name said twice."""
-    found: dict[str, T] = {}
+    values: dict[str, T] = {}
     for text in given:
         name, equals, value = text.partition("=")
         name = name.strip()
         if not equals or not name or not value.strip():
             raise ParameterError(f"{option} {text}: expected NAME=VALUE")
-        if name in found:
+        if name in values:
             raise ParameterError(f"{option}: {name} is given twice")
         try:
-            found[name] = convert(value.strip())
+            values[name] = convert(value.strip())
         except ValueError:
             raise ParameterError(f"{option} {text}: read '{value.strip()}', expected a number") from None
-    return found
+    return values
 
 
 def run(args: argparse.Namespace) -> int:

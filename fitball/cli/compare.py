@@ -78,20 +78,20 @@ def run(args: argparse.Namespace) -> int:
         progress.finish()
         tell_notes([*table.remarks, *scene.assumed, *said])
     published = published_sets(table)
-    found = compare(table, candidates, effort, args.quick, published, lambda stage: progress(stage, None))
+    comparison = compare(table, candidates, effort, args.quick, published, lambda stage: progress(stage, None))
     progress("figure and files", None)
-    text = words(found)
-    write_all(found, text, folder)
+    text = words(comparison)
+    write_all(comparison, text, folder)
     progress.finish()
     if args.json:
-        print(json_text(json_content(found, text)), end="")
+        print(json_text(json_content(comparison, text)), end="")
     elif args.quiet:
         print(folder)
     else:
-        print(render(found, text, folder))
-    if found.status is RunStatus.INTERRUPTED:
+        print(render(comparison, text, folder))
+    if comparison.status is RunStatus.INTERRUPTED:
         return 130
-    return 0 if found.status is RunStatus.CONVERGED else 1
+    return 0 if comparison.status is RunStatus.CONVERGED else 1
 
 
 def model_names(text: str) -> tuple[str, ...]:

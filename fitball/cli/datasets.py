@@ -127,7 +127,7 @@ def _check(args: argparse.Namespace) -> int:
     errors: list[FitballError] = []
     table: ImpactTable | None = None
     scene: Scene | None = None
-    found: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
     try:
         try:
             scene = load_scene(args.data, args.config)
@@ -136,8 +136,8 @@ def _check(args: argparse.Namespace) -> int:
             errors.append(error)
         table = load_table(args.data, scene=scene or Scene())
         if scene is not None:
-            records, found = find_force([args.data], table, scene, args.force)
-            found += () if records is None else (f"{records.source}: {len(records.records)} force records",)
+            records, remarks = find_force([args.data], table, scene, args.force)
+            remarks += () if records is None else (f"{records.source}: {len(records.records)} force records",)
     except FitballError as error:
         errors.append(error)
     notices = table.notices if table is not None else ()
@@ -149,7 +149,7 @@ def _check(args: argparse.Namespace) -> int:
                 "faults": [fault for error in errors for fault in _faults(error)],
                 "notices": [
                     *({"message": item.message, "row": item.row, "columns": item.columns} for item in notices),
-                    *({"message": text, "row": None, "columns": ()} for text in found),
+                    *({"message": text, "row": None, "columns": ()} for text in remarks),
                 ],
             }
         )
@@ -158,7 +158,7 @@ def _check(args: argparse.Namespace) -> int:
             print(fault)
         if table is not None and not args.quiet:
             print(f"{table.source}: {len(table)} impacts{', no fault' if not errors else ''}")
-            for line in (*table.remarks, *found):
+            for line in (*table.remarks, *remarks):
                 print(f"  - {one_line(line)}")
     return 2 if errors else 0
 

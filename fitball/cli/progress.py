@@ -45,10 +45,10 @@ class ProgressLine:
 
     def _sampling(self, progress: Progress) -> str:
         parts = [f"sampling: step {progress.step}"]
-        found = progress.convergence
-        if found is not None:
-            parts.append(f"min effective sample size {found.min_ess:.0f} (wanted 1000)")
-            parts.append(f"max R-hat {found.max_r_hat:.3f} (wanted below 1.01)")
+        convergence = progress.convergence
+        if convergence is not None:
+            parts.append(f"min effective sample size {convergence.min_ess:.0f} (wanted 1000)")
+            parts.append(f"max R-hat {convergence.max_r_hat:.3f} (wanted below 1.01)")
         steps = progress.step - (self.first_step or 0)
         if steps > 0 and progress.step < progress.next_check:
             left = (time.monotonic() - self.sampling_begun) / steps * (progress.next_check - progress.step)

@@ -37,27 +37,27 @@ def run(args: argparse.Namespace) -> int:
 
     report = stages(args.quiet)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER
-    found = derive(Effort(seed=args.seed, cores=args.cores), report)
+    chapter = derive(Effort(seed=args.seed, cores=args.cores), report)
     report("figures and page")
-    write(found, folder)
+    write(chapter, folder)
     if args.json:
         content = {
-            "holds": found.holds,
-            "summary": found.summary,
-            "checks": [{"name": item.name, "holds": item.holds, "finding": item.finding} for item in found.checks],
-            "verdicts": dict(found.verdicts),
-            "rankings": side_by_side(found.rankings).to_dict("records"),
+            "holds": chapter.holds,
+            "summary": chapter.summary,
+            "checks": [{"name": item.name, "holds": item.holds, "finding": item.finding} for item in chapter.checks],
+            "verdicts": dict(chapter.verdicts),
+            "rankings": side_by_side(chapter.rankings).to_dict("records"),
             "folder": str(folder),
         }
         print(json.dumps(content, indent=2, ensure_ascii=False))
     else:
-        for item in found.checks:
+        for item in chapter.checks:
             print(f"[{'as pinned' if item.holds else 'CHANGED'}] {item.name}: {item.finding}")
-        for name, verdict in found.verdicts.items():
+        for name, verdict in chapter.verdicts.items():
             print(f"{name}: {verdict}")
-        brief = in_brief(found.rankings)
+        brief = in_brief(chapter.rankings)
         print("Score of each set (share of resamples in which it is first):")
         print("\n".join(columns([list(brief.columns), *brief.to_numpy().tolist()])))
-        print(found.summary)
+        print(chapter.summary)
         print(f"Results: {folder / 'report.html'}")
-    return 0 if found.holds else 1
+    return 0 if chapter.holds else 1

@@ -69,21 +69,21 @@ def run(args: argparse.Namespace) -> int:
             fit = rerun(problem, effort, folder, progress)
             progress("comparison", None)
             (write_numbers if args.out is None else write_all)(fit, folder)
-            found = compared(problem, original, read_kept(folder))
+            repetition = compared(problem, original, read_kept(folder))
     except (KeyboardInterrupt, SamplingInterrupted):
         progress.finish()
         print("Interrupted: nothing was compared.", file=sys.stderr)
         return 130
     progress.finish()
     if not args.quiet:
-        for note in found.notes:
+        for note in repetition.notes:
             print(f"note: {note}", file=sys.stderr)
     if args.json:
-        print(json_text(repetition_json(found, original.content)), end="")
+        print(json_text(repetition_json(repetition, original.content)), end="")
     elif args.quiet:
-        print(found.outcome)
+        print(repetition.outcome)
     else:
-        print(render(found, original))
+        print(render(repetition, original))
         if args.out is not None:
             print(args.out)
-    return 1 if found.outcome is Outcome.DIFFERENT else 0
+    return 1 if repetition.outcome is Outcome.DIFFERENT else 0

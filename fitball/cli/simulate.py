@@ -112,13 +112,13 @@ def _one(args: argparse.Namespace) -> _Made:
     from fitball.report.history.text import render_all
 
     impact = parse_impact(args.impact)
-    found, source, notes = _from_fit(args, impact) if args.fit is not None else _from_values(args, impact)
+    simulation, source, notes = _from_fit(args, impact) if args.fit is not None else _from_values(args, impact)
     if not args.quiet:
         tell_notes(notes)
     v_x, v_y, omega = (float(item[0]) for item in (impact.v_x1, impact.v_y1, impact.omega_1))
-    title = f"{found.model.name}: {v_x:.2f} m/s along, {v_y:.2f} m/s towards the court, {omega:.0f} rad/s"
+    title = f"{simulation.model.name}: {v_x:.2f} m/s along, {v_y:.2f} m/s towards the court, {omega:.0f} rad/s"
     name = f"{source}_{v_x:.4g}_{v_y:.4g}_{omega:.4g}"
-    return (found,), name, {"notes": notes}, render_all((found,)), title, ()
+    return (simulation,), name, {"notes": notes}, render_all((simulation,)), title, ()
 
 
 def _from_fit(args: argparse.Namespace, impact: Impacts) -> tuple[Simulation, str, list[str]]:
@@ -130,7 +130,7 @@ def _from_fit(args: argparse.Namespace, impact: Impacts) -> tuple[Simulation, st
     from fitball.report.predict.text import remarks_on
 
     saved = load_fit(args.fit)
-    found = simulate_fit(saved.fitted, impact, args.draws)
+    simulation = simulate_fit(saved.fitted, impact, args.draws)
     notes = remarks_on(predict_new(saved.fitted, impact), 0)
     if saved.status is RunStatus.POINT_ONLY:
         notes.append("a point fit has no posterior: courses at the point estimate, without bands")
@@ -140,7 +140,7 @@ def _from_fit(args: argparse.Namespace, impact: Impacts) -> tuple[Simulation, st
     rests = {Verdict.FIXED: "the value it was held at", Verdict.PRIOR_DOMINATED: "its prior"}
     if stiffness is not None and stiffness.verdict in rests:
         notes.append(f"times, compression and forces rest on k_y, and in this fit k_y on {rests[stiffness.verdict]}")
-    return found, f"fit_{found.model.name}", notes
+    return simulation, f"fit_{simulation.model.name}", notes
 
 
 def _from_values(args: argparse.Namespace, impact: Impacts) -> tuple[Simulation, str, list[str]]:
@@ -152,9 +152,11 @@ def _from_values(args: argparse.Namespace, impact: Impacts) -> tuple[Simulation,
     name, closures = parse_name(args.model if args.model is not None else DEFAULT_MODEL)
     chosen = model(name, ball=None, tangential=True, **closures)
     changed = _values(args.values)
-    found = simulate(chosen, chosen_parameters(chosen, changed), impact)
-    rest = ", ".join(f"{item} = {found.parameters[item]:g}" for item in chosen.parameter_names if item not in changed)
-    return found, name, [f"defaults near the fits to Wang's balls: {rest}"] if rest else []
+    simulation = simulate(chosen, chosen_parameters(chosen, changed), impact)
+    rest = ", ".join(
+        f"{item} = {simulation.parameters[item]:g}" for item in chosen.parameter_names if item not in changed
+    )
+    return simulation, name, [f"defaults near the fits to Wang's balls: {rest}"] if rest else []
 
 
 def _example(args: argparse.Namespace) -> _Made:
@@ -165,26 +167,26 @@ def _example(args: argparse.Namespace) -> _Made:
 
     example = find_example(args.example)
     solved = run_example(example)
-    found = findings(example, solved)
-    text = example_text(example, found) + "\n\n" + render_all(solved)
+    results = findings(example, solved)
+    text = example_text(example, results) + "\n\n" + render_all(solved)
     title = f"{example.name}, solved exactly: {example.title}"
-    return solved, example.name, {"example": example_json(example, found)}, text, title, example.panels
+    return solved, example.name, {"example": example_json(example, results)}, text, title, example.panels
 
 
 def _values(texts: Sequence[str]) -> dict[str, float]:
     """Parameters from `NAME=VALUE`. Raises ParameterError."""
-    found: dict[str, float] = {}
+    values: dict[str, float] = {}
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals and value):
             raise ParameterError(f"--set {text}: expected NAME=VALUE, as in mu=0.6")
-        if name in found:
+        if name in values:
             raise ParameterError(f"--set {text}: {name} is given twice")
         try:
-            found[name] = float(value)
+            values[name] = float(value)
         except ValueError:
             raise ParameterError(f"--set {text}: read '{value}', expected a number in SI units") from None
-    return found
+    return values
 
 
 def _write(

@@ -119,14 +119,14 @@ def _run(args: argparse.Namespace) -> int:
 
     folder = Path(args.out) if args.out else DEFAULT_FOLDER
     cores = (os.cpu_count() or 1) if args.cores is None else args.cores
-    found = {}
+    ranked_by_model = {}
     for model in models:
         experiment = BounceExperiment(args.table, model, args.wrong_sigma)
         counter = Counter(model, args.replicates, args.quiet)
         place = folder / f"ranks_{model}.csv"
         ranked = run_replicates(experiment, args.seed, args.replicates, place, cores, counter)
-        found[model] = (experiment.names, ranked)
-    findings = summarise(found)
+        ranked_by_model[model] = (experiment.names, ranked)
+    findings = summarise(ranked_by_model)
     content = summary_json(findings, args.seed)
     for finding in findings:
         if finding.quantities:
