@@ -26,20 +26,20 @@ def engine_texts(saved: SavedFit, at: str | None, inertia_ratio: float) -> Mappi
     point = middle_impact(saved.fitted) if at is None else parse_impact(at)
     if not saved.fitted.tangential and (abs(point.v_x1[0]) > 0.0 or abs(point.omega_1[0]) > 0.0):
         raise ParameterError("this fit is of drop tests and knows no friction: give v_y alone")
-    found = fit_engine(saved.fitted, point, inertia_ratio)
-    return {".md": _page(saved, found), ".json": json_text(_content(saved, found))}
+    engine = fit_engine(saved.fitted, point, inertia_ratio)
+    return {".md": _page(saved, engine), ".json": json_text(_content(saved, engine))}
 
 
-def mujoco(found: EngineFit) -> dict[str, Any]:
+def mujoco(engine: EngineFit) -> dict[str, Any]:
     """A spring and damper that leave at the wanted restitution when their force ends, as MuJoCo's contact does."""
-    time = found.contact_time if found.contact_time is not None else USUAL_CONTACT
-    damping_ratio, _rest, angle = zero_force_release(min(found.at_point.e, 1.0 - 1e-9))
+    time = engine.contact_time if engine.contact_time is not None else USUAL_CONTACT
+    damping_ratio, _rest, angle = zero_force_release(min(engine.at_point.e, 1.0 - 1e-9))
     omega = angle / time
     return {
         "solref": [-omega * omega, -2.0 * damping_ratio * omega],
         "solimp": [0.99, 0.99, 0.001, 0.5, 2.0],
         "contact_time": time,
-        "contact_time_known": found.contact_time is not None,
+        "contact_time_known": engine.contact_time is not None,
         "timestep_at_most": time / STEPS,
     }
 
@@ -54,7 +54,7 @@ def _settings(item: EngineSettings) -> dict[str, Any]:
     }
 
 
-def _content(saved: SavedFit, found: EngineFit) -> dict[str, Any]:
+def _content(saved: SavedFit, engine: EngineFit) -> dict[str, Any]:
     ball = saved.fitted.ball
     return {
         "schema_version": 1,
@@ -62,30 +62,30 @@ def _content(saved: SavedFit, found: EngineFit) -> dict[str, Any]:
         "model": saved.fitted.model_name,
         "table": saved.content["table"]["file"],
         "units": {"speeds": "m/s", "spins": "rad/s", "angles": "rad", "times": "s"},
-        "ball": {"mass": ball.mass, "radius": ball.radius, "inertia_ratio": found.inertia_ratio},
-        "operating_point": {name: float(getattr(found.point, name)[0]) for name in ("v_x1", "v_y1", "omega_1")},
-        "outside_calibrated_range": _outside(saved, found),
-        "fitted_rebound": dict(found.fitted),
-        "engine_rebound": dict(found.engine),
-        "at_point": _settings(found.at_point),
-        "over_range": _settings(found.over_range),
-        "mujoco": mujoco(found),
+        "ball": {"mass": ball.mass, "radius": ball.radius, "inertia_ratio": engine.inertia_ratio},
+        "operating_point": {name: float(getattr(engine.point, name)[0]) for name in ("v_x1", "v_y1", "omega_1")},
+        "outside_calibrated_range": _outside(saved, engine),
+        "fitted_rebound": dict(engine.fitted),
+        "engine_rebound": dict(engine.engine),
+        "at_point": _settings(engine.at_point),
+        "over_range": _settings(engine.over_range),
+        "mujoco": mujoco(engine),
     }
 
 
-def _page(saved: SavedFit, found: EngineFit) -> str:
-    point = found.point
+def _page(saved: SavedFit, engine: EngineFit) -> str:
+    point = engine.point
     speed = math.hypot(point.v_x1[0], point.v_y1[0])
     angle = math.degrees(math.atan2(point.v_y1[0], point.v_x1[0]))
-    best, wide = found.at_point, found.over_range
+    best, wide = engine.at_point, engine.over_range
     lines = [
         f"# Engine settings for {saved.fitted.model_name} on {saved.content['table']['name']}",
         "",
         f"Operating point: {speed:.4g} m/s at {angle:.4g} deg, spin {point.omega_1[0]:.4g} rad/s (topspin positive). "
         f"Ball: mass {saved.fitted.ball.mass * 1e3:.4g} g, radius {saved.fitted.ball.radius * 1e3:.4g} mm, "
-        f"inertia {found.inertia_ratio:.3g} M R^2 in the engine, {saved.fitted.ball.inertia_ratio:.3g} in the fit.",
+        f"inertia {engine.inertia_ratio:.3g} M R^2 in the engine, {saved.fitted.ball.inertia_ratio:.3g} in the fit.",
         "",
-        *_warning(saved, found),
+        *_warning(saved, engine),
         "| | restitution e | friction mu |",
         "|---|---|---|",
         f"| best at the operating point | {best.e:.4f} | {_mu(best.mu)} |",
@@ -107,23 +107,23 @@ def _page(saved: SavedFit, found: EngineFit) -> str:
         "",
         "| output | fitted ball | engine | error there | RMS error over the range | RMS, best over the range |",
         "|---|---|---|---|---|---|",
-        *(_row(name, found) for name in OUTPUTS),
+        *(_row(name, engine) for name in OUTPUTS),
         "",
         "The range: mixtures of the calibrated impacts. Best: least kinetic energy of the difference.",
         "",
-        *_advice(found),
+        *_advice(engine),
     ]
     return "\n".join(lines) + "\n"
 
 
-def _outside(saved: SavedFit, found: EngineFit) -> bool:
+def _outside(saved: SavedFit, engine: EngineFit) -> bool:
     fitted = saved.fitted
-    known = calibrated_range(fitted.impacts, found.point, fitted.ball.radius, fitted.tangential, ())
+    known = calibrated_range(fitted.impacts, engine.point, fitted.ball.radius, fitted.tangential, ())
     return bool(known.outside[0])
 
 
-def _warning(saved: SavedFit, found: EngineFit) -> list[str]:
-    return ["**The operating point lies outside the calibrated range.**", ""] if _outside(saved, found) else []
+def _warning(saved: SavedFit, engine: EngineFit) -> list[str]:
+    return ["**The operating point lies outside the calibrated range.**", ""] if _outside(saved, engine) else []
 
 
 def _mu(value: float | None) -> str:
@@ -140,9 +140,9 @@ def _row(name: str, found: EngineFit) -> str:
     return f"| {name} [{unit}] | {fitted:.3f} | {engine:.3f} | {error:+.3f} | {rms:.3f} | {wide:.3f} |"
 
 
-def _advice(found: EngineFit) -> list[str]:
-    e, mu = f"{found.at_point.e:.4f}", _mu(found.at_point.mu) if found.at_point.mu is not None else "1"
-    soft = mujoco(found)
+def _advice(engine: EngineFit) -> list[str]:
+    e, mu = f"{engine.at_point.e:.4f}", _mu(engine.at_point.mu) if engine.at_point.mu is not None else "1"
+    soft = mujoco(engine)
     stiffness, damping = soft["solref"]
     known = "" if soft["contact_time_known"] else " (assumed: this model has none)"
     return [

@@ -18,9 +18,9 @@ from fitball.report.saved.saved_fit import SavedFit
 def lookup_texts(saved: SavedFit, grid: str | None) -> Mapping[str, str]:
     """The table and its description. Raises ParameterError for a grid that is none."""
     axes = default_axes(saved.fitted) if grid is None else parse_grid(grid)
-    found = make_lookup(saved.fitted, axes)
-    content = json_text(_content(saved, found))
-    return {".csv": csv_text(_rows(found)), ".json": content}
+    lookup = make_lookup(saved.fitted, axes)
+    content = json_text(_content(saved, lookup))
+    return {".csv": csv_text(_rows(lookup)), ".json": content}
 
 
 def lookup_note(texts: Mapping[str, str]) -> str:
@@ -34,23 +34,23 @@ def lookup_note(texts: Mapping[str, str]) -> str:
     return note + (f"; {reasons}" if reasons else "")
 
 
-def _rows(found: Lookup) -> list[dict[str, object]]:
-    names = {name: regime_name(int(name)) for name in set(found.regime.tolist())}
+def _rows(lookup: Lookup) -> list[dict[str, object]]:
+    names = {name: regime_name(int(name)) for name in set(lookup.regime.tolist())}
     rows = []
-    for k, point in enumerate(found.points.tolist()):
+    for k, point in enumerate(lookup.points.tolist()):
         row: dict[str, object] = {
             f"{axis.name} [{axis.unit.symbol}]": f"{axis.unit.from_si(value):.12g}"
-            for axis, value in zip(found.axes, point, strict=True)
+            for axis, value in zip(lookup.axes, point, strict=True)
         }
-        for name, column in found.outputs.items():
+        for name, column in lookup.outputs.items():
             row[f"{name} [{OUTPUT_UNITS[name]}]"] = None if column[k] != column[k] else f"{column[k]:.12g}"
-        row["regime"] = names[int(found.regime[k])]
+        row["regime"] = names[int(lookup.regime[k])]
         rows.append(row)
     return rows
 
 
-def _content(saved: SavedFit, found: Lookup) -> dict[str, Any]:
-    units = {axis.name: axis.unit for axis in found.axes}
+def _content(saved: SavedFit, lookup: Lookup) -> dict[str, Any]:
+    units = {axis.name: axis.unit for axis in lookup.axes}
     return {
         "schema_version": 1,
         "kind": "fitball lookup table",
@@ -64,14 +64,14 @@ def _content(saved: SavedFit, found: Lookup) -> dict[str, Any]:
                 "unit": axis.unit.symbol,
                 "values": [axis.unit.from_si(float(value)) for value in axis.values],
             }
-            for axis in found.axes
+            for axis in lookup.axes
         ],
-        "outputs": {name: OUTPUT_UNITS[name] for name in found.outputs},
-        "points": len(found.points),
-        "points_without_rebound": dict(found.failed),
+        "outputs": {name: OUTPUT_UNITS[name] for name in lookup.outputs},
+        "points": len(lookup.points),
+        "points_without_rebound": dict(lookup.failed),
         "interpolation": {
             "method": "multilinear in the axes",
-            "checked_at": f"{found.checked} impacts: midpoints of cells, and random ones (seed {SEED})",
+            "checked_at": f"{lookup.checked} impacts: midpoints of cells, and random ones (seed {SEED})",
             "errors": {
                 name: {
                     "unit": OUTPUT_UNITS[name],
@@ -81,7 +81,7 @@ def _content(saved: SavedFit, found: Lookup) -> dict[str, Any]:
                     "regime_there": item.regime,
                     "cell_holds_a_change_of_regime": item.kink,
                 }
-                for name, item in found.errors.items()
+                for name, item in lookup.errors.items()
             },
         },
     }

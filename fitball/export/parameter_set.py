@@ -23,7 +23,7 @@ def parameter_content(saved: SavedFit) -> dict[str, Any]:
     """What `parameters.schema.json` describes: SI, no nulls, absent numbers left out."""
     content = saved.content
     golden = content["golden"]
-    found: dict[str, Any] = {
+    content_out: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
         "kind": "fitball parameter set",
         "fitball": __version__,
@@ -34,23 +34,23 @@ def parameter_content(saved: SavedFit) -> dict[str, Any]:
         "parameters": {name: _parameter(item) for name, item in saved.parameters.items()},
     }
     if content["levels"]:
-        found["levels"] = _levels(content["levels"])
+        content_out["levels"] = _levels(content["levels"])
     if content["correlation"] is not None:
-        found["correlation"] = content["correlation"]
-    found["golden"] = {
+        content_out["correlation"] = content["correlation"]
+    content_out["golden"] = {
         "impacts": {name: column for name, column in golden["impacts"].items() if column is not None},
         "rebound": {name: column for name, column in golden["rebound"].items() if column is not None},
     }
-    return found
+    return content_out
 
 
 def _levels(listed: list[dict[str, Any]]) -> dict[str, Any]:
     """Values of the parameters that differ between surfaces, balls or tables: by parameter, then by label."""
-    found: dict[str, Any] = {}
+    levels: dict[str, Any] = {}
     for item in listed:
-        one = found.setdefault(item["parameter"], {"column": item["column"], "values": {}})
+        one = levels.setdefault(item["parameter"], {"column": item["column"], "values": {}})
         one["values"][item["label"]] = {name: item[name] for name in NUMBERS if item[name] is not None}
-    return found
+    return levels
 
 
 def role(name: str) -> str:
@@ -59,7 +59,7 @@ def role(name: str) -> str:
 
 
 def _parameter(item: SavedParameter) -> dict[str, Any]:
-    found: dict[str, Any] = {
+    content: dict[str, Any] = {
         "role": role(item.name),
         "unit": item.unit,
         "meaning": item.meaning,
@@ -67,12 +67,12 @@ def _parameter(item: SavedParameter) -> dict[str, Any]:
         "verdict": str(item.verdict),
         "prior": item.prior,
     }
-    found |= {name: getattr(item, name) for name in NUMBERS if getattr(item, name) is not None}
+    content |= {name: getattr(item, name) for name in NUMBERS if getattr(item, name) is not None}
     scale = THESIS.get(item.name)
     if scale is not None:
-        numbers = {name: found[name] * scale.factor for name in NUMBERS if name in found}
-        found["thesis"] = {"unit": scale.unit} | numbers
-    return found
+        numbers = {name: content[name] * scale.factor for name in NUMBERS if name in content}
+        content["thesis"] = {"unit": scale.unit} | numbers
+    return content
 
 
 def toml_text(saved: SavedFit) -> str:

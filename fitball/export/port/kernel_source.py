@@ -44,7 +44,7 @@ class KernelSource:
 
 def kernel_source(*entries: Callable[..., Any]) -> KernelSource:
     """Collect `entries` and whatever they call. Raises UnportableError for all but numbers and `math`."""
-    found: dict[str, ast.FunctionDef] = {}
+    kernels: dict[str, ast.FunctionDef] = {}
     origin: dict[str, Any] = {}
     constants: dict[str, Constant] = {}
     structs: dict[str, Mapping[str, ast.expr]] = {}
@@ -91,11 +91,11 @@ def kernel_source(*entries: Callable[..., Any]) -> KernelSource:
                 add(value)
             else:
                 raise UnportableError(f"{plain.__name__} uses {name}, which is no number and no kernel")
-        found[plain.__name__] = tree
+        kernels[plain.__name__] = tree
 
     for entry in entries:
         add(entry)
-    return KernelSource(tuple(found.values()), dict(sorted(constants.items())), structs)
+    return KernelSource(tuple(kernels.values()), dict(sorted(constants.items())), structs)
 
 
 _MISSING = object()
