@@ -21,31 +21,33 @@ PUBLISHED_MARK = "x"
 NAME_WIDTH = 20
 
 
-def compare_figure(found: Comparison) -> Figure:
+def compare_figure(comparison: Comparison) -> Figure:
     """Models from best (top) to worst; published sets below them, with errors only."""
-    outputs = scored_outputs(found)
-    labels = [_broken(item.name) for item in found.models] + [_broken(item.name) for item in found.published]
+    outputs = scored_outputs(comparison)
+    labels = [_broken(item.name) for item in comparison.models] + [
+        _broken(item.name) for item in comparison.published
+    ]
     height = 1.9 + 0.36 * len(labels)
     figure = new_figure(4.2 + 1.6 * len(outputs), height)
     axes = figure.subplots(1, 1 + len(outputs), sharey=True, width_ratios=[1.3, *([1.0] * len(outputs))])
-    _draw_differences(axes[0], found)
+    _draw_differences(axes[0], comparison)
     for axis, output in zip(axes[1:], outputs, strict=True):
-        _draw_errors(axis, found, output)
+        _draw_errors(axis, comparison, output)
     axes[0].set_yticks(np.arange(len(labels)), labels, fontsize=9)
     axes[0].set_ylim(len(labels) - 0.5, -0.5)
     for axis in axes:
         axis.grid(alpha=0.3)
-        if found.published:
-            axis.axhline(len(found.models) - 0.5, color="0.5", linewidth=0.8)
+        if comparison.published:
+            axis.axhline(len(comparison.models) - 0.5, color="0.5", linewidth=0.8)
     handles, names = axes[1].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=min(3, len(names)), frameon=False)
-    figure.suptitle(f"Models on {found.table.name}: predictions of impacts left out")
+    figure.suptitle(f"Models on {comparison.table.name}: predictions of impacts left out")
     return figure
 
 
-def _draw_differences(axis: Axes, found: Comparison) -> None:
-    best = found.models[0].name
-    gaps = [found.elpd_difference(item.name, best) for item in found.models]
+def _draw_differences(axis: Axes, comparison: Comparison) -> None:
+    best = comparison.models[0].name
+    gaps = [comparison.elpd_difference(item.name, best) for item in comparison.models]
     axis.axvline(0.0, color="0.3", linewidth=0.8)
     axis.errorbar(
         [gap.value for gap in gaps], np.arange(len(gaps)), xerr=[gap.se for gap in gaps], fmt="o", color=COLOURS[0],
@@ -54,18 +56,18 @@ def _draw_differences(axis: Axes, found: Comparison) -> None:
     axis.set_xlabel("elpd less that of\nthe best, with se")
 
 
-def _draw_errors(axis: Axes, found: Comparison, output: str) -> None:
+def _draw_errors(axis: Axes, comparison: Comparison, output: str) -> None:
     scale = handy(output, REBOUND_UNITS[output])
-    for k, way in enumerate(schemes(found)):
-        rms = [item.out_of_sample(way).get(output, np.nan) for item in found.models]
+    for k, way in enumerate(schemes(comparison)):
+        rms = [item.out_of_sample(way).get(output, np.nan) for item in comparison.models]
         axis.plot(
             np.array(rms) * scale.factor, np.arange(len(rms)), MARKERS[k], color=COLOURS[k % len(COLOURS)],
             markersize=6 if k == 0 else 4.5, markerfacecolor=COLOURS[k % len(COLOURS)] if k == 0 else "none",
             label=f"left out: {way}",
         )  # fmt: skip
-    if found.published:
-        rms = [published_rms(item).get(output, np.nan) for item in found.published]
-        rows = len(found.models) + np.arange(len(rms))
+    if comparison.published:
+        rms = [published_rms(item).get(output, np.nan) for item in comparison.published]
+        rows = len(comparison.models) + np.arange(len(rms))
         axis.plot(np.array(rms) * scale.factor, rows, PUBLISHED_MARK, color="0.3", markersize=6, label="as published")
     axis.set_xscale("log")
     axis.xaxis.set_major_locator(FixedLocator(_ticks(*axis.get_xlim())))
@@ -92,7 +94,7 @@ def _broken(name: str) -> str:
     if len(name) <= NAME_WIDTH:
         return name
     for mark in ("+", ": "):
-        first, found, rest = name.partition(mark)
-        if found:
-            return f"{first}\n{found.strip(' :')}{rest}" if mark == "+" else f"{first}:\n{rest}"
+        first, separator, rest = name.partition(mark)
+        if separator:
+            return f"{first}\n{separator.strip(' :')}{rest}" if mark == "+" else f"{first}:\n{rest}"
     return name

@@ -16,9 +16,9 @@ from fitball.report.form.json_text import json_text
 JSON_NAME = "compare.json"
 
 
-def write_all(found: Comparison, words: str, folder: Path) -> None:
+def write_all(comparison: Comparison, words: str, folder: Path) -> None:
     """Write every file, each whole or not at all. Raises ResultFolderError."""
-    save_figure(compare_figure(found), folder / "compare.png")
-    write_text(folder / "compare.csv", csv_text(csv_rows(found)))
-    write_text(folder / "compare.txt", render(found, words, folder) + "\n")
-    write_text(folder / JSON_NAME, json_text(json_content(found, words)))
+    save_figure(compare_figure(comparison), folder / "compare.png")
+    write_text(folder / "compare.csv", csv_text(csv_rows(comparison)))
+    write_text(folder / "compare.txt", render(comparison, words, folder) + "\n")
+    write_text(folder / JSON_NAME, json_text(json_content(comparison, words)))

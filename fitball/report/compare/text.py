@@ -26,21 +26,25 @@ PUBLISHED = (
 )
 
 
-def render(found: Comparison, words: str, folder: Path) -> str:
+def render(comparison: Comparison, words: str, folder: Path) -> str:
     """The end of a comparison as a person reads it."""
-    table = found.table
-    top = f"{len(found.models)} models on {table.name} ({len(table)} impacts), scored by {', '.join(found.columns)}"
-    parts = [top, "=" * len(top), "", *columns(score_table(found)), "", *textwrap.wrap(LEGEND, WIDTH), ""]
-    parts += [*columns(error_table(found)), ""]
-    beyond = extrapolation_table(found)
+    table = comparison.table
+    scored = ", ".join(comparison.columns)
+    top = f"{len(comparison.models)} models on {table.name} ({len(table)} impacts), scored by {scored}"
+    parts = [top, "=" * len(top), "", *columns(score_table(comparison)), "", *textwrap.wrap(LEGEND, WIDTH), ""]
+    parts += [*columns(error_table(comparison)), ""]
+    beyond = extrapolation_table(comparison)
     if beyond:
         parts += [*columns(beyond), ""]
-    angle = ANGLE if "theta_2" in scored_outputs(found) else ""
-    parts += textwrap.wrap(ERRORS + angle + (f" {PUBLISHED}" if found.published else ""), WIDTH)
+    angle = ANGLE if "theta_2" in scored_outputs(comparison) else ""
+    parts += textwrap.wrap(ERRORS + angle + (f" {PUBLISHED}" if comparison.published else ""), WIDTH)
     parts += ["", "What the table does not tell of each model's parameters:"]
-    for item in found.models:
+    for item in comparison.models:
         parts += textwrap.wrap(_unidentified(item), WIDTH, initial_indent="  ", subsequent_indent="      ")
-    remarks = [*found.notes, *(f"{item.name}: {note}" for item in found.models for note in remarks_on(item))]
+    remarks = [
+        *comparison.notes,
+        *(f"{item.name}: {note}" for item in comparison.models for note in remarks_on(item)),
+    ]
     if remarks:
         parts += ["", "Notes:"]
     for note in remarks:
@@ -49,7 +53,7 @@ def render(found: Comparison, words: str, folder: Path) -> str:
         "",
         *textwrap.wrap(words, WIDTH, break_on_hyphens=False),
         "",
-        f"Time: {found.seconds:.0f} s. Results: {folder}",
+        f"Time: {comparison.seconds:.0f} s. Results: {folder}",
     ]
     return "\n".join(parts)
 

@@ -14,31 +14,38 @@ from fitball.report.form.display_units import handy
 from fitball.report.form.rounding import fixed
 
 
-def words(found: Comparison) -> str:
+def words(comparison: Comparison) -> str:
     """A paragraph; what it recommends rests on the numbers of this table alone."""
-    if not found.meaningful:
+    if not comparison.meaningful:
         return (
-            f"{len(found.table)} impacts are too few: the numbers describe these impacts and recommend no model. "
-            "Measure at least six, better twenty, over the angles and spins that matter."
+            f"{len(comparison.table)} impacts are too few: the numbers describe these impacts and recommend no "
+            "model. Measure at least six, better twenty, over the angles and spins that matter."
         )
-    sentences = [_best(found), _simplest(found), _beyond(found), _time(found), _masses(found), _caution(found)]
+    sentences = [
+        _best(comparison),
+        _simplest(comparison),
+        _beyond(comparison),
+        _time(comparison),
+        _masses(comparison),
+        _caution(comparison),
+    ]
     return " ".join(sentence for sentence in sentences if sentence)
 
 
-def _best(found: Comparison) -> str:
-    best = found.models[0]
-    close = [item.name for item in found.models[1:] if not found.elpd_difference(best.name, item.name).sure]
+def _best(comparison: Comparison) -> str:
+    best = comparison.models[0]
+    close = [item.name for item in comparison.models[1:] if not comparison.elpd_difference(best.name, item.name).sure]
     text = f"For impacts like these {best.name} predicts best ({_errors(best.out_of_sample())})"
     if not close:
         return text + ", ahead of every other by more than luck."
     return f"{text}; not told apart from it with certainty: {', '.join(close)}."
 
 
-def _simplest(found: Comparison) -> str:
-    chosen, best = found.simplest, found.models[0]
+def _simplest(comparison: Comparison) -> str:
+    chosen, best = comparison.simplest, comparison.models[0]
     if chosen is best:
         return f"None with fewer parameters comes up to it ({best.free} free, noise included)."
-    gap = found.elpd_difference(chosen.name, best.name)
+    gap = comparison.elpd_difference(chosen.name, best.name)
     return (
         f"The fewest parameters among those has {chosen.name} ({chosen.free} free against {best.free}, elpd "
         f"{fixed(gap.value, 1)} +- {fixed(gap.se, 1)}; {_errors(chosen.out_of_sample())}): take it where a quick "
@@ -46,14 +53,14 @@ def _simplest(found: Comparison) -> str:
     )
 
 
-def _beyond(found: Comparison) -> str:
+def _beyond(comparison: Comparison) -> str:
     """Best by group and at the ends of incidence, judged by the mean ratio of its errors to the smallest ones."""
     parts = []
-    for way in schemes(found):
+    for way in schemes(comparison):
         if way == IMPACTS:
             continue
-        rms = {item.name: item.out_of_sample(way) for item in found.models}
-        complete = {name: one for name, one in rms.items() if one.keys() == rms[found.models[0].name].keys()}
+        rms = {item.name: item.out_of_sample(way) for item in comparison.models}
+        complete = {name: one for name, one in rms.items() if one.keys() == rms[comparison.models[0].name].keys()}
         if len(complete) < 2:
             continue
         name = min(complete, key=lambda item: _mean_ratio(item, complete))
@@ -67,9 +74,9 @@ def _mean_ratio(name: str, rms: Mapping[str, Mapping[str, float]]) -> float:
     return sum(math.log(max(rms[name][output], 1e-12) / max(least[output], 1e-12)) for output in least)
 
 
-def _time(found: Comparison) -> str:
-    timed = [item for item in found.models if item.fit.problem.model.has_time]
-    if not timed or len(timed) == len(found.models):
+def _time(comparison: Comparison) -> str:
+    timed = [item for item in comparison.models if item.fit.problem.model.has_time]
+    if not timed or len(timed) == len(comparison.models):
         return ""
     return (
         "Contact time, forces and the course of the contact come from the two-mass family alone; of it "
@@ -77,29 +84,28 @@ def _time(found: Comparison) -> str:
     )
 
 
-def _masses(found: Comparison) -> str:
+def _masses(comparison: Comparison) -> str:
     """The two-mass ball against its strongest rival without a time axis, as composed and as chosen afterwards."""
-    rivals = [item for item in found.models if not item.fit.problem.model.has_time]
-    family = [item for item in found.models if item.fit.problem.model.has_time]
-    if not rivals or not family or not found.table.has_spin or not found.table.has_tangential:
+    rivals = [item for item in comparison.models if not item.fit.problem.model.has_time]
+    family = [item for item in comparison.models if item.fit.problem.model.has_time]
+    if not rivals or not family or not comparison.table.has_spin or not comparison.table.has_tangential:
         return ""
     rival = rivals[0]
-    default = found.by_name.get(DEFAULT_MODEL, family[0])
-    text = f"Do two masses earn their parameters? {_duel(found, default, rival)}: {_verdict(found, default, rival)}."
+    default = comparison.by_name.get(DEFAULT_MODEL, family[0])
+    duel, verdict = _duel(comparison, default, rival), _verdict(comparison, default, rival)
+    text = f"Do two masses earn their parameters? {duel}: {verdict}."
     if family[0] is not default:
-        text += (
-            f" {_duel(found, family[0], rival)}: {_verdict(found, family[0], rival)}, though chosen afterwards "
-            f"as the best of {len(family)}."
-        )
+        duel, verdict = _duel(comparison, family[0], rival), _verdict(comparison, family[0], rival)
+        text += f" {duel}: {verdict}, though chosen afterwards as the best of {len(family)}."
     return text
 
 
-def _duel(found: Comparison, one: ModelScore, other: ModelScore) -> str:
-    gap = found.elpd_difference(one.name, other.name)
+def _duel(comparison: Comparison, one: ModelScore, other: ModelScore) -> str:
+    gap = comparison.elpd_difference(one.name, other.name)
     more = one.free - other.free
     changes = []
-    for output in scored_outputs(found):
-        change = found.rms_difference(one.name, other.name, output)
+    for output in scored_outputs(comparison):
+        change = comparison.rms_difference(one.name, other.name, output)
         if change is None:
             continue
         scale = handy(output, REBOUND_UNITS[output])
@@ -116,19 +122,19 @@ def _duel(found: Comparison, one: ModelScore, other: ModelScore) -> str:
     )
 
 
-def _verdict(found: Comparison, one: ModelScore, other: ModelScore) -> str:
-    gap = found.elpd_difference(one.name, other.name)
+def _verdict(comparison: Comparison, one: ModelScore, other: ModelScore) -> str:
+    gap = comparison.elpd_difference(one.name, other.name)
     if not gap.sure:
         return "this table does not decide it"
     return "they do" if gap.value > 0.0 else "they do not, the rival predicts better"
 
 
-def _caution(found: Comparison) -> str:
-    if len(found.table) >= 100:
+def _caution(comparison: Comparison) -> str:
+    if len(comparison.table) >= 100:
         return ""
     return (
-        f"With {len(found.table)} impacts a standard error of a difference is itself uncertain: below 4, or below "
-        "two standard errors, nothing is decided."
+        f"With {len(comparison.table)} impacts a standard error of a difference is itself uncertain: below 4, or "
+        "below two standard errors, nothing is decided."
     )
 
 

@@ -140,8 +140,8 @@ def residual_data(fit: Drawable) -> tuple[ResidualData, ...]:
 
 def _median_and_sd(fit: Drawable, name: str) -> tuple[FloatArray, FloatArray]:
     if fit.predictive is not None:
-        found: ObservablePrediction = next(item for item in fit.predictive.observables if item.name == name)
-        return found.median, found.sd
+        prediction: ObservablePrediction = next(item for item in fit.predictive.observables if item.name == name)
+        return prediction.median, prediction.sd
     observable = next(item for item in fit.problem.observables if item.name == name)
     spread = np.broadcast_to(observable.sds(fit.point.values, fit.point.rebound), (1, len(fit.problem.table)))[0]
     return observable.predict(fit.point.rebound)[0], spread
@@ -168,9 +168,9 @@ def measured_points(fit: Drawable) -> Mapping[str, MeasuredPoints]:
         raw["theta_2"] = np.arctan2(v_y, v_x)
         across = np.hypot(spread["v_x2"] * v_y, spread["v_y2"] * v_x)
         spread["theta_2"] = across / (v_x**2 + v_y**2)
-    found: dict[str, MeasuredPoints] = {}
+    points: dict[str, MeasuredPoints] = {}
     for name in ("v_x2", "v_y2", "theta_2", "omega_2", "v_2", "contact_time"):
         if name in raw:
             factor = handy(name, "").factor
-            found[name] = MeasuredPoints(along, raw[name] * factor, spread[name] * factor, groups)
-    return found
+            points[name] = MeasuredPoints(along, raw[name] * factor, spread[name] * factor, groups)
+    return points

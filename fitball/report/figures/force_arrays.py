@@ -42,8 +42,8 @@ def force_panels(fit: Drawable) -> tuple[ForcePanel, ...]:
     if fit.posterior is not None:
         values = thinned(fit.posterior, DRAWS)
     columns = problem.all_values(values)
-    found = aligned(problem, records, columns)
-    start = found.start + found.move
+    alignments = aligned(problem, records, columns)
+    start = alignments.start + alignments.move
     middle = np.median(start, axis=0)
     first = records.first - start
     force, _rate = mean_forces(problem, columns, records.rows, first, records.spacing, records.nodes)

@@ -92,15 +92,15 @@ def _corner(fit: Fit) -> str:
 
 
 def _trace(fit: Fit) -> str:
-    found = fit.diagnostics
-    if found is None:
+    diagnostics = fit.diagnostics
+    if diagnostics is None:
         return ""
-    worst = max(found.r_hat, key=lambda name: found.r_hat[name])
-    state = "agree" if found.converged else "do not yet agree"
+    worst = max(diagnostics.r_hat, key=lambda name: diagnostics.r_hat[name])
+    state = "agree" if diagnostics.converged else "do not yet agree"
     return (
-        f"Walkers of {found.ensembles} ensembles over steps {found.warm_up} to {found.steps}: the ensembles {state}; "
-        f"the largest R-hat is {found.max_r_hat:.3f}, of {worst}, the smallest effective sample size "
-        f"{min(found.min_ess_bulk, found.min_ess_tail):.0f}."
+        f"Walkers of {diagnostics.ensembles} ensembles over steps {diagnostics.warm_up} to {diagnostics.steps}: "
+        f"the ensembles {state}; the largest R-hat is {diagnostics.max_r_hat:.3f}, of {worst}, the smallest effective sample size "
+        f"{min(diagnostics.min_ess_bulk, diagnostics.min_ess_tail):.0f}."
     )
 
 

@@ -28,16 +28,16 @@ def _cell(balance: Balance, index: int, factor: float) -> str:
     return f"{fixed(value, places)} +- {fixed(sd, places)}"
 
 
-def balance_table(found: Balances, most: int | None = None) -> BalanceTable:
+def balance_table(balances: Balances, most: int | None = None) -> BalanceTable:
     """The balances that at least one impact has, of the first `most` impacts."""
-    known = [item for item in found.all if item.known]
+    known = [item for item in balances.all if item.known]
     scales = [handy(item.name, item.unit) for item in known]
     heads = ["impact"]
     heads += [
         f"{item.name} [{scale.unit}]" if scale.unit else item.name for item, scale in zip(known, scales, strict=True)
     ]
     rows = tuple(
-        (found.ids[k], *(_cell(item, k, scale.factor) for item, scale in zip(known, scales, strict=True)))
-        for k in range(len(found.ids))[:most]
+        (balances.ids[k], *(_cell(item, k, scale.factor) for item, scale in zip(known, scales, strict=True)))
+        for k in range(len(balances.ids))[:most]
     )
     return BalanceTable(tuple(heads), rows, tuple(f"{item.name}: {item.meaning}" for item in known))

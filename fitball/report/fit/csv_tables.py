@@ -42,9 +42,9 @@ def prediction_rows(fit: Fit) -> Iterator[dict[str, object]]:
     """One row per impact and measured column: measured, predicted, with intervals in SI (angles in radians)."""
     for observable in fit.problem.observables:
         point = observable.predict(fit.point.rebound)[0]
-        found = None
+        prediction = None
         if fit.predictive is not None:
-            found = next(item for item in fit.predictive.observables if item.name == observable.name)
+            prediction = next(item for item in fit.predictive.observables if item.name == observable.name)
         for k, name in enumerate(fit.problem.table.ids):
             row: dict[str, object] = {
                 "id": name,
@@ -53,12 +53,12 @@ def prediction_rows(fit: Fit) -> Iterator[dict[str, object]]:
                 "point": float(point[k]),
             }
             for key in ("median", "mean_q025", "mean_q16", "mean_q84", "mean_q975", "data_q025", "data_q975", "sd"):
-                row[key] = None if found is None else float(getattr(found, key)[k])
+                row[key] = None if prediction is None else float(getattr(prediction, key)[k])
             yield row
 
 
-def regime_rows(fit: Fit, found: Predictive) -> Iterator[dict[str, object]]:
+def regime_rows(fit: Fit, predictive: Predictive) -> Iterator[dict[str, object]]:
     """One row per impact and phase sequence with its posterior probability."""
-    for name, shares in zip(fit.problem.table.ids, found.regimes, strict=True):
+    for name, shares in zip(fit.problem.table.ids, predictive.regimes, strict=True):
         for regime, share in shares.items():
             yield {"id": name, "regime": regime, "probability": float(np.round(share, 6))}

@@ -100,8 +100,8 @@ def _interval(profile: Profile | None, scale: Scale) -> str:
 def _information(look: InformationEvidence | None, scene: bool) -> str:
     if look is None:
         return "-"
-    found = _error(look.error)
-    return f"{found} | {_error(look.error_without_scene)}" if scene else found
+    error = _error(look.error)
+    return f"{error} | {_error(look.error_without_scene)}" if scene else error
 
 
 def _error(error: float | None) -> str:

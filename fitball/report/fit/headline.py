@@ -48,10 +48,10 @@ def headline(fit: Fit) -> str:
 
 def _pooling(fit: Fit) -> set[str]:
     """Parameters that only serve to pool another over its levels, and that other, whose levels say more."""
-    found: set[str] = set()
+    names: set[str] = set()
     for item in fit.problem.pooling:
-        found |= {item.parameter, item.spread_name, *map(item.place_name, item.labels)}
-    return found
+        names |= {item.parameter, item.spread_name, *map(item.place_name, item.labels)}
+    return names
 
 
 def told_rows(fit: Fit, verdicts: Sequence[Verdict]) -> tuple[ParameterRow, ...]:

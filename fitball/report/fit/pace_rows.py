@@ -47,22 +47,22 @@ class PaceTable:
 
 def pace_table(fit: Fit) -> PaceTable | None:
     """The ratings of a fit; None where no motion along the court was measured."""
-    found = fit.court_pace
-    if found is None:
+    pace = fit.court_pace
+    if pace is None:
         return None
-    rows = tuple(_row(item) for item in found.ratings)
-    return PaceTable(rows, tuple(_remarks(found.ratings)), found.missing, fit.posterior is not None)
+    rows = tuple(_row(item) for item in pace.ratings)
+    return PaceTable(rows, tuple(_remarks(pace.ratings)), pace.missing, fit.posterior is not None)
 
 
 def pace_lines(fit: Fit) -> tuple[str, ...]:
     """One line a surface for the terminal."""
-    found = fit.court_pace
-    if found is None:
+    pace = fit.court_pace
+    if pace is None:
         return ()
-    if found.missing:
-        return (f"ITF court pace rating: none, {found.missing}",)
+    if pace.missing:
+        return (f"ITF court pace rating: none, {pace.missing}",)
     lines = []
-    for item in found.ratings:
+    for item in pace.ratings:
         row = _row(item)
         name = f" of {row.surface}" if item.labels else ""
         within = f" {row.interval_95} (95 %)" if item.rating.median is not None else ""

@@ -30,14 +30,14 @@ class CaseTable:
 def case_table(fit: Fit) -> CaseTable | None:
     """The comparison; None where the data are not Wang's."""
     given_columns = ("v_y2",) if fit.problem.model.needs_cor else ()
-    found = compare_cases(fit.problem.table, fit.point.rebound, given_columns)
-    if found is None:
+    cases = compare_cases(fit.problem.table, fit.point.rebound, given_columns)
+    if cases is None:
         return None
-    heads = ("quantity", "unit", "this fit", *(f"case {item.case}" for item in found.cases))
-    return CaseTable(heads, _values(fit, found), _errors(found), _sentence(fit, found))
+    heads = ("quantity", "unit", "this fit", *(f"case {item.case}" for item in cases.cases))
+    return CaseTable(heads, _values(fit, cases), _errors(cases), _sentence(fit, cases))
 
 
-def _values(fit: Fit, found: CaseComparison) -> tuple[tuple[str, ...], ...]:
+def _values(fit: Fit, cases: CaseComparison) -> tuple[tuple[str, ...], ...]:
     """Parameters in the thesis's units, then in handy multiples of SI where these differ."""
     rows: list[tuple[str, ...]] = []
     thesis = {row.name.rpartition(" = ")[2]: row for row in thesis_rows(fit)}
@@ -47,21 +47,21 @@ def _values(fit: Fit, found: CaseComparison) -> tuple[tuple[str, ...], ...]:
         fitted["eps_10"], thesis["eps_10"] = fitted["offset"], thesis["offset"]
     for name in PARAMETERS:
         if name not in fitted:
-            rows.append((name, THESIS[name].unit if name in THESIS else "", "not in this model", *_of(found, name)))
+            rows.append((name, THESIS[name].unit if name in THESIS else "", "not in this model", *_of(cases, name)))
             continue
         if name in THESIS:
-            rows.append((name, THESIS[name].unit, _text(thesis[name]), *_of(found, name)))
+            rows.append((name, THESIS[name].unit, _text(thesis[name]), *_of(cases, name)))
         scale = handy(name, SI_UNITS.get(name, ""))
-        rows.append(("" if name in THESIS else name, scale.unit, _text(fitted[name]), *_of(found, name, scale)))
-    means = (f"{low:.2f} to {high:.2f} by spin" for low, high in (item.restitution for item in found.cases))
+        rows.append(("" if name in THESIS else name, scale.unit, _text(fitted[name]), *_of(cases, name, scale)))
+    means = (f"{low:.2f} to {high:.2f} by spin" for low, high in (item.restitution for item in cases.cases))
     cor = fitted.get("cor_10") or fitted.get("cor")
     rows.append(("restitution", "", "measured" if cor is None else f"{_text(cor)} at 10 m/s", *means))
     return tuple(rows)
 
 
-def _of(found: CaseComparison, name: str, scale: Scale | None = None) -> list[str]:
+def _of(cases: CaseComparison, name: str, scale: Scale | None = None) -> list[str]:
     chosen = scale or THESIS.get(name, Scale("", 1.0))
-    return [digits(item.values[name] * chosen.factor, 3) for item in found.cases]
+    return [digits(item.values[name] * chosen.factor, 3) for item in cases.cases]
 
 
 def _text(row: object) -> str:
@@ -69,14 +69,14 @@ def _text(row: object) -> str:
     return str(point) if median == "-" else f"{median} {within}"
 
 
-def _errors(found: CaseComparison) -> tuple[tuple[str, ...], ...]:
+def _errors(cases: CaseComparison) -> tuple[tuple[str, ...], ...]:
     """Root mean square errors as the thesis prints them (m/s, rad/s, degrees), and in SI where that differs."""
     rows = []
     scales = {"theta_2": (Scale("deg", 180.0 / math.pi), Scale("rad", 1.0)), "omega_2": (Scale("rad/s", 1.0),)}
     for name, unit in OUTPUTS.items():
         for k, scale in enumerate(scales.get(name, (Scale(unit, 1.0),))):
-            mine = _rms(found.fitted_rms, name, scale)
-            theirs = (_rms(item.rms, name, scale) for item in found.cases)
+            mine = _rms(cases.fitted_rms, name, scale)
+            theirs = (_rms(item.rms, name, scale) for item in cases.cases)
             rows.append((name if k == 0 else "", scale.unit, mine, *theirs))
     return tuple(rows)
 
@@ -85,12 +85,12 @@ def _rms(errors: Mapping[str, float], name: str, scale: Scale) -> str:
     return digits(errors[name] * scale.factor, 2) if name in errors else "told"
 
 
-def _sentence(fit: Fit, found: CaseComparison) -> str:
+def _sentence(fit: Fit, cases: CaseComparison) -> str:
     free = sum(name in fit.problem.model_names for name in fit.problem.free_names)
     return (
         f"On these {len(fit.problem.table)} impacts the point estimate ({free} free parameters of the model) misses "
-        f"{_miss(found.fitted_rms)}, the three cases, hand-tuned on Wang's impacts, "
-        f"{_range(found.cases, 'v_x2', 'm/s')} and {_range(found.cases, 'omega_2', 'rad/s')} (root mean square)."
+        f"{_miss(cases.fitted_rms)}, the three cases, hand-tuned on Wang's impacts, "
+        f"{_range(cases.cases, 'v_x2', 'm/s')} and {_range(cases.cases, 'omega_2', 'rad/s')} (root mean square)."
     )
 
 

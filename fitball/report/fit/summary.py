@@ -173,9 +173,9 @@ def prediction_table(fit: Fit, most: int | None = None) -> PredictionTable:
         predicted = observable.predict(fit.point.rebound)[0] * scale.factor
         half = None
         if fit.predictive is not None:
-            found = next(item for item in fit.predictive.observables if item.name == observable.name)
-            predicted = found.median * scale.factor
-            half = 0.5 * (found.mean_q84 - found.mean_q16) * scale.factor
+            prediction = next(item for item in fit.predictive.observables if item.name == observable.name)
+            predicted = prediction.median * scale.factor
+            half = 0.5 * (prediction.mean_q84 - prediction.mean_q16) * scale.factor
         columns.append([_cell(observable.observed[k] * scale.factor, predicted[k], half, k) for k in shown])
     rows = tuple(
         PredictionRow(
@@ -221,13 +221,13 @@ def diagnosis_lines(fit: Fit, *, budget: bool = True) -> tuple[str, ...]:
         f"Maximum a posteriori: log posterior {fit.point.log_posterior:.2f}, "
         f"{len(fit.point.optima)} optimum{'s' if len(fit.point.optima) != 1 else ''} worth an ensemble.",
     ]
-    found = fit.diagnostics
-    if found is not None:
+    diagnostics = fit.diagnostics
+    if diagnostics is not None:
         lines.append(
-            f"Sampling: {found.ensembles} ensembles of {found.walkers} walkers, {found.steps} steps "
-            f"({found.warm_up} of them warm-up), acceptance {np.mean(found.acceptance):.2f}, smallest effective "
-            f"sample size {found.min_ess_bulk:.0f} (bulk), {found.min_ess_tail:.0f} (tail), "
-            f"largest R-hat {found.max_r_hat:.4f}."
+            f"Sampling: {diagnostics.ensembles} ensembles of {diagnostics.walkers} walkers, "
+            f"{diagnostics.steps} steps ({diagnostics.warm_up} of them warm-up), acceptance "
+            f"{np.mean(diagnostics.acceptance):.2f}, smallest effective sample size {diagnostics.min_ess_bulk:.0f} (bulk), {diagnostics.min_ess_tail:.0f} (tail), "
+            f"largest R-hat {diagnostics.max_r_hat:.4f}."
         )
     if budget:
         lines.append(_budget_line(fit.error_budget))

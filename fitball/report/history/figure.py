@@ -106,10 +106,10 @@ def _time_axis(axis: Axes, contact_time: float) -> None:
     upper.tick_params(labelsize=8)
 
 
-def _shade(axis: Axes, found: History) -> None:
-    for span in found.spans:
+def _shade(axis: Axes, history: History) -> None:
+    for span in history.spans:
         axis.axvspan(span.start_share, span.end_share, color=SHADES[span.phase], linewidth=0, zorder=0)
-    for share in found.transition_shares:
+    for share in history.transition_shares:
         axis.axvline(float(share), color="0.35", linestyle=":", linewidth=1.0, zorder=1)
 
 
@@ -136,19 +136,19 @@ def _dots(axis: Axes, item: Simulation, course: FloatArray, colour: str) -> None
 
 def _velocities(axis: Axes, item: Simulation, colour: str, alone: bool) -> None:
     """The centre, and the surfaces of shell and core."""
-    found = item.history
+    history = item.history
     if not alone:
         _line(axis, item, "v_x", colour, alone)
-        axis.plot(item.shares, found.radius * found.omega_2, color=colour, linestyle="--", linewidth=1.2)
+        axis.plot(item.shares, history.radius * history.omega_2, color=colour, linestyle="--", linewidth=1.2)
         return
     _line(axis, item, "v_x", COLOURS[0], alone, label="$v_x$")
-    _line(axis, item, "omega_2", COLOURS[1], alone, found.radius, label=r"$R\,\omega_2$ shell", linestyle="--")
-    _line(axis, item, "omega_1", "0.25", alone, found.radius, label=r"$R\,\omega_1$ core", linestyle="-.")
+    _line(axis, item, "omega_2", COLOURS[1], alone, history.radius, label=r"$R\,\omega_2$ shell", linestyle="--")
+    _line(axis, item, "omega_1", "0.25", alone, history.radius, label=r"$R\,\omega_1$ core", linestyle="-.")
     # What jumps at landing and at release shows as a gap between mark and line.
-    for share, motion in ((0.0, found.landing.before), (1.0, found.release.after)):
+    for share, motion in ((0.0, history.landing.before), (1.0, history.release.after)):
         for value, colour_of, mark in (
             (motion.v_x, COLOURS[0], "o"),
-            (found.radius * motion.omega_2, COLOURS[1], "s"),
+            (history.radius * motion.omega_2, COLOURS[1], "s"),
         ):
             axis.plot(
                 share, value, mark, color=colour_of, markersize=5, markerfacecolor="white", clip_on=False, zorder=5

@@ -26,11 +26,11 @@ def history_rows(simulations: Sequence[Simulation]) -> list[dict[str, object]]:
     """One row a curve and time, with the quantiles of the band where there is one."""
     rows: list[dict[str, object]] = []
     for item in simulations:
-        found = item.history
-        for k, (share, time) in enumerate(zip(item.shares, found.times, strict=True)):
+        history = item.history
+        for k, (share, time) in enumerate(zip(item.shares, history.times, strict=True)):
             row: dict[str, object] = {"curve": item.label, "share": float(share), "time [s]": float(time)}
-            row |= {f"{name} [{UNITS[name]}]": float(getattr(found, name)[k]) for name in COURSES}
-            row["phase"] = phase_name(int(found.phase[k]))
+            row |= {f"{name} [{UNITS[name]}]": float(getattr(history, name)[k]) for name in COURSES}
+            row["phase"] = phase_name(int(history.phase[k]))
             if item.band is not None:
                 for name in COURSES:
                     levels = item.band.quantiles[name][:, k]
@@ -43,7 +43,7 @@ def history_rows(simulations: Sequence[Simulation]) -> list[dict[str, object]]:
 
 def simulation_json(item: Simulation) -> dict[str, Any]:
     """One curve without its courses: what went in, the phases, the peaks, the jumps, the rebound."""
-    found, after = item.history, item.history.release.after
+    history, after = item.history, item.history.release.after
     impact = item.impact
     return {
         "label": item.label,
@@ -51,13 +51,13 @@ def simulation_json(item: Simulation) -> dict[str, Any]:
         "closures": dict(item.model.options),
         "parameters": dict(item.parameters),
         "impact": {name: float(getattr(impact, name)[0]) for name in ("v_x1", "v_y1", "omega_1")},
-        "regime": found.regime_name,
-        "contact_time": found.contact_time,
-        "phases": [_span(span) for span in found.spans],
-        "peak_compression": {"value": found.peak_compression.value, "time": found.peak_compression.time},
-        "peak_normal_force": {"value": found.peak_force.value, "time": found.peak_force.time},
-        "landing": _jump(found.landing),
-        "release": _jump(found.release),
+        "regime": history.regime_name,
+        "contact_time": history.contact_time,
+        "phases": [_span(span) for span in history.spans],
+        "peak_compression": {"value": history.peak_compression.value, "time": history.peak_compression.time},
+        "peak_normal_force": {"value": history.peak_force.value, "time": history.peak_force.time},
+        "landing": _jump(history.landing),
+        "release": _jump(history.release),
         "rebound": {"v_x2": after.v_x, "v_y2": -after.v_y, "omega_2": after.omega_2},
         "posterior": None if item.band is None else _band(item.band),
     }

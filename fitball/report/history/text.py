@@ -15,7 +15,7 @@ from fitball.report.form.text_table import WIDTH, columns
 
 def render_simulation(item: Simulation) -> str:
     """Phases with their times, peaks, and the state before and after landing and release."""
-    found, impact = item.history, item.impact
+    history, impact = item.history, item.impact
     v_x, v_y, omega = float(impact.v_x1[0]), float(impact.v_y1[0]), float(impact.omega_1[0])
     rpm = 30.0 / np.pi
     head = (
@@ -24,8 +24,8 @@ def render_simulation(item: Simulation) -> str:
     )
     title = f"{item.label}: {head}" if item.label else head
     lines = [title, "-" * len(title)]
-    if found.spans:
-        lines += [f"phases: {found.regime_name}", ""]
+    if history.spans:
+        lines += [f"phases: {history.regime_name}", ""]
         rows = [["phase", "from [ms]", "to [ms]", "from", "to"]]
         rows += [
             [
@@ -35,26 +35,26 @@ def render_simulation(item: Simulation) -> str:
                 f"{span.start_share:.4f}",
                 f"{span.end_share:.4f}",
             ]
-            for span in found.spans
+            for span in history.spans
         ]
         lines += [*columns(rows), "(last two columns: shares of the contact time)", ""]
-    force, deep = found.peak_force, found.peak_compression
+    force, deep = history.peak_force, history.peak_compression
     facts = [
-        ["contact time", f"{1e3 * found.contact_time:.3f} ms", _contact_band(item)],
+        ["contact time", f"{1e3 * history.contact_time:.3f} ms", _contact_band(item)],
         ["greatest compression", f"{1e3 * deep.value:.2f} mm", f"at {_ms(deep.time)} ms"],
         ["greatest normal force", f"{force.value:.1f} N", f"at {_ms(force.time)} ms"],
     ]
-    if found.landing.normal_impulse > 0.0:
-        impulse = f"{found.landing.normal_impulse:.4f} N s up, {found.landing.friction_impulse:+.4f} N s along"
+    if history.landing.normal_impulse > 0.0:
+        impulse = f"{history.landing.normal_impulse:.4f} N s up, {history.landing.friction_impulse:+.4f} N s along"
         facts.append(["landing impulse", impulse, "stops the shell at once"])
     width = max(len(row[1]) for row in facts)
     lines += [f"{row[0]:<22}  {row[1]:<{width}}  {row[2]}".rstrip() for row in facts]
     states = [
         ["", "v_x [m/s]", "v_y of the core [m/s]", "core spin [rad/s]", "shell spin [rad/s]"],
-        _state("before landing", found.landing.before),
-        _state("after landing", found.landing.after),
-        _state("before release", found.release.before),
-        _state("rebound", found.release.after),
+        _state("before landing", history.landing.before),
+        _state("after landing", history.landing.after),
+        _state("before release", history.release.before),
+        _state("rebound", history.release.after),
     ]
     lines += ["", *columns(states), "(v_y counts towards the court; topspin is positive)"]
     if item.band is not None:

@@ -31,20 +31,20 @@ def output_scale(name: str) -> Scale:
 
 def _columns(item: OutputPrediction) -> dict[str, FloatArray]:
     """Every column of one output in SI, by what it is; those that do not exist are absent."""
-    found: dict[str, FloatArray] = {"point": item.point}
+    columns: dict[str, FloatArray] = {"point": item.point}
     if item.rebound is not None:
-        found["median"] = item.rebound[2]
-        found |= {f"mean_{name}": item.rebound[k] for k, name in enumerate(BAND) if name != "median"}
+        columns["median"] = item.rebound[2]
+        columns |= {f"mean_{name}": item.rebound[k] for k, name in enumerate(BAND) if name != "median"}
     if item.measured is not None:
-        found |= {f"data_{name}": item.measured[k] for k, name in enumerate(BAND) if name != "median"}
+        columns |= {f"data_{name}": item.measured[k] for k, name in enumerate(BAND) if name != "median"}
     if item.shares is not None:
-        found |= {"sd_parameters": item.shares.parameters, "sd_incident": item.shares.incident}
+        columns |= {"sd_parameters": item.shares.parameters, "sd_incident": item.shares.incident}
         if item.shares.measurement is not None:
-            found["sd_measurement"] = item.shares.measurement
+            columns["sd_measurement"] = item.shares.measurement
     residual = item.residual
     if item.observed is not None and residual is not None:
-        found |= {"measured": item.observed, "residual": residual}
-    return found
+        columns |= {"measured": item.observed, "residual": residual}
+    return columns
 
 
 def _number(value: float) -> float | None:
@@ -56,7 +56,7 @@ def prediction_csv_rows(prediction: NewPrediction, ids: Sequence[str]) -> list[d
     """One row per impact; headers carry units. Intervals `mean_*` are of the rebound itself, `data_*` of a new
     measurement of it.
     """
-    impacts, found = prediction.impacts, prediction.range
+    impacts, reach = prediction.impacts, prediction.range
     columns: dict[str, Sequence[object]] = {
         "id": ids,
         "v_x1 [m/s]": impacts.v_x1.tolist(),
@@ -74,12 +74,12 @@ def prediction_csv_rows(prediction: NewPrediction, ids: Sequence[str]) -> list[d
     ]
     columns["failed"] = [sum(row.values()) for row in prediction.failures]
     columns["failed_because"] = ["; ".join(row) for row in prediction.failures]
-    columns["outside"] = ["yes" if flag else "no" for flag in found.outside]
-    for name, beyond in found.beyond.items():
+    columns["outside"] = ["yes" if flag else "no" for flag in reach.outside]
+    for name, beyond in reach.beyond.items():
         scale = RANGE_UNITS[name]
         columns[f"{name}_beyond [{scale.unit}]"] = (beyond * scale.factor).tolist()
-    if found.hull_distance is not None:
-        columns["hull_distance [m/s]"] = found.hull_distance.tolist()
+    if reach.hull_distance is not None:
+        columns["hull_distance [m/s]"] = reach.hull_distance.tolist()
     columns["extrapolated"] = [_extrapolated(prediction, k) for k in range(len(impacts))]
     return [{name: column[k] for name, column in columns.items()} for k in range(len(impacts))]
 
@@ -92,7 +92,7 @@ def prediction_json(
     prediction: NewPrediction, ids: Sequence[str], scores: Sequence[ObservableScore], notes: Sequence[str]
 ) -> dict[str, Any]:
     """All of it in SI (angles in radians), one object per impact."""
-    found = prediction.range
+    reach = prediction.range
     impacts = []
     for k, name in enumerate(ids):
         outputs = {
@@ -100,7 +100,7 @@ def prediction_json(
             | ({} if item.z is None else {"z": _number(item.z[k])})
             for item in prediction.outputs
         }
-        beyond = {quantity: float(column[k]) for quantity, column in found.beyond.items()}
+        beyond = {quantity: float(column[k]) for quantity, column in reach.beyond.items()}
         impacts.append(
             {
                 "id": name,
@@ -110,17 +110,17 @@ def prediction_json(
                 "outputs": outputs,
                 "regimes": dict(prediction.regimes[k]),
                 "failed": dict(prediction.failures[k]),
-                "outside": bool(found.outside[k]),
+                "outside": bool(reach.outside[k]),
                 "beyond": beyond,
-                "hull_distance": None if found.hull_distance is None else float(found.hull_distance[k]),
+                "hull_distance": None if reach.hull_distance is None else float(reach.hull_distance[k]),
                 "extrapolated": _extrapolated(prediction, k).split(),
             }
         )
     return {
         "units": {item.name: REBOUND_UNITS[item.name] for item in prediction.outputs},
         "draws": prediction.draws,
-        "calibrated": {name: list(ends) for name, ends in found.limits.items()},
-        "hull_slack": found.slack,
+        "calibrated": {name: list(ends) for name, ends in reach.limits.items()},
+        "hull_slack": reach.slack,
         "impacts": impacts,
         "validation": [
             {
@@ -134,6 +134,6 @@ def prediction_json(
             }
             for item in scores
         ],
-        "outside": int(np.count_nonzero(found.outside)),
+        "outside": int(np.count_nonzero(reach.outside)),
         "notes": list(notes),
     }

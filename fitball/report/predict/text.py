@@ -74,8 +74,8 @@ def _shares(prediction: NewPrediction, row: int) -> list[str]:
         if item.shares is None:
             continue
         scale = output_scale(item.name)
-        found = (item.shares.parameters, item.shares.incident, item.shares.measurement)
-        sizes = [None if sd is None else float(sd[row] * scale.factor) for sd in found]
+        shares = (item.shares.parameters, item.shares.incident, item.shares.measurement)
+        sizes = [None if sd is None else float(sd[row] * scale.factor) for sd in shares]
         cells = [fixed(size, 0 if size is None else min(max(decimals(size), 0), 3)) for size in sizes]
         body.append([f"{item.name} [{scale.unit}]", *cells])
     heads = ["one sd owed to", "parameters", "incident state", "measurement"]
@@ -164,25 +164,25 @@ def _brief_cell(item: OutputPrediction, row: int) -> str:
 
 def remarks_on(prediction: NewPrediction, row: int) -> list[str]:
     """What is special about one impact: outside, extrapolated, not solvable for a share of the draws."""
-    found = prediction.range
+    reach = prediction.range
     parts = []
-    for name, beyond in found.beyond.items():
+    for name, beyond in reach.beyond.items():
         if beyond[row] != 0.0:
             scale = RANGE_UNITS[name]
-            low, high = (end * scale.factor for end in found.limits[name])
+            low, high = (end * scale.factor for end in reach.limits[name])
             word = "above" if beyond[row] > 0.0 else "below"
             amount = abs(beyond[row]) * scale.factor
             parts.append(f"{name} {amount:.3g} {scale.unit} {word} {low:.4g} to {high:.4g} {scale.unit}")
-    if found.hull_distance is not None and found.new_combination[row]:
+    if reach.hull_distance is not None and reach.new_combination[row]:
         parts.append(
-            f"combination of velocity and spin {found.hull_distance[row]:.2g} m/s away from those calibrated on "
-            f"(flagged from {found.slack:.2g} m/s)"
+            f"combination of velocity and spin {reach.hull_distance[row]:.2g} m/s away from those calibrated on "
+            f"(flagged from {reach.slack:.2g} m/s)"
         )
     remarks = ["outside the calibrated range: " + "; ".join(parts) + "."] if parts else []
-    if found.lines and found.beyond["v_y1"][row] != 0.0:
-        word = "line is" if len(found.lines) == 1 else "lines are"
-        amount = abs(float(found.beyond["v_y1"][row]))
-        remarks.append(f"the {' and '.join(found.lines)} {word} extrapolated by {amount:.3g} m/s in v_y1.")
+    if reach.lines and reach.beyond["v_y1"][row] != 0.0:
+        word = "line is" if len(reach.lines) == 1 else "lines are"
+        amount = abs(float(reach.beyond["v_y1"][row]))
+        remarks.append(f"the {' and '.join(reach.lines)} {word} extrapolated by {amount:.3g} m/s in v_y1.")
     for reason, share in prediction.failures[row].items():
         who = "the point estimate" if prediction.draws == 0 else f"{_percent(share)} of the draws"
         remarks.append(f"not solved by {who}: {reason}.")

@@ -84,14 +84,14 @@ def data_part(problem: Problem) -> DataPart:
 
 def digest(columns: Columns) -> str:
     """SHA-256 over names, shapes and content of all columns, whatever their order."""
-    found = sha256()
+    checksum = sha256()
     for name in sorted(columns):
         column = columns[name]
         text = column.dtype.kind not in "fi"
         # Lengths, so that no text can stand for another column.
-        found.update(f"{name} {column.shape} {'text' if text else column.dtype.kind}\n".encode())
-        found.update(_packed(column) if text else np.ascontiguousarray(column).tobytes())
-    return found.hexdigest()
+        checksum.update(f"{name} {column.shape} {'text' if text else column.dtype.kind}\n".encode())
+        checksum.update(_packed(column) if text else np.ascontiguousarray(column).tobytes())
+    return checksum.hexdigest()
 
 
 def _packed(column: NDArray[Any]) -> bytes:
@@ -123,8 +123,8 @@ def read_columns(data: DataPart, impacts: int, place: Path) -> dict[str, NDArray
         columns |= {name: finite(file, name, (impacts,)) for name in numbers}
         if data.force is not None:
             columns |= _force_columns(file)
-        found = digest(columns)
-    if found != data.sha256:
+        read = digest(columns)
+    if read != data.sha256:
         raise ResultFolderError(
             f"{place}: these measurements are not those that the fit.json beside them was made from; "
             "calibrate again, or put the files of one run together"
@@ -169,8 +169,8 @@ def _texts(column: NDArray[Any]) -> tuple[str, ...]:
 
 
 def _force(part: ForcePart, columns: Columns) -> ForceRecords:
-    found = []
+    records = []
     for k, means in enumerate(columns[_FORCE + "means"]):
         numbers: dict[str, Any] = {name: columns[_FORCE + name][k].item() for name in (*COUNTS, *NUMBERS)}
-        found.append(Averaged(**numbers, means=tuple(means[~np.isnan(means)].tolist())))
-    return ForceRecords(part.file, part.sha256, part.start_sd, tuple(found))
+        records.append(Averaged(**numbers, means=tuple(means[~np.isnan(means)].tolist())))
+    return ForceRecords(part.file, part.sha256, part.start_sd, tuple(records))

@@ -134,8 +134,8 @@ def _unequal(lengths: dict[str, int]) -> Iterator[str]:
             yield f"{first} and {name} differ in number: {count} and {other}"
 
 
-def _other_names(what: str, found: Iterable[str], expected: Iterable[str]) -> Iterator[str]:
-    one, other = list(found), list(expected)
+def _other_names(what: str, names: Iterable[str], expected: Iterable[str]) -> Iterator[str]:
+    one, other = list(names), list(expected)
     if one != other:
         yield f"{what}: read {_listed(one)}, expected {_listed(other)}"
 

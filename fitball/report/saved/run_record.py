@@ -148,10 +148,10 @@ def _found(place: Path, item: NamedTable, what: str, option: str) -> Path:
             f"{place}: {what} of this fit is not there; put it back, or say with {option} where it is "
             f"(SHA-256 {item.sha256})"
         )
-    found = sha256(place.read_bytes()).hexdigest()
-    if found != item.sha256:
+    digest = sha256(place.read_bytes()).hexdigest()
+    if digest != item.sha256:
         raise ResultFolderError(
-            f"{place}: changed since the fit: its SHA-256 is {found}, the fit was made from {item.sha256}; "
+            f"{place}: changed since the fit: its SHA-256 is {digest}, the fit was made from {item.sha256}; "
             f"put the old file back, name it with {option}, or calibrate anew"
         )
     return place

@@ -59,11 +59,11 @@ class SavedFit:
         different runs, which is refused if the draws must be `agreeing`. Raises ResultFolderError for that, and for
         a file that is missing, damaged or foreign.
         """
-        found, place = self.file.diagnostics, self.place.with_name(POSTERIOR_NAME)
-        if found is None:
+        diagnostics, place = self.file.diagnostics, self.place.with_name(POSTERIOR_NAME)
+        if diagnostics is None:
             return None
-        steps = found.steps - found.warm_up
-        posterior = read_netcdf(place, self.free_names, (found.ensembles, steps, found.walkers))
+        steps = diagnostics.steps - diagnostics.warm_up
+        posterior = read_netcdf(place, self.free_names, (diagnostics.ensembles, steps, diagnostics.walkers))
         for k, name in enumerate(posterior.names):
             for values in (posterior.values[..., k], posterior.prior_draws[:, k]):
                 if outside(name, values):

@@ -70,12 +70,12 @@ def refuse_foreign(place: Path, content: Content, kind: str, version: int) -> No
     if content.get("kind") != kind:
         read = _shown(content.get("kind"))
         raise ResultFolderError(f"{place}: not a file of this kind: read kind {read}, expected '{kind}'; {REMEDY}")
-    found = content.get("schema_version")
-    if isinstance(found, bool) or found != version:
-        older = isinstance(found, int) and found < version
+    version_read = content.get("schema_version")
+    if isinstance(version_read, bool) or version_read != version:
+        older = isinstance(version_read, int) and version_read < version
         advice = "run calibrate again" if older else "install the fitball that wrote it"
         raise ResultFolderError(
-            f"{place}: schema_version {_shown(found)}; this fitball reads version {version}: {advice}"
+            f"{place}: schema_version {_shown(version_read)}; this fitball reads version {version}: {advice}"
         )
 
 
@@ -88,8 +88,8 @@ def structured(place: Path, content: Content, kind: type[Kept]) -> Kept:
         return _converted(content, kind)
     except msgspec.ValidationError as error:
         words = _QUOTED.sub(_named_kinds, str(error).partition(" - at ")[0])
-        found, where = _located(content, kind, str(error))
-        shown = "" if found is content else f"read {_shown(found)}, "
+        wrong, where = _located(content, kind, str(error))
+        shown = "" if wrong is content else f"read {_shown(wrong)}, "
         raise damaged(place, f"{where}: {shown}{words[:1].lower()}{words[1:]}" if where else words) from None
     except FitballError as error:
         raise damaged(place, str(error)) from None
@@ -141,11 +141,11 @@ def _words(error: Exception) -> str:
 
 
 def _each_key_once(pairs: list[tuple[str, Any]]) -> Content:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    content = dict(pairs)
+    if len(content) < len(pairs):
         names = [name for name, _ in pairs]
         raise ValueError(f"key {_shown(next(name for name in names if names.count(name) > 1))} comes twice")
-    return found
+    return content
 
 
 def _finite(text: str) -> float:
@@ -166,12 +166,12 @@ def _converted(content: object, kind: type[Kept]) -> Kept:
 def _array(_kind: type, value: object) -> np.ndarray:
     """A column of numbers, which msgspec knows as a tuple only."""
     try:
-        found = np.array(msgspec.convert(value, tuple[float, ...]), dtype=np.float64)
+        column = np.array(msgspec.convert(value, tuple[float, ...]), dtype=np.float64)
     except msgspec.ValidationError as error:
         # As a plain ValueError msgspec says where the column stands.
         raise ValueError(str(error).partition(" - at ")[0]) from None
-    found.setflags(write=False)
-    return found
+    column.setflags(write=False)
+    return column
 
 
 def _located(content: Content, kind: type[Any], error: str) -> tuple[object, str]:
