@@ -230,7 +230,9 @@ def enlarged(table: ImpactTable, rows: int) -> ImpactTable:
     return replace(
         table,
         impacts=Impacts(given.v_x1[take] * stretch, given.v_y1[take] * stretch, given.omega_1[take]),
-        measurements=tuple(Measurement(item.name, item.values[take]) for item in table.measurements),
+        measurements=tuple(
+            Measurement(measurement.name, measurement.values[take]) for measurement in table.measurements
+        ),
         redundant=(),
         ids=tuple(str(k + 1) for k in range(rows)),
         labels={},
@@ -296,7 +298,7 @@ def stage_costs(cores: int) -> pd.DataFrame:
         problem = build_problem(load_table(name), load_scene(name), Choices())
         fit = run(problem, Effort(seed=1, cores=cores))
         assert fit.diagnostics is not None
-        stages = {item.stage: item.seconds for item in fit.timings}
+        stages = {timing.stage: timing.seconds for timing in fit.timings}
         least = min(fit.diagnostics.min_ess_bulk, fit.diagnostics.min_ess_tail)
         rows.append(
             {"table": name, **{f"{stage} [s]": seconds for stage, seconds in stages.items()},

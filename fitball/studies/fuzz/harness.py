@@ -94,7 +94,9 @@ def run_case(case: Case, main: Main) -> Ending:
         except Exception:
             error = traceback.format_exc()
     out, err = (_text(stream) for stream in streams)
-    warned = tuple(f"{item.filename}:{item.lineno}: {item.category.__name__}: {item.message}" for item in caught)
+    warned = tuple(
+        f"{warning.filename}:{warning.lineno}: {warning.category.__name__}: {warning.message}" for warning in caught
+    )
     return Ending(code, out, err, warned, error)
 
 

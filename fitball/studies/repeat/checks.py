@@ -26,9 +26,9 @@ def contradictions(kept: Kept) -> Iterator[Contradiction]:
 
 def _points(kept: Kept) -> Iterator[Contradiction]:
     golden = kept.saved.golden.parameters
-    for name, item in kept.saved.parameters.items():
-        if name in golden and golden[name] != item.point:
-            yield f"{name} point", item.point, float(golden[name]), "fit.json names it twice"
+    for name, parameter in kept.saved.parameters.items():
+        if name in golden and golden[name] != parameter.point:
+            yield f"{name} point", parameter.point, float(golden[name]), "fit.json names it twice"
 
 
 def _summaries(kept: Kept) -> Iterator[Contradiction]:
@@ -49,10 +49,10 @@ def _draws(kept: Kept) -> Iterator[Contradiction]:
     if kept.posterior is None or kept.chains is None:
         return
     warm_up, steps = (kept.content["diagnostics"][name] for name in ("warm_up", "steps"))
-    parts = [item.chain[warm_up:steps] for item in kept.chains]
+    parts = [ensemble.chain[warm_up:steps] for ensemble in kept.chains]
     ensembles, *shape = kept.posterior.values.shape
-    if [list(item.shape) for item in parts] != [shape] * ensembles:
-        size = sum(item.size for item in parts)
+    if [list(part.shape) for part in parts] != [shape] * ensembles:
+        size = sum(part.size for part in parts)
         yield "number of draws", float(kept.posterior.values.size), float(size), "posterior.h5"
         return
     chains = np.stack(parts)

@@ -86,12 +86,12 @@ class Repetition:
     @property
     def different(self) -> tuple[Finding, ...]:
         """What differs by more than it may."""
-        return tuple(item for item in self.findings if item.differs)
+        return tuple(finding for finding in self.findings if finding.differs)
 
     @property
     def largest(self) -> Finding | None:
         """The largest difference in standard errors, None without a posterior."""
-        known = [item for item in self.findings if item.ratio is not None]
+        known = [finding for finding in self.findings if finding.ratio is not None]
         return max(known, key=lambda item: item.ratio or 0.0, default=None)
 
 
@@ -109,8 +109,8 @@ def compared(problem: Problem, original: Kept, repeated: Kept) -> Repetition:
         *_golden(original),
     ]
     findings += [Finding(what, a, b, basis, True) for what, a, b, basis in contradictions(original)]
-    findings += _derived(original, repeated, same, {item.what for item in findings if item.differs})
-    outcome = Outcome.DIFFERENT if any(item.differs for item in findings) else Outcome.WITHIN
+    findings += _derived(original, repeated, same, {finding.what for finding in findings if finding.differs})
+    outcome = Outcome.DIFFERENT if any(finding.differs for finding in findings) else Outcome.WITHIN
     return Repetition(outcome, same, tuple(findings), limit, notes)
 
 
@@ -185,17 +185,17 @@ def _point(problem: Problem, original: Kept, repeated: Kept) -> Iterator[Finding
     basis = "what the search for the maximum leaves open"
     scores = [float(item["scores"]["log_posterior"]) for item in (old, new)]
     yield _number("log posterior at the point estimate", scores[0], scores[1], allowed, basis)
-    for item in problem.parameters:
-        if item.name not in old["parameters"]:
+    for parameter in problem.parameters:
+        if parameter.name not in old["parameters"]:
             continue
-        values = np.array([old["parameters"][item.name]["point"], new["parameters"][item.name]["point"]])
-        if item.free:
+        values = np.array([old["parameters"][parameter.name]["point"], new["parameters"][parameter.name]["point"]])
+        if parameter.free:
             # One width of the prior along its coordinate, as a difference in value there.
-            scale = float(values[0]) if item.prior.log else 1.0
-            width = OF_WIDTH * item.prior.width * abs(scale)
+            scale = float(values[0]) if parameter.prior.log else 1.0
+            width = OF_WIDTH * parameter.prior.width * abs(scale)
         else:
             width = 0.0
-        yield _number(f"{item.name} point", float(values[0]), float(values[1]), width, basis)
+        yield _number(f"{parameter.name} point", float(values[0]), float(values[1]), width, basis)
 
 
 def _golden(original: Kept) -> Iterator[Finding]:

@@ -30,7 +30,8 @@ def render(repetition: Repetition, original: Kept) -> str:
         lines += _table(repetition.different, repetition.limit)
     else:
         lines += _table(
-            [item for item in repetition.findings if item.what.endswith((" median", " point"))], repetition.limit
+            [finding for finding in repetition.findings if finding.what.endswith((" median", " point"))],
+            repetition.limit,
         )
     largest = repetition.largest
     if largest is not None:
@@ -55,7 +56,7 @@ def _table(findings: Sequence[Finding], limit: float) -> list[str]:
     rows = [["", "original", "repeated", "difference", "allowed", "standard errors"]]
     rows += [_row(item) for item in findings[:SHOWN]]
     lines = [f"  {line}" for line in columns(rows)]
-    reasons = dict.fromkeys(item.basis for item in findings)
+    reasons = dict.fromkeys(finding.basis for finding in findings)
     named = {"Monte Carlo error": f"Monte Carlo error ({limit:.2g} standard errors)"}
     lines += ["", "  Compared by: " + "; ".join(named.get(item, item) for item in reasons) + "."]
     if len(findings) > SHOWN:
@@ -63,15 +64,15 @@ def _table(findings: Sequence[Finding], limit: float) -> list[str]:
     return lines
 
 
-def _row(item: Finding) -> list[str]:
-    gap = item.difference
+def _row(finding: Finding) -> list[str]:
+    gap = finding.difference
     return [
-        item.what,
-        _shown(item.original),
-        _shown(item.repeated),
+        finding.what,
+        _shown(finding.original),
+        _shown(finding.repeated),
         "-" if gap is None else significant(gap),
-        "-" if item.allowed is None or math.isnan(item.allowed) else significant(item.allowed),
-        "-" if item.ratio is None else f"{item.ratio:.2g}",
+        "-" if finding.allowed is None or math.isnan(finding.allowed) else significant(finding.allowed),
+        "-" if finding.ratio is None else f"{finding.ratio:.2g}",
     ]
 
 
@@ -91,24 +92,24 @@ def repetition_json(repetition: Repetition, original: Mapping[str, Any]) -> dict
         "limit": repetition.limit,
         "false_alarm": FALSE_ALARM,
         "largest": None if largest is None else _entry(largest),
-        "different": [_entry(item) for item in repetition.different],
-        "compared": [_entry(item) for item in repetition.findings],
+        "different": [_entry(finding) for finding in repetition.different],
+        "compared": [_entry(finding) for finding in repetition.findings],
         "notes": list(repetition.notes),
     }
 
 
-def _entry(item: Finding) -> dict[str, Any]:
+def _entry(finding: Finding) -> dict[str, Any]:
     def number(value: float | None) -> float | None:
         return None if value is None or not math.isfinite(value) else value
 
     return {
-        "what": item.what,
-        "original": item.original,
-        "repeated": item.repeated,
-        "difference": item.difference,
-        "allowed": number(item.allowed),
-        "standard_error": number(item.standard_error),
-        "ratio": number(item.ratio),
-        "basis": item.basis,
-        "differs": item.differs,
+        "what": finding.what,
+        "original": finding.original,
+        "repeated": finding.repeated,
+        "difference": finding.difference,
+        "allowed": number(finding.allowed),
+        "standard_error": number(finding.standard_error),
+        "ratio": number(finding.ratio),
+        "basis": finding.basis,
+        "differs": finding.differs,
     }

@@ -50,24 +50,24 @@ def _symbol(name: str) -> str:
     return spec.label if spec is not None else name.replace("_", " ")
 
 
-def _histogram(axis: Axes, item: QuantityFinding) -> None:
-    bins = bins_for(item.ranks.size, VALUES)
-    counts = np.bincount(item.ranks * bins // VALUES, minlength=bins)
-    low, high = (float(binom.ppf(level, item.ranks.size, 1.0 / bins)) for level in (0.025, 0.975))
+def _histogram(axis: Axes, quantity: QuantityFinding) -> None:
+    bins = bins_for(quantity.ranks.size, VALUES)
+    counts = np.bincount(quantity.ranks * bins // VALUES, minlength=bins)
+    low, high = (float(binom.ppf(level, quantity.ranks.size, 1.0 / bins)) for level in (0.025, 0.975))
     axis.axhspan(low, high, color="0.85", linewidth=0)
-    axis.axhline(item.ranks.size / bins, color="0.5", linewidth=0.8)
+    axis.axhline(quantity.ranks.size / bins, color="0.5", linewidth=0.8)
     axis.stairs(counts, np.linspace(0.0, 1.0, bins + 1), fill=True, color=COLOURS[0], alpha=0.7)
     axis.set_ylim(0.0, 1.15 * max(float(counts.max()), high))
     axis.set_ylabel("replicates", fontsize=9)
-    axis.set_title(_symbol(item.name) + ("" if item.holds else ": NOT uniform"), fontsize=10)
+    axis.set_title(_symbol(quantity.name) + ("" if quantity.holds else ": NOT uniform"), fontsize=10)
 
 
-def _difference(axis: Axes, item: QuantityFinding, null: NullDistribution) -> None:
+def _difference(axis: Axes, quantity: QuantityFinding, null: NullDistribution) -> None:
     place = np.arange(1, VALUES) / VALUES
     low, high = null.band(CONFIDENCE)
     axis.fill_between(place, low - place, high - place, color="0.85", linewidth=0)
     axis.axhline(0.0, color="0.5", linewidth=0.8)
-    distribution = empirical(item.ranks[None, :], VALUES)[0] / item.ranks.size
-    axis.plot(place, distribution - place, color=COLOURS[0] if item.holds else COLOURS[1], linewidth=1.2)
-    axis.set_title(f"{_symbol(item.name)}: p = {item.ecdf_p:.2g}", fontsize=10)
+    distribution = empirical(quantity.ranks[None, :], VALUES)[0] / quantity.ranks.size
+    axis.plot(place, distribution - place, color=COLOURS[0] if quantity.holds else COLOURS[1], linewidth=1.2)
+    axis.set_title(f"{_symbol(quantity.name)}: p = {quantity.ecdf_p:.2g}", fontsize=10)
     axis.set_ylabel("difference", fontsize=9)

@@ -128,7 +128,9 @@ class BounceExperiment:
             "version": __version__,
             "table": self.problem.table.digest,
             "model": self.model,
-            "parameters": [[item.name, item.prior.text, item.fixed] for item in self.problem.parameters],
+            "parameters": [
+                [parameter.name, parameter.prior.text, parameter.fixed] for parameter in self.problem.parameters
+            ],
             "contact_time": self.problem.contact_time,
             "wrong_sigma": self.wrong_sigma,
             "ranked": RANKED,

@@ -70,10 +70,10 @@ class ModelFinding:
                 f"{self.unconverged} of {self.replicates} replicates did not converge and {self.failed} had no fit"
             )
         faults += [
-            f"{item.name}: ranks are not uniform (adjusted p = "
-            f"{min(item.chi_square_adjusted, item.ecdf_adjusted):.2g})"
-            for item in self.quantities
-            if not item.holds
+            f"{quantity.name}: ranks are not uniform (adjusted p = "
+            f"{min(quantity.chi_square_adjusted, quantity.ecdf_adjusted):.2g})"
+            for quantity in self.quantities
+            if not quantity.holds
         ]
         return tuple(faults)
 
@@ -112,7 +112,7 @@ def summarise(models: Mapping[str, tuple[tuple[str, ...], Sequence[Ranked]]]) ->
             len(replicates),
             sum(not item.converged and not item.failed for item in replicates),
             sum(bool(item.failed) for item in replicates),
-            tuple(item for item in quantities if item.model == model),
+            tuple(quantity for quantity in quantities if quantity.model == model),
         )
         for model, (_, replicates) in models.items()
     )
@@ -122,41 +122,41 @@ def summary_rows(findings: Sequence[ModelFinding]) -> list[dict[str, object]]:
     """One row a quantity."""
     rows: list[dict[str, object]] = []
     for finding in findings:
-        for item in finding.quantities:
+        for quantity in finding.quantities:
             row: dict[str, object] = {
-                "model": item.model,
-                "quantity": item.name,
-                "replicates": item.ranks.size,
-                "chi_square": round(item.chi_square, 3),
-                "chi_square_p": float(f"{item.chi_square_p:.4g}"),
-                "ecdf_p": float(f"{item.ecdf_p:.4g}"),
-                "adjusted_p": float(f"{min(item.chi_square_adjusted, item.ecdf_adjusted):.4g}"),
+                "model": quantity.model,
+                "quantity": quantity.name,
+                "replicates": quantity.ranks.size,
+                "chi_square": round(quantity.chi_square, 3),
+                "chi_square_p": float(f"{quantity.chi_square_p:.4g}"),
+                "ecdf_p": float(f"{quantity.ecdf_p:.4g}"),
+                "adjusted_p": float(f"{min(quantity.chi_square_adjusted, quantity.ecdf_adjusted):.4g}"),
             }
-            for part in item.coverages:
+            for part in quantity.coverages:
                 percent = f"{100 * part.nominal:.0f}"
                 row |= {
                     f"within_{percent}": round(part.observed, 4),
                     f"within_{percent}_low": round(part.low, 4),
                     f"within_{percent}_high": round(part.high, 4),
                 }
-            rows.append(row | {"holds": "yes" if item.holds else "no"})
+            rows.append(row | {"holds": "yes" if quantity.holds else "no"})
     return rows
 
 
 def summary_json(findings: Sequence[ModelFinding], seed: int) -> dict[str, object]:
     """Verdict and counts."""
     return {
-        "holds": not any(item.complaints for item in findings),
+        "holds": not any(finding.complaints for finding in findings),
         "seed": seed,
         "family_error": FAMILY_ERROR,
         "ranked_draws": RANKED,
         "models": {
-            item.model: {
-                "replicates": item.replicates,
-                "unconverged": item.unconverged,
-                "failed": item.failed,
-                "complaints": list(item.complaints),
+            finding.model: {
+                "replicates": finding.replicates,
+                "unconverged": finding.unconverged,
+                "failed": finding.failed,
+                "complaints": list(finding.complaints),
             }
-            for item in findings
+            for finding in findings
         },
     }

@@ -47,10 +47,10 @@ class AppendixC:
 def with_corrected_inputs(rows: pd.DataFrame, errata: pd.DataFrame) -> pd.DataFrame:
     """The printed rows with the inputs that the errata correct; outputs are never touched."""
     corrected = rows.copy()
-    for item in errata.itertuples():
-        if item.kind == "input" and str(item.table).startswith("C"):
-            column = INPUTS[str(item.column)]
-            corrected.loc[selects(rows, str(item.table), str(item.row)), column] = float(str(item.correct))
+    for erratum in errata.itertuples():
+        if erratum.kind == "input" and str(erratum.table).startswith("C"):
+            column = INPUTS[str(erratum.column)]
+            corrected.loc[selects(rows, str(erratum.table), str(erratum.row)), column] = float(str(erratum.correct))
     return corrected
 
 

@@ -70,8 +70,8 @@ def deviations(rows: pd.DataFrame) -> pd.DataFrame:
     """Every entry that does not match in size, with its cause from the errata; `kind` is `unlisted` without one."""
     errata = thesis_table("errata")
     listed = {
-        (item["table"], item["row"], item["column"]): (item["kind"], item["evidence"])
-        for item in errata.to_dict("records")
+        (erratum["table"], erratum["row"], erratum["column"]): (erratum["kind"], erratum["evidence"])
+        for erratum in errata.to_dict("records")
     }
     rows_found = []
     for row in rows.to_dict("records"):

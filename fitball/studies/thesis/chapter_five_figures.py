@@ -99,7 +99,7 @@ def glance_figure(fits: Mapping[str, Recalibration]) -> Figure:
     balance = first.balances.offset
     groups = first.problem.table.labels["group"]
     for marker, group in zip(MARKERS, sorted(set(groups)), strict=False):
-        mine = np.array([item == group for item in groups])
+        mine = np.array([label == group for label in groups])
         right.errorbar(
             first.problem.impacts.v_y1[mine], balance.values[mine] / INCH, balance.sd[mine] / INCH,
             fmt=marker, color="black", markersize=4, linewidth=0.8, capsize=2, label=f"model-free, {group}",
@@ -218,7 +218,7 @@ def error_figure(chapter: ChapterFive) -> Figure:
     figure = new_figure(12.0, 9.0)
     grid = figure.subplots(3, 3, sharey="row")
     for column, spin in enumerate(SPINS):
-        mine = np.array([item == spin for item in fit.problem.table.labels["group"]])
+        mine = np.array([label == spin for label in fit.problem.table.labels["group"]])
         wang = measured(spin)
         angle = np.degrees(np.arctan2(wang["v_y1"], wang["v_x1"]))
         after = {

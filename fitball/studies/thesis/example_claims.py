@@ -47,10 +47,10 @@ class Finding:
 
 def find_example(name: str) -> Example:
     """The example called `name`. Raises ParameterError."""
-    for item in EXAMPLES:
-        if item.name == name:
-            return item
-    known = [item.name for item in EXAMPLES]
+    for example in EXAMPLES:
+        if example.name == name:
+            return example
+    known = [example.name for example in EXAMPLES]
     raise ParameterError(f"unknown example '{name}': {suggestion(name, [*known, 'list'])}")
 
 
@@ -116,7 +116,7 @@ def _monotone(solved: Sequence[Simulation], name: str, sign: float) -> bool:
     """Whether a course goes one way from landing to release, in every curve, to a hundredth of its change: as a
     picture shows it.
     """
-    courses = [getattr(item.history, name) for item in solved]
+    courses = [getattr(simulation.history, name) for simulation in solved]
     return all(
         sign * (c[-1] - c[0]) > 0.0 and np.all(np.maximum.accumulate(sign * c) - sign * c <= 0.01 * np.ptp(c))
         for c in courses
@@ -124,7 +124,7 @@ def _monotone(solved: Sequence[Simulation], name: str, sign: float) -> bool:
 
 
 def _after(solved: Sequence[Simulation], name: str) -> list[float]:
-    return [float(getattr(item.history.release.after, name)) for item in solved]
+    return [float(getattr(simulation.history.release.after, name)) for simulation in solved]
 
 
 def _rolling_start(solved: Sequence[Simulation], curve: int) -> float:
@@ -134,12 +134,12 @@ def _rolling_start(solved: Sequence[Simulation], curve: int) -> float:
     return float(np.interp(span.start if span else history.contact_time, history.times, history.omega_2))
 
 
-def appendix_b_start(item: Simulation) -> float:
+def appendix_b_start(simulation: Simulation) -> float:
     """Spin of the shell at n = 0 in Appendix B [rad/s]: from the energy of the ball, its core's spin unchanged."""
-    mass = item.parameters["ball_mass"]
+    mass = simulation.parameters["ball_mass"]
     inertia = INERTIA_OF["2/3"] * INERTIA
-    core = item.parameters["inertia_split"] * inertia
-    v_x, omega = float(item.impact.v_x1[0]), float(item.impact.omega_1[0])
+    core = simulation.parameters["inertia_split"] * inertia
+    v_x, omega = float(simulation.impact.v_x1[0]), float(simulation.impact.omega_1[0])
     energy = mass * v_x**2 + (inertia - core) * omega**2
     return math.sqrt(energy / (inertia - core + mass * BALL_RADIUS**2))
 
@@ -195,7 +195,8 @@ def _rises_while_resting(solved: Sequence[Simulation], curve: int) -> bool:
 
 def _greatest_friction(solved: Sequence[Simulation]) -> list[float]:
     return [
-        float(np.max(np.abs(item.history.friction_force[np.isin(item.history.phase, RESTING)]))) for item in solved
+        float(np.max(np.abs(simulation.history.friction_force[np.isin(simulation.history.phase, RESTING)])))
+        for simulation in solved
     ]
 
 
@@ -218,8 +219,8 @@ def _angle(solved: Sequence[Simulation], curve: int) -> float:
     return math.degrees(math.atan2(-after.v_y, after.v_x))
 
 
-def _loss(item: Simulation) -> float:
-    return float(item.impact.v_x1[0]) - item.history.release.after.v_x
+def _loss(simulation: Simulation) -> float:
+    return float(simulation.impact.v_x1[0]) - simulation.history.release.after.v_x
 
 
 MEASURES: Mapping[str, Measure] = {

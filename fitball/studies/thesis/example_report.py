@@ -13,7 +13,9 @@ from fitball.studies.thesis.simulate_examples import EXAMPLES, Example
 
 def list_text() -> str:
     """All examples, one per line."""
-    return "\n".join(columns([["example", "what it shows"], *([item.name, item.title] for item in EXAMPLES)], left=2))
+    return "\n".join(
+        columns([["example", "what it shows"], *([example.name, example.title] for example in EXAMPLES)], left=2)
+    )
 
 
 def example_text(example: Example, results: Sequence[Finding]) -> str:
@@ -25,8 +27,8 @@ def example_text(example: Example, results: Sequence[Finding]) -> str:
     for text in remarks(example):
         lines += _wrapped("Note: ", text)
     rows = [["the thesis says", "printed", "exact", "exact - printed", "thesis's computation"]]
-    rows += [[item.claim.said, *_cells(item)] for item in results]
-    notes = [line for item in results if item.note for line in _wrapped("* ", item.note)]
+    rows += [[finding.claim.said, *_cells(finding)] for finding in results]
+    notes = [line for finding in results if finding.note for line in _wrapped("* ", finding.note)]
     return "\n".join([*lines, "", *columns(rows), *notes])
 
 
@@ -40,16 +42,16 @@ def example_json(example: Example, results: Sequence[Finding]) -> dict[str, Any]
         "remarks": list(remarks(example)),
         "claims": [
             {
-                "said": item.claim.said,
-                "curve": example.curves[item.claim.curve].label,
-                "unit": item.claim.unit,
-                "printed": item.claim.printed,
-                "exact": item.found,
-                "difference": item.difference,
-                "thesis_computation": item.computed,
-                "note": item.note,
+                "said": finding.claim.said,
+                "curve": example.curves[finding.claim.curve].label,
+                "unit": finding.claim.unit,
+                "printed": finding.claim.printed,
+                "exact": finding.found,
+                "difference": finding.difference,
+                "thesis_computation": finding.computed,
+                "note": finding.note,
             }
-            for item in results
+            for finding in results
         ],
     }
 
@@ -58,14 +60,14 @@ def _wrapped(head: str, text: str) -> list[str]:
     return textwrap.wrap(text, WIDTH, initial_indent=head, subsequent_indent=" " * len(head))
 
 
-def _cells(item: Finding) -> list[str]:
-    unit = f" {item.claim.unit}" if item.claim.unit else ""
-    numbers = (item.claim.printed, item.found, item.difference, item.computed)
+def _cells(finding: Finding) -> list[str]:
+    unit = f" {finding.claim.unit}" if finding.claim.unit else ""
+    numbers = (finding.claim.printed, finding.found, finding.difference, finding.computed)
     printed, exact, difference, computed = (
         "" if number is None or isinstance(number, bool) else f"{number:.5g}{unit}" for number in numbers
     )
-    if isinstance(item.found, bool):
-        exact = "so it is" if item.found else "not so"
-    elif item.found is None:
+    if isinstance(finding.found, bool):
+        exact = "so it is" if finding.found else "not so"
+    elif finding.found is None:
         exact = "never"
-    return [f"{printed} *" if item.note else printed, exact, difference, computed]
+    return [f"{printed} *" if finding.note else printed, exact, difference, computed]

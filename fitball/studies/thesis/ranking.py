@@ -140,8 +140,8 @@ def side_by_side(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
     """One row per set: its score, and how often it is first and among the first three, in every ranking."""
     heads = {"score": "score", "best": "first", "among the best three": "among three"}
     parts = [
-        item.pooled[list(heads)].rename(columns={key: f"{name}: {head}" for key, head in heads.items()})
-        for name, item in rankings.items()
+        ranking.pooled[list(heads)].rename(columns={key: f"{name}: {head}" for key, head in heads.items()})
+        for name, ranking in rankings.items()
     ]
     return pd.concat(parts, axis=1).reset_index()
 
@@ -149,7 +149,7 @@ def side_by_side(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
 def in_brief(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
     """One row per set, in every ranking its score and, in brackets, the share of resamples in which it is first."""
     cells = {
-        name: [f"{row['score']:.3f} ({100.0 * row['best']:.1f} %)" for _, row in item.pooled.iterrows()]
-        for name, item in rankings.items()
+        name: [f"{row['score']:.3f} ({100.0 * row['best']:.1f} %)" for _, row in ranking.pooled.iterrows()]
+        for name, ranking in rankings.items()
     }
     return pd.DataFrame({"set": next(iter(rankings.values())).pooled.index, **cells})

@@ -60,12 +60,12 @@ class Recalibration:
         """`placed` as a table."""
         frame = pd.DataFrame(
             [
-                {"point": item.point, "credible level": item.level,
-                 **{f"{name} below": share for name, share in item.below.items()}}
-                for item in self.placed
+                {"point": place.point, "credible level": place.level,
+                 **{f"{name} below": share for name, share in place.below.items()}}
+                for place in self.placed
             ]
         )  # fmt: skip
-        excluded = ["; ".join(f"{name}: {why}" for name, why in item.excluded.items()) for item in self.placed]
+        excluded = ["; ".join(f"{name}: {why}" for name, why in place.excluded.items()) for place in self.placed]
         return frame.assign(**{"excluded by the model": excluded})
 
     def column(self, name: str) -> FloatArray:
@@ -139,9 +139,12 @@ def parameter_table(fits: Mapping[str, Recalibration]) -> pd.DataFrame:
               "k_y": ("k_y", "lb/in", STIFFNESS, cases["k_y [lb/in]"]),
               "k_theta": ("k_theta", "lb in/rad", TORSION, cases["k_theta [lb in/rad]"]),
               "mu": ("mu", "", 1.0, f"{FRICTION:g}")}  # fmt: skip
-    shown = {head: {key: item.column(name) / head[2] for key, item in fits.items()} for name, head in scales.items()}
+    shown = {
+        head: {key: recalibration.column(name) / head[2] for key, recalibration in fits.items()}
+        for name, head in scales.items()
+    }
     for k, head in enumerate((("C1", "in/(m/s)", 1.0, f"{C1:g}"), ("C2", "in", 1.0, f"{C2:g}"))):
-        shown[head] = {key: offset_constants(item)[k] for key, item in fits.items()}
+        shown[head] = {key: offset_constants(recalibration)[k] for key, recalibration in fits.items()}
     # One of the fitted models is called `thesis` too.
     return pd.DataFrame(
         [
@@ -161,11 +164,11 @@ def interval(draws: FloatArray) -> str:
 def fit_table(fits: Mapping[str, Recalibration]) -> pd.DataFrame:
     """How well each free fit does, and whether its chain converged."""
     rows = []
-    for name, item in fits.items():
-        least, diagnosis = item.fit.least_squares, item.fit.diagnostics
+    for name, recalibration in fits.items():
+        least, diagnosis = recalibration.fit.least_squares, recalibration.fit.diagnostics
         assert diagnosis is not None
         rows.append(
-            {"model": name, "status": str(item.fit.status), "chi-square": least.chi_square,
+            {"model": name, "status": str(recalibration.fit.status), "chi-square": least.chi_square,
              **{f"rms {key}": value for key, value in least.rms.items()},
              "min ESS": min(diagnosis.min_ess_bulk, diagnosis.min_ess_tail), "max R-hat": diagnosis.max_r_hat}
         )  # fmt: skip
@@ -181,7 +184,7 @@ def offset_table(fits: Mapping[str, Recalibration]) -> pd.DataFrame:
         {"impact": first.problem.table.ids, "v_y1 [m/s]": v_y1, "model-free [in]": balance.values / INCH,
          "sd [in]": balance.sd / INCH, "Eq. (53) [in]": C1 * v_y1 + C2}
     )  # fmt: skip
-    for name, item in fits.items():
-        c1, c2 = (float(np.median(draws)) for draws in offset_constants(item))
+    for name, recalibration in fits.items():
+        c1, c2 = (float(np.median(draws)) for draws in offset_constants(recalibration))
         frame[f"{name} [in]"] = c1 * v_y1 + c2
     return frame

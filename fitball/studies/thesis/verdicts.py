@@ -58,7 +58,7 @@ def _print(rankings: Mapping[str, Ranking]) -> str:
 
 def case_verdict(case: int, rankings: Mapping[str, Ranking]) -> str:
     """Whether a case of Table 9 is among the three best of the seven sets."""
-    pooled = {name: item.pooled for name, item in rankings.items()}
+    pooled = {name: ranking.pooled for name, ranking in rankings.items()}
     answer = pooled[RECOMPUTED]
     mine = _chosen(answer, case)
     sure = float(answer["among the best three"][mine])
@@ -120,10 +120,11 @@ def fit_words(own: pd.DataFrame, case: int, fitted: str, rms: Mapping[str, float
 
 def posterior_verdict(placed: Sequence[Placed]) -> str:
     """How far out in one posterior the published points lie, and by which parameters."""
-    contours = _grouped((_contour(item.level), item.point) for item in placed)
-    names = dict.fromkeys(name for item in placed for name in item.below)
+    contours = _grouped((_contour(place.level), place.point) for place in placed)
+    names = dict.fromkeys(name for place in placed for name in place.below)
     outside = {
-        name: _grouped((_outside(item, name), item.point) for item in placed if name in item.below) for name in names
+        name: _grouped((_outside(place, name), place.point) for place in placed if name in place.below)
+        for name in names
     }
     told = [f"{name} {words}" for name, words in outside.items() if words]
     central = f"outside the central {_percent(CENTRAL)}"
@@ -134,11 +135,11 @@ def _contour(level: float) -> str:
     return f"beyond the {_percent(CONTOUR)} contour" if level > CONTOUR else f"on the {_percent(level)} contour"
 
 
-def _outside(item: Placed, name: str) -> str:
+def _outside(place: Placed, name: str) -> str:
     """Empty for a value among the central draws."""
-    if name in item.excluded:
-        return f"excluded by the model itself, since {item.excluded[name]}"
-    below = item.below[name]
+    if name in place.excluded:
+        return f"excluded by the model itself, since {place.excluded[name]}"
+    below = place.below[name]
     if min(below, 1.0 - below) >= 0.5 * (1.0 - CENTRAL):
         return ""
     side, share = ("above", below) if below > 0.5 else ("below", 1.0 - below)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -12,11 +11,7 @@ from fitball.data.thesis_tables import fraction, thesis_table
 from fitball.data.wang import SPINS, measured
 from fitball.inference.thesis.inputs import BALL_MASS_ROUNDED, DAMPING, STIFFNESS
 
-FORMULAS: Mapping[str, str] = {
-    "Eq. (8)": "exp(-x) = (M/M1) COR",
-    "Chapter III": "exp(-x) = (M1/M)/COR",
-    "Chapter V": "exp(-x) = COR",
-}
+# Eq. (8): exp(-x) = (M/M1) COR; Chapter III: exp(-x) = (M1/M)/COR; Chapter V: exp(-x) = COR.
 # Per cent within which a formula is taken to be the one that was used. The formulas differ by 20 % and more; the
 # mean restitution that went into a printed value is known to two or three digits only, which makes up to 4 %.
 OBEYS = 5.0
