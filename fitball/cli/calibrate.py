@@ -171,5 +171,5 @@ def default_folder(table: str, model: str, closures: Mapping[str, str]) -> Path:
 def _farewell(folder: Path, kept: bool) -> str:
     if not kept:
         return "Interrupted before sampling: nothing to keep."
-    command = [item for item in sys.argv[1:] if item not in ("--resume", "--overwrite")]
+    command = [word for word in sys.argv[1:] if word not in ("--resume", "--overwrite")]
     return f"Interrupted. The chain is kept in {folder}; to go on:\n  fitball {shlex.join([*command, '--resume'])}"

@@ -72,11 +72,13 @@ def _list(args: argparse.Namespace) -> int:
 
     tables = bundled_tables()
     if args.json:
-        _print_json([{"name": item.name, "path": str(item.path), "description": item.description} for item in tables])
+        _print_json(
+            [{"name": table.name, "path": str(table.path), "description": table.description} for table in tables]
+        )
     else:
-        width = max((len(item.name) for item in tables), default=0)
-        for item in tables:
-            print(f"{item.name:<{width}}  {item.description}")
+        width = max((len(table.name) for table in tables), default=0)
+        for table in tables:
+            print(f"{table.name:<{width}}  {table.description}")
     return 0
 
 
@@ -105,7 +107,7 @@ def _show(args: argparse.Namespace) -> int:
     balances = balance_table(scene_balances(table, scene), MOST_LINES)
     print("\nmodel-free, from the measurements alone:")
     rest = more(len(table), "--json for the table, balances.csv of a fit")
-    for line in (*columns([balances.heads, *balances.rows]), *rest, *(f"  {item}" for item in balances.legend)):
+    for line in (*columns([balances.heads, *balances.rows]), *rest, *(f"  {line}" for line in balances.legend)):
         print(line)
     for heading, lines in (
         ("known", _known(scene)),
@@ -148,7 +150,10 @@ def _check(args: argparse.Namespace) -> int:
                 "ok": not errors,
                 "faults": [fault for error in errors for fault in _faults(error)],
                 "notices": [
-                    *({"message": item.message, "row": item.row, "columns": item.columns} for item in notices),
+                    *(
+                        {"message": notice.message, "row": notice.row, "columns": notice.columns}
+                        for notice in notices
+                    ),
                     *({"message": text, "row": None, "columns": ()} for text in remarks),
                 ],
             }
@@ -168,12 +173,12 @@ def _faults(error: FitballError) -> list[dict[str, Any]]:
         return [
             {
                 "file": error.source,
-                "message": item.message,
-                "row": item.row,
-                "line": item.line,
-                "column": item.column,
+                "message": fault.message,
+                "row": fault.row,
+                "line": fault.line,
+                "column": fault.column,
             }
-            for item in error.faults
+            for fault in error.faults
         ]
     return [{"file": None, "message": str(error), "row": None, "line": None, "column": None}]
 
@@ -184,7 +189,7 @@ def _columns(table: ImpactTable) -> dict[str, Any]:
 
     units = {"v_x1": "m/s", "v_y1": "m/s", "omega_1": "rad/s", **REBOUND_UNITS}
     columns = {name: getattr(table.impacts, name) for name in table.incident_columns}
-    columns |= {item.name: item.values for item in (*table.measurements, *table.redundant)}
+    columns |= {measurement.name: measurement.values for measurement in (*table.measurements, *table.redundant)}
     return {f"{name} [{units[name]}]": values for name, values in columns.items()}
 
 
@@ -228,10 +233,12 @@ def _as_json(table: ImpactTable, scene: Scene) -> dict[str, Any]:
         "citation": scene.citation,
         "ids": table.ids,
         "columns": {name: values.tolist() for name, values in _columns(table).items()},
-        "measurements": [item.name for item in table.measurements],
+        "measurements": [measurement.name for measurement in table.measurements],
         "redundant": [item.name for item in table.redundant],
         "labels": dict(table.labels),
-        "notices": [{"message": item.message, "row": item.row, "columns": item.columns} for item in table.notices],
+        "notices": [
+            {"message": notice.message, "row": notice.row, "columns": notice.columns} for notice in table.notices
+        ],
         "known": _known(scene),
         "assumed": scene.assumed,
     }

@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
         notes.append(IGNORED if point_only or args.exact_incidence else DRAWN)
     if saved.status is RunStatus.NOT_CONVERGED:
         notes.append("the sampler of this fit did not converge: intervals may change")
-    unknown = [item.name for item in prediction.outputs if item.rebound is not None and item.measured is None]
+    unknown = [output.name for output in prediction.outputs if output.rebound is not None and output.measured is None]
     # A contact time is seldom measured: nobody misses its noise.
     silent = [name for name in unknown if name != "contact_time"]
     if silent:

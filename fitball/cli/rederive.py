@@ -44,15 +44,17 @@ def run(args: argparse.Namespace) -> int:
         content = {
             "holds": chapter.holds,
             "summary": chapter.summary,
-            "checks": [{"name": item.name, "holds": item.holds, "finding": item.finding} for item in chapter.checks],
+            "checks": [
+                {"name": check.name, "holds": check.holds, "finding": check.finding} for check in chapter.checks
+            ],
             "verdicts": dict(chapter.verdicts),
             "rankings": side_by_side(chapter.rankings).to_dict("records"),
             "folder": str(folder),
         }
         print(json.dumps(content, indent=2, ensure_ascii=False))
     else:
-        for item in chapter.checks:
-            print(f"[{'as pinned' if item.holds else 'CHANGED'}] {item.name}: {item.finding}")
+        for check in chapter.checks:
+            print(f"[{'as pinned' if check.holds else 'CHANGED'}] {check.name}: {check.finding}")
         for name, verdict in chapter.verdicts.items():
             print(f"{name}: {verdict}")
         brief = in_brief(chapter.rankings)

@@ -206,7 +206,7 @@ def _write(
     from fitball.report.history.folder import write_all
     from fitball.report.history.rows import history_rows, simulation_json
 
-    content = {**extra, "simulations": [simulation_json(item) for item in solved]}
+    content = {**extra, "simulations": [simulation_json(simulation) for simulation in solved]}
     table = csv_text(history_rows(solved))
     places = write_all(folder, content, table, history_figure(solved, title, panels), args.format)
     if args.csv is not None:

@@ -192,14 +192,14 @@ def render(findings: Sequence[ModelFinding], folder: Path) -> str:
             f"{finding.failed} without a fit"
         )
         rows = [["quantity", "p chi-square", "p ecdf", "adjusted p", "in 50 %", "in 80 %", "in 95 %", ""]]
-        for item in finding.quantities:
-            shares = [f"{100 * c.observed:.0f} [{100 * c.low:.0f}, {100 * c.high:.0f}]" for c in item.coverages]
-            adjusted = min(item.chi_square_adjusted, item.ecdf_adjusted)
-            words = [f"{item.chi_square_p:.2g}", f"{item.ecdf_p:.2g}", f"{adjusted:.2g}"]
-            rows.append([item.name, *words, *shares, "holds" if item.holds else "FAILS"])
+        for quantity in finding.quantities:
+            shares = [f"{100 * c.observed:.0f} [{100 * c.low:.0f}, {100 * c.high:.0f}]" for c in quantity.coverages]
+            adjusted = min(quantity.chi_square_adjusted, quantity.ecdf_adjusted)
+            words = [f"{quantity.chi_square_p:.2g}", f"{quantity.ecdf_p:.2g}", f"{adjusted:.2g}"]
+            rows.append([quantity.name, *words, *shares, "holds" if quantity.holds else "FAILS"])
         parts += [head, "", *columns(rows), ""]
         parts += [f"FAILS: {text}" for text in finding.complaints]
-    good = not any(item.complaints for item in findings)
+    good = not any(finding.complaints for finding in findings)
     verdict = "The truth ranks uniformly: intervals mean what they say." if good else "Validation FAILED."
     return "\n".join([*parts, verdict, f"Results: {folder}"])
 
