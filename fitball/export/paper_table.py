@@ -44,27 +44,27 @@ NOTES = {
 
 def paper_rows(saved: SavedFit) -> tuple[PaperRow, ...]:
     """Every parameter: median and standard deviation, or the point estimate to four digits."""
-    return tuple(_row(item) for item in saved.parameters.values())
+    return tuple(_row(parameter) for parameter in saved.parameters.values())
 
 
-def _row(item: SavedParameter) -> PaperRow:
-    scale = handy(item.name, item.unit)
-    spec = parameter_spec(item.name) or NOISE_SPECS.get(item.name)
+def _row(parameter: SavedParameter) -> PaperRow:
+    scale = handy(parameter.name, parameter.unit)
+    spec = parameter_spec(parameter.name) or NOISE_SPECS.get(parameter.name)
     label = spec.label if spec is not None else ""
-    if item.median is None or item.sd is None or item.verdict is Verdict.FIXED:
-        value = significant(item.point * scale.factor, 4)
-        return PaperRow(item.name, label, item.meaning, scale.unit, value, "", "", "")
-    places = decimals(item.sd * scale.factor)
-    low, high = (None if end is None else end * scale.factor for end in (item.q025, item.q975))
+    if parameter.median is None or parameter.sd is None or parameter.verdict is Verdict.FIXED:
+        value = significant(parameter.point * scale.factor, 4)
+        return PaperRow(parameter.name, label, parameter.meaning, scale.unit, value, "", "", "")
+    places = decimals(parameter.sd * scale.factor)
+    low, high = (None if end is None else end * scale.factor for end in (parameter.q025, parameter.q975))
     return PaperRow(
-        name=item.name,
+        name=parameter.name,
         label=label,
-        meaning=item.meaning,
+        meaning=parameter.meaning,
         unit=scale.unit,
-        value=fixed(item.median * scale.factor, places),
-        sd=fixed(item.sd * scale.factor, places),
+        value=fixed(parameter.median * scale.factor, places),
+        sd=fixed(parameter.sd * scale.factor, places),
         interval_95=interval(low, high, places),
-        mark=MARKS.get(item.verdict, ""),
+        mark=MARKS.get(parameter.verdict, ""),
     )
 
 

@@ -23,7 +23,7 @@ def parameter_content(saved: SavedFit) -> dict[str, Any]:
     """What `parameters.schema.json` describes: SI, no nulls, absent numbers left out."""
     content = saved.content
     golden = content["golden"]
-    content_out: dict[str, Any] = {
+    parameter_set: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
         "kind": "fitball parameter set",
         "fitball": __version__,
@@ -31,17 +31,17 @@ def parameter_content(saved: SavedFit) -> dict[str, Any]:
         "model": {"name": saved.fitted.model_name, "closures": dict(saved.fitted.options)},
         "ball": dict(content["ball"]),
         "table": dict(content["table"]),
-        "parameters": {name: _parameter(item) for name, item in saved.parameters.items()},
+        "parameters": {name: _parameter(parameter) for name, parameter in saved.parameters.items()},
     }
     if content["levels"]:
-        content_out["levels"] = _levels(content["levels"])
+        parameter_set["levels"] = _levels(content["levels"])
     if content["correlation"] is not None:
-        content_out["correlation"] = content["correlation"]
-    content_out["golden"] = {
+        parameter_set["correlation"] = content["correlation"]
+    parameter_set["golden"] = {
         "impacts": {name: column for name, column in golden["impacts"].items() if column is not None},
         "rebound": {name: column for name, column in golden["rebound"].items() if column is not None},
     }
-    return content_out
+    return parameter_set
 
 
 def _levels(listed: list[dict[str, Any]]) -> dict[str, Any]:
@@ -58,17 +58,17 @@ def role(name: str) -> str:
     return "noise" if name in NOISE_SPECS else "model" if parameter_spec(name) is not None else "group"
 
 
-def _parameter(item: SavedParameter) -> dict[str, Any]:
+def _parameter(parameter: SavedParameter) -> dict[str, Any]:
     content: dict[str, Any] = {
-        "role": role(item.name),
-        "unit": item.unit,
-        "meaning": item.meaning,
-        "fixed": item.verdict is Verdict.FIXED,
-        "verdict": str(item.verdict),
-        "prior": item.prior,
+        "role": role(parameter.name),
+        "unit": parameter.unit,
+        "meaning": parameter.meaning,
+        "fixed": parameter.verdict is Verdict.FIXED,
+        "verdict": str(parameter.verdict),
+        "prior": parameter.prior,
     }
-    content |= {name: getattr(item, name) for name in NUMBERS if getattr(item, name) is not None}
-    scale = THESIS.get(item.name)
+    content |= {name: getattr(parameter, name) for name in NUMBERS if getattr(parameter, name) is not None}
+    scale = THESIS.get(parameter.name)
     if scale is not None:
         numbers = {name: content[name] * scale.factor for name in NUMBERS if name in content}
         content["thesis"] = {"unit": scale.unit} | numbers
@@ -84,13 +84,13 @@ def toml_text(saved: SavedFit) -> str:
 def parameter_table(saved: SavedFit) -> str:
     """CSV: one row per parameter, in SI and, where the thesis has a unit of its own, in that."""
     rows: list[dict[str, object]] = []
-    for item in saved.parameters.values():
-        scale = THESIS.get(item.name)
-        row: dict[str, object] = {"parameter": item.name, "role": role(item.name), "unit": item.unit}
-        row |= {name: getattr(item, name) for name in NUMBERS}
-        row |= {"verdict": str(item.verdict), "thesis_unit": None if scale is None else scale.unit}
+    for parameter in saved.parameters.values():
+        scale = THESIS.get(parameter.name)
+        row: dict[str, object] = {"parameter": parameter.name, "role": role(parameter.name), "unit": parameter.unit}
+        row |= {name: getattr(parameter, name) for name in NUMBERS}
+        row |= {"verdict": str(parameter.verdict), "thesis_unit": None if scale is None else scale.unit}
         for name in NUMBERS:
-            value = getattr(item, name)
+            value = getattr(parameter, name)
             row[f"thesis_{name}"] = None if scale is None or value is None else value * scale.factor
         rows.append(row)
     return csv_text(rows)

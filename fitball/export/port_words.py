@@ -20,11 +20,10 @@ def port_text(check: PortCheck, ids: Sequence[str], model: str) -> str:
     lines = [f"Port of {model} on {len(ids)} golden impacts", ""]
     head = f"{'output':<14}{'largest difference':<28}{'relative':<12}{'at':<12}"
     lines += [head.rstrip()]
-    for item in check.outputs:
-        size = f"{item.absolute:.3g} {_UNITS[item.name]}"
-        lines.append(
-            f"{item.name:<14}{size:<28}{item.relative:<12.2g}{ids[item.worst]:<12}{_verdict(check, item.relative)}"
-        )
+    for output in check.outputs:
+        size = f"{output.absolute:.3g} {_UNITS[output.name]}"
+        verdict = _verdict(check, output.relative)
+        lines.append(f"{output.name:<14}{size:<28}{output.relative:<12.2g}{ids[output.worst]:<12}{verdict}")
     lines += ["", f"{'impact':<12}{'relative':<12}{'':<6}regime"]
     for k, label in enumerate(ids):
         verdict = "FAIL" if check.failed[k] else "ok"
@@ -50,13 +49,13 @@ def port_json(check: PortCheck, ids: Sequence[str], model: str) -> dict[str, Any
         "passed": check.passed,
         "tolerance": check.tolerance,
         "outputs": {
-            item.name: {
-                "unit": _UNITS[item.name],
-                "absolute": item.absolute,
-                "relative": item.relative,
-                "impact": ids[item.worst],
+            output.name: {
+                "unit": _UNITS[output.name],
+                "absolute": output.absolute,
+                "relative": output.relative,
+                "impact": ids[output.worst],
             }
-            for item in check.outputs
+            for output in check.outputs
         },
         "impacts": [
             {

@@ -111,7 +111,7 @@ def _compare(node: ast.Compare, scope: Scope) -> Code:
 
 
 def _logic(node: ast.BoolOp, scope: Scope) -> Code:
-    codes = [expression(item, scope) for item in node.values]
+    codes = [expression(child, scope) for child in node.values]
     # Python returns an operand, C a truth value: they agree for truth values only.
     if {kind for _text, kind in codes} != {"b"}:
         raise refused(node)
@@ -146,7 +146,7 @@ def _subscript(node: ast.Subscript, scope: Scope) -> Code:
     if isinstance(kind, tuple) and isinstance(node.slice, ast.Constant) and isinstance(node.slice.value, int):
         return f"{text}.f{node.slice.value}", kind[node.slice.value]
     if kind == "S" and isinstance(node.slice, ast.Tuple) and len(node.slice.elts) == 2:
-        (row, one), (column, other) = (expression(item, scope) for item in node.slice.elts)
+        (row, one), (column, other) = (expression(child, scope) for child in node.slice.elts)
         if one == other == "i":
             return f"{text}[{STRIDE} * {row} + {column}]", "d"
     if kind in ("A", "I"):
@@ -157,7 +157,7 @@ def _subscript(node: ast.Subscript, scope: Scope) -> Code:
 
 
 def _tuple(node: ast.Tuple, scope: Scope) -> Code:
-    codes = [expression(item, scope) for item in node.elts]
+    codes = [expression(child, scope) for child in node.elts]
     kind = tuple(item for _text, item in codes)
     return f"({c_type(kind, scope.prefix)}){{{', '.join(text for text, _ in codes)}}}", kind
 
@@ -165,7 +165,7 @@ def _tuple(node: ast.Tuple, scope: Scope) -> Code:
 def _call(node: ast.Call, scope: Scope) -> Code:
     if node.keywords:
         raise refused(node)
-    codes = [expression(item, scope) for item in node.args]
+    codes = [expression(child, scope) for child in node.args]
     texts, kinds = [text for text, _ in codes], [kind for _, kind in codes]
     listed = ", ".join(texts)
     if (

@@ -15,7 +15,7 @@ Signature = tuple[tuple[Type, ...], Type]
 
 def signature(function: ast.FunctionDef, structs: Structs) -> Signature:
     """Types of the parameters and of the result."""
-    kinds = (annotated(item.annotation, structs) for item in function.args.args)
+    kinds = (annotated(argument.annotation, structs) for argument in function.args.args)
     return tuple(kinds), annotated(function.returns, structs)
 
 
@@ -29,7 +29,7 @@ def c_function(
     """One kernel as a `static inline` function. Raises UnportableError for what has no translation."""
     kinds, result = signatures[function.name]
     scope = Scope(signatures, constants, structs, prefix)
-    names = [item.arg for item in function.args.args]
+    names = [argument.arg for argument in function.args.args]
     scope.variables.update(zip(names, kinds, strict=True))
     _infer(function, scope)
     body = _Body(scope, result, _read_names(function))
@@ -178,7 +178,7 @@ class _Body:
             raise refused(node)
         if not isinstance(node.target, ast.Name):
             raise refused(node)
-        bounds = [expression(item, self.scope)[0] for item in call.args]
+        bounds = [expression(child, self.scope)[0] for child in call.args]
         start, stop = ("0", bounds[0]) if len(bounds) == 1 else (bounds[0], bounds[1])
         down = len(bounds) == 3 and bounds[2] == "(-1)"
         if len(bounds) == 3 and not down:
@@ -198,7 +198,7 @@ class _Body:
         if node.value is None:
             raise refused(node)
         if isinstance(node.value, ast.Tuple) and isinstance(self.result, tuple):
-            codes = [expression(item, self.scope) for item in node.value.elts]
+            codes = [expression(child, self.scope) for child in node.value.elts]
             if len(codes) != len(self.result):
                 raise refused(node)
             for (_text, kind), wanted in zip(codes, self.result, strict=True):
@@ -214,8 +214,8 @@ class _Body:
         if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
             # All of the right side first: the targets may be read there.
             held, lines = [], []
-            for item in value.elts:
-                text, kind = expression(item, self.scope)
+            for child in value.elts:
+                text, kind = expression(child, self.scope)
                 held.append(self._temporary())
                 lines.append(f"const {declared(kind, held[-1], self.scope.prefix)} = {text};")
             stores = [line for item, name in zip(target.elts, held, strict=True) for line in self._store(item, name)]

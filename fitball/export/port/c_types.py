@@ -59,7 +59,7 @@ def annotated(node: ast.expr | None, structs: Structs) -> Type:
         return {**_NAMES, **structs}[node.id]
     if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name):
         if node.value.id == "tuple" and isinstance(node.slice, ast.Tuple):
-            return tuple(annotated(item, structs) for item in node.slice.elts)
+            return tuple(annotated(child, structs) for child in node.slice.elts)
         if node.value.id in structs:
             return structs[node.value.id]
         if node.value.id == "NDArray" and "int64" in ast.unparse(node.slice):

@@ -72,7 +72,7 @@ def kernel_source(*entries: Callable[..., Any]) -> KernelSource:
             return
         origin[plain.__name__] = plain
         tree = _tree(plain)
-        given = [item.annotation for item in tree.args.args] + [tree.returns]
+        given = [argument.annotation for argument in tree.args.args] + [tree.returns]
         add_structs_of([item for item in given if item is not None], plain.__globals__)
         for name in sorted(free_names(tree)):
             value = plain.__globals__.get(name, _MISSING)
@@ -125,7 +125,7 @@ def local_names(function: ast.FunctionDef) -> set[str]:
     stored = {
         node.id for node in ast.walk(function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
     }
-    return stored | {item.arg for item in function.args.args}
+    return stored | {argument.arg for argument in function.args.args}
 
 
 def free_names(function: ast.FunctionDef) -> set[str]:

@@ -108,8 +108,8 @@ def _function(function: ast.FunctionDef) -> str:
     plain = ast.parse(ast.unparse(function)).body[0]
     assert isinstance(plain, ast.FunctionDef)
     plain.returns = None
-    for item in plain.args.args:
-        item.annotation = None
+    for argument in plain.args.args:
+        argument.annotation = None
     return ast.unparse(plain)
 
 

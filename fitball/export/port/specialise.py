@@ -17,7 +17,7 @@ def specialised(function: ast.FunctionDef, math_names: AbstractSet[str]) -> ast.
     """
     generic = any(isinstance(node, ast.Name) and node.id == NUMBER for node in ast.walk(function))
     function.decorator_list = []
-    function.args.args = [item for item in function.args.args if item.arg != PHASE_LOG]
+    function.args.args = [argument for argument in function.args.args if argument.arg != PHASE_LOG]
     narrowed = _Narrow(math_names, generic).visit(function)
     assert isinstance(narrowed, ast.FunctionDef)
     while _drop_unused(narrowed):
@@ -36,7 +36,7 @@ class _Narrow(ast.NodeTransformer):
                 return node.args[0]
             if node.func.id in self.math_names:
                 node.func = ast.Attribute(ast.Name("math", ast.Load()), node.func.id, ast.Load())
-        node.args = [item for item in node.args if not _is_log(item)]
+        node.args = [child for child in node.args if not _is_log(child)]
         return node
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
