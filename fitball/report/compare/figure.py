@@ -24,8 +24,8 @@ NAME_WIDTH = 20
 def compare_figure(comparison: Comparison) -> Figure:
     """Models from best (top) to worst; published sets below them, with errors only."""
     outputs = scored_outputs(comparison)
-    labels = [_broken(item.name) for item in comparison.models] + [
-        _broken(item.name) for item in comparison.published
+    labels = [_broken(scored.name) for scored in comparison.models] + [
+        _broken(published.name) for published in comparison.published
     ]
     height = 1.9 + 0.36 * len(labels)
     figure = new_figure(4.2 + 1.6 * len(outputs), height)
@@ -47,7 +47,7 @@ def compare_figure(comparison: Comparison) -> Figure:
 
 def _draw_differences(axis: Axes, comparison: Comparison) -> None:
     best = comparison.models[0].name
-    gaps = [comparison.elpd_difference(item.name, best) for item in comparison.models]
+    gaps = [comparison.elpd_difference(scored.name, best) for scored in comparison.models]
     axis.axvline(0.0, color="0.3", linewidth=0.8)
     axis.errorbar(
         [gap.value for gap in gaps], np.arange(len(gaps)), xerr=[gap.se for gap in gaps], fmt="o", color=COLOURS[0],
@@ -59,14 +59,14 @@ def _draw_differences(axis: Axes, comparison: Comparison) -> None:
 def _draw_errors(axis: Axes, comparison: Comparison, output: str) -> None:
     scale = handy(output, REBOUND_UNITS[output])
     for k, way in enumerate(schemes(comparison)):
-        rms = [item.out_of_sample(way).get(output, np.nan) for item in comparison.models]
+        rms = [scored.out_of_sample(way).get(output, np.nan) for scored in comparison.models]
         axis.plot(
             np.array(rms) * scale.factor, np.arange(len(rms)), MARKERS[k], color=COLOURS[k % len(COLOURS)],
             markersize=6 if k == 0 else 4.5, markerfacecolor=COLOURS[k % len(COLOURS)] if k == 0 else "none",
             label=f"left out: {way}",
         )  # fmt: skip
     if comparison.published:
-        rms = [published_rms(item).get(output, np.nan) for item in comparison.published]
+        rms = [published_rms(published).get(output, np.nan) for published in comparison.published]
         rows = len(comparison.models) + np.arange(len(rms))
         axis.plot(np.array(rms) * scale.factor, rows, PUBLISHED_MARK, color="0.3", markersize=6, label="as published")
     axis.set_xscale("log")

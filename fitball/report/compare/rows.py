@@ -24,19 +24,19 @@ SHOWN = ("v_x2", "omega_2", "v_y2", "theta_2")
 
 def scored_outputs(comparison: Comparison) -> tuple[str, ...]:
     """Outputs that at least one model has an out-of-sample error of, in a fixed order."""
-    known = {name for item in comparison.models for missed in item.missed for name in missed.errors}
+    known = {name for scored in comparison.models for missed in scored.missed for name in missed.errors}
     return tuple(name for name in OUTPUTS if name in known)
 
 
 def schemes(comparison: Comparison) -> tuple[str, ...]:
     """Ways of leaving out that at least one model went through, in a fixed order."""
-    known = {missed.scheme for item in comparison.models for missed in item.missed}
+    known = {missed.scheme for scored in comparison.models for missed in scored.missed}
     return tuple(name for name in SCHEMES if name in known)
 
 
-def published_rms(item: FixedPrediction) -> dict[str, float]:
+def published_rms(published: FixedPrediction) -> dict[str, float]:
     """Root mean square errors of a published set by output, over all impacts."""
-    return {name: root_mean_square(column) for name, column in item.errors.items()}
+    return {name: root_mean_square(column) for name, column in published.errors.items()}
 
 
 def head(output: str) -> str:
@@ -56,18 +56,18 @@ def score_table(comparison: Comparison) -> list[list[str]]:
     """Elpd, its difference to the best with standard error, effective parameters, Pareto k, weights, criteria."""
     rows = [["model", "free", "elpd", "difference", "p_loo", "max k", "stacking", "pseudo-BMA+", "AICc", "BIC"]]
     best = comparison.models[0].name
-    for item in comparison.models:
-        gap = comparison.elpd_difference(item.name, best)
-        worst = float(np.max(item.loo.pareto_k))
-        mark = f" ({len(item.loo.refitted)} refitted)" if item.loo.refitted else ""
-        mark += f" ({len(item.loo.doubtful)} doubtful)" if item.loo.doubtful else ""
-        aicc = None if item.criteria is None else item.criteria.aicc
-        bic = None if item.criteria is None else item.criteria.bic
+    for scored in comparison.models:
+        gap = comparison.elpd_difference(scored.name, best)
+        worst = float(np.max(scored.loo.pareto_k))
+        mark = f" ({len(scored.loo.refitted)} refitted)" if scored.loo.refitted else ""
+        mark += f" ({len(scored.loo.doubtful)} doubtful)" if scored.loo.doubtful else ""
+        aicc = None if scored.criteria is None else scored.criteria.aicc
+        bic = None if scored.criteria is None else scored.criteria.bic
         rows.append(
-            [item.name, str(item.free), fixed(item.loo.total, 1),
-             "best" if item.name == best else f"{fixed(gap.value, 1)} +- {fixed(gap.se, 1)}",
-             fixed(item.loo.p_loo, 1), fixed(worst, 2) + mark, fixed(comparison.stacking[item.name], 2),
-             fixed(comparison.pseudo_bma[item.name], 2), fixed(aicc, 1), fixed(bic, 1)]
+            [scored.name, str(scored.free), fixed(scored.loo.total, 1),
+             "best" if scored.name == best else f"{fixed(gap.value, 1)} +- {fixed(gap.se, 1)}",
+             fixed(scored.loo.p_loo, 1), fixed(worst, 2) + mark, fixed(comparison.stacking[scored.name], 2),
+             fixed(comparison.pseudo_bma[scored.name], 2), fixed(aicc, 1), fixed(bic, 1)]
         )  # fmt: skip
     return rows
 
@@ -76,9 +76,9 @@ def error_table(comparison: Comparison) -> list[list[str]]:
     """Root mean square errors of every output, each impact predicted by a fit without it; published sets below."""
     outputs = scored_outputs(comparison)
     rows = [["each impact left out", *(head(name) for name in outputs)]]
-    for item in comparison.models:
-        rms = item.out_of_sample()
-        rows.append([item.name, *(in_unit(name, rms.get(name)) for name in outputs)])
+    for scored in comparison.models:
+        rms = scored.out_of_sample()
+        rows.append([scored.name, *(in_unit(name, rms.get(name)) for name in outputs)])
     for published in comparison.published:
         rms = published_rms(published)
         rows.append([f"({published.name})", *(in_unit(name, rms.get(name)) for name in outputs)])
@@ -93,9 +93,9 @@ def extrapolation_table(comparison: Comparison) -> list[list[str]]:
     outputs = [name for name in SHOWN if name in scored_outputs(comparison)][:2]
     rows = [["", *(head(output) if k == 0 else "" for output in outputs for k in range(len(names)))]]
     rows.append(["left out together", *(names * len(outputs))])
-    for item in comparison.models:
-        cells = [in_unit(output, item.out_of_sample(name).get(output)) for output in outputs for name in names]
-        rows.append([item.name, *cells])
+    for scored in comparison.models:
+        cells = [in_unit(output, scored.out_of_sample(name).get(output)) for output in outputs for name in names]
+        rows.append([scored.name, *cells])
     return rows
 
 
@@ -104,15 +104,15 @@ def csv_rows(comparison: Comparison) -> list[dict[str, object]]:
     best = comparison.models[0].name
     ways, outputs = schemes(comparison), scored_outputs(comparison)
     rows: list[dict[str, object]] = []
-    for item in comparison.models:
-        gap = comparison.elpd_difference(item.name, best)
+    for scored in comparison.models:
+        gap = comparison.elpd_difference(scored.name, best)
         rows.append(
-            {"model": item.name, "kind": "fitted", "free_parameters": item.free, "elpd": item.loo.total,
-             "elpd_difference": gap.value, "elpd_difference_se": gap.se, "p_loo": item.loo.p_loo,
-             "pareto_k_max": float(np.max(item.loo.pareto_k)), "refitted": len(item.loo.refitted),
-             "doubtful": len(item.loo.doubtful), "stacking": comparison.stacking[item.name],
-             "pseudo_bma": comparison.pseudo_bma[item.name], **_criteria(item), "status": str(item.fit.status),
-             **_errors({way: item.out_of_sample(way) for way in ways}, ways, outputs)}
+            {"model": scored.name, "kind": "fitted", "free_parameters": scored.free, "elpd": scored.loo.total,
+             "elpd_difference": gap.value, "elpd_difference_se": gap.se, "p_loo": scored.loo.p_loo,
+             "pareto_k_max": float(np.max(scored.loo.pareto_k)), "refitted": len(scored.loo.refitted),
+             "doubtful": len(scored.loo.doubtful), "stacking": comparison.stacking[scored.name],
+             "pseudo_bma": comparison.pseudo_bma[scored.name], **_criteria(scored), "status": str(scored.fit.status),
+             **_errors({way: scored.out_of_sample(way) for way in ways}, ways, outputs)}
         )  # fmt: skip
     for published in comparison.published:
         blank: dict[str, object] = dict.fromkeys(rows[0])
@@ -134,8 +134,8 @@ def _errors(
     return cells
 
 
-def _criteria(item: ModelScore) -> dict[str, float | int | None]:
-    one = item.criteria
+def _criteria(scored: ModelScore) -> dict[str, float | int | None]:
+    one = scored.criteria
     if one is None:
         return dict.fromkeys(("log_likelihood", "measurements", "aicc", "bic"))
     return {"log_likelihood": one.log_likelihood, "measurements": one.measurements, "aicc": one.aicc, "bic": one.bic}
@@ -157,46 +157,47 @@ def json_content(comparison: Comparison, words: str) -> dict[str, Any]:
         "quick": comparison.quick,
         "seconds": round(comparison.seconds, 1),
         "version": __version__,
-        "models": [_model_content(comparison, item, best) for item in comparison.models],
+        "models": [_model_content(comparison, scored, best) for scored in comparison.models],
         "published": [
-            {"name": item.name, "source": item.source, "told": list(item.given_columns), "rms": published_rms(item),
-             "errors": {name: column.tolist() for name, column in item.errors.items()}}
-            for item in comparison.published
+            {"name": published.name, "source": published.source, "told": list(published.given_columns),
+             "rms": published_rms(published),
+             "errors": {name: column.tolist() for name, column in published.errors.items()}}
+            for published in comparison.published
         ],
     }  # fmt: skip
 
 
-def _model_content(comparison: Comparison, item: ModelScore, best: str) -> dict[str, Any]:
-    gap = comparison.elpd_difference(item.name, best)
+def _model_content(comparison: Comparison, scored: ModelScore, best: str) -> dict[str, Any]:
+    gap = comparison.elpd_difference(scored.name, best)
     ids = comparison.table.ids
     return {
-        "name": item.name,
-        "closures": dict(item.fit.problem.model.options),
-        "told": list(item.given_columns),
-        "status": str(item.fit.status),
-        "free_parameters": item.free,
-        "elpd": item.loo.total,
+        "name": scored.name,
+        "closures": dict(scored.fit.problem.model.options),
+        "told": list(scored.given_columns),
+        "status": str(scored.fit.status),
+        "free_parameters": scored.free,
+        "elpd": scored.loo.total,
         "elpd_difference": {"to": best, "value": gap.value, "se": gap.se},
-        "elpd_by_impact": dict(zip(ids, item.loo.elpd.tolist(), strict=True)),
+        "elpd_by_impact": dict(zip(ids, scored.loo.elpd.tolist(), strict=True)),
         # No Pareto tail can be fitted where all draws give an impact the same density: JSON has no infinity.
         "pareto_k": {
-            name: k if math.isfinite(k) else None for name, k in zip(ids, item.loo.pareto_k.tolist(), strict=True)
+            name: k if math.isfinite(k) else None for name, k in zip(ids, scored.loo.pareto_k.tolist(), strict=True)
         },
-        "p_loo": item.loo.p_loo,
-        "refitted": [ids[k] for k in item.loo.refitted],
-        "refits_not_converged": [ids[k] for k in item.loo.unsettled],
-        "doubtful": [ids[k] for k in item.loo.doubtful],
-        "weights": {"stacking": comparison.stacking[item.name], "pseudo_bma": comparison.pseudo_bma[item.name]},
-        "criteria": _criteria(item),
-        "rms_in_sample": item.in_sample,
+        "p_loo": scored.loo.p_loo,
+        "refitted": [ids[k] for k in scored.loo.refitted],
+        "refits_not_converged": [ids[k] for k in scored.loo.unsettled],
+        "doubtful": [ids[k] for k in scored.loo.doubtful],
+        "weights": {"stacking": comparison.stacking[scored.name], "pseudo_bma": comparison.pseudo_bma[scored.name]},
+        "criteria": _criteria(scored),
+        "rms_in_sample": scored.in_sample,
         "left_out": [
             {"scheme": missed.scheme, "parts": list(missed.labels), "impacts": [ids[k] for k in missed.rows],
-             "rms": item.out_of_sample(missed.scheme),
+             "rms": scored.out_of_sample(missed.scheme),
              "errors": {name: column.tolist() for name, column in missed.errors.items()}}
-            for missed in item.missed
+            for missed in scored.missed
         ],
-        "point": dict(item.fit.point.values),
-        "verdicts": {one.name: str(one.verdict) for one in item.fit.estimates},
-        "notes": list(item.notes),
-        "seconds": round(item.seconds, 1),
+        "point": dict(scored.fit.point.values),
+        "verdicts": {one.name: str(one.verdict) for one in scored.fit.estimates},
+        "notes": list(scored.notes),
+        "seconds": round(scored.seconds, 1),
     }  # fmt: skip

@@ -43,7 +43,7 @@ def render(comparison: Comparison, words: str, folder: Path) -> str:
         parts += textwrap.wrap(_unidentified(item), WIDTH, initial_indent="  ", subsequent_indent="      ")
     remarks = [
         *comparison.notes,
-        *(f"{item.name}: {note}" for item in comparison.models for note in remarks_on(item)),
+        *(f"{scored.name}: {note}" for scored in comparison.models for note in remarks_on(scored)),
     ]
     if remarks:
         parts += ["", "Notes:"]
@@ -58,26 +58,26 @@ def render(comparison: Comparison, words: str, folder: Path) -> str:
     return "\n".join(parts)
 
 
-def remarks_on(item: ModelScore) -> list[str]:
+def remarks_on(scored: ModelScore) -> list[str]:
     """What a reader of one model's scores should know."""
-    notes = list(item.notes)
-    if item.fit.diagnostics is not None and not item.fit.diagnostics.converged:
-        notes.append("its posterior did not converge: " + "; ".join(item.fit.diagnostics.complaints))
-    ids = item.fit.problem.table.ids
-    if item.loo.unsettled:
-        notes.append(f"refits without {', '.join(ids[k] for k in item.loo.unsettled)} did not converge")
-    if item.loo.doubtful:
-        notes.append(f"elpd of {', '.join(ids[k] for k in item.loo.doubtful)} is doubtful (Pareto k above 0.7)")
+    notes = list(scored.notes)
+    if scored.fit.diagnostics is not None and not scored.fit.diagnostics.converged:
+        notes.append("its posterior did not converge: " + "; ".join(scored.fit.diagnostics.complaints))
+    ids = scored.fit.problem.table.ids
+    if scored.loo.unsettled:
+        notes.append(f"refits without {', '.join(ids[k] for k in scored.loo.unsettled)} did not converge")
+    if scored.loo.doubtful:
+        notes.append(f"elpd of {', '.join(ids[k] for k in scored.loo.doubtful)} is doubtful (Pareto k above 0.7)")
     return notes
 
 
-def _unidentified(item: ModelScore) -> str:
-    open_ones = item.unidentified
+def _unidentified(scored: ModelScore) -> str:
+    open_ones = scored.unidentified
     if not open_ones:
-        return f"{item.name}: identified throughout"
+        return f"{scored.name}: identified throughout"
     parts = []
     for verdict in (Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED):
         names = [name for name, one in open_ones.items() if one is verdict]
         if names:
             parts.append(f"{verdict} {', '.join(names)}")
-    return f"{item.name}: {'; '.join(parts)}"
+    return f"{scored.name}: {'; '.join(parts)}"

@@ -34,7 +34,9 @@ def words(comparison: Comparison) -> str:
 
 def _best(comparison: Comparison) -> str:
     best = comparison.models[0]
-    close = [item.name for item in comparison.models[1:] if not comparison.elpd_difference(best.name, item.name).sure]
+    close = [
+        scored.name for scored in comparison.models[1:] if not comparison.elpd_difference(best.name, scored.name).sure
+    ]
     text = f"For impacts like these {best.name} predicts best ({_errors(best.out_of_sample())})"
     if not close:
         return text + ", ahead of every other by more than luck."
@@ -59,7 +61,7 @@ def _beyond(comparison: Comparison) -> str:
     for way in schemes(comparison):
         if way == IMPACTS:
             continue
-        rms = {item.name: item.out_of_sample(way) for item in comparison.models}
+        rms = {scored.name: scored.out_of_sample(way) for scored in comparison.models}
         complete = {name: one for name, one in rms.items() if one.keys() == rms[comparison.models[0].name].keys()}
         if len(complete) < 2:
             continue
@@ -75,7 +77,7 @@ def _mean_ratio(name: str, rms: Mapping[str, Mapping[str, float]]) -> float:
 
 
 def _time(comparison: Comparison) -> str:
-    timed = [item for item in comparison.models if item.fit.problem.model.has_time]
+    timed = [scored for scored in comparison.models if scored.fit.problem.model.has_time]
     if not timed or len(timed) == len(comparison.models):
         return ""
     return (
@@ -86,8 +88,8 @@ def _time(comparison: Comparison) -> str:
 
 def _masses(comparison: Comparison) -> str:
     """The two-mass ball against its strongest rival without a time axis, as composed and as chosen afterwards."""
-    rivals = [item for item in comparison.models if not item.fit.problem.model.has_time]
-    family = [item for item in comparison.models if item.fit.problem.model.has_time]
+    rivals = [scored for scored in comparison.models if not scored.fit.problem.model.has_time]
+    family = [scored for scored in comparison.models if scored.fit.problem.model.has_time]
     if not rivals or not family or not comparison.table.has_spin or not comparison.table.has_tangential:
         return ""
     rival = rivals[0]

@@ -140,9 +140,11 @@ def residual_data(fit: Drawable) -> tuple[ResidualData, ...]:
 
 def _median_and_sd(fit: Drawable, name: str) -> tuple[FloatArray, FloatArray]:
     if fit.predictive is not None:
-        prediction: ObservablePrediction = next(item for item in fit.predictive.observables if item.name == name)
+        prediction: ObservablePrediction = next(
+            prediction for prediction in fit.predictive.observables if prediction.name == name
+        )
         return prediction.median, prediction.sd
-    observable = next(item for item in fit.problem.observables if item.name == name)
+    observable = next(observable for observable in fit.problem.observables if observable.name == name)
     spread = np.broadcast_to(observable.sds(fit.point.values, fit.point.rebound), (1, len(fit.problem.table)))[0]
     return observable.predict(fit.point.rebound)[0], spread
 

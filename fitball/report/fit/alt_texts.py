@@ -32,12 +32,12 @@ def _predictive(fit: Fit) -> str:
         parts = [f"{name}: root mean square difference {_size(name, value)}" for name, value in fit.point.rms.items()]
         return f"Measured rebounds and the point estimate along {along}. " + "; ".join(parts) + "."
     parts = []
-    for item in fit.predictive.observables:
-        inside = np.sum((item.observed >= item.data_q025) & (item.observed <= item.data_q975))
-        off = float(np.sqrt(np.mean((item.observed - item.median) ** 2)))
+    for prediction in fit.predictive.observables:
+        inside = np.sum((prediction.observed >= prediction.data_q025) & (prediction.observed <= prediction.data_q975))
+        off = float(np.sqrt(np.mean((prediction.observed - prediction.median) ** 2)))
         parts.append(
-            f"{item.name}: {inside} of {item.observed.size} measurements within the 95 % range of a new one, "
-            f"root mean square difference {_size(item.name, off)}"
+            f"{prediction.name}: {inside} of {prediction.observed.size} measurements within the 95 % range of a "
+            f"new one, root mean square difference {_size(prediction.name, off)}"
         )
     return f"Measured rebounds and posterior bands along {along}. " + "; ".join(parts) + "."
 
@@ -99,8 +99,8 @@ def _trace(fit: Fit) -> str:
     state = "agree" if diagnostics.converged else "do not yet agree"
     return (
         f"Walkers of {diagnostics.ensembles} ensembles over steps {diagnostics.warm_up} to {diagnostics.steps}: "
-        f"the ensembles {state}; the largest R-hat is {diagnostics.max_r_hat:.3f}, of {worst}, the smallest effective sample size "
-        f"{min(diagnostics.min_ess_bulk, diagnostics.min_ess_tail):.0f}."
+        f"the ensembles {state}; the largest R-hat is {diagnostics.max_r_hat:.3f}, of {worst}, "
+        f"the smallest effective sample size {min(diagnostics.min_ess_bulk, diagnostics.min_ess_tail):.0f}."
     )
 
 

@@ -30,7 +30,7 @@ def _cell(balance: Balance, index: int, factor: float) -> str:
 
 def balance_table(balances: Balances, most: int | None = None) -> BalanceTable:
     """The balances that at least one impact has, of the first `most` impacts."""
-    known = [item for item in balances.all if item.known]
+    known = [balance for balance in balances.all if balance.known]
     scales = [handy(item.name, item.unit) for item in known]
     heads = ["impact"]
     heads += [

@@ -14,23 +14,23 @@ from fitball.report.form.display_units import THESIS
 def summary_rows(fit: Fit) -> list[dict[str, object]]:
     """One row per parameter, SI at full precision, with the factor to the thesis's unit."""
     rows: list[dict[str, object]] = []
-    for item in fit.estimates:
-        scale = THESIS.get(item.name)
+    for estimate in fit.estimates:
+        scale = THESIS.get(estimate.name)
         rows.append(
             {
-                "parameter": item.name,
-                "unit": item.unit,
-                **{name: getattr(item, name) for name in SUMMARY},
-                "point": item.point,
-                "least_squares": fit.least_squares.values[item.name],
-                "least_squares_stderr": fit.least_squares.stderr[item.name],
-                "prior": item.prior,
-                "contraction": item.contraction,
-                "verdict": str(item.verdict),
-                "reason": item.reason,
-                "ess_bulk": item.ess_bulk,
-                "ess_tail": item.ess_tail,
-                "r_hat": item.r_hat,
+                "parameter": estimate.name,
+                "unit": estimate.unit,
+                **{name: getattr(estimate, name) for name in SUMMARY},
+                "point": estimate.point,
+                "least_squares": fit.least_squares.values[estimate.name],
+                "least_squares_stderr": fit.least_squares.stderr[estimate.name],
+                "prior": estimate.prior,
+                "contraction": estimate.contraction,
+                "verdict": str(estimate.verdict),
+                "reason": estimate.reason,
+                "ess_bulk": estimate.ess_bulk,
+                "ess_tail": estimate.ess_tail,
+                "r_hat": estimate.r_hat,
                 "thesis_unit": None if scale is None else scale.unit,
                 "thesis_factor": None if scale is None else scale.factor,
             }
@@ -44,7 +44,9 @@ def prediction_rows(fit: Fit) -> Iterator[dict[str, object]]:
         point = observable.predict(fit.point.rebound)[0]
         prediction = None
         if fit.predictive is not None:
-            prediction = next(item for item in fit.predictive.observables if item.name == observable.name)
+            prediction = next(
+                prediction for prediction in fit.predictive.observables if prediction.name == observable.name
+            )
         for k, name in enumerate(fit.problem.table.ids):
             row: dict[str, object] = {
                 "id": name,

@@ -21,7 +21,9 @@ def headline(fit: Fit) -> str:
     """The verdict in one sentence."""
     pooled = _pooling(fit)
     names = {
-        verdict: [item.name for item in fit.estimates if item.verdict is verdict and item.name not in pooled]
+        verdict: [
+            estimate.name for estimate in fit.estimates if estimate.verdict is verdict and estimate.name not in pooled
+        ]
         for verdict in Verdict
     }
     free = len(fit.problem.free_names)
@@ -37,8 +39,8 @@ def headline(fit: Fit) -> str:
     if not parts:
         parts.append("judge none by itself")
     levels = "".join(
-        f"; {item.parameter} differs between {len(item.labels)} {item.column}s and is told for each of them"
-        for item in fit.problem.pooling
+        f"; {pooled.parameter} differs between {len(pooled.labels)} {pooled.column}s and is told for each of them"
+        for pooled in fit.problem.pooling
     )
     return (
         f"{STATUS_WORDS[fit.status]}: of {free} free parameters the {len(fit.problem.table)} impacts "
@@ -49,8 +51,8 @@ def headline(fit: Fit) -> str:
 def _pooling(fit: Fit) -> set[str]:
     """Parameters that only serve to pool another over its levels, and that other, whose levels say more."""
     names: set[str] = set()
-    for item in fit.problem.pooling:
-        names |= {item.parameter, item.spread_name, *map(item.place_name, item.labels)}
+    for pooled in fit.problem.pooling:
+        names |= {pooled.parameter, pooled.spread_name, *map(pooled.place_name, pooled.labels)}
     return names
 
 

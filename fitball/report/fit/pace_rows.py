@@ -50,7 +50,7 @@ def pace_table(fit: Fit) -> PaceTable | None:
     pace = fit.court_pace
     if pace is None:
         return None
-    rows = tuple(_row(item) for item in pace.ratings)
+    rows = tuple(_row(rating) for rating in pace.ratings)
     return PaceTable(rows, tuple(_remarks(pace.ratings)), pace.missing, fit.posterior is not None)
 
 
@@ -62,51 +62,53 @@ def pace_lines(fit: Fit) -> tuple[str, ...]:
     if pace.missing:
         return (f"ITF court pace rating: none, {pace.missing}",)
     lines = []
-    for item in pace.ratings:
-        row = _row(item)
-        name = f" of {row.surface}" if item.labels else ""
-        within = f" {row.interval_95} (95 %)" if item.rating.median is not None else ""
-        flag = f"; extrapolated: {row.reach}" if item.reach.outside else ""
+    for rating in pace.ratings:
+        row = _row(rating)
+        name = f" of {row.surface}" if rating.labels else ""
+        within = f" {row.interval_95} (95 %)" if rating.rating.median is not None else ""
+        flag = f"; extrapolated: {row.reach}" if rating.reach.outside else ""
         lines.append(f"ITF court pace rating{name}: {row.rating}{within}, {row.category}{flag}")
     return tuple(lines)
 
 
-def _row(item: PaceRating) -> PaceRow:
-    places = _places(item.rating)
-    name, share = max(item.categories.items(), key=lambda pair: pair[1])
-    sampled = item.rating.median is not None
+def _row(rating: PaceRating) -> PaceRow:
+    places = _places(rating.rating)
+    name, share = max(rating.categories.items(), key=lambda pair: pair[1])
+    sampled = rating.rating.median is not None
     return PaceRow(
-        surface=", ".join(item.labels) if item.labels else "all impacts",
-        impacts=str(item.impacts),
-        rating=_middle(item.rating, places),
-        interval_68=interval(item.rating.q16, item.rating.q84, places) if sampled else "-",
-        interval_95=interval(item.rating.q025, item.rating.q975, places) if sampled else "-",
+        surface=", ".join(rating.labels) if rating.labels else "all impacts",
+        impacts=str(rating.impacts),
+        rating=_middle(rating.rating, places),
+        interval_68=interval(rating.rating.q16, rating.rating.q84, places) if sampled else "-",
+        interval_95=interval(rating.rating.q025, rating.rating.q975, places) if sampled else "-",
         category=f"{name} ({_percent(share)})" if sampled else name,
-        categories=_shares(item.categories, sampled),
-        friction=_with_interval(item.friction),
-        sliding=_middle(item.sliding_rating, places),
-        restitution=_with_interval(item.restitution),
-        contact=_shares(item.regimes, sampled),
-        reach=reach_words(item.reach),
+        categories=_shares(rating.categories, sampled),
+        friction=_with_interval(rating.friction),
+        sliding=_middle(rating.sliding_rating, places),
+        restitution=_with_interval(rating.restitution),
+        contact=_shares(rating.regimes, sampled),
+        reach=reach_words(rating.reach),
     )
 
 
 def _remarks(ratings: tuple[PaceRating, ...]) -> list[str]:
     remarks = []
-    for item in ratings:
-        name = f"{', '.join(item.labels)}: " if item.labels else ""
-        if item.reach.outside:
-            lines = f"; the line of {' and of '.join(item.reach.lines)} is continued" if item.reach.lines else ""
-            remarks.append(f"{name}An extrapolation: the test impact lies {reach_words(item.reach)}{lines}.")
-        gap = abs(_number(item.rating) - _number(item.sliding_rating))
+    for rating in ratings:
+        name = f"{', '.join(rating.labels)}: " if rating.labels else ""
+        if rating.reach.outside:
+            lines = f"; the line of {' and of '.join(rating.reach.lines)} is continued" if rating.reach.lines else ""
+            remarks.append(f"{name}An extrapolation: the test impact lies {reach_words(rating.reach)}{lines}.")
+        gap = abs(_number(rating.rating) - _number(rating.sliding_rating))
         if gap > EQUAL:
             remarks.append(
                 f"{name}The apparent friction of the test impact and the fitted coefficient differ (the ball slides "
-                f"throughout with probability {_percent(item.slides)}): with the fitted one the rating would be "
-                f"{_middle(item.sliding_rating, _places(item.sliding_rating))}."
+                f"throughout with probability {_percent(rating.slides)}): with the fitted one the rating would be "
+                f"{_middle(rating.sliding_rating, _places(rating.sliding_rating))}."
             )
-        if item.failed > 0.0:
-            remarks.append(f"{name}{_percent(item.failed)} of the draws cannot be evaluated there and are left out.")
+        if rating.failed > 0.0:
+            remarks.append(
+                f"{name}{_percent(rating.failed)} of the draws cannot be evaluated there and are left out."
+            )
     remarks.append(
         "No ball temperature is known, so e_T is the restitution as fitted, without adjustment. The method brings it "
         f"to 23 degrees Celsius: {PER_KELVIN} points of the rating more for each degree that the ball was warmer, "

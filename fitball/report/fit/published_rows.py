@@ -33,7 +33,7 @@ def case_table(fit: Fit) -> CaseTable | None:
     cases = compare_cases(fit.problem.table, fit.point.rebound, given_columns)
     if cases is None:
         return None
-    heads = ("quantity", "unit", "this fit", *(f"case {item.case}" for item in cases.cases))
+    heads = ("quantity", "unit", "this fit", *(f"case {case.case}" for case in cases.cases))
     return CaseTable(heads, _values(fit, cases), _errors(cases), _sentence(fit, cases))
 
 
@@ -53,7 +53,7 @@ def _values(fit: Fit, cases: CaseComparison) -> tuple[tuple[str, ...], ...]:
             rows.append((name, THESIS[name].unit, _text(thesis[name]), *_of(cases, name)))
         scale = handy(name, SI_UNITS.get(name, ""))
         rows.append(("" if name in THESIS else name, scale.unit, _text(fitted[name]), *_of(cases, name, scale)))
-    means = (f"{low:.2f} to {high:.2f} by spin" for low, high in (item.restitution for item in cases.cases))
+    means = (f"{low:.2f} to {high:.2f} by spin" for low, high in (case.restitution for case in cases.cases))
     cor = fitted.get("cor_10") or fitted.get("cor")
     rows.append(("restitution", "", "measured" if cor is None else f"{_text(cor)} at 10 m/s", *means))
     return tuple(rows)
@@ -61,7 +61,7 @@ def _values(fit: Fit, cases: CaseComparison) -> tuple[tuple[str, ...], ...]:
 
 def _of(cases: CaseComparison, name: str, scale: Scale | None = None) -> list[str]:
     chosen = scale or THESIS.get(name, Scale("", 1.0))
-    return [digits(item.values[name] * chosen.factor, 3) for item in cases.cases]
+    return [digits(case.values[name] * chosen.factor, 3) for case in cases.cases]
 
 
 def _text(row: object) -> str:
@@ -76,7 +76,7 @@ def _errors(cases: CaseComparison) -> tuple[tuple[str, ...], ...]:
     for name, unit in OUTPUTS.items():
         for k, scale in enumerate(scales.get(name, (Scale(unit, 1.0),))):
             mine = _rms(cases.fitted_rms, name, scale)
-            theirs = (_rms(item.rms, name, scale) for item in cases.cases)
+            theirs = (_rms(case.rms, name, scale) for case in cases.cases)
             rows.append((name if k == 0 else "", scale.unit, mine, *theirs))
     return tuple(rows)
 

@@ -48,35 +48,45 @@ class PredictionTable:
     rows: tuple[PredictionRow, ...]
 
 
-def _row(item: Estimate, scale: Scale) -> ParameterRow:
+def _row(estimate: Estimate, scale: Scale) -> ParameterRow:
     def scaled(value: float | None) -> float | None:
         return None if value is None else value * scale.factor
 
-    if item.median is None or item.sd is None:
-        point = significant(scaled(item.point), 4)
+    if estimate.median is None or estimate.sd is None:
+        point = significant(scaled(estimate.point), 4)
         empty = "-"
         return ParameterRow(
-            item.name, scale.unit, empty, empty, empty, empty, point, item.prior, empty, item.verdict, item.reason
+            estimate.name,
+            scale.unit,
+            empty,
+            empty,
+            empty,
+            empty,
+            point,
+            estimate.prior,
+            empty,
+            estimate.verdict,
+            estimate.reason,
         )
-    places = decimals(item.sd * scale.factor)
+    places = decimals(estimate.sd * scale.factor)
     return ParameterRow(
-        name=item.name,
+        name=estimate.name,
         unit=scale.unit,
-        median=fixed(scaled(item.median), places),
-        sd=fixed(scaled(item.sd), places),
-        interval_68=interval(scaled(item.q16), scaled(item.q84), places),
-        interval_95=interval(scaled(item.q025), scaled(item.q975), places),
-        point=fixed(scaled(item.point), places),
-        prior=item.prior,
-        contraction="-" if item.contraction is None else f"{item.contraction:.2f}",
-        verdict=item.verdict,
-        reason=item.reason,
+        median=fixed(scaled(estimate.median), places),
+        sd=fixed(scaled(estimate.sd), places),
+        interval_68=interval(scaled(estimate.q16), scaled(estimate.q84), places),
+        interval_95=interval(scaled(estimate.q025), scaled(estimate.q975), places),
+        point=fixed(scaled(estimate.point), places),
+        prior=estimate.prior,
+        contraction="-" if estimate.contraction is None else f"{estimate.contraction:.2f}",
+        verdict=estimate.verdict,
+        reason=estimate.reason,
     )
 
 
 def parameter_rows(fit: Fit) -> tuple[ParameterRow, ...]:
     """Every parameter in handy multiples of SI; priors are quoted in SI itself."""
-    return tuple(_row(item, handy(item.name, item.unit)) for item in fit.estimates)
+    return tuple(_row(estimate, handy(estimate.name, estimate.unit)) for estimate in fit.estimates)
 
 
 @dataclass(frozen=True)
@@ -95,13 +105,13 @@ class LevelRow:
 def level_rows(fit: Fit) -> tuple[LevelRow, ...]:
     """What each surface, ball or table has of a parameter that differs between them; empty where none does."""
     rows = []
-    for item in fit.levels:
-        scale = handy(item.parameter, item.unit)
-        name, count = f"{item.parameter}[{item.label}]", str(item.impacts)
-        if item.median is None or item.sd is None:
-            rows.append(LevelRow(name, scale.unit, count, "-", "-", "-", significant(item.point * scale.factor, 4)))
+    for level in fit.levels:
+        scale = handy(level.parameter, level.unit)
+        name, count = f"{level.parameter}[{level.label}]", str(level.impacts)
+        if level.median is None or level.sd is None:
+            rows.append(LevelRow(name, scale.unit, count, "-", "-", "-", significant(level.point * scale.factor, 4)))
             continue
-        places = decimals(item.sd * scale.factor)
+        places = decimals(level.sd * scale.factor)
 
         def text(value: float | None, factor: float = scale.factor) -> float | None:
             return None if value is None else value * factor
@@ -111,10 +121,10 @@ def level_rows(fit: Fit) -> tuple[LevelRow, ...]:
                 name,
                 scale.unit,
                 count,
-                fixed(text(item.median), places),
-                interval(text(item.q16), text(item.q84), places),
-                interval(text(item.q025), text(item.q975), places),
-                fixed(text(item.point), places),
+                fixed(text(level.median), places),
+                interval(text(level.q16), text(level.q84), places),
+                interval(text(level.q025), text(level.q975), places),
+                fixed(text(level.point), places),
             )
         )
     return tuple(rows)
@@ -122,7 +132,7 @@ def level_rows(fit: Fit) -> tuple[LevelRow, ...]:
 
 def thesis_rows(fit: Fit) -> tuple[ParameterRow, ...]:
     """The parameters that the thesis quotes in units of its own, in those, with `C1`, `C2` of its Eq. (51)."""
-    rows = [_row(item, THESIS[item.name]) for item in fit.estimates if item.name in THESIS]
+    rows = [_row(estimate, THESIS[estimate.name]) for estimate in fit.estimates if estimate.name in THESIS]
     renamed = [replace(row, name="C1 = eps_slope") if row.name == "eps_slope" else row for row in rows]
     return (*renamed, *_offset_at_zero(fit))
 
@@ -173,7 +183,9 @@ def prediction_table(fit: Fit, most: int | None = None) -> PredictionTable:
         predicted = observable.predict(fit.point.rebound)[0] * scale.factor
         half = None
         if fit.predictive is not None:
-            prediction = next(item for item in fit.predictive.observables if item.name == observable.name)
+            prediction = next(
+                prediction for prediction in fit.predictive.observables if prediction.name == observable.name
+            )
             predicted = prediction.median * scale.factor
             half = 0.5 * (prediction.mean_q84 - prediction.mean_q16) * scale.factor
         columns.append([_cell(observable.observed[k] * scale.factor, predicted[k], half, k) for k in shown])
@@ -226,7 +238,8 @@ def diagnosis_lines(fit: Fit, *, budget: bool = True) -> tuple[str, ...]:
         lines.append(
             f"Sampling: {diagnostics.ensembles} ensembles of {diagnostics.walkers} walkers, "
             f"{diagnostics.steps} steps ({diagnostics.warm_up} of them warm-up), acceptance "
-            f"{np.mean(diagnostics.acceptance):.2f}, smallest effective sample size {diagnostics.min_ess_bulk:.0f} (bulk), {diagnostics.min_ess_tail:.0f} (tail), "
+            f"{np.mean(diagnostics.acceptance):.2f}, smallest effective sample size "
+            f"{diagnostics.min_ess_bulk:.0f} (bulk), {diagnostics.min_ess_tail:.0f} (tail), "
             f"largest R-hat {diagnostics.max_r_hat:.4f}."
         )
     if budget:

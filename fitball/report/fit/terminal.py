@@ -78,7 +78,7 @@ def render(fit: Fit, folder: Path) -> str:
     parts.append("")
     for line in diagnosis_lines(fit):
         parts += textwrap.wrap(line, WIDTH, subsequent_indent="  ")
-    times = ", ".join(f"{item.stage} {item.seconds:.1f} s" for item in fit.timings)
+    times = ", ".join(f"{timing.stage} {timing.seconds:.1f} s" for timing in fit.timings)
     parts += ["", f"Time: {times}.", f"Results: {folder}"]
     parts += [f"  {item.name}" for item in sorted(folder.iterdir())] if folder.is_dir() else []
     return "\n".join(parts)
@@ -93,18 +93,18 @@ def render_json(fit: Fit, folder: Path) -> str:
         "table": fit.problem.table.name,
         "folder": str(folder),
         "parameters": {
-            item.name: {
-                "unit": item.unit,
-                **{name: getattr(item, name) for name in ESSENTIALS},
-                "point": item.point,
-                "verdict": item.verdict,
-                "reason": item.reason,
+            estimate.name: {
+                "unit": estimate.unit,
+                **{name: getattr(estimate, name) for name in ESSENTIALS},
+                "point": estimate.point,
+                "verdict": estimate.verdict,
+                "reason": estimate.reason,
             }
-            for item in fit.estimates
+            for estimate in fit.estimates
         },
         "rms": dict(fit.point.rms),
         "court_pace": None if fit.court_pace is None else asdict(fit.court_pace),
         "notes": notes(fit),
-        "seconds": {item.stage: item.seconds for item in fit.timings},
+        "seconds": {timing.stage: timing.seconds for timing in fit.timings},
     }
     return json.dumps(content, indent=2, allow_nan=False)

@@ -66,8 +66,8 @@ def history_figure(
     for axis, panel in zip(axes, shown, strict=False):
         if alone:
             _shade(axis, simulations[0].history)
-        for colour, item in zip(COLOURS, simulations, strict=False):
-            DRAWN[panel](axis, item, colour, alone)
+        for colour, simulation in zip(COLOURS, simulations, strict=False):
+            DRAWN[panel](axis, simulation, colour, alone)
         axis.set_ylabel(LABELS[panel])
         axis.set_xlim(0.0, 1.0)
         axis.grid(alpha=0.3)
@@ -76,7 +76,7 @@ def history_figure(
     for axis in axes[max(len(shown) - columns, 0) : len(shown)]:
         axis.set_xlabel("share of the contact time")
         axis.tick_params(labelbottom=True)
-    lengths = [item.history.contact_time for item in simulations]
+    lengths = [simulation.history.contact_time for simulation in simulations]
     # Contact times that print alike are one.
     if max(lengths) - min(lengths) <= 5e-6 * max(lengths):
         for axis in axes[:columns]:
@@ -86,10 +86,10 @@ def history_figure(
     return figure
 
 
-def _band_words(item: Simulation) -> str:
-    assert item.band is not None
-    low, *_middle, high = 1e3 * item.band.contact_time
-    return BAND_CAPTION.format(draws=item.band.draws, low=low, high=high)
+def _band_words(simulation: Simulation) -> str:
+    assert simulation.band is not None
+    low, *_middle, high = 1e3 * simulation.band.contact_time
+    return BAND_CAPTION.format(draws=simulation.band.draws, low=low, high=high)
 
 
 def _time_axis(axis: Axes, contact_time: float) -> None:
@@ -114,36 +114,38 @@ def _shade(axis: Axes, history: History) -> None:
 
 
 def _line(
-    axis: Axes, item: Simulation, name: str, colour: str, alone: bool, factor: float = 1.0, **style: object
+    axis: Axes, simulation: Simulation, name: str, colour: str, alone: bool, factor: float = 1.0, **style: object
 ) -> None:
     """A course with its band and, among several, dots at its transitions."""
-    shares, course = item.shares, factor * getattr(item.history, name)
-    if item.band is not None:
-        low, mid_low, _median, mid_high, high = factor * item.band.quantiles[name]
+    shares, course = simulation.shares, factor * getattr(simulation.history, name)
+    if simulation.band is not None:
+        low, mid_low, _median, mid_high, high = factor * simulation.band.quantiles[name]
         for lower, upper, alpha in ((low, high, 0.15), (mid_low, mid_high, 0.25)):
             axis.fill_between(shares, lower, upper, color=colour, alpha=alpha, linewidth=0)
-    options: dict[str, Any] = {"color": colour, "linewidth": 1.5, "label": item.label, **style}
+    options: dict[str, Any] = {"color": colour, "linewidth": 1.5, "label": simulation.label, **style}
     axis.plot(shares, course, **options)
     # Slip and grip do not touch the vertical motion.
     if not alone and name not in VERTICAL_PANELS:
-        _dots(axis, item, course, colour)
+        _dots(axis, simulation, course, colour)
 
 
-def _dots(axis: Axes, item: Simulation, course: FloatArray, colour: str) -> None:
-    at = item.history.transition_shares
-    axis.plot(at, np.interp(at, item.shares, course), "o", color=colour, markersize=4, markerfacecolor="white")
+def _dots(axis: Axes, simulation: Simulation, course: FloatArray, colour: str) -> None:
+    at = simulation.history.transition_shares
+    axis.plot(at, np.interp(at, simulation.shares, course), "o", color=colour, markersize=4, markerfacecolor="white")
 
 
-def _velocities(axis: Axes, item: Simulation, colour: str, alone: bool) -> None:
+def _velocities(axis: Axes, simulation: Simulation, colour: str, alone: bool) -> None:
     """The centre, and the surfaces of shell and core."""
-    history = item.history
+    history = simulation.history
     if not alone:
-        _line(axis, item, "v_x", colour, alone)
-        axis.plot(item.shares, history.radius * history.omega_2, color=colour, linestyle="--", linewidth=1.2)
+        _line(axis, simulation, "v_x", colour, alone)
+        axis.plot(simulation.shares, history.radius * history.omega_2, color=colour, linestyle="--", linewidth=1.2)
         return
-    _line(axis, item, "v_x", COLOURS[0], alone, label="$v_x$")
-    _line(axis, item, "omega_2", COLOURS[1], alone, history.radius, label=r"$R\,\omega_2$ shell", linestyle="--")
-    _line(axis, item, "omega_1", "0.25", alone, history.radius, label=r"$R\,\omega_1$ core", linestyle="-.")
+    _line(axis, simulation, "v_x", COLOURS[0], alone, label="$v_x$")
+    _line(
+        axis, simulation, "omega_2", COLOURS[1], alone, history.radius, label=r"$R\,\omega_2$ shell", linestyle="--"
+    )
+    _line(axis, simulation, "omega_1", "0.25", alone, history.radius, label=r"$R\,\omega_1$ core", linestyle="-.")
     # What jumps at landing and at release shows as a gap between mark and line.
     for share, motion in ((0.0, history.landing.before), (1.0, history.release.after)):
         for value, colour_of, mark in (
@@ -157,30 +159,30 @@ def _velocities(axis: Axes, item: Simulation, colour: str, alone: bool) -> None:
     axis.legend(loc="best", fontsize=8, frameon=True, framealpha=0.7)
 
 
-def _friction(axis: Axes, item: Simulation, colour: str, alone: bool) -> None:
+def _friction(axis: Axes, simulation: Simulation, colour: str, alone: bool) -> None:
     """Friction inside the cone."""
-    limit = item.history.friction * item.history.normal_force
+    limit = simulation.history.friction * simulation.history.normal_force
     # Cones of several curves would hide what lies inside them.
     for sign in (1.0, -1.0) if alone else ():
         label = r"$\pm\mu F$" if sign > 0.0 else None
-        axis.plot(item.shares, sign * limit, color="0.4", linestyle="--", linewidth=0.9, label=label)
-    _line(axis, item, "friction_force", colour, alone, label="$F_x$")
+        axis.plot(simulation.shares, sign * limit, color="0.4", linestyle="--", linewidth=0.9, label=label)
+    _line(axis, simulation, "friction_force", colour, alone, label="$F_x$")
     if alone:
         axis.legend(loc="best", fontsize=8, frameon=True, framealpha=0.7)
 
 
-def _forces(axis: Axes, item: Simulation, colour: str, alone: bool) -> None:
+def _forces(axis: Axes, simulation: Simulation, colour: str, alone: bool) -> None:
     """Both forces in one panel, as the thesis draws them."""
-    _line(axis, item, "normal_force", colour, alone, label="normal force $F$")
+    _line(axis, simulation, "normal_force", colour, alone, label="normal force $F$")
     other = COLOURS[1] if alone else colour
-    _line(axis, item, "friction_force", other, alone, label="friction $F_x$", linestyle="--")
+    _line(axis, simulation, "friction_force", other, alone, label="friction $F_x$", linestyle="--")
     if alone:
         axis.legend(loc="best", fontsize=8, frameon=True, framealpha=0.7)
 
 
 def _plain(name: str, factor: float = 1.0) -> Callable[[Axes, Simulation, str, bool], None]:
-    def draw(axis: Axes, item: Simulation, colour: str, alone: bool) -> None:
-        _line(axis, item, name, colour, alone, factor)
+    def draw(axis: Axes, simulation: Simulation, colour: str, alone: bool) -> None:
+        _line(axis, simulation, name, colour, alone, factor)
 
     return draw
 
@@ -208,12 +210,14 @@ def _legend(figure: Figure, simulations: Sequence[Simulation], caption: Sequence
             handles.append(Line2D([], [], color="0.2", linewidth=1.5, label="point estimate"))
     else:
         handles = [
-            Line2D([], [], color=colour, linewidth=1.5, label=item.label)
-            for colour, item in zip(COLOURS, simulations, strict=False)
+            Line2D([], [], color=colour, linewidth=1.5, label=simulation.label)
+            for colour, simulation in zip(COLOURS, simulations, strict=False)
         ]
         if "v_x" in shown:
             handles.append(Line2D([], [], color="0.3", linestyle="--", linewidth=1.2, label=r"surface $R\,\omega_2$"))
-        if not set(shown) <= set(VERTICAL_PANELS) and any(len(item.history.spans) > 1 for item in simulations):
+        if not set(shown) <= set(VERTICAL_PANELS) and any(
+            len(simulation.history.spans) > 1 for simulation in simulations
+        ):
             handles.append(
                 Line2D([], [], color="0.3", marker="o", markerfacecolor="white", linestyle="none", label="transition")
             )

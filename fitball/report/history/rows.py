@@ -25,15 +25,15 @@ def phase_name(code: int) -> str:
 def history_rows(simulations: Sequence[Simulation]) -> list[dict[str, object]]:
     """One row a curve and time, with the quantiles of the band where there is one."""
     rows: list[dict[str, object]] = []
-    for item in simulations:
-        history = item.history
-        for k, (share, time) in enumerate(zip(item.shares, history.times, strict=True)):
-            row: dict[str, object] = {"curve": item.label, "share": float(share), "time [s]": float(time)}
+    for simulation in simulations:
+        history = simulation.history
+        for k, (share, time) in enumerate(zip(simulation.shares, history.times, strict=True)):
+            row: dict[str, object] = {"curve": simulation.label, "share": float(share), "time [s]": float(time)}
             row |= {f"{name} [{UNITS[name]}]": float(getattr(history, name)[k]) for name in COURSES}
             row["phase"] = phase_name(int(history.phase[k]))
-            if item.band is not None:
+            if simulation.band is not None:
                 for name in COURSES:
-                    levels = item.band.quantiles[name][:, k]
+                    levels = simulation.band.quantiles[name][:, k]
                     row |= {
                         f"{name}_{level} [{UNITS[name]}]": float(v) for level, v in zip(LEVELS, levels, strict=True)
                     }
@@ -41,15 +41,15 @@ def history_rows(simulations: Sequence[Simulation]) -> list[dict[str, object]]:
     return rows
 
 
-def simulation_json(item: Simulation) -> dict[str, Any]:
+def simulation_json(simulation: Simulation) -> dict[str, Any]:
     """One curve without its courses: what went in, the phases, the peaks, the jumps, the rebound."""
-    history, after = item.history, item.history.release.after
-    impact = item.impact
+    history, after = simulation.history, simulation.history.release.after
+    impact = simulation.impact
     return {
-        "label": item.label,
-        "model": item.model.name,
-        "closures": dict(item.model.options),
-        "parameters": dict(item.parameters),
+        "label": simulation.label,
+        "model": simulation.model.name,
+        "closures": dict(simulation.model.options),
+        "parameters": dict(simulation.parameters),
         "impact": {name: float(getattr(impact, name)[0]) for name in ("v_x1", "v_y1", "omega_1")},
         "regime": history.regime_name,
         "contact_time": history.contact_time,
@@ -59,7 +59,7 @@ def simulation_json(item: Simulation) -> dict[str, Any]:
         "landing": _jump(history.landing),
         "release": _jump(history.release),
         "rebound": {"v_x2": after.v_x, "v_y2": -after.v_y, "omega_2": after.omega_2},
-        "posterior": None if item.band is None else _band(item.band),
+        "posterior": None if simulation.band is None else _band(simulation.band),
     }
 
 

@@ -13,16 +13,16 @@ from fitball.models.types import PHASE_SYMBOL
 from fitball.report.form.text_table import WIDTH, columns
 
 
-def render_simulation(item: Simulation) -> str:
+def render_simulation(simulation: Simulation) -> str:
     """Phases with their times, peaks, and the state before and after landing and release."""
-    history, impact = item.history, item.impact
+    history, impact = simulation.history, simulation.impact
     v_x, v_y, omega = float(impact.v_x1[0]), float(impact.v_y1[0]), float(impact.omega_1[0])
     rpm = 30.0 / np.pi
     head = (
-        f"{item.model.name}: {np.hypot(v_x, v_y):.2f} m/s at {np.degrees(np.arctan2(v_y, v_x)):.1f} deg, "
+        f"{simulation.model.name}: {np.hypot(v_x, v_y):.2f} m/s at {np.degrees(np.arctan2(v_y, v_x)):.1f} deg, "
         f"spin {omega:.1f} rad/s ({omega * rpm:.0f} rpm)"
     )
-    title = f"{item.label}: {head}" if item.label else head
+    title = f"{simulation.label}: {head}" if simulation.label else head
     lines = [title, "-" * len(title)]
     if history.spans:
         lines += [f"phases: {history.regime_name}", ""]
@@ -40,7 +40,7 @@ def render_simulation(item: Simulation) -> str:
         lines += [*columns(rows), "(last two columns: shares of the contact time)", ""]
     force, deep = history.peak_force, history.peak_compression
     facts = [
-        ["contact time", f"{1e3 * history.contact_time:.3f} ms", _contact_band(item)],
+        ["contact time", f"{1e3 * history.contact_time:.3f} ms", _contact_band(simulation)],
         ["greatest compression", f"{1e3 * deep.value:.2f} mm", f"at {_ms(deep.time)} ms"],
         ["greatest normal force", f"{force.value:.1f} N", f"at {_ms(force.time)} ms"],
     ]
@@ -57,28 +57,28 @@ def render_simulation(item: Simulation) -> str:
         _state("rebound", history.release.after),
     ]
     lines += ["", *columns(states), "(v_y counts towards the court; topspin is positive)"]
-    if item.band is not None:
-        shares = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in item.band.regimes.items() if name)
-        said = f"{item.band.draws} draws of the posterior: {shares or 'no motion along the court'}."
-        if item.band.failed:
-            said += f" {item.band.failed} more cannot be evaluated at this impact."
+    if simulation.band is not None:
+        shares = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in simulation.band.regimes.items() if name)
+        said = f"{simulation.band.draws} draws of the posterior: {shares or 'no motion along the court'}."
+        if simulation.band.failed:
+            said += f" {simulation.band.failed} more cannot be evaluated at this impact."
         lines += ["", *textwrap.wrap(said, WIDTH)]
     return "\n".join(lines)
 
 
 def render_all(simulations: Sequence[Simulation]) -> str:
     """Every curve, one below the other."""
-    return "\n\n".join(render_simulation(item) for item in simulations)
+    return "\n\n".join(render_simulation(simulation) for simulation in simulations)
 
 
 def _ms(seconds: float) -> str:
     return f"{1e3 * seconds:.4f}"
 
 
-def _contact_band(item: Simulation) -> str:
-    if item.band is None:
+def _contact_band(simulation: Simulation) -> str:
+    if simulation.band is None:
         return ""
-    low, *_middle, high = item.band.contact_time
+    low, *_middle, high = simulation.band.contact_time
     return f"95 %: {1e3 * low:.2f} to {1e3 * high:.2f} ms"
 
 

@@ -29,21 +29,21 @@ def output_scale(name: str) -> Scale:
     return handy(name, REBOUND_UNITS[name])
 
 
-def _columns(item: OutputPrediction) -> dict[str, FloatArray]:
+def _columns(output: OutputPrediction) -> dict[str, FloatArray]:
     """Every column of one output in SI, by what it is; those that do not exist are absent."""
-    columns: dict[str, FloatArray] = {"point": item.point}
-    if item.rebound is not None:
-        columns["median"] = item.rebound[2]
-        columns |= {f"mean_{name}": item.rebound[k] for k, name in enumerate(BAND) if name != "median"}
-    if item.measured is not None:
-        columns |= {f"data_{name}": item.measured[k] for k, name in enumerate(BAND) if name != "median"}
-    if item.shares is not None:
-        columns |= {"sd_parameters": item.shares.parameters, "sd_incident": item.shares.incident}
-        if item.shares.measurement is not None:
-            columns["sd_measurement"] = item.shares.measurement
-    residual = item.residual
-    if item.observed is not None and residual is not None:
-        columns |= {"measured": item.observed, "residual": residual}
+    columns: dict[str, FloatArray] = {"point": output.point}
+    if output.rebound is not None:
+        columns["median"] = output.rebound[2]
+        columns |= {f"mean_{name}": output.rebound[k] for k, name in enumerate(BAND) if name != "median"}
+    if output.measured is not None:
+        columns |= {f"data_{name}": output.measured[k] for k, name in enumerate(BAND) if name != "median"}
+    if output.shares is not None:
+        columns |= {"sd_parameters": output.shares.parameters, "sd_incident": output.shares.incident}
+        if output.shares.measurement is not None:
+            columns["sd_measurement"] = output.shares.measurement
+    residual = output.residual
+    if output.observed is not None and residual is not None:
+        columns |= {"measured": output.observed, "residual": residual}
     return columns
 
 
@@ -63,12 +63,12 @@ def prediction_csv_rows(prediction: NewPrediction, ids: Sequence[str]) -> list[d
         "v_y1 [m/s]": impacts.v_y1.tolist(),
         "omega_1 [rad/s]": impacts.omega_1.tolist(),
     }
-    for item in prediction.outputs:
-        scale = output_scale(item.name)
-        for kind, column in _columns(item).items():
-            columns[f"{item.name}_{kind} [{scale.unit}]"] = [_number(value) for value in column * scale.factor]
-        if item.z is not None:
-            columns[f"{item.name}_z"] = [_number(value) for value in item.z]
+    for output in prediction.outputs:
+        scale = output_scale(output.name)
+        for kind, column in _columns(output).items():
+            columns[f"{output.name}_{kind} [{scale.unit}]"] = [_number(value) for value in column * scale.factor]
+        if output.z is not None:
+            columns[f"{output.name}_z"] = [_number(value) for value in output.z]
     columns["regimes"] = [
         "; ".join(f"{name} {share:.4g}" for name, share in row.items()) for row in prediction.regimes
     ]
@@ -96,9 +96,9 @@ def prediction_json(
     impacts = []
     for k, name in enumerate(ids):
         outputs = {
-            item.name: {kind: _number(column[k]) for kind, column in _columns(item).items()}
-            | ({} if item.z is None else {"z": _number(item.z[k])})
-            for item in prediction.outputs
+            output.name: {kind: _number(column[k]) for kind, column in _columns(output).items()}
+            | ({} if output.z is None else {"z": _number(output.z[k])})
+            for output in prediction.outputs
         }
         beyond = {quantity: float(column[k]) for quantity, column in reach.beyond.items()}
         impacts.append(
@@ -117,22 +117,22 @@ def prediction_json(
             }
         )
     return {
-        "units": {item.name: REBOUND_UNITS[item.name] for item in prediction.outputs},
+        "units": {output.name: REBOUND_UNITS[output.name] for output in prediction.outputs},
         "draws": prediction.draws,
         "calibrated": {name: list(ends) for name, ends in reach.limits.items()},
         "hull_slack": reach.slack,
         "impacts": impacts,
         "validation": [
             {
-                "output": item.name,
-                "impacts": item.count,
-                "bias": item.bias,
-                "rms": item.rms,
-                "rms_z": item.rms_z,
-                "within_68": item.within_68,
-                "within_95": item.within_95,
+                "output": score.name,
+                "impacts": score.count,
+                "bias": score.bias,
+                "rms": score.rms,
+                "rms_z": score.rms_z,
+                "within_68": score.within_68,
+                "within_95": score.within_95,
             }
-            for item in scores
+            for score in scores
         ],
         "outside": int(np.count_nonzero(reach.outside)),
         "notes": list(notes),

@@ -53,13 +53,13 @@ def _heading(prediction: NewPrediction, row: int, name: str) -> str:
 
 def _in_full(prediction: NewPrediction, row: int, name: str) -> list[str]:
     lines = [_heading(prediction, row, name)]
-    measured = any(item.observed is not None for item in prediction.outputs)
+    measured = any(output.observed is not None for output in prediction.outputs)
     if prediction.draws == 0:
         heads = ["", "point", *(["measured"] if measured else [])]
     else:
         heads = ["", "median", "rebound 68 %", "rebound 95 %", "measurement 68 %", "measurement 95 %"]
         heads += ["measured", "z"] if measured else []
-    body = [_cells(item, row, measured) for item in prediction.outputs]
+    body = [_cells(output, row, measured) for output in prediction.outputs]
     lines += [f"  {line}" for line in columns([heads, *body])]
     lines += _shares(prediction, row)
     if prediction.regimes[row]:
@@ -70,38 +70,38 @@ def _in_full(prediction: NewPrediction, row: int, name: str) -> list[str]:
 def _shares(prediction: NewPrediction, row: int) -> list[str]:
     """Standard deviations by what they come from; nothing where the incident state is exact."""
     body = []
-    for item in prediction.outputs:
-        if item.shares is None:
+    for output in prediction.outputs:
+        if output.shares is None:
             continue
-        scale = output_scale(item.name)
-        shares = (item.shares.parameters, item.shares.incident, item.shares.measurement)
+        scale = output_scale(output.name)
+        shares = (output.shares.parameters, output.shares.incident, output.shares.measurement)
         sizes = [None if sd is None else float(sd[row] * scale.factor) for sd in shares]
         cells = [fixed(size, 0 if size is None else min(max(decimals(size), 0), 3)) for size in sizes]
-        body.append([f"{item.name} [{scale.unit}]", *cells])
+        body.append([f"{output.name} [{scale.unit}]", *cells])
     heads = ["one sd owed to", "parameters", "incident state", "measurement"]
     return ["", *(f"  {line}" for line in columns([heads, *body]))] if body else []
 
 
-def _places(item: OutputPrediction, row: int) -> int:
+def _places(output: OutputPrediction, row: int) -> int:
     """Decimals that the uncertainty of the rebound supports, between none and three; three without one."""
-    if item.rebound is None:
+    if output.rebound is None:
         return 3
-    levels = item.rebound[:, row] * output_scale(item.name).factor
+    levels = output.rebound[:, row] * output_scale(output.name).factor
     # A rebound that most draws agree on to the last digit has no inner interval.
     half = 0.5 * max(levels[3] - levels[1], 0.5 * (levels[4] - levels[0]))
     return min(max(decimals(float(half)), 0), 3)
 
 
-def _cells(item: OutputPrediction, row: int, measured: bool) -> list[str]:
-    scale, places = output_scale(item.name), _places(item, row)
-    cells = [f"{item.name} [{scale.unit}]"]
+def _cells(output: OutputPrediction, row: int, measured: bool) -> list[str]:
+    scale, places = output_scale(output.name), _places(output, row)
+    cells = [f"{output.name} [{scale.unit}]"]
     observed = [] if not measured else ["-"]
-    if item.observed is not None:
-        observed = [fixed(float(item.observed[row] * scale.factor), places)]
-    if item.rebound is None:
-        return [*cells, fixed(float(item.point[row] * scale.factor), places), *observed]
-    cells.append(fixed(float(item.rebound[2, row] * scale.factor), places))
-    for levels in (item.rebound, item.measured):
+    if output.observed is not None:
+        observed = [fixed(float(output.observed[row] * scale.factor), places)]
+    if output.rebound is None:
+        return [*cells, fixed(float(output.point[row] * scale.factor), places), *observed]
+    cells.append(fixed(float(output.rebound[2, row] * scale.factor), places))
+    for levels in (output.rebound, output.measured):
         for low, high in ((1, 3), (0, 4)):
             if levels is None:
                 cells.append("-")
@@ -109,7 +109,7 @@ def _cells(item: OutputPrediction, row: int, measured: bool) -> list[str]:
                 ends = levels[:, row] * scale.factor
                 cells.append(interval(float(ends[low]), float(ends[high]), places))
     if measured:
-        cells += [*observed, "-" if item.z is None else fixed(float(item.z[row]), 1)]
+        cells += [*observed, "-" if output.z is None else fixed(float(output.z[row]), 1)]
     return cells
 
 
@@ -135,7 +135,7 @@ def _in_brief(prediction: NewPrediction, ids: Sequence[str]) -> list[str]:
     """
     impacts = prediction.impacts
     heads = ["impact", "v_1 [m/s]", "theta_1 [deg]", "omega_1 [rad/s]"]
-    shown = [item for item in prediction.outputs if item.name not in ("v_2", "contact_time")]
+    shown = [output for output in prediction.outputs if output.name not in ("v_2", "contact_time")]
     heads += [f"{item.name} [{output_scale(item.name).unit}]" for item in shown]
     rows = []
     for k, name in enumerate(ids[:MOST_LINES]):
@@ -153,12 +153,12 @@ def _in_brief(prediction: NewPrediction, ids: Sequence[str]) -> list[str]:
     return lines
 
 
-def _brief_cell(item: OutputPrediction, row: int) -> str:
-    scale, places = output_scale(item.name), _places(item, row)
-    if item.rebound is None:
-        return fixed(float(item.point[row] * scale.factor), places)
-    ends = (item.rebound if item.measured is None else item.measured)[:, row] * scale.factor
-    middle = fixed(float(item.rebound[2, row] * scale.factor), places)
+def _brief_cell(output: OutputPrediction, row: int) -> str:
+    scale, places = output_scale(output.name), _places(output, row)
+    if output.rebound is None:
+        return fixed(float(output.point[row] * scale.factor), places)
+    ends = (output.rebound if output.measured is None else output.measured)[:, row] * scale.factor
+    middle = fixed(float(output.rebound[2, row] * scale.factor), places)
     return f"{middle} {interval(float(ends[0]), float(ends[4]), places)}"
 
 
@@ -193,16 +193,16 @@ def render_scores(scores: Sequence[ObservableScore], seen: int, count: int) -> s
     """Residuals and coverage of the measured columns; `seen` of the `count` impacts are among those of the fit."""
     heads = ["output", "impacts", "mean residual", "rms residual", "rms z", "within 68 %", "within 95 %"]
     rows = []
-    for item in scores:
-        scale = output_scale(item.name)
+    for score in scores:
+        scale = output_scale(score.name)
         rows.append(
             [
-                f"{item.name} [{scale.unit}]",
-                str(item.count),
-                significant(item.bias * scale.factor),
-                significant(item.rms * scale.factor),
-                significant(item.rms_z),
-                *("-" if share is None else f"{100.0 * share:.0f} %" for share in (item.within_68, item.within_95)),
+                f"{score.name} [{scale.unit}]",
+                str(score.count),
+                significant(score.bias * scale.factor),
+                significant(score.rms * scale.factor),
+                significant(score.rms_z),
+                *("-" if share is None else f"{100.0 * share:.0f} %" for share in (score.within_68, score.within_95)),
             ]
         )
     title = "Measured against predicted: validation on unseen impacts"

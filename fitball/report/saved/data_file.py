@@ -53,14 +53,14 @@ def data_columns(table: ImpactTable, force: ForceRecords | None) -> dict[str, ND
     """Every column of `data.nc` by name, in SI: texts as objects, numbers as float64 or int64."""
     columns: dict[str, NDArray[Any]] = {"impact": np.array(table.ids, dtype=object)}
     columns |= {name: getattr(table.impacts, name) for name in INCIDENT}
-    for item in table.measurements:
-        columns[item.name] = item.values
-        if item.sd is not None:
-            columns[item.name + SD_SUFFIX] = item.sd
+    for measurement in table.measurements:
+        columns[measurement.name] = measurement.values
+        if measurement.sd is not None:
+            columns[measurement.name + SD_SUFFIX] = measurement.sd
     columns |= {f"{_LABEL}{k}": np.array(column, dtype=object) for k, column in enumerate(table.labels.values())}
     if force is not None:
-        columns |= {_FORCE + name: np.array([getattr(item, name) for item in force.records]) for name in COUNTS}
-        columns |= {_FORCE + name: np.array([getattr(item, name) for item in force.records]) for name in NUMBERS}
+        columns |= {_FORCE + name: np.array([getattr(record, name) for record in force.records]) for name in COUNTS}
+        columns |= {_FORCE + name: np.array([getattr(record, name) for record in force.records]) for name in NUMBERS}
         columns[_FORCE + "means"] = np.where(force.mask, force.means, np.nan)
     return columns
 
@@ -73,8 +73,8 @@ def data_part(problem: Problem) -> DataPart:
     return part(
         DataPart,
         table,
-        measurements=tuple(item.name for item in table.measurements),
-        with_sd=tuple(item.name for item in table.measurements if item.sd is not None),
+        measurements=tuple(measurement.name for measurement in table.measurements),
+        with_sd=tuple(measurement.name for measurement in table.measurements if measurement.sd is not None),
         labels=tuple(table.labels),
         contact_time=problem.contact_time,
         sha256=digest(data_columns(table, force)),

@@ -58,7 +58,7 @@ def _shapes(file: FitFile) -> Iterator[str]:
 
 
 def _names(file: FitFile) -> Iterator[str]:
-    free = tuple(name for name, item in file.parameters.items() if item.verdict is not Verdict.FIXED)
+    free = tuple(name for name, parameter in file.parameters.items() if parameter.verdict is not Verdict.FIXED)
     yield from _other_names("fitted.names", file.fitted.names, file.parameters)
     yield from _other_names("golden.parameters", file.golden.parameters, file.parameters)
     yield from _other_names("identifiability.evidence", file.identifiability.evidence, free)
@@ -100,8 +100,8 @@ def _parameters(file: FitFile) -> Iterator[str]:
         parse_prior(name, item.prior, spec.lower, spec.upper, spec.unit)
 
 
-def _quantiles(item: ParameterPart) -> list[float | None]:
-    return [getattr(item, name) for name in QUANTILES]
+def _quantiles(parameter: ParameterPart) -> list[float | None]:
+    return [getattr(parameter, name) for name in QUANTILES]
 
 
 def _golden(golden: GoldenPart) -> Iterator[str]:

@@ -123,8 +123,8 @@ def find_tables(record: RunRecord, given: Sequence[str] = ()) -> tuple[Path, ...
             "name each of them, in the order of the fit"
         )
     return tuple(
-        _found(Path(given[k]) if given else _place(record, item), item, "the table", "--data")
-        for k, item in enumerate(record.tables)
+        _found(Path(given[k]) if given else _place(record, named), named, "the table", "--data")
+        for k, named in enumerate(record.tables)
     )
 
 
@@ -137,8 +137,8 @@ def find_records(record: RunRecord, given: str | None = None) -> Path | None:
     return _found(Path(given) if given else _place(record, record.force), record.force, "the force record", "--force")
 
 
-def _found(place: Path, item: NamedTable, what: str, option: str) -> Path:
-    """`place`, where it holds what `item` says; ResultFolderError otherwise."""
+def _found(place: Path, named: NamedTable, what: str, option: str) -> Path:
+    """`place`, where it holds what `named` says; ResultFolderError otherwise."""
     try:
         there = place.is_file()
     except OSError as error:
@@ -146,24 +146,24 @@ def _found(place: Path, item: NamedTable, what: str, option: str) -> Path:
     if not there:
         raise ResultFolderError(
             f"{place}: {what} of this fit is not there; put it back, or say with {option} where it is "
-            f"(SHA-256 {item.sha256})"
+            f"(SHA-256 {named.sha256})"
         )
     digest = sha256(place.read_bytes()).hexdigest()
-    if digest != item.sha256:
+    if digest != named.sha256:
         raise ResultFolderError(
-            f"{place}: changed since the fit: its SHA-256 is {digest}, the fit was made from {item.sha256}; "
+            f"{place}: changed since the fit: its SHA-256 is {digest}, the fit was made from {named.sha256}; "
             f"put the old file back, name it with {option}, or calibrate anew"
         )
     return place
 
 
-def _place(record: RunRecord, item: NamedTable) -> Path:
-    if item.bundled:
-        return bundled_folder() / item.file
+def _place(record: RunRecord, named: NamedTable) -> Path:
+    if named.bundled:
+        return bundled_folder() / named.file
     try:
-        return (record.folder / item.file).resolve()
+        return (record.folder / named.file).resolve()
     except (OSError, ValueError, RuntimeError) as error:
-        raise damaged(record.place, f"table.files: {item.file[:200]!r} names no file: {error}") from None
+        raise damaged(record.place, f"table.files: {named.file[:200]!r} names no file: {error}") from None
 
 
 def record_problem(record: RunRecord, tables: Sequence[Path], records: Path | None = None) -> Problem:
@@ -175,6 +175,7 @@ def record_problem(record: RunRecord, tables: Sequence[Path], records: Path | No
     force = None if records is None else load_force(records, table)
     problem = build_problem(table, record.scene, record.choices, force)
     parameters = tuple(
-        replace(item, fixed_because=record.reasons.get(item.name, item.fixed_because)) for item in problem.parameters
+        replace(parameter, fixed_because=record.reasons.get(parameter.name, parameter.fixed_because))
+        for parameter in problem.parameters
     )
     return replace(problem, parameters=parameters, notes=record.notes)

@@ -50,7 +50,7 @@ class SavedFit:
     @property
     def free_names(self) -> tuple[str, ...]:
         """The parameters that were fitted, in order."""
-        return tuple(name for name, item in self.parameters.items() if item.verdict is not Verdict.FIXED)
+        return tuple(name for name, parameter in self.parameters.items() if parameter.verdict is not Verdict.FIXED)
 
     def posterior(self, *, agreeing: bool = True) -> Posterior | None:
         """All draws, from `posterior.nc` beside `fit.json`; None for a point fit.
@@ -126,7 +126,8 @@ def read_fit(path: Path) -> SavedFit:
         status=file.status,
         verdict=file.verdict,
         parameters={
-            name: SavedParameter(name=name, **msgspec.structs.asdict(item)) for name, item in file.parameters.items()
+            name: SavedParameter(name=name, **msgspec.structs.asdict(parameter))
+            for name, parameter in file.parameters.items()
         },
         fitted=_fitted(file, file.fitted),
         golden=_golden(file.golden),
