@@ -339,7 +339,8 @@ def test_a_fit_read_back_has_the_noise_it_was_made_with():
 def test_balances_take_what_is_known_of_each_component():
     known = scene_balances(WANG, Scene(v_y_sd=0.1, spin_sd=4.0))
     np.testing.assert_allclose(known.cor.sd, 0.1 / WANG.impacts.v_y1, rtol=1e-12)
-    assert known.sd_origin["v_y2"] == known.sd_origin["omega_2"] == "known from the scene"
-    assert known.sd_origin["v_x2"] == "nominal"
+    radius = Scene().ball.radius
+    slip = np.abs(WANG.impacts.v_x1 - radius * WANG.impacts.omega_1)
+    np.testing.assert_allclose(known.e_x.sd, np.hypot(0.25, radius * 4.0) / slip, rtol=1e-12)
     plain = scene_balances(WANG, Scene())
     np.testing.assert_allclose(plain.cor.sd, 0.25 / WANG.impacts.v_y1, rtol=1e-12)

@@ -13,17 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.data.frozen import FrozenMapping
 from fitball.data.propagation import Uncertain
 from fitball.data.scene import Scene
 from fitball.data.table import NOISE_OF, ImpactTable, Measurement
 from fitball.data.velocity import velocity
 from fitball.errors import ParameterError
 from fitball.values import Ball, FloatArray
-
-STATED = "stated in the table"
-KNOWN = "known from the scene"
-NO_SPREAD = "taken as exact"
 
 
 @dataclass(frozen=True)
@@ -48,7 +43,7 @@ class Balance:
 
 @dataclass(frozen=True)
 class Balances:
-    """All balances of a table; `sd_origin` says for each column where its standard deviation came from."""
+    """All balances of a table."""
 
     ids: tuple[str, ...]
     mu_bar: Balance
@@ -57,7 +52,6 @@ class Balances:
     cor: Balance
     energy_lost: Balance
     energy_fraction: Balance
-    sd_origin: Mapping[str, str]
 
     @property
     def all(self) -> tuple[Balance, ...]:
@@ -87,8 +81,6 @@ def scene_balances(table: ImpactTable, scene: Scene) -> Balances:
         scene.nominal_velocity_sd if scene.velocity_sd is None else scene.velocity_sd,
         scene.nominal_spin_sd,
         known={name: sd for name, noise in NOISE_OF.items() if (sd := getattr(scene, noise)) is not None},
-        velocity_origin="nominal" if scene.velocity_sd is None else KNOWN,
-        spin_origin="nominal",
     )
 
 
@@ -99,8 +91,6 @@ def balances(
     spin_sd: float,
     *,
     known: Mapping[str, float] | None = None,
-    velocity_origin: str = "given",
-    spin_origin: str = "given",
 ) -> Balances:
     """Balances of every impact.
 
@@ -113,40 +103,37 @@ def balances(
     for name, sd in (("velocity_sd", velocity_sd), ("spin_sd", spin_sd)):
         if not (np.isfinite(sd) and sd > 0.0):
             raise ParameterError(f"{name} = {sd!r}: expected a positive, finite number")
-    origin: dict[str, str] = {}
     own = known or {}
-    seen = _incident(table, origin)
-    for item in table.measurements:
-        if item.name == "contact_time":
+    seen = _incident(table)
+    for measurement in table.measurements:
+        if measurement.name == "contact_time":
             continue
-        if item.sd is not None:
-            spread, origin[item.name] = item.sd, STATED
-        elif item.name in own:
-            spread, origin[item.name] = np.full(len(table), own[item.name]), KNOWN
+        if measurement.sd is not None:
+            spread = measurement.sd
+        elif measurement.name in own:
+            spread = np.full(len(table), own[measurement.name])
         else:
-            spread = _default_sd(table, item, velocity_sd, spin_sd)
-            origin[item.name] = spin_origin if item.name == "omega_2" else velocity_origin
-        seen[item.name] = Uncertain.measured(item.name, item.values, spread)
+            spread = _default_sd(table, measurement, velocity_sd, spin_sd)
+        seen[measurement.name] = Uncertain.measured(measurement.name, measurement.values, spread)
     quantities = _quantities(table, ball, seen)
     made = {name: _finish(name, quantities[name], len(table)) for name in _MEANING}
-    return Balances(ids=table.ids, sd_origin=FrozenMapping(origin), **made)
+    return Balances(ids=table.ids, **made)
 
 
-def _incident(table: ImpactTable, origin: dict[str, str]) -> dict[str, Uncertain]:
+def _incident(table: ImpactTable) -> dict[str, Uncertain]:
     """The incident columns that the table has."""
     known = {}
     for name in table.incident_columns:
         values = getattr(table.impacts, name)
         sd = table.incident_sd.get(name)
         known[name] = Uncertain.exact(values) if sd is None else Uncertain.measured(name, values, sd)
-        origin[name] = NO_SPREAD if sd is None else STATED
     return known
 
 
-def _default_sd(table: ImpactTable, item: Measurement, velocity_sd: float, spin_sd: float) -> FloatArray:
-    if item.name == "omega_2":
+def _default_sd(table: ImpactTable, measurement: Measurement, velocity_sd: float, spin_sd: float) -> FloatArray:
+    if measurement.name == "omega_2":
         return np.full(len(table), spin_sd)
-    if item.name == "theta_2":
+    if measurement.name == "theta_2":
         with np.errstate(divide="ignore"):  # v_x2 = 0 beside an angle: no finite sd, marked absent later
             return velocity_sd / _rebound_speed(table)
     return np.full(len(table), velocity_sd)
@@ -154,7 +141,7 @@ def _default_sd(table: ImpactTable, item: Measurement, velocity_sd: float, spin_
 
 def _rebound_speed(table: ImpactTable) -> FloatArray:
     """Speed [m/s] behind a measured angle: v_2, or from the one component beside it; NaN with neither."""
-    beside = {item.name: item.values for item in table.measurements}
+    beside = {measurement.name: measurement.values for measurement in table.measurements}
     if "v_2" in beside:
         return beside["v_2"]
     for name, part_of in (("v_x2", np.cos), ("v_y2", np.sin)):

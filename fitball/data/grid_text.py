@@ -47,7 +47,7 @@ def grid_impacts(axes: tuple[Axis, ...], points: FloatArray) -> Impacts:
 def parse_grid(text: str) -> tuple[Axis, ...]:
     """The axes that `text` names, velocity first, then spin. Raises ParameterError that quotes the text."""
     try:
-        return _ordered([_axis(item) for item in text.split(",")])
+        return _ordered([_axis(part) for part in text.split(",")])
     except (ParameterError, UnitError) as error:
         raise ParameterError(f"grid '{text}': {error}") from None
 

@@ -33,10 +33,10 @@ def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
         return tables[0]
     first = tables[0]
     faults = [fault for other in tables[1:] for fault in _differences(first, other)]
-    names = [item.name for item in tables]
+    names = [table.name for table in tables]
     faults += [Fault(f"table {name} is given twice") for name in sorted({n for n in names if names.count(n) > 1})]
     if faults:
-        raise TableError(" + ".join(item.source for item in tables), faults)
+        raise TableError(" + ".join(table.source for table in tables), faults)
 
     def stacked(columns: Sequence[FloatArray]) -> FloatArray:
         whole = np.concatenate(columns)
@@ -44,37 +44,37 @@ def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
         return whole
 
     labels = {
-        name: tuple(text for item in tables for text in item.labels.get(name, ("",) * len(item)))
-        for name in dict.fromkeys(name for item in tables for name in item.labels)
+        name: tuple(text for table in tables for text in table.labels.get(name, ("",) * len(table)))
+        for name in dict.fromkeys(name for table in tables for name in table.labels)
     }
-    labels[ORIGIN] = tuple(item.name for item in tables for _ in range(len(item)))
-    covariances = [item.incident_covariance for item in tables if item.incident_covariance is not None]
-    cor = [item.impacts.cor for item in tables if item.impacts.cor is not None]
+    labels[ORIGIN] = tuple(table.name for table in tables for _ in range(len(table)))
+    covariances = [table.incident_covariance for table in tables if table.incident_covariance is not None]
+    cor = [table.impacts.cor for table in tables if table.impacts.cor is not None]
     return ImpactTable(
         name="+".join(names),
-        source=" + ".join(item.source for item in tables),
-        digest=sha256("".join(item.digest for item in tables).encode()).hexdigest(),
-        ids=tuple(f"{item.name}:{name}" for item in tables for name in item.ids),
+        source=" + ".join(table.source for table in tables),
+        digest=sha256("".join(table.digest for table in tables).encode()).hexdigest(),
+        ids=tuple(f"{table.name}:{name}" for table in tables for name in table.ids),
         impacts=Impacts(
-            stacked([item.impacts.v_x1 for item in tables]),
-            stacked([item.impacts.v_y1 for item in tables]),
-            stacked([item.impacts.omega_1 for item in tables]),
+            stacked([table.impacts.v_x1 for table in tables]),
+            stacked([table.impacts.v_y1 for table in tables]),
+            stacked([table.impacts.omega_1 for table in tables]),
             stacked(cor) if len(cor) == len(tables) else None,
         ),
         incident_columns=first.incident_columns,
         incident_sd=FrozenMapping(
-            {name: stacked([item.incident_sd[name] for item in tables]) for name in first.incident_sd}
+            {name: stacked([table.incident_sd[name] for table in tables]) for name in first.incident_sd}
         ),
         measurements=tuple(
-            _stacked_measurement([item.measurements[k] for item in tables], stacked)
+            _stacked_measurement([table.measurements[k] for table in tables], stacked)
             for k in range(len(first.measurements))
         ),
         redundant=(),
         labels=FrozenMapping(labels),
         units=first.units,
         incident_covariance=stacked(covariances) if len(covariances) == len(tables) else None,
-        notices=tuple(Notice(f"{item.name}: {remark}") for item in tables for remark in item.remarks),
-        files=tuple(place for item in tables for place in item.files),
+        notices=tuple(Notice(f"{table.name}: {remark}") for table in tables for remark in table.remarks),
+        files=tuple(place for table in tables for place in table.files),
     )
 
 
@@ -92,13 +92,13 @@ def _differences(one: ImpactTable, other: ImpactTable) -> list[Fault]:
         ("stated sds of incident columns", tuple(one.incident_sd), tuple(other.incident_sd)),
         (
             "measured columns",
-            tuple(item.name for item in one.measurements),
-            tuple(item.name for item in other.measurements),
+            tuple(measurement.name for measurement in one.measurements),
+            tuple(measurement.name for measurement in other.measurements),
         ),
         (
             "measured columns with a stated sd",
-            tuple(item.name for item in one.measurements if item.sd is not None),
-            tuple(item.name for item in other.measurements if item.sd is not None),
+            tuple(measurement.name for measurement in one.measurements if measurement.sd is not None),
+            tuple(measurement.name for measurement in other.measurements if measurement.sd is not None),
         ),
     ):
         if columns != others:

@@ -109,12 +109,12 @@ class ImpactTable:
 
     def measurement(self, name: str) -> Measurement | None:
         """The independent measurement called `name`, or None when the table has none."""
-        return next((item for item in self.measurements if item.name == name), None)
+        return next((measurement for measurement in self.measurements if measurement.name == name), None)
 
     @property
     def has_tangential(self) -> bool:
         """Whether the table says anything about motion along the court."""
-        rebound = {item.name for item in self.measurements}
+        rebound = {measurement.name for measurement in self.measurements}
         return "v_x1" in self.incident_columns and bool(rebound & {"v_x2", "v_2", "theta_2", "omega_2"})
 
     @property

@@ -10,7 +10,6 @@ from fitball.data.bundled import bundled_folder
 from fitball.errors import Fault, TableError
 
 FOLDER = "thesis"
-ERRATA = "errata"
 
 
 def thesis_table(name: str) -> pd.DataFrame:

@@ -29,7 +29,7 @@ def measured(spin: str) -> dict[str, FloatArray]:
     The angle is the printed one, even where the components beside it give another.
     """
     table = wang_table(spin)
-    columns = {item.name: item.values for item in (*table.measurements, *table.redundant)}
+    columns = {measurement.name: measurement.values for measurement in (*table.measurements, *table.redundant)}
     return {
         "v_x2": columns["v_x2"],
         "v_y2": columns["v_y2"],
