@@ -201,7 +201,7 @@ def test_validation_counts_what_it_says():
     observed = mean + sd * np.array([0.0, 0.5, -1.5, 3.0])
     found = predict_new(fitted, impacts, [Observable("v_y2", observed, None, "velocity_sd")])
     (score,) = scores(found)
-    assert (score.name, score.count, score.within_68, score.within_95) == ("v_y2", 4, 0.5, 0.75)
+    assert (score.output, score.impacts, score.within_68, score.within_95) == ("v_y2", 4, 0.5, 0.75)
     np.testing.assert_allclose(found.output("v_y2").z, [0.0, 0.5, -1.5, 3.0], atol=0.1)
     assert score.rms_z == pytest.approx(math.sqrt((0.25 + 2.25 + 9.0) / 4), rel=0.05)
     assert score.bias == pytest.approx(np.mean(observed - found.output("v_y2").rebound[2]))

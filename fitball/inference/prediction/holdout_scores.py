@@ -12,14 +12,14 @@ from fitball.values import Impacts
 
 @dataclass(frozen=True)
 class ObservableScore:
-    """One measured column against its prediction, in SI, over the `count` impacts that could be predicted.
+    """One measured column against its prediction, in SI, over the `impacts` that could be predicted.
 
     `bias` and `rms` are those of the residuals; `rms_z` (1 expected) and the shares of measurements within the 68 and
     95 % intervals of a new measurement are None where the noise is not known.
     """
 
-    name: str
-    count: int
+    output: str
+    impacts: int
     bias: float
     rms: float
     rms_z: float | None

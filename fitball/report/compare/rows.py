@@ -135,10 +135,8 @@ def _errors(
 
 
 def _criteria(scored: ModelScore) -> dict[str, float | int | None]:
-    one = scored.criteria
-    if one is None:
-        return dict.fromkeys(("log_likelihood", "measurements", "aicc", "bic"))
-    return {"log_likelihood": one.log_likelihood, "measurements": one.measurements, "aicc": one.aicc, "bic": one.bic}
+    names = ("log_likelihood", "measurements", "aicc", "bic")
+    return {name: getattr(scored.criteria, name, None) for name in names}
 
 
 def json_content(comparison: Comparison, words: str) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitball.inference.results.results import ErrorBudget, Estimate, Fit, RunStatus
+from fitball.inference.results.results import ErrorBudget, Estimate, Fit, LevelEstimate, RunStatus
 from fitball.report.form.display_units import THESIS, Scale, handy
 from fitball.report.form.rounding import decimals, fixed, interval, significant
 from fitball.values import FloatArray
@@ -48,39 +48,36 @@ class PredictionTable:
     rows: tuple[PredictionRow, ...]
 
 
-def _row(estimate: Estimate, scale: Scale) -> ParameterRow:
-    def scaled(value: float | None) -> float | None:
+def _rounded(numbers: Estimate | LevelEstimate, scale: Scale) -> dict[str, str]:
+    """Point, median, sd and intervals in the unit of `scale`, as text to the places that the sd tells; "-" for what a
+    run without posterior has not.
+    """
+
+    def scaled(name: str) -> float | None:
+        value = getattr(numbers, name)
         return None if value is None else value * scale.factor
 
-    if estimate.median is None or estimate.sd is None:
-        point = significant(scaled(estimate.point), 4)
-        empty = "-"
-        return ParameterRow(
-            estimate.name,
-            scale.unit,
-            empty,
-            empty,
-            empty,
-            empty,
-            point,
-            estimate.prior,
-            empty,
-            estimate.verdict,
-            estimate.reason,
-        )
-    places = decimals(estimate.sd * scale.factor)
+    if numbers.median is None or numbers.sd is None:
+        absent = dict.fromkeys(("median", "sd", "interval_68", "interval_95"), "-")
+        return absent | {"point": significant(scaled("point"), 4)}
+    places = decimals(numbers.sd * scale.factor)
+    return {
+        **{name: fixed(scaled(name), places) for name in ("median", "sd", "point")},
+        "interval_68": interval(scaled("q16"), scaled("q84"), places),
+        "interval_95": interval(scaled("q025"), scaled("q975"), places),
+    }
+
+
+def _row(estimate: Estimate, scale: Scale) -> ParameterRow:
+    contraction = None if estimate.median is None else estimate.contraction
     return ParameterRow(
         name=estimate.name,
         unit=scale.unit,
-        median=fixed(scaled(estimate.median), places),
-        sd=fixed(scaled(estimate.sd), places),
-        interval_68=interval(scaled(estimate.q16), scaled(estimate.q84), places),
-        interval_95=interval(scaled(estimate.q025), scaled(estimate.q975), places),
-        point=fixed(scaled(estimate.point), places),
         prior=estimate.prior,
-        contraction="-" if estimate.contraction is None else f"{estimate.contraction:.2f}",
+        contraction="-" if contraction is None else f"{contraction:.2f}",
         verdict=estimate.verdict,
         reason=estimate.reason,
+        **_rounded(estimate, scale),
     )
 
 
@@ -97,6 +94,7 @@ class LevelRow:
     unit: str
     impacts: str
     median: str
+    sd: str
     interval_68: str
     interval_95: str
     point: str
@@ -104,30 +102,11 @@ class LevelRow:
 
 def level_rows(fit: Fit) -> tuple[LevelRow, ...]:
     """What each surface, ball or table has of a parameter that differs between them; empty where none does."""
-    rows = []
-    for level in fit.levels:
-        scale = handy(level.parameter, level.unit)
-        name, count = f"{level.parameter}[{level.label}]", str(level.impacts)
-        if level.median is None or level.sd is None:
-            rows.append(LevelRow(name, scale.unit, count, "-", "-", "-", significant(level.point * scale.factor, 4)))
-            continue
-        places = decimals(level.sd * scale.factor)
-
-        def text(value: float | None, factor: float = scale.factor) -> float | None:
-            return None if value is None else value * factor
-
-        rows.append(
-            LevelRow(
-                name,
-                scale.unit,
-                count,
-                fixed(text(level.median), places),
-                interval(text(level.q16), text(level.q84), places),
-                interval(text(level.q025), text(level.q975), places),
-                fixed(text(level.point), places),
-            )
-        )
-    return tuple(rows)
+    scales = [handy(level.parameter, level.unit) for level in fit.levels]
+    return tuple(
+        LevelRow(f"{level.parameter}[{level.label}]", scale.unit, str(level.impacts), **_rounded(level, scale))
+        for level, scale in zip(fit.levels, scales, strict=True)
+    )
 
 
 def thesis_rows(fit: Fit) -> tuple[ParameterRow, ...]:

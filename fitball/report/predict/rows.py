@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -122,18 +123,7 @@ def prediction_json(
         "calibrated": {name: list(ends) for name, ends in reach.limits.items()},
         "hull_slack": reach.slack,
         "impacts": impacts,
-        "validation": [
-            {
-                "output": score.name,
-                "impacts": score.count,
-                "bias": score.bias,
-                "rms": score.rms,
-                "rms_z": score.rms_z,
-                "within_68": score.within_68,
-                "within_95": score.within_95,
-            }
-            for score in scores
-        ],
+        "validation": [asdict(score) for score in scores],
         "outside": int(np.count_nonzero(reach.outside)),
         "notes": list(notes),
     }

@@ -194,11 +194,11 @@ def render_scores(scores: Sequence[ObservableScore], seen: int, count: int) -> s
     heads = ["output", "impacts", "mean residual", "rms residual", "rms z", "within 68 %", "within 95 %"]
     rows = []
     for score in scores:
-        scale = output_scale(score.name)
+        scale = output_scale(score.output)
         rows.append(
             [
-                f"{score.name} [{scale.unit}]",
-                str(score.count),
+                f"{score.output} [{scale.unit}]",
+                str(score.impacts),
                 significant(score.bias * scale.factor),
                 significant(score.rms * scale.factor),
                 significant(score.rms_z),

@@ -153,12 +153,17 @@ class Budget(Part, frozen=True):
     share: NotNegative
 
 
-class GoldenImpacts(Part, frozen=True):
-    """Incident states in SI; cor is null unless the model takes the measured restitution."""
+class Incident(Part, frozen=True):
+    """Incident states, columns of equal length in SI."""
 
     v_x1: Motions
     v_y1: Motions
     omega_1: Motions
+
+
+class GoldenImpacts(Incident, frozen=True):
+    """Incident states in SI; cor is null unless the model takes the measured restitution."""
+
     cor: Numbers | None
 
 
@@ -178,14 +183,6 @@ class GoldenPart(Part, frozen=True):
     parameters: Mapping[str, float]
     impacts: GoldenImpacts
     rebound: GoldenRebound
-
-
-class Incident(Part, frozen=True):
-    """Incident states, columns of equal length in SI."""
-
-    v_x1: Motions
-    v_y1: Motions
-    omega_1: Motions
 
 
 class ForcePart(Part, frozen=True):

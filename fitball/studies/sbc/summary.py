@@ -119,7 +119,7 @@ def summarise(models: Mapping[str, tuple[tuple[str, ...], Sequence[Ranked]]]) ->
 
 
 def summary_rows(findings: Sequence[ModelFinding]) -> list[dict[str, object]]:
-    """One row a quantity."""
+    """One row per quantity."""
     rows: list[dict[str, object]] = []
     for finding in findings:
         for quantity in finding.quantities:
