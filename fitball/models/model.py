@@ -148,14 +148,7 @@ class Model(ABC):
                 f"model {self.name}: impact {first + 1} (v_y1 = {impacts.v_y1[first]:g} m/s) cannot be "
                 f"evaluated: {reason}"
             )
-        return Rebound(
-            found.v_x2[0],
-            found.v_y2[0],
-            found.omega_2[0],
-            found.contact_time[0],
-            found.regime[0],
-            found.status[0],
-        )
+        return found.each(lambda array: array[0])
 
     def history(
         self,

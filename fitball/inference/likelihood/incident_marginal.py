@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.inference.likelihood import regime_mixture
-from fitball.inference.problem.incident import IncidentErrors, observable_slopes, spread_by_input, whitened
+from fitball.inference.problem.incident import IncidentErrors, spread_by_input, whitened
 from fitball.inference.problem.noise import log_density
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parameters import TAILS
@@ -92,20 +92,20 @@ def incident_sds(problem: Problem, columns: Columns, rebound: Rebound) -> Mappin
             np.einsum("dik,ikl,dil->di", found, problem.incident.covariance, found, optimize=True).clip(0.0)
         )
         for observable in problem.observables
-        for found in (observable_slopes(observable, rebound, slopes),)
+        for found in (observable.column.slopes(rebound, slopes),)
     }
 
 
 def standardised(
-    measured: Sequence[Seen], columns: Columns, rebound: Rebound, slopes: FloatArray, covariance: FloatArray
+    measured: Sequence[Seen], columns: Columns, rebound: Rebound, slopes: Columns, covariance: FloatArray
 ) -> tuple[list[FloatArray], list[FloatArray]]:
     """Whitened deviations (draws, impacts) of each measured column from rebounds, first order about these.
 
-    `slopes` (draws, impacts, outputs, 3) of the rebounds, `covariance` (impacts, 3, 3) or (draws, 1, 3, 3) of the
+    `slopes` (draws, impacts, 3) of each output of the model, `covariance` (impacts, 3, 3) or (draws, 1, 3, 3) of the
     incident states. Returns those deviations and their conditional sds. What was not measured has the deviation zero
     and the sd `UNKNOWN`, which takes part in nothing.
     """
-    by_observable = np.stack([observable_slopes(item.observable, rebound, slopes) for item in measured], axis=2)
+    by_observable = np.stack([item.observable.column.slopes(rebound, slopes) for item in measured], axis=2)
     gaps, spreads = [], []
     for item in measured:
         observable = replace(item.observable, observed=item.observed, sd=item.sd)
@@ -117,7 +117,7 @@ def standardised(
 
 
 def _log_densities(
-    measured: Sequence[Seen], columns: Columns, rebound: Rebound, slopes: FloatArray, covariance: FloatArray
+    measured: Sequence[Seen], columns: Columns, rebound: Rebound, slopes: Columns, covariance: FloatArray
 ) -> list[FloatArray]:
     """Log density (draws, impacts) of each measured column given those before it; 0 where there is none."""
     tails = columns[TAILS][:, None] if TAILS in columns else None
@@ -162,7 +162,7 @@ def _across(problem: Problem, pairs: Pairs) -> FloatArray:
     # In units of any noise: only the direction of the jump is wanted.
     by_observable = np.stack(
         [
-            observable_slopes(item.observable, rebound, found) / _typical_noise(item, pairs.columns)
+            item.observable.column.slopes(rebound, found) / _typical_noise(item, pairs.columns)
             for item in pairs.measured
         ],
         axis=2,

@@ -14,12 +14,12 @@ from fitball.inference.prediction.extrapolation import CalibratedRange, calibrat
 from fitball.inference.prediction.posterior_predictive import bands, regime_shares, with_noise
 from fitball.inference.prediction.uncertain_incidence import Shares, drawn_rebound, shares
 from fitball.inference.problem.measurement_noise import derived, noise_in
-from fitball.inference.problem.observables import TANGENTIAL, Observable, build_observables
+from fitball.inference.problem.observables import Observable, build_observables
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.types import STATUS_REASON, Rebound, Status
+from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, Impacts
 
-OUTPUTS = ("v_x2", "v_y2", "v_2", "theta_2", "omega_2", "contact_time")
 # Draws of a saved posterior that are used: the ends of a 95 % interval come out within a fiftieth of its length.
 DRAWS = 4000
 # Impacts of one batch, so that memory does not grow with the table. Random numbers depend on it, so it is fixed.
@@ -141,9 +141,8 @@ def output_observables(fitted: FittedModel, count: int, observed: Sequence[Obser
     nothing, noise_of = np.full(count, np.nan), noise_in(fitted.names)
     return tuple(
         measured.get(name, derived(Observable(name, nothing, None, noise_of[name]), fitted.names))
-        for name in OUTPUTS
-        if (fitted.tangential or name not in (*TANGENTIAL, "v_2"))
-        and (fitted.model.has_time or name != "contact_time")
+        for name, item in OBSERVABLES.items()
+        if (fitted.tangential or not item.along) and (fitted.model.has_time or not item.timed)
     )
 
 

@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.data.table import REBOUND_UNITS
 from fitball.inference.likelihood.incident_marginal import incident_sds
 from fitball.inference.problem.batches import cells
 from fitball.inference.problem.noise import draw
-from fitball.inference.problem.observables import PREDICTED, Observable
+from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parameters import TAILS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import part_of
 from fitball.inference.results.quantiles import BAND_LEVELS
 from fitball.inference.results.results import Curve, ObservablePrediction, PointFit, Posterior, Predictive, thinned
 from fitball.models.types import Rebound, regime_name
+from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, Impacts
 
 DRAWS = 1500
@@ -71,7 +71,7 @@ def _at_impacts(
         observables.append(
             ObservablePrediction(
                 name=observable.name,
-                unit=REBOUND_UNITS[observable.name],
+                unit=observable.column.unit,
                 observed=observable.observed,
                 sd=np.median(spread, axis=0),
                 point=observable.predict(at_point)[0],
@@ -145,7 +145,7 @@ def _curve(problem: Problem, values: FloatArray, rows: NDArray[np.int64]) -> Cur
     impacts = Impacts(fast * np.cos(angle), fast * np.sin(angle), between(problem.impacts.omega_1[rows]), cor)
     alike = all(np.unique(item.index[rows]).size == 1 for item in problem.pooling)
     rebound = problem.rebound(values, impacts, int(rows[0]) if alike else None)
-    return Curve(angle, impacts, {name: bands(predict(rebound)) for name, predict in PREDICTED.items()})
+    return Curve(angle, impacts, {name: bands(item.predict(rebound)) for name, item in OBSERVABLES.items()})
 
 
 def bands(array: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitball.data.force_file import ForceFile
 from fitball.data.scene import NO_CONTACT_TIME, NO_MU, NO_SPIN_SD, NO_VELOCITY_SD, Scene
-from fitball.data.table import NOISE_OF, SHARED_SD, VELOCITIES, ImpactTable
+from fitball.data.table import ImpactTable
 from fitball.errors import FitError, ParameterError, suggestion
 from fitball.inference.problem.force_noise import force_noise, records_for
 from fitball.inference.problem.group_bias import GroupBias, build_group_bias
@@ -24,6 +24,7 @@ from fitball.inference.problem.problem import Problem
 from fitball.models.model import Model
 from fitball.models.registry import Reduced, entry, model
 from fitball.models.specs import BALL_PARAMETERS, ParameterSpec
+from fitball.observables import NOISE_OF, SHARED_SD, VELOCITIES
 from fitball.values import Impacts
 
 
@@ -68,7 +69,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
         notes.append("force records are compared at the stated incident speed, taken as exact")
     contact_time = scene.contact_time if chosen.has_time else None
     records = records_for(chosen, scene, force, notes)
-    measured_time = any(observable.name == "contact_time" for observable in observables)
+    measured_time = any(observable.column.timed for observable in observables)
     timed = contact_time is not None or measured_time or records is not None
     if "k_y" in chosen.parameter_names and "k_theta" not in chosen.parameter_names and not timed:
         fixed["k_y"] = (2.0e4, "it acts on the contact time only, and none is known")

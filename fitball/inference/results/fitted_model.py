@@ -11,10 +11,8 @@ import numpy as np
 from fitball.inference.results.quantiles import BAND, BAND_LEVELS
 from fitball.models.model import Model
 from fitball.models.registry import model
-from fitball.models.types import Rebound
+from fitball.models.types import OUTPUTS, Rebound
 from fitball.values import Ball, FloatArray, Impacts
-
-OUTPUTS = ("v_x2", "v_y2", "omega_2", "contact_time")
 
 
 @dataclass(frozen=True)
@@ -61,8 +59,8 @@ class FittedModel:
     def predict(self, impacts: Impacts) -> Mapping[str, FloatArray]:
         """Noise-free predictions at new impacts.
 
-        Returns arrays (impacts,) named `v_x2`, `v_y2`, `omega_2`, `contact_time` at the point estimate and, when
-        there are posterior draws, `v_x2_median`, `v_x2_q025`, `v_x2_q16`, `v_x2_q84`, `v_x2_q975` and so on.
+        Returns arrays (impacts,) named as in `models.types.OUTPUTS` at the point estimate and, when there are
+        posterior draws, `v_x2_median`, `v_x2_q025`, `v_x2_q16`, `v_x2_q84`, `v_x2_q975` and so on.
         Draws that cannot be evaluated at an impact are left out of that impact's quantiles; their share
         is `failed`.
         """
