@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.problem.incident import IncidentErrors, spread_by_input, whitened
-from fitball.inference.problem.noise import log_density
+from fitball.inference.problem.noise import NoiseKind
 from fitball.inference.problem.observables import Observable
-from fitball.inference.problem.parameters import TAILS
 from fitball.inference.problem.problem import Problem
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
@@ -64,7 +63,7 @@ def marginal_terms(
     columns = problem.all_values(values)
     measured = seen(problem, columns)
     slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
-    terms = _log_densities(measured, columns, rebound, slopes, incident.covariance)
+    terms = _log_densities(problem.noise, measured, columns, rebound, slopes, incident.covariance)
     root = regime_mixture.roots(incident.covariance)
     towards = regime_mixture.crossings(
         lambda impacts, rows: problem.rebound_like(columns, impacts, rows), problem.impacts, root, rebound
@@ -117,12 +116,19 @@ def standardised(
 
 
 def _log_densities(
-    measured: Sequence[Seen], columns: Columns, rebound: Rebound, slopes: Columns, covariance: FloatArray
+    noise: NoiseKind,
+    measured: Sequence[Seen],
+    columns: Columns,
+    rebound: Rebound,
+    slopes: Columns,
+    covariance: FloatArray,
 ) -> list[FloatArray]:
     """Log density (draws, impacts) of each measured column given those before it; 0 where there is none."""
-    tails = columns[TAILS][:, None] if TAILS in columns else None
     z, sds = standardised(measured, columns, rebound, slopes, covariance)
-    return [np.where(sd < UNKNOWN, log_density(one, tails) - np.log(sd), 0.0) for one, sd in zip(z, sds, strict=True)]
+    return [
+        np.where(sd < UNKNOWN, noise.log_density(one, columns) - np.log(sd), 0.0)
+        for one, sd in zip(z, sds, strict=True)
+    ]
 
 
 @dataclass(frozen=True)
@@ -147,7 +153,8 @@ def _mixture(problem: Problem, pairs: Pairs) -> FloatArray:
     states, possible = regime_mixture.displaced(pairs.states, regime_mixture.parts()[0][:, None] * along[:, None, :])
     rebound, slopes = problem.linearised(pairs.columns, states)
     narrow = regime_mixture.narrowed(pairs.root, across)[:, None]
-    density = np.sum(_log_densities(pairs.measured, pairs.columns, rebound, slopes, narrow), axis=0)
+    terms = _log_densities(problem.noise, pairs.measured, pairs.columns, rebound, slopes, narrow)
+    density = np.sum(terms, axis=0)
     return regime_mixture.mixed(np.where(possible & (rebound.status == 0), density, -np.inf))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from fitball.inference.likelihood.incident_marginal import incident_sds
 from fitball.inference.problem.observables import Observable
-from fitball.inference.problem.parameters import NOISE_SPECS, TAILS
+from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.models.types import OUTPUTS, Rebound
 from fitball.values import FloatArray
@@ -70,16 +70,12 @@ def prediction_slopes(problem: Problem, coordinates: FloatArray) -> FloatArray:
     """Derivatives (draws, measurements, free) of all predictions, in units of their noise, with respect to
     coordinates (draws, free) counted in widths of the priors; measurements run observable by observable.
 
-    Errors of the incident state count as noise; heavy tails make a measurement worth (nu + 1)/(nu + 3) of a normal
-    one (Lange, Little and Taylor 1989).
+    Errors of the incident state count as noise; a measurement with heavy tails is worth less than a normal one.
     """
     rebound, slopes = rebound_slopes(problem, coordinates)
     columns = problem.all_values(problem.to_values(coordinates))
     by_incidence = incident_sds(problem, columns, rebound)
-    worth = np.ones((coordinates.shape[0], 1, 1))
-    if TAILS in columns:
-        nu = columns[TAILS][:, None, None]
-        worth = np.sqrt((nu + 1.0) / (nu + 3.0))
+    worth = np.sqrt(problem.noise.information(columns))[..., None, None]
     rows = []
     for observable in problem.observables:
         spread = np.broadcast_to(observable.sds(columns, rebound), rebound.v_x2.shape)

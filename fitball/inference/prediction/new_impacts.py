@@ -14,6 +14,7 @@ from fitball.inference.prediction.extrapolation import CalibratedRange, calibrat
 from fitball.inference.prediction.posterior_predictive import bands, regime_shares, with_noise
 from fitball.inference.prediction.uncertain_incidence import Shares, drawn_rebound, shares
 from fitball.inference.problem.measurement_noise import derived, noise_in
+from fitball.inference.problem.noise import NoiseKind
 from fitball.inference.problem.observables import Observable, build_observables
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.types import STATUS_REASON, Rebound, Status
@@ -172,7 +173,7 @@ def _batch(
         return alone, regime_shares(at_point), _failures(at_point)
     drawn = fitted.rebound(impacts, fitted.draws)
     columns = dict(zip(fitted.names, fitted.draws.T, strict=True))
-    found = [_output(item, item.predict(at_point)[0], columns, drawn, rng) for item in observables]
+    found = [_output(fitted.noise, item, item.predict(at_point)[0], columns, drawn, rng) for item in observables]
     return found, regime_shares(drawn), _failures(drawn)
 
 
@@ -189,17 +190,18 @@ def _uncertain_batch(
     columns = dict(zip(fitted.names, fitted.draws.T, strict=True))
     found = []
     for item in observables:
-        made = _output(item, item.predict(at_point)[0], columns, one, rng)
+        made = _output(fitted.noise, item, item.predict(at_point)[0], columns, one, rng)
         noise = None
         if made.measured is not None:
             # The noise of a measurement at the stated incident state, from numbers of its own.
-            predicted, _spread, data = with_noise(item, columns, fixed, states)
+            predicted, _spread, data = with_noise(fitted.noise, item, columns, fixed, states)
             noise = data - predicted
         found.append(replace(made, shares=shares(item.predict(fixed), item.predict(one), item.predict(other), noise)))
     return found, regime_shares(one), _failures(one)
 
 
 def _output(
+    noise: NoiseKind,
     observable: Observable,
     point: FloatArray,
     columns: Mapping[str, FloatArray],
@@ -208,7 +210,7 @@ def _output(
 ) -> OutputPrediction:
     if not observable.known(columns.keys()):
         return OutputPrediction(observable.name, point, bands(observable.predict(drawn)), None, None, None, None)
-    predicted, _spread, data = with_noise(observable, columns, drawn, rng)
+    predicted, _spread, data = with_noise(noise, observable, columns, drawn, rng)
     # Impacts that no draw can evaluate have no moments either.
     solved = np.any(drawn.status == 0, axis=0)
     mean, sd = np.full(solved.shape, np.nan), np.full(solved.shape, np.nan)

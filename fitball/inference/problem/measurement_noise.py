@@ -20,7 +20,8 @@ import numpy as np
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.errors import ParameterError, suggestion
-from fitball.inference.problem.observables import Observable, Sizes
+from fitball.inference.problem.noise import Sizes
+from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parameters import SD_SPECS
 from fitball.models.types import Rebound
 from fitball.observables import NOISE_OF, OBSERVABLES, SHARED_SD, VELOCITIES

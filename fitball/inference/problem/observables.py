@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.table import ImpactTable
+from fitball.inference.problem.noise import Sizes
 from fitball.models.types import Rebound
 from fitball.observables import OBSERVABLES, SHARED_SD, ReboundColumn
 from fitball.values import FloatArray
-
-# Noise parameters by name, (draws,) or numbers.
-Sizes = Mapping[str, FloatArray] | Mapping[str, float]
 
 
 @dataclass(frozen=True)

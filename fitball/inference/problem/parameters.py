@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from fitball.errors import ParameterError, suggestion
+from fitball.inference.problem.noise import KINDS
 from fitball.inference.problem.priors import Prior, parse_prior
 from fitball.models.specs import ParameterSpec
 from fitball.observables import OBSERVABLES, SHARED_NOISE, SHARED_SD, ColumnNoise
@@ -21,9 +22,6 @@ SD_SPECS: Mapping[str, ParameterSpec] = {
     SHARED_SD: _spec(SHARED_NOISE, OBSERVABLES["v_x2"].unit),
     **{item.noise.name: _spec(item.noise, item.unit) for item in OBSERVABLES.values()},
 }
-# With Student's t the noise parameters are its scales, and this says how heavy its tails are. Beyond a hundred nobody
-# can tell it from a normal distribution; below two it has no variance.
-TAILS = "degrees_of_freedom"
 # What separates force records from the model; where there are records, their size centres the first prior.
 FORCE_NOISE = ("force_sd", "force_misfit")
 _FORCE_SPECS: Mapping[str, ParameterSpec] = {
@@ -38,15 +36,7 @@ _FORCE_SPECS: Mapping[str, ParameterSpec] = {
 NOISE_SPECS: Mapping[str, ParameterSpec] = {
     **SD_SPECS,
     **_FORCE_SPECS,
-    TAILS: ParameterSpec(
-        TAILS,
-        "",
-        2.0,
-        100.0,
-        "lognormal(8, 0.8)",
-        "degrees of freedom of the noise: few allow outliers",
-        r"$\nu$",
-    ),
+    **{spec.name: spec for kind in KINDS.values() for spec in kind.parameters},
 }
 
 

@@ -19,6 +19,7 @@ from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.group_bias import GroupBias
 from fitball.inference.problem.incident import IncidentErrors
 from fitball.inference.problem.joint_prior import JointPrior
+from fitball.inference.problem.noise import NORMAL, NoiseKind
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parallel import LARGE_BATCH, evaluate_in_parts
 from fitball.inference.problem.parameters import Parameter
@@ -38,7 +39,8 @@ class Problem:
     `contact_time` is what the scene knows of the mean contact time of the table, (value, sd) [s], or None.
     `notes` are the sentences that tell what was left out or assumed, and why. `pooling` tells of parameters that
     differ between surfaces or balls, `group_bias` of biases of whole groups, `incident` the errors of the
-    incident state, `force` records of the force on the court. `threads` share large batches.
+    incident state, `force` records of the force on the court. `noise` is that of the table, and
+    `threads` share large batches.
     """
 
     table: ImpactTable
@@ -53,6 +55,7 @@ class Problem:
     group_bias: GroupBias | None = None
     incident: IncidentErrors | None = None
     force: ForceRecords | None = None
+    noise: NoiseKind = NORMAL
     threads: int = 1
 
     @cached_property

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from fitball.inference.problem.noise import NoiseKind, noise_with
 from fitball.inference.results.quantiles import BAND, BAND_LEVELS
 from fitball.models.model import Model
 from fitball.models.registry import model
@@ -42,6 +43,11 @@ class FittedModel:
     def model_columns(self) -> list[int]:
         """Places, among `names`, of the parameters that the model itself takes."""
         return [k for k, name in enumerate(self.names) if name in self.model.specs]
+
+    @cached_property
+    def noise(self) -> NoiseKind:
+        """The noise of the table it was calibrated on."""
+        return noise_with(self.names)
 
     def rebound(self, impacts: Impacts, values: FloatArray | None = None) -> Rebound:
         """Rebounds (draws, impacts) at `values` (draws, names), by default at the point estimate (1, impacts)."""
