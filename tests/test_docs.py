@@ -20,7 +20,6 @@ from scipy.stats import t as student
 import fitball
 from fitball.data.columns import LABELS, MEASURED
 from fitball.data.scene_file import KEYS
-from fitball.data.table import NOISE_OF
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
 from fitball.inference.comparison import cross_validation as leave_out
 from fitball.inference.comparison import psis_loo as loo
@@ -41,6 +40,7 @@ from fitball.inference.sampling import moves
 from fitball.models.registry import MODELS
 from fitball.models.specs import SPECS
 from fitball.models.types import PHASE_SYMBOL, Closures, ThesisClosures
+from fitball.observables import NOISE_OF
 from fitball.report.figures.kinds import KINDS
 from fitball.report.fit.folder import CHAIN_NAME
 from fitball.report.saved.data_file import COUNTS, NUMBERS

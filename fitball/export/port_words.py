@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from fitball.export.golden_table import UNITS
 from fitball.inference.prediction.port_check import PortCheck
+from fitball.observables import SI_UNITS
 
-_UNITS = {**UNITS, "v_2": "m/s", "theta_2": "rad"}
 EXPLANATION = (
     "Relative: speeds to the incident speed of the ball's centre and surface together, spins times the radius\n"
     "likewise, contact times to themselves; angles in radians. Double precision gives 1e-12 or better."
@@ -21,7 +20,7 @@ def port_text(check: PortCheck, ids: Sequence[str], model: str) -> str:
     head = f"{'output':<14}{'largest difference':<28}{'relative':<12}{'at':<12}"
     lines += [head.rstrip()]
     for item in check.outputs:
-        size = f"{item.absolute:.3g} {_UNITS[item.name]}"
+        size = f"{item.absolute:.3g} {SI_UNITS[item.name]}"
         lines.append(
             f"{item.name:<14}{size:<28}{item.relative:<12.2g}{ids[item.worst]:<12}{_verdict(check, item.relative)}"
         )
@@ -51,7 +50,7 @@ def port_json(check: PortCheck, ids: Sequence[str], model: str) -> dict[str, Any
         "tolerance": check.tolerance,
         "outputs": {
             item.name: {
-                "unit": _UNITS[item.name],
+                "unit": SI_UNITS[item.name],
                 "absolute": item.absolute,
                 "relative": item.relative,
                 "impact": ids[item.worst],

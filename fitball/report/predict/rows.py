@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from fitball.data.table import REBOUND_UNITS
 from fitball.inference.prediction.holdout_scores import ObservableScore
 from fitball.inference.prediction.new_impacts import NewPrediction, OutputPrediction
 from fitball.inference.results.quantiles import BAND
-from fitball.report.form.display_units import Scale, handy
+from fitball.observables import OBSERVABLES
+from fitball.report.form.display_units import Scale, output_scale
 from fitball.values import FloatArray
 
 DEGREE = 57.29577951308232
@@ -22,11 +22,6 @@ RANGE_UNITS: Mapping[str, Scale] = {
     "theta_1": Scale("deg", DEGREE),
     "omega_1": Scale("rad/s", 1.0),
 }
-
-
-def output_scale(name: str) -> Scale:
-    """The unit an output is shown in."""
-    return handy(name, REBOUND_UNITS[name])
 
 
 def _columns(item: OutputPrediction) -> dict[str, FloatArray]:
@@ -117,7 +112,7 @@ def prediction_json(
             }
         )
     return {
-        "units": {item.name: REBOUND_UNITS[item.name] for item in prediction.outputs},
+        "units": {item.name: OBSERVABLES[item.name].unit for item in prediction.outputs},
         "draws": prediction.draws,
         "calibrated": {name: list(ends) for name, ends in found.limits.items()},
         "hull_slack": found.slack,
