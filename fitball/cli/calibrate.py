@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from fitball.cli.options import add_cores, add_structure, count, tell_notes
+from fitball.cli.options import ModelHelp, add_cores, add_structure, count, tell_notes
 from fitball.cli.progress import ProgressLine
 from fitball.errors import ParameterError
 
@@ -35,12 +35,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help=HELP,
         description=HELP[0].upper() + HELP[1:] + ".",
         epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=ModelHelp,
     )
     parser.add_argument(
         "data", nargs="+", metavar="DATA", help="a table (CSV or Parquet), or the name of a bundled one"
     )
-    parser.add_argument("--model", metavar="NAME", help="two-mass (default), thesis-exact, grip-slip or brody")
+    parser.add_argument("--model", metavar="NAME", help="{ranked}")
     parser.add_argument(
         "--closure", metavar="NAME=OPTION", action="append", default=[], help="replace a closure, e.g. normal=total"
     )

@@ -6,7 +6,7 @@ import argparse
 import os
 from pathlib import Path
 
-from fitball.cli.options import tell_notes
+from fitball.cli.options import ModelHelp, tell_notes
 from fitball.cli.progress import ProgressLine
 from fitball.errors import ModelError
 
@@ -16,7 +16,7 @@ EXAMPLE = """examples:
   fitball compare my_balls.csv --models brody,grip-slip,two-mass,two-mass+torsion=free
   fitball compare wang_zero_spin.csv --quick --json
 
-A model is brody, grip-slip, thesis-exact or two-mass, the last two with +CLOSURE=OPTION for each closure changed:
+A model is {ladder}, the last two with +CLOSURE=OPTION for each closure changed:
 release (zero_force, zero_displacement), normal (momentum, total, inner), offset (contact, grip), spin (mean, shell),
 inertia (tied, table), torsion (matched, free, rigid), cor (line, mean, measured).
 
@@ -31,7 +31,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help=HELP,
         description=HELP[0].upper() + HELP[1:] + ".",
         epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=ModelHelp,
     )
     parser.add_argument("data", metavar="DATA", help="a table (CSV or Parquet), or the name of a bundled one")
     parser.add_argument("--models", metavar="A,B,...", help="models to compare (default: those that can differ here)")

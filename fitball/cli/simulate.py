@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fitball.cli.options import count, tell_notes
+from fitball.cli.options import ModelHelp, count, tell_notes
 from fitball.errors import ParameterError, suggestion
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="one impact through time: velocities, spins, forces, slip and grip",
         description=DESCRIPTION,
         epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=ModelHelp,
     )
     parser.add_argument(
         "--impact", metavar="TEXT", help='the impact, e.g. "v=17, theta=18, spin=100" (default: m/s, deg, rad/s)'
@@ -45,7 +45,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--model",
         metavar="NAME",
-        help="two-mass (default) or thesis-exact, with +CLOSURE=OPTION for each one changed",
+        help="{followed}, with +CLOSURE=OPTION for each one changed",
     )
     parser.add_argument(
         "--set", metavar="NAME=VALUE", action="append", default=[], dest="values",
