@@ -56,8 +56,8 @@ def enough_memory() -> Iterator[None]:
         yield
     except MemoryError as error:
         raise MemoryShortageError(
-            f"the memory of this machine does not suffice ({error or 'nothing left'}): fit fewer rows or models at "
-            "once, with fewer --cores and --walkers, or calibrate with --point-only, which needs least"
+            f"the memory of this machine does not suffice ({str(error) or 'nothing left'}): fit fewer rows or models "
+            "at once, with fewer --cores and --walkers, or calibrate with --point-only, which needs least"
         ) from None
 
 

@@ -57,7 +57,7 @@ class Ball:
 
 @dataclass(frozen=True)
 class Impacts:
-    """Incident states, one entry an impact, all of shape (impacts,).
+    """Incident states, one entry per impact, all of shape (impacts,).
 
     `v_x1` [m/s] along the court, `v_y1` [m/s] towards the court (positive), `omega_1` [rad/s] with
     topspin positive. `cor` is each impact's own measured coefficient of restitution, needed only by
@@ -74,7 +74,7 @@ class Impacts:
         for name in names:
             array = np.array(getattr(self, name), dtype=np.float64, ndmin=1)
             if array.ndim != 1:
-                raise ParameterError(f"{name} has shape {array.shape}: expected one value an impact")
+                raise ParameterError(f"{name} has shape {array.shape}: expected one value per impact")
             bad = np.flatnonzero(~np.isfinite(array))
             if bad.size:
                 raise ParameterError(f"{name}[{bad[0]}] = {array[bad[0]]}: expected finite numbers")

@@ -25,8 +25,9 @@ from fitball.inference.prediction.outputs import root_mean_square
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import RunStatus
 from fitball.inference.thesis.published_cases import chapter_five_predictions
-from fitball.report.compare.folder import json_text
+from fitball.report.compare.rows import json_content
 from fitball.report.compare.words import words
+from fitball.report.form.json_text import json_text
 from fitball.studies.thesis import ranking
 from fitball.studies.thesis.published_sets import published_sets
 
@@ -209,7 +210,7 @@ def test_published_sets_score_as_the_ranking_of_the_thesis_does():
     # Figures of the README's section on the thesis.
     assert root_mean_square(found["Table 9, case 3"].errors["omega_2"]) == pytest.approx(128.4, abs=0.1)
     best = found["Appendix C, 5: M1/M = 2/3, k_y = 80"]
-    assert best.told == ("v_y2",)
+    assert best.given_columns == ("v_y2",)
     assert root_mean_square(best.errors["omega_2"]) == pytest.approx(23.04, abs=0.01)
     part = {item.name: item for item in published_sets(load_table("wang_topspin.csv"))}
     np.testing.assert_allclose(part["Table 9, case 1"].errors["v_x2"], found["Table 9, case 1"].errors["v_x2"][7:14])
@@ -234,7 +235,7 @@ def test_a_pareto_k_without_a_number_is_null_in_json():
     k[0] = np.inf
     broken = replace(first, loo=replace(first.loo, pareto_k=k))
     assert broken.loo.doubtful[0] == 0
-    content = json.loads(json_text(replace(found, models=(broken, *found.models[1:])), "words"))
+    content = json.loads(json_text(json_content(replace(found, models=(broken, *found.models[1:])), "words")))
     assert content["models"][0]["pareto_k"]["d0"] is None
 
 

@@ -68,6 +68,7 @@ def test_wheel_carries_tables_scenes_schemas_and_template(tmp_path):
         "fitball/report/fit.schema.json",
         "fitball/export/parameters.schema.json",
         "fitball/report/templates/report.html.j2",
+        "fitball/py.typed",
     ):
         assert needed in names
     # Installed elsewhere, without the checkout, the bundled tables are found.

@@ -1,1 +1,5 @@
-"""The command line: parse, call, print, exit code."""
+"""The command line, a module for each verb: parse, call the rooms below, print, exit code.
+
+Offers: `main`, the program `fitball`.
+May import: api, studies, export, report, inference, models, data.
+"""

@@ -6,29 +6,29 @@ import argparse
 import json
 from pathlib import Path
 
-from fitball.cli.options import add_study, stages
+from fitball.cli.options import add_study, add_verb, stages
 
 DEFAULT_FOLDER = Path("fits") / "bench"
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb `bench`."""
-    parser = subparsers.add_parser(
+    parser = add_verb(
+        subparsers,
         "bench",
+        run,
         help="speed against error, and where time goes",
-        description="Measure time an impact against error for the closed form and for what one would write without "
+        description="Measure time per impact against error for the closed form and for what one would write without "
         "it, cold starts, the stages of a calibration, and growth with rows and draws. Writes CSV files, a figure "
         "and a summary.",
         epilog="example:\n  fitball bench --quick\n",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--quick", action="store_true", help="a minute instead of some")
     add_study(parser, DEFAULT_FOLDER)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do it; returns the exit code."""
+    """Measure, write the folder, print the summary."""
     from fitball.studies.bench.measure import FULL, QUICK, measure
     from fitball.studies.bench.page import summary, write
 

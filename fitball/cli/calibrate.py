@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from fitball.cli.options import ModelHelp, add_cores, add_structure, count, tell_notes
+from fitball.cli.options import add_cores, add_structure, add_verb, count, tell_notes
 from fitball.cli.progress import ProgressLine
 from fitball.errors import ParameterError
 
@@ -30,13 +30,7 @@ Results go to fits/<table>/<model>/ below the current folder unless --out names 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb to the command line."""
-    parser = subparsers.add_parser(
-        "calibrate",
-        help=HELP,
-        description=HELP[0].upper() + HELP[1:] + ".",
-        epilog=EXAMPLE,
-        formatter_class=ModelHelp,
-    )
+    parser = add_verb(subparsers, "calibrate", run, help=HELP, epilog=EXAMPLE)
     parser.add_argument(
         "data", nargs="+", metavar="DATA", help="a table (CSV or Parquet), or the name of a bundled one"
     )
@@ -63,11 +57,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--resume", action="store_true", help="go on with an interrupted or unconverged run")
     parser.add_argument("--overwrite", action="store_true", help="replace an older result in the folder")
     parser.add_argument("--max-steps", type=count, metavar="N", help="steps of each ensemble at most (default 20000)")
-    parser.add_argument("--walkers", type=count, metavar="N", help="walkers of each ensemble (default 4 a parameter)")
+    parser.add_argument(
+        "--walkers", type=count, metavar="N", help="walkers of each ensemble (default 4 per parameter)"
+    )
     add_cores(parser)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.add_argument("--quiet", action="store_true", help="no progress, no table: only errors and files")
-    parser.set_defaults(run=run)
 
 
 def pairs(option: str, given: Sequence[str], convert: Callable[[str], T]) -> dict[str, T]:
@@ -88,7 +83,7 @@ def pairs(option: str, given: Sequence[str], convert: Callable[[str], T]) -> dic
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do it; returns the exit code."""
+    """Fit, write the result folder, print the summary; 1 where the posterior did not converge."""
     progress = ProgressLine(args.quiet)
     progress("loading", None)
     from fitball.data.force_place import find_force

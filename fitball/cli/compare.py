@@ -6,7 +6,7 @@ import argparse
 import os
 from pathlib import Path
 
-from fitball.cli.options import ModelHelp, tell_notes
+from fitball.cli.options import add_verb, tell_notes
 from fitball.cli.progress import ProgressLine
 from fitball.errors import ModelError
 
@@ -26,13 +26,7 @@ did not converge."""
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb to the command line."""
-    parser = subparsers.add_parser(
-        "compare",
-        help=HELP,
-        description=HELP[0].upper() + HELP[1:] + ".",
-        epilog=EXAMPLE,
-        formatter_class=ModelHelp,
-    )
+    parser = add_verb(subparsers, "compare", run, help=HELP, epilog=EXAMPLE)
     parser.add_argument("data", metavar="DATA", help="a table (CSV or Parquet), or the name of a bundled one")
     parser.add_argument("--models", metavar="A,B,...", help="models to compare (default: those that can differ here)")
     parser.add_argument("--config", metavar="FILE.toml", help="scene file (default: the .toml beside DATA)")
@@ -46,11 +40,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--overwrite", action="store_true", help="replace an older result in the folder")
     parser.add_argument("--json", action="store_true", help="print compare.json")
     parser.add_argument("--quiet", action="store_true", help="no progress, no table: only errors and the folder")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do it; returns the exit code."""
+    """Fit and score every model, write the folder, print the tables; 1 where a posterior did not converge."""
     progress = ProgressLine(args.quiet)
     progress("loading", None)
     from fitball.data.read import load_table
@@ -59,9 +52,12 @@ def run(args: argparse.Namespace) -> int:
     from fitball.inference.comparison.candidates import build_candidates, default_names
     from fitball.inference.comparison.compare import ESS, MAX_STEPS, compare
     from fitball.inference.results.results import RunStatus
-    from fitball.report.compare.folder import json_text, prepare, write_all
+    from fitball.report.compare.folder import JSON_NAME, write_all
+    from fitball.report.compare.rows import json_content
     from fitball.report.compare.text import render
     from fitball.report.compare.words import words
+    from fitball.report.form.folders import clear_folder
+    from fitball.report.form.json_text import json_text
     from fitball.studies.thesis.published_sets import published_sets
 
     scene = load_scene(args.data, args.config)
@@ -77,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     for candidate in candidates.candidates:
         effort.settings(candidate.problem)
     folder = Path(args.out) if args.out else Path("fits") / table.name / "compare"
-    prepare(folder, overwrite=args.overwrite)
+    clear_folder(folder, JSON_NAME, overwrite=args.overwrite)
     if not args.quiet:
         progress.finish()
         tell_notes([*table.remarks, *scene.assumed, *said])
@@ -88,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     write_all(found, text, folder)
     progress.finish()
     if args.json:
-        print(json_text(found, text), end="")
+        print(json_text(json_content(found, text)), end="")
     elif args.quiet:
         print(folder)
     else:

@@ -6,6 +6,7 @@ import argparse
 import json
 from typing import TYPE_CHECKING, Any
 
+from fitball.cli.options import add_verb
 from fitball.errors import FitballError, SceneError, TableError
 from fitball.visible import one_line
 
@@ -23,14 +24,14 @@ _EXAMPLES = """examples:
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb `datasets` with its actions."""
-    parser = subparsers.add_parser(
+    parser = add_verb(
+        subparsers,
         "datasets",
+        run,
         help="list, show and check impact tables",
         description="List the tables that come with fitball, show one, or check a file and name every fault.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.set_defaults(run=run)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     _add_action(actions, "list", "names of the bundled tables", "fitball datasets list")
     show = _add_action(
@@ -55,13 +56,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def _add_action(
     actions: argparse._SubParsersAction[argparse.ArgumentParser], name: str, text: str, example: str
 ) -> argparse.ArgumentParser:
-    parser = actions.add_parser(
-        name,
-        help=text,
-        description=text[0].upper() + text[1:] + ".",
-        epilog=f"example:\n  {example}\n",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = add_verb(actions, name, run, help=text, epilog=f"example:\n  {example}\n")
     parser.add_argument("--json", action="store_true", help="print JSON for other programs")
     return parser
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fitball.cli.options import tell_notes
+from fitball.cli.options import add_verb, tell_notes
 from fitball.errors import ParameterError, suggestion
 
 if TYPE_CHECKING:
@@ -42,12 +42,13 @@ Check a port with fitball verify."""
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb to the command line."""
-    parser = subparsers.add_parser(
+    parser = add_verb(
+        subparsers,
         "export",
+        run,
         help="a fitted parameter set in another form: C, Python, tables, engines",
         description="Write a fit in another form. Nothing is fitted or sampled again.",
         epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("fit", metavar="FIT", help="a result folder of fitball calibrate, or its fit.json")
     parser.add_argument("--to", metavar="FORMAT", required=True, help=", ".join(FORMAT_NAMES))
@@ -62,11 +63,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--engine-inertia", type=float, metavar="X", help="engine: I/(M R^2) of its sphere (0.4: solid)"
     )
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do it; returns the exit code."""
+    """Write the fit in the form asked for, or print it."""
     if args.to not in FORMAT_NAMES:
         raise ParameterError(f"--to {args.to}: {suggestion(args.to, FORMAT_NAMES)}")
     _refuse_idle(args)

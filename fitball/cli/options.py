@@ -48,6 +48,26 @@ def count(text: str) -> int:
     return value
 
 
+def add_verb(
+    subparsers: argparse._SubParsersAction[argparse.ArgumentParser],
+    name: str,
+    run: Callable[[argparse.Namespace], int],
+    help: str,
+    epilog: str,
+    description: str | None = None,
+) -> argparse.ArgumentParser:
+    """Add a verb whose work is `run`, which returns the exit code; without a `description` it is the help."""
+    parser = subparsers.add_parser(
+        name,
+        help=help,
+        description=description or help[0].upper() + help[1:] + ".",
+        epilog=epilog,
+        formatter_class=ModelHelp,
+    )
+    parser.set_defaults(run=run)
+    return parser
+
+
 def add_cores(parser: argparse.ArgumentParser) -> None:
     """Add `--cores`; without it all the machine has."""
     parser.add_argument(

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fitball.cli.options import add_verb
 from fitball.errors import ParameterError, ResultFolderError, suggestion
 from fitball.report.figures.names import FIGURES
 
@@ -29,23 +30,23 @@ Nothing is fitted or sampled again."""
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb `plot`."""
-    parser = subparsers.add_parser(
+    parser = add_verb(
+        subparsers,
         "plot",
+        run,
         help="figures of a fit from its saved files",
         description="Draw figures of a fit from fit.json and the draws beside it.",
         epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("fit", metavar="FIT", help="a fit.json, or the folder that holds one")
     parser.add_argument("kind", metavar="KIND", help=f"{', '.join(FIGURES)} or all")
     parser.add_argument("--format", default="png", metavar="FORMAT", help="png (default), svg or pdf")
     parser.add_argument("--out", metavar="DIR", help="folder to write to (default: beside fit.json)")
     parser.add_argument("--quiet", action="store_true", help="no notes: only errors and files")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do it; returns the exit code."""
+    """Draw what was asked for and print the places of the files."""
     if args.kind not in (*FIGURES, "all"):
         raise ParameterError(f"unknown figure '{args.kind}': {suggestion(args.kind, (*FIGURES, 'all'))}")
     if args.format not in FORMATS:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fitball.cli.options import tell_notes
+from fitball.cli.options import add_verb, tell_notes
 from fitball.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -37,13 +36,7 @@ POINT_ONLY = "a point fit has no posterior: values at the point estimate, withou
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb to the command line."""
-    parser = subparsers.add_parser(
-        "predict",
-        help=HELP,
-        description=DESCRIPTION,
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = add_verb(subparsers, "predict", run, help=HELP, description=DESCRIPTION, epilog=EXAMPLE)
     parser.add_argument("fit", metavar="FIT", help="a result folder of fitball calibrate, or its fit.json")
     parser.add_argument("data", metavar="DATA", nargs="?", help="impacts: a table, or the name of a bundled one")
     parser.add_argument(
@@ -61,11 +54,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the simulated noise (default 1)")
     parser.add_argument("--json", action="store_true", help="print JSON (SI units, angles in radians)")
     parser.add_argument("--quiet", action="store_true", help="no table and no notes: only errors and files")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do it; returns the exit code."""
+    """Predict the impacts, print them and what data say of them."""
     if bool(args.impact) == (args.data is not None):
         raise ParameterError("predict needs impacts: either DATA or --impact, one of them")
     if args.seed < 0:
@@ -77,6 +69,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.observables import OBSERVABLES
     from fitball.report.form.atomic_write import refuse_existing, write_text
     from fitball.report.form.csv import csv_text
+    from fitball.report.form.json_text import json_text
     from fitball.report.predict.rows import prediction_csv_rows, prediction_json
     from fitball.report.predict.text import render_prediction, render_scores
 
@@ -110,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
     if not args.quiet:
         tell_notes(notes)
     if args.json:
-        print(json.dumps(prediction_json(prediction, ids, judged, notes), indent=1, allow_nan=False))
+        print(json_text(prediction_json(prediction, ids, judged, notes)), end="")
     elif not args.quiet:
         print(render_prediction(prediction, ids))
         if judged:

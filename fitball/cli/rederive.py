@@ -6,29 +6,29 @@ import argparse
 import json
 from pathlib import Path
 
-from fitball.cli.options import add_study, stages
+from fitball.cli.options import add_study, add_verb, stages
 
 DEFAULT_FOLDER = Path("fits") / "chapter_five"
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb `rederive`."""
-    parser = subparsers.add_parser(
+    parser = add_verb(
+        subparsers,
         "rederive",
+        run,
         help="Chapter V and Appendices C and D of Jafri (2004) from their tables",
         description="Recompute the printed tables of Jafri (2004), judge its three best cases against Wang's "
         "measurements, and write a page. Exit code 1 if a comparison with print no longer gives the counts and "
         "numbers that it gave when a person last looked.",
         epilog="example:\n  fitball rederive\n  fitball rederive --out judged --json\n",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--seed", type=int, default=1, help="seed of fits and resampling (default: 1)")
     add_study(parser, DEFAULT_FOLDER)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do it; returns the exit code."""
+    """Compute the tables again, write the page, print what holds; 1 where a count has changed."""
     from fitball.inference.calibrate import Effort
     from fitball.report.form.text_table import columns
     from fitball.studies.thesis.chapter_five import derive

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import tempfile
 from contextlib import nullcontext
 from pathlib import Path
 
-from fitball.cli.options import add_cores
+from fitball.cli.options import add_cores, add_verb
 from fitball.cli.progress import ProgressLine
 
 HELP = "run a fit again and say whether the result is the same"
@@ -26,13 +25,7 @@ EXAMPLE = """examples:
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb to the command line."""
-    parser = subparsers.add_parser(
-        "repeat",
-        help=HELP,
-        description=DESCRIPTION,
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = add_verb(subparsers, "repeat", run, help=HELP, description=DESCRIPTION, epilog=EXAMPLE)
     parser.add_argument(
         "fit",
         metavar="FIT",
@@ -46,17 +39,17 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add_cores(parser)
     parser.add_argument("--json", action="store_true", help="print every comparison as JSON")
     parser.add_argument("--quiet", action="store_true", help="no progress and no table: only the outcome and errors")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do it; returns the exit code."""
+    """Run the fit again and print what differs; 0 where nothing does, 1 where the results contradict each other."""
     progress = ProgressLine(args.quiet)
     progress("loading", None)
     from dataclasses import replace
 
     from fitball.inference.sampling.ensembles import SamplingInterrupted
     from fitball.report.fit.folder import prepare, write_all
+    from fitball.report.form.json_text import json_text
     from fitball.report.saved.run_record import find_records, find_tables, read_run, record_problem
     from fitball.studies.repeat.compare import Outcome, compared
     from fitball.studies.repeat.rerun import check_rows, read_kept, rerun, write_numbers
@@ -86,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
         for note in found.notes:
             print(f"note: {note}", file=sys.stderr)
     if args.json:
-        print(json.dumps(repetition_json(found, original.content), indent=1, allow_nan=False))
+        print(json_text(repetition_json(found, original.content)), end="")
     elif args.quiet:
         print(found.outcome)
     else:

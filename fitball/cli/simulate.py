@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fitball.cli.options import ModelHelp, count, tell_notes
+from fitball.cli.options import add_verb, count, tell_notes
 from fitball.errors import ParameterError, suggestion
 
 if TYPE_CHECKING:
@@ -31,12 +31,13 @@ EXAMPLE = """examples:
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb `simulate`."""
-    parser = subparsers.add_parser(
+    parser = add_verb(
+        subparsers,
         "simulate",
+        run,
         help="one impact through time: velocities, spins, forces, slip and grip",
         description=DESCRIPTION,
         epilog=EXAMPLE,
-        formatter_class=ModelHelp,
     )
     parser.add_argument(
         "--impact", metavar="TEXT", help='the impact, e.g. "v=17, theta=18, spin=100" (default: m/s, deg, rad/s)'
@@ -63,11 +64,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--csv", metavar="FILE.csv", help="write the courses to this file too")
     parser.add_argument("--json", action="store_true", help="print JSON (SI units)")
     parser.add_argument("--quiet", action="store_true", help="no table and no notes: only errors and files")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do it; returns the exit code."""
+    """Solve the impact, write its course, print it."""
     if args.format not in FORMATS:
         raise ParameterError(f"--format {args.format}: {suggestion(args.format, FORMATS)}")
     _check_together(args)
@@ -77,13 +77,14 @@ def run(args: argparse.Namespace) -> int:
         print(list_text())
         return 0
     from fitball.report.form.atomic_write import refuse_existing
-    from fitball.report.history.folder import prepare
+    from fitball.report.form.folders import clear_folder
+    from fitball.report.history.folder import CSV_NAME, FIGURE_STEM, JSON_NAME
 
     solved, name, content, text, title, panels = _example(args) if args.example else _one(args)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER / name
     if args.csv is not None:
         refuse_existing(Path(args.csv), args.overwrite)
-    prepare(folder, overwrite=args.overwrite)
+    clear_folder(folder, JSON_NAME, CSV_NAME, f"{FIGURE_STEM}.*", overwrite=args.overwrite)
     _write(args, folder, solved, content, text, title, panels)
     return 0
 
@@ -198,8 +199,9 @@ def _write(
     """Figure and files, then what was asked for on stdout."""
     from fitball.report.form.atomic_write import write_text
     from fitball.report.form.csv import csv_text
+    from fitball.report.form.json_text import json_text
     from fitball.report.history.figure import history_figure
-    from fitball.report.history.folder import json_text, write_all
+    from fitball.report.history.folder import write_all
     from fitball.report.history.rows import history_rows, simulation_json
 
     content = {**extra, "simulations": [simulation_json(item) for item in solved]}

@@ -94,7 +94,7 @@ def make_parser() -> argparse.ArgumentParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run; returns the exit code."""
+    """Draw, fit, rank, or damage files; 1 where something does not hold."""
     args = make_parser().parse_args(argv)
     try:
         with visible_streams():

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fitball.cli.options import add_verb
 from fitball.errors import Fault, ParameterError, ResultFolderError, TableError
 
 if TYPE_CHECKING:
@@ -33,12 +33,13 @@ Exit code 0 if every impact passes, 1 if one fails."""
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb to the command line."""
-    parser = subparsers.add_parser(
+    parser = add_verb(
+        subparsers,
         "verify",
+        run,
         help="check a port of a fitted model against its golden impacts",
         description="Compare the outputs of another program with the golden impacts of a fit.",
         epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("port", metavar="PORT.csv", help="outputs of the port for the golden impacts")
     parser.add_argument("--fit", metavar="FIT", help="result folder or fit.json (default: beside PORT.csv)")
@@ -47,11 +48,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("--json", action="store_true", help="print JSON (SI units, angles in radians)")
     parser.add_argument("--quiet", action="store_true", help="print the result alone")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do it; returns the exit code."""
+    """Compare the port and print where it deviates; 0 where it agrees, else 1."""
     if not (math.isfinite(args.tolerance) and args.tolerance > 0.0):
         raise ParameterError(f"--tolerance {args.tolerance:g}: expected a positive number")
     from fitball.data.port_file import read_port
@@ -59,6 +59,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.export.port_words import port_json, port_text
     from fitball.inference.prediction.port_check import check_port
     from fitball.observables import OBSERVABLES
+    from fitball.report.form.json_text import json_text
     from fitball.report.saved.saved_fit import read_fit
 
     saved = read_fit(_fit_path(args.port, args.fit))
@@ -74,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     regimes = None if port.regimes is None else tuple(port.regimes[k] for k in order)
     check = check_port(saved.fitted, saved.golden, outputs, regimes, args.tolerance)
     if args.json:
-        print(json.dumps(port_json(check, ids, saved.fitted.model_name), indent=1, allow_nan=False))
+        print(json_text(port_json(check, ids, saved.fitted.model_name)), end="")
     else:
         text = port_text(check, ids, saved.fitted.model_name)
         print(text[text.rindex("\n\n") + 2 :] if args.quiet else text)

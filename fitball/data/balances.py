@@ -66,7 +66,7 @@ class Balances:
         return (self.mu_bar, self.e_x, self.offset, self.cor, self.energy_lost, self.energy_fraction)
 
     def rows(self) -> Iterator[dict[str, str]]:
-        """One row an impact for a CSV file: names with units as keys; absent values empty, with a remark."""
+        """One row per impact for a CSV file: names with units as keys; absent values empty, with a remark."""
         return (self._row(index) for index in range(len(self.ids)))
 
     def _row(self, index: int) -> dict[str, str]:

@@ -13,7 +13,7 @@ from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.errors import SceneError, TableError
 
-NONE = "none"
+LEFT_OUT = "none"
 
 
 def find_force(
@@ -25,7 +25,7 @@ def find_force(
     that over a file `<table>_force.csv` (or Parquet) beside a single table. Raises TableError as `load_force` does,
     SceneError for a scene that says how records are and no record.
     """
-    if named == NONE:
+    if named == LEFT_OUT:
         return None, ("force records are left out on request",)
     if named is not None:
         return load_force(Path(named), table), ()

@@ -9,7 +9,7 @@ from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, Impacts
 
 # Notices of one kind that are told one by one.
-SAID = 3
+NOTICES_TOLD = 3
 
 
 @dataclass(frozen=True)
@@ -44,12 +44,12 @@ def summed_up(notices: Iterable[Notice]) -> tuple[str, ...]:
         kinds.setdefault(notice.kind or f"\0{place}", []).append(notice)
     found: list[str] = []
     for kind, members in kinds.items():
-        if len(members) <= SAID:
+        if len(members) <= NOTICES_TOLD:
             found += map(str, members)
             continue
-        named = ", ".join(str(item.row) for item in members[:SAID])
+        named = ", ".join(str(item.row) for item in members[:NOTICES_TOLD])
         first = replace(members[0], message=members[0].message.removeprefix(f"{kind}: "))
-        found.append(f"rows {named} and {len(members) - SAID:,} more: {kind}; {first}")
+        found.append(f"rows {named} and {len(members) - NOTICES_TOLD:,} more: {kind}; {first}")
     return tuple(found)
 
 

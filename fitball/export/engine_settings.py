@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -14,6 +13,7 @@ from fitball.inference.prediction.extrapolation import calibrated_range
 from fitball.models.kernels.contact import zero_force_release
 from fitball.observables import COMPARED
 from fitball.report.form.display_units import output_scale
+from fitball.report.form.json_text import json_text
 from fitball.report.saved.saved_fit import SavedFit
 
 # Contact time taken where the model has none [s]: a tennis ball's is 4 to 5.5 ms (Cross; Brody).
@@ -28,7 +28,7 @@ def engine_texts(saved: SavedFit, at: str | None, inertia_ratio: float) -> Mappi
     if not saved.fitted.tangential and (abs(point.v_x1[0]) > 0.0 or abs(point.omega_1[0]) > 0.0):
         raise ParameterError("this fit is of drop tests and knows no friction: give v_y alone")
     found = fit_engine(saved.fitted, point, inertia_ratio)
-    return {".md": _page(saved, found), ".json": json.dumps(_content(saved, found), indent=1, allow_nan=False) + "\n"}
+    return {".md": _page(saved, found), ".json": json_text(_content(saved, found))}
 
 
 def mujoco(found: EngineFit) -> dict[str, Any]:

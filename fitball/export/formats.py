@@ -10,10 +10,11 @@ from fitball.export.engine_settings import engine_texts
 from fitball.export.golden_table import golden_table
 from fitball.export.lookup_table import lookup_note, lookup_texts
 from fitball.export.paper_table import latex_table, markdown_table
-from fitball.export.parameter_set import json_text, parameter_table, toml_text
+from fitball.export.parameter_set import parameter_content, parameter_table, toml_text
 from fitball.export.port.c import c_port
 from fitball.export.port.port import Port, make_port
 from fitball.export.port.python import python_port
+from fitball.report.form.json_text import json_text
 from fitball.report.saved.saved_fit import SavedFit
 
 
@@ -64,7 +65,7 @@ TEXT_FORMATS: Mapping[str, TextFormat] = {
     "c": TextFormat("bounce", _c),
     "lookup": TextFormat("lookup", lambda saved, options: lookup_texts(saved, options.range), lookup_note),
     "engine": TextFormat("engine", lambda saved, options: engine_texts(saved, options.at, options.engine_inertia)),
-    "json": _parameters(".json", json_text),
+    "json": _parameters(".json", lambda saved: json_text(parameter_content(saved))),
     "toml": _parameters(".toml", toml_text),
     "csv": _parameters(".csv", parameter_table),
     "latex": _parameters(".tex", latex_table),

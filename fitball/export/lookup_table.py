@@ -11,6 +11,7 @@ from fitball.inference.prediction.lookup import SEED, Lookup, default_axes, make
 from fitball.models.types import regime_name
 from fitball.observables import SI_UNITS
 from fitball.report.form.csv import csv_text
+from fitball.report.form.json_text import json_text
 from fitball.report.saved.saved_fit import SavedFit
 
 
@@ -18,7 +19,7 @@ def lookup_texts(saved: SavedFit, grid: str | None) -> Mapping[str, str]:
     """The table and its description. Raises ParameterError for a grid that is none."""
     axes = default_axes(saved.fitted) if grid is None else parse_grid(grid)
     found = make_lookup(saved.fitted, axes)
-    content = json.dumps(_content(saved, found), indent=1, allow_nan=False) + "\n"
+    content = json_text(_content(saved, found))
     return {".csv": csv_text(_rows(found)), ".json": content}
 
 

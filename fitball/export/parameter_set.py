@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import tomli_w
@@ -76,11 +75,6 @@ def _parameter(item: SavedParameter) -> dict[str, Any]:
     return found
 
 
-def json_text(saved: SavedFit) -> str:
-    """The set as JSON; NaN cannot occur."""
-    return json.dumps(parameter_content(saved), indent=1, allow_nan=False) + "\n"
-
-
 def toml_text(saved: SavedFit) -> str:
     """The same as TOML."""
     head = "# A fitted parameter set of fitball; SI units unless a unit stands beside a number.\n"
@@ -88,7 +82,7 @@ def toml_text(saved: SavedFit) -> str:
 
 
 def parameter_table(saved: SavedFit) -> str:
-    """CSV: one row a parameter, in SI and, where the thesis has a unit of its own, in that."""
+    """CSV: one row per parameter, in SI and, where the thesis has a unit of its own, in that."""
     rows: list[dict[str, object]] = []
     for item in saved.parameters.values():
         scale = THESIS.get(item.name)

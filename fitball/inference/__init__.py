@@ -1,1 +1,5 @@
-"""Where tables meet models: priors, fits, posteriors, verdicts."""
+"""Where tables meet models. The rooms within hold the steps; here is the whole road from a problem to a fit.
+
+Offers: `calibrate` and `Effort`.
+May import: models, data.
+"""

@@ -187,7 +187,7 @@ class Model(ABC):
         for name, column in zip(names, columns, strict=True):
             spec = self.specs[name]
             if column.ndim > 1:
-                raise ParameterError(f"{name} has shape {column.shape}: expected a number or one value a draw")
+                raise ParameterError(f"{name} has shape {column.shape}: expected a number or one value per draw")
             bad = ~((column >= spec.lower) & (column <= spec.upper))
             if np.any(bad):
                 value = column[bad][0] if column.ndim else column

@@ -1,1 +1,6 @@
-"""Studies built on the rooms above: Chapter V, speed against error, calibration checks."""
+"""Programs about fitball rather than about a table: is the thesis reproduced, are the posteriors calibrated, what
+does speed cost, does a run repeat, can a damaged file bring a command down. A room for each; no one imports another.
+
+Offers: `thesis` (rederive), `sbc` (scripts/validate), `bench`, `repeat` and `fuzz`.
+May import: api, export, report, inference, models, data.
+"""

@@ -1,1 +1,5 @@
-"""The kernel-to-C99/Python translator (1,267 lines: a compiler front end, no report)."""
+"""A translator: the kernels of a calibrated model, with its parameters, as C99 or Python without dependencies.
+
+Offers: `c_port`, `python_port`.
+May import: inference.results, models.
+"""

@@ -1,1 +1,5 @@
-"""Which model: candidates, LOO, cross-validation, criteria, weights."""
+"""Which model: candidates fitted to one table and scored by what they predict of impacts left out.
+
+Offers: `compare` (a `Comparison`).
+May import: inference, models, data.
+"""

@@ -21,7 +21,7 @@ class Candidate:
     problem: Problem
 
     @property
-    def told(self) -> tuple[str, ...]:
+    def given_columns(self) -> tuple[str, ...]:
         """Measured columns that this model takes as input."""
         return ("v_y2",) if self.problem.model.needs_cor else ()
 
@@ -133,9 +133,9 @@ def _common_columns(candidates: Sequence[Candidate]) -> tuple[tuple[str, ...], l
                 f"{name} enters no score of the comparison, because {', '.join(without)} {verb} not predict it; "
                 "models that do are fitted to it all the same"
             )
-    told = [candidate for candidate in candidates if candidate.told]
+    informed = [candidate for candidate in candidates if candidate.given_columns]
     notes += [
-        f"{candidate.name} is told each measured {', '.join(candidate.told)}, also of left-out impacts"
-        for candidate in told
+        f"{candidate.name} is told each measured {', '.join(candidate.given_columns)}, also of left-out impacts"
+        for candidate in informed
     ]
     return common, notes

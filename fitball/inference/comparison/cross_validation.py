@@ -95,7 +95,7 @@ def refit(
 
 
 def leave_out(
-    problem: Problem, point: PointFit, folds: Sequence[Fold], told: Sequence[str], rng: np.random.Generator
+    problem: Problem, point: PointFit, folds: Sequence[Fold], given_columns: Sequence[str], rng: np.random.Generator
 ) -> tuple[tuple[Missed, ...], list[str]]:
     """Errors of the refits' predictions, one `Missed` a scheme, and a sentence for each fold without a fit."""
     measured = measured_outputs(problem.table)
@@ -109,7 +109,7 @@ def leave_out(
         except FitError as error:
             notes.append(f"without {fold.label}: {error}")
             continue
-        errors = output_errors(measured, predicted_outputs(best.rebound, told))
+        errors = output_errors(measured, predicted_outputs(best.rebound, given_columns))
         mine = {name: column[fold.rows] for name, column in errors.items()}
         found.setdefault(fold.scheme, []).append((fold, mine))
     return tuple(_joined(scheme, parts) for scheme, parts in found.items()), notes

@@ -14,7 +14,7 @@ from fitball.inference.problem.priors import Prior
 from fitball.inference.problem.problem import Problem
 
 # Where a normal prior is unbounded its flat stand-in ends this many standard deviations from the middle.
-FAR = 12.0
+FLAT_SDS = 12.0
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,8 @@ def criteria(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Criteri
 
 
 def _flat(prior: Prior) -> Prior:
-    """A prior with the same coordinate and no preference between the bounds, or within `FAR` sds without a bound."""
+    """A prior with the same coordinate, flat between the bounds, or within `FLAT_SDS` sds where there is none."""
     low, high = prior.ends
     if prior.normal:
-        low, high = max(low, prior.a - FAR * prior.b), min(high, prior.a + FAR * prior.b)
+        low, high = max(low, prior.a - FLAT_SDS * prior.b), min(high, prior.a + FLAT_SDS * prior.b)
     return replace(prior, normal=False, a=low, b=high)

@@ -27,14 +27,14 @@ RESAMPLES = 4000
 
 @dataclass(frozen=True)
 class FixedPrediction:
-    """A published parameter set: nothing is fitted. `errors` output -> (impacts,) in SI; `told` measured columns it
-    takes as input.
+    """A published parameter set: nothing is fitted. `errors` output -> (impacts,) in SI; `given_columns` are
+    measured ones that it takes as input.
     """
 
     name: str
     source: str
     errors: Mapping[str, FloatArray]
-    told: tuple[str, ...]
+    given_columns: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class ModelScore:
 
     name: str
     fit: Fit
-    told: tuple[str, ...]
+    given_columns: tuple[str, ...]
     loo: LeaveOneOut
     missed: tuple[Missed, ...]
     criteria: Criteria | None

@@ -94,7 +94,9 @@ def score_model(task: Task, report: Callable[[str], None] = lambda _stage: None)
     settings = refits.settings(problem)
     loo = leave_one_out(problem, fit, fit.posterior, columns, settings, exact=not task.quick)
     report("refits without some impacts")
-    missed, notes = leave_out(problem, fit.point, task.folds, candidate.told, np.random.default_rng(fold_seed))
+    missed, notes = leave_out(
+        problem, fit.point, task.folds, candidate.given_columns, np.random.default_rng(fold_seed)
+    )
     notes += fit.notes[len(problem.notes) :]
     every = {observable.name for observable in problem.observables} == set(columns)
     starts = (*fit.point.optima[:FOLLOWED], fit.least_squares.values, *task.beside)
@@ -111,7 +113,7 @@ def score_model(task: Task, report: Callable[[str], None] = lambda _stage: None)
     return ModelScore(
         name=candidate.name,
         fit=fit,
-        told=candidate.told,
+        given_columns=candidate.given_columns,
         loo=loo,
         missed=missed,
         criteria=found,

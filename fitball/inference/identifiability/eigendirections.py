@@ -33,7 +33,7 @@ NAMED = 0.25
 FAITHFUL = 1.25
 # Standard errors, in sds of the prior, from which the table is said to leave a direction open, and a gain by the
 # scene that makes it known through the scene.
-OPEN, GAIN = 1.0, 0.5
+OPEN_SDS, SCENE_GAIN = 1.0, 0.5
 # Standard error, as a share of that of two parameters, from which a third beside them is told.
 WITH_THIRD = 0.5
 
@@ -183,12 +183,12 @@ def _sentences(
     eigenvalues, vectors = np.linalg.eigh(alone)
     found: dict[str, Set[str]] = {}
     for k in range(eigenvalues.size):
-        if eigenvalues[k] * OPEN**2 >= 1.0:
+        if eigenvalues[k] * OPEN_SDS**2 >= 1.0:
             break
         vector = vectors[:, k]
         kept = [int(j) for j in np.argsort(-np.abs(vector)) if abs(vector[j]) >= NAMED]
         before, after = _error(vector, without), _error(vector, with_scene)
-        through = after < GAIN * before and problem.contact_time is not None
+        through = after < SCENE_GAIN * before and problem.contact_time is not None
         source = "only through the scene's contact time" if through else "only through the priors"
         named = {items[j].name for j in kept}
         if len(kept) == 1:

@@ -18,7 +18,7 @@ from fitball.values import FloatArray
 
 # Share of its peak that the marginal likelihood must keep over the outer twentieth of what was possible before for
 # that side to count as open. A normal likelihood 1.75 times as wide as a normal prior just does.
-OPEN = 0.5
+OPEN_SHARE = 0.5
 EDGE = 0.05
 # Contraction below which the table added next to nothing, whatever the shape.
 NEGLIGIBLE = 0.2
@@ -106,7 +106,7 @@ def open_ends(after: FloatArray, before: FloatArray) -> tuple[bool, bool]:
     # A posterior far narrower than the spacing of the reference has no width here: its peak is infinite.
     narrowest = float(np.min(np.diff(deciles)))
     left, right = np.mean(place < EDGE) / EDGE, np.mean(place > 1.0 - EDGE) / EDGE
-    return bool(left * narrowest > OPEN * 0.1), bool(right * narrowest > OPEN * 0.1)
+    return bool(left * narrowest > OPEN_SHARE * 0.1), bool(right * narrowest > OPEN_SHARE * 0.1)
 
 
 def _tied_to(names: tuple[str, ...], correlation: FloatArray, column: int) -> str:

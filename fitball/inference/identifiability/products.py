@@ -25,7 +25,7 @@ from fitball.values import FloatArray
 # Standard error, as a share of the smallest among its parts, from which a product deserves a name.
 BETTER = 0.8
 # Largest exponent, and how many products are named at most.
-POWER, MOST = 2, 3
+LARGEST_POWER, PRODUCTS_NAMED = 2, 3
 # Share of its prior's sd below which a value is zero but for rounding: a slope of its logarithm has no meaning.
 VANISHED = 1e-12
 
@@ -86,7 +86,7 @@ def known_products(covariance: FloatArray) -> list[Known]:
                 if error <= BETTER * part and (rival is None or error * rival.part < rival.error * part):
                     best[support] = Known(exponents, error, part)
         found += sorted(best.values(), key=lambda item: item.error / item.part)
-    return found[:MOST]
+    return found[:PRODUCTS_NAMED]
 
 
 def monomial_error(exponents: FloatArray, covariance: FloatArray) -> float:
@@ -98,7 +98,7 @@ def monomial_error(exponents: FloatArray, covariance: FloatArray) -> float:
 
 def _exponents(size: int) -> Iterator[tuple[int, ...]]:
     """Whole exponents without a common divisor, the first above zero, the smallest first."""
-    signed = [power for power in range(-POWER, POWER + 1) if power]
+    signed = [power for power in range(-LARGEST_POWER, LARGEST_POWER + 1) if power]
     every = (powers for powers in cartesian(signed, repeat=size) if powers[0] > 0 and gcd(*powers) == 1)
     yield from sorted(every, key=lambda powers: (sum(map(abs, powers)), [-power for power in powers]))
 

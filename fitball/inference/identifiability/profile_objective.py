@@ -64,7 +64,7 @@ class ProfileObjective:
 
     @cached_property
     def items(self) -> tuple[Parameter, ...]:
-        """The parameters of the objective, one a column."""
+        """The parameters of the objective, one per column."""
         return tuple(self.problem.free[k] for k in self.columns)
 
     @cached_property

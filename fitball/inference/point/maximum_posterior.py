@@ -26,8 +26,8 @@ ALTERNATED = 30.0
 SETTLED = 1e-5
 # Standardised distance within which two starts that were optima of samples belong to one optimum of the whole.
 ONE_BASIN = 0.3
-# Log density a measurement by which a start may lie below another and still lead to the higher optimum.
-HOPELESS = 0.1
+# Log density per measurement by which a start may lie below another and still lead to the higher optimum.
+HOPELESS_GAP = 0.1
 # Rows up to which the simplex polishes the maximum: it costs some thousand densities.
 CLIMBED = 1000
 
@@ -69,7 +69,7 @@ def follow_maximum(problem: Problem, starts: FloatArray, noise: Mapping[str, flo
     found = [_as_candidate(problem, start[None, :], noise) for start in starts]
     scale = Minimiser(problem, Weighting(found[0].noise, penalised=True)).scale()
     followed: list[Candidate] = []
-    least = max(item.score for item in found) - HOPELESS * sum(item.observed.size for item in problem.observables)
+    least = max(item.score for item in found) - HOPELESS_GAP * sum(item.observed.size for item in problem.observables)
     for item in sorted((item for item in found if item.score >= least), key=lambda item: -item.score):
         apart = [np.max(np.abs(item.at - other.at) / scale) > ONE_BASIN for other in followed]
         if all(apart):

@@ -27,15 +27,15 @@ def measured_outputs(table: ImpactTable) -> dict[str, FloatArray]:
     return {name: found[name] for name in OUTPUTS if name in found}
 
 
-def predicted_outputs(rebound: Rebound, told: Collection[str]) -> dict[str, FloatArray]:
-    """Outputs of one parameter set (impacts,), from rebounds (1, impacts); those a model is told, and a contact time
+def predicted_outputs(rebound: Rebound, given_columns: Collection[str]) -> dict[str, FloatArray]:
+    """Outputs of one parameter set (impacts,), from rebounds (1, impacts); those given to a model, and a contact time
     it does not have, are left out.
     """
     found = {}
     for name in OUTPUTS:
         column = OBSERVABLES[name]
-        # Who is told the restitution knows it of the speed as well.
-        given = name in told or (column.restitution and "v_y2" in told)
+        # Who is given the restitution knows it of the speed as well.
+        given = name in given_columns or (column.restitution and "v_y2" in given_columns)
         values = column.predict(rebound)[0]
         if not given and not (column.timed and np.any(np.isnan(values))):
             found[name] = values

@@ -1,4 +1,6 @@
-"""What is asked: the frozen Problem, its parameters, priors, observables, structure of the noise.
+"""What is asked: one frozen `Problem` made of table, model, parameters, priors, observables and the structure of the
+noise. It computes rebounds, and no density.
 
-Computes rebounds, no density.
+Offers: `build_problem` with `Choices`.
+May import: models, data.
 """

@@ -14,7 +14,7 @@ from fitball.values import FloatArray
 
 @dataclass(frozen=True)
 class JointPrior:
-    """Independent `priors`, one a column."""
+    """Independent `priors`, one per column."""
 
     priors: tuple[Prior, ...]
 

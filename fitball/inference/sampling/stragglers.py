@@ -75,7 +75,7 @@ def left_behind_words(behind: NDArray[np.bool_]) -> tuple[str, ...]:
 
 
 def _axes(draws: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Principal axes (free, free), one a column, of draws (draws, free) in units of their sds, and the sds along
+    """Principal axes (free, free), one per column, of draws (draws, free) in units of their sds, and the sds along
     them (free,).
     """
     sds = draws.std(axis=0)

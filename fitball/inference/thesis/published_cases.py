@@ -77,7 +77,7 @@ def case_errors(table: ImpactTable) -> dict[int, dict[str, FloatArray]]:
     return found
 
 
-def compare_cases(table: ImpactTable, rebound: Rebound, told: tuple[str, ...]) -> CaseComparison | None:
+def compare_cases(table: ImpactTable, rebound: Rebound, given_columns: tuple[str, ...]) -> CaseComparison | None:
     """The cases beside a model whose `rebound` (1, impacts) is `told` some outputs; None for others' data."""
     errors = case_errors(table)
     if not errors:
@@ -95,7 +95,7 @@ def compare_cases(table: ImpactTable, rebound: Rebound, told: tuple[str, ...]) -
                 {name: root_mean_square(errors[case][name]) for name in COMPARED},
             )
         )
-    mine = output_errors(measured_outputs(table), predicted_outputs(rebound, told))
+    mine = output_errors(measured_outputs(table), predicted_outputs(rebound, given_columns))
     return CaseComparison(tuple(cases), {name: root_mean_square(mine[name]) for name in COMPARED if name in mine})
 
 
@@ -123,8 +123,8 @@ def spin_predictions(
     is told the restitution: `cor`, or each impact's own.
     """
     wang = measured(spin)
-    told = wang["v_y2"] / wang["v_y1"] if cor is None else cor
-    rebound = chosen.rebound(values, impacts(wang["v_x1"], wang["v_y1"], _incident_spin(spin), told))
+    restitution = wang["v_y2"] / wang["v_y1"] if cor is None else cor
+    rebound = chosen.rebound(values, impacts(wang["v_x1"], wang["v_y1"], _incident_spin(spin), restitution))
     return {
         "v_x2": rebound.v_x2,
         "v_y2": rebound.v_y2,

@@ -27,7 +27,7 @@ NumberArray = NDArray[Any]
 
 def carry(value: float, x: Number, slope: float) -> Number:
     """A function's `value` at the real part of `x` with what `x` carries, times the slope of the function there."""
-    carried: Number = _carried(value, x, slope) if isinstance(x, complex) else value
+    carried: Number = _carried(value, x, slope) if isinstance(x, complex) else value  # type: ignore[redundant-expr]
     return carried
 
 

@@ -1,1 +1,6 @@
-"""The slow independent solution."""
+"""Slow solutions that share no code with the kernels, against which these are checked: matrix exponentials, Taylor
+series of any precision.
+
+Offers: `oracle_rebound` and `oracle_rebound_mp`.
+May import: models.
+"""

@@ -39,7 +39,7 @@ DOUBLE = Arithmetic(
 
 
 def oracle_rebound(closures: Closures, ball: Ball, parameters: Mapping[str, float], impacts: Impacts) -> Rebound:
-    """Rebound of each impact, arrays of shape (impacts,), some milliseconds an impact.
+    """Rebound of each impact, arrays of shape (impacts,), some milliseconds per impact.
 
     `parameters` are in SI units by name; those that the closures do not need are ignored. Impacts
     without a solution hold NaN and their `Status`. Raises ParameterError for a missing parameter.
@@ -52,7 +52,7 @@ def oracle_rebound_mp(
 ) -> Rebound:
     """As `oracle_rebound`, computed with `digits` decimal digits and rounded to doubles at the end.
 
-    Takes the inputs as the exact values of their doubles. Seconds an impact.
+    Takes the inputs as the exact values of their doubles. Seconds per impact.
     """
     kind = digits_arithmetic(digits)
     return _rebound(kind, TaylorMarch(kind, digits), closures, ball, parameters, impacts)

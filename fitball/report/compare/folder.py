@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from fitball.inference.comparison.results import Comparison
@@ -10,26 +9,11 @@ from fitball.report.compare.figure import compare_figure
 from fitball.report.compare.rows import csv_rows, json_content
 from fitball.report.compare.text import render
 from fitball.report.figures.save import save_figure
-from fitball.report.form.atomic_write import remove, write_text
+from fitball.report.form.atomic_write import write_text
 from fitball.report.form.csv import csv_text
-from fitball.report.form.folders import holds_older
+from fitball.report.form.json_text import json_text
 
 JSON_NAME = "compare.json"
-
-
-def prepare(folder: Path, *, overwrite: bool) -> None:
-    """Make the folder, or refuse one that holds an older comparison.
-
-    Raises ResultFolderError. With `overwrite` the old `compare.json` is removed first, so that no mixture of two
-    results can pass for one.
-    """
-    if holds_older(folder, JSON_NAME, overwrite=overwrite):
-        remove(folder / JSON_NAME)
-
-
-def json_text(found: Comparison, words: str) -> str:
-    """`compare.json` as text."""
-    return json.dumps(json_content(found, words), indent=1, allow_nan=False) + "\n"
 
 
 def write_all(found: Comparison, words: str, folder: Path) -> None:
@@ -37,4 +21,4 @@ def write_all(found: Comparison, words: str, folder: Path) -> None:
     save_figure(compare_figure(found), folder / "compare.png")
     write_text(folder / "compare.csv", csv_text(csv_rows(found)))
     write_text(folder / "compare.txt", render(found, words, folder) + "\n")
-    write_text(folder / JSON_NAME, json_text(found, words))
+    write_text(folder / JSON_NAME, json_text(json_content(found, words)))

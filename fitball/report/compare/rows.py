@@ -99,7 +99,7 @@ def extrapolation_table(found: Comparison) -> list[list[str]]:
 
 
 def csv_rows(found: Comparison) -> list[dict[str, object]]:
-    """One row a model and a published set, numbers at full precision, errors in the units of their heads."""
+    """One row per model and published set, numbers at full precision, errors in the units of their heads."""
     best = found.models[0].name
     ways, outputs = schemes(found), scored_outputs(found)
     rows: list[dict[str, object]] = []
@@ -158,7 +158,7 @@ def json_content(found: Comparison, words: str) -> dict[str, Any]:
         "version": __version__,
         "models": [_model_content(found, item, best) for item in found.models],
         "published": [
-            {"name": item.name, "source": item.source, "told": list(item.told), "rms": published_rms(item),
+            {"name": item.name, "source": item.source, "told": list(item.given_columns), "rms": published_rms(item),
              "errors": {name: column.tolist() for name, column in item.errors.items()}}
             for item in found.published
         ],
@@ -171,7 +171,7 @@ def _model_content(found: Comparison, item: ModelScore, best: str) -> dict[str, 
     return {
         "name": item.name,
         "closures": dict(item.fit.problem.model.options),
-        "told": list(item.told),
+        "told": list(item.given_columns),
         "status": str(item.fit.status),
         "free_parameters": item.free,
         "elpd": item.loo.total,

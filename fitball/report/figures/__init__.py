@@ -1,1 +1,5 @@
-"""Figures of a fit: arrays, then drawing; kinds.py is the registry."""
+"""Figures of a fit: the arrays first, then the drawing; one registry of kinds.
+
+Offers: `KINDS`, `draw`, `save_figure`.
+May import: report.form, inference, models, data.
+"""

@@ -1,4 +1,4 @@
-"""The figure of profile likelihoods: one panel a parameter, with the levels that end its intervals."""
+"""The figure of profile likelihoods: one panel per parameter, with the levels that end its intervals."""
 
 from __future__ import annotations
 

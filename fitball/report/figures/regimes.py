@@ -76,7 +76,7 @@ def regime_colours(regimes: Sequence[str]) -> list[str]:
 
 
 def regimes_figure(fit: Drawable) -> Figure:
-    """One bar an impact, a colour a phase sequence."""
+    """One bar per impact, one colour per phase sequence."""
     assert fit.predictive is not None
     data = regime_bars(fit, fit.predictive)
     figure = new_figure(8.5, 1.7 + 0.27 * len(data.labels))

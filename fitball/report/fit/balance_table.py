@@ -11,7 +11,7 @@ from fitball.report.form.rounding import decimals, fixed, significant
 
 @dataclass(frozen=True)
 class BalanceTable:
-    """`heads` with units, `rows` of cells beginning with the impact's id, `legend` one sentence a column."""
+    """`heads` with units, `rows` of cells beginning with the impact's id, `legend` one sentence per column."""
 
     heads: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]

@@ -12,7 +12,7 @@ from fitball.report.form.display_units import THESIS
 
 
 def summary_rows(fit: Fit) -> list[dict[str, object]]:
-    """One row a parameter, SI at full precision, with the factor to the thesis's unit."""
+    """One row per parameter, SI at full precision, with the factor to the thesis's unit."""
     rows: list[dict[str, object]] = []
     for item in fit.estimates:
         scale = THESIS.get(item.name)
@@ -39,7 +39,7 @@ def summary_rows(fit: Fit) -> list[dict[str, object]]:
 
 
 def prediction_rows(fit: Fit) -> Iterator[dict[str, object]]:
-    """One row an impact and measured column: measured, predicted, with intervals in SI (angles in radians)."""
+    """One row per impact and measured column: measured, predicted, with intervals in SI (angles in radians)."""
     for observable in fit.problem.observables:
         point = observable.predict(fit.point.rebound)[0]
         found = None
@@ -58,7 +58,7 @@ def prediction_rows(fit: Fit) -> Iterator[dict[str, object]]:
 
 
 def regime_rows(fit: Fit, found: Predictive) -> Iterator[dict[str, object]]:
-    """One row an impact and phase sequence with its posterior probability."""
+    """One row per impact and phase sequence with its posterior probability."""
     for name, shares in zip(fit.problem.table.ids, found.regimes, strict=True):
         for regime, share in shares.items():
             yield {"id": name, "regime": regime, "probability": float(np.round(share, 6))}

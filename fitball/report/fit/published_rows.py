@@ -28,8 +28,8 @@ class CaseTable:
 
 def case_table(fit: Fit) -> CaseTable | None:
     """The comparison; None where the data are not Wang's."""
-    told = ("v_y2",) if fit.problem.model.needs_cor else ()
-    found = compare_cases(fit.problem.table, fit.point.rebound, told)
+    given_columns = ("v_y2",) if fit.problem.model.needs_cor else ()
+    found = compare_cases(fit.problem.table, fit.point.rebound, given_columns)
     if found is None:
         return None
     heads = ("quantity", "unit", "this fit", *(f"case {item.case}" for item in found.cases))

@@ -6,21 +6,25 @@ import os
 from pathlib import Path
 
 from fitball.errors import ResultFolderError
+from fitball.report.form.atomic_write import remove
 
 
-def holds_older(folder: Path, record: str, *, overwrite: bool) -> bool:
-    """Make a folder that can be written; whether it holds an older `record` that is to be replaced.
+def clear_folder(folder: Path, record: str, *others: str, overwrite: bool) -> None:
+    """Make a folder for a new `record`; with `overwrite` an older one is removed first, and the `others` (patterns)
+    beside it, so that no mixture of two results can pass for one.
 
-    Raises ResultFolderError when it cannot be made, or holds one that may not.
+    Raises ResultFolderError when it cannot be made, or holds a record that may not be replaced.
     """
     make_folder(folder)
     if not (folder / record).exists():
-        return False
+        return
     if not overwrite:
         raise ResultFolderError(
             f"{folder}: holds {record} of an older run; use --overwrite to replace it, or --out to write elsewhere"
         )
-    return True
+    for pattern in (record, *others):
+        for place in folder.glob(pattern):
+            remove(place)
 
 
 def make_folder(folder: Path) -> None:

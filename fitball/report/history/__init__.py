@@ -1,1 +1,5 @@
-"""All of `simulate`: rows, text, figure, folder."""
+"""The course of single contacts for a person: rows, text, figure, folder.
+
+Offers: `render_all`, `history_figure`, `write_all`.
+May import: report.saved, report.figures, report.form, inference, models, data.
+"""

@@ -48,7 +48,7 @@ def _number(value: float) -> float | None:
 
 
 def prediction_csv_rows(prediction: NewPrediction, ids: Sequence[str]) -> list[dict[str, object]]:
-    """One row an impact; headers carry units. Intervals `mean_*` are of the rebound itself, `data_*` of a new
+    """One row per impact; headers carry units. Intervals `mean_*` are of the rebound itself, `data_*` of a new
     measurement of it.
     """
     impacts, found = prediction.impacts, prediction.range
@@ -86,7 +86,7 @@ def _extrapolated(prediction: NewPrediction, row: int) -> str:
 def prediction_json(
     prediction: NewPrediction, ids: Sequence[str], scores: Sequence[ObservableScore], notes: Sequence[str]
 ) -> dict[str, Any]:
-    """All of it in SI (angles in radians), one object an impact."""
+    """All of it in SI (angles in radians), one object per impact."""
     found = prediction.range
     impacts = []
     for k, name in enumerate(ids):

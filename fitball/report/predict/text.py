@@ -15,7 +15,7 @@ from fitball.report.form.rounding import decimals, fixed, interval, significant
 from fitball.report.form.text_table import MOST_LINES, WIDTH, columns, more
 from fitball.report.predict.rows import RANGE_UNITS
 
-# Up to so many impacts each has a table of its own; more stand one a line.
+# Up to so many impacts each has a table of its own; more stand one per line.
 IN_FULL = 4
 # Remarks on single impacts that are printed; the file and JSON hold all.
 REMARKS = 12
@@ -132,7 +132,7 @@ def _percent(share: float) -> str:
 
 
 def _in_brief(prediction: NewPrediction, ids: Sequence[str]) -> list[str]:
-    """One line an impact: the median, and the 95 % interval of a new measurement (of the rebound where the noise is
+    """One line per impact: the median, and the 95 % interval of a new measurement (of the rebound where the noise is
     not known).
     """
     impacts = prediction.impacts

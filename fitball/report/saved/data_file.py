@@ -1,4 +1,4 @@
-"""`data.nc`: the measurements that a fit was made from, one variable a column; `fit.json` holds their digest."""
+"""`data.nc`: the measurements that a fit was made from, one variable per column; `fit.json` holds their digest."""
 
 from __future__ import annotations
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import platform
 from importlib.metadata import version
 from pathlib import Path
@@ -14,6 +13,7 @@ from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.quantiles import SUMMARY
 from fitball.inference.results.results import Estimate, Fit, Golden
 from fitball.report.form.display_units import THESIS
+from fitball.report.form.json_text import json_text
 from fitball.report.saved import fit_file as parts
 from fitball.report.saved.data_file import data_part
 from fitball.report.saved.structure import part, plain
@@ -65,7 +65,7 @@ def package_versions() -> dict[str, str]:
 
 def fit_text(fit: Fit) -> str:
     """`fit.json` as text; NaN cannot occur."""
-    return json.dumps(plain(fit_file(fit)), indent=1, allow_nan=False) + "\n"
+    return json_text(plain(fit_file(fit)))
 
 
 def _parameter(estimate: Estimate) -> parts.ParameterPart:

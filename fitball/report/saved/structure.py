@@ -21,9 +21,9 @@ Content = dict[str, Any]
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 Counted = Annotated[int, msgspec.Meta(ge=1)]
 Digest = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
-MEND = "put back the file that fitball wrote, or run calibrate again"
+REMEDY = "put back the file that fitball wrote, or run calibrate again"
 # Characters of a message that quotes a file.
-MOST = 500
+LONGEST_MESSAGE = 500
 _STEP = re.compile(r"\.(?P<field>[^.\[\]]+)|\[(?P<index>\d+)\]|\[(?P<any>\.\.\.)\]")
 
 _QUOTED = re.compile("`([^`]*)`")
@@ -52,7 +52,7 @@ def read_json(place: Path) -> Content:
         content = msgspec.json.decode(data)
         json.loads(data, object_pairs_hook=_each_key_once)
     except (ValueError, RecursionError) as error:
-        raise ResultFolderError(f"{place}: not readable as JSON: {_words(error)}; {MEND}") from None
+        raise ResultFolderError(f"{place}: not readable as JSON: {_words(error)}; {REMEDY}") from None
     return content if isinstance(content, dict) else {}
 
 
@@ -62,14 +62,14 @@ def read_toml(place: Path) -> Content:
     try:
         return tomllib.loads(data.decode("utf-8"), parse_float=_finite)
     except (ValueError, RecursionError) as error:
-        raise ResultFolderError(f"{place}: not readable as TOML: {_words(error)}; {MEND}") from None
+        raise ResultFolderError(f"{place}: not readable as TOML: {_words(error)}; {REMEDY}") from None
 
 
 def refuse_foreign(place: Path, content: Content, kind: str, version: int) -> None:
     """Raise ResultFolderError for a file of another `kind`, or of an older or newer schema than `version`."""
     if content.get("kind") != kind:
         read = _shown(content.get("kind"))
-        raise ResultFolderError(f"{place}: not a file of this kind: read kind {read}, expected '{kind}'; {MEND}")
+        raise ResultFolderError(f"{place}: not a file of this kind: read kind {read}, expected '{kind}'; {REMEDY}")
     found = content.get("schema_version")
     if isinstance(found, bool) or found != version:
         older = isinstance(found, int) and found < version
@@ -118,13 +118,15 @@ def _named_kinds(match: re.Match[str]) -> str:
 
 def damaged(place: Path, what: str) -> ResultFolderError:
     """The error of a file that is not what fitball wrote: `what` says which part is not, and why."""
-    return ResultFolderError(f"{place}: damaged: {what if len(what) < MOST else what[:MOST] + '...'}; {MEND}")
+    return ResultFolderError(
+        f"{place}: damaged: {what if len(what) < LONGEST_MESSAGE else what[:LONGEST_MESSAGE] + '...'}; {REMEDY}"
+    )
 
 
 def _bytes(place: Path) -> bytes:
     try:
         if place.exists() and not place.is_file():
-            raise ResultFolderError(f"{place}: not a file; {MEND}")
+            raise ResultFolderError(f"{place}: not a file; {REMEDY}")
         return place.read_bytes()
     except FileNotFoundError:
         raise ResultFolderError(f"{place}: there is no such file; expected a result of fitball calibrate") from None

@@ -1,1 +1,5 @@
-"""Speed against error; hard cases."""
+"""Speed against error: the kernels beside general solvers, and cases on which a search could fail.
+
+Offers: `measure`, `hard_cases`.
+May import: api, export, report, inference, models, data.
+"""

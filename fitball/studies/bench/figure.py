@@ -13,7 +13,7 @@ MARKS = ("D", "d", "*", "o", "s", "^", "v", "P")
 
 
 def figure(found: Bench) -> Figure:
-    """Time an impact against largest error, one panel a scene, one curve a solver."""
+    """Time per impact against largest error, one panel per scene, one curve per solver."""
     names = list(dict.fromkeys(found.precision["scene"]))
     made = new_figure(13.0, 7.4)
     panels = made.subplots(2, 3, sharex=True, sharey=True).ravel()
@@ -34,7 +34,7 @@ def figure(found: Bench) -> Figure:
     for panel in panels[3:]:
         panel.set_xlabel("largest error / incident surface speed")
     for panel in panels[::3]:
-        panel.set_ylabel("microseconds an impact")
+        panel.set_ylabel("microseconds per impact")
     handles, labels = panels[1].get_legend_handles_labels()
     panels[-1].axis("off")
     panels[-1].legend(handles, labels, loc="center", frameon=False)

@@ -112,7 +112,7 @@ def errors(scene: Scene, solved: Solved) -> FloatArray:
 
 
 def work_precision(found: tuple[Scene, ...], pace: Pace) -> Iterator[dict[str, object]]:
-    """One row a solver, setting and scene: microseconds an impact, largest and median error."""
+    """One row per solver, setting and scene: microseconds per impact, largest and median error."""
     for scene in found:
         for solver, setting, action in _solvers(scene, pace):
             error = errors(scene, action())
@@ -197,7 +197,7 @@ def spread_draws(count: int, seed: int = 1) -> FloatArray:
 
 
 def batch_costs(pace: Pace, cores: int) -> pd.DataFrame:
-    """Microseconds an impact: a public call, one draw of 21 impacts, many, and many on all threads."""
+    """Microseconds per impact: a public call, one draw of 21 impacts, many, and many on all threads."""
     chosen = default_model()
     names = chosen.parameter_names
     wang = load_table("wang_all.csv").impacts

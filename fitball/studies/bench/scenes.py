@@ -53,7 +53,7 @@ def oracle() -> Oracle:
 def scenes(pool: Executor) -> tuple[Scene, ...]:
     """Sliding throughout, slide-grip-slide, grip from the start, Wang's 21, and the hard set of the default model.
 
-    `pool` shares the exact answers, half a second an impact.
+    `pool` shares the exact answers, half a second per impact.
     """
     chosen = default_model()
     names = chosen.parameter_names

@@ -1,1 +1,5 @@
-"""What users write and what lies in result folders, damaged at random: every command must end in exit 0 or 2."""
+"""What users write and what lies in result folders, damaged at random: every command must end with exit code 0 or 2.
+
+Offers: `run_target`, `all_targets`.
+May import: api, export, report, inference, models, data.
+"""

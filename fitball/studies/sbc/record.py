@@ -1,4 +1,4 @@
-"""Ranks on disk: a CSV file that grows by one line a replicate, in order, so that an interrupted run goes on.
+"""Ranks on disk: a CSV file that grows by one line per replicate, in order, so that an interrupted run goes on.
 
 The first line is a comment with all that the ranks depend on. The same seed gives the same bytes, whatever the number
 of processes and interruptions.

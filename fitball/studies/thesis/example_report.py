@@ -12,7 +12,7 @@ from fitball.studies.thesis.simulate_examples import EXAMPLES, Example
 
 
 def list_text() -> str:
-    """All examples, one a line."""
+    """All examples, one per line."""
     return "\n".join(columns([["example", "what it shows"], *([item.name, item.title] for item in EXAMPLES)], left=2))
 
 

@@ -30,7 +30,7 @@ PRINTED, MENDED, RECOMPUTED, EXACT = "printed", "mended", "recomputed", "exact"
 
 @dataclass(frozen=True)
 class Ranking:
-    """`errors` by set and output, (21,); `scores`: one row a set and group of impacts, root mean square errors and
+    """`errors` by set and output, (21,); `scores`: one row per set and group of impacts, root mean square errors and
     the joint score; `certainty`: for each set how often it is best, and among the best three, when the impacts are
     drawn anew, and the central 90 % of its excess over the best score.
     """
@@ -137,7 +137,7 @@ def rank_all(found: appendix_c.AppendixC, seed: int) -> dict[str, Ranking]:
 
 
 def side_by_side(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
-    """One row a set: its score, and how often it is first and among the first three, in every ranking."""
+    """One row per set: its score, and how often it is first and among the first three, in every ranking."""
     heads = {"score": "score", "best": "first", "among the best three": "among three"}
     parts = [
         item.pooled[list(heads)].rename(columns={key: f"{name}: {head}" for key, head in heads.items()})
@@ -147,7 +147,7 @@ def side_by_side(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
 
 
 def in_brief(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
-    """One row a set, in every ranking its score and, in brackets, the share of resamples in which it is first."""
+    """One row per set, in every ranking its score and, in brackets, the share of resamples in which it is first."""
     cells = {
         name: [f"{row['score']:.3f} ({100.0 * row['best']:.1f} %)" for _, row in item.pooled.iterrows()]
         for name, item in rankings.items()

@@ -50,7 +50,7 @@ def parse(text: str, place: str) -> tuple[Clause, ...]:
 
 
 def recomputed() -> pd.DataFrame:
-    """One row a cell with a slip: place, slip, printed and recomputed value, `residual` and the `stated` one (per
+    """One row per cell with a slip: place, slip, printed and recomputed value, `residual` and the `stated` one (per
     cent in Appendix C, percentage points in D), and the `source` of the slip, empty if it is on no list. Velocities
     and spins of C have the number of `candidates` and how many are `expected by chance` to come as near.
     """
