@@ -105,7 +105,7 @@ def _speed_gradient(v_x: FloatArray, v_y: FloatArray) -> tuple[FloatArray, Float
 
 
 def _angle_gradient(v_x: FloatArray, v_y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    square = v_x**2 + v_y**2
+    square = np.hypot(v_x, v_y) ** 2
     return -v_y / square, v_x / square
 
 

@@ -23,7 +23,8 @@ ALIKE = 0.01
 def slip_table(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
     """One row per set of Appendix C, over the impacts of Wang that slide throughout in its computation: the spin
     gained over what the loss of `v_x` gives by angular momentum, recomputed and printed (medians), and what the stray
-    cosine takes back of that loss (largest); then how far the computation is from the exact solution, over all impacts.
+    cosine takes back of that loss (largest); then how far the computation is from the exact solution, over all
+    impacts.
     """
     rows = []
     ours, exact = rankings[RECOMPUTED].errors, rankings[EXACT].errors
