@@ -23,7 +23,7 @@ def compare(problem: Problem, steps: int, seed: int) -> pd.DataFrame:
         raise FitError("this table states no error of the incident state: there is nothing to compare")
     rng = np.random.default_rng(seed)
     start = _start(problem, rng)
-    marginal = _sampled(problem.log_posterior, start, steps, rng)
+    marginal = _sampled(lambda at: log_posterior(problem, at), start, steps, rng)
     states = 0.3 * rng.standard_normal((start.shape[0], 3 * len(problem.impacts)))
     wide = np.concatenate([start, states], axis=1)
     # An ensemble needs twice as many walkers as it has dimensions.

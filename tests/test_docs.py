@@ -20,7 +20,6 @@ from scipy.stats import t as student
 import fitball
 from fitball.data.columns import LABELS, MEASURED
 from fitball.data.scene_file import KEYS
-from fitball.data.table import NOISE_OF
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
 from fitball.inference.comparison import cross_validation as leave_out
 from fitball.inference.comparison import psis_loo as loo
@@ -41,6 +40,7 @@ from fitball.inference.sampling import moves
 from fitball.models.registry import MODELS
 from fitball.models.specs import SPECS
 from fitball.models.types import PHASE_SYMBOL, Closures, ThesisClosures
+from fitball.observables import NOISE_OF
 from fitball.report.figures.kinds import KINDS
 from fitball.report.fit.folder import CHAIN_NAME
 from fitball.report.saved.data_file import COUNTS, NUMBERS
@@ -65,7 +65,7 @@ DECIDING = {
     "contraction that is next to nothing": identifiability.NEGLIGIBLE,
     "contraction without the scene that is not enough": identifiability.NOT_ALONE,
     "loss without the scene that counts": identifiability.RESTS_ON_SCENE,
-    "share of the peak at an open end": identifiability.OPEN,
+    "share of the peak at an open end": identifiability.OPEN_SHARE,
     "power-scaling sensitivity": power_scaling.SENSITIVE,
     "degrees of freedom for a noise of its own": measurement_noise.FREEDOM,
     "rows spent by parameters": measurement_noise.SPENT,
@@ -246,3 +246,23 @@ def test_the_posterior_is_the_sum_that_the_page_says(distribution):
         density = norm.logpdf(z) if distribution == "normal" else student.logpdf(z, truth["degrees_of_freedom"])
         total += np.sum(density - np.log(scale))
     assert log_posterior(problem, at)[0] == pytest.approx(total, rel=1e-12)
+
+
+def test_the_architecture_names_every_room():
+    root = DOCS.parent
+    packages = {str(item.parent.relative_to(root)) for item in (root / "fitball").glob("*/**/__init__.py")}
+    named = column(PAGES["architecture.md"], "room", "what is in it")
+    # A room that only holds rooms needs no row.
+    assert packages - named == {"fitball/report", "fitball/studies"} and named <= packages
+
+
+def test_files_that_contributors_are_told_of_exist():
+    text = (DOCS.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`((?:fitball|tests|docs|scripts)/[^`\s]+)`", text))
+    missing = {item for item in named if "NAME" not in item and not (DOCS.parent / item).exists()}
+    assert len(named) > 25 and not missing
+    for word in re.findall(r"`([A-Z][A-Z_]+)`", text):
+        if word != "NAME":
+            assert any(
+                word in item.read_text(encoding="utf-8") for item in (DOCS.parent / "fitball").rglob("*.py")
+            ), word

@@ -19,7 +19,7 @@ from fitball.inference.likelihood.incident_marginal import seen, standardised
 from fitball.inference.likelihood.posterior import log_likelihood_terms
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.incident import whitened
-from fitball.inference.problem.noise import log_density
+from fitball.inference.problem.noise import NORMAL
 from fitball.studies.bench.hard_cases import BASE
 from fitball.values import Impacts
 
@@ -93,7 +93,7 @@ def first_order(problem, values):
     made = problem.rebound(values)
     slopes = problem.slopes_like(columns, problem.impacts, rows)
     z, sds = standardised(seen(problem, columns), columns, made, slopes, problem.incident.covariance)
-    return np.sum([log_density(a, None) - np.log(b) for a, b in zip(z, sds, strict=True)], axis=0)[0]
+    return np.sum([NORMAL.log_density(a, {}) - np.log(b) for a, b in zip(z, sds, strict=True)], axis=0)[0]
 
 
 def total(problem, values):
@@ -107,7 +107,7 @@ def test_whitening_is_the_normal_density_of_all_observables():
     spreads = [np.full((5, 4), sd) for sd in (0.3, 1.0, 2.0)]
     gaps = [rng.standard_normal((5, 4)) for _ in range(3)]
     z, sds = whitened(gaps, spreads, shared)
-    found = np.sum([log_density(a, None) - np.log(b) for a, b in zip(z, sds, strict=True)], axis=0)
+    found = np.sum([NORMAL.log_density(a, {}) - np.log(b) for a, b in zip(z, sds, strict=True)], axis=0)
     for d in range(5):
         for i in range(4):
             covariance = shared[d, i] + np.diag([0.09, 1.0, 4.0])

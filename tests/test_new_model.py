@@ -22,6 +22,7 @@ from fitball.models.impulse_model import ImpulseModel
 from fitball.models.kernels.phases import GRIP
 from fitball.models.registry import MODELS, Entry
 from fitball.models.specs import ParameterSpec, specs
+from fitball.values import FloatArray
 
 CC = shutil.which("cc") or shutil.which("gcc")
 COLUMNS = ("e_y", "e_x", "drag", "ball_mass", "ball_radius", "ball_inertia")
@@ -32,7 +33,7 @@ compiled = numba.njit(error_model="numpy")
 
 
 @compiled
-def toy_bounce(row, v_x: float, v_y: float, omega: float) -> tuple[int, float, float, float, int]:
+def toy_bounce(row: FloatArray, v_x: float, v_y: float, omega: float) -> tuple[int, float, float, float, int]:
     """Constant restitutions both ways, and a share `drag` of the velocity along the court lost besides."""
     e_y, e_x, drag, mass, radius, inertia = row
     if not 0.0 < e_y.real <= 1.0:
@@ -109,7 +110,7 @@ def test_predict_takes_it(folder, capsys):
     assert main(["predict", str(folder), "--impact", "v=20, theta=30, spin=0", "--json"]) == 0
     (row,) = json.loads(capsys.readouterr().out)["impacts"]
     e_y = json.loads((folder / "fit.json").read_text("utf-8"))["parameters"]["e_y"]["point"]
-    assert row["predicted"]["v_y2"]["point"] == pytest.approx(10.0 * e_y, rel=1e-9), row
+    assert row["outputs"]["v_y2"]["point"] == pytest.approx(10.0 * e_y, rel=1e-9)
 
 
 def test_export_writes_it_in_python_and_in_c(folder, tmp_path):

@@ -19,7 +19,6 @@ from fitball.data.scene import Scene, load_scene
 from fitball.errors import FitError, ParameterError, TableError
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
 from fitball.inference.problem.build import Choices, build_problem
-from fitball.inference.problem.noise import as_residual, draw, log_density
 from fitball.models.types import Status
 from fitball.report.saved.fit_text import fit_text
 
@@ -61,18 +60,6 @@ def simulated(mu, seed, labels):
 
 def problem_of(table, **choices):
     return build_problem(table, Scene(), Choices(model="grip-slip", **choices))
-
-
-def test_students_t_is_scipys():
-    z = np.linspace(-9.0, 9.0, 41)
-    for nu in (2.0, 7.5, 100.0):
-        np.testing.assert_allclose(log_density(z, np.array(nu)), stats.t(nu).logpdf(z), rtol=1e-12)
-        squares = -2.0 * (stats.t(nu).logpdf(z) - stats.t(nu).logpdf(0.0))
-        np.testing.assert_allclose(as_residual(z, nu) ** 2, squares, rtol=1e-10, atol=1e-12)
-    np.testing.assert_allclose(log_density(z, None), stats.norm.logpdf(z), rtol=1e-12)
-    drawn = draw(np.random.default_rng(1), (20_000,), np.array(3.0))
-    assert stats.kstest(drawn, stats.t(3.0).cdf).pvalue > 0.01
-    assert stats.kstest(drawn, stats.norm.cdf).pvalue < 1e-6
 
 
 def test_the_likelihood_written_out():

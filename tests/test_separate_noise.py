@@ -15,7 +15,7 @@ from fitball.cli.main import main
 from fitball.data.balances import scene_balances
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
-from fitball.data.table import NOISE_OF, REBOUND_UNITS, SHARED_SD, Measurement
+from fitball.data.table import Measurement
 from fitball.errors import ParameterError
 from fitball.inference.comparison.candidates import build_candidates
 from fitball.inference.identifiability.profile import profiles
@@ -32,11 +32,12 @@ from fitball.inference.problem.measurement_noise import (
     noise_by_column,
     noise_in,
 )
-from fitball.inference.problem.observables import PREDICTED, Observable
+from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parameters import NOISE_SPECS, SD_SPECS
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.types import Rebound
-from fitball.report.form.display_units import handy
+from fitball.observables import NOISE_OF, OBSERVABLES, SHARED_SD
+from fitball.report.form.display_units import handy, output_scale
 
 WANG = load_table("wang_all.csv")
 TRUTH = {**GRIP_SLIP, "v_x_sd": 0.6, "v_y_sd": 0.1}
@@ -78,11 +79,10 @@ def made(count, seed, noise=TRUTH):
 
 
 def test_every_column_has_a_noise_with_its_unit():
-    assert NOISE_OF.keys() == REBOUND_UNITS.keys() == PREDICTED.keys()
     assert set(SD_SPECS) == {SHARED_SD, *NOISE_OF.values()}
-    for column, unit in REBOUND_UNITS.items():
-        assert SD_SPECS[NOISE_OF[column]].unit == unit
-        assert handy(NOISE_OF[column], unit) == handy(column, unit)
+    for name, item in OBSERVABLES.items():
+        assert SD_SPECS[item.noise.name].unit == item.unit
+        assert handy(item.noise.name, item.unit) == output_scale(name)
     assert handy("angle_sd", "rad").unit == "deg"
 
 

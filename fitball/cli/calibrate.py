@@ -34,7 +34,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "data", nargs="+", metavar="DATA", help="a table (CSV or Parquet), or the name of a bundled one"
     )
-    parser.add_argument("--model", metavar="NAME", help="two-mass (default), thesis-exact, grip-slip or brody")
+    parser.add_argument("--model", metavar="NAME", help="{ranked}")
     parser.add_argument(
         "--closure", metavar="NAME=OPTION", action="append", default=[], help="replace a closure, e.g. normal=total"
     )

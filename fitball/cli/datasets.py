@@ -185,12 +185,11 @@ def _faults(error: FitballError) -> list[dict[str, Any]]:
 
 def _columns(table: ImpactTable) -> dict[str, Any]:
     """Name with SI unit -> values, incident first."""
-    from fitball.data.table import REBOUND_UNITS
+    from fitball.observables import SI_UNITS
 
-    units = {"v_x1": "m/s", "v_y1": "m/s", "omega_1": "rad/s", **REBOUND_UNITS}
     columns = {name: getattr(table.impacts, name) for name in table.incident_columns}
     columns |= {measurement.name: measurement.values for measurement in (*table.measurements, *table.redundant)}
-    return {f"{name} [{units[name]}]": values for name, values in columns.items()}
+    return {f"{name} [{SI_UNITS[name]}]": values for name, values in columns.items()}
 
 
 def _print_columns(table: ImpactTable) -> None:

@@ -5,10 +5,36 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from fitball.visible import one_line
+
+
+class ModelHelp(argparse.RawDescriptionHelpFormatter):
+    """Help in which names of models stand for `{ranked}` (those that can be compared), `{ladder}` (the same, simplest
+    first) and `{followed}` (those with a history). They are asked for only when help is shown: kernels take a second
+    to load.
+    """
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        return None if action.help is None else _with_models(action.help)
+
+    def _format_text(self, text: str) -> str:
+        return super()._format_text(_with_models(text))
+
+
+def _with_models(text: str) -> str:
+    if "{" not in text:
+        return text
+    from fitball.models.registry import DEFAULT_MODEL, ranked, with_history
+
+    def listed(names: Sequence[str]) -> str:
+        return f"{', '.join(names[:-1])} or {names[-1]}"
+
+    marked = {name: f"{name} (default)" if name == DEFAULT_MODEL else name for name in ranked()}
+    text = text.replace("{ladder}", listed(ranked()[::-1])).replace("{ranked}", listed([*marked.values()]))
+    return text.replace("{followed}", listed([marked[name] for name in with_history()]))
 
 
 def count(text: str) -> int:
@@ -36,7 +62,7 @@ def add_verb(
         help=help,
         description=description or help[0].upper() + help[1:] + ".",
         epilog=epilog,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=ModelHelp,
     )
     parser.set_defaults(run=run)
     return parser

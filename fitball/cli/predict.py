@@ -66,6 +66,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.inference.prediction.holdout_scores import impacts_seen, scores
     from fitball.inference.prediction.new_impacts import observed_observables
     from fitball.inference.results.results import RunStatus, Verdict
+    from fitball.observables import OBSERVABLES
     from fitball.report.form.atomic_write import refuse_existing, write_text
     from fitball.report.form.csv import csv_text
     from fitball.report.form.json_text import json_text
@@ -91,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
         notes.append("the sampler of this fit did not converge: intervals may change")
     unknown = [output.name for output in prediction.outputs if output.rebound is not None and output.measured is None]
     # A contact time is seldom measured: nobody misses its noise.
-    silent = [name for name in unknown if name != "contact_time"]
+    silent = [name for name in unknown if not OBSERVABLES[name].timed]
     if silent:
         notes.append(f"the fit knows no noise of {', '.join(silent)}: no interval of a new measurement")
     stiffness = saved.parameters.get("k_y")

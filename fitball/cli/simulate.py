@@ -46,7 +46,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--model",
         metavar="NAME",
-        help="two-mass (default) or thesis-exact, with +CLOSURE=OPTION for each one changed",
+        help="{followed}, with +CLOSURE=OPTION for each one changed",
     )
     parser.add_argument(
         "--set", metavar="NAME=VALUE", action="append", default=[], dest="values",

@@ -58,6 +58,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.export.golden_table import golden_ids
     from fitball.export.port_words import port_json, port_text
     from fitball.inference.prediction.port_check import check_port
+    from fitball.observables import OBSERVABLES
     from fitball.report.form.json_text import json_text
     from fitball.report.saved.saved_fit import read_fit
 
@@ -67,9 +68,10 @@ def run(args: argparse.Namespace) -> int:
     order = _order(port, ids)
     _check_incident(port, order, saved.golden)
     outputs = {name: values[order] for name, values in port.outputs.items()}
-    if "contact_time" in outputs and not saved.fitted.model.has_time:
-        message = f"model {saved.fitted.model_name} has no contact time to compare with; delete the column"
-        raise TableError(port.source, [Fault(message, column="contact_time")])
+    timed = [OBSERVABLES[name] for name in outputs if OBSERVABLES[name].timed]
+    if timed and not saved.fitted.model.has_time:
+        message = f"model {saved.fitted.model_name} has no {timed[0].title} to compare with; delete the column"
+        raise TableError(port.source, [Fault(message, column=timed[0].name)])
     regimes = None if port.regimes is None else tuple(port.regimes[k] for k in order)
     check = check_port(saved.fitted, saved.golden, outputs, regimes, args.tolerance)
     if args.json:

@@ -15,9 +15,10 @@ import numpy as np
 
 from fitball.data.propagation import Uncertain
 from fitball.data.scene import Scene
-from fitball.data.table import NOISE_OF, ImpactTable, Measurement
+from fitball.data.table import ImpactTable, Measurement
 from fitball.data.velocity import velocity
 from fitball.errors import ParameterError
+from fitball.observables import NOISE_OF
 from fitball.values import Ball, FloatArray
 
 

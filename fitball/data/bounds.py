@@ -16,9 +16,10 @@ from fitball.data.propagation import Uncertain
 from fitball.data.raw import RawRow
 from fitball.data.redundancy import independent
 from fitball.data.scene import Scene
-from fitball.data.table import NOISE_OF, Notice
+from fitball.data.table import Notice
 from fitball.data.velocity import velocity
 from fitball.errors import Fault
+from fitball.observables import NOISE_OF
 from fitball.values import FloatArray
 
 # Chance that noise alone puts the worst row of a table this far above a bound, were every true value on it: 4.4 sd of

@@ -14,6 +14,7 @@ from fitball.data.number_column import NumberColumn
 from fitball.data.raw import RawRow
 from fitball.data.table import Notice
 from fitball.errors import Fault
+from fitball.observables import OBSERVABLES
 
 BoolArray = NDArray[np.bool_]
 
@@ -22,11 +23,9 @@ _SIGN_IS_CONVENTION = ("v_y2", "theta_2", "theta_1")
 _POSITIVE = {
     "v_y1": "a positive speed towards the court",
     "v_1": "a positive speed",
-    "v_y2": "a positive speed away from the court",
-    "v_2": "a positive speed",
-    "contact_time": "a positive time",
+    **{name: item.positive for name, item in OBSERVABLES.items() if item.positive},
 }
-_ANGLES = ("theta_1", "theta_2")
+_ANGLES = ("theta_1", *(name for name, item in OBSERVABLES.items() if item.angle))
 
 
 def one_sign(

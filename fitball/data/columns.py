@@ -7,8 +7,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-from fitball.data.units import Dimension, Unit, parse_unit
+from fitball.data.units import UNITS, Dimension, Unit, parse_unit
 from fitball.errors import Fault, UnitError
+from fitball.observables import OBSERVABLES
 
 INCIDENT: Mapping[str, Dimension] = {
     "v_x1": Dimension.SPEED,
@@ -17,14 +18,7 @@ INCIDENT: Mapping[str, Dimension] = {
     "theta_1": Dimension.ANGLE,
     "omega_1": Dimension.SPIN,
 }
-REBOUND: Mapping[str, Dimension] = {
-    "v_x2": Dimension.SPEED,
-    "v_y2": Dimension.SPEED,
-    "v_2": Dimension.SPEED,
-    "theta_2": Dimension.ANGLE,
-    "omega_2": Dimension.SPIN,
-    "contact_time": Dimension.TIME,
-}
+REBOUND: Mapping[str, Dimension] = {name: UNITS[item.unit].dimension for name, item in OBSERVABLES.items()}
 MEASURED: Mapping[str, Dimension] = {**INCIDENT, **REBOUND}
 LABELS = ("id", "surface", "ball", "group")
 SD_SUFFIX = "_sd"

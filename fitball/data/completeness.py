@@ -8,9 +8,9 @@ from fitball.data.columns import REBOUND, SD_SUFFIX, Header
 from fitball.data.redundancy import independent
 from fitball.data.table import Notice
 from fitball.errors import Fault
+from fitball.observables import OBSERVABLES
 
 _INCIDENT_FORMS = "v_x1 and v_y1, or v_1 and theta_1, or v_y1 alone for a drop test"
-_TANGENTIAL = ("v_x2", "v_2", "theta_2", "omega_2")
 
 
 def knows_incident(names: Iterable[str]) -> bool:
@@ -64,7 +64,9 @@ def _tangential_without_incident(present: Iterable[str], line: int | None) -> li
         "a rebound along the court without its incident motion; expected a column v_x1 "
         "(write zeros if the ball was dropped; a rebound speed straight up is v_y2)"
     )
-    return [Fault(message, line=line, column=name) for name in _TANGENTIAL if name in present]
+    return [
+        Fault(message, line=line, column=name) for name, item in OBSERVABLES.items() if item.along and name in present
+    ]
 
 
 def _lonely_sds(present: Iterable[str], line: int | None) -> list[Fault]:

@@ -24,6 +24,7 @@ from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable, Measurement, Notice
 from fitball.data.velocity import velocity
 from fitball.errors import Fault, TableError
+from fitball.observables import OBSERVABLES, VELOCITIES
 from fitball.values import FloatArray, Impacts
 
 LEAST_IMPACTS = 2
@@ -118,7 +119,7 @@ def _assemble(
     notices: list[Notice],
 ) -> ImpactTable:
     impacts, incident_columns, incident_sd, covariance = _incident(columns, len(raw.rows))
-    counted = {*independent(columns, "2"), "omega_2", "contact_time"}
+    counted = {*independent(columns, "2"), *(OBSERVABLES.keys() - VELOCITIES)}
     remarks = [*notices, *_unit_notices(columns), *_unused_sds(columns)]
     rebound = [_measurement(columns, name) for name in REBOUND if name in columns]
     return ImpactTable(

@@ -11,8 +11,8 @@ from fitball.data.bundled import resolve_table
 from fitball.data.frozen import FrozenMapping
 from fitball.data.scene_file import Quantity, SceneFile, read_scene_file
 from fitball.data.scene_limits import range_fault
-from fitball.data.table import NOISE_OF, SHARED_SD
 from fitball.errors import ParameterError, SceneError
+from fitball.observables import NOISE_OF, SHARED_SD
 from fitball.values import WANG_INERTIA_RATIO, WANG_MASS, WANG_RADIUS, Ball
 
 NOMINAL_VELOCITY_SD = 0.25
@@ -40,7 +40,7 @@ class Scene:
 
     `source` is the scene file (None: there is none). `ball_sd` has some of the keys mass, radius and
     inertia_ratio. `mu` is (value, sd or None), `contact_time` (value, sd), None when unknown.
-    `velocity_sd` (of each component) and those in `data.table.NOISE_OF` are known measurement noise, not to be
+    `velocity_sd` (of each component) and those in `observables.NOISE_OF` are known measurement noise, not to be
     fitted; the nominal ones are orders of magnitude. `velocity_noise` says whether the columns of the velocity share
     one noise ("tied") or have one each ("separate"), None: as the table can tell. `priors` are texts such as
     `normal(0.55, 0.05)` by parameter. `distribution` is that of the noise; `pool` maps parameters to the label column

@@ -14,8 +14,8 @@ from math import isfinite
 from pathlib import Path
 
 from fitball.data.scene_limits import range_fault
-from fitball.data.table import NOISE_OF, SHARED_SD
 from fitball.errors import SceneError, fault_list, suggestion
+from fitball.observables import NOISE_OF, SHARED_SD
 from fitball.visible import folded, kind_of
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from fitball.observables import OBSERVABLES, SHARED_SD
+
 
 @dataclass(frozen=True)
 class Range:
@@ -16,9 +18,13 @@ class Range:
 
 
 # Balls from a grain of shot to the largest that people throw; instruments from far better to far worse than any.
-_SPEED = Range(1e-9, 1000.0, "1e-9 to 1000 m/s")
-_SPIN = Range(1e-9, 1e5, "1e-9 to 1e5 rad/s")
 _TIME_SD = Range(1e-12, 0.1, "1e-12 to 0.1 s, in s")
+_SDS: Mapping[str, Range] = {
+    "m/s": Range(1e-9, 1000.0, "1e-9 to 1000 m/s"),
+    "rad": Range(1e-9, 6.3, "1e-9 to 6.3 rad, in rad"),
+    "rad/s": Range(1e-9, 1e5, "1e-9 to 1e5 rad/s"),
+    "s": _TIME_SD,
+}
 RANGES: Mapping[str, Range] = {
     "ball.mass": Range(1e-6, 20.0, "1 mg to 20 kg, in kg"),
     "ball.radius": Range(1e-4, 0.5, "0.1 mm to 0.5 m, in m"),
@@ -26,13 +32,10 @@ RANGES: Mapping[str, Range] = {
     "surface.mu": Range(1e-6, 100.0, "1e-6 to 100"),
     "contact_time.value": Range(1e-4, 0.1, "0.1 to 100 ms, in s"),
     "contact_time.sd": _TIME_SD,
-    **dict.fromkeys(
-        (f"measurement.{name}_sd" for name in ("velocity", "nominal_velocity", "v_x", "v_y", "speed")), _SPEED
-    ),
-    "measurement.angle_sd": Range(1e-9, 6.3, "1e-9 to 6.3 rad, in rad"),
-    "measurement.spin_sd": _SPIN,
-    "measurement.nominal_spin_sd": _SPIN,
-    "measurement.contact_time_sd": _TIME_SD,
+    f"measurement.{SHARED_SD}": _SDS["m/s"],
+    "measurement.nominal_velocity_sd": _SDS["m/s"],
+    "measurement.nominal_spin_sd": _SDS["rad/s"],
+    **{f"measurement.{item.noise.name}": _SDS[item.unit] for item in OBSERVABLES.values()},
     "force.sd": Range(1e-9, 1e6, "1e-9 to 1e6 N"),
     "force.start_sd": _TIME_SD,
 }

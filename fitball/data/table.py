@@ -5,29 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
+from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, Impacts
 
-# Rebound quantities a table may hold, with the SI unit they are kept in (angles in radians).
-REBOUND_UNITS: Mapping[str, str] = {
-    "v_x2": "m/s",
-    "v_y2": "m/s",
-    "omega_2": "rad/s",
-    "v_2": "m/s",
-    "theta_2": "rad",
-    "contact_time": "s",
-}
-# The noise of each, one standard deviation in its unit common to all rows that state none of their own; and the noise
-# of a velocity component [m/s], which all columns of the velocity may share.
-NOISE_OF: Mapping[str, str] = {
-    "v_x2": "v_x_sd",
-    "v_y2": "v_y_sd",
-    "v_2": "speed_sd",
-    "theta_2": "angle_sd",
-    "omega_2": "spin_sd",
-    "contact_time": "contact_time_sd",
-}
-SHARED_SD = "velocity_sd"
-VELOCITIES = ("v_x2", "v_y2", "v_2", "theta_2")
 # Notices of one kind that are told one by one.
 NOTICES_TOLD = 3
 
@@ -114,8 +94,8 @@ class ImpactTable:
     @property
     def has_tangential(self) -> bool:
         """Whether the table says anything about motion along the court."""
-        rebound = {measurement.name for measurement in self.measurements}
-        return "v_x1" in self.incident_columns and bool(rebound & {"v_x2", "v_2", "theta_2", "omega_2"})
+        along = any(OBSERVABLES[measurement.name].along for measurement in self.measurements)
+        return "v_x1" in self.incident_columns and along
 
     @property
     def has_spin(self) -> bool:

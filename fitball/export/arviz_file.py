@@ -9,8 +9,9 @@ import xarray as xr
 
 from fitball.errors import ResultFolderError
 from fitball.inference.results.results import Posterior, RunStatus
+from fitball.observables import SI_UNITS
 from fitball.report.form.atomic_write import write_whole
-from fitball.report.saved.data_file import DATA_NAME, INCIDENT, UNITS
+from fitball.report.saved.data_file import DATA_NAME, INCIDENT
 from fitball.report.saved.posterior_file import variable
 from fitball.report.saved.saved_fit import POSTERIOR_NAME, SavedFit
 from fitball.version import __version__
@@ -96,7 +97,7 @@ def _measured(saved: SavedFit) -> dict[str, xr.Dataset]:
     incident = {name: getattr(data.impacts, name) for name in INCIDENT}
     return {
         group: xr.Dataset(
-            {name: ("impact", column, {"units": UNITS[name]}) for name, column in columns.items()},
+            {name: ("impact", column, {"units": SI_UNITS[name]}) for name, column in columns.items()},
             coords={"impact": list(data.ids)},
         )
         for group, columns in (("observed_data", rebounds), ("constant_data", incident))

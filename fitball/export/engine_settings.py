@@ -8,9 +8,11 @@ from typing import Any
 
 from fitball.data.impact_text import parse_impact
 from fitball.errors import ParameterError
-from fitball.inference.prediction.engine_fit import OUTPUTS, EngineFit, EngineSettings, fit_engine, middle_impact
+from fitball.inference.prediction.engine_fit import EngineFit, EngineSettings, fit_engine, middle_impact
 from fitball.inference.prediction.extrapolation import calibrated_range
 from fitball.models.kernels.contact import zero_force_release
+from fitball.observables import COMPARED
+from fitball.report.form.display_units import output_scale
 from fitball.report.form.json_text import json_text
 from fitball.report.saved.saved_fit import SavedFit
 
@@ -18,7 +20,6 @@ from fitball.report.saved.saved_fit import SavedFit
 USUAL_CONTACT = 0.005
 # Steps of MuJoCo in one contact below which its integrator, not the numbers given, decides the restitution.
 STEPS = 20
-UNITS = {"v_x2": "m/s", "v_y2": "m/s", "omega_2": "rad/s", "theta_2": "rad"}
 
 
 def engine_texts(saved: SavedFit, at: str | None, inertia_ratio: float) -> Mapping[str, str]:
@@ -107,7 +108,7 @@ def _page(saved: SavedFit, engine: EngineFit) -> str:
         "",
         "| output | fitted ball | engine | error there | RMS error over the range | RMS, best over the range |",
         "|---|---|---|---|---|---|",
-        *(_row(name, engine) for name in OUTPUTS),
+        *(_row(name, engine) for name in COMPARED),
         "",
         "The range: mixtures of the calibrated impacts. Best: least kinetic energy of the difference.",
         "",
@@ -131,13 +132,13 @@ def _mu(value: float | None) -> str:
 
 
 def _row(name: str, found: EngineFit) -> str:
-    factor, unit = (180.0 / math.pi, "deg") if name == "theta_2" else (1.0, UNITS[name])
+    scale = output_scale(name)
     values = (
         found.fitted[name], found.engine[name], found.at_point.errors[name], found.at_point.rms[name],
         found.over_range.rms[name],
     )  # fmt: skip
-    fitted, engine, error, rms, wide = (value * factor for value in values)
-    return f"| {name} [{unit}] | {fitted:.3f} | {engine:.3f} | {error:+.3f} | {rms:.3f} | {wide:.3f} |"
+    fitted, engine, error, rms, wide = (value * scale.factor for value in values)
+    return f"| {name} [{scale.unit}] | {fitted:.3f} | {engine:.3f} | {error:+.3f} | {rms:.3f} | {wide:.3f} |"
 
 
 def _advice(engine: EngineFit) -> list[str]:

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from fitball.inference.prediction.port_check import expected_outputs
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Golden
-from fitball.models.types import regime_name
+from fitball.models.types import OUTPUTS, regime_name
+from fitball.observables import INCIDENT_UNITS, SI_UNITS
 from fitball.report.form.csv import csv_text
 from fitball.values import FloatArray
-
-UNITS: Mapping[str, str] = {
-    "v_x1": "m/s", "v_y1": "m/s", "omega_1": "rad/s", "v_x2": "m/s", "v_y2": "m/s", "omega_2": "rad/s",
-    "contact_time": "s",
-}  # fmt: skip
 
 
 def golden_ids(golden: Golden) -> tuple[str, ...]:
@@ -25,13 +19,13 @@ def golden_ids(golden: Golden) -> tuple[str, ...]:
 def golden_table(fitted: FittedModel, golden: Golden, inputs_only: bool) -> str:
     """CSV of the golden impacts to 17 digits, with the expected rebounds unless `inputs_only`."""
     expected = expected_outputs(fitted, golden)
-    columns: dict[str, FloatArray] = {name: getattr(golden.impacts, name) for name in ("v_x1", "v_y1", "omega_1")}
+    columns: dict[str, FloatArray] = {name: getattr(golden.impacts, name) for name in INCIDENT_UNITS}
     if not inputs_only:
-        columns |= {name: expected[name] for name in UNITS if name in expected}
+        columns |= {name: expected[name] for name in OUTPUTS if name in expected}
     rows: list[dict[str, object]] = []
     for k, label in enumerate(golden_ids(golden)):
         row: dict[str, object] = {"id": label}
-        row |= {f"{name} [{UNITS[name]}]": repr(float(values[k])) for name, values in columns.items()}
+        row |= {f"{name} [{SI_UNITS[name]}]": repr(float(values[k])) for name, values in columns.items()}
         if fitted.model.needs_cor and golden.impacts.cor is not None:
             row["cor"] = repr(float(golden.impacts.cor[k]))
         if not inputs_only:

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from fitball.data.grid_text import parse_grid
-from fitball.export.golden_table import UNITS as OUTPUT_UNITS
 from fitball.inference.prediction.lookup import SEED, Lookup, default_axes, make_lookup
 from fitball.models.types import regime_name
+from fitball.observables import SI_UNITS
 from fitball.report.form.csv import csv_text
 from fitball.report.form.json_text import json_text
 from fitball.report.saved.saved_fit import SavedFit
@@ -43,7 +43,7 @@ def _rows(lookup: Lookup) -> list[dict[str, object]]:
             for axis, value in zip(lookup.axes, point, strict=True)
         }
         for name, column in lookup.outputs.items():
-            row[f"{name} [{OUTPUT_UNITS[name]}]"] = None if column[k] != column[k] else f"{column[k]:.12g}"
+            row[f"{name} [{SI_UNITS[name]}]"] = None if column[k] != column[k] else f"{column[k]:.12g}"
         row["regime"] = names[int(lookup.regime[k])]
         rows.append(row)
     return rows
@@ -66,7 +66,7 @@ def _content(saved: SavedFit, lookup: Lookup) -> dict[str, Any]:
             }
             for axis in lookup.axes
         ],
-        "outputs": {name: OUTPUT_UNITS[name] for name in lookup.outputs},
+        "outputs": {name: SI_UNITS[name] for name in lookup.outputs},
         "points": len(lookup.points),
         "points_without_rebound": dict(lookup.failed),
         "interpolation": {
@@ -74,7 +74,7 @@ def _content(saved: SavedFit, lookup: Lookup) -> dict[str, Any]:
             "checked_at": f"{lookup.checked} impacts: midpoints of cells, and random ones (seed {SEED})",
             "errors": {
                 name: {
-                    "unit": OUTPUT_UNITS[name],
+                    "unit": SI_UNITS[name],
                     "largest": item.largest,
                     "rms": item.rms,
                     "largest_at": {axis: units[axis].from_si(value) for axis, value in item.place.items()},

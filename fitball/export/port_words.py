@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from fitball.export.golden_table import UNITS
 from fitball.inference.prediction.port_check import PortCheck
+from fitball.observables import SI_UNITS
 
-_UNITS = {**UNITS, "v_2": "m/s", "theta_2": "rad"}
 EXPLANATION = (
     "Relative: speeds to the incident speed of the ball's centre and surface together, spins times the radius\n"
     "likewise, contact times to themselves; angles in radians. Double precision gives 1e-12 or better."
@@ -21,7 +20,7 @@ def port_text(check: PortCheck, ids: Sequence[str], model: str) -> str:
     head = f"{'output':<14}{'largest difference':<28}{'relative':<12}{'at':<12}"
     lines += [head.rstrip()]
     for output in check.outputs:
-        size = f"{output.absolute:.3g} {_UNITS[output.name]}"
+        size = f"{output.absolute:.3g} {SI_UNITS[output.name]}"
         verdict = _verdict(check, output.relative)
         lines.append(f"{output.name:<14}{size:<28}{output.relative:<12.2g}{ids[output.worst]:<12}{verdict}")
     lines += ["", f"{'impact':<12}{'relative':<12}{'':<6}regime"]
@@ -50,7 +49,7 @@ def port_json(check: PortCheck, ids: Sequence[str], model: str) -> dict[str, Any
         "tolerance": check.tolerance,
         "outputs": {
             output.name: {
-                "unit": _UNITS[output.name],
+                "unit": SI_UNITS[output.name],
                 "absolute": output.absolute,
                 "relative": output.relative,
                 "impact": ids[output.worst],

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.models.capabilities import KernelCall
-from fitball.models.jacobian import INPUTS, OUTPUTS, ReboundJacobian, moved_inputs
+from fitball.models.jacobian import INPUTS, ReboundJacobian, moved_inputs
 from fitball.models.kernels.dual import STEP, NumberArray
 from fitball.models.model import Model, ball_columns
 from fitball.models.specs import ParameterSpec
-from fitball.models.types import Rebound, Status
+from fitball.models.types import OUTPUTS, Rebound, Status
 from fitball.values import Ball, FloatArray, Impacts, OwnImpacts
 
 

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.models.kernels.dual import STEP, NumberArray
-from fitball.models.types import Rebound
+from fitball.models.types import OUTPUTS, Rebound
 from fitball.values import FloatArray, Impacts, OwnImpacts
 
-OUTPUTS = ("v_x2", "v_y2", "omega_2", "contact_time")
 INPUTS = ("v_x1", "v_y1", "omega_1")
 
 
@@ -32,6 +31,11 @@ class ReboundJacobian:
     inputs: FloatArray
     parameters: FloatArray
     cor: FloatArray | None
+
+
+def by_output(slopes: FloatArray) -> dict[str, FloatArray]:
+    """Derivatives (..., outputs, inputs) as a view (..., inputs) of each output, by name."""
+    return {name: slopes[..., place, :] for place, name in enumerate(OUTPUTS)}
 
 
 def seeds(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar, final
 
@@ -148,7 +148,7 @@ class Model(ABC):
                 f"model {self.name}: impact {first + 1} (v_y1 = {impacts.v_y1[first]:g} m/s) cannot be "
                 f"evaluated: {reason}"
             )
-        return Rebound(*(getattr(rebound, column.name)[0] for column in fields(Rebound)))
+        return rebound.each(lambda array: array[0])
 
     def history(
         self,

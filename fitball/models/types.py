@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
-from typing import Literal, get_args, get_type_hints
+from typing import Any, Literal, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,6 +160,21 @@ class Rebound:
     regime: NDArray[np.int64]
     status: NDArray[np.int8]
 
+    def each(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Rebound:
+        """The rebounds whose arrays `change` makes of these."""
+        return Rebound(*(change(getattr(self, item.name)) for item in fields(self)))
+
     def take(self, impacts: NDArray[np.int64]) -> Rebound:
         """Those of some of the impacts."""
-        return Rebound(*(getattr(self, column.name)[..., impacts] for column in fields(self)))
+        return self.each(lambda array: array[..., impacts])
+
+    @staticmethod
+    def joined(parts: Sequence[Rebound], axis: int) -> Rebound:
+        """Rebounds of several batches as one, along draws (`axis` 0) or impacts (1)."""
+        return Rebound(
+            *(np.concatenate([getattr(part, column.name) for part in parts], axis=axis) for column in fields(Rebound))
+        )
+
+
+# What a model gives, in the order in which kernels and derivatives have it; all else of a rebound says how it came.
+OUTPUTS = tuple(column.name for column in fields(Rebound) if column.name not in ("regime", "status"))

@@ -13,7 +13,7 @@ from fitball.models.capabilities import KernelCall
 from fitball.models.kernels.bounce import ANCHOR_SPEED
 from fitball.models.kernels.events import SIZE
 from fitball.models.kernels.oscillator import SERIES_LENGTH
-from fitball.models.types import STATUS_REASON, Status
+from fitball.models.types import OUTPUTS, STATUS_REASON, Status
 from fitball.version import __version__
 
 # Largest difference a self-test allows: of speeds and R*omega relative to the incident speed (of centre and surface
@@ -27,10 +27,10 @@ SERIES_SIZE = max(SERIES_LENGTH, SIZE)
 
 @dataclass(frozen=True)
 class GoldenRow:
-    """One golden impact: `(v_x1, v_y1, omega_1, cor)`, its rebound, and its phases packed."""
+    """One golden impact: `(v_x1, v_y1, omega_1, cor)`, its rebound (`OUTPUTS`), and its phases packed."""
 
     incident: tuple[float, float, float, float]
-    rebound: tuple[float, float, float, float]
+    rebound: tuple[float, ...]
     regime: int
 
 
@@ -90,7 +90,7 @@ def _golden_rows(golden: Golden) -> tuple[GoldenRow, ...]:
     return tuple(
         GoldenRow(
             (float(given.v_x1[k]), float(given.v_y1[k]), float(given.omega_1[k]), float(cor[k])),
-            (float(made.v_x2[k]), float(made.v_y2[k]), float(made.omega_2[k]), float(made.contact_time[k])),
+            tuple(float(getattr(made, name)[k]) for name in OUTPUTS),
             int(made.regime[k]),
         )
         for k in range(len(given))

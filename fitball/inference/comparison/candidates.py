@@ -12,9 +12,6 @@ from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.problem import Problem
 from fitball.models.registry import DEFAULT_MODEL, MODELS, Entry, Reduced, model
 
-# Rebounds that a model with another column's measured value as input does not predict.
-VERTICAL = ("v_y2", "v_2")
-
 
 @dataclass(frozen=True)
 class Candidate:

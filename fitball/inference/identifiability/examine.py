@@ -15,11 +15,10 @@ from fitball.inference.identifiability.power_scaling import power_evidence
 from fitball.inference.identifiability.profile import coverage, profiles
 from fitball.inference.identifiability.verdict import combine, touched_by_scene
 from fitball.inference.likelihood.force_noise import noise_held
-from fitball.inference.problem.parameters import TAILS
+from fitball.inference.problem.noise import UNPROFILED
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import (
     LEFT_OUT,
-    OTHER_NOISE,
     ContractionEvidence,
     Evidence,
     Identifiability,
@@ -49,8 +48,9 @@ def profile_all(
     if len(problem.impacts) > PROFILED and not large:
         nothing = Profiles(point.log_likelihood, problem.contact_time is not None, {}, LEFT_OUT)
         return nothing, nothing
-    if problem.incident is not None or TAILS in (item.name for item in problem.parameters):
-        nothing = Profiles(point.log_likelihood, problem.contact_time is not None, {}, OTHER_NOISE)
+    missing = problem.noise.unprofiled if problem.incident is None else UNPROFILED
+    if missing:
+        nothing = Profiles(point.log_likelihood, problem.contact_time is not None, {}, missing)
         return nothing, nothing
     whole = profiles(problem, optima, report=lambda stage: report(f"profiles {stage}"))
     touched = touched_by_scene(problem, information_evidence(problem, _coordinates(problem, point)))

@@ -6,10 +6,11 @@ import numpy as np
 
 from fitball.inference.identifiability.symmetric import inverse
 from fitball.inference.likelihood.force import force_information
-from fitball.inference.likelihood.sensitivities import OBSERVABLE_SLOPES, prediction_slopes, rebound_slopes
+from fitball.inference.likelihood.sensitivities import prediction_slopes, rebound_slopes
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import LOOKED_AT, thinned_problem
 from fitball.inference.results.evidence import InformationEvidence
+from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray
 
 # Standard errors above this many sds of the prior are no knowledge at all.
@@ -37,7 +38,7 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
         growth = np.zeros((observable.observed.size, problem.dimension))
         if observable.turned:
             speed = np.hypot(rebound.v_x2, rebound.v_y2)[0, :, None]
-            growth -= OBSERVABLE_SLOPES["v_2"](rebound, slopes)[0] / speed * width
+            growth -= OBSERVABLES["v_2"].slopes(rebound, slopes)[0] / speed * width
         if observable.noise in problem.free_names:
             k = problem.free_names.index(observable.noise)
             growth[:, k] = width[k] if problem.free[k].prior.log else width[k] / coordinates[k]

@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 
 from fitball.inference.likelihood.force import force_cost, force_slopes
 from fitball.inference.likelihood.posterior import log_scene_density
-from fitball.inference.likelihood.sensitivities import OBSERVABLE_SLOPES, observable_slopes, rebound_slopes
+from fitball.inference.likelihood.sensitivities import observable_slopes, rebound_slopes
 from fitball.inference.problem.batches import batches
 from fitball.inference.problem.noise import LOG_TAU
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
 from fitball.models.capabilities import ROUNDING
 from fitball.models.types import Rebound
+from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray
 
 Columns = Mapping[str, FloatArray]
@@ -225,7 +226,7 @@ class ProfileObjective:
             if observable.turned:
                 # The spread of an angle falls with the rebound speed: z = (angle - observed) speed/noise.
                 speed = np.hypot(rebound.v_x2, rebound.v_y2)
-                growth = OBSERVABLE_SLOPES["v_2"](rebound, slopes)[..., self.columns] * chain[:, None, :]
+                growth = OBSERVABLES["v_2"].slopes(rebound, slopes)[..., self.columns] * chain[:, None, :]
                 growth = growth / speed[..., None]
                 gather(z, slope / spread[..., None] + z[..., None] * growth)
                 gradient = gradient - growth.sum(axis=1)

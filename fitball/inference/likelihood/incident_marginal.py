@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.inference.likelihood import regime_mixture
-from fitball.inference.problem.incident import IncidentErrors, observable_slopes, spread_by_input, whitened
-from fitball.inference.problem.noise import log_density
+from fitball.inference.problem.incident import IncidentErrors, spread_by_input, whitened
+from fitball.inference.problem.noise import NoiseKind
 from fitball.inference.problem.observables import Observable
-from fitball.inference.problem.parameters import TAILS
 from fitball.inference.problem.problem import Problem
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
@@ -64,7 +63,7 @@ def marginal_terms(
     columns = problem.all_values(values)
     measured = seen(problem, columns)
     slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
-    terms = _log_densities(measured, columns, rebound, slopes, incident.covariance)
+    terms = _log_densities(problem.noise, measured, columns, rebound, slopes, incident.covariance)
     root = regime_mixture.roots(incident.covariance)
     towards = regime_mixture.crossings(
         lambda impacts, rows: problem.rebound_like(columns, impacts, rows), problem.impacts, root, rebound
@@ -92,20 +91,20 @@ def incident_sds(problem: Problem, columns: Columns, rebound: Rebound) -> Mappin
             np.einsum("dik,ikl,dil->di", found, problem.incident.covariance, found, optimize=True).clip(0.0)
         )
         for observable in problem.observables
-        for found in (observable_slopes(observable, rebound, slopes),)
+        for found in (observable.column.slopes(rebound, slopes),)
     }
 
 
 def standardised(
-    measured: Sequence[Seen], columns: Columns, rebound: Rebound, slopes: FloatArray, covariance: FloatArray
+    measured: Sequence[Seen], columns: Columns, rebound: Rebound, slopes: Columns, covariance: FloatArray
 ) -> tuple[list[FloatArray], list[FloatArray]]:
     """Whitened deviations (draws, impacts) of each measured column from rebounds, first order about these.
 
-    `slopes` (draws, impacts, outputs, 3) of the rebounds, `covariance` (impacts, 3, 3) or (draws, 1, 3, 3) of the
+    `slopes` (draws, impacts, 3) of each output of the model, `covariance` (impacts, 3, 3) or (draws, 1, 3, 3) of the
     incident states. Returns those deviations and their conditional sds. What was not measured has the deviation zero
     and the sd `UNKNOWN`, which takes part in nothing.
     """
-    by_observable = np.stack([observable_slopes(item.observable, rebound, slopes) for item in measured], axis=2)
+    by_observable = np.stack([item.observable.column.slopes(rebound, slopes) for item in measured], axis=2)
     gaps, spreads = [], []
     for item in measured:
         observable = replace(item.observable, observed=item.observed, sd=item.sd)
@@ -117,12 +116,19 @@ def standardised(
 
 
 def _log_densities(
-    measured: Sequence[Seen], columns: Columns, rebound: Rebound, slopes: FloatArray, covariance: FloatArray
+    noise: NoiseKind,
+    measured: Sequence[Seen],
+    columns: Columns,
+    rebound: Rebound,
+    slopes: Columns,
+    covariance: FloatArray,
 ) -> list[FloatArray]:
     """Log density (draws, impacts) of each measured column given those before it; 0 where there is none."""
-    tails = columns[TAILS][:, None] if TAILS in columns else None
     z, sds = standardised(measured, columns, rebound, slopes, covariance)
-    return [np.where(sd < UNKNOWN, log_density(one, tails) - np.log(sd), 0.0) for one, sd in zip(z, sds, strict=True)]
+    return [
+        np.where(sd < UNKNOWN, noise.log_density(one, columns) - np.log(sd), 0.0)
+        for one, sd in zip(z, sds, strict=True)
+    ]
 
 
 @dataclass(frozen=True)
@@ -147,7 +153,8 @@ def _mixture(problem: Problem, pairs: Pairs) -> FloatArray:
     states, possible = regime_mixture.displaced(pairs.states, regime_mixture.parts()[0][:, None] * along[:, None, :])
     rebound, slopes = problem.linearised(pairs.columns, states)
     narrow = regime_mixture.narrowed(pairs.root, across)[:, None]
-    density = np.sum(_log_densities(pairs.measured, pairs.columns, rebound, slopes, narrow), axis=0)
+    terms = _log_densities(problem.noise, pairs.measured, pairs.columns, rebound, slopes, narrow)
+    density = np.sum(terms, axis=0)
     return regime_mixture.mixed(np.where(possible & (rebound.status == 0), density, -np.inf))
 
 
@@ -162,7 +169,7 @@ def _across(problem: Problem, pairs: Pairs) -> FloatArray:
     # In units of any noise: only the direction of the jump is wanted.
     by_observable = np.stack(
         [
-            observable_slopes(item.observable, rebound, found) / _typical_noise(item, pairs.columns)
+            item.observable.column.slopes(rebound, found) / _typical_noise(item, pairs.columns)
             for item in pairs.measured
         ],
         axis=2,

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from fitball.inference.likelihood.force import force_log_likelihood
 from fitball.inference.likelihood.incident_marginal import marginal_terms
 from fitball.inference.problem.batches import batches
-from fitball.inference.problem.noise import LOG_TAU, log_density
-from fitball.inference.problem.parameters import TAILS
+from fitball.inference.problem.noise import LOG_TAU
 from fitball.inference.problem.problem import Problem
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
@@ -64,12 +63,11 @@ def log_likelihood_terms(problem: Problem, values: FloatArray, rebound: Rebound)
     if problem.incident is not None:
         return marginal_terms(problem, problem.incident, values, rebound)
     columns = problem.all_values(values)
-    tails = columns[TAILS][:, None] if TAILS in columns else None
     terms: dict[str, FloatArray] = {}
     for observable in problem.observables:
         sd = observable.sds(columns, rebound)
         z = problem.deviation(columns, observable, rebound) / sd
-        terms[observable.name] = log_density(z, tails) - np.log(sd)
+        terms[observable.name] = problem.noise.log_density(z, columns) - np.log(sd)
     return terms
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from fitball.inference.likelihood.force import force_residuals
 from fitball.inference.likelihood.incident_marginal import seen, standardised
-from fitball.inference.problem.noise import as_residual
-from fitball.inference.problem.parameters import NOISE_SPECS, TAILS
+from fitball.inference.problem.noise import NORMAL
+from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.values import FloatArray
 
@@ -32,16 +32,16 @@ def residuals(problem: Problem, values: FloatArray, weighting: Weighting) -> Flo
     """Weighted residuals (draws, residuals) at free values (draws, free); the scene's contact time is one."""
     rebound = problem.rebound(values)
     columns = problem.all_values(values)
-    tails = weighting.noise.get(TAILS) if weighting.penalised else None
+    kind = problem.noise if weighting.penalised else NORMAL
     rows = []
     if problem.incident is not None:
         held = {**columns, **_held(weighting, values.shape[0])}
         slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
         found, _ = standardised(seen(problem, held), held, rebound, slopes, problem.incident.covariance)
-        rows = [as_residual(-z, tails) for z in found]
+        rows = [kind.residual(-z, weighting.noise) for z in found]
     for observable in problem.observables if problem.incident is None else ():
         z = problem.deviation(columns, observable, rebound) / observable.sds(weighting.noise, rebound)
-        rows.append(as_residual(-z, tails))
+        rows.append(kind.residual(-z, weighting.noise))
     if problem.contact_time is not None:
         value, sd = problem.contact_time
         rows.append((rebound.contact_time.mean(axis=1, keepdims=True) - value) / sd)

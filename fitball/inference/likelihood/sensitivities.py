@@ -5,19 +5,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
 from fitball.inference.likelihood.incident_marginal import incident_sds
 from fitball.inference.problem.observables import Observable
-from fitball.inference.problem.parameters import NOISE_SPECS, TAILS
+from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
-from fitball.models.types import Rebound
+from fitball.models.types import OUTPUTS, Rebound
 from fitball.values import FloatArray
 
 Slopes = Mapping[str, FloatArray]
-OUTPUTS = ("v_x2", "v_y2", "omega_2", "contact_time")
 # Step of the central differences, in widths of the prior: small beside any posterior, large beside rounding (near the
 # cube root of it, where both cost the same).
 STEP = 1e-5
@@ -41,53 +40,22 @@ def rebound_slopes(problem: Problem, coordinates: FloatArray) -> tuple[Rebound, 
         steps[row, k], steps[len(moving) + row, k] = sizes[row], -sizes[row]
     around = coordinates[:, None, :] + np.concatenate([np.zeros((1, problem.dimension)), steps])
     found = problem.rebound(problem.to_values(around.reshape(-1, problem.dimension)))
-    blocks = {name: getattr(found, name).reshape(draws, 1 + 2 * len(moving), -1) for name in OUTPUTS}
-    middle = Rebound(
-        blocks["v_x2"][:, 0],
-        blocks["v_y2"][:, 0],
-        blocks["omega_2"][:, 0],
-        blocks["contact_time"][:, 0],
-        found.regime.reshape(draws, 1 + 2 * len(moving), -1)[:, 0],
-        found.status.reshape(draws, 1 + 2 * len(moving), -1)[:, 0],
-    )
+    stencil = found.each(lambda array: array.reshape(draws, 1 + 2 * len(moving), -1))
     slopes = {}
-    for name, block in blocks.items():
+    for name in OUTPUTS:
+        block = getattr(stencil, name)
         centre, up, down = block[:, :1], block[:, 1 : 1 + len(moving)], block[:, 1 + len(moving) :]
         forward, backward = (up - centre) / sizes[:, None], (centre - down) / sizes[:, None]
         central = 0.5 * (forward + backward)
         best = np.where(np.isfinite(central), central, np.where(np.isfinite(forward), forward, backward))
         slopes[name] = np.zeros((draws, block.shape[2], problem.dimension))
         slopes[name][:, :, moving] = best.transpose(0, 2, 1)
-    return middle, slopes
-
-
-def _along(rebound: Rebound, slopes: Slopes) -> FloatArray:
-    """Derivative of the rebound speed."""
-    speed = np.hypot(rebound.v_x2, rebound.v_y2)
-    along: FloatArray = (rebound.v_x2 / speed)[..., None] * slopes["v_x2"]
-    return along + (rebound.v_y2 / speed)[..., None] * slopes["v_y2"]
-
-
-def _across(rebound: Rebound, slopes: Slopes) -> FloatArray:
-    """Derivative of the rebound angle."""
-    square = rebound.v_x2**2 + rebound.v_y2**2
-    across: FloatArray = (rebound.v_x2 / square)[..., None] * slopes["v_y2"]
-    return across - (rebound.v_y2 / square)[..., None] * slopes["v_x2"]
-
-
-OBSERVABLE_SLOPES: Mapping[str, Callable[[Rebound, Slopes], FloatArray]] = {
-    "v_x2": lambda _rebound, slopes: slopes["v_x2"],
-    "v_y2": lambda _rebound, slopes: slopes["v_y2"],
-    "omega_2": lambda _rebound, slopes: slopes["omega_2"],
-    "contact_time": lambda _rebound, slopes: slopes["contact_time"],
-    "v_2": _along,
-    "theta_2": _across,
-}
+    return stencil.each(lambda array: array[:, 0]), slopes
 
 
 def observable_slopes(problem: Problem, observable: Observable, rebound: Rebound, slopes: Slopes) -> FloatArray:
     """Derivatives (draws, impacts, free) of what is measured in an observable, the bias of its group included."""
-    found = OBSERVABLE_SLOPES[observable.name](rebound, slopes)
+    found = observable.column.slopes(rebound, slopes)
     if problem.group_bias is None:
         return found
     found = found.copy()
@@ -102,16 +70,12 @@ def prediction_slopes(problem: Problem, coordinates: FloatArray) -> FloatArray:
     """Derivatives (draws, measurements, free) of all predictions, in units of their noise, with respect to
     coordinates (draws, free) counted in widths of the priors; measurements run observable by observable.
 
-    Errors of the incident state count as noise; heavy tails make a measurement worth (nu + 1)/(nu + 3) of a normal
-    one (Lange, Little and Taylor 1989).
+    Errors of the incident state count as noise; a measurement with heavy tails is worth less than a normal one.
     """
     rebound, slopes = rebound_slopes(problem, coordinates)
     columns = problem.all_values(problem.to_values(coordinates))
     by_incidence = incident_sds(problem, columns, rebound)
-    worth = np.ones((coordinates.shape[0], 1, 1))
-    if TAILS in columns:
-        nu = columns[TAILS][:, None, None]
-        worth = np.sqrt((nu + 1.0) / (nu + 3.0))
+    worth = np.sqrt(problem.noise.information(columns))[..., None, None]
     rows = []
     for observable in problem.observables:
         spread = np.broadcast_to(observable.sds(columns, rebound), rebound.v_x2.shape)

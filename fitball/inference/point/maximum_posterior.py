@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,9 +13,7 @@ from fitball.inference.likelihood.force_noise import best_force_noise
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
 from fitball.inference.likelihood.residuals import Weighting, default_noise, named_values, root_mean_squares
 from fitball.inference.point.lmfit_minimiser import SAME_OPTIMUM, Minimiser, minima, simplex
-from fitball.inference.problem.noise import log_density
-from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS, TAILS
-from fitball.inference.problem.priors import Prior
+from fitball.inference.problem.parameters import NOISE_SPECS, SD_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import PointFit
 from fitball.values import FloatArray
@@ -173,50 +171,19 @@ def _best_noise(problem: Problem, values: FloatArray, current: Mapping[str, floa
     gaps = {observable.name: problem.deviation(columns, observable, rebound) for observable in problem.observables}
     best = dict(current)
     for item in problem.free:
-        if item.name not in NOISE_SPECS or item.name in (TAILS, *FORCE_NOISE):
+        if item.name not in SD_SPECS:
             continue
         mine = [
             (gaps[observable.name] / units[observable.name]).ravel()
             for observable in problem.observables
             if observable.noise == item.name
         ]
-        best[item.name] = _best_scale(item.prior, np.concatenate(mine), best.get(TAILS))
+        best[item.name] = problem.noise.best_scale(item.prior, np.concatenate(mine), best)
     if problem.force is not None:
         best |= best_force_noise(problem, problem.force, columns, best)
-    tails = next((item for item in problem.free if item.name == TAILS), None)
-    if tails is not None:
-        z = [gaps[observable.name] / observable.sds(best, rebound) for observable in problem.observables]
-        best[TAILS] = _best_tails(tails.prior, np.concatenate([item.ravel() for item in z]))
-    return best
-
-
-def _best_scale(prior: Prior, gaps: FloatArray, tails: float | None) -> float:
-    """Scale at which deviations `gaps`, standardised for a scale of one, are most probable."""
-    if tails is None:
-        z2 = float(np.sum(gaps**2))
-
-        def score(scale: FloatArray) -> FloatArray:
-            return np.asarray(-0.5 * z2 / scale**2 - gaps.size * np.log(scale))
-
-        return _peak(prior, 4001, score)
-
-    def heavy(scale: FloatArray) -> FloatArray:
-        nu = np.array(tails)
-        return np.array([log_density(gaps / s, nu).sum() - gaps.size * np.log(s) for s in scale])
-
-    return _peak(prior, 401, heavy)
-
-
-def _best_tails(prior: Prior, z: FloatArray) -> float:
-    return _peak(prior, 401, lambda nu: np.array([log_density(z, np.array(x)).sum() for x in nu]))
-
-
-def _peak(prior: Prior, count: int, score: Callable[[FloatArray], FloatArray]) -> float:
-    """The value on an even grid of the prior's coordinate at which prior and `score` together are highest."""
-    low, high = prior.support
-    grid = np.linspace(low, high, count)
-    values = prior.value(grid)
-    return float(values[np.argmax(score(values) + prior.log_density(grid))])
+    z = [gaps[observable.name] / observable.sds(best, rebound) for observable in problem.observables]
+    priors = {item.name: item.prior for item in problem.free}
+    return best | problem.noise.best_shape(priors, np.concatenate([item.ravel() for item in z]), best)
 
 
 def _climb(problem: Problem, start: FloatArray) -> FloatArray:

@@ -13,12 +13,13 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from fitball.errors import ModelError, ParameterError
+from fitball.inference.prediction.outputs import difference
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.registry import model
 from fitball.models.types import STATUS_REASON, Rebound, Status
+from fitball.observables import COMPARED, OBSERVABLES
 from fitball.values import Ball, FloatArray, Impacts
 
-OUTPUTS = ("v_x2", "v_y2", "omega_2", "theta_2")
 # Mixtures of three calibrated impacts each, on which errors across the range are averaged, and their seed.
 RANGE_POINTS, RANGE_SEED = 500, 1
 # Frictions tried before the best of them is refined; the error has kinks where impacts begin to grip.
@@ -86,7 +87,7 @@ def fit_engine(fitted: FittedModel, point: Impacts, inertia_ratio: float) -> Eng
         raise ParameterError("the model cannot evaluate its own calibrated range at the point estimate")
     sphere = _Sphere(fitted, inertia_ratio)
     near = _Target(point, there)
-    far = _Target(spread.take(solved), _taken(everywhere, solved))
+    far = _Target(spread.take(solved), everywhere.take(solved))
     e_near = float(near.truth["v_y2"][0] / point.v_y1[0])
     e_far = float(np.sum(far.truth["v_y2"] * far.impacts.v_y1) / np.sum(far.impacts.v_y1**2))
     if not fitted.tangential:
@@ -103,8 +104,8 @@ def fit_engine(fitted: FittedModel, point: Impacts, inertia_ratio: float) -> Eng
     return EngineFit(
         point=point,
         inertia_ratio=inertia_ratio,
-        fitted={name: float(near.truth[name][0]) for name in OUTPUTS},
-        engine={name: float(found[name][0]) for name in OUTPUTS},
+        fitted={name: float(near.truth[name][0]) for name in COMPARED},
+        engine={name: float(found[name][0]) for name in COMPARED},
         contact_time=None if np.isnan(time) else time,
         at_point=settings[0],
         over_range=settings[1],
@@ -129,15 +130,7 @@ def _evaluated(fitted: FittedModel, point: Impacts) -> Rebound:
 
 
 def _outputs(rebound: Rebound) -> dict[str, FloatArray]:
-    v_x, v_y = rebound.v_x2[0], rebound.v_y2[0]
-    return {"v_x2": v_x, "v_y2": v_y, "omega_2": rebound.omega_2[0], "theta_2": np.arctan2(v_y, v_x)}
-
-
-def _taken(rebound: Rebound, rows: np.ndarray) -> Rebound:
-    return Rebound(
-        rebound.v_x2[:, rows], rebound.v_y2[:, rows], rebound.omega_2[:, rows], rebound.contact_time[:, rows],
-        rebound.regime[:, rows], rebound.status[:, rows],
-    )  # fmt: skip
+    return {name: OBSERVABLES[name].predict(rebound)[0] for name in COMPARED}
 
 
 class _Target:
@@ -201,13 +194,6 @@ def _settings(
         e=e,
         mu=mu,
         mu_from=grips,
-        errors={name: float(_difference(name, here, near)[0]) for name in OUTPUTS},
-        rms={name: float(np.sqrt(np.mean(_difference(name, there, far) ** 2))) for name in OUTPUTS},
+        errors={name: float(difference(name, here[name], near.truth[name])[0]) for name in COMPARED},
+        rms={name: float(np.sqrt(np.mean(difference(name, there[name], far.truth[name]) ** 2))) for name in COMPARED},
     )
-
-
-def _difference(name: str, found: Mapping[str, FloatArray], target: _Target) -> FloatArray:
-    difference = found[name] - target.truth[name]
-    if name == "theta_2":
-        return np.asarray(np.angle(np.exp(1j * difference)))
-    return difference

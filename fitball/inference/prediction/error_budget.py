@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitball.inference.problem.observables import PREDICTED
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import BudgetLine, ErrorBudget, Golden, PointFit, Predictive
 from fitball.models.types import Rebound
+from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, Impacts
 
 INDEPENDENT = "an independent integration (matrix exponentials, events by bisection)"
@@ -65,7 +65,7 @@ def _by_rounding(fitted: FittedModel, golden: Golden) -> Mapping[str, FloatArray
 def _differences(one: Rebound, other: Rebound) -> Mapping[str, FloatArray]:
     """Absolute differences of every column that can be measured, where both are known."""
     found = {}
-    for name, predict in PREDICTED.items():
-        gap = np.abs(predict(one) - predict(other))
+    for name, item in OBSERVABLES.items():
+        gap = np.abs(item.predict(one) - item.predict(other))
         found[name] = gap[np.isfinite(gap)]
     return found

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from fitball.inference.results.fitted_model import FittedModel
@@ -36,11 +34,7 @@ def golden(fitted: FittedModel, impacts: Impacts) -> Golden:
     chosen = golden_impacts(impacts)
     rebound = fitted.rebound(chosen)
     kept = np.flatnonzero(rebound.status[0] == 0)
-    columns = {
-        name: getattr(rebound, name)[0][kept]
-        for name in ("v_x2", "v_y2", "omega_2", "contact_time", "regime", "status")
-    }
     cor = None if chosen.cor is None else chosen.cor[kept]
     kept_impacts = Impacts(chosen.v_x1[kept], chosen.v_y1[kept], chosen.omega_1[kept], cor)
     names = dict(zip(fitted.names, (float(value) for value in fitted.point), strict=True))
-    return Golden(names, kept_impacts, replace(rebound, **columns))
+    return Golden(names, kept_impacts, rebound.each(lambda array: array[0][kept]))

@@ -13,8 +13,9 @@ from fitball.data.grid_text import Axis, grid_impacts
 from fitball.data.units import DEFAULT_UNIT, Dimension
 from fitball.errors import ParameterError
 from fitball.inference.prediction.engine_fit import refuse_told
-from fitball.inference.results.fitted_model import OUTPUTS, FittedModel
-from fitball.models.types import STATUS_REASON, Status, regime_name
+from fitball.inference.results.fitted_model import FittedModel
+from fitball.models.types import OUTPUTS, STATUS_REASON, Status, regime_name
+from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray
 
 # Points of the axes of a grid that nobody chose.
@@ -91,7 +92,7 @@ def make_lookup(fitted: FittedModel, axes: tuple[Axis, ...]) -> Lookup:
     }
     if sum(failed.values()) == len(points):
         raise ParameterError("the model cannot evaluate any point of this grid at the point estimate")
-    names = [name for name in OUTPUTS if name != "contact_time" or fitted.model.has_time]
+    names = [name for name in OUTPUTS if fitted.model.has_time or not OBSERVABLES[name].timed]
     outputs = {name: np.asarray(getattr(found, name)[0]) for name in names}
     errors, checked = _errors(fitted, axes, outputs, found.regime[0])
     return Lookup(axes, points, outputs, found.regime[0], errors, checked, failed)

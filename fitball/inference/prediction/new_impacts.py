@@ -14,12 +14,13 @@ from fitball.inference.prediction.extrapolation import CalibratedRange, calibrat
 from fitball.inference.prediction.posterior_predictive import bands, regime_shares, with_noise
 from fitball.inference.prediction.uncertain_incidence import Shares, drawn_rebound, shares
 from fitball.inference.problem.measurement_noise import derived, noise_in
-from fitball.inference.problem.observables import TANGENTIAL, Observable, build_observables
+from fitball.inference.problem.noise import NoiseKind
+from fitball.inference.problem.observables import Observable, build_observables
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.types import STATUS_REASON, Rebound, Status
+from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, Impacts
 
-OUTPUTS = ("v_x2", "v_y2", "v_2", "theta_2", "omega_2", "contact_time")
 # Draws of a saved posterior that are used: the ends of a 95 % interval come out within a fiftieth of its length.
 DRAWS = 4000
 # Impacts of one batch, so that memory does not grow with the table. Random numbers depend on it, so it is fixed.
@@ -141,9 +142,8 @@ def output_observables(fitted: FittedModel, count: int, observed: Sequence[Obser
     nothing, noise_of = np.full(count, np.nan), noise_in(fitted.names)
     return tuple(
         measured.get(name, derived(Observable(name, nothing, None, noise_of[name]), fitted.names))
-        for name in OUTPUTS
-        if (fitted.tangential or name not in (*TANGENTIAL, "v_2"))
-        and (fitted.model.has_time or name != "contact_time")
+        for name, item in OBSERVABLES.items()
+        if (fitted.tangential or not item.along) and (fitted.model.has_time or not item.timed)
     )
 
 
@@ -173,7 +173,7 @@ def _batch(
         return alone, regime_shares(at_point), _failures(at_point)
     drawn = fitted.rebound(impacts, fitted.draws)
     columns = dict(zip(fitted.names, fitted.draws.T, strict=True))
-    found = [_output(item, item.predict(at_point)[0], columns, drawn, rng) for item in observables]
+    found = [_output(fitted.noise, item, item.predict(at_point)[0], columns, drawn, rng) for item in observables]
     return found, regime_shares(drawn), _failures(drawn)
 
 
@@ -190,17 +190,18 @@ def _uncertain_batch(
     columns = dict(zip(fitted.names, fitted.draws.T, strict=True))
     found = []
     for item in observables:
-        made = _output(item, item.predict(at_point)[0], columns, one, rng)
+        made = _output(fitted.noise, item, item.predict(at_point)[0], columns, one, rng)
         noise = None
         if made.measured is not None:
             # The noise of a measurement at the stated incident state, from numbers of its own.
-            predicted, _spread, data = with_noise(item, columns, fixed, states)
+            predicted, _spread, data = with_noise(fitted.noise, item, columns, fixed, states)
             noise = data - predicted
         found.append(replace(made, shares=shares(item.predict(fixed), item.predict(one), item.predict(other), noise)))
     return found, regime_shares(one), _failures(one)
 
 
 def _output(
+    noise: NoiseKind,
     observable: Observable,
     point: FloatArray,
     columns: Mapping[str, FloatArray],
@@ -209,7 +210,7 @@ def _output(
 ) -> OutputPrediction:
     if not observable.known(columns.keys()):
         return OutputPrediction(observable.name, point, bands(observable.predict(drawn)), None, None, None, None)
-    predicted, _spread, data = with_noise(observable, columns, drawn, rng)
+    predicted, _spread, data = with_noise(noise, observable, columns, drawn, rng)
     # Impacts that no draw can evaluate have no moments either.
     solved = np.any(drawn.status == 0, axis=0)
     mean, sd = np.full(solved.shape, np.nan), np.full(solved.shape, np.nan)

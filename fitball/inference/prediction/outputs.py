@@ -7,11 +7,11 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from fitball.data.table import ImpactTable
-from fitball.inference.problem.observables import PREDICTED
 from fitball.models.types import Rebound
+from fitball.observables import COMPARED, OBSERVABLES
 from fitball.values import FloatArray
 
-OUTPUTS = ("v_x2", "v_y2", "omega_2", "theta_2", "v_2", "contact_time")
+OUTPUTS = (*COMPARED, *(name for name in OBSERVABLES if name not in COMPARED))
 
 
 def measured_outputs(table: ImpactTable) -> dict[str, FloatArray]:
@@ -31,20 +31,30 @@ def predicted_outputs(rebound: Rebound, given_columns: Collection[str]) -> dict[
     """Outputs of one parameter set (impacts,), from rebounds (1, impacts); those given to a model, and a contact time
     it does not have, are left out.
     """
-    found = {name: PREDICTED[name](rebound)[0] for name in OUTPUTS if name not in given_columns}
-    if np.any(np.isnan(found["contact_time"])):
-        del found["contact_time"]
-    if "v_y2" in given_columns:
-        found.pop("v_2")
+    found = {}
+    for name in OUTPUTS:
+        column = OBSERVABLES[name]
+        # Who is given the restitution knows it of the speed as well.
+        given = name in given_columns or (column.restitution and "v_y2" in given_columns)
+        values = column.predict(rebound)[0]
+        if not given and not (column.timed and np.any(np.isnan(values))):
+            found[name] = values
     return found
 
 
 def output_errors(measured: Mapping[str, FloatArray], predicted: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Predicted minus measured for every output both have, (impacts,); angles by the short way round."""
-    errors = {name: predicted[name] - measured[name] for name in OUTPUTS if name in measured and name in predicted}
-    if "theta_2" in errors:
-        errors["theta_2"] = np.angle(np.exp(1j * errors["theta_2"]))
-    return errors
+    return {
+        name: difference(name, predicted[name], measured[name])
+        for name in OUTPUTS
+        if name in measured and name in predicted
+    }
+
+
+def difference(name: str, one: FloatArray, other: FloatArray) -> FloatArray:
+    """How much more `one` is of an output than `other`; angles by the short way round."""
+    found = one - other
+    return np.asarray(np.angle(np.exp(1j * found))) if OBSERVABLES[name].angle else found
 
 
 def root_mean_square(errors: FloatArray) -> float:

@@ -10,10 +10,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.problem.observables import PREDICTED
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Golden
 from fitball.models.types import regime_name
+from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, Impacts
 
 # A mistake explains an output that it reproduces to this share of the incident speed: a thousandth of what the
@@ -66,10 +66,11 @@ class PortCheck:
 
 def expected_outputs(fitted: FittedModel, golden: Golden) -> dict[str, FloatArray]:
     """Every output of the golden impacts, (impacts,), in SI; no contact time for a model without."""
-    made = {name: np.asarray(predict(golden.rebound), dtype=np.float64) for name, predict in PREDICTED.items()}
-    if not fitted.model.has_time:
-        del made["contact_time"]
-    return made
+    return {
+        name: np.asarray(item.predict(golden.rebound), dtype=np.float64)
+        for name, item in OBSERVABLES.items()
+        if fitted.model.has_time or not item.timed
+    }
 
 
 def check_port(
@@ -104,10 +105,8 @@ def check_port(
 def _scales(fitted: FittedModel, golden: Golden, expected: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     given, radius = golden.impacts, fitted.ball.radius
     speed = np.sqrt(given.v_x1**2 + given.v_y1**2 + (radius * given.omega_1) ** 2)
-    scales = {"omega_2": speed / radius, "theta_2": np.ones_like(speed)}
-    if "contact_time" in expected:
-        scales["contact_time"] = expected["contact_time"]
-    return {name: scales.get(name, speed) for name in expected}
+    by_unit = {"m/s": speed, "rad/s": speed / radius, "rad": np.ones_like(speed)}
+    return {name: by_unit.get(OBSERVABLES[name].unit, values) for name, values in expected.items()}
 
 
 Change = Callable[[Impacts], Impacts]
@@ -158,7 +157,7 @@ def _causes(
         made = expected
         if words:
             there = fitted.rebound(change(golden.impacts))
-            made = {name: np.asarray(PREDICTED[name](there))[0] for name in expected}
+            made = {name: OBSERVABLES[name].predict(there)[0] for name in expected}
         reasons = [_reason(name, values, made[name], scales[name], level) for name, values in outputs.items()]
         if all(reason is not None for reason in reasons):
             return tuple(dict.fromkeys([*([words] if words else []), *(reason for reason in reasons if reason)]))

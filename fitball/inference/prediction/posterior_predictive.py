@@ -10,17 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.data.table import REBOUND_UNITS
 from fitball.inference.likelihood.incident_marginal import incident_sds
 from fitball.inference.problem.batches import cells
-from fitball.inference.problem.noise import draw
-from fitball.inference.problem.observables import PREDICTED, Observable
-from fitball.inference.problem.parameters import TAILS
+from fitball.inference.problem.noise import NoiseKind
+from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import part_of
 from fitball.inference.results.quantiles import BAND_LEVELS
 from fitball.inference.results.results import Curve, ObservablePrediction, PointFit, Posterior, Predictive, thinned
 from fitball.models.types import Rebound, regime_name
+from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, Impacts
 
 DRAWS = 1500
@@ -64,14 +63,16 @@ def _at_impacts(
     by_incidence = incident_sds(problem, columns, rebound)
     observables = []
     for observable in problem.observables:
-        predicted, spread, data = with_noise(observable, columns, rebound, rng, by_incidence[observable.name])
+        predicted, spread, data = with_noise(
+            problem.noise, observable, columns, rebound, rng, by_incidence[observable.name]
+        )
         if problem.group_bias is not None:
             data = data + problem.group_bias.offset(columns, observable.name)
         low, mid_low, median, mid_high, high = np.quantile(predicted, BAND_LEVELS, axis=0)
         observables.append(
             ObservablePrediction(
                 name=observable.name,
-                unit=REBOUND_UNITS[observable.name],
+                unit=observable.column.unit,
                 observed=observable.observed,
                 sd=np.median(spread, axis=0),
                 point=observable.predict(at_point)[0],
@@ -88,6 +89,7 @@ def _at_impacts(
 
 
 def with_noise(
+    noise: NoiseKind,
     observable: Observable,
     columns: Mapping[str, FloatArray],
     rebound: Rebound,
@@ -100,8 +102,7 @@ def with_noise(
     """
     predicted = observable.predict(rebound)
     spread = np.hypot(np.broadcast_to(observable.sds(columns, rebound), predicted.shape), incident_sd)
-    tails = columns[TAILS][:, None] if TAILS in columns else None
-    return predicted, spread, predicted + spread * draw(rng, predicted.shape, tails)
+    return predicted, spread, predicted + spread * noise.draw(rng, predicted.shape, columns)
 
 
 def regime_shares(rebound: Rebound) -> tuple[Mapping[str, float], ...]:
@@ -145,7 +146,7 @@ def _curve(problem: Problem, values: FloatArray, rows: NDArray[np.int64]) -> Cur
     impacts = Impacts(fast * np.cos(angle), fast * np.sin(angle), between(problem.impacts.omega_1[rows]), cor)
     alike = all(np.unique(item.index[rows]).size == 1 for item in problem.pooling)
     rebound = problem.rebound(values, impacts, int(rows[0]) if alike else None)
-    return Curve(angle, impacts, {name: bands(predict(rebound)) for name, predict in PREDICTED.items()})
+    return Curve(angle, impacts, {name: bands(item.predict(rebound)) for name, item in OBSERVABLES.items()})
 
 
 def bands(array: FloatArray) -> FloatArray:

@@ -6,13 +6,13 @@ parameters and from the incident state; a measurement of it adds its noise.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.results.fitted_model import FittedModel
-from fitball.models.types import Rebound, Status
+from fitball.models.types import OUTPUTS, Rebound, Status
 from fitball.values import FloatArray, Impacts
 
 
@@ -47,9 +47,9 @@ def drawn_rebound(fitted: FittedModel, impacts: Impacts, covariance: FloatArray,
         fitted.rebound(regime_mixture.shifted(impacts, moves[k], every), fitted.draws[k : k + 1])
         for k in range(draws)
     ]
-    found = Rebound(*(np.concatenate([getattr(item, name.name) for item in made]) for name in fields(Rebound)))
-    for array in (found.v_x2, found.v_y2, found.omega_2, found.contact_time):
-        array[~possible] = np.nan
+    found = Rebound.joined(made, axis=0)
+    for name in OUTPUTS:
+        getattr(found, name)[~possible] = np.nan
     found.status[~possible] = Status.NO_IMPACT
     return found
 

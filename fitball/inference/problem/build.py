@@ -9,21 +9,22 @@ import numpy as np
 
 from fitball.data.force_file import ForceFile
 from fitball.data.scene import NO_CONTACT_TIME, NO_MU, NO_SPIN_SD, NO_VELOCITY_SD, Scene
-from fitball.data.table import NOISE_OF, SHARED_SD, VELOCITIES, ImpactTable
-from fitball.errors import FitError, ParameterError, suggestion
+from fitball.data.table import ImpactTable
+from fitball.errors import FitError
 from fitball.inference.problem.force_noise import force_noise, records_for
 from fitball.inference.problem.group_bias import GroupBias, build_group_bias
 from fitball.inference.problem.incident import IncidentErrors
 from fitball.inference.problem.measurement_noise import expected_sizes, named_noise, noise_by_column, noise_parameters
-from fitball.inference.problem.noise import DISTRIBUTIONS, STUDENT
+from fitball.inference.problem.noise import NoiseKind, noise_kind
 from fitball.inference.problem.observables import Observable, build_observables
-from fitball.inference.problem.parameters import NOISE_SPECS, TAILS, build_parameters
+from fitball.inference.problem.parameters import build_parameters
 from fitball.inference.problem.pooling import Pooling, build_pooling
 from fitball.inference.problem.priors import Prior, parse_prior
 from fitball.inference.problem.problem import Problem
 from fitball.models.model import Model
 from fitball.models.registry import Reduced, entry, model
 from fitball.models.specs import BALL_PARAMETERS, ParameterSpec
+from fitball.observables import NOISE_OF, SHARED_SD, VELOCITIES
 from fitball.values import Impacts
 
 
@@ -31,7 +32,7 @@ from fitball.values import Impacts
 class Choices:
     """What the user asked for beyond the scene; everything here wins over it.
 
-    `noise` is one of `scatter.DISTRIBUTIONS`, `pool` maps parameters to the label column over whose levels they
+    `noise` is one of `noise.KINDS`, `pool` maps parameters to the label column over whose levels they
     differ, `offsets` names the label column whose groups may be biased. Without `incident_errors` the incident state
     counts as exact even where its sd is stated. `velocity_noise` is "tied", "separate" or None, see
     `measurement_noise.noise_by_column`.
@@ -68,7 +69,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
         notes.append("force records are compared at the stated incident speed, taken as exact")
     contact_time = scene.contact_time if chosen.has_time else None
     records = records_for(chosen, scene, force, notes)
-    measured_time = any(observable.name == "contact_time" for observable in observables)
+    measured_time = any(observable.column.timed for observable in observables)
     timed = contact_time is not None or measured_time or records is not None
     if "k_y" in chosen.parameter_names and "k_theta" not in chosen.parameter_names and not timed:
         fixed["k_y"] = (2.0e4, "it acts on the contact time only, and none is known")
@@ -88,7 +89,8 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     fixed |= {key: (value, "fixed by the scene") for key, value in scene_fix.items()}
     fixed |= {key: (value, "fixed on request") for key, value in choices.fix.items()}
     wanted = {**priors, **choices.priors}
-    levels, offsets, extra = _structure(table, scene, choices, chosen, observables, wanted)
+    kind = noise_kind(choices.noise or scene.distribution)
+    levels, offsets, extra = _structure(table, scene, choices, chosen, observables, wanted, kind)
     parameters = build_parameters(names, chosen.specs, wanted, fixed, ball_names, extra)
     notes += [f"{item.parameter} is fitted to each {item.column} apart, pooled in part" for item in levels]
     return Problem(
@@ -108,6 +110,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
         group_bias=offsets,
         incident=incident,
         force=records,
+        noise=kind,
     )
 
 
@@ -146,12 +149,10 @@ def _structure(
     chosen: Model,
     observables: tuple[Observable, ...],
     priors: Mapping[str, str],
+    noise: NoiseKind,
 ) -> tuple[tuple[Pooling, ...], GroupBias | None, dict[str, ParameterSpec]]:
-    """Pooling, group offsets and heavy tails that scene or user ask for, and the parameters these bring."""
-    distribution = choices.noise or scene.distribution
-    if distribution not in DISTRIBUTIONS:
-        raise ParameterError(f"noise '{distribution}': {suggestion(distribution, DISTRIBUTIONS)}")
-    extra = {TAILS: NOISE_SPECS[TAILS]} if distribution == STUDENT else {}
+    """Pooling and group offsets that scene or user ask for, and the parameters that these and `noise` bring."""
+    extra = {spec.name: spec for spec in noise.parameters}
     pool = {**scene.pool, **choices.pool}
     specs = chosen.specs
     known = {name: _prior_of(specs[name], priors) for name in pool if name in chosen.parameter_names}

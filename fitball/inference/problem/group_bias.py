@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.data.table import REBOUND_UNITS, ImpactTable
+from fitball.data.table import ImpactTable
 from fitball.errors import FitError
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.pooling import labels_of
@@ -55,7 +55,7 @@ class GroupBias:
                 name = self.name(observable.name, label)
                 plain = "".join(item for item in f"{observable.name}{label}" if item.isalnum())
                 made[name] = ParameterSpec(
-                    name, REBOUND_UNITS[observable.name], -50.0 * size, 50.0 * size, f"normal(0, {size:.6g})",
+                    name, observable.column.unit, -50.0 * size, 50.0 * size, f"normal(0, {size:.6g})",
                     f"how much more than the model {observable.name} is in group {label}",
                     rf"$\Delta_{{\mathrm{{{plain}}}}}$",
                 )  # fmt: skip

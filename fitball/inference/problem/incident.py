@@ -14,9 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.problem.observables import Observable
-from fitball.models.jacobian import OUTPUTS
-from fitball.models.types import Rebound
 from fitball.values import FloatArray
 
 
@@ -29,17 +26,6 @@ class IncidentErrors:
     def take(self, rows: NDArray[np.int64]) -> IncidentErrors:
         """The same for some of the impacts."""
         return IncidentErrors(self.covariance[rows])
-
-
-def observable_slopes(observable: Observable, rebound: Rebound, slopes: FloatArray) -> FloatArray:
-    """Derivatives (draws, impacts, inputs) of an observable, from those of the rebound (..., 4, inputs)."""
-    if observable.name in OUTPUTS:
-        return slopes[..., OUTPUTS.index(observable.name), :]
-    along, up = slopes[..., 0, :], slopes[..., 1, :]
-    v_x, v_y = rebound.v_x2[..., None], rebound.v_y2[..., None]
-    if observable.name == "v_2":
-        return np.asarray((v_x * along + v_y * up) / np.hypot(v_x, v_y))
-    return np.asarray((v_x * up - v_y * along) / (v_x * v_x + v_y * v_y))
 
 
 def spread_by_input(slopes: FloatArray, covariance: FloatArray) -> FloatArray:

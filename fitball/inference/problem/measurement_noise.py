@@ -18,17 +18,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.data.scene import Scene
-from fitball.data.table import NOISE_OF, SHARED_SD, VELOCITIES, ImpactTable
+from fitball.data.table import ImpactTable
 from fitball.errors import ParameterError, suggestion
-from fitball.inference.problem.observables import TANGENTIAL, Observable, Sizes
+from fitball.inference.problem.noise import Sizes
+from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parameters import SD_SPECS
 from fitball.models.types import Rebound
+from fitball.observables import NOISE_OF, OBSERVABLES, SHARED_SD, VELOCITIES
 from fitball.values import FloatArray
 
 TIED, SEPARATE = "tied", "separate"
 FACTOR, FREEDOM, SPENT = 2.0, 10, 3
-# What is expected of a contact time's noise [s]; a film of 5,000 frames a second sees as much.
-CONTACT_TIME = 2e-4
+# The directions of v_x2 and v_y2 among the components of the velocity.
+COMPONENTS = {"v_x2": np.array([1.0, 0.0]), "v_y2": np.array([0.0, 1.0])}
 
 
 def noise_by_column(
@@ -45,7 +47,9 @@ def noise_by_column(
     columns = [
         item.name
         for item in table.measurements
-        if item.name in VELOCITIES and item.sd is None and (table.has_tangential or item.name not in TANGENTIAL)
+        if item.name in VELOCITIES
+        and item.sd is None
+        and (table.has_tangential or not OBSERVABLES[item.name].tangential)
     ]
     own = [NOISE_OF[name] for name in columns if NOISE_OF[name] in named]
     if wanted == TIED and own:
@@ -93,17 +97,17 @@ def named_noise(scene: Scene, *given: Mapping[str, object]) -> set[str]:
 
 
 def expected_sizes(scene: Scene, table: ImpactTable) -> Mapping[str, float]:
-    """The size of each noise that is expected before a measurement, in SI: an angle is turned by the noise of a
-    velocity at the median incident speed.
+    """The size of each noise that is expected before a measurement, in SI: what the scene expects, its typical size
+    where that expects nothing; an angle is turned by the noise of a velocity at the median incident speed.
     """
     speed = float(np.median(np.hypot(table.impacts.v_x1, table.impacts.v_y1)))
     by_unit = {
         "m/s": scene.nominal_velocity_sd,
         "rad": float(f"{np.arctan2(scene.nominal_velocity_sd, speed):.2g}"),
         "rad/s": scene.nominal_spin_sd,
-        "s": CONTACT_TIME,
     }
-    return {name: by_unit[spec.unit] for name, spec in SD_SPECS.items()}
+    own = {item.noise.name: by_unit.get(item.unit, float(item.noise.typical)) for item in OBSERVABLES.values()}
+    return {SHARED_SD: scene.nominal_velocity_sd, **own}
 
 
 def noise_parameters(
@@ -141,7 +145,7 @@ class Derived(Observable):
         """See `Observable`."""
         if self.sd is not None:
             return self.sd
-        mine, one, other = (_gradient(name, rebound) for name in (self.name, *self.of))
+        mine, one, other = (OBSERVABLES[name].slopes(rebound, COMPONENTS) for name in (self.name, *self.of))
         first, second = (np.asarray(sizes[NOISE_OF[name]])[..., None] for name in self.of)
         # mine = a one + b other by Cramer's rule; no finite sd where the two say the same of the velocity.
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -157,17 +161,5 @@ def derived(observable: Observable, names: Collection[str]) -> Observable:
     return Derived(observable.name, observable.observed, observable.sd, None, observable.rows, (of[0], of[1]))
 
 
-def _gradient(name: str, rebound: Rebound) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of a quantity of the velocity with respect to v_x2 and v_y2."""
-    v_x, v_y = rebound.v_x2, rebound.v_y2
-    speed, one, zero = np.hypot(v_x, v_y), np.ones_like(v_x), np.zeros_like(v_x)
-    return {
-        "v_x2": (one, zero),
-        "v_y2": (zero, one),
-        "v_2": (v_x / speed, v_y / speed),
-        "theta_2": (-v_y / speed**2, v_x / speed**2),
-    }[name]
-
-
-def _cross(one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]) -> FloatArray:
-    return one[0] * other[1] - one[1] * other[0]
+def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])

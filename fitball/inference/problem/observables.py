@@ -2,27 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.data.table import SHARED_SD, ImpactTable
+from fitball.data.table import ImpactTable
+from fitball.inference.problem.noise import Sizes
 from fitball.models.types import Rebound
+from fitball.observables import OBSERVABLES, SHARED_SD, ReboundColumn
 from fitball.values import FloatArray
-
-# Noise parameters by name, (draws,) or numbers.
-Sizes = Mapping[str, FloatArray] | Mapping[str, float]
-PREDICTED: Mapping[str, Callable[[Rebound], FloatArray]] = {
-    "v_x2": lambda rebound: rebound.v_x2,
-    "v_y2": lambda rebound: rebound.v_y2,
-    "v_2": lambda rebound: np.hypot(rebound.v_x2, rebound.v_y2),
-    "theta_2": lambda rebound: np.arctan2(rebound.v_y2, rebound.v_x2),
-    "omega_2": lambda rebound: rebound.omega_2,
-    "contact_time": lambda rebound: rebound.contact_time,
-}
-TANGENTIAL = ("v_x2", "theta_2", "omega_2")
 
 
 @dataclass(frozen=True)
@@ -38,14 +28,19 @@ class Observable:
     noise: str | None
     rows: NDArray[np.int64] | None = None
 
+    @property
+    def column(self) -> ReboundColumn:
+        """What is true of this column in every table."""
+        return OBSERVABLES[self.name]
+
     def predict(self, rebound: Rebound) -> FloatArray:
         """What the model says, (draws, impacts) or (impacts,)."""
-        return self._mine(PREDICTED[self.name](rebound))
+        return self._mine(self.column.predict(rebound))
 
     @property
     def turned(self) -> bool:
         """Whether this is an angle with the noise of a velocity component: that noise over the rebound speed."""
-        return self.name == "theta_2" and self.noise == SHARED_SD
+        return self.column.angle and self.noise == SHARED_SD
 
     def known(self, names: Collection[str]) -> bool:
         """Whether the noise of this column is stated, or among the parameters `names`."""
@@ -94,11 +89,12 @@ def build_observables(
     """
     observables, notes = [], []
     for item in table.measurements:
-        if item.name in TANGENTIAL and not tangential:
+        column = OBSERVABLES[item.name]
+        if column.tangential and not tangential:
             notes.append(f"{item.name} is not used: without v_x1 only the vertical motion is fitted")
-        elif item.name == "contact_time" and not has_time:
-            notes.append("contact_time is not used: this model has no time axis")
-        elif item.name in ("v_y2", "v_2") and needs_cor:
+        elif column.timed and not has_time:
+            notes.append(f"{item.name} is not used: this model has no time axis")
+        elif column.restitution and needs_cor:
             notes.append(f"{item.name} is not scored: the measured coefficient of restitution is an input")
         else:
             noise = noise_of[item.name] if item.sd is None else None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields
 
 import numpy as np
 
@@ -31,6 +30,4 @@ def evaluate_in_parts(
         axis = 1
     with ThreadPoolExecutor(threads) as pool:
         found = list(pool.map(lambda part: model.evaluate(names, *part), parts))
-    return Rebound(
-        *(np.concatenate([getattr(item, field.name) for item in found], axis=axis) for field in fields(Rebound))
-    )
+    return Rebound.joined(found, axis)

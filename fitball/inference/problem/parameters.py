@@ -5,37 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from fitball.data.table import SHARED_SD
 from fitball.errors import ParameterError, suggestion
+from fitball.inference.problem.noise import KINDS
 from fitball.inference.problem.priors import Prior, parse_prior
 from fitball.models.specs import ParameterSpec
+from fitball.observables import OBSERVABLES, SHARED_NOISE, SHARED_SD, ColumnNoise
 
 
-def _speed(name: str, meaning: str, label: str) -> ParameterSpec:
-    return ParameterSpec(name, "m/s", 1e-4, 10.0, "lognormal(0.25, 0.7)", meaning, label)
+def _spec(noise: ColumnNoise, unit: str) -> ParameterSpec:
+    prior = f"lognormal({noise.typical}, 0.7)"
+    return ParameterSpec(noise.name, unit, noise.lower, noise.upper, prior, f"noise of {noise.of}", noise.symbol)
 
 
 # Noise of the measurement, one standard deviation, common to all rows that state none of their own.
 SD_SPECS: Mapping[str, ParameterSpec] = {
-    SHARED_SD: _speed(SHARED_SD, "noise of each velocity component, where they share one", r"$\sigma_v$"),
-    "v_x_sd": _speed("v_x_sd", "noise of v_x2", r"$\sigma_{v_x}$"),
-    "v_y_sd": _speed("v_y_sd", "noise of v_y2", r"$\sigma_{v_y}$"),
-    "speed_sd": _speed("speed_sd", "noise of v_2", r"$\sigma_{|v|}$"),
-    "angle_sd": ParameterSpec(
-        "angle_sd", "rad", 1e-5, 1.6, "lognormal(0.025, 0.7)", "noise of theta_2", r"$\sigma_\theta$"
-    ),
-    "spin_sd": ParameterSpec(
-        "spin_sd", "rad/s", 1e-2, 1e3, "lognormal(10, 0.7)", "noise of the spin", r"$\sigma_\omega$"
-    ),
-    "contact_time_sd": ParameterSpec(
-        "contact_time_sd", "s", 1e-6, 1e-2, "lognormal(2e-4, 0.7)", "noise of the contact time", r"$\sigma_t$"
-    ),
+    SHARED_SD: _spec(SHARED_NOISE, OBSERVABLES["v_x2"].unit),
+    **{item.noise.name: _spec(item.noise, item.unit) for item in OBSERVABLES.values()},
 }
-
-
-# With Student's t the noise parameters are its scales, and this says how heavy its tails are. Beyond a hundred nobody
-# can tell it from a normal distribution; below two it has no variance.
-TAILS = "degrees_of_freedom"
 # What separates force records from the model; where there are records, their size centres the first prior.
 FORCE_NOISE = ("force_sd", "force_misfit")
 _FORCE_SPECS: Mapping[str, ParameterSpec] = {
@@ -50,15 +36,7 @@ _FORCE_SPECS: Mapping[str, ParameterSpec] = {
 NOISE_SPECS: Mapping[str, ParameterSpec] = {
     **SD_SPECS,
     **_FORCE_SPECS,
-    TAILS: ParameterSpec(
-        TAILS,
-        "",
-        2.0,
-        100.0,
-        "lognormal(8, 0.8)",
-        "degrees of freedom of the noise: few allow outliers",
-        r"$\nu$",
-    ),
+    **{spec.name: spec for kind in KINDS.values() for spec in kind.parameters},
 }
 
 

@@ -7,7 +7,7 @@ SI for the others.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,11 +19,13 @@ from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.group_bias import GroupBias
 from fitball.inference.problem.incident import IncidentErrors
 from fitball.inference.problem.joint_prior import JointPrior
+from fitball.inference.problem.noise import NORMAL, NoiseKind
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parallel import LARGE_BATCH, evaluate_in_parts
 from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.pooling import Pooling
 from fitball.models.capabilities import LinearConstraint
+from fitball.models.jacobian import by_output
 from fitball.models.kernels.dual import NumberArray
 from fitball.models.model import Model
 from fitball.models.types import Rebound, Status
@@ -37,7 +39,8 @@ class Problem:
     `contact_time` is what the scene knows of the mean contact time of the table, (value, sd) [s], or None.
     `notes` are the sentences that tell what was left out or assumed, and why. `pooling` tells of parameters that
     differ between surfaces or balls, `group_bias` of biases of whole groups, `incident` the errors of the
-    incident state, `force` records of the force on the court. `threads` share large batches.
+    incident state, `force` records of the force on the court. `noise` is that of the table, and
+    `threads` share large batches.
     """
 
     table: ImpactTable
@@ -52,6 +55,7 @@ class Problem:
     group_bias: GroupBias | None = None
     incident: IncidentErrors | None = None
     force: ForceRecords | None = None
+    noise: NoiseKind = NORMAL
     threads: int = 1
 
     @cached_property
@@ -136,22 +140,19 @@ class Problem:
             found.append(made)
             order.append(mine)
         back = np.argsort(np.concatenate(order), kind="stable")
-        return Rebound(
-            *(
-                np.concatenate([getattr(item, field.name) for item in found], axis=1)[:, back]
-                for field in fields(Rebound)
-            )
-        )
+        return Rebound.joined(found, axis=1).take(back)
 
-    def slopes_like(self, columns: Mapping[str, FloatArray], impacts: Impacts, rows: NDArray[np.int64]) -> FloatArray:
-        """Derivatives (draws, impacts, outputs, 3) of such rebounds with respect to the incident state."""
+    def slopes_like(
+        self, columns: Mapping[str, FloatArray], impacts: Impacts, rows: NDArray[np.int64]
+    ) -> Mapping[str, FloatArray]:
+        """Derivatives (draws, impacts, 3) of each output of such rebounds with respect to the incident state."""
         found, order = [], []
         for mine, own in self._blocks(columns, rows):
             values = self._model_rows({**columns, **own})
             found.append(self.model.jacobian(self.model_names, values, impacts.take(mine), ()).inputs)
             order.append(mine)
         back = np.argsort(np.concatenate(order), kind="stable")
-        return np.asarray(np.concatenate(found, axis=1)[:, back])
+        return by_output(np.concatenate(found, axis=1)[:, back])
 
     def paired(
         self, columns: Mapping[str, FloatArray], draws: NDArray[np.int64], rows: NDArray[np.int64]
@@ -163,12 +164,14 @@ class Problem:
             found[item.parameter] = by_level[item.index[rows], draws]
         return found
 
-    def linearised(self, columns: Mapping[str, FloatArray], impacts: OwnImpacts) -> tuple[Rebound, FloatArray]:
-        """Rebounds (draws, impacts) for parameters as they are, with derivatives (draws, impacts, outputs, 3) with
-        respect to the incident state.
+    def linearised(
+        self, columns: Mapping[str, FloatArray], impacts: OwnImpacts
+    ) -> tuple[Rebound, Mapping[str, FloatArray]]:
+        """Rebounds (draws, impacts) for parameters as they are, with derivatives (draws, impacts, 3) of each output
+        with respect to the incident state.
         """
         found = self.model.jacobian(self.model_names, self._model_rows(columns), impacts, ())
-        return found.rebound, found.inputs
+        return found.rebound, by_output(found.inputs)
 
     def force_integrals(
         self,

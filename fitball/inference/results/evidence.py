@@ -64,9 +64,7 @@ class Profiles:
     missing: str = ""
 
 
-# Why profiles are missing: with other noise its best size has no closed form, and those of a large table take some
-# thirty thousand evaluations of all its rows.
-OTHER_NOISE = "they are made for normal noise about exactly known incident states only"
+# Why profiles are missing: those of a large table take some thirty thousand evaluations of all its rows.
 LEFT_OUT = "the table is large, and they were left out; fitball plot FIT profiles makes them"
 
 

@@ -8,13 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
+from fitball.inference.problem.noise import NoiseKind, noise_with
 from fitball.inference.results.quantiles import BAND, BAND_LEVELS
 from fitball.models.model import Model
 from fitball.models.registry import model
-from fitball.models.types import Rebound
+from fitball.models.types import OUTPUTS, Rebound
 from fitball.values import Ball, FloatArray, Impacts
-
-OUTPUTS = ("v_x2", "v_y2", "omega_2", "contact_time")
 
 
 @dataclass(frozen=True)
@@ -45,6 +44,11 @@ class FittedModel:
         """Places, among `names`, of the parameters that the model itself takes."""
         return [k for k, name in enumerate(self.names) if name in self.model.specs]
 
+    @cached_property
+    def noise(self) -> NoiseKind:
+        """The noise of the table it was calibrated on."""
+        return noise_with(self.names)
+
     def rebound(self, impacts: Impacts, values: FloatArray | None = None) -> Rebound:
         """Rebounds (draws, impacts) at `values` (draws, names), by default at the point estimate (1, impacts)."""
         rows = self.point[None, :] if values is None else values
@@ -61,8 +65,8 @@ class FittedModel:
     def predict(self, impacts: Impacts) -> Mapping[str, FloatArray]:
         """Noise-free predictions at new impacts.
 
-        Returns arrays (impacts,) named `v_x2`, `v_y2`, `omega_2`, `contact_time` at the point estimate and, when
-        there are posterior draws, `v_x2_median`, `v_x2_q025`, `v_x2_q16`, `v_x2_q84`, `v_x2_q975` and so on.
+        Returns arrays (impacts,) named as in `models.types.OUTPUTS` at the point estimate and, when there are
+        posterior draws, `v_x2_median`, `v_x2_q025`, `v_x2_q16`, `v_x2_q84`, `v_x2_q975` and so on.
         Draws that cannot be evaluated at an impact are left out of that impact's quantiles; their share
         is `failed`.
         """

@@ -8,14 +8,14 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 
 from fitball.models.capabilities import LINES, KernelCall
-from fitball.models.jacobian import INPUTS, OUTPUTS, ReboundJacobian, moved_inputs
+from fitball.models.jacobian import INPUTS, ReboundJacobian, moved_inputs
 from fitball.models.kernels.bounce import ANCHOR_SPEED, tied_inertia_split
 from fitball.models.kernels.dual import NumberArray
 from fitball.models.model import Model, ball_columns
 from fitball.models.specs import specs
 from fitball.models.thesis import jacobian as thesis_jacobian
 from fitball.models.thesis import kernel as thesis
-from fitball.models.types import Rebound, ThesisClosures
+from fitball.models.types import OUTPUTS, Rebound, ThesisClosures
 from fitball.values import Ball, FloatArray, Impacts, OwnImpacts
 
 DAMPING_CODES = {

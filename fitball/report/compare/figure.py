@@ -9,12 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
 
-from fitball.data.table import REBOUND_UNITS
 from fitball.inference.comparison.results import Comparison
+from fitball.observables import OBSERVABLES
 from fitball.report.compare.rows import published_rms, schemes, scored_outputs
 from fitball.report.figures.arrays import axis_label
-from fitball.report.figures.predictive import COLOURS, MARKERS, TITLES, new_figure
-from fitball.report.form.display_units import handy
+from fitball.report.figures.predictive import COLOURS, MARKERS, new_figure
+from fitball.report.form.display_units import output_scale
 
 PUBLISHED_MARK = "x"
 # Longest name of a model beside the axis; longer ones break before their closures.
@@ -57,7 +57,7 @@ def _draw_differences(axis: Axes, comparison: Comparison) -> None:
 
 
 def _draw_errors(axis: Axes, comparison: Comparison, output: str) -> None:
-    scale = handy(output, REBOUND_UNITS[output])
+    scale = output_scale(output)
     for k, way in enumerate(schemes(comparison)):
         rms = [scored.out_of_sample(way).get(output, np.nan) for scored in comparison.models]
         axis.plot(
@@ -74,7 +74,7 @@ def _draw_errors(axis: Axes, comparison: Comparison, output: str) -> None:
     axis.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.xaxis.set_minor_formatter(NullFormatter())
     axis.tick_params(axis="x", labelsize=8)
-    _title, symbol, _unit = TITLES[output]
+    symbol = OBSERVABLES[output].symbol
     axis.set_xlabel(f"rms error of\n{axis_label(symbol, scale.unit)}")
 
 

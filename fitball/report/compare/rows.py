@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from fitball.data.table import REBOUND_UNITS
 from fitball.inference.comparison.cross_validation import GROUPS, IMPACTS
 from fitball.inference.comparison.results import Comparison, FixedPrediction, ModelScore
 from fitball.inference.prediction.outputs import OUTPUTS, root_mean_square
-from fitball.report.form.display_units import handy
+from fitball.report.form.display_units import output_scale
 from fitball.report.form.rounding import fixed
 from fitball.version import __version__
 
@@ -41,14 +40,14 @@ def published_rms(published: FixedPrediction) -> dict[str, float]:
 
 def head(output: str) -> str:
     """Column head with the unit people read."""
-    return f"{output} [{handy(output, REBOUND_UNITS[output]).unit}]"
+    return f"{output} [{output_scale(output).unit}]"
 
 
 def in_unit(output: str, value: float | None) -> str:
     """A root mean square error in the unit of `head`, to three digits or to hundredths."""
     if value is None:
         return "-"
-    scaled = value * handy(output, REBOUND_UNITS[output]).factor
+    scaled = value * output_scale(output).factor
     return fixed(scaled, 1) if scaled >= 10.0 else fixed(scaled, 2)
 
 
@@ -129,7 +128,7 @@ def _errors(
     for way in ways:
         for output in outputs:
             value = by_way.get(way, {}).get(output)
-            scale = handy(output, REBOUND_UNITS[output])
+            scale = output_scale(output)
             cells[f"rms, {way}: {head(output)}"] = None if value is None else value * scale.factor
     return cells
 

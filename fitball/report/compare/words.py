@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
-from fitball.data.table import REBOUND_UNITS
 from fitball.inference.comparison.cross_validation import GROUPS, IMPACTS
 from fitball.inference.comparison.results import Comparison, ModelScore
+from fitball.inference.prediction.outputs import OUTPUTS
 from fitball.models.registry import DEFAULT_MODEL
 from fitball.report.compare.rows import in_unit, schemes, scored_outputs
-from fitball.report.form.display_units import handy
+from fitball.report.form.display_units import output_scale
 from fitball.report.form.rounding import fixed
 
 
@@ -110,7 +110,7 @@ def _duel(comparison: Comparison, one: ModelScore, other: ModelScore) -> str:
         change = comparison.rms_difference(one.name, other.name, output)
         if change is None:
             continue
-        scale = handy(output, REBOUND_UNITS[output])
+        scale = output_scale(output)
         value, low, high = (scale.factor * x for x in (change.value, change.q05, change.q95))
         places = 1 if max(abs(low), abs(high)) >= 1.0 else 2
         if max(abs(value), abs(low), abs(high)) < 0.5 * 10.0**-places:
@@ -141,12 +141,8 @@ def _caution(comparison: Comparison) -> str:
 
 
 def _errors(rms: Mapping[str, float]) -> str:
-    shown: Sequence[str] = [
-        name for name in ("v_x2", "v_y2", "omega_2", "v_2", "theta_2", "contact_time") if name in rms
-    ]
-    return ", ".join(
-        f"{name} {in_unit(name, rms[name])} {handy(name, REBOUND_UNITS[name]).unit}" for name in shown[:3]
-    )
+    shown = [name for name in OUTPUTS if name in rms]
+    return ", ".join(f"{name} {in_unit(name, rms[name])} {output_scale(name).unit}" for name in shown[:3])
 
 
 def _signed(value: float, places: int) -> str:

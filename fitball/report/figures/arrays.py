@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.inference.results.results import ObservablePrediction, Posterior
+from fitball.observables import OBSERVABLES
 from fitball.report.figures.drawable import Drawable, drawn, parameter
-from fitball.report.form.display_units import handy
+from fitball.report.form.display_units import handy, output_scale
 from fitball.values import FloatArray
 
 CORNER_DRAWS = 12_000
@@ -171,8 +172,8 @@ def measured_points(fit: Drawable) -> Mapping[str, MeasuredPoints]:
         across = np.hypot(spread["v_x2"] * v_y, spread["v_y2"] * v_x)
         spread["theta_2"] = across / (v_x**2 + v_y**2)
     points: dict[str, MeasuredPoints] = {}
-    for name in ("v_x2", "v_y2", "theta_2", "omega_2", "v_2", "contact_time"):
+    for name in OBSERVABLES:
         if name in raw:
-            factor = handy(name, "").factor
+            factor = output_scale(name).factor
             points[name] = MeasuredPoints(along, raw[name] * factor, spread[name] * factor, groups)
     return points

@@ -13,23 +13,16 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from fitball.observables import OBSERVABLES
 from fitball.report.figures.arrays import axis_label, group_of, incidence, measured_points, residual_data, trace_data
 from fitball.report.figures.drawable import Drawable, drawn, parameter
-from fitball.report.form.display_units import handy
+from fitball.report.form.display_units import handy, output_scale
 
 # Colour-blind safe (Okabe and Ito).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 MARKERS = ("o", "s", "^", "D", "v", "P")
 # Impacts that a figure draws one by one: more are a blot, and cost more memory than the fit.
 MOST_POINTS = 4000
-TITLES = {
-    "v_x2": ("horizontal rebound velocity", r"$v_{x2}$", "m/s"),
-    "v_y2": ("vertical rebound velocity", r"$v_{y2}$", "m/s"),
-    "theta_2": ("rebound angle", r"$\theta_2$", "rad"),
-    "omega_2": ("rebound spin", r"$\omega_2$", "rad/s"),
-    "v_2": ("rebound speed", r"$v_2$", "m/s"),
-    "contact_time": ("contact time", r"$t_c$", "s"),
-}
 
 
 def shown_rows(count: int) -> NDArray[np.int64]:
@@ -51,8 +44,7 @@ def new_figure(width: float, height: float, layout: Literal["constrained"] | Non
 
 
 def _output_label(name: str) -> str:
-    _title, symbol, unit = TITLES[name]
-    return axis_label(symbol, handy(name, unit).unit)
+    return axis_label(OBSERVABLES[name].symbol, output_scale(name).unit)
 
 
 def _styles(groups: Sequence[str]) -> dict[str, tuple[str, str]]:
@@ -105,7 +97,7 @@ def _draw_predictive(axis: Axes, fit: Drawable, name: str, styles: dict[str, tup
             linewidth=1,
             label=label,
         )
-    axis.set_title(TITLES[name][0], fontsize=11)
+    axis.set_title(OBSERVABLES[name].title, fontsize=11)
     axis.set_xlabel(incidence(fit)[0])
     axis.set_ylabel(_output_label(name))
     axis.grid(alpha=0.3)
@@ -129,7 +121,7 @@ def residual_figure(fit: Drawable) -> Figure:
             row[0].plot(
                 item.along[mine], item.values[mine], marker, color=colour, markersize=5, label=group or "impacts"
             )
-        row[0].set_ylabel(f"{TITLES[item.name][1]}: residual / sd")
+        row[0].set_ylabel(f"{OBSERVABLES[item.name].symbol}: residual / sd")
         row[0].set_xlabel(incidence(fit)[0])
         row[0].grid(alpha=0.3)
         order = np.sort(item.values)

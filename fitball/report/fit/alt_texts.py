@@ -13,7 +13,7 @@ from fitball.report.figures.force_arrays import force_panels
 from fitball.report.figures.kinds import drawable_kinds
 from fitball.report.fit.evidence_rows import evidence_rows
 from fitball.report.fit.summary import parameter_rows
-from fitball.report.form.display_units import handy
+from fitball.report.form.display_units import output_scale
 
 # Correlations named, the strongest first.
 NAMED = 3
@@ -116,7 +116,7 @@ def _regimes(fit: Fit) -> str:
 
 
 def _size(name: str, value: float) -> str:
-    scale = handy(name, {"omega_2": "rad/s", "contact_time": "s", "theta_2": "rad"}.get(name, "m/s"))
+    scale = output_scale(name)
     return f"{value * scale.factor:.2g} {scale.unit}"
 
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fitball.inference.results.results import ErrorBudget
-from fitball.report.form.display_units import handy
+from fitball.report.form.display_units import output_scale
 from fitball.report.form.rounding import digits
-
-UNITS = {"omega_2": "rad/s", "contact_time": "s", "theta_2": "rad"}
 
 
 @dataclass(frozen=True)
@@ -24,7 +22,7 @@ def budget_table(budget: ErrorBudget) -> BudgetTable:
     rows = []
     larger = []
     for name, line in budget.lines.items():
-        scale = handy(name, UNITS.get(name, "m/s"))
+        scale = output_scale(name)
         posterior = None if line.posterior is None else line.posterior * scale.factor
         least = line.measurement if not line.posterior else min(line.measurement, line.posterior)
         rows.append(

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fitball.inference.results.results import Fit
 from fitball.inference.thesis.published_cases import CaseComparison, PublishedCase, compare_cases
+from fitball.observables import COMPARED, OBSERVABLES
 from fitball.report.fit.summary import parameter_rows, thesis_rows
-from fitball.report.form.display_units import THESIS, Scale, handy
+from fitball.report.form.display_units import THESIS, Scale, handy, output_scale
 from fitball.report.form.rounding import digits
 
 PARAMETERS = ("mass_ratio", "k_y", "k_theta", "mu", "eps_10", "eps_slope")
 SI_UNITS = {"k_y": "N/m", "k_theta": "N m/rad", "eps_10": "m", "eps_slope": "m/(m/s)"}
-OUTPUTS = {"v_x2": "m/s", "v_y2": "m/s", "omega_2": "rad/s", "theta_2": "rad"}
 
 
 @dataclass(frozen=True)
@@ -72,9 +71,8 @@ def _text(row: object) -> str:
 def _errors(cases: CaseComparison) -> tuple[tuple[str, ...], ...]:
     """Root mean square errors as the thesis prints them (m/s, rad/s, degrees), and in SI where that differs."""
     rows = []
-    scales = {"theta_2": (Scale("deg", 180.0 / math.pi), Scale("rad", 1.0)), "omega_2": (Scale("rad/s", 1.0),)}
-    for name, unit in OUTPUTS.items():
-        for k, scale in enumerate(scales.get(name, (Scale(unit, 1.0),))):
+    for name in COMPARED:
+        for k, scale in enumerate(dict.fromkeys((output_scale(name), Scale(OBSERVABLES[name].unit, 1.0)))):
             mine = _rms(cases.fitted_rms, name, scale)
             theirs = (_rms(case.rms, name, scale) for case in cases.cases)
             rows.append((name if k == 0 else "", scale.unit, mine, *theirs))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitball.inference.results.results import ErrorBudget, Estimate, Fit, LevelEstimate, RunStatus
-from fitball.report.form.display_units import THESIS, Scale, handy
+from fitball.report.form.display_units import THESIS, Scale, handy, output_scale
 from fitball.report.form.rounding import decimals, fixed, interval, significant
 from fitball.values import FloatArray
 
@@ -157,7 +157,7 @@ def prediction_table(fit: Fit, most: int | None = None) -> PredictionTable:
     speed = np.hypot(impacts.v_x1, impacts.v_y1)
     heads, columns = [], []
     for observable in problem.observables:
-        scale = handy(observable.name, {"omega_2": "rad/s"}.get(observable.name, "m/s"))
+        scale = output_scale(observable.name)
         heads.append(f"{observable.name} [{scale.unit}]")
         predicted = observable.predict(fit.point.rebound)[0] * scale.factor
         half = None
@@ -202,7 +202,7 @@ def diagnosis_lines(fit: Fit, *, budget: bool = True) -> tuple[str, ...]:
     """Sampler and point fit in sentences, with the error budget unless it is told elsewhere."""
     squares = fit.least_squares
     rms = ", ".join(
-        f"{name} {significant(value * handy(name, '').factor)} {handy(name, _unit(name)).unit}"
+        f"{name} {significant(value * output_scale(name).factor)} {output_scale(name).unit}"
         for name, value in squares.rms.items()
     )
     lines = [
@@ -232,8 +232,8 @@ def diagnosis_lines(fit: Fit, *, budget: bool = True) -> tuple[str, ...]:
 
 def _budget_line(budget: ErrorBudget) -> str:
     def text(name: str, value: float) -> str:
-        unit = handy(name, _unit(name))
-        return f"{value * unit.factor:.1e} {unit.unit}"
+        scale = output_scale(name)
+        return f"{value * scale.factor:.1e} {scale.unit}"
 
     parts = []
     for name, line in budget.lines.items():
@@ -243,10 +243,6 @@ def _budget_line(budget: ErrorBudget) -> str:
         f"Error budget: numerical error at most {budget.share:.0e} of the others, over {budget.impacts} impacts "
         f"against {budget.reference}: " + ", ".join(parts) + "."
     )
-
-
-def _unit(name: str) -> str:
-    return {"omega_2": "rad/s", "contact_time": "s", "theta_2": "rad"}.get(name, "m/s")
 
 
 def notes(fit: Fit) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fitball.data.table import NOISE_OF
+from fitball.observables import OBSERVABLES
 
 INCH = 0.0254
 POUND_FORCE = 4.4482216152605
@@ -30,13 +30,16 @@ _MULTIPLES: Mapping[str, Scale] = {
     "offset": Scale("mm", 1e3),
     "ball_mass": Scale("g", 1e3),
     "ball_radius": Scale("mm", 1e3),
-    "theta_2": Scale("deg", 57.29577951308232),
-    "contact_time": Scale("ms", 1e3),
 }
 # The noise of a column reads in the unit of the column.
 HANDY: Mapping[str, Scale] = {
     **_MULTIPLES,
-    **{noise: _MULTIPLES[column] for column, noise in NOISE_OF.items() if column in _MULTIPLES},
+    **{
+        name: Scale(*item.shown)
+        for item in OBSERVABLES.values()
+        if item.shown is not None
+        for name in (item.name, item.noise.name)
+    },
 }
 
 # Jafri (2004), Appendix B: inch, pound force, second; speeds in metres per second.
@@ -54,3 +57,8 @@ THESIS: Mapping[str, Scale] = {
 def handy(name: str, unit: str) -> Scale:
     """The handy multiple for a parameter or output, SI itself where none is listed."""
     return HANDY.get(name, Scale(unit, 1.0))
+
+
+def output_scale(name: str) -> Scale:
+    """The unit in which people read a column of a rebound."""
+    return handy(name, OBSERVABLES[name].unit)

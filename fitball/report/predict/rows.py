@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from fitball.data.table import REBOUND_UNITS
 from fitball.inference.prediction.holdout_scores import ObservableScore
 from fitball.inference.prediction.new_impacts import NewPrediction, OutputPrediction
 from fitball.inference.results.quantiles import BAND
-from fitball.report.form.display_units import Scale, handy
+from fitball.observables import OBSERVABLES
+from fitball.report.form.display_units import Scale, output_scale
 from fitball.values import FloatArray
 
 DEGREE = 57.29577951308232
@@ -23,11 +23,6 @@ RANGE_UNITS: Mapping[str, Scale] = {
     "theta_1": Scale("deg", DEGREE),
     "omega_1": Scale("rad/s", 1.0),
 }
-
-
-def output_scale(name: str) -> Scale:
-    """The unit an output is shown in."""
-    return handy(name, REBOUND_UNITS[name])
 
 
 def _columns(output: OutputPrediction) -> dict[str, FloatArray]:
@@ -118,7 +113,7 @@ def prediction_json(
             }
         )
     return {
-        "units": {output.name: REBOUND_UNITS[output.name] for output in prediction.outputs},
+        "units": {output.name: OBSERVABLES[output.name].unit for output in prediction.outputs},
         "draws": prediction.draws,
         "calibrated": {name: list(ends) for name, ends in reach.limits.items()},
         "hull_slack": reach.slack,

@@ -9,9 +9,11 @@ import numpy as np
 
 from fitball.inference.prediction.holdout_scores import ObservableScore
 from fitball.inference.prediction.new_impacts import NewPrediction, OutputPrediction
+from fitball.observables import COMPARED
+from fitball.report.form.display_units import output_scale
 from fitball.report.form.rounding import decimals, fixed, interval, significant
 from fitball.report.form.text_table import MOST_LINES, WIDTH, columns, more
-from fitball.report.predict.rows import RANGE_UNITS, output_scale
+from fitball.report.predict.rows import RANGE_UNITS
 
 # Up to so many impacts each has a table of its own; more stand one per line.
 IN_FULL = 4
@@ -135,7 +137,7 @@ def _in_brief(prediction: NewPrediction, ids: Sequence[str]) -> list[str]:
     """
     impacts = prediction.impacts
     heads = ["impact", "v_1 [m/s]", "theta_1 [deg]", "omega_1 [rad/s]"]
-    shown = [output for output in prediction.outputs if output.name not in ("v_2", "contact_time")]
+    shown = [output for output in prediction.outputs if output.name in COMPARED]
     heads += [f"{item.name} [{output_scale(item.name).unit}]" for item in shown]
     rows = []
     for k, name in enumerate(ids[:MOST_LINES]):

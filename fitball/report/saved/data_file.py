@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from fitball.data.columns import SD_SUFFIX
 from fitball.data.hdf5_arrays import array, finite, opened, texts
-from fitball.data.table import REBOUND_UNITS, ImpactTable, Measurement
+from fitball.data.table import ImpactTable, Measurement
 from fitball.errors import ParameterError, ResultFolderError
 from fitball.inference.problem.force_records import Averaged, ForceRecords
 from fitball.inference.problem.problem import Problem
+from fitball.observables import SI_UNITS
 from fitball.report.form.atomic_write import write_whole
 from fitball.report.saved.fit_file import DataPart, ForcePart
 from fitball.report.saved.structure import part
@@ -27,7 +28,6 @@ from fitball.version import __version__
 
 DATA_NAME = "data.nc"
 KIND = "fitball data"
-UNITS = {"v_x1": "m/s", "v_y1": "m/s", "omega_1": "rad/s", **REBOUND_UNITS}
 INCIDENT = ("v_x1", "v_y1", "omega_1")
 # What is kept of each force record besides its means, as numbers of one kind each.
 COUNTS = ("row", "block", "samples")
@@ -104,7 +104,7 @@ def write_data(problem: Problem, path: Path) -> None:
     variables = {}
     for name, column in columns.items():
         dims = ("impact",) if not name.startswith(_FORCE) else ("record", "node")[: column.ndim]
-        unit = UNITS.get(name.removesuffix(SD_SUFFIX), "")
+        unit = SI_UNITS.get(name.removesuffix(SD_SUFFIX), "")
         variables[name] = (dims, column, {"units": unit} if unit else {})
     for k, name in enumerate(problem.table.labels):
         variables[f"{_LABEL}{k}"][2]["long_name"] = name

@@ -82,6 +82,7 @@ def _problem(saved: SavedFit, measured: MeasuredData) -> Problem:
         contact_time=data.contact_time,
         notes=saved.file.notes,
         force=measured.force,
+        noise=fitted.noise,
     )
 
 

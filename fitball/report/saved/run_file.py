@@ -11,7 +11,7 @@ import msgspec
 import tomli_w
 
 from fitball.data.bundled import bundled_folder
-from fitball.inference.problem.parameters import SD_SPECS, TAILS
+from fitball.inference.problem.parameters import SD_SPECS
 from fitball.inference.results.results import Fit
 from fitball.report.saved.fit_file import BallPart, ModelPart
 from fitball.report.saved.structure import Counted, Digest, Part, Positive, part, plain
@@ -136,7 +136,7 @@ def run_text(fit: Fit, folder: Path) -> str:
         fixed_because={spec.name: spec.fixed_because for spec in problem.parameters if spec.fixed is not None},
         pool={level.parameter: level.column for level in problem.pooling},
         measurement=MeasurementPart(
-            distribution="student-t" if TAILS in fit.point.values else "normal",
+            distribution=problem.noise.name,
             incident_errors=problem.incident is not None,
             offsets=None if problem.group_bias is None else problem.group_bias.column,
         ),

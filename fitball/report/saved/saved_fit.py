@@ -14,7 +14,7 @@ from fitball.inference.prediction.new_impacts import DRAWS, NewPrediction, predi
 from fitball.inference.problem.observables import Observable
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Golden, Posterior, RunStatus, Verdict, thinned
-from fitball.models.types import Rebound
+from fitball.models.types import OUTPUTS, Rebound
 from fitball.report.saved.data_file import DATA_NAME, MeasuredData, read_data
 from fitball.report.saved.fit_consistency import checked, outside
 from fitball.report.saved.fit_file import KIND, SCHEMA_VERSION, FitFile, FittedPart, GoldenPart, ParameterPart
@@ -151,6 +151,10 @@ def _fitted(file: FitFile, part: FittedPart) -> FittedModel:
     )
 
 
+def _known(values: Sequence[float] | None, count: int) -> FloatArray:
+    return np.full(count, np.nan) if values is None else np.array(values)
+
+
 def _golden(part: GoldenPart) -> Golden:
     given, made = part.impacts, part.rebound
     count = len(made.v_x2)
@@ -159,11 +163,8 @@ def _golden(part: GoldenPart) -> Golden:
         parameters=part.parameters,
         impacts=Impacts(np.array(given.v_x1), np.array(given.v_y1), np.array(given.omega_1), cor),
         rebound=Rebound(
-            np.array(made.v_x2),
-            np.array(made.v_y2),
-            np.array(made.omega_2),
-            np.full(count, np.nan) if made.contact_time is None else np.array(made.contact_time),
-            np.array(made.regime, dtype=np.int64),
-            np.zeros(count, dtype=np.int8),
+            **{name: _known(getattr(made, name), count) for name in OUTPUTS},
+            regime=np.array(made.regime, dtype=np.int64),
+            status=np.zeros(count, dtype=np.int8),
         ),
     )

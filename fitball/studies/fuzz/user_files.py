@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fitball.data.bundled import bundled_folder
+from fitball.inference.problem.noise import KINDS
 from fitball.studies.fuzz.examples import IMPACTS, PRIORS, SCENE, TABLES
 from fitball.studies.fuzz.harness import Target
 from fitball.studies.fuzz.mutators import damage_file, damaged
@@ -33,7 +34,7 @@ OPTIONS = (
     ("--pool", ("mu=surface", "e_x=group"), _GRIP_SLIP),
     ("--closure", ("normal=total", "torsion=free"), _GRIP_SLIP),
     ("--model", ("two-mass+normal=total", "thesis-exact", "two-mass+torsion=free"), _SIMULATED),
-    ("--noise", ("normal", "student-t"), _GRIP_SLIP),
+    ("--noise", tuple(KINDS), _GRIP_SLIP),
     ("--offsets", ("group", "surface"), _GRIP_SLIP),
 )  # fmt: skip
 

@@ -164,7 +164,9 @@ class BounceExperiment:
         rebound = known.rebound(values[None, :])
         columns = known.all_values(values[None, :])
         measured = tuple(
-            Measurement(observable.name, with_noise(observable, columns, rebound, rng)[2][0], observable.sd)
+            Measurement(
+                observable.name, with_noise(known.noise, observable, columns, rebound, rng)[2][0], observable.sd
+            )
             for observable in known.observables
         )
         fix = {}

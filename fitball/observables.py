@@ -1,0 +1,160 @@
+"""The columns of a rebound: whatever is true of one of them, once.
+
+Names, units and noises of `data`, predictions and derivatives of `inference`, words and units of `report` all come
+from `OBSERVABLES`. A model's own outputs (`models.types.OUTPUTS`) are predicted as they are; other columns are
+functions of the rebound velocity, given with their gradients.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from fitball.values import FloatArray
+
+
+@dataclass(frozen=True)
+class ColumnNoise:
+    """The noise parameter of a column: name, bounds and typical size (as the text of a prior has it) in the unit of
+    the column, what it is the noise `of` in words, and its symbol (mathtext).
+    """
+
+    name: str
+    lower: float
+    upper: float
+    typical: str
+    of: str
+    symbol: str
+
+
+class Velocity(Protocol):
+    """A rebound, of which the velocity is known; `models.types.Rebound` has all of a model's outputs."""
+
+    @property
+    def v_x2(self) -> FloatArray:
+        """Along the court [m/s]."""
+
+    @property
+    def v_y2(self) -> FloatArray:
+        """Away from the court [m/s]."""
+
+
+@dataclass(frozen=True)
+class OfVelocity:
+    """A function of the rebound velocity `(v_x2, v_y2)`, and its derivatives with respect to these."""
+
+    value: Callable[[FloatArray, FloatArray], FloatArray]
+    gradient: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+
+
+@dataclass(frozen=True)
+class ReboundColumn:
+    """A column of a rebound.
+
+    `unit` is SI, angles in radians; `shown` another unit in which people read it, with the factor from SI. `title`
+    and `symbol` (mathtext) head figures. `positive` says what it counts where it has no sign. `tangential` columns
+    are nothing without motion along the court, `timed` ones need a model with a time axis, and what shows the
+    `restitution` is no prediction of a model that takes the measured one. `velocity`: it belongs to the velocity,
+    whose columns may share one noise. `function` is None for what a model gives itself.
+    """
+
+    name: str
+    unit: str
+    title: str
+    symbol: str
+    noise: ColumnNoise
+    shown: tuple[str, float] | None = None
+    positive: str = ""
+    tangential: bool = False
+    timed: bool = False
+    restitution: bool = False
+    velocity: bool = False
+    function: OfVelocity | None = None
+
+    @property
+    def angle(self) -> bool:
+        """Whether differences go by the short way round."""
+        return self.unit == "rad"
+
+    @property
+    def along(self) -> bool:
+        """Whether motion along the court enters it: a drop test has no such column but its speed."""
+        return self.tangential or self.function is not None
+
+    def predict(self, rebound: Velocity) -> FloatArray:
+        """The column of rebounds (`models.types.Rebound`), of the shape of theirs."""
+        if self.function is None:
+            own: FloatArray = getattr(rebound, self.name)
+            return own
+        return self.function.value(rebound.v_x2, rebound.v_y2)
+
+    def slopes(self, rebound: Velocity, slopes: Mapping[str, FloatArray]) -> FloatArray:
+        """Its derivatives (..., inputs) from those of the model's outputs by name, (..., inputs) each."""
+        if self.function is None:
+            return slopes[self.name]
+        along, up = self.function.gradient(rebound.v_x2, rebound.v_y2)
+        return np.asarray(along[..., None] * slopes["v_x2"] + up[..., None] * slopes["v_y2"])
+
+
+def _speed_gradient(v_x: FloatArray, v_y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    speed = np.hypot(v_x, v_y)
+    return v_x / speed, v_y / speed
+
+
+def _angle_gradient(v_x: FloatArray, v_y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    square = np.hypot(v_x, v_y) ** 2
+    return -v_y / square, v_x / square
+
+
+_ALL = (
+    ReboundColumn(
+        "v_x2", "m/s", "horizontal rebound velocity", r"$v_{x2}$",
+        ColumnNoise("v_x_sd", 1e-4, 10.0, "0.25", "v_x2", r"$\sigma_{v_x}$"),
+        tangential=True, velocity=True,
+    ),
+    ReboundColumn(
+        "v_y2", "m/s", "vertical rebound velocity", r"$v_{y2}$",
+        ColumnNoise("v_y_sd", 1e-4, 10.0, "0.25", "v_y2", r"$\sigma_{v_y}$"),
+        positive="a positive speed away from the court", restitution=True, velocity=True,
+    ),
+    ReboundColumn(
+        "v_2", "m/s", "rebound speed", r"$v_2$",
+        ColumnNoise("speed_sd", 1e-4, 10.0, "0.25", "v_2", r"$\sigma_{|v|}$"),
+        positive="a positive speed", restitution=True, velocity=True,
+        function=OfVelocity(np.hypot, _speed_gradient),
+    ),
+    ReboundColumn(
+        "theta_2", "rad", "rebound angle", r"$\theta_2$",
+        ColumnNoise("angle_sd", 1e-5, 1.6, "0.025", "theta_2", r"$\sigma_\theta$"),
+        shown=("deg", 180.0 / np.pi), tangential=True, velocity=True,
+        function=OfVelocity(lambda v_x, v_y: np.arctan2(v_y, v_x), _angle_gradient),
+    ),
+    ReboundColumn(
+        "omega_2", "rad/s", "rebound spin", r"$\omega_2$",
+        ColumnNoise("spin_sd", 1e-2, 1e3, "10", "the spin", r"$\sigma_\omega$"),
+        tangential=True,
+    ),
+    ReboundColumn(
+        "contact_time", "s", "contact time", r"$t_c$",
+        # A film of 5,000 frames a second sees as much.
+        ColumnNoise("contact_time_sd", 1e-6, 1e-2, "2e-4", "the contact time", r"$\sigma_t$"),
+        shown=("ms", 1e3), positive="a positive time", timed=True,
+    ),
+)  # fmt: skip
+# The noise of a velocity component, which all columns of the velocity may share.
+SHARED_NOISE = ColumnNoise(
+    "velocity_sd", 1e-4, 10.0, "0.25", "each velocity component, where they share one", r"$\sigma_v$"
+)
+SHARED_SD = SHARED_NOISE.name
+OBSERVABLES: Mapping[str, ReboundColumn] = {item.name: item for item in _ALL}
+# The noise parameter of each column, one standard deviation common to all rows that state none of their own.
+NOISE_OF: Mapping[str, str] = {item.name: item.noise.name for item in _ALL}
+# SI units of the incident state, and of every column that an impact may have.
+INCIDENT_UNITS: Mapping[str, str] = {"v_x1": "m/s", "v_y1": "m/s", "omega_1": "rad/s"}
+SI_UNITS: Mapping[str, str] = {**INCIDENT_UNITS, **{item.name: item.unit for item in _ALL}}
+VELOCITIES = tuple(item.name for item in _ALL if item.velocity)
+# What the rebound of a ball without a time axis is told by, in the order in which models are compared.
+COMPARED = ("v_x2", "v_y2", "omega_2", "theta_2")

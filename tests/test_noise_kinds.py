@@ -1,0 +1,162 @@
+"""Kinds of noise: each against scipy, and a new one that is registered here and goes all the way through a fit."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from scipy import integrate, stats
+from scipy.special import gamma, gammaln
+
+import fitball
+from fitball.cli.main import main
+from fitball.data.read import load_table
+from fitball.data.scene import Scene
+from fitball.errors import ParameterError
+from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
+from fitball.inference.prediction.new_impacts import predict_new
+from fitball.inference.problem import noise, parameters
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.problem.noise import KINDS, NORMAL, UNPROFILED, NoiseKind, noise_with
+from fitball.inference.problem.priors import parse_prior
+from fitball.models.specs import ParameterSpec
+from fitball.report.fit.folder import prepare, write_all
+from fitball.report.saved.restore import restore
+from fitball.report.saved.saved_fit import read_fit
+
+STUDENT = KINDS["student-t"]
+EXPONENT = "noise_exponent"
+
+
+class ExponentialPower(NoiseKind):
+    """exp(-|z|^b) but for a constant: b = 1 is Laplace's distribution."""
+
+    name = "exponential-power"
+    parameters = (ParameterSpec(EXPONENT, "", 0.6, 4.0, "lognormal(1, 0.3)", "exponent of the noise", r"$b$"),)
+
+    def log_density(self, z, sizes):
+        b = np.asarray(sizes[EXPONENT])[..., None]
+        return np.log(0.5 * b) - gammaln(1.0 / b) - np.abs(z) ** b
+
+    def draw(self, rng, shape, sizes):
+        b = np.broadcast_to(np.asarray(sizes[EXPONENT])[..., None], shape)
+        return rng.choice([-1.0, 1.0], shape) * rng.gamma(1.0 / b) ** (1.0 / b)
+
+    def information(self, sizes):
+        b = np.asarray(sizes[EXPONENT])
+        return b**2 * gamma(2.0 - 1.0 / b) / gamma(1.0 / b)
+
+
+TOY = ExponentialPower()
+CASES = {
+    "normal": (NORMAL, {}, stats.norm()),
+    "Student": (STUDENT, {"degrees_of_freedom": 3.0}, stats.t(3.0)),
+    "Laplace": (TOY, {EXPONENT: 1.0}, stats.laplace()),
+    "between": (TOY, {EXPONENT: 1.5}, stats.gennorm(1.5)),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_kind_is_scipys(case):
+    kind, sizes, expected = CASES[case]
+    z = np.linspace(-9.0, 9.0, 41)
+    np.testing.assert_allclose(kind.log_density(z, sizes), expected.logpdf(z), rtol=1e-12)
+    squares = -2.0 * (expected.logpdf(z) - expected.logpdf(0.0))
+    np.testing.assert_allclose(kind.residual(z, sizes) ** 2, squares, rtol=1e-10, atol=1e-12)
+    assert (np.sign(kind.residual(z, sizes)) == np.sign(z)).all()
+    drawn = kind.draw(np.random.default_rng(1), (1, 20_000), sizes)[0]
+    assert stats.kstest(drawn, expected.cdf).pvalue > 0.01
+
+    def score(x):
+        step = 1e-5
+        slope = (expected.logpdf(x + step) - expected.logpdf(x - step)) / (2.0 * step)
+        return slope**2 * expected.pdf(x)
+
+    known = 2.0 * integrate.quad(score, 1e-4, 40.0, limit=400, points=[1.0, 5.0])[0]
+    assert kind.information(sizes) == pytest.approx(known, rel=1e-3)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_best_scale_is_where_density_and_prior_peak(case):
+    kind, sizes, expected = CASES[case]
+    gaps = np.array([0.3, -0.1, 0.8, -0.4, 0.05, 0.2, -0.25])
+    prior = parse_prior("v_x_sd", "lognormal(0.25, 0.7)", 1e-4, 10.0, "m/s")
+    grid = np.geomspace(0.02, 3.0, 20_001)
+    density = np.array([np.sum(expected.logpdf(gaps / s) - np.log(s)) for s in grid])
+    best = grid[np.argmax(density + prior.log_density(np.log(grid)))]
+    assert kind.best_scale(prior, gaps, sizes) == pytest.approx(best, rel=0.03)
+
+
+def test_the_best_shape_is_where_density_and_prior_peak():
+    z = stats.t(3.0).ppf((np.arange(60) + 0.5) / 60)
+    prior = parse_prior("degrees_of_freedom", "lognormal(8, 0.8)", 2.0, 100.0, "")
+    grid = np.geomspace(2.0, 100.0, 5001)
+    density = np.array([stats.t(nu).logpdf(z).sum() for nu in grid]) + prior.log_density(np.log(grid))
+    found = STUDENT.best_shape({"degrees_of_freedom": prior}, z, {"degrees_of_freedom": 50.0})
+    assert found["degrees_of_freedom"] == pytest.approx(grid[np.argmax(density)], rel=0.02)
+    # One that is held keeps its value.
+    assert STUDENT.best_shape({}, z, {"degrees_of_freedom": 50.0}) == {"degrees_of_freedom": 50.0}
+    assert NORMAL.best_shape({}, z, {}) == {}
+
+
+def test_each_kind_is_known_by_a_parameter_of_its_own_and_named_to_the_user(capsys):
+    own = [spec.name for kind in KINDS.values() for spec in kind.parameters]
+    assert len(set(own)) == len(own)
+    assert [name for name, kind in KINDS.items() if not kind.parameters] == ["normal"]
+    for name, kind in KINDS.items():
+        assert kind.name == name
+        assert noise_with(["mu", "v_x_sd", *(spec.name for spec in kind.parameters)]) is kind
+    schema = json.loads((files("fitball.data") / "scene.schema.json").read_text("utf-8"))
+    said = schema["properties"]["measurement"]["properties"]["distribution"]["description"]
+    with pytest.raises(SystemExit):
+        main(["calibrate", "--help"])
+    helped = capsys.readouterr().out
+    for name in KINDS:
+        assert name in said
+        assert name in helped
+    with pytest.raises(ParameterError, match="student-t"):
+        build_problem(load_table("wang_all.csv"), Scene(), Choices(noise="student"))
+
+
+@pytest.fixture
+def registered(monkeypatch):
+    monkeypatch.setitem(noise.KINDS, TOY.name, TOY)
+    monkeypatch.setitem(parameters.NOISE_SPECS, EXPONENT, TOY.parameters[0])
+
+
+@pytest.mark.usefixtures("registered")
+def test_the_likelihood_of_a_new_kind_written_out():
+    table = load_table("wang_all.csv")
+    problem = build_problem(table, Scene(), Choices(model="grip-slip", noise=TOY.name))
+    values = np.array([[item.prior.quantile(np.array([p]))[0] for item in problem.free] for p in (0.45, 0.5)])
+    columns, rebound = problem.all_values(values), problem.rebound(values)
+    expected = np.zeros(2)
+    for name, size in (("v_x2", "v_x_sd"), ("v_y2", "v_y_sd"), ("omega_2", "spin_sd")):
+        for k in range(2):
+            law = stats.gennorm(columns[EXPONENT][k], getattr(rebound, name)[k], columns[size][k])
+            expected[k] += law.logpdf(table.measurement(name).values).sum()
+    np.testing.assert_allclose(log_likelihood(problem, values, rebound), expected, rtol=1e-10)
+
+
+@pytest.mark.usefixtures("registered")
+def test_a_new_kind_goes_through_point_fit_sampling_prediction_and_files(tmp_path):
+    fit = fitball.calibrate("wang_zero_spin.csv", "grip-slip", noise=TOY.name, seed=3, max_steps=150, cores=1)
+    at = fit.problem.to_coordinates(np.array([[fit.point.values[name] for name in fit.problem.free_names]]))
+    steps = np.concatenate([s * 0.03 * np.diag(fit.problem.prior.width) for s in (1.0, -1.0)])
+    assert (log_posterior(fit.problem, at + steps) < log_posterior(fit.problem, at)).all()
+    exponent = fit.parameters[EXPONENT]
+    assert 0.6 <= exponent.q025 < exponent.q975 <= 4.0
+    assert fit.identifiability.profiles_missing == UNPROFILED
+    prepare(tmp_path / "fit", overwrite=False, resume=False)
+    write_all(fit, tmp_path / "fit")
+    run = tomllib.loads((tmp_path / "fit" / "run.toml").read_text("utf-8"))
+    assert run["measurement"]["distribution"] == TOY.name
+    saved = read_fit(tmp_path / "fit")
+    assert saved.fitted.noise is TOY
+    assert restore(tmp_path / "fit").problem.noise is TOY
+    found = predict_new(saved.fitted, fitball.impacts([14.0], [6.0], [0.0])).output("v_x2")
+    low, high = found.measured[0, 0], found.measured[4, 0]
+    assert low < found.rebound[0, 0] < found.rebound[4, 0] < high
