@@ -276,7 +276,7 @@ def test_a_run_file_that_cannot_be_used(copy, capsys, old, new, words):
 def test_the_new_result_can_be_kept_but_not_over_the_old(copy, capsys, monkeypatch):
     monkeypatch.chdir(copy)
     # What figures look like is tested elsewhere.
-    monkeypatch.setattr("fitball.report.figures.save.save_png", lambda _figure, place: place.write_bytes(b"figure"))
+    monkeypatch.setattr("fitball.report.fit.folder.save_figure", lambda _figure, place: place.write_bytes(b"figure"))
     assert main(["repeat", "point", "--out", "point"]) == 2
     assert main(["repeat", "point", "--out", "again"]) == 0
     out = capsys.readouterr().out

@@ -254,7 +254,7 @@ def test_intervals_cover_as_promised_and_those_of_one_noise_do_not(fits):
     for kind, fit in fits.items():
         observables, _ = observed_observables(fit.fitted, new)
         found = scores(fit.predict_interval(new.impacts, observables))
-        held[kind] = {item.name: (item.within_68, item.within_95) for item in found}
+        held[kind] = {item.output: (item.within_68, item.within_95) for item in found}
     # Three and a half sds of 400 counts and of a noise known to 6.5 %.
     for name in ("v_x2", "v_y2", "omega_2"):
         assert held[None][name] == (pytest.approx(0.68, abs=0.14), pytest.approx(0.95, abs=0.065))
