@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from dataclasses import replace
 from importlib.resources import files
 
 import numpy as np
@@ -17,7 +18,10 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import ParameterError
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
+from fitball.inference.likelihood.residuals import Weighting, default_noise, residuals
+from fitball.inference.likelihood.sensitivities import prediction_slopes
 from fitball.inference.prediction.new_impacts import predict_new
+from fitball.inference.prediction.posterior_predictive import with_noise
 from fitball.inference.problem import noise, parameters
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.noise import KINDS, NORMAL, UNPROFILED, NoiseKind, noise_with
@@ -119,6 +123,27 @@ def test_each_kind_is_known_by_a_parameter_of_its_own_and_named_to_the_user(caps
         assert name in helped
     with pytest.raises(ParameterError, match="student-t"):
         build_problem(load_table("wang_all.csv"), Scene(), Choices(noise="student"))
+
+
+def test_everything_asks_the_problem_for_its_kind():
+    """The same problem with its kind exchanged: residuals, sensitivities and draws are those of the kind."""
+    choices = Choices(model="grip-slip", noise="student-t", fix={"degrees_of_freedom": 4.0})
+    problem = build_problem(load_table("wang_zero_spin.csv"), Scene(), choices)
+    plain = replace(problem, noise=NORMAL)
+    values = np.array([[item.prior.quantile(np.array([0.5]))[0] for item in problem.free]])
+    sizes = default_noise(problem)
+    measured = sum(item.observed.size for item in problem.observables)
+    for penalised, kind in ((True, STUDENT), (False, NORMAL)):
+        z, found = (residuals(one, values, Weighting(sizes, penalised))[0, :measured] for one in (plain, problem))
+        np.testing.assert_allclose(found, kind.residual(z, sizes), rtol=1e-12)
+    at = problem.to_coordinates(values)
+    worth = np.sqrt(5.0 / 7.0)
+    np.testing.assert_allclose(prediction_slopes(problem, at), worth * prediction_slopes(plain, at), rtol=1e-12)
+    observable, columns = problem.observables[0], problem.all_values(values)
+    rebound = problem.rebound(values)
+    centre, sd, data = with_noise(STUDENT, observable, columns, rebound, np.random.default_rng(2))
+    drawn = STUDENT.draw(np.random.default_rng(2), centre.shape, columns)
+    np.testing.assert_allclose((data - centre) / sd, drawn, rtol=1e-9)
 
 
 @pytest.fixture
