@@ -45,6 +45,14 @@ def test_layers():
     assert done.returncode == 0, done.stdout
 
 
+def test_other_rooms_ask_a_model_what_it_can_do_and_not_of_what_class_it_is():
+    """What a model can do it says by its face: `models.model` and `models.capabilities`."""
+    asked = re.compile(r"\b(TwoMassModel|GripSlipModel|ImpulseModel)\b|isinstance\([^)]*\w+Model\b")
+    for file in sorted((ROOT / "fitball").rglob("*.py")):
+        if "models" not in file.relative_to(ROOT / "fitball").parts[:1]:
+            assert not asked.search(file.read_text(encoding="utf-8")), file
+
+
 def test_tables_and_numbers_in_the_readme_are_current():
     from readme import updated
 

@@ -52,8 +52,9 @@ def test_two_impacts_are_fitted_and_mostly_the_priors_speak(tmp_path, monkeypatc
     # Its JSON has no room for what is not a number.
     powers = [item["power"] for item in json.loads(fit_text(found))["identifiability"]["evidence"].values()]
     assert all(item["likelihood"] > 0.0 for item in powers)
-    verdicts = {item.name: str(item.verdict) for item in found.estimates}
-    assert {verdicts[name] for name in ("k_y", "k_theta", "velocity_sd", "spin_sd")} == {"prior-dominated"}
+    # How far draws that are tied contract is chance, but far it is not.
+    contraction = {item.name: item.contraction for item in found.estimates}
+    assert all(contraction[name] < 0.5 for name in ("k_y", "k_theta", "velocity_sd", "spin_sd"))
 
 
 def test_one_impact_is_refused_in_words(tmp_path, capsys):

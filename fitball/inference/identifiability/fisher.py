@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitball.inference.identifiability.symmetric import inverse
 from fitball.inference.likelihood.force import force_information
-from fitball.inference.likelihood.sensitivities import prediction_slopes, rebound_slopes
+from fitball.inference.likelihood.sensitivities import prediction_slopes
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import LOOKED_AT, thinned_problem
 from fitball.inference.results.evidence import InformationEvidence
@@ -15,6 +16,9 @@ from fitball.values import FloatArray
 
 # Standard errors above this many sds of the prior are no knowledge at all.
 UNINFORMED = 1e3
+# A parameter that cannot move so far either way, in widths of its prior, is so close to where the model ends that its
+# derivative says nothing of the table.
+LEAST_ROOM = 1e-5
 
 
 def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool) -> FloatArray:
@@ -23,14 +27,14 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
 
     Where a spread depends on a parameter, twice the squared slope of its logarithm adds to that of the prediction: so
     it is with a fitted noise, and with an angle, whose spread falls with the rebound speed. Of a large table a part
-    is looked at and counted for the whole. Rows and columns of a parameter so close to where the model ends that no
-    derivative exists are NaN.
+    is looked at and counted for the whole. Rows and columns of a parameter that has no room to either side
+    (LEAST_ROOM) are NaN.
     """
     whole, problem = problem, thinned_problem(problem, LOOKED_AT)
     share = len(whole.impacts) / len(problem.impacts)
     rows = prediction_slopes(problem, coordinates[None, :])[0]
     information = rows.T @ rows
-    rebound, slopes = rebound_slopes(problem, coordinates[None, :])
+    rebound, slopes = problem.differentiated(coordinates[None, :])
     width = problem.prior.width
     for observable in problem.observables:
         if observable.noise is None:
@@ -51,7 +55,17 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
         information += np.outer(row, row)
     scale = prior_sds(problem)
     scaled: FloatArray = information * np.outer(scale, scale)
+    ended = _without_room(problem, coordinates)
+    scaled[ended], scaled[:, ended] = np.nan, np.nan
     return scaled
+
+
+def _without_room(problem: Problem, coordinates: FloatArray) -> NDArray[np.bool_]:
+    """Which free parameters the model cannot evaluate a step up nor a step down from `coordinates` (free,)."""
+    steps = LEAST_ROOM * np.diag(problem.prior.width)
+    around = np.concatenate([coordinates + steps, coordinates - steps])
+    failed = np.any(problem.rebound(problem.to_values(around)).status, axis=1)
+    return np.asarray(np.all(failed.reshape(2, -1), axis=0))
 
 
 def prior_sds(problem: Problem) -> FloatArray:

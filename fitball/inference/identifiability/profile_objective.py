@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 
 from fitball.inference.likelihood.force import force_cost, force_slopes
 from fitball.inference.likelihood.posterior import log_scene_density
-from fitball.inference.likelihood.sensitivities import observable_slopes, rebound_slopes
+from fitball.inference.likelihood.sensitivities import deviation_slopes
 from fitball.inference.problem.batches import batches
 from fitball.inference.problem.noise import LOG_TAU
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
 from fitball.models.capabilities import ROUNDING
 from fitball.models.types import Rebound
-from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray
 
 Columns = Mapping[str, FloatArray]
@@ -203,7 +202,7 @@ class ProfileObjective:
 
     def _linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray, FloatArray]:
         coordinates = self._coordinates(x)
-        rebound, slopes = rebound_slopes(self.problem, coordinates)
+        rebound, slopes = self.problem.differentiated(coordinates)
         columns = self.problem.all_values(self.problem.to_values(coordinates))
         sizes = self._noise(columns, rebound, given)
         # From coordinates of the priors to those of the objective.
@@ -218,20 +217,10 @@ class ProfileObjective:
             curvature = curvature + np.einsum("bmk,bml->bkl", slope, slope)
 
         for observable in self.problem.observables:
-            spread = np.broadcast_to(observable.sds(sizes, rebound), rebound.v_x2.shape)
-            z = -self.problem.deviation(columns, observable, rebound) / spread
-            slope = (
-                observable_slopes(self.problem, observable, rebound, slopes)[..., self.columns] * chain[:, None, :]
-            )
-            if observable.turned:
-                # The spread of an angle falls with the rebound speed: z = (angle - observed) speed/noise.
-                speed = np.hypot(rebound.v_x2, rebound.v_y2)
-                growth = OBSERVABLES["v_2"].slopes(rebound, slopes)[..., self.columns] * chain[:, None, :]
-                growth = growth / speed[..., None]
-                gather(z, slope / spread[..., None] + z[..., None] * growth)
-                gradient = gradient - growth.sum(axis=1)
-            else:
-                gather(z, slope / spread[..., None])
+            z, slope, growth = deviation_slopes(self.problem, observable, columns, sizes, rebound, slopes)
+            gather(z, slope[..., self.columns] * chain[:, None, :])
+            if growth is not None:
+                gradient = gradient - growth[..., self.columns].sum(axis=1) * chain
         if self.problem.force is not None:
             z, slope, _shares = force_slopes(self.problem, self.problem.force, coordinates)
             slope = slope[..., self.columns].reshape(rows, -1, count) * chain[:, None, :]

@@ -1,6 +1,6 @@
 """Derivatives of rebounds with respect to the free parameters, batched over draws, and what follows from them.
 
-`rebound_slopes` is the only place that differentiates a model here; all else is the chain rule.
+A model differentiates itself (`Model.jacobian`); all here is the chain rule.
 """
 
 from __future__ import annotations
@@ -10,47 +10,17 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitball.inference.likelihood.incident_marginal import incident_sds
+from fitball.inference.likelihood.residuals import Weighting
+from fitball.inference.problem.noise import NORMAL, Sizes
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
-from fitball.models.types import OUTPUTS, Rebound
+from fitball.models.types import Rebound
+from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray
 
 Slopes = Mapping[str, FloatArray]
-# Step of the central differences, in widths of the prior: small beside any posterior, large beside rounding (near the
-# cube root of it, where both cost the same).
-STEP = 1e-5
-
-
-def rebound_slopes(problem: Problem, coordinates: FloatArray) -> tuple[Rebound, Slopes]:
-    """Rebounds (draws, impacts) at `coordinates` (draws, free), and for each of OUTPUTS its derivatives
-    (draws, impacts, free) with respect to coordinates; zero for noise parameters and offsets of groups.
-
-    Central differences, one-sided where the other side cannot be evaluated, NaN where neither can. With the
-    calls batched: one for all draws and parameters.
-    """
-    draws = coordinates.shape[0]
-    still = NOISE_SPECS.keys() | (
-        problem.group_bias.names(problem.observables) if problem.group_bias is not None else set()
-    )
-    moving = [k for k, name in enumerate(problem.free_names) if name not in still]
-    steps = np.zeros((2 * len(moving), problem.dimension))
-    sizes = STEP * problem.prior.width[moving]
-    for row, k in enumerate(moving):
-        steps[row, k], steps[len(moving) + row, k] = sizes[row], -sizes[row]
-    around = coordinates[:, None, :] + np.concatenate([np.zeros((1, problem.dimension)), steps])
-    found = problem.rebound(problem.to_values(around.reshape(-1, problem.dimension)))
-    stencil = found.each(lambda array: array.reshape(draws, 1 + 2 * len(moving), -1))
-    slopes = {}
-    for name in OUTPUTS:
-        block = getattr(stencil, name)
-        centre, up, down = block[:, :1], block[:, 1 : 1 + len(moving)], block[:, 1 + len(moving) :]
-        forward, backward = (up - centre) / sizes[:, None], (centre - down) / sizes[:, None]
-        central = 0.5 * (forward + backward)
-        best = np.where(np.isfinite(central), central, np.where(np.isfinite(forward), forward, backward))
-        slopes[name] = np.zeros((draws, block.shape[2], problem.dimension))
-        slopes[name][:, :, moving] = best.transpose(0, 2, 1)
-    return stencil.each(lambda array: array[:, 0]), slopes
+Columns = Mapping[str, FloatArray]
 
 
 def observable_slopes(problem: Problem, observable: Observable, rebound: Rebound, slopes: Slopes) -> FloatArray:
@@ -66,13 +36,63 @@ def observable_slopes(problem: Problem, observable: Observable, rebound: Rebound
     return found
 
 
+def deviation_slopes(
+    problem: Problem, observable: Observable, columns: Columns, sizes: Sizes, rebound: Rebound, slopes: Slopes
+) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    """Predicted less measured (draws, measurements) in units of the noise among `sizes`, its derivatives (...,
+    free), and those of minus the logarithm of its spread, None where that depends on noise alone.
+    """
+    mine = slice(None) if observable.rows is None else observable.rows
+    spread = np.broadcast_to(observable.sds(sizes, rebound), rebound.v_x2[:, mine].shape)
+    z = -problem.deviation(columns, observable, rebound) / spread
+    slope = observable_slopes(problem, observable, rebound, slopes)[:, mine] / spread[..., None]
+    if not observable.turned:
+        return z, slope, None
+    # The spread of an angle falls with the rebound speed: z = (angle - observed) speed/noise.
+    growth = (OBSERVABLES["v_2"].slopes(rebound, slopes) / np.hypot(rebound.v_x2, rebound.v_y2)[..., None])[:, mine]
+    return z, slope + z[..., None] * growth, growth
+
+
+def residual_slopes(problem: Problem, coordinates: FloatArray, weighting: Weighting) -> FloatArray:
+    """Derivatives (draws, residuals, free) of `residuals` with respect to coordinates (draws, free), all exact; zero
+    where a rebound cannot be evaluated and residuals are constant. Not for errors of the incident state, whose
+    residuals hold derivatives themselves (`differentiable`).
+    """
+    values = problem.to_values(coordinates)
+    columns = problem.all_values(values)
+    rebound, slopes = problem.differentiated(coordinates)
+    kind = problem.noise if weighting.penalised else NORMAL
+    rows = []
+    for observable in problem.observables:
+        z, slope, _growth = deviation_slopes(problem, observable, columns, weighting.noise, rebound, slopes)
+        rows.append(kind.residual_rate(z, weighting.noise)[..., None] * slope)
+    if problem.contact_time is not None:
+        rows.append(slopes["contact_time"].mean(axis=1, keepdims=True) / problem.contact_time[1])
+    if weighting.penalised:
+        for k, item in enumerate(problem.free):
+            if item.prior.normal and item.name not in NOISE_SPECS:
+                unit = np.eye(problem.dimension)[k] / item.prior.b
+                rows.append(np.broadcast_to(unit, (coordinates.shape[0], 1, unit.size)))
+    stacked = np.concatenate(rows, axis=1)
+    impossible = np.any(rebound.status, axis=1) | ~np.all(np.isfinite(stacked), axis=(1, 2))
+    stacked[impossible] = 0.0
+    return stacked
+
+
+def differentiable(problem: Problem) -> bool:
+    """Whether `residual_slopes` has an exact derivative of every residual. It has none of those with errors of the
+    incident state, which hold derivatives themselves, nor of force records, whose start of contact is searched for.
+    """
+    return problem.incident is None and problem.force is None
+
+
 def prediction_slopes(problem: Problem, coordinates: FloatArray) -> FloatArray:
     """Derivatives (draws, measurements, free) of all predictions, in units of their noise, with respect to
     coordinates (draws, free) counted in widths of the priors; measurements run observable by observable.
 
     Errors of the incident state count as noise; a measurement with heavy tails is worth less than a normal one.
     """
-    rebound, slopes = rebound_slopes(problem, coordinates)
+    rebound, slopes = problem.differentiated(coordinates)
     columns = problem.all_values(problem.to_values(coordinates))
     by_incidence = incident_sds(problem, columns, rebound)
     worth = np.sqrt(problem.noise.information(columns))[..., None, None]

@@ -10,13 +10,12 @@ import numpy as np
 
 from fitball.errors import FitError
 from fitball.inference.likelihood.residuals import (
-    IMPOSSIBLE,
     Weighting,
     default_noise,
     named_values,
     root_mean_squares,
 )
-from fitball.inference.point.lmfit_minimiser import DIFFERENCE, Minimiser, minima
+from fitball.inference.point.lmfit_minimiser import Minimiser, minima
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import LeastSquares
@@ -89,9 +88,7 @@ def _standard_errors(
             if minimiser.walled is not None and name == problem.free_names[minimiser.walled]
             else "the best value lies on a bound, where no symmetric error exists"
         )
-    # Where the model cannot be evaluated a difference step away, every residual jumps to IMPOSSIBLE at once.
-    jumps = np.all(np.abs(jacobian) > 0.01 * IMPOSSIBLE / DIFFERENCE, axis=0)
-    for name in (names[k] for k in np.flatnonzero(jumps)):
+    for name in (names[k] for k in np.flatnonzero(minimiser.beside_the_end(at))):
         missing.setdefault(name, "the model ends next to the best value, where no symmetric error exists")
     inside = [k for k, name in enumerate(names) if name not in missing]
     if not inside:

@@ -1,6 +1,7 @@
 """One weighting of one problem as lmfit sees it; the only file that imports lmfit.
 
-Coordinates are those of the priors. Jacobians are central differences, all columns in one batch of the kernel.
+Coordinates are those of the priors. Jacobians are exact (`residual_slopes`), but for errors of the incident state and
+force records, whose residuals have no exact derivative: there they are differences, all columns in one batch.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import lmfit
 import numpy as np
 
 from fitball.inference.likelihood.residuals import IMPOSSIBLE, Weighting, residuals
+from fitball.inference.likelihood.sensitivities import differentiable, residual_slopes
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.models.capabilities import HAIR
@@ -61,13 +63,19 @@ class Minimiser:
             self.walled = problem.free_names.index(self.walls[0].lower_bound_of)
             item = problem.free[self.walled]
             # The parameter lies between the wall, or this if it is higher, and this.
-            self.lowest, self.highest = (
-                item.prior.support if weighting.penalised else (item.spec.lower, item.spec.upper)
-            )
+            self.lowest, self.highest = item.spec.lower, item.spec.upper
+            if weighting.penalised:
+                self.lowest, self.highest = item.prior.value(np.array(item.prior.support))
         self.evaluations = 0
 
     def wall(self, values: FloatArray) -> FloatArray:
         """Lowest possible value (draws,) of the walled parameter, given the others in `values` (draws, free)."""
+        # A hair above the wall, so that rounding does not put a point beyond it.
+        wall: FloatArray = np.maximum(np.max(self._lines(values), axis=0) * (1.0 + HAIR), self.lowest)
+        return wall
+
+    def _lines(self, values: FloatArray) -> FloatArray:
+        """What each constraint of the walled parameter asks of it, (walls, draws)."""
         columns = self.problem.all_values(values)
         lines = [
             sum(
@@ -76,9 +84,7 @@ class Minimiser:
             )
             for item in self.walls
         ]
-        # A hair above the wall, so that rounding does not put a point beyond it.
-        wall: FloatArray = np.maximum(np.max(lines, axis=0) * (1.0 + HAIR), self.lowest)
-        return wall
+        return np.array(lines)
 
     @property
     def wall_words(self) -> str:
@@ -134,8 +140,14 @@ class Minimiser:
         return row
 
     def jacobian(self, parameters: lmfit.Parameters) -> FloatArray:
-        """Differences (residuals, fitted): central, one-sided at a bound and on tables of many rows."""
+        """Derivatives (residuals, fitted): exact; where there are none, differences, central but one-sided at a bound
+        and on tables of many rows.
+        """
         x = np.array([item.value for item in parameters.values()])
+        if differentiable(self.problem):
+            self.evaluations += 1
+            coordinates, chain = self._with_chain(x)
+            return np.asarray(residual_slopes(self.problem, coordinates, self.weighting)[0] @ chain)
         low = np.array([item.min for item in parameters.values()])
         high = np.array([item.max for item in parameters.values()])
         step = DIFFERENCE * np.maximum(np.abs(x), self.scale())
@@ -148,6 +160,40 @@ class Minimiser:
         found = self.at(batch)
         slopes: FloatArray = (found[: x.size] - found[x.size :]) / (up - down)[:, None]
         return slopes.T
+
+    def _with_chain(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Coordinates (1, free) of a point (fitted,), and their derivatives (free, fitted) with respect to it."""
+        values = self.values(x[None, :])
+        coordinates = self.problem.to_coordinates(values)
+        chain = np.zeros((self.problem.dimension, x.size))
+        chain[self.columns, np.arange(x.size)] = 1.0
+        if self.walled is None:
+            return coordinates, chain
+        place = self.columns.index(self.walled)
+        # The walled value is wall + (highest - wall) x; values are differentiated as coordinates are, by `rate`.
+        rate = np.array([values[0, k] if item.prior.log else 1.0 for k, item in enumerate(self.problem.free)])
+        chain[self.walled] = self._wall_slopes(values)[self.columns] * rate[self.columns] * (1.0 - x[place])
+        chain[self.walled, place] = self.highest - self.wall(values)[0]
+        chain[self.walled] /= rate[self.walled]
+        return coordinates, chain
+
+    def _wall_slopes(self, values: FloatArray) -> FloatArray:
+        """Derivatives (free,) of the wall with respect to free values (1, free)."""
+        lines = self._lines(values)[:, 0]
+        active = self.walls[int(np.argmax(lines))]
+        found = np.zeros(self.problem.dimension)
+        if np.max(lines) * (1.0 + HAIR) > self.lowest:
+            for k, name in enumerate(self.problem.free_names):
+                found[k] = active.coefficients.get(name, 0.0) * (1.0 + HAIR)
+        return found
+
+    def beside_the_end(self, x: FloatArray) -> list[bool]:
+        """Whether the model ends a difference step away from a point (fitted,), by fitted parameter."""
+        steps = np.diag(DIFFERENCE * np.maximum(np.abs(x), self.scale()))
+        low, high = self.limits()
+        around = np.clip(np.concatenate([x + steps, x - steps]), low, high)
+        ended = np.all(self.at(around) == IMPOSSIBLE, axis=1)
+        return [bool(above | below) for above, below in ended.reshape(2, -1).T]
 
     def limits(self) -> tuple[FloatArray, FloatArray]:
         """Bounds of the fitted coordinates, (fitted,) each; where priors take part, a uniform one brings its ends."""

@@ -25,6 +25,8 @@ LOG_TAU = math.log(2.0 * math.pi)
 UNPROFILED = "they are made for normal noise about exactly known incident states only"
 # Points of the prior's range among which the best scale or shape is looked for.
 GRID = 401
+# Step of differences, in standard deviations: their errors, curvature and rounding, are some 1e-10 of a slope.
+DIFFERENCE = 1e-5
 
 
 class NoiseKind(ABC):
@@ -56,6 +58,10 @@ class NoiseKind(ABC):
         """
         drop = self.log_density(np.zeros_like(z), sizes) - self.log_density(z, sizes)
         return np.asarray(np.copysign(np.sqrt(2.0 * drop), z))
+
+    def residual_rate(self, z: FloatArray, sizes: Sizes) -> FloatArray:
+        """Derivative of `residual` with respect to `z`: a difference, for kinds that do not know it exactly."""
+        return (self.residual(z + DIFFERENCE, sizes) - self.residual(z - DIFFERENCE, sizes)) / (2.0 * DIFFERENCE)
 
     def best_scale(self, prior: Prior, gaps: FloatArray, sizes: Sizes) -> float:
         """Scale at which deviations `gaps` (impacts,), standardised for a scale of one, are most probable."""
@@ -101,6 +107,10 @@ class NormalNoise(NoiseKind):
         """See `NoiseKind`."""
         return z
 
+    def residual_rate(self, z: FloatArray, sizes: Sizes) -> FloatArray:  # noqa: ARG002
+        """See `NoiseKind`."""
+        return np.ones_like(z)
+
     def best_scale(self, prior: Prior, gaps: FloatArray, sizes: Sizes) -> float:  # noqa: ARG002
         """See `NoiseKind`."""
         square = float(np.sum(gaps**2))
@@ -143,6 +153,14 @@ class StudentNoise(NoiseKind):
         """See `NoiseKind`; without the difference of large densities."""
         nu = self._freedom(sizes)[..., None]
         return np.asarray(np.copysign(np.sqrt((nu + 1.0) * np.log1p(z * z / nu)), z))
+
+    def residual_rate(self, z: FloatArray, sizes: Sizes) -> FloatArray:
+        """See `NoiseKind`; at zero the limit of a ratio whose parts both vanish."""
+        nu = self._freedom(sizes)[..., None]
+        found = self.residual(z, sizes)
+        zero = found == 0.0
+        share = np.where(zero, np.sqrt(nu / (nu + 1.0)), z / np.where(zero, 1.0, found))
+        return np.asarray((nu + 1.0) * share / (nu + z * z))
 
 
 NORMAL = NormalNoise()

@@ -26,9 +26,9 @@ from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.pooling import Pooling
 from fitball.models.capabilities import LinearConstraint
 from fitball.models.jacobian import by_output
-from fitball.models.kernels.dual import NumberArray
+from fitball.models.kernels.dual import STEP, NumberArray
 from fitball.models.model import Model
-from fitball.models.types import Rebound, Status
+from fitball.models.types import OUTPUTS, Rebound, Status
 from fitball.values import FloatArray, Impacts, OwnImpacts
 
 
@@ -153,6 +153,35 @@ class Problem:
             order.append(mine)
         back = np.argsort(np.concatenate(order), kind="stable")
         return by_output(np.concatenate(found, axis=1)[:, back])
+
+    def differentiated(self, coordinates: FloatArray) -> tuple[Rebound, dict[str, FloatArray]]:
+        """Rebounds (draws, impacts) of the table's impacts at `coordinates` (draws, free), and of each output the
+        derivatives (draws, impacts, free) with respect to coordinates: exact, those of the regime an impact is in;
+        NaN where it cannot be evaluated, zero for noise parameters and offsets of groups.
+
+        The model differentiates itself; how its parameters follow from coordinates (logarithms, levels) is a complex
+        step.
+        """
+        values = self.to_values(coordinates)
+        columns = self.all_values(values)
+        moved = [self.all_values(self.to_values(coordinates + 1j * STEP * unit)) for unit in np.eye(self.dimension)]
+        acting = [
+            name
+            for name in self.model_names
+            if name in self.free_names or name in {item.parameter for item in self.pooling}
+        ]
+        rebound = self.rebound(values)
+        slopes = np.zeros((values.shape[0], len(self.impacts), len(OUTPUTS), self.dimension))
+        for mine, own in self._blocks(columns, np.arange(len(self.impacts))):
+            rows = self._model_rows({**columns, **own})
+            found = self.model.jacobian(self.model_names, rows, self.impacts.take(mine), acting).parameters
+            for k, there in enumerate(moved):
+                _, levels = next(self._blocks(there, mine[:1]))
+                for place, name in enumerate(acting):
+                    rate = np.imag(levels.get(name, there[name])) / STEP
+                    if np.any(rate):
+                        slopes[..., k][:, mine] += rate[:, None, None] * found[..., place]
+        return rebound, by_output(slopes)
 
     def paired(
         self, columns: Mapping[str, FloatArray], draws: NDArray[np.int64], rows: NDArray[np.int64]
