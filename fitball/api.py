@@ -1,31 +1,39 @@
-"""The road from table to fit for Python users: `calibrate` and `load_fit`."""
+"""The road from table to fit: `calibrate` and `load_fit` for Python users, and its steps for the command line."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from fitball.data.force_place import find_force
-from fitball.data.read import load_table
+from fitball.data.join import load_tables
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable
-from fitball.inference.calibrate import MAX_STEPS, Effort, run
+from fitball.inference.calibrate import MAX_STEPS, Effort, fingerprint, run
 from fitball.inference.prediction.new_impacts import DRAWS, NewPrediction, predict_new
 from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.problem.force_records import build_records
 from fitball.inference.problem.observables import Observable
+from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit, thinned
-from fitball.report.fit.folder import prepare, write_all
+from fitball.inference.sampling.chain_file import ChainFile
+from fitball.inference.sampling.ensembles import Progress
+from fitball.report.fit.folder import CHAIN_NAME, prepare, write_all
 from fitball.report.saved.saved_fit import SavedFit, read_fit
 from fitball.values import FloatArray, Impacts
+
+PathLike = str | os.PathLike[str]
+# Is told the stage of a run and, while sampling, the progress.
+Report = Callable[[str, Progress | None], None]
 
 
 @dataclass(frozen=True)
 class Calibration(Fit):
     """A fit that knows how to save itself."""
 
-    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+    def save(self, folder: PathLike, *, overwrite: bool = False) -> Path:
         """Write the result folder (see `report.folder`); refuses one that holds an older result.
 
         Raises ResultFolderError.
@@ -49,8 +57,65 @@ class Calibration(Fit):
         return predict_new(fitted, impacts, observed, seed, incident_covariance)
 
 
+@dataclass(frozen=True)
+class Run:
+    """A calibration that may begin: `chain` is where its walkers are kept (None: nowhere), `resumes` whether it goes
+    on with those.
+    """
+
+    problem: Problem
+    effort: Effort
+    chain: ChainFile | None = None
+    resumes: bool = False
+
+    def fit(self, report: Report = lambda _stage, _progress: None) -> Calibration:
+        """Fit. Raises as `inference.calibrate.run` does, on Ctrl-C with the chain kept."""
+        found = run(self.problem, self.effort, self.chain, self.resumes, report)
+        return Calibration(**{item.name: getattr(found, item.name) for item in fields(Fit)})
+
+
+def pose(
+    data: ImpactTable | PathLike | Sequence[PathLike],
+    choices: Choices,
+    *,
+    scene: Scene | None = None,
+    config: PathLike | None = None,
+    force: PathLike | None = None,
+) -> Problem:
+    """The problem of a table, or of paths and bundled names of tables, that are fitted together.
+
+    The scene is `scene`, or the file `config`, or the TOML file beside the first table; for `force` see `calibrate`.
+    Raises as reading and `build_problem` do.
+    """
+    if isinstance(data, ImpactTable):
+        sources: Sequence[PathLike] = [data.source]
+    else:
+        sources = [data] if isinstance(data, str | os.PathLike) else data
+    known = load_scene(sources[0], config) if scene is None else scene
+    table = data if isinstance(data, ImpactTable) else load_tables(sources, known)
+    named = None if force is None else os.fspath(force)
+    records, said = find_force([os.fspath(item) for item in sources], table, known, named)
+    averaged = None if records is None else build_records(records, known.force_start_sd)
+    problem = build_problem(table, known, choices, averaged)
+    if len(sources) > 1 and scene is None:
+        said = (f"the scene of {config or sources[0]} is taken for all tables", *said)
+    return replace(problem, notes=(*said, *problem.notes))
+
+
+def begin(problem: Problem, effort: Effort, folder: Path, *, overwrite: bool = False, resume: bool = False) -> Run:
+    """A run whose chain is kept in a result folder, which is made. With `resume` it goes on with the chain there, if
+    there is one.
+
+    Raises ParameterError before anything is touched, ResultFolderError as `folder.prepare` does.
+    """
+    mark = fingerprint(problem, effort)
+    prepare(folder, overwrite=overwrite, resume=resume)
+    chain = None if effort.point_only else ChainFile(folder / CHAIN_NAME, mark)
+    return Run(problem, effort, chain, resume and chain is not None and chain.path.exists())
+
+
 def calibrate(
-    table: ImpactTable | str | os.PathLike[str],
+    table: ImpactTable | PathLike | Sequence[PathLike],
     model: str | None = None,
     *,
     scene: Scene | None = None,
@@ -62,14 +127,14 @@ def calibrate(
     offsets: str | None = None,
     incident_errors: bool = True,
     velocity_noise: str | None = None,
-    force: str | os.PathLike[str] | None = None,
+    force: PathLike | None = None,
     seed: int = 1,
     point_only: bool = False,
     walkers: int | None = None,
     max_steps: int = MAX_STEPS,
     cores: int | None = None,
 ) -> Calibration:
-    """Fit `model` (default: the scene's) to a table, or to the path or bundled name of one.
+    """Fit `model` (default: the scene's) to a table, to the path or bundled name of one, or to several together.
 
     The scene defaults to the TOML file beside the table. `priors` are texts such as `normal(0.55, 0.05)`, `fix`
     holds values in SI. `noise` is "normal" or "student-t"; `pool` maps parameters to the label column over whose
@@ -79,16 +144,9 @@ def calibrate(
     `data.force_file`), by default what the scene names or what lies beside the table, "none" for none. Raises
     subclasses of FitballError for everything a caller can mend.
     """
-    known = scene
-    if known is None:
-        known = load_scene(table.source if isinstance(table, ImpactTable) else table)
-    loaded = table if isinstance(table, ImpactTable) else load_table(table, scene=known)
     choices = Choices(
         model, closures or {}, priors or {}, fix or {}, noise, pool or {}, offsets, incident_errors, velocity_noise
     )
-    records, found = find_force([loaded.source], loaded, known, None if force is None else os.fspath(force))
-    problem = build_problem(loaded, known, choices, records)
-    problem = replace(problem, notes=(*found, *problem.notes))
     effort = Effort(
         seed=seed,
         point_only=point_only,
@@ -96,10 +154,9 @@ def calibrate(
         max_steps=max_steps,
         cores=(os.cpu_count() or 1) if cores is None else cores,
     )
-    fit = run(problem, effort)
-    return Calibration(**{item.name: getattr(fit, item.name) for item in fields(Fit)})
+    return Run(pose(table, choices, scene=scene, force=force), effort).fit()
 
 
-def load_fit(path: str | os.PathLike[str]) -> SavedFit:
+def load_fit(path: PathLike) -> SavedFit:
     """Read a `fit.json` (or the folder that holds one). Raises ResultFolderError."""
     return read_fit(Path(path))

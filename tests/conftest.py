@@ -31,6 +31,33 @@ settings.register_profile("suite", deadline=None, derandomize=True, suppress_hea
 settings.load_profile("suite")
 
 
+# Files of which `scripts/test --fast` runs nothing: they fit, sample or solve for tens of seconds, and what they tell
+# of a room is told in part by a quicker file. In others single tests are marked.
+SLOW_FILES = (
+    "bench", "chapter_five", "cli_compare", "cli_plot", "compare", "court_pace", "docs", "error_budget", "evidence",
+    "force_likelihood", "force_report", "fuzz", "hard_cases", "house", "incident_errors", "inference_fit",
+    "information_ends", "jacobian", "large_tables", "new_model", "noise_structure", "oracle", "oracle_runge_kutta",
+    "point_and_chain", "power_scaling", "profile", "repeat", "report_browser", "report_html", "sbc",
+    "small_and_flat", "stragglers", "thesis_verdicts", "tied_draws", "verify",
+)  # fmt: skip
+
+
+def _is_slow(path: Path) -> bool:
+    return path.name.removeprefix("test_").removesuffix(".py") in SLOW_FILES
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Slow files are not even imported where only quick tests are asked for."""
+    return True if _is_slow(collection_path) and config.option.markexpr == "not slow" else None
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Every test of a slow file is slow."""
+    for item in items:
+        if _is_slow(item.path):
+            item.add_marker(pytest.mark.slow)
+
+
 @pytest.fixture
 def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Results are saved without their figures."""

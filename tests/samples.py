@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from fitball.api import pose
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
-from fitball.data.table import Measurement
+from fitball.data.table import ImpactTable, Measurement
 from fitball.inference.problem.build import Choices, build_problem
 
 # Seconds after which a process is taken to hang: no measure of how fast a machine is.
@@ -66,8 +68,34 @@ def polar_problem(folder):
     return build_problem(load_table(place), load_scene(place), Choices(model="grip-slip"))
 
 
-def problem_of(name, model=None, **scene_changes):
-    return build_problem(load_table(name), replace(load_scene(name), **scene_changes), Choices(model=model))
+def problem_of(table, model=None, *, scene=None, without=(), force=None, **choices):
+    """The problem of a table, or of the path or bundled name of one, in the scene beside it. A table that was made
+    here has none: only the table is known. The scene says nothing of what it is to be `without`.
+    """
+    if scene is None:
+        scene = Scene() if isinstance(table, ImpactTable) else load_scene(table)
+    scene = replace(scene, **dict.fromkeys(without))
+    return pose(table, Choices(model=model, **choices), scene=scene, force=force)
+
+
+def same_values(one, other):
+    """Frozen values, mappings and arrays that are equal to the last bit."""
+    if hasattr(one, "__dataclass_fields__"):
+        assert type(one) is type(other)
+        for name in one.__dataclass_fields__:
+            same_values(getattr(one, name), getattr(other, name))
+    elif isinstance(one, Mapping):
+        assert one.keys() == other.keys()
+        for name, item in one.items():
+            same_values(item, other[name])
+    elif isinstance(one, tuple | list):
+        assert len(one) == len(other)
+        for item, its in zip(one, other, strict=True):
+            same_values(item, its)
+    elif isinstance(one, np.ndarray):
+        np.testing.assert_array_equal(one, other)
+    else:
+        assert one == other
 
 
 def coordinates_of(problem, truth):

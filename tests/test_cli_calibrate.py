@@ -27,6 +27,7 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_users_own_table(here, capsys):
     code = main(["calibrate", "balls.csv", "--model", "grip-slip", "--seed", "3"])
     out, err = capsys.readouterr()
@@ -45,6 +46,7 @@ def test_a_users_own_table(here, capsys):
     assert "--overwrite" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_too_few_steps_end_with_one(here, capsys, without_figures):
     assert main(["calibrate", "balls.csv", *QUICK, "--quiet"]) == 1
     content = json.loads((here / "fits/balls/grip-slip/fit.json").read_text(encoding="utf-8"))
@@ -55,6 +57,7 @@ def test_too_few_steps_end_with_one(here, capsys, without_figures):
     assert json.loads(capsys.readouterr().out)["status"] == "converged"
 
 
+@pytest.mark.slow
 def test_point_only(here, capsys, without_figures):
     assert main(["calibrate", "balls.csv", "--point-only", "--out", "point"]) == 0
     assert "Point fit only" in capsys.readouterr().out
@@ -62,6 +65,7 @@ def test_point_only(here, capsys, without_figures):
     assert (here / "point" / "fit.json").exists()
 
 
+@pytest.mark.slow
 def test_a_drop_test_fits_the_vertical_motion_and_nothing_else(here, capsys, without_figures):
     rows = "\n".join(f"{v},{v * (0.86 - 0.012 * v):.3f}" for v in (3.0, 5.0, 7.0, 9.0, 11.0))
     (here / "drop.csv").write_text(f"v_y1,v_y2\n{rows}\n", encoding="utf-8")
@@ -74,6 +78,7 @@ def test_a_drop_test_fits_the_vertical_motion_and_nothing_else(here, capsys, wit
     assert "only the vertical motion is fitted" in captured.err
 
 
+@pytest.mark.slow
 def test_a_table_without_spin_does_not_fit_torsion(here, capsys, without_figures):
     text = "\n".join(",".join(line.split(",")[k] for k in (0, 1, 2, 4, 5)) for line in GOOD.splitlines())
     (here / "nospin.csv").write_text(text + "\n", encoding="utf-8")
@@ -204,6 +209,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_the_chain_and_resume_gives_the_same_bytes(here, start, capsys, without_figures):
     """The real thing: a process, a signal, exit 130, and the same result as without."""
     words = ["calibrate", "balls.csv", "--model", "grip-slip", "--max-steps", "300", "--quiet"]

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import same_values, save_without_figures
 
 import fitball
 from fitball.cli.main import main
 from fitball.cli.plot import FORMATS
-from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.results.evidence import (
     ActiveImpacts,
     Eigendirections,
@@ -31,7 +31,6 @@ from fitball.report.figures.save import STAMPS
 from fitball.report.fit.alt_texts import WORDS
 from fitball.report.fit.html import SECTIONS
 from fitball.report.form.display_units import handy
-from fitball.report.saved.restore import restore
 from fitball.report.saved.structure import plain, structured
 
 
@@ -52,31 +51,6 @@ def point_folder(tmp_path_factory):
     return point.save(tmp_path_factory.mktemp("point") / "fit")
 
 
-def test_every_figure_is_the_one_of_the_run(folder, tmp_path, capsys):
-    out = tmp_path / "figures"
-    assert main(["plot", str(folder / "fit.json"), "all", "--out", str(out)]) == 0
-    said = capsys.readouterr().out.split()
-    # This table has no force records; `test_force_report` draws those.
-    kinds = [name for name in FIGURES if name != "force"]
-    assert said == [str(out / f"{name}.png") for name in kinds]
-    for name in kinds:
-        assert (out / f"{name}.png").read_bytes() == (folder / f"{name}.png").read_bytes(), name
-
-
-def test_what_is_read_back_is_what_was_written(fit, folder):
-    read = restore(folder)
-    assert read.posterior.values.tobytes() == fit.posterior.values.tobytes()
-    assert read.posterior.log_posterior.tobytes() == fit.posterior.log_posterior.tobytes()
-    assert read.posterior.prior_draws.tobytes() == fit.posterior.prior_draws.tobytes()
-    at = read.problem.to_coordinates(read.posterior.draws[::997])
-    assert log_posterior(read.problem, at).tobytes() == log_posterior(fit.problem, at).tobytes()
-    assert read.predictive.regimes == fit.predictive.regimes
-    assert read.diagnostics == fit.diagnostics
-    _same(read.identifiability.eigendirections, fit.identifiability.eigendirections)
-    for name, evidence in fit.identifiability.evidence.items():
-        _same(read.identifiability.evidence[name], evidence)
-
-
 def test_an_open_profile_is_read_back_open():
     """Left and right are not the same."""
     profile = Profile(
@@ -87,20 +61,9 @@ def test_an_open_profile_is_read_back_open():
     evidence = Evidence(profile, None, InformationEvidence(None, 2.0, 0.5, 0.4), None, None, action, "because")
     identifiability = Identifiability({"mu": evidence}, Eigendirections((), (), ("a sentence",)), "", 0.87)
     read = structured(Path("fit.json"), plain(identifiability), Identifiability)
-    _same(read.evidence["mu"], evidence)
+    same_values(read.evidence["mu"], evidence)
     assert read.profile_coverage == 0.87
     assert read.eigendirections == identifiability.eigendirections
-
-
-def _same(one, other):
-    """Frozen values with arrays inside."""
-    if hasattr(one, "__dataclass_fields__"):
-        for name in one.__dataclass_fields__:
-            _same(getattr(one, name), getattr(other, name))
-    elif isinstance(one, np.ndarray):
-        np.testing.assert_array_equal(one, other)
-    else:
-        assert one == other
 
 
 def test_kinds_and_formats_are_the_ones_promised():
@@ -151,7 +114,8 @@ def test_profiles_that_are_not_stored_are_computed(point_folder, tmp_path, capsy
     for evidence in content["identifiability"]["evidence"].values():
         evidence["profile"] = None
     place.write_text(json.dumps(content), encoding="utf-8")
-    shutil.copy(point_folder / "data.nc", tmp_path)
+    for name in ("data.nc", "run.toml"):
+        shutil.copy(point_folder / name, tmp_path)
     assert main(["plot", str(place), "profiles"]) == 0
     assert "holds no profiles: computing them" in capsys.readouterr().err
     assert (tmp_path / "profiles.png").stat().st_size > 0
@@ -183,8 +147,8 @@ def test_faults_end_with_two_and_words(folder, capsys, change, words):
 def test_missing_damaged_and_older_files(folder, tmp_path, capsys):
     here = tmp_path / "fit"
     here.mkdir()
-    shutil.copy(folder / "fit.json", here)
-    shutil.copy(folder / "data.nc", here)
+    for name in ("fit.json", "data.nc", "run.toml"):
+        shutil.copy(folder / name, here)
     assert main(["plot", str(here), "corner"]) == 2
     assert "posterior.nc: there is no such file" in capsys.readouterr().err
     (here / "posterior.nc").write_bytes(b"nothing")
@@ -196,11 +160,46 @@ def test_missing_damaged_and_older_files(folder, tmp_path, capsys):
     (here / "data.nc").unlink()
     assert main(["plot", str(here), "corner"]) == 2
     assert "data.nc: there is no such file" in capsys.readouterr().err
+    (here / "run.toml").unlink()
+    assert main(["plot", str(here), "corner"]) == 2
+    assert "run.toml: there is no such file" in capsys.readouterr().err
     content = json.loads((folder / "fit.json").read_text(encoding="utf-8"))
     content["schema_version"] = 1
     (here / "fit.json").write_text(json.dumps(content), encoding="utf-8")
     assert main(["plot", str(here), "corner"]) == 2
     assert "reads version 3: run calibrate again" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("seed = 3", "seed = 4"),
+        ("mass = 0.05", "mass = 0.06"),
+        ('mu = "normal(', 'mu = "lognormal('),
+    ],
+)
+def test_a_run_of_another_fit_is_refused(folder, tmp_path, capsys, old, new):
+    here = tmp_path / "fit"
+    shutil.copytree(folder, here)
+    text = (here / "run.toml").read_text(encoding="utf-8")
+    assert old in text
+    (here / "run.toml").write_text(text.replace(old, new), encoding="utf-8")
+    assert main(["plot", str(here), "residuals"]) == 2
+    assert "run.toml: this run is another than that of the fit.json beside it" in capsys.readouterr().err
+
+
+def test_a_run_that_takes_the_errors_otherwise_is_told_by_the_likelihood(tmp_path, capsys):
+    rows = "15,5,10,4,0.2\n12,9,8,7,0.2\n9,12,6,9,0.3\n"
+    (tmp_path / "balls.csv").write_text(f"v_x1,v_y1,v_x2,v_y2,v_x1_sd\n{rows}", encoding="utf-8")
+    fit = fitball.calibrate(tmp_path / "balls.csv", model="brody", point_only=True, cores=1)
+    folder = save_without_figures(fit, tmp_path / "fit")
+    assert main(["plot", str(folder), "residuals"]) == 0
+    text = (folder / "run.toml").read_text(encoding="utf-8")
+    changed = text.replace("incident_errors = true", "incident_errors = false")
+    assert changed != text
+    (folder / "run.toml").write_text(changed, encoding="utf-8")
+    assert main(["plot", str(folder), "residuals"]) == 2
+    assert "run.toml: this run is another" in capsys.readouterr().err
 
 
 def test_panels_show_the_profiles_in_handy_units(fit):

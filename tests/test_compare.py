@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from samples import drop_table, linear_problem
+from samples import drop_table, linear_problem, problem_of
 
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
@@ -22,7 +22,6 @@ from fitball.inference.point.lmfit_minimiser import Minimiser
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.starts import starting_points
 from fitball.inference.prediction.outputs import root_mean_square
-from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import RunStatus
 from fitball.inference.thesis.published_cases import chapter_five_predictions
 from fitball.report.compare.rows import json_content
@@ -30,10 +29,6 @@ from fitball.report.compare.words import words
 from fitball.report.form.json_text import json_text
 from fitball.studies.thesis import ranking
 from fitball.studies.thesis.published_sets import published_sets
-
-
-def problem_of(name, **choices):
-    return build_problem(load_table(name), load_scene(name), Choices(**choices))
 
 
 def synthetic_table(model, seed, **truth):

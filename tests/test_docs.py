@@ -233,7 +233,7 @@ def test_mathematics_is_written_as_github_reads_it(page):
 
 @pytest.mark.parametrize("distribution", ["normal", "student-t"])
 def test_the_posterior_is_the_sum_that_the_page_says(distribution):
-    problem = problem_of("wang_zero_spin.csv", distribution=distribution)
+    problem = problem_of("wang_zero_spin.csv", noise=distribution)
     truth = {**TWO_MASS, "degrees_of_freedom": 5.0}
     at = coordinates_of(problem, truth)[None, :]
     rebound = problem.rebound(problem.to_values(at))

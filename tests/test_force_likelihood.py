@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from force_case import problem_of
+from samples import problem_of
 from scipy.integrate import quad_vec
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from latent_states import compare
+from samples import problem_of
 from scipy import stats
 from scipy.special import logsumexp
 
@@ -17,7 +18,6 @@ from fitball.data.scene import Scene
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.likelihood.incident_marginal import seen, standardised
 from fitball.inference.likelihood.posterior import log_likelihood_terms
-from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.incident import whitened
 from fitball.inference.problem.noise import NORMAL
 from fitball.studies.bench.hard_cases import BASE
@@ -55,10 +55,6 @@ def simulated(model, angles, covariance, seed, **values):
         ids=tuple(map(str, range(count))), incident_covariance=covariance,
         incident_sd={"v_x1": np.sqrt(covariance[:, 0, 0])},
     )  # fmt: skip
-
-
-def problem_of(table, model, **choices):
-    return build_problem(table, Scene(), Choices(model=model, **choices))
 
 
 def at_truth(problem):

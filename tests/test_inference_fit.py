@@ -8,6 +8,7 @@ from functools import partial
 import emcee
 import numpy as np
 import pytest
+from samples import problem_of
 
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
@@ -22,10 +23,6 @@ from fitball.inference.results.results import RunStatus, Verdict
 from fitball.inference.sampling.chain_file import ChainFile, read_chains
 from fitball.inference.sampling.ensembles import Ensemble, SamplingInterrupted, Schedule, Settings, sample
 from fitball.models.types import Status
-
-
-def problem_of(name, **choices):
-    return build_problem(load_table(name), load_scene(name), Choices(**choices))
 
 
 def starts_of(problem, seed=1):

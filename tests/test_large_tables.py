@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from samples import problem_of
 
 import fitball
 from fitball.cli.main import main
-from fitball.data.force_file import load_force
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.errors import MemoryShortageError
@@ -29,7 +29,6 @@ from fitball.inference.point.starts import STARTS, starting_points
 from fitball.inference.prediction.extrapolation import SPANNING, calibrated_range, spanning_impacts
 from fitball.inference.prediction.posterior_predictive import predictive
 from fitball.inference.problem import batches, parallel
-from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import thinned_problem
 from fitball.inference.results.results import Posterior
@@ -39,19 +38,19 @@ from fitball.report.fit.embedded_figures import page_figures
 from fitball.report.fit.html import page
 from fitball.report.fit.terminal import render
 from fitball.report.saved.data_file import data_part, read_data, write_data
+from fitball.report.saved.fit_file import TablePart
 from fitball.report.saved.fit_text import fit_text
 from fitball.studies.bench.measure import enlarged, spread_draws
 
 
-def problem_of(rows, **choices):
-    table = enlarged(load_table("wang_all.csv"), rows)
-    return build_problem(table, load_scene("wang_all.csv"), Choices(**choices))
+def long_problem(rows, **choices):
+    return problem_of(enlarged(load_table("wang_all.csv"), rows), scene=load_scene("wang_all.csv"), **choices)
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])
 def test_threads_change_no_digit(threads, wang_impacts):
     draws = spread_draws(50)
-    problem = problem_of(21)
+    problem = long_problem(21)
     names = problem.model.parameter_names
     whole = problem.model.evaluate(names, draws, wang_impacts)
     parts = parallel.evaluate_in_parts(problem.model, names, draws, wang_impacts, threads)
@@ -60,7 +59,7 @@ def test_threads_change_no_digit(threads, wang_impacts):
 
 
 def test_a_thinned_problem_is_the_same_problem_on_fewer_rows():
-    problem = problem_of(500)
+    problem = long_problem(500)
     small = thinned_problem(problem, 60)
     assert len(small.impacts) == 60
     rows = [int(name) - 1 for name in small.table.ids]
@@ -77,7 +76,7 @@ def test_a_thinned_problem_is_the_same_problem_on_fewer_rows():
 
 @pytest.mark.parametrize("model", ["two-mass", "grip-slip"])
 def test_the_road_by_way_of_samples_ends_where_the_direct_one_does(model, monkeypatch):
-    problem = problem_of(120, model=model)
+    problem = long_problem(120, model=model)
     starts = starting_points(problem, np.random.default_rng(3), STARTS)
     direct, peak = least_squares(problem, starts), maximum_posterior(problem, starts)
     monkeypatch.setattr(point, "SEARCHED", 24)
@@ -92,7 +91,7 @@ def test_the_road_by_way_of_samples_ends_where_the_direct_one_does(model, monkey
 
 def test_a_sample_that_misleads_is_outvoted_by_the_table(monkeypatch):
     """Rows that the first search does not see still decide where the fit ends."""
-    problem = problem_of(240, model="grip-slip")
+    problem = long_problem(240, model="grip-slip")
     shift = np.where(np.arange(240) % 2 == 0, 0.4, -0.4)
     observables = tuple(
         replace(item, observed=item.observed + shift) if item.name == "v_x2" else item for item in problem.observables
@@ -105,7 +104,7 @@ def test_a_sample_that_misleads_is_outvoted_by_the_table(monkeypatch):
 
 
 def test_a_part_of_a_large_table_counts_for_the_whole(monkeypatch):
-    problem = problem_of(600, model="grip-slip")
+    problem = long_problem(600, model="grip-slip")
     at = problem.to_coordinates(starting_points(problem, np.random.default_rng(2), 1))[0]
     whole = information.fisher_information(problem, at, scene=False)
     monkeypatch.setattr(information, "LOOKED_AT", 150)
@@ -129,7 +128,7 @@ def evaluated(monkeypatch):
 
 
 def test_batches_change_no_number_and_stay_below_the_ceiling(monkeypatch, evaluated):
-    problem = problem_of(60, model="grip-slip")
+    problem = long_problem(60, model="grip-slip")
     values = starting_points(problem, np.random.default_rng(2), 16)
     draws = values[np.arange(128) % len(values)] * np.random.default_rng(3).uniform(0.99, 1.01, (128, 1))
     kept = Posterior(problem.free_names, draws.reshape(2, 8, 8, -1), np.zeros((2, 8, 8)), draws)
@@ -164,7 +163,7 @@ def test_batches_change_no_number_and_stay_below_the_ceiling(monkeypatch, evalua
 
 
 def test_memory_does_not_grow_with_draws_times_impacts():
-    problem = problem_of(20_000, model="grip-slip")
+    problem = long_problem(20_000, model="grip-slip")
     at = problem.to_coordinates(starting_points(thinned_problem(problem, 100), np.random.default_rng(2), 1))
     tracemalloc.start()
     try:
@@ -179,7 +178,7 @@ def test_memory_does_not_grow_with_draws_times_impacts():
 
 def test_a_long_table_may_have_a_large_chi_square():
     """What the model cannot evaluate is told by the mean square residual, not by the sum."""
-    problem = problem_of(60, model="grip-slip", fix={"velocity_sd": 1e-3, "spin_sd": 1e-2})
+    problem = long_problem(60, model="grip-slip", fix={"velocity_sd": 1e-3, "spin_sd": 1e-2})
     found = least_squares(problem, starting_points(problem, np.random.default_rng(3), 4))
     assert found.chi_square > IMPOSSIBLE**2
     assert not Minimum(180 * IMPOSSIBLE**2, np.zeros(1), 180).possible
@@ -189,7 +188,7 @@ def test_a_long_table_may_have_a_large_chi_square():
 def long_fits():
     """Point fits of the same kind of table, 310 and 1,240 rows."""
     return [
-        calibrate_problem(problem_of(rows, model="grip-slip"), Effort(point_only=True, cores=1))
+        calibrate_problem(long_problem(rows, model="grip-slip"), Effort(point_only=True, cores=1))
         for rows in (310, 1240)
     ]
 
@@ -263,13 +262,14 @@ def test_data_are_read_back_as_they_were(tmp_path):
     rows = [f"y,{1e3 * t:.3f},{f:.3f}" for t, f in zip(times, force, strict=True)]
     records.write_text("\n".join(["id,t [ms],F [N]", *rows]) + "\n", encoding="utf-8")
     table = load_table(path)
-    problem = build_problem(table, load_scene(path), Choices(), load_force(records, table))
+    problem = problem_of(path)
     write_data(problem, tmp_path / "data.nc")
-    found = read_data(data_part(problem), 2, tmp_path / "data.nc")
+    part = TablePart(table.name, table.source, table.digest, len(table))
+    found, force = read_data(part, data_part(problem), tmp_path / "data.nc")
     assert (found.ids, found.labels) == (("x", "y"), {"impact": ("1", "2"), "a/b": ("", "über")})
     (item,) = found.measurements
     np.testing.assert_array_equal(item.sd, [0.1, 0.2])
-    assert replace(found.force, source="") == replace(problem.force, source="")
+    assert replace(force, source="") == replace(problem.force, source="")
 
 
 @pytest.mark.parametrize("place", ["fitball.inference.calibrate.point_fit", "fitball.data.join.load_table"])

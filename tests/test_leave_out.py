@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from samples import drop_table, linear_problem
+from samples import drop_table, linear_problem, problem_of
 from scipy.stats import norm
 
 from fitball.data.read import load_table
@@ -21,10 +21,6 @@ from fitball.inference.point.point_fit import point_fit
 from fitball.inference.prediction.outputs import measured_outputs, output_errors, root_mean_square
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.subsample import thinned_problem, withheld
-
-
-def problem_of(name, **choices):
-    return build_problem(load_table(name), load_scene(name), Choices(**choices))
 
 
 def point_of(problem, seed=1):

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from samples import GRIP_SLIP, TWO_MASS, hard_sphere
+from samples import GRIP_SLIP, TWO_MASS, hard_sphere, problem_of
 
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
@@ -27,9 +27,8 @@ BRODY = {name: GRIP_SLIP[name] for name in ("mu", "cor_10", "cor_slope", "veloci
 MEAN = {name: value for name, value in TWO_MASS.items() if name != "cor_slope"}
 
 
-def problem_of(model, **closures):
-    name = "wang_zero_spin.csv"
-    return build_problem(load_table(name), load_scene(name), Choices(model=model, closures=closures))
+def wang(model, **closures):
+    return problem_of("wang_zero_spin.csv", model, closures=closures)
 
 
 def row(problem, values):
@@ -46,7 +45,7 @@ def row(problem, values):
     ],
 )
 def test_a_container_predicts_what_it_contains(wide, narrow, values):
-    container, contained = problem_of(wide[0], **wide[1]), problem_of(narrow[0], **narrow[1])
+    container, contained = wang(wide[0], **wide[1]), wang(narrow[0], **narrow[1])
     found = as_container(container, contained, values)
     assert found is not None and set(found) >= set(container.free_names)
     one, other = container.rebound(row(container, found)), contained.rebound(row(contained, values))
@@ -56,22 +55,22 @@ def test_a_container_predicts_what_it_contains(wide, narrow, values):
 
 
 def test_models_that_contain_each_other_in_part_only_are_left_alone():
-    default = problem_of("two-mass")
+    default = wang("two-mass")
     for other in (
-        problem_of("grip-slip"),
-        problem_of("two-mass", normal="inner"),
-        problem_of("two-mass", torsion="free"),
-        problem_of("two-mass", offset="grip", cor="mean"),
+        wang("grip-slip"),
+        wang("two-mass", normal="inner"),
+        wang("two-mass", torsion="free"),
+        wang("two-mass", offset="grip", cor="mean"),
     ):
         assert as_container(default, other, TWO_MASS | GRIP_SLIP) is None
     # Values beyond the bounds of the container are none of its.
-    assert as_container(problem_of("grip-slip"), problem_of("brody"), BRODY | {"mu": 5.5}) is None
+    assert as_container(wang("grip-slip"), wang("brody"), BRODY | {"mu": 5.5}) is None
     fixed = build_problem(
         load_table("wang_zero_spin.csv"),
         load_scene("wang_zero_spin.csv"),
         Choices(model="grip-slip", fix={"e_x": 0.2}),
     )
-    assert as_container(fixed, problem_of("brody"), BRODY) is None
+    assert as_container(fixed, wang("brody"), BRODY) is None
 
 
 def score(name, problem, values, log_likelihood=None):
@@ -84,8 +83,8 @@ def score(name, problem, values, log_likelihood=None):
 
 
 def test_who_fits_worse_than_what_it_contains_is_overtaken():
-    brody = score("brody", problem_of("brody"), BRODY, -30.0)
-    wide = score("grip-slip", problem_of("grip-slip"), GRIP_SLIP, -20.0)
+    brody = score("brody", wang("brody"), BRODY, -30.0)
+    wide = score("grip-slip", wang("grip-slip"), GRIP_SLIP, -20.0)
     assert overtaken(wide, [brody, wide]) == overtaken(brody, [brody, wide]) == {}
     lower = replace(wide.fit.point, log_posterior=brody.fit.point.log_posterior - 50.0)
     stuck = SimpleNamespace(

@@ -9,6 +9,7 @@ from importlib.resources import files
 import jsonschema
 import numpy as np
 import pytest
+from samples import problem_of
 from scipy import stats
 
 import fitball
@@ -18,7 +19,6 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.errors import FitError, ParameterError, TableError
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
-from fitball.inference.problem.build import Choices, build_problem
 from fitball.models.types import Status
 from fitball.report.saved.fit_text import fit_text
 
@@ -58,16 +58,12 @@ def simulated(mu, seed, labels):
     )
 
 
-def problem_of(table, **choices):
-    return build_problem(table, Scene(), Choices(model="grip-slip", **choices))
-
-
 def test_the_likelihood_written_out():
     """Student's t about the model of the impact's own surface plus the bias of its group."""
     table = load_table("wang_all.csv")
     labels = tuple("grass" if k % 3 == 0 else "clay" for k in range(21))
     table = replace(table, labels={**table.labels, "surface": labels})
-    problem = problem_of(table, noise="student-t", pool={"mu": "surface"}, offsets="group")
+    problem = problem_of(table, "grip-slip", noise="student-t", pool={"mu": "surface"}, offsets="group")
     rng = np.random.default_rng(4)
     values = np.array([[item.prior.quantile(np.array([p]))[0] for item in problem.free]
                        for p in rng.uniform(0.35, 0.65, 3)])  # fmt: skip
@@ -93,7 +89,7 @@ def test_the_likelihood_written_out():
 
 def test_a_level_out_of_bounds_is_impossible_and_not_clamped():
     table = replace(load_table("wang_all.csv"), labels={"surface": ("a",) * 10 + ("b",) * 11})
-    problem = problem_of(table, pool={"mu": "surface"}, priors={"mu": "normal(0.5, 0.1)"})
+    problem = problem_of(table, "grip-slip", pool={"mu": "surface"}, priors={"mu": "normal(0.5, 0.1)"})
     values = np.array([[item.prior.quantile(np.array([0.5]))[0] for item in problem.free]])
     names = list(problem.free_names)
     values[0, names.index("mu_spread")] = 0.3
@@ -215,7 +211,7 @@ def test_tables_that_differ_are_not_joined(tmp_path):
 def test_impossible_structures_are_named(choices, error, words):
     table = replace(load_table("wang_all.csv"), labels={"surface": ("acrylic",) * 21})
     with pytest.raises(error, match=words):
-        problem_of(table, **choices)
+        problem_of(table, "grip-slip", **choices)
 
 
 def test_the_command_line_and_the_scene_say_the_same(tmp_path, monkeypatch, capsys, without_figures):

@@ -67,7 +67,7 @@ def test_a_hard_sphere_is_found_although_every_draw_of_the_prior_grips(tmp_path,
 @pytest.mark.parametrize(("model", "truth"), [("grip-slip", GRIP_SLIP), ("two-mass", TWO_MASS)])
 def test_the_maximum_lies_nowhere_below_the_truth(model, truth, mu):
     truth = truth | SHARP | {"mu": mu}
-    problem = synthetic(problem_of("wang_zero_spin.csv", model, mu=None, contact_time=None), truth, 8)
+    problem = synthetic(problem_of("wang_zero_spin.csv", model, without=("mu", "contact_time")), truth, 8)
     squares, point = point_fit(problem, np.random.default_rng(1))
     assert point.log_posterior >= log_posterior(problem, coordinates_of(problem, truth)[None, :])[0]
     weighted = least_squares(problem, row(problem, truth))

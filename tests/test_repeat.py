@@ -13,7 +13,9 @@ import h5py
 import numpy as np
 import pytest
 import xarray as xr
+from samples import problem_of
 
+from fitball.api import begin, pose
 from fitball.cli.main import main
 from fitball.data.bundled import bundled_folder
 from fitball.data.join import load_tables
@@ -26,7 +28,7 @@ from fitball.report.saved.data_file import digest
 from fitball.report.saved.run_file import run_text
 from fitball.report.saved.run_record import find_tables, read_run, record_problem
 from fitball.studies.repeat.compare import Outcome, compared
-from fitball.studies.repeat.rerun import read_kept, rerun, write_numbers
+from fitball.studies.repeat.kept import read_kept, write_numbers
 
 BALLS = """id,v_x1 [m/s],v_y1 [m/s],omega_1 [rpm],v_x2 [m/s],v_y2 [m/s],omega_2 [rpm]
 a,16.0,5.0,0,11.5,4.1,2400
@@ -42,26 +44,21 @@ def home(tmp_path_factory):
     """A table and, in `fit/`, a converged fit of it without its figures."""
     place = tmp_path_factory.mktemp("repeat")
     (place / "balls.csv").write_text(BALLS, encoding="utf-8")
-    folder = place / "fit"
-    folder.mkdir()
-    table = load_tables([place / "balls.csv"])
-    problem = build_problem(table, load_scene(place / "balls.csv"), Choices(model="grip-slip"))
-    fit = rerun(
-        problem, Effort(seed=5, cores=1, walkers=16, ensembles=2, ess=300.0), folder, lambda _stage, _progress: None
-    )
-    write_numbers(fit, folder)
-    (folder / "run.toml").write_text(run_text(fit, folder), encoding="utf-8")
+    problem = problem_of(place / "balls.csv", "grip-slip")
+    write(problem, Effort(seed=5, cores=1, walkers=16, ensembles=2, ess=300.0), place / "fit")
     pooled(place / "point")
     return place
 
 
 def pooled(folder):
     """A point fit of two tables, without its figures."""
-    folder.mkdir()
     names = ["wang_zero_spin.csv", "wang_topspin.csv"]
-    choices = Choices(model="grip-slip", pool={"mu": "table"})
-    problem = build_problem(load_tables(names), load_scene(names[0]), choices)
-    fit = rerun(problem, Effort(point_only=True, cores=1), folder, lambda _stage, _progress: None)
+    write(pose(names, Choices(model="grip-slip", pool={"mu": "table"})), Effort(point_only=True, cores=1), folder)
+
+
+def write(problem, effort, folder):
+    """What `repeat` needs of a result folder."""
+    fit = begin(problem, effort, folder).fit()
     write_numbers(fit, folder)
     (folder / "run.toml").write_text(run_text(fit, folder), encoding="utf-8")
 
@@ -273,10 +270,8 @@ def test_a_run_file_that_cannot_be_used(copy, capsys, old, new, words):
     assert words in capsys.readouterr().err
 
 
-def test_the_new_result_can_be_kept_but_not_over_the_old(copy, capsys, monkeypatch):
+def test_the_new_result_can_be_kept_but_not_over_the_old(copy, capsys, monkeypatch, without_figures):
     monkeypatch.chdir(copy)
-    # What figures look like is tested elsewhere.
-    monkeypatch.setattr("fitball.report.fit.folder.save_figure", lambda _figure, place: place.write_bytes(b"figure"))
     assert main(["repeat", "point", "--out", "point"]) == 2
     assert main(["repeat", "point", "--out", "again"]) == 0
     out = capsys.readouterr().out

@@ -15,15 +15,14 @@ import pytest
 import fitball
 from fitball.cli.main import main
 from fitball.data.join import load_tables
-from fitball.data.scene import Scene, load_scene
+from fitball.data.scene import Scene
 from fitball.errors import ParameterError, ResultFolderError
 from fitball.inference.calibrate import Effort, run
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.sampling.chain_file import ChainFile, EnsembleChain
 from fitball.report.saved.fit_file import fit_schema
-from fitball.report.saved.restore import restore
 from fitball.report.saved.structure import read_json, read_toml
-from fitball.studies.repeat.rerun import write_numbers
+from fitball.studies.repeat.kept import write_numbers
 from fitball.values import Ball
 
 SCHEMA = json.loads((files("fitball.report") / "fit.schema.json").read_text(encoding="utf-8"))
@@ -234,14 +233,6 @@ def test_an_array_longer_than_its_file_is_not_read(copy):
         file["prior"].create_dataset("mu", shape=(1, 10**12), dtype="f8", chunks=(1, 1000))
     with pytest.raises(ResultFolderError, match="more than the file has room for"):
         fitball.load_fit(copy).posterior()
-
-
-def test_figures_of_a_fit_with_levels_are_those_of_the_run(tmp_path):
-    names, scene = ["wang_zero_spin.csv", "wang_topspin.csv"], load_scene("wang_zero_spin.csv")
-    problem = build_problem(load_tables(names, scene), scene, Choices(model="grip-slip", pool={"mu": "table"}))
-    write_numbers(run(problem, Effort(point_only=True, cores=1)), tmp_path)
-    with pytest.raises(ResultFolderError, match="parameters of its own"):
-        restore(tmp_path)
 
 
 def test_a_label_with_a_slash_ends_in_no_other_group(tmp_path):

@@ -183,13 +183,12 @@ def test_the_scene_says_what_is_known_of_each(tmp_path):
 
 
 def test_the_command_line_and_what_reads_its_files(tmp_path, monkeypatch, capsys):
-    """Figures and exports know from fit.json alone which noise a column has."""
+    """Exports know from fit.json alone which noise a column has."""
     monkeypatch.chdir(tmp_path)
     words = ["calibrate", "wang_zero_spin.csv", "--model", "grip-slip", "--point-only", "--quiet", "--out", "a"]
     assert main([*words, "--velocity-noise", "separate"]) == 0
     fit = json.loads((tmp_path / "a" / "fit.json").read_text("utf-8"))
     assert set(fit["noise"]) == {"v_x_sd", "v_y_sd", "spin_sd"}
-    assert main(["plot", "a", "residuals", "--out", "drawn", "--quiet"]) == 0
     assert main(["export", "a", "--to", "json", "--out", "a.json"]) == 0
     exported = json.loads((tmp_path / "a.json").read_text("utf-8"))["parameters"]
     assert {name for name, item in exported.items() if item["role"] == "noise"} == set(fit["noise"])

@@ -6,16 +6,14 @@ import json
 
 import numpy as np
 import pytest
+from samples import problem_of
 
-import fitball
 from fitball.cli.main import main
-from fitball.data.scene import load_scene
 from fitball.inference.calibrate import Effort, run
 from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.lmfit_minimiser import SAME_OPTIMUM
 from fitball.inference.point.maximum_posterior import Candidate, _best_of, maximum_posterior
 from fitball.inference.point.starts import starting_points
-from fitball.inference.problem.build import Choices, build_problem
 from fitball.report.saved.fit_text import fit_text
 
 HEAD = "id,v_x1 [m/s],v_y1 [m/s],omega_1 [rpm],v_x2 [m/s],v_y2 [m/s],omega_2 [rpm]"
@@ -29,10 +27,6 @@ e,6.0,15.0,2.9,10.6
 f,12.0,9.0,7.4,7.1
 """
 DROP = "v_y1,v_y2\n3,2.5\n5,4.1\n7,5.4\n9,6.8\n11,8.0\n13,9.3\n"
-
-
-def problem_of(table, **choices):
-    return build_problem(fitball.load_table(table), load_scene(table), Choices(**choices))
 
 
 def test_two_impacts_are_fitted_and_mostly_the_priors_speak(tmp_path, monkeypatch):

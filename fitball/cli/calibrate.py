@@ -6,7 +6,6 @@ import argparse
 import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -86,22 +85,15 @@ def run(args: argparse.Namespace) -> int:
     """Fit, write the result folder, print the summary; 1 where the posterior did not converge."""
     progress = ProgressLine(args.quiet)
     progress("loading", None)
-    from fitball.data.force_place import find_force
-    from fitball.data.join import load_tables
-    from fitball.data.scene import load_scene
-    from fitball.inference.calibrate import fingerprint
-    from fitball.inference.calibrate import run as fit_problem
-    from fitball.inference.problem.build import Choices, build_problem
+    from fitball.api import begin, pose
+    from fitball.inference.problem.build import Choices
     from fitball.inference.results.results import RunStatus
-    from fitball.inference.sampling.chain_file import ChainFile
     from fitball.inference.sampling.ensembles import SamplingInterrupted
-    from fitball.report.fit.folder import CHAIN_NAME, prepare, write_all
+    from fitball.report.fit.folder import write_all
     from fitball.report.fit.terminal import render, render_json
 
     if args.resume and args.overwrite:
         raise ParameterError("--resume goes on with the old result and --overwrite discards it: choose one")
-    scene = load_scene(args.data[0], args.config)
-    table = load_tables(args.data, scene)
     choices = Choices(
         model=args.model,
         closures=pairs("--closure", args.closure, str),
@@ -113,30 +105,21 @@ def run(args: argparse.Namespace) -> int:
         incident_errors=not args.exact_incidence,
         velocity_noise=args.velocity_noise,
     )
-    force, found = find_force(args.data, table, scene, args.force)
-    problem = build_problem(table, scene, choices, force)
-    problem = replace(problem, notes=(*found, *problem.notes))
-    if len(args.data) > 1:
-        told = f"the scene of {args.config or args.data[0]} is taken for all tables"
-        problem = replace(problem, notes=(told, *problem.notes))
-    effort = make_effort(args)
-    mark = fingerprint(problem, effort)
-    folder = Path(args.out) if args.out else default_folder(table.name, problem.model.name, choices.closures)
-    prepare(folder, overwrite=args.overwrite, resume=args.resume)
+    problem = pose(args.data, choices, config=args.config, force=args.force)
+    folder = Path(args.out) if args.out else default_folder(problem.table.name, problem.model.name, choices.closures)
+    begun = begin(problem, make_effort(args), folder, overwrite=args.overwrite, resume=args.resume)
     if not args.quiet:
         progress.finish()
-        tell_notes([*table.remarks, *problem.notes])
-    chain = None if args.point_only else ChainFile(folder / CHAIN_NAME, mark)
-    resume = args.resume and chain is not None and chain.path.exists()
-    if args.resume and not resume:
+        tell_notes([*problem.table.remarks, *problem.notes])
+    if args.resume and not begun.resumes:
         print(f"note: {folder} holds no chain to resume: starting anew", file=sys.stderr)
     try:
-        fit = fit_problem(problem, effort, chain, resume, progress)
+        fit = begun.fit(progress)
         progress("figures and files", None)
         write_all(fit, folder, args.command)
     except (KeyboardInterrupt, SamplingInterrupted):
         progress.finish()
-        kept = chain is not None and chain.path.exists()
+        kept = begun.chain is not None and begun.chain.path.exists()
         print(_farewell(folder, kept), file=sys.stderr)
         return 130
     progress.finish()

@@ -47,12 +47,13 @@ def run(args: argparse.Namespace) -> int:
     progress("loading", None)
     from dataclasses import replace
 
+    from fitball.api import begin
     from fitball.inference.sampling.ensembles import SamplingInterrupted
-    from fitball.report.fit.folder import prepare, write_all
+    from fitball.report.fit.folder import write_all
     from fitball.report.form.json_text import json_text
     from fitball.report.saved.run_record import find_records, find_tables, read_run, record_problem
     from fitball.studies.repeat.compare import Outcome, compared
-    from fitball.studies.repeat.rerun import check_rows, read_kept, rerun, write_numbers
+    from fitball.studies.repeat.kept import check_rows, read_kept, write_numbers
     from fitball.studies.repeat.text import render, repetition_json
 
     record = read_run(Path(args.fit))
@@ -60,13 +61,11 @@ def run(args: argparse.Namespace) -> int:
     problem = record_problem(record, find_tables(record, args.data), find_records(record, args.force))
     check_rows(problem, original)
     effort = replace(record.effort, cores=args.cores)
-    if args.out is not None:
-        prepare(Path(args.out), overwrite=False, resume=False)
     place = nullcontext(args.out) if args.out is not None else tempfile.TemporaryDirectory(prefix="fitball-repeat-")
     try:
         with place as name:
             folder = Path(name)
-            fit = rerun(problem, effort, folder, progress)
+            fit = begin(problem, effort, folder).fit(progress)
             progress("comparison", None)
             (write_numbers if args.out is None else write_all)(fit, folder)
             repetition = compared(problem, original, read_kept(folder))

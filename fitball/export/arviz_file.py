@@ -92,7 +92,7 @@ def _all_draws(saved: SavedFit, posterior: Posterior) -> dict[str, xr.Dataset]:
 
 def _measured(saved: SavedFit) -> dict[str, xr.Dataset]:
     """Rebounds and incident states, as the fit took them."""
-    data = saved.measured()
+    data, _force = saved.measured()
     rebounds = {measurement.name: measurement.values for measurement in data.measurements}
     incident = {name: getattr(data.impacts, name) for name in INCIDENT}
     return {

@@ -21,6 +21,8 @@ DEPTH, AIM, COARSE = 2.5, 0.3, 0.9
 FLAT = 0.03
 # Halvings of a step after which what cannot be evaluated counts as the end of what the model can do.
 HALVINGS = 8
+# A step below this share of the prior's width creeps towards a wall that it will never pass.
+CREEPING = 1e-9
 MOST_POINTS = 80
 # A likelihood higher than this above the maximum is a better optimum; a change below it is none.
 HIGHER = 0.01
@@ -53,12 +55,13 @@ class Top:
 
 @dataclass
 class _Path:
-    """One direction of one parameter."""
+    """One direction of one parameter; steps below `least` end it."""
 
     column: int
     direction: float
     end: float
     step: float
+    least: float
     points: list[Point]
     halvings: int = 0
     running: bool = True
@@ -76,7 +79,7 @@ class _Path:
         if not np.isfinite(point.cost) or (rise > COARSE and not far and self.halvings < HALVINGS):
             self.halvings += 1
             self.step = 0.5 * abs(point.at - last.at)
-            self.running = self.halvings <= HALVINGS
+            self.running = self.halvings <= HALVINGS and self.step >= self.least
             return
         self.points.append(point)
         self.halvings = 0
@@ -164,7 +167,8 @@ def profile_paths(
         low, high = objective.ends(k)
         for direction, end in ((-1.0, low), (1.0, high)):
             origin = Point(float(start[k]), top.x, top.cost, True, bool(abs(end - start[k]) <= 0.0))
-            paths.append(_Path(k, direction, end, FIRST * float(top.errors[k]), [origin], running=not origin.bound))
+            first, least = FIRST * float(top.errors[k]), CREEPING * float(objective.problem.prior.width[k])
+            paths.append(_Path(k, direction, end, first, least, [origin], running=not origin.bound))
     while running := [path for path in paths if path.running]:
         at = np.array([path.proposal() for path in running])
         x = np.array([path.points[-1].x for path in running])

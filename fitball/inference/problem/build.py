@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitball.data.force_file import ForceFile
 from fitball.data.scene import NO_CONTACT_TIME, NO_MU, NO_SPIN_SD, NO_VELOCITY_SD, Scene
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError
 from fitball.inference.problem.force_noise import force_noise, records_for
+from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.group_bias import GroupBias, build_group_bias
 from fitball.inference.problem.incident import IncidentErrors
 from fitball.inference.problem.measurement_noise import expected_sizes, named_noise, noise_by_column, noise_parameters
@@ -49,8 +49,8 @@ class Choices:
     velocity_noise: str | None = None
 
 
-def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: ForceFile | None = None) -> Problem:
-    """Spend parameters only on what the table, and the records of `force` beside it, can show, and say what was left
+def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: ForceRecords | None = None) -> Problem:
+    """Spend parameters only on what the table, and its `force` records, can show, and say what was left
     out.
 
     Raises FitError when the model can answer for no column of the table, and what `model` and

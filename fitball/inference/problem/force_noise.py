@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fitball.data.force_file import ForceFile
 from fitball.data.scene import Scene
-from fitball.inference.problem.force_records import ForceRecords, build_records
+from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.parameters import FORCE_NOISE
 from fitball.models.model import Model
 
@@ -14,21 +13,20 @@ from fitball.models.model import Model
 EXPECTED = 0.01
 
 
-def records_for(chosen: Model, scene: Scene, force: ForceFile | None, notes: list[str]) -> ForceRecords | None:
-    """The records as the likelihood takes them; None, with a note, where the model has no force to compare."""
-    if force is None:
+def records_for(chosen: Model, scene: Scene, records: ForceRecords | None, notes: list[str]) -> ForceRecords | None:
+    """The records, told in `notes`; None, with a note, where the model has no force to compare."""
+    if records is None:
         if scene.force_file is not None:
             notes.append(f"the force records of {scene.force_file} are not used here")
         return None
     if not chosen.has_force:
-        notes.append(f"{Path(force.source).name} is not used: model {chosen.name} has no force-time course")
+        notes.append(f"{Path(records.source).name} is not used: model {chosen.name} has no force-time course")
         return None
-    records = build_records(force, scene.force_start_sd)
     counts = [item.samples for item in records.records]
     notes.append(
-        f"force records of {len(counts)} impacts ({Path(force.source).name}): {min(counts)} to {max(counts)} samples "
-        f"each, averaged to {records.nodes} means; sensor noise is independent, what the model's force misses is "
-        "taken as a slow course that counts once, not once a sample"
+        f"force records of {len(counts)} impacts ({Path(records.source).name}): {min(counts)} to {max(counts)} "
+        f"samples each, averaged to {records.nodes} means; sensor noise is independent, what the model's force "
+        "misses is taken as a slow course that counts once, not once a sample"
     )
     notes.append(
         f"t = 0 of a force record is taken as the start of contact within {1e3 * scene.force_start_sd:g} ms"

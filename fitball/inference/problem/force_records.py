@@ -222,5 +222,5 @@ def _covariances(item: Averaged) -> tuple[FloatArray, FloatArray]:
 
 
 def build_records(file: ForceFile, start_sd: float | None) -> ForceRecords:
-    """The records of a file."""
+    """The records of a file, averaged."""
     return ForceRecords(file.source, file.digest, start_sd, tuple(averaged(item) for item in file.records))

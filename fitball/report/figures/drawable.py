@@ -8,7 +8,15 @@ from fitball.errors import ResultFolderError
 from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import Identifiability
-from fitball.inference.results.results import Diagnostics, PointFit, Posterior, Predictive
+from fitball.inference.results.results import PointFit, Posterior, Predictive
+
+
+class Sampled(Protocol):
+    """What figures need of the sampler."""
+
+    @property
+    def warm_up(self) -> int:
+        """Steps before those kept."""
 
 
 class Drawable(Protocol):
@@ -27,7 +35,7 @@ class Drawable(Protocol):
         """Posterior predictions, None for a point fit."""
 
     @property
-    def diagnostics(self) -> Diagnostics | None:
+    def diagnostics(self) -> Sampled | None:
         """How the sampler did, None for a point fit."""
 
     @property

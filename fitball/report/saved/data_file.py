@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from fitball.inference.problem.force_records import Averaged, ForceRecords
 from fitball.inference.problem.problem import Problem
 from fitball.observables import SI_UNITS
 from fitball.report.form.atomic_write import write_whole
-from fitball.report.saved.fit_file import DataPart, ForcePart
+from fitball.report.saved.fit_file import DataPart, ForcePart, TablePart
 from fitball.report.saved.structure import part
 from fitball.values import Impacts
 from fitball.version import __version__
@@ -35,18 +34,8 @@ NUMBERS = ("first", "spacing", "begin", "length", "peak", "centroid")
 _FORCE = "force_"
 # Label columns are numbered, because a user may have named one anything; `fit.json` holds their names.
 _LABEL = "label_"
+COVARIANCE = "incident_covariance"
 Columns = Mapping[str, NDArray[Any]]
-
-
-@dataclass(frozen=True)
-class MeasuredData:
-    """What `data.nc` holds: names of the impacts, incident states, rebound columns, labels, and force records."""
-
-    ids: tuple[str, ...]
-    impacts: Impacts
-    measurements: tuple[Measurement, ...]
-    labels: Mapping[str, tuple[str, ...]]
-    force: ForceRecords | None
 
 
 def data_columns(table: ImpactTable, force: ForceRecords | None) -> dict[str, NDArray[Any]]:
@@ -57,6 +46,9 @@ def data_columns(table: ImpactTable, force: ForceRecords | None) -> dict[str, ND
         columns[measurement.name] = measurement.values
         if measurement.sd is not None:
             columns[measurement.name + SD_SUFFIX] = measurement.sd
+    columns |= {name + SD_SUFFIX: sd for name, sd in table.incident_sd.items()}
+    if table.incident_covariance is not None:
+        columns[COVARIANCE] = table.incident_covariance
     columns |= {f"{_LABEL}{k}": np.array(column, dtype=object) for k, column in enumerate(table.labels.values())}
     if force is not None:
         columns |= {_FORCE + name: np.array([getattr(record, name) for record in force.records]) for name in COUNTS}
@@ -73,6 +65,7 @@ def data_part(problem: Problem) -> DataPart:
     return part(
         DataPart,
         table,
+        incident_sd=tuple(table.incident_sd),
         measurements=tuple(measurement.name for measurement in table.measurements),
         with_sd=tuple(measurement.name for measurement in table.measurements if measurement.sd is not None),
         labels=tuple(table.labels),
@@ -103,9 +96,9 @@ def write_data(problem: Problem, path: Path) -> None:
     columns = data_columns(problem.table, problem.force)
     variables = {}
     for name, column in columns.items():
-        dims = ("impact",) if not name.startswith(_FORCE) else ("record", "node")[: column.ndim]
+        dims = ("record", "node") if name.startswith(_FORCE) else ("impact", "state", "other_state")
         unit = SI_UNITS.get(name.removesuffix(SD_SUFFIX), "")
-        variables[name] = (dims, column, {"units": unit} if unit else {})
+        variables[name] = (dims[: column.ndim], column, {"units": unit} if unit else {})
     for k, name in enumerate(problem.table.labels):
         variables[f"{_LABEL}{k}"][2]["long_name"] = name
     made = xr.Dataset(variables, attrs={"kind": KIND, "created_by": f"fitball {__version__}"})
@@ -117,10 +110,12 @@ def read_columns(data: DataPart, impacts: int, place: Path) -> dict[str, NDArray
 
     Raises ResultFolderError for a file that is missing, damaged, or not the data of that fit.
     """
-    numbers = [*INCIDENT, *data.measurements, *(name + SD_SUFFIX for name in data.with_sd)]
+    sds = [name + SD_SUFFIX for name in (*data.with_sd, *data.incident_sd)]
     with opened(place, "the measurements that belong to the fit.json beside it") as file:
         columns = {name: texts(file, name, impacts) for name in ("impact", *_labels(data))}
-        columns |= {name: finite(file, name, (impacts,)) for name in numbers}
+        columns |= {name: finite(file, name, (impacts,)) for name in (*INCIDENT, *data.measurements, *sds)}
+        if data.incident_sd:
+            columns[COVARIANCE] = finite(file, COVARIANCE, (impacts, 3, 3))
         if data.force is not None:
             columns |= _force_columns(file)
         read = digest(columns)
@@ -146,22 +141,35 @@ def _force_columns(file: h5py.File) -> Columns:
     )
 
 
-def read_data(data: DataPart, count: int, place: Path) -> MeasuredData:
-    """The measurements of `count` impacts in `data.nc`. Raises ResultFolderError as `read_columns` does."""
-    columns = read_columns(data, count, place)
+def read_data(part: TablePart, data: DataPart, place: Path) -> tuple[ImpactTable, ForceRecords | None]:
+    """The table in `data.nc` that `part` and `data`, sections of `fit.json`, describe, with its force records.
+
+    What a table says of its own reading (notices, redundant columns, units) is not kept. Raises ResultFolderError as
+    `read_columns` does.
+    """
+    columns = read_columns(data, part.impacts, place)
     try:
         impacts = Impacts(*(columns[name] for name in INCIDENT))
     except ParameterError as error:
         raise ResultFolderError(f"{place}: damaged: {error}") from None
-    return MeasuredData(
+    table = ImpactTable(
+        name=part.name,
+        source=part.file,
+        digest=part.sha256,
         ids=_texts(columns["impact"]),
         impacts=impacts,
+        incident_columns=data.incident_columns,
+        incident_sd={name: columns[name + SD_SUFFIX] for name in data.incident_sd},
         measurements=tuple(
             Measurement(name, columns[name], columns.get(name + SD_SUFFIX)) for name in data.measurements
         ),
+        redundant=(),
         labels={name: _texts(columns[label]) for name, label in zip(data.labels, _labels(data), strict=True)},
-        force=None if data.force is None else _force(data.force, columns),
+        units={},
+        notices=(),
+        incident_covariance=columns.get(COVARIANCE),
     )
+    return table, None if data.force is None else _force(data.force, columns)
 
 
 def _texts(column: NDArray[Any]) -> tuple[str, ...]:

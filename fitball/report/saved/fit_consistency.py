@@ -30,8 +30,11 @@ def spec_of(name: str) -> ParameterSpec | None:
 def outside(name: str, values: FloatArray) -> bool:
     """Whether any of the values is beyond the bounds of the parameter; no bounds are known of a fit's own ones."""
     spec = spec_of(name)
-    if spec is None:
-        return False
+    return spec is not None and beyond(spec, values)
+
+
+def beyond(spec: ParameterSpec, values: FloatArray) -> bool:
+    """Whether any of the values is beyond the bounds by more than rounding."""
     slack = ROUNDING * (spec.upper - spec.lower)
     return bool(np.any((values < spec.lower - slack) | (values > spec.upper + slack)))
 
@@ -46,7 +49,7 @@ def _shapes(file: FitFile) -> Iterator[str]:
     width = {"fitted.names": len(fitted.names), "fitted.point": len(fitted.point)}
     yield from _unequal(width | {f"fitted.draws[{k}]": len(row) for k, row in enumerate(fitted.draws)})
     yield from _unequal({name: len(getattr(fitted.impacts, name)) for name in ("v_x1", "v_y1", "omega_1")})
-    for name in ("incident_columns", "measurements", "with_sd", "labels"):
+    for name in ("incident_columns", "incident_sd", "measurements", "with_sd", "labels"):
         listed: Sequence[str] = getattr(data, name)
         if len(set(listed)) < len(listed):
             yield f"data.{name}: read {_listed(listed)}, where a name comes twice"

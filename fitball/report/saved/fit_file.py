@@ -23,6 +23,7 @@ Texts = tuple[str, ...]
 Motion = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
 Motions = tuple[Motion, ...]
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+IncidentName = Literal["v_x1", "v_y1", "omega_1"]
 NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 
 
@@ -196,11 +197,13 @@ class ForcePart(Part, frozen=True):
 
 
 class DataPart(Part, frozen=True, omit_defaults=True):
-    """The measurements the fit was made from, which lie in data.nc: names of measured columns, of those with a stated
-    sd, of label columns; SHA-256 over all columns; contact_time is (value, sd) as known to the scene.
+    """The measurements the fit was made from, which lie in data.nc: names of incident and of measured columns, of
+    those with a stated sd, of label columns; SHA-256 over all columns; contact_time is (value, sd) as known to the
+    scene.
     """
 
-    incident_columns: tuple[Literal["v_x1", "v_y1", "omega_1"], ...]
+    incident_columns: tuple[IncidentName, ...]
+    incident_sd: tuple[IncidentName, ...]
     measurements: Texts
     with_sd: Texts
     labels: Texts

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Mapping
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
@@ -58,7 +60,8 @@ def fit_file(fit: Fit) -> parts.FitFile:
     )
 
 
-def package_versions() -> dict[str, str]:
+@cache
+def package_versions() -> Mapping[str, str]:
     """What a result depends on, with its version."""
     return {"fitball": __version__, "python": platform.python_version()} | {name: version(name) for name in PACKAGES}
 

@@ -5,26 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
-from fitball.data.scene import Scene
-from fitball.data.table import ImpactTable
 from fitball.errors import FitballError, ResultFolderError
+from fitball.inference.likelihood.posterior import log_likelihood
 from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
-from fitball.inference.problem.build import impacts_with_cor
-from fitball.inference.problem.measurement_noise import noise_in
-from fitball.inference.problem.observables import build_observables
-from fitball.inference.problem.parameters import Parameter
-from fitball.inference.problem.priors import parse_prior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import Identifiability
-from fitball.inference.results.results import Diagnostics, PointFit, Posterior, Predictive, Verdict
-from fitball.report.saved.data_file import MeasuredData
-from fitball.report.saved.fit_consistency import spec_of
-from fitball.report.saved.fit_file import FitFile
-from fitball.report.saved.saved_fit import SavedFit, read_fit
+from fitball.inference.results.results import PointFit, Posterior, Predictive, Verdict
+from fitball.report.saved.fit_consistency import beyond
+from fitball.report.saved.fit_file import DiagnosticsPart
+from fitball.report.saved.run_file import RUN_NAME
+from fitball.report.saved.run_record import RunRecord, read_run
+from fitball.report.saved.saved_fit import POSTERIOR_NAME, SavedFit, read_fit
 from fitball.report.saved.structure import damaged
+
+# By what share the log likelihood of the point estimate may differ on another machine.
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -34,106 +31,83 @@ class Restored:
     problem: Problem
     point: PointFit
     predictive: Predictive | None
-    diagnostics: Diagnostics | None
+    diagnostics: DiagnosticsPart | None
     identifiability: Identifiability
     posterior: Posterior | None
 
 
 def restore(path: Path) -> Restored:
-    """Read a `fit.json`, or the one in a folder, with the draws beside it.
+    """Read a `fit.json`, or the one in a folder, with the run, the measurements and the draws beside it; the table
+    that was fitted need not be there any more.
 
-    Raises ResultFolderError for files that are missing, damaged or foreign, and for a fit whose parameters are not
-    those of its model alone.
+    Raises ResultFolderError for files that are missing, damaged or foreign, or of different runs.
     """
     saved = read_fit(path)
-    own = [name for name in saved.parameters if spec_of(name) is None]
-    if own:
-        raise ResultFolderError(
-            f"{saved.place}: figures of a fit with parameters of its own ({', '.join(own)[:200]}) are made by "
-            "calibrate only"
-        )
-    measured = saved.measured()
+    record = read_run(saved.place.with_name(RUN_NAME))
+    table, force = saved.measured()
     try:
-        problem = _problem(saved, measured)
-        point = _point(problem, saved)
+        problem = record.problem(table, force)
     except FitballError as error:
-        raise damaged(saved.place, str(error)) from None
+        raise damaged(record.place, str(error)) from None
+    _refuse_other(saved, record, problem)
     posterior = saved.posterior()
+    _refuse_beyond(saved, problem, posterior)
+    point = _point(problem, saved, record)
     found = None
     if posterior is not None:
         found = predictive(problem, point, posterior, predictive_generator(saved.file.seed))
-    return Restored(problem, point, found, _diagnostics(saved.file), saved.file.identifiability, posterior)
+    return Restored(problem, point, found, saved.file.diagnostics, saved.file.identifiability, posterior)
 
 
-def _problem(saved: SavedFit, measured: MeasuredData) -> Problem:
-    fitted, data = saved.fitted, saved.file.data
-    table = _table(saved.file, measured)
-    noise_of = noise_in(saved.parameters)
-    observables, _unused = build_observables(
-        table, table.has_tangential, fitted.model.has_time, fitted.model.needs_cor, noise_of
-    )
-    return Problem(
-        table=table,
-        scene=Scene(ball=fitted.ball, contact_time=data.contact_time),
-        model=fitted.model,
-        parameters=tuple(_parameter(saved, name) for name in saved.parameters),
-        observables=observables,
-        impacts=impacts_with_cor(table, fitted.model),
-        contact_time=data.contact_time,
-        notes=saved.file.notes,
-        force=measured.force,
-        noise=fitted.noise,
-    )
+def _refuse_other(saved: SavedFit, record: RunRecord, problem: Problem) -> None:
+    """Raise ResultFolderError unless `run.toml` and `fit.json` speak of the same model and parameters."""
+    file, fitted, chosen = saved.file, saved.fitted, problem.model
+    described = {item.name: (item.prior.text, item.fixed) for item in problem.parameters}
+    kept = {
+        name: (item.prior, item.point if item.verdict is Verdict.FIXED else None)
+        for name, item in saved.parameters.items()
+    }
+    pairs = [
+        (record.effort.seed, file.seed),
+        ((chosen.name, dict(chosen.options), chosen.ball), (fitted.model_name, dict(fitted.options), fitted.ball)),
+        (problem.contact_time, file.data.contact_time),
+        (list(described.items()), list(kept.items())),
+    ]
+    if any(one != other for one, other in pairs):
+        raise _other(record)
 
 
-def _table(file: FitFile, measured: MeasuredData) -> ImpactTable:
-    return ImpactTable(
-        name=file.table.name,
-        source=file.table.file,
-        digest=file.table.sha256,
-        ids=measured.ids,
-        impacts=measured.impacts,
-        incident_columns=file.data.incident_columns,
-        incident_sd={},
-        measurements=measured.measurements,
-        redundant=(),
-        labels=measured.labels,
-        units={},
-        notices=(),
+def _refuse_beyond(saved: SavedFit, problem: Problem, posterior: Posterior | None) -> None:
+    """Raise ResultFolderError for values beyond bounds that only the problem knows: of levels and group biases."""
+    for k, item in enumerate(problem.free):
+        if beyond(item.spec, np.array(saved.parameters[item.name].point)):
+            raise damaged(saved.place, f"parameters.{item.name}.point: outside its bounds")
+        if posterior is not None and beyond(item.spec, posterior.values[..., k]):
+            raise damaged(saved.place.with_name(POSTERIOR_NAME), f"draws of {item.name} lie outside its bounds")
+
+
+def _other(record: RunRecord) -> ResultFolderError:
+    return ResultFolderError(
+        f"{record.place}: this run is another than that of the fit.json beside it; calibrate again, or put the files "
+        "of one run together"
     )
 
 
-def _parameter(saved: SavedFit, name: str) -> Parameter:
-    item, spec = saved.parameters[name], spec_of(name)
-    assert spec is not None
-    prior = parse_prior(name, item.prior, spec.lower, spec.upper, spec.unit)
-    fixed = item.verdict is Verdict.FIXED
-    return Parameter(spec, prior, item.point if fixed else None, item.reason if fixed else "")
-
-
-def _point(problem: Problem, saved: SavedFit) -> PointFit:
+def _point(problem: Problem, saved: SavedFit, record: RunRecord) -> PointFit:
+    """The point estimate of `fit.json`, whose likelihood under `problem` must be the one that is noted there."""
     scores = saved.file.scores
     values = {name: item.point for name, item in saved.parameters.items()}
+    row = np.array([[values[name] for name in problem.free_names]])
+    rebound = problem.rebound(row)
+    again = float(log_likelihood(problem, row, rebound)[0])
+    if not abs(again - scores.log_likelihood) <= ROUNDING * (1.0 + abs(scores.log_likelihood)):
+        raise _other(record)
     return PointFit(
         values=values,
         log_posterior=scores.log_posterior,
         log_likelihood=scores.log_likelihood,
         rms=scores.rms,
-        rebound=problem.rebound(np.array([[values[name] for name in problem.free_names]])),
+        rebound=rebound,
         optima=(values,),
         optima_log_posterior=(scores.log_posterior,),
-    )
-
-
-def _diagnostics(file: FitFile) -> Diagnostics | None:
-    found = file.diagnostics
-    if found is None:
-        return None
-    free = {name: item for name, item in file.parameters.items() if item.verdict is not Verdict.FIXED}
-    return Diagnostics(
-        **msgspec.structs.asdict(found),
-        ess_bulk={name: item.ess_bulk for name, item in free.items() if item.ess_bulk is not None},
-        ess_tail={name: item.ess_tail for name, item in free.items() if item.ess_tail is not None},
-        r_hat={name: item.r_hat for name, item in free.items() if item.r_hat is not None},
-        evaluations=found.ensembles * found.steps * found.walkers,
     )

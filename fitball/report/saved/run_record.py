@@ -14,9 +14,11 @@ from fitball.data.force_file import load_force
 from fitball.data.frozen import FrozenMapping
 from fitball.data.join import load_tables
 from fitball.data.scene import Scene
+from fitball.data.table import ImpactTable
 from fitball.errors import ResultFolderError
 from fitball.inference.calibrate import Effort
 from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.problem.force_records import ForceRecords, build_records
 from fitball.inference.problem.problem import Problem
 from fitball.report.saved.run_file import (
     RUN_KIND,
@@ -50,6 +52,17 @@ class RunRecord:
     def folder(self) -> Path:
         """The result folder."""
         return self.place.parent
+
+    def problem(self, table: ImpactTable, force: ForceRecords | None) -> Problem:
+        """The problem of the run, from the table it was made from and its force records.
+
+        Raises as `build_problem` does.
+        """
+        made = build_problem(table, self.scene, self.choices, force)
+        parameters = tuple(
+            replace(item, fixed_because=self.reasons.get(item.name, item.fixed_because)) for item in made.parameters
+        )
+        return replace(made, parameters=parameters, notes=self.notes)
 
 
 def read_run(path: Path) -> RunRecord:
@@ -172,10 +185,5 @@ def record_problem(record: RunRecord, tables: Sequence[Path], records: Path | No
     Raises as reading and `build_problem` do.
     """
     table = load_tables(tables, record.scene)
-    force = None if records is None else load_force(records, table)
-    problem = build_problem(table, record.scene, record.choices, force)
-    parameters = tuple(
-        replace(parameter, fixed_because=record.reasons.get(parameter.name, parameter.fixed_because))
-        for parameter in problem.parameters
-    )
-    return replace(problem, parameters=parameters, notes=record.notes)
+    force = None if records is None else build_records(load_force(records, table), record.scene.force_start_sd)
+    return record.problem(table, force)

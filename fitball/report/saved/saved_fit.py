@@ -9,13 +9,15 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from fitball.data.table import ImpactTable
 from fitball.errors import ResultFolderError
 from fitball.inference.prediction.new_impacts import DRAWS, NewPrediction, predict_new
+from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.observables import Observable
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Golden, Posterior, RunStatus, Verdict, thinned
 from fitball.models.types import OUTPUTS, Rebound
-from fitball.report.saved.data_file import DATA_NAME, MeasuredData, read_data
+from fitball.report.saved.data_file import DATA_NAME, read_data
 from fitball.report.saved.fit_consistency import checked, outside
 from fitball.report.saved.fit_file import KIND, SCHEMA_VERSION, FitFile, FittedPart, GoldenPart, ParameterPart
 from fitball.report.saved.posterior_file import read_netcdf
@@ -76,9 +78,9 @@ class SavedFit:
             )
         return posterior
 
-    def measured(self) -> MeasuredData:
+    def measured(self) -> tuple[ImpactTable, ForceRecords | None]:
         """The measurements, from `data.nc` beside `fit.json`. Raises ResultFolderError as `read_data` does."""
-        return read_data(self.file.data, self.file.table.impacts, self.place.with_name(DATA_NAME))
+        return read_data(self.file.table, self.file.data, self.place.with_name(DATA_NAME))
 
     @property
     def impacts(self) -> Impacts:
@@ -86,7 +88,7 @@ class SavedFit:
         are read from `data.nc`; ResultFolderError where that is missing, damaged or of another fit.
         """
         known = self.fitted.impacts
-        return known if len(known) == self.file.table.impacts else self.measured().impacts
+        return known if len(known) == self.file.table.impacts else self.measured()[0].impacts
 
     def predict_interval(
         self,

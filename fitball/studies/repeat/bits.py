@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fitball.studies.repeat.rerun import Kept
+from fitball.studies.repeat.kept import Kept
 
 # What says where and with what a fit was made, not what it found.
 IGNORED = ("versions", "table.name", "table.file", "data.force.file")

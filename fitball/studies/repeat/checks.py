@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fitball.inference.sampling.monte_carlo_error import summaries
-from fitball.studies.repeat.rerun import Kept
+from fitball.studies.repeat.kept import Kept
 
 # Shares by which rounding may differ: of a summary of many draws, and of one draw (an exponential).
 SUMMARY, DRAW = 1e-9, 1e-12

@@ -19,7 +19,7 @@ from fitball.inference.results.quantiles import QUANTILES
 from fitball.inference.sampling.monte_carlo_error import standard_errors
 from fitball.studies.repeat.bits import differing_leaves, same_bytes
 from fitball.studies.repeat.checks import contradictions
-from fitball.studies.repeat.rerun import Kept
+from fitball.studies.repeat.kept import Kept
 
 # Chance that any one of all numbers of a true repetition lies farther off than its limit.
 FALSE_ALARM = 1e-3

@@ -10,7 +10,7 @@ from typing import Any
 from fitball.report.form.rounding import significant
 from fitball.report.form.text_table import columns
 from fitball.studies.repeat.compare import FALSE_ALARM, Finding, Outcome, Repetition
-from fitball.studies.repeat.rerun import Kept
+from fitball.studies.repeat.kept import Kept
 
 # Rows of the table that are printed; JSON holds all.
 SHOWN = 20

@@ -1,8 +1,8 @@
-"""A run made again, and a run as it lies in its folder: the two sides of a repetition."""
+"""A run as it lies in its folder, or as it was just made again: what a repetition compares."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,11 +10,9 @@ from typing import Any
 import numpy as np
 
 from fitball.errors import ResultFolderError
-from fitball.inference.calibrate import Effort, fingerprint, run
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit, Posterior
-from fitball.inference.sampling.chain_file import ChainFile, EnsembleChain, read_chains
-from fitball.inference.sampling.ensembles import Progress
+from fitball.inference.sampling.chain_file import EnsembleChain, read_chains
 from fitball.report.fit.folder import CHAIN_NAME
 from fitball.report.form.atomic_write import write_text
 from fitball.report.saved.data_file import DATA_NAME, data_columns, read_columns, write_data
@@ -62,12 +60,6 @@ def check_rows(problem: Problem, original: Kept) -> None:
             f"{place}: its {' and '.join(changed)} are not those of {problem.table.source}: the "
             "table was changed in Python before it was fitted, or this file was changed since; calibrate anew"
         )
-
-
-def rerun(problem: Problem, effort: Effort, folder: Path, report: Callable[[str, Progress | None], None]) -> Fit:
-    """Make a run again in `folder`, from the start. Raises as `calibrate.run` does."""
-    chain = None if effort.point_only else ChainFile(folder / CHAIN_NAME, fingerprint(problem, effort))
-    return run(problem, effort, chain, False, report)
 
 
 def write_numbers(fit: Fit, folder: Path) -> None:
