@@ -11,7 +11,8 @@ from fitball.data.force_place import find_force
 from fitball.data.join import load_tables
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable
-from fitball.inference.calibrate import MAX_STEPS, Effort, fingerprint, run
+from fitball.inference.calibrate import fingerprint, run
+from fitball.inference.effort import MAX_STEPS, Effort
 from fitball.inference.prediction.new_impacts import DRAWS, NewPrediction, predict_new
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.force_records import build_records

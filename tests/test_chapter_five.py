@@ -15,7 +15,7 @@ import fitball
 from fitball.cli.main import main
 from fitball.data.thesis_tables import thesis_table
 from fitball.errors import TableError
-from fitball.inference.calibrate import Effort
+from fitball.inference.effort import Effort
 from fitball.inference.thesis import inputs as thesis_inputs
 from fitball.studies.thesis import (
     appendix_c,

@@ -14,9 +14,10 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Measurement
 from fitball.errors import FitError, ModelError
-from fitball.inference.calibrate import Effort, run
+from fitball.inference.calibrate import run
 from fitball.inference.comparison.candidates import build_candidates, default_names, parse_name
 from fitball.inference.comparison.compare import compare
+from fitball.inference.effort import Effort
 from fitball.inference.likelihood.residuals import Weighting
 from fitball.inference.point.lmfit_minimiser import Minimiser
 from fitball.inference.point.maximum_posterior import maximum_posterior

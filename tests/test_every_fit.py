@@ -21,7 +21,8 @@ from fitball.export.formats import TEXT_FORMATS
 from fitball.export.golden_table import golden_table
 from fitball.export.port.port import make_port
 from fitball.export.port.python import python_port
-from fitball.inference.calibrate import Effort, fingerprint
+from fitball.inference.calibrate import fingerprint
+from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices
 from fitball.inference.sampling.ensembles import SamplingInterrupted
 from fitball.report.fit.embedded_figures import page_figures

@@ -10,7 +10,8 @@ from samples import GRIP_SLIP, TWO_MASS, coordinates_of, polar_problem, problem_
 from scipy.differentiate import hessian
 from scipy.stats import norm
 
-from fitball.inference.calibrate import Effort, run
+from fitball.inference.calibrate import run
+from fitball.inference.effort import Effort
 from fitball.inference.identifiability.active_impacts import active_impacts
 from fitball.inference.identifiability.eigendirections import combination, eigendirections, product, relative
 from fitball.inference.identifiability.examine import examine, profile_all

@@ -20,7 +20,8 @@ from fitball.cli.main import main
 from fitball.data.bundled import bundled_folder, bundled_names
 from fitball.data.read import load_table
 from fitball.data.scene import NO_CONTACT_TIME, Scene
-from fitball.inference.calibrate import Effort, fingerprint, run
+from fitball.inference.calibrate import fingerprint, run
+from fitball.inference.effort import Effort
 from fitball.inference.identifiability.fisher import information_evidence
 from fitball.inference.likelihood.posterior import log_likelihood_terms
 from fitball.inference.problem.build import Choices, build_problem

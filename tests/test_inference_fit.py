@@ -13,7 +13,8 @@ from samples import problem_of
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Measurement
-from fitball.inference.calibrate import Effort, fingerprint, run
+from fitball.inference.calibrate import fingerprint, run
+from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior, log_scene_density
 from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.maximum_posterior import maximum_posterior

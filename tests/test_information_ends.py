@@ -7,7 +7,8 @@ import pytest
 from samples import TWO_MASS, coordinates_of, hard_sphere, problem_of, synthetic
 
 from fitball.inference import calibrate
-from fitball.inference.calibrate import Effort, run
+from fitball.inference.calibrate import run
+from fitball.inference.effort import Effort
 from fitball.inference.identifiability.eigendirections import eigendirections
 from fitball.inference.identifiability.fisher import fisher_information, information_evidence, standard_errors
 from fitball.inference.identifiability.profile_objective import ProfileObjective

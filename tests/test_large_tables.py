@@ -14,8 +14,8 @@ from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.errors import MemoryShortageError
-from fitball.inference.calibrate import Effort
 from fitball.inference.calibrate import run as calibrate_problem
+from fitball.inference.effort import Effort
 from fitball.inference.identifiability import fisher as information
 from fitball.inference.identifiability.active_impacts import active_impacts
 from fitball.inference.likelihood.posterior import densities, log_posterior

@@ -12,10 +12,11 @@ from scipy.stats import norm
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.errors import FitError
-from fitball.inference.calibrate import Effort, run
+from fitball.inference.calibrate import run
 from fitball.inference.comparison.cross_validation import IMPACTS, leave_out, make_folds
 from fitball.inference.comparison.information_criteria import criteria
 from fitball.inference.comparison.psis_loo import exact_elpd, leave_one_out, smoothed_elpd
+from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import log_likelihood_terms, log_posterior
 from fitball.inference.point.point_fit import point_fit
 from fitball.inference.prediction.outputs import measured_outputs, output_errors, root_mean_square

@@ -12,11 +12,11 @@ from samples import GRIP_SLIP, TWO_MASS, hard_sphere, problem_of
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.inference import calibrate
-from fitball.inference.calibrate import Effort
 from fitball.inference.comparison.candidates import build_candidates
 from fitball.inference.comparison.compare import _status, compare
 from fitball.inference.comparison.information_criteria import Criteria
 from fitball.inference.comparison.nesting import as_container, overtaken
+from fitball.inference.effort import Effort
 from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.point_fit import point_fit

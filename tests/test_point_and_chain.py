@@ -19,7 +19,8 @@ from samples import (
 
 from fitball.errors import FitError
 from fitball.inference import calibrate
-from fitball.inference.calibrate import Effort, run
+from fitball.inference.calibrate import run
+from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.point.least_squares import deeper, least_squares
 from fitball.inference.point.maximum_posterior import higher_maximum, maximum_posterior

@@ -10,7 +10,8 @@ from arviz_stats.base.array import array_stats
 from arviz_stats.psense import psense_summary
 from samples import GRIP_SLIP, coordinates_of, problem_of, synthetic
 
-from fitball.inference.calibrate import Effort, run
+from fitball.inference.calibrate import run
+from fitball.inference.effort import Effort
 from fitball.inference.identifiability.fisher import fisher_information
 from fitball.inference.identifiability.power_scaling import CONFLICT, WEAK, diagnosis, power_evidence, sensitivities
 from fitball.inference.likelihood.posterior import log_likelihood, log_likelihood_terms

@@ -21,7 +21,8 @@ from fitball.data.bundled import bundled_folder
 from fitball.data.join import load_tables
 from fitball.data.scene import load_scene
 from fitball.errors import ResultFolderError
-from fitball.inference.calibrate import Effort, fingerprint
+from fitball.inference.calibrate import fingerprint
+from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.sampling.monte_carlo_error import standard_errors, summaries
 from fitball.report.saved.data_file import digest

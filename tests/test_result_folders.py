@@ -17,7 +17,8 @@ from fitball.cli.main import main
 from fitball.data.join import load_tables
 from fitball.data.scene import Scene
 from fitball.errors import ParameterError, ResultFolderError
-from fitball.inference.calibrate import Effort, run
+from fitball.inference.calibrate import run
+from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.sampling.chain_file import ChainFile, EnsembleChain
 from fitball.report.saved.fit_file import fit_schema

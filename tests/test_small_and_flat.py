@@ -9,7 +9,8 @@ import pytest
 from samples import problem_of
 
 from fitball.cli.main import main
-from fitball.inference.calibrate import Effort, run
+from fitball.inference.calibrate import run
+from fitball.inference.effort import Effort
 from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.lmfit_minimiser import SAME_OPTIMUM
 from fitball.inference.point.maximum_posterior import Candidate, _best_of, maximum_posterior

@@ -14,7 +14,7 @@ from fitball.cli.progress import ProgressLine
 from fitball.errors import ParameterError
 
 if TYPE_CHECKING:
-    from fitball.inference.calibrate import Effort
+    from fitball.inference.effort import Effort
 
 T = TypeVar("T")
 
@@ -134,7 +134,7 @@ def run(args: argparse.Namespace) -> int:
 
 def make_effort(args: argparse.Namespace) -> Effort:
     """The effort the options ask for."""
-    from fitball.inference.calibrate import MAX_STEPS, Effort
+    from fitball.inference.effort import MAX_STEPS, Effort
 
     return Effort(
         seed=args.seed,

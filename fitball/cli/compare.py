@@ -48,9 +48,9 @@ def run(args: argparse.Namespace) -> int:
     progress("loading", None)
     from fitball.data.read import load_table
     from fitball.data.scene import load_scene
-    from fitball.inference.calibrate import Effort
     from fitball.inference.comparison.candidates import build_candidates, default_names
     from fitball.inference.comparison.compare import ESS, MAX_STEPS, compare
+    from fitball.inference.effort import Effort
     from fitball.inference.results.results import RunStatus
     from fitball.report.compare.folder import JSON_NAME, write_all
     from fitball.report.compare.rows import json_content

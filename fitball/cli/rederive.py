@@ -29,7 +29,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Compute the tables again, write the page, print what holds; 1 where a count has changed."""
-    from fitball.inference.calibrate import Effort
+    from fitball.inference.effort import Effort
     from fitball.report.form.text_table import columns
     from fitball.studies.thesis.chapter_five import derive
     from fitball.studies.thesis.chapter_five_page import write

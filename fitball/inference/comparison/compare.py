@@ -9,13 +9,13 @@ import numpy as np
 
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError
-from fitball.inference.calibrate import Effort
 from fitball.inference.comparison.candidates import Candidates
 from fitball.inference.comparison.cross_validation import make_folds
 from fitball.inference.comparison.model_weights import pseudo_bma_weights, stacking_weights
 from fitball.inference.comparison.nesting import alarm_words, overtaken, settled_words
 from fitball.inference.comparison.results import FEW, Comparison, FixedPrediction, ModelScore
 from fitball.inference.comparison.scoring import Task, scored
+from fitball.inference.effort import Effort
 from fitball.inference.results.results import RunStatus
 from fitball.inference.sampling.ensembles import SamplingInterrupted
 

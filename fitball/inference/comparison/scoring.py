@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitball.errors import FitError
-from fitball.inference.calibrate import Effort, run
+from fitball.inference.calibrate import run
 from fitball.inference.comparison.candidates import Candidate
 from fitball.inference.comparison.cross_validation import FOLLOWED, Fold, leave_out
 from fitball.inference.comparison.information_criteria import criteria
 from fitball.inference.comparison.psis_loo import leave_one_out
 from fitball.inference.comparison.results import ModelScore
 from fitball.inference.comparison.workers import die_on_interrupt, interrupts_held
+from fitball.inference.effort import Effort
 
 # Ensembles of an exact refit: enough to see that they agree.
 REFIT_ENSEMBLES = 2

@@ -16,7 +16,7 @@ from fitball.data.join import load_tables
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.errors import ResultFolderError
-from fitball.inference.calibrate import Effort
+from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.force_records import ForceRecords, build_records
 from fitball.inference.problem.problem import Problem

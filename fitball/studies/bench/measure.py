@@ -22,8 +22,9 @@ import pandas as pd
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.data.table import ImpactTable, Measurement
-from fitball.inference.calibrate import Effort, run
+from fitball.inference.calibrate import run
 from fitball.inference.comparison.workers import die_on_interrupt
+from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.studies.bench.hard_cases import BASE

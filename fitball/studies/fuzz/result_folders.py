@@ -54,7 +54,8 @@ def short_chain(folder: Path) -> None:
     """Write the chain of a run that stopped after its steps and before its files."""
     from fitball.data.join import load_tables
     from fitball.data.scene import load_scene
-    from fitball.inference.calibrate import Effort, fingerprint, run
+    from fitball.inference.calibrate import fingerprint, run
+    from fitball.inference.effort import Effort
     from fitball.inference.problem.build import Choices, build_problem
     from fitball.inference.sampling.chain_file import ChainFile
 

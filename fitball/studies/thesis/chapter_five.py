@@ -10,7 +10,7 @@ import pandas as pd
 from uncertainties.core import Variable
 
 from fitball.data.thesis_tables import thesis_table
-from fitball.inference.calibrate import Effort
+from fitball.inference.effort import Effort
 from fitball.inference.thesis.inputs import INCH, INERTIA_OF
 from fitball.inference.thesis.published_cases import chapter_five_predictions
 from fitball.report.fit.headline import listed

@@ -14,7 +14,8 @@ from scipy.stats import gaussian_kde
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.data.thesis_tables import fraction, thesis_table
-from fitball.inference.calibrate import Effort, run
+from fitball.inference.calibrate import run
+from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import Fit
 from fitball.inference.thesis.inputs import C1, C2, FRICTION, INCH, STIFFNESS, TORSION

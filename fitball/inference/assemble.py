@@ -1,0 +1,201 @@
+"""From what the stages of a fit gave to the one frozen result: estimates, verdicts, predictions, a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fitball.data.balances import scene_balances
+from fitball.inference.effort import Effort, Stopwatch
+from fitball.inference.identifiability.examine import examine
+from fitball.inference.identifiability.posterior_verdict import Judgement
+from fitball.inference.prediction.court_pace import court_pace
+from fitball.inference.prediction.error_budget import error_budget
+from fitball.inference.prediction.extrapolation import spanning_impacts
+from fitball.inference.prediction.force_notes import force_notes
+from fitball.inference.prediction.golden import golden
+from fitball.inference.prediction.group_estimates import group_estimates
+from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.evidence import Profiles
+from fitball.inference.results.fitted_model import FittedModel
+from fitball.inference.results.quantiles import SUMMARY
+from fitball.inference.results.results import (
+    Diagnostics,
+    Estimate,
+    Fit,
+    LeastSquares,
+    PointFit,
+    Posterior,
+    RunStatus,
+    Verdict,
+    thinned,
+)
+from fitball.inference.sampling.ensembles import Sampled
+from fitball.inference.sampling.monte_carlo_error import summaries
+from fitball.values import FloatArray
+
+KEPT_DRAWS = 400
+
+
+def assemble(
+    problem: Problem,
+    effort: Effort,
+    squares: LeastSquares,
+    point: PointFit,
+    profiled: tuple[Profiles, Profiles],
+    sampled: Sampled | None,
+    posterior: Posterior | None,
+    watch: Stopwatch,
+    said: tuple[str, ...] = (),
+) -> Fit:
+    """The fit of a problem; `profiled` with and without the scene; a point fit without `sampled` and `posterior`;
+    `said` is what its search has to tell.
+    """
+    covariance = correlation = None
+    prediction = diagnostics = None
+    with watch.stage("verdicts and prediction"):
+        if posterior is not None and sampled is not None:
+            covariance = np.atleast_2d(np.cov(posterior.draws, rowvar=False))
+            correlation = np.atleast_2d(np.corrcoef(posterior.draws, rowvar=False))
+            prediction = predictive(problem, point, posterior, predictive_generator(effort.seed))
+            diagnostics = _diagnostics(sampled, effort)
+        regimes = () if prediction is None else prediction.regimes
+        identifiability, judgements = examine(problem, point, profiled, posterior, correlation, regimes)
+        estimates = tuple(
+            _estimate(problem, k, point, posterior, sampled, judgements) for k in range(len(problem.parameters))
+        )
+        fitted = _fitted(problem, point, posterior)
+        chosen = golden(fitted, problem.impacts)
+        budget = error_budget(problem, fitted, point, prediction, chosen)
+    status = RunStatus.POINT_ONLY
+    if diagnostics is not None:
+        status = RunStatus.CONVERGED if diagnostics.converged else RunStatus.NOT_CONVERGED
+    return Fit(
+        problem=problem,
+        notes=(*problem.notes, *said, *force_notes(problem, point)),
+        balances=scene_balances(problem.table, problem.scene),
+        least_squares=squares,
+        point=point,
+        posterior=posterior,
+        estimates=estimates,
+        covariance=covariance,
+        correlation=correlation,
+        diagnostics=diagnostics,
+        predictive=prediction,
+        identifiability=identifiability,
+        fitted=fitted,
+        golden=chosen,
+        error_budget=budget,
+        levels=group_estimates(problem, point, posterior),
+        status=status,
+        verdict=_sentence(status, diagnostics, estimates),
+        seed=effort.seed,
+        timings=tuple(watch.timings),
+        court_pace=court_pace(problem, point, posterior),
+    )
+
+
+def _diagnostics(sampled: Sampled, effort: Effort) -> Diagnostics:
+    ensembles, steps, walkers, _ = sampled.chains.shape
+    found = sampled.convergence
+    complaints = []
+    for name, r_hat in found.r_hat.items():
+        least = min(found.ess_bulk[name], found.ess_tail[name])
+        if not r_hat < 1.01:
+            complaints.append(f"{name}: the ensembles disagree, R-hat {r_hat:.3f} (wanted below 1.01)")
+        if not least >= effort.ess:
+            complaints.append(f"{name}: effective sample size {least:.0f} (wanted {effort.ess:.0f})")
+    return Diagnostics(
+        ensembles=ensembles,
+        walkers=walkers,
+        warm_up=sampled.warm_up,
+        steps=steps,
+        max_steps=effort.max_steps,
+        acceptance=sampled.acceptance,
+        min_ess_bulk=min(found.ess_bulk.values()),
+        min_ess_tail=min(found.ess_tail.values()),
+        max_r_hat=found.max_r_hat,
+        ess_bulk=found.ess_bulk,
+        ess_tail=found.ess_tail,
+        r_hat=found.r_hat,
+        evaluations=ensembles * steps * walkers,
+        converged=sampled.converged,
+        complaints=tuple(complaints),
+        target_ess=effort.ess,
+    )
+
+
+def _estimate(
+    problem: Problem,
+    row: int,
+    point: PointFit,
+    posterior: Posterior | None,
+    sampled: Sampled | None,
+    judgements: Mapping[str, Judgement],
+) -> Estimate:
+    item = problem.parameters[row]
+    numbers: dict[str, float | None] = dict.fromkeys((*SUMMARY, "ess_bulk", "ess_tail", "r_hat"))
+    if item.free and posterior is not None and sampled is not None:
+        convergence = sampled.convergence
+        numbers |= summaries(posterior.values[..., posterior.names.index(item.name)])
+        numbers |= {
+            "ess_bulk": convergence.ess_bulk[item.name],
+            "ess_tail": convergence.ess_tail[item.name],
+            "r_hat": convergence.r_hat[item.name],
+        }
+    judged = judgements[item.name]
+    return Estimate(
+        name=item.name,
+        unit=item.spec.unit,
+        label=item.spec.label,
+        meaning=item.spec.meaning,
+        prior=item.prior.text,
+        point=point.values[item.name],
+        contraction=judged.contraction,
+        verdict=judged.verdict,
+        reason=judged.reason,
+        **numbers,
+    )
+
+
+def _fitted(problem: Problem, point: PointFit, posterior: Posterior | None) -> FittedModel:
+    names = tuple(item.name for item in problem.parameters)
+    draws: FloatArray = np.empty((0, len(names)))
+    if posterior is not None:
+        columns = problem.all_values(thinned(posterior, KEPT_DRAWS))
+        draws = np.stack([columns[name] for name in names], axis=1)
+    return FittedModel(
+        model_name=problem.model.name,
+        options=dict(problem.model.options),
+        ball=problem.model.ball,
+        tangential=problem.model.tangential,
+        names=names,
+        point=np.array([point.values[name] for name in names]),
+        draws=draws,
+        impacts=spanning_impacts(problem.table.impacts, problem.model.ball.radius),
+    )
+
+
+def _sentence(status: RunStatus, diagnostics: Diagnostics | None, estimates: tuple[Estimate, ...]) -> str:
+    if diagnostics is None:
+        head = "Point fit only: no posterior; the verdicts rest on profile likelihoods and Fisher information."
+    elif status is RunStatus.CONVERGED:
+        head = (
+            f"Converged: every parameter has an effective sample size of at least "
+            f"{min(diagnostics.min_ess_bulk, diagnostics.min_ess_tail):.0f} and R-hat of at most "
+            f"{diagnostics.max_r_hat:.3f}."
+        )
+    else:
+        head = f"Not converged after {diagnostics.steps} steps: " + "; ".join(diagnostics.complaints) + "."
+    parts = []
+    for verdict, words in (
+        (Verdict.IDENTIFIED, "The table identifies"),
+        (Verdict.ONE_SIDED, "It bounds from one side only"),
+        (Verdict.PRIOR_DOMINATED, "It does not tell"),
+    ):
+        names = [item.name for item in estimates if item.verdict is verdict]
+        if names:
+            parts.append(f"{words} {', '.join(names)}.")
+    return " ".join([head, *parts])
