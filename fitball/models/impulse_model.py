@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitball.models.capabilities import KernelCall
-from fitball.models.jacobian import INPUTS, ReboundJacobian, moved_inputs
+from fitball.models.jacobian import INPUTS, ReboundJacobian
 from fitball.models.kernels.dual import STEP, NumberArray
 from fitball.models.model import Model, ball_columns
 from fitball.models.specs import ParameterSpec
@@ -58,12 +58,20 @@ class ImpulseModel(Model):
     ) -> ReboundJacobian:
         """See `Model.jacobian`."""
         chosen = tuple(names) if parameters is None else tuple(parameters)
-        plain = replace(impacts, cor=None)
-        slopes = np.full((values.shape[0], len(impacts), len(OUTPUTS), len(INPUTS) + len(chosen)), np.nan)
-        for moved in moved_inputs(names, values, plain, chosen):
-            out, _regime, status = self._bounce(names, moved.values, moved.v_x1, moved.v_y1, moved.omega_1)
-            for output, value in enumerate(out):
-                slopes[:, :, output, moved.place] = np.where(status == Status.OK, np.imag(value) / STEP, np.nan)
+        draws, count, moves = values.shape[0], len(impacts), len(INPUTS) + len(chosen)
+        # One complex step after the other, all in one batch, as if they were draws.
+        rows = np.repeat(values[None].astype(np.complex128), moves, axis=0)
+        for k, name in enumerate(chosen):
+            rows[len(INPUTS) + k, :, list(names).index(name)] += 1j * STEP
+        columns = []
+        for k, column in enumerate(impacts.states()[:3]):
+            columns.append(np.repeat(np.broadcast_to(column, (1, draws, count)).astype(np.complex128), moves, axis=0))
+            columns[k][k] += 1j * STEP
+        flat = (column.reshape(-1, count) for column in columns)
+        out, _regime, status = self._bounce(names, rows.reshape(-1, values.shape[1]), *flat)
+        slopes = np.full((draws, count, len(OUTPUTS), moves), np.nan)
+        found = np.where(status == Status.OK, np.imag(out) / STEP, np.nan).reshape(3, moves, draws, count)
+        slopes[:, :, :3] = found.transpose(2, 3, 0, 1)
         return ReboundJacobian(
             rebound=self.evaluate(names, values, impacts),
             names=chosen,

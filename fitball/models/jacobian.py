@@ -45,13 +45,11 @@ def seeds(
     parameters: Sequence[str],
 ) -> FloatArray:
     """What each column of `rows(names, values)` gains per unit of a parameter, (parameters, draws, columns)."""
-    plain = rows(names, values)
-    gains = np.empty((len(parameters), *plain.shape))
+    moved = np.repeat(values[None].astype(np.complex128), len(parameters), axis=0)
     for k, name in enumerate(parameters):
-        moved = values.astype(np.complex128)
-        moved[:, list(names).index(name)] += 1j * STEP
-        gains[k] = rows(names, moved).imag / STEP
-    return gains
+        moved[k, :, list(names).index(name)] += 1j * STEP
+    gains = rows(names, moved.reshape(-1, values.shape[1])).imag / STEP
+    return gains.reshape(len(parameters), values.shape[0], gains.shape[1])
 
 
 @dataclass(frozen=True)

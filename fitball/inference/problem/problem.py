@@ -159,29 +159,43 @@ class Problem:
         derivatives (draws, impacts, free) with respect to coordinates: exact, those of the regime an impact is in;
         NaN where it cannot be evaluated, zero for noise parameters and offsets of groups.
 
-        The model differentiates itself; how its parameters follow from coordinates (logarithms, levels) is a complex
-        step.
+        The model differentiates itself; how the parameters of levels follow from coordinates is a complex step.
         """
         values = self.to_values(coordinates)
         columns = self.all_values(values)
-        moved = [self.all_values(self.to_values(coordinates + 1j * STEP * unit)) for unit in np.eye(self.dimension)]
-        acting = [
+        levelled = {item.parameter for item in self.pooling}
+        acting = [name for name in self.model_names if name in self.free_names or name in levelled]
+        alone = {name: self.free_names.index(name) for name in acting if name not in levelled}
+        own_names = {
             name
-            for name in self.model_names
-            if name in self.free_names or name in {item.parameter for item in self.pooling}
-        ]
-        rebound = self.rebound(values)
+            for item in self.pooling
+            for name in (item.parameter, item.spread_name, *map(item.place_name, item.labels))
+        }
+        moved = {
+            k: self.all_values(self.to_values(coordinates + 1j * STEP * np.eye(self.dimension)[k]))
+            for k, name in enumerate(self.free_names)
+            if name in own_names
+        }
+        rates = np.where([item.prior.log for item in self.free], values, 1.0)
+        rebound = None
         slopes = np.zeros((values.shape[0], len(self.impacts), len(OUTPUTS), self.dimension))
         for mine, own in self._blocks(columns, np.arange(len(self.impacts))):
             rows = self._model_rows({**columns, **own})
-            found = self.model.jacobian(self.model_names, rows, self.impacts.take(mine), acting).parameters
-            for k, there in enumerate(moved):
+            impacts = self.impacts.take(mine) if self.pooling else self.impacts
+            found = self.model.jacobian(self.model_names, rows, impacts, acting)
+            rebound = found.rebound
+            for place, name in enumerate(acting):
+                if name in alone:
+                    k = alone[name]
+                    slopes[..., k][:, mine] = rates[:, k, None, None] * found.parameters[..., place]
+            for k, there in moved.items():
                 _, levels = next(self._blocks(there, mine[:1]))
-                for place, name in enumerate(acting):
-                    rate = np.imag(levels.get(name, there[name])) / STEP
+                for name in levelled:
+                    rate = levels[name].imag / STEP
                     if np.any(rate):
-                        slopes[..., k][:, mine] += rate[:, None, None] * found[..., place]
-        return rebound, by_output(slopes)
+                        slopes[..., k][:, mine] += rate[:, None, None] * found.parameters[..., acting.index(name)]
+        whole = rebound if rebound is not None and not self.pooling else self.rebound(values)
+        return whole, by_output(slopes)
 
     def paired(
         self, columns: Mapping[str, FloatArray], draws: NDArray[np.int64], rows: NDArray[np.int64]
