@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.sampling import ensembles as sampling
 from fitball.inference.sampling.chain_file import ChainFile
 from fitball.inference.sampling.ensembles import SamplingInterrupted, Schedule, Settings, sample
@@ -38,6 +37,12 @@ class Density:
 
 
 SPURIOUS = Density(sd=0.1, log_mass=-30.0)
+
+
+@pytest.fixture(autouse=True)
+def sampled_density(monkeypatch):
+    """The sampler asks the density of what stands for the problem."""
+    monkeypatch.setattr(sampling, "log_posterior", Density.log_posterior)
 
 
 @pytest.fixture
@@ -126,7 +131,7 @@ def test_a_wide_mode_with_few_walkers_holds_more_than_its_density_says(seen):
     place = 8.0 * rng.standard_normal(DIMENSION)
     place *= 8.0 * np.sqrt(DIMENSION) / np.linalg.norm(place)
     steps[:, :, 0] = AWAY + (1.0 - seen) * place + 8.0 * seen * steps[:, :, 0]
-    scores = log_posterior(wide, steps.reshape(-1, DIMENSION)).reshape(steps.shape[:-1])
+    scores = wide.log_posterior(steps.reshape(-1, DIMENSION)).reshape(steps.shape[:-1])
     scores[:, -1, 0] = scores[:, :, 0].min()
     assert not left_behind(steps, scores).any()
     if seen == 1.0:
