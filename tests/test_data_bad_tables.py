@@ -1,5 +1,6 @@
 """Bad tables: each ends in a TableError that names row, line, column, what was read and what to do."""
 
+import os
 import re
 import sys
 from pathlib import Path
@@ -444,3 +445,15 @@ def test_grids_have_the_limits_of_tables(text: str) -> None:
 def test_a_grid_of_too_many_points_is_refused_before_it_is_made(count: str) -> None:
     with pytest.raises(ParameterError, match="expected 1000000 at most"):
         parse_grid(f"v_y=5..10:{count}")
+
+
+def test_a_name_that_is_no_text_is_refused_before_result_files_name_it(tmp_path: Path) -> None:
+    for place in (os.fsdecode(b"a\xff.csv"), os.fsdecode(b"b\xfe") + "/t.csv"):
+        path = tmp_path / place
+        try:
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(GOOD + 2 * ROW, encoding="utf-8")
+        except (OSError, UnicodeError):
+            pytest.skip("this file system has no such names")
+        with pytest.raises(TableError, match="is no UTF-8.*rename it"):
+            load_table(path)
