@@ -455,5 +455,5 @@ def test_a_name_that_is_no_text_is_refused_before_result_files_name_it(tmp_path:
             path.write_text(GOOD + 2 * ROW, encoding="utf-8")
         except (OSError, UnicodeError):
             pytest.skip("this file system has no such names")
-        with pytest.raises(TableError, match="is no UTF-8.*rename it"):
+        with pytest.raises(TableError, match=r"is no UTF-8.*rename it"):
             load_table(path)

@@ -67,7 +67,9 @@ def read_raw(path: Path) -> RawTable:
     if path.suffix.lower() in SPREADSHEET_SUFFIXES:
         raise _single(source, f"read a spreadsheet ({path.suffix}); expected CSV or Parquet: save it as 'CSV UTF-8'")
     if any("\ud800" <= letter <= "\udfff" for letter in str(path.resolve())):
-        raise _single(source, "the name of this file or of its folder is no UTF-8, and result files name it: rename it")
+        raise _single(
+            source, "the name of this file or of its folder is no UTF-8, and result files name it: rename it"
+        )
     try:
         data = path.read_bytes()
     except OSError as error:
