@@ -325,7 +325,7 @@ def test_a_start_outside_the_walls_is_led_inside(two_mass):
     assert not np.isfinite(objective.cost(given.x, given.given))[0]
     found = descend(objective, given)
     assert np.isfinite(found.cost[0])
-    names = [item.name for item in objective.items]
+    names = [parameter.name for parameter in objective.parameters]
     line = dict(zip(names, found.x[0], strict=True))
     speeds = problem.impacts.v_y1
     assert np.all(line["cor_10"] + line["cor_slope"] * (speeds - 10.0) <= 0.7)

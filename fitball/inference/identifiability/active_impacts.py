@@ -54,13 +54,13 @@ def active_impacts(
     # Without motion along the court a contact has no phases, and no name.
     usual = tuple(sorted({max(shares, key=lambda name: shares[name]) for shares in regimes} - {""}))
     evidence = {}
-    for column, item in enumerate(problem.free):
-        if item.name in NOISE_SPECS:
+    for column, parameter in enumerate(problem.free):
+        if parameter.name in NOISE_SPECS:
             continue
         total = float(squares[:, column].sum())
         moved = np.flatnonzero(acting[:, column] >= MOSTLY)
         unsure = [k for k in doubtful if acting[k, column] > 0.0]
-        evidence[item.name] = ActiveImpacts(
+        evidence[parameter.name] = ActiveImpacts(
             impacts=tuple(ids[k] for k in moved[:NAMED]),
             acting=moved.size,
             of=count,
@@ -75,6 +75,6 @@ def active_impacts(
 def _on_records(problem: Problem, records: ForceRecords, coordinates: FloatArray) -> FloatArray:
     """Slopes (draws, 1, impacts, free) of force records: the length of those of each, none without a record."""
     slopes = np.zeros((coordinates.shape[0], 1, len(problem.impacts), problem.dimension))
-    _rows, found, _shares = force_slopes(problem, records, coordinates)
-    slopes[:, 0, records.rows] = np.sqrt(np.sum(found**2, axis=2)) * problem.prior.width
+    _rows, by_record, _shares = force_slopes(problem, records, coordinates)
+    slopes[:, 0, records.rows] = np.sqrt(np.sum(by_record**2, axis=2)) * problem.prior.width
     return slopes

@@ -46,50 +46,52 @@ def eigendirections(problem: Problem, coordinates: FloatArray, posterior: Poster
     """
     informed = fisher_information(problem, coordinates, scene=True)
     alone = fisher_information(problem, coordinates, scene=False)
-    fitted = [k for k, item in enumerate(problem.free) if item.name not in NOISE_SPECS]
+    fitted = [k for k, parameter in enumerate(problem.free) if parameter.name not in NOISE_SPECS]
     columns = [k for k in fitted if np.isfinite(informed[k, k])]
-    items = [problem.free[k] for k in columns]
+    parameters = [problem.free[k] for k in columns]
     block = np.ix_(columns, columns)
     informed, alone = informed[block], alone[block]
     sds = (prior_sds(problem) * problem.prior.width)[columns]
     steps = log_steps(problem, coordinates, columns)
-    told = _sentences(problem, items, sds, steps, alone, _covariance(informed), _covariance(alone))
-    found = [*told, *_products(problem, log_covariance(problem, coordinates, posterior), told.values())]
+    told = _sentences(problem, parameters, sds, steps, alone, _covariance(informed), _covariance(alone))
+    sentences = [*told, *_products(problem, log_covariance(problem, coordinates, posterior), told.values())]
     ends = [problem.free[k].name for k in fitted if k not in columns]
     if ends:
-        found.append(
+        sentences.append(
             f"the model ends next to the maximum in {_and(ends)}: there is no derivative, and what is said to first "
             f"order takes {_and(ends)} as fixed"
         )
     return Eigendirections(
-        directions=_directions(items, sds, informed),
-        directions_without_scene=_directions(items, sds, alone),
-        sentences=tuple(found),
+        directions=_directions(parameters, sds, informed),
+        directions_without_scene=_directions(parameters, sds, alone),
+        sentences=tuple(sentences),
     )
 
 
 def _products(problem: Problem, covariance: FloatArray, told: Collection[Set[str]]) -> list[str]:
     """The products that are known better than what they are made of, but for those of names that were `told`."""
-    items = [item for item in problem.free if positive(item)]
-    found = []
+    parameters = [parameter for parameter in problem.free if positive(parameter)]
+    sentences = []
     for known in known_products(covariance):
         used = np.flatnonzero(known.exponents)
-        if {items[k].name for k in used} in told:
+        if {parameters[k].name for k in used} in told:
             continue
-        factors = [f"{items[k].name} to {relative(math.sqrt(covariance[k, k]))}" for k in used]
-        found.append(f"{product(items, known.exponents)} is known to {relative(known.error)}, but {_and(factors)}")
-    return found
+        factors = [f"{parameters[k].name} to {relative(math.sqrt(covariance[k, k]))}" for k in used]
+        sentences.append(
+            f"{product(parameters, known.exponents)} is known to {relative(known.error)}, but {_and(factors)}"
+        )
+    return sentences
 
 
-def _directions(items: Sequence[Parameter], sds: FloatArray, information: FloatArray) -> tuple[Direction, ...]:
+def _directions(parameters: Sequence[Parameter], sds: FloatArray, information: FloatArray) -> tuple[Direction, ...]:
     covariance = _covariance(information)
     eigenvalues, vectors = np.linalg.eigh(information)
-    found = []
+    directions = []
     for k in np.argsort(-eigenvalues, kind="stable"):
-        words, known_to = combination(items, vectors[:, k], sds, covariance)
-        components = {item.name: float(part) for item, part in zip(items, vectors[:, k], strict=True)}
-        found.append(Direction(components, words, known_to))
-    return tuple(found)
+        words, known_to = combination(parameters, vectors[:, k], sds, covariance)
+        components = {parameter.name: float(part) for parameter, part in zip(parameters, vectors[:, k], strict=True)}
+        directions.append(Direction(components, words, known_to))
+    return tuple(directions)
 
 
 def _covariance(information: FloatArray) -> FloatArray:
@@ -98,7 +100,7 @@ def _covariance(information: FloatArray) -> FloatArray:
 
 
 def combination(
-    items: Sequence[Parameter], vector: FloatArray, sds: FloatArray, covariance: FloatArray
+    parameters: Sequence[Parameter], vector: FloatArray, sds: FloatArray, covariance: FloatArray
 ) -> tuple[str, str]:
     """An eigenvector in words, and the standard error of what the words say.
 
@@ -108,7 +110,7 @@ def combination(
     exact = math.sqrt(float(vector @ covariance @ vector))
     kept = np.abs(vector) >= NAMED
     main = int(np.argmax(np.abs(vector)))
-    logs = np.array([item.prior.log for item in items])
+    logs = np.array([parameter.prior.log for parameter in parameters])
     weights = np.where(kept, vector / sds, 0.0)
     weights = weights / weights[main]
     if np.all(logs[kept]):
@@ -117,14 +119,14 @@ def combination(
             error = _error(rounded * sds, covariance)
             lost = np.any(kept & (rounded == 0.0))
             if (error <= FAITHFUL * exact * float(np.linalg.norm(rounded * sds)) and not lost) or grid > 2.0:
-                return product(items, rounded), relative(error)
+                return product(parameters, rounded), relative(error)
     if not np.any(logs[kept]):
         error = _error(weights * sds, covariance)
         unseen = error > UNINFORMED * float(np.linalg.norm(weights * sds))
-        size = "unknown" if unseen else f"{error:.2g} {items[main].spec.unit}".rstrip()
-        return _sum(items, weights, main), size
+        size = "unknown" if unseen else f"{error:.2g} {parameters[main].spec.unit}".rstrip()
+        return _sum(parameters, weights, main), size
     order = [int(k) for k in np.argsort(-np.abs(vector)) if kept[k]]
-    return "a mixture of " + _and([items[k].name for k in order]), (
+    return "a mixture of " + _and([parameters[k].name for k in order]), (
         f"{exact:.2g} sd of the priors" if exact <= UNINFORMED else "unknown"
     )
 
@@ -133,23 +135,27 @@ def _error(weights: FloatArray, covariance: FloatArray) -> float:
     return math.sqrt(float(weights @ covariance @ weights))
 
 
-def _sum(items: Sequence[Parameter], weights: FloatArray, main: int) -> str:
+def _sum(parameters: Sequence[Parameter], weights: FloatArray, main: int) -> str:
     """A sum such as `eps_10 + 4.1 eps_slope`, in SI."""
-    words = items[main].name
+    words = parameters[main].name
     for k in np.argsort(-np.abs(weights), kind="stable"):
         if k != main and weights[k] != 0.0:
-            words += f" {'+' if weights[k] > 0.0 else '-'} {abs(weights[k]):.2g} {items[k].name}"
+            words += f" {'+' if weights[k] > 0.0 else '-'} {abs(weights[k]):.2g} {parameters[k].name}"
     return words
 
 
-def product(items: Sequence[Parameter], exponents: FloatArray) -> str:
+def product(parameters: Sequence[Parameter], exponents: FloatArray) -> str:
     """A product of powers, such as `k_theta/k_y^0.5`."""
 
     def factor(name: str, power: float) -> str:
         return name if abs(power - 1.0) < 1e-9 else f"{name}^{power:g}"
 
-    above = [factor(item.name, power) for item, power in zip(items, exponents, strict=True) if power > 0.0]
-    below = [factor(item.name, -power) for item, power in zip(items, exponents, strict=True) if power < 0.0]
+    above = [
+        factor(parameter.name, power) for parameter, power in zip(parameters, exponents, strict=True) if power > 0.0
+    ]
+    below = [
+        factor(parameter.name, -power) for parameter, power in zip(parameters, exponents, strict=True) if power < 0.0
+    ]
     head = " ".join(above) or "1"
     if not below:
         return head
@@ -170,7 +176,7 @@ def _and(words: Sequence[str]) -> str:
 
 def _sentences(
     problem: Problem,
-    items: Sequence[Parameter],
+    parameters: Sequence[Parameter],
     sds: FloatArray,
     steps: FloatArray,
     alone: FloatArray,
@@ -181,7 +187,7 @@ def _sentences(
     `steps` are the changes of logarithms for one sd of a prior, NaN where there are none.
     """
     eigenvalues, vectors = np.linalg.eigh(alone)
-    found: dict[str, Set[str]] = {}
+    sentences: dict[str, Set[str]] = {}
     for k in range(eigenvalues.size):
         if eigenvalues[k] * OPEN_SDS**2 >= 1.0:
             break
@@ -190,19 +196,19 @@ def _sentences(
         before, after = _error(vector, without), _error(vector, with_scene)
         through = after < SCENE_GAIN * before and problem.contact_time is not None
         source = "only through the scene's contact time" if through else "only through the priors"
-        named = {items[j].name for j in kept}
+        named = {parameters[j].name for j in kept}
         if len(kept) == 1:
-            found[f"{items[kept[0]].name} is known {source}"] = named
-        elif len(kept) == 2 and all(items[j].prior.log for j in kept):
-            found[_pair(items, sds, steps, without, vector, sorted(kept, reverse=True), source)] = named
+            sentences[f"{parameters[kept[0]].name} is known {source}"] = named
+        elif len(kept) == 2 and all(parameters[j].prior.log for j in kept):
+            sentences[_pair(parameters, sds, steps, without, vector, sorted(kept, reverse=True), source)] = named
         else:
-            names = _and([items[j].name for j in kept])
-            found[f"{names} can move together without a trace in the table; how far is known {source}"] = set()
-    return found
+            names = _and([parameters[j].name for j in kept])
+            sentences[f"{names} can move together without a trace in the table; how far is known {source}"] = set()
+    return sentences
 
 
 def _pair(
-    items: Sequence[Parameter],
+    parameters: Sequence[Parameter],
     sds: FloatArray,
     steps: FloatArray,
     covariance: FloatArray,
@@ -215,16 +221,16 @@ def _pair(
     moved = vector * sds
     power = np.round(2.0 * moved[first] / moved[second]) / 2.0
     if power == 0.0:
-        return f"{items[second].name} is known {source}"
-    exponents = np.zeros(len(items))
+        return f"{parameters[second].name} is known {source}"
+    exponents = np.zeros(len(parameters))
     exponents[first], exponents[second] = 1.0, -power
     other = "product" if power > 0.0 else "ratio"
     exponents, error = _with_third(exponents, np.asarray(covariance * np.outer(steps, steps)))
     if np.count_nonzero(exponents) > 2:
-        other += f" of {items[first].name} and {items[second].name}"
+        other += f" of {parameters[first].name} and {parameters[second].name}"
     size = relative(error)
     known = "is not known" if size == "unknown" else f"is known to {size}"
-    return f"{product(items, exponents)} {known}, {'the' if ' of ' in other else 'their'} {other} {source}"
+    return f"{product(parameters, exponents)} {known}, {'the' if ' of ' in other else 'their'} {other} {source}"
 
 
 def _with_third(exponents: FloatArray, covariance: FloatArray) -> tuple[FloatArray, float]:

@@ -66,8 +66,8 @@ def with_profiles(problem: Problem, point: PointFit, identifiability: Identifiab
     """The same evidence with profiles computed now; verdicts stay as they were."""
     whole, alone = profile_all(problem, point, point.optima, large=True)
     evidence = {
-        name: replace(item, profile=whole.by_name.get(name), alone=alone.by_name.get(name))
-        for name, item in identifiability.evidence.items()
+        name: replace(seen, profile=whole.by_name.get(name), alone=alone.by_name.get(name))
+        for name, seen in identifiability.evidence.items()
     }
     return replace(identifiability, evidence=evidence, profiles_missing=whole.missing)
 
@@ -94,25 +94,29 @@ def examine(
         draws = problem.to_coordinates(thinned(posterior, DERIVED))
     active = active_impacts(problem, draws, regimes)
     evidence, judgements = {}, {}
-    for item in problem.parameters:
-        base = bases.get(item.name)
-        if not item.free:
-            judgements[item.name] = base or Judgement(None, Verdict.FIXED, f"held at its value: {item.fixed_because}")
+    for parameter in problem.parameters:
+        base = bases.get(parameter.name)
+        if not parameter.free:
+            judgements[parameter.name] = base or Judgement(
+                None, Verdict.FIXED, f"held at its value: {parameter.fixed_because}"
+            )
             continue
         contraction = None
         if base is not None and base.contraction is not None:
             contraction = ContractionEvidence(base.contraction, base.open_sides)
         seen = Evidence(
-            profile=profiled[0].by_name.get(item.name),
-            alone=profiled[1].by_name.get(item.name),
-            information=information.get(item.name),
+            profile=profiled[0].by_name.get(parameter.name),
+            alone=profiled[1].by_name.get(parameter.name),
+            information=information.get(parameter.name),
             contraction=contraction,
-            power=powers.get(item.name),
-            active_impacts=active.get(item.name),
+            power=powers.get(parameter.name),
+            active_impacts=active.get(parameter.name),
             disagreement="",
         )
-        judgements[item.name], disagreement = combine(problem, item, base, seen, many=profiled[0].missing == LEFT_OUT)
-        evidence[item.name] = replace(seen, disagreement=disagreement)
+        judgements[parameter.name], disagreement = combine(
+            problem, parameter, base, seen, many=profiled[0].missing == LEFT_OUT
+        )
+        evidence[parameter.name] = replace(seen, disagreement=disagreement)
     return Identifiability(
         evidence, eigendirections(problem, at, posterior), profiled[0].missing, coverage(problem)
     ), judgements

@@ -121,10 +121,10 @@ def _steps(
     crossed = np.any(((trial < low) | (trial > high) | (np.abs(step) > reach)) & moving, axis=1)
     for row in np.flatnonzero(crossed | np.any(trial @ a.T > b, axis=1)):
         free = moving[row]
-        found = _within(objective, x[row], free, damped[row], slope[row], reach)
+        best = _within(objective, x[row], free, damped[row], slope[row], reach)
         step[row] = 0.0
-        if found is not None:
-            step[row, free] = found
+        if best is not None:
+            step[row, free] = best
     promise = -np.einsum("bk,bk->b", slope, step) - 0.5 * np.einsum("bk,bkl,bl->b", step, coupled, step)
     return step, promise
 
@@ -161,7 +161,7 @@ def feasible(objective: ProfileObjective, searches: Searches) -> FloatArray:
     x = np.where(moving, np.clip(searches.x, low, high), searches.x)
     metric = np.diag(objective.width**-2.0)
     for row in np.flatnonzero(np.any(x @ a.T > b, axis=1)):
-        found = _within(objective, x[row], moving[row], metric, np.zeros(count), np.full(count, np.inf))
-        if found is not None:
-            x[row, moving[row]] += found
+        best = _within(objective, x[row], moving[row], metric, np.zeros(count), np.full(count, np.inf))
+        if best is not None:
+            x[row, moving[row]] += best
     return x

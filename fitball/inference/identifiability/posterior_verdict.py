@@ -48,26 +48,30 @@ def judge(problem: Problem, point: PointFit, posterior: Posterior, correlation: 
         shares = contraction_without_scene(problem, at)
         named = zip(problem.free_names, shares, strict=True)
         alone = {name: float(share) for name, share in named if name not in NOISE_SPECS and np.isfinite(share)}
-    found = {}
-    for item in problem.parameters:
-        if item.free:
-            found[item.name] = _judge_free(problem, posterior, correlation, item, alone.get(item.name))
+    judgements = {}
+    for parameter in problem.parameters:
+        if parameter.free:
+            judgements[parameter.name] = _judge_free(
+                problem, posterior, correlation, parameter, alone.get(parameter.name)
+            )
         else:
-            found[item.name] = Judgement(None, Verdict.FIXED, f"held at its value: {item.fixed_because}")
-    return found
+            judgements[parameter.name] = Judgement(
+                None, Verdict.FIXED, f"held at its value: {parameter.fixed_because}"
+            )
+    return judgements
 
 
 def _judge_free(
-    problem: Problem, posterior: Posterior, correlation: FloatArray, item: Parameter, alone: float | None
+    problem: Problem, posterior: Posterior, correlation: FloatArray, parameter: Parameter, alone: float | None
 ) -> Judgement:
-    column = posterior.names.index(item.name)
-    after = item.prior.coordinate(posterior.draws[:, column])
-    before = item.prior.coordinate(posterior.prior_draws[:, column])
+    column = posterior.names.index(parameter.name)
+    after = parameter.prior.coordinate(posterior.draws[:, column])
+    before = parameter.prior.coordinate(posterior.prior_draws[:, column])
     contraction = 1.0 - float(np.var(after) / np.var(before))
     left, right = open_ends(after, before)
     remarks = _tied_to(posterior.names, correlation, column)
     # Against the prior itself, because the reference already holds what the scene knows.
-    against_prior = 1.0 - float(np.var(after)) / item.prior.variance
+    against_prior = 1.0 - float(np.var(after)) / parameter.prior.variance
     if alone is not None and problem.contact_time is not None and against_prior - alone > RESTS_ON_SCENE:
         value, sd = problem.contact_time
         scene = f"the scene's contact time ({1e3 * value:.3g} +- {1e3 * sd:.2g} ms)"
@@ -81,10 +85,12 @@ def _judge_free(
     if left or right:
         end = float(np.quantile(posterior.draws[:, column], 0.05 if right else 0.95))
         side, other = ("below", "upwards") if right else ("above", "downwards")
-        demanded = [c for c in problem.model.linear_constraints(problem.impacts) if c.lower_bound_of == item.name]
+        demanded = [
+            c for c in problem.model.linear_constraints(problem.impacts) if c.lower_bound_of == parameter.name
+        ]
         limit = f"{demanded[0].words}, which the model demands" if left and demanded else "the prior"
         reason = (
-            f"the table bounds it from {side} only ({'>' if right else '<'} {plain(end, item.spec.unit)} "
+            f"the table bounds it from {side} only ({'>' if right else '<'} {plain(end, parameter.spec.unit)} "
             f"with 95 %); {other} it is limited by {limit}"
         )
         return Judgement(contraction, Verdict.ONE_SIDED, reason + remarks, (left, right))

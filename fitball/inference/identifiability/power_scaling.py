@@ -31,13 +31,15 @@ def power_evidence(problem: Problem, posterior: Posterior) -> dict[str, PowerEvi
     """The look at every free parameter, in the coordinate of its prior, on a few thousand draws."""
     values = thinned(posterior, DRAWS)
     coordinates = problem.to_coordinates(values)
-    found = densities(problem, values)
-    each = np.stack([item.prior.log_density(coordinates[:, k]) for k, item in enumerate(problem.free)], axis=1)
+    density = densities(problem, values)
+    each = np.stack(
+        [parameter.prior.log_density(coordinates[:, k]) for k, parameter in enumerate(problem.free)], axis=1
+    )
     priors = sensitivities(coordinates, each.sum(axis=1))
-    likelihood = sensitivities(coordinates, found.likelihood)
+    likelihood = sensitivities(coordinates, density.likelihood)
     scene = None
     if problem.contact_time is not None:
-        scene = sensitivities(coordinates, found.scene)
+        scene = sensitivities(coordinates, density.scene)
     evidence = {}
     for k, name in enumerate(problem.free_names):
         evidence[name] = PowerEvidence(
@@ -59,11 +61,13 @@ def sensitivities(draws: FloatArray, log_density: FloatArray) -> FloatArray:
         return np.zeros(draws.shape[1])
     efficiency = float(array_stats.ess(log_density[None, :], method="tail", prob=TAILS)) / log_density.size
     lower, upper = (np.exp(smoothed((power - 1.0) * log_density, efficiency)[0])[None, :] for power in POWERS)
-    found = np.zeros(draws.shape[1])
+    sensitivity = np.zeros(draws.shape[1])
     for k in np.flatnonzero(np.ptp(draws, axis=0) > 0.0):
         column = draws[None, :, k]
-        found[k] = array_stats.power_scale_sense(column, lower, upper, lower_alpha=POWERS[0], upper_alpha=POWERS[1])
-    return found
+        sensitivity[k] = array_stats.power_scale_sense(
+            column, lower, upper, lower_alpha=POWERS[0], upper_alpha=POWERS[1]
+        )
+    return sensitivity
 
 
 def diagnosis(prior: float, likelihood: float) -> str:

@@ -39,16 +39,17 @@ class Known:
     part: float
 
 
-def positive(item: Parameter) -> bool:
+def positive(parameter: Parameter) -> bool:
     """Whether a parameter is free, no noise, and has a logarithm everywhere."""
-    return item.free and item.name not in NOISE_SPECS and (item.prior.log or item.prior.support[0] >= 0.0)
+    prior = parameter.prior
+    return parameter.free and parameter.name not in NOISE_SPECS and (prior.log or prior.support[0] >= 0.0)
 
 
 def log_covariance(problem: Problem, coordinates: FloatArray, posterior: Posterior | None) -> FloatArray:
     """Covariance (positive, positive) of the logarithms of the `positive` free parameters: of the draws, or without
     a posterior to first order at `coordinates` (free,), NaN for parameters without a derivative there.
     """
-    columns = [k for k, item in enumerate(problem.free) if positive(item)]
+    columns = [k for k, parameter in enumerate(problem.free) if positive(parameter)]
     if posterior is not None:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.atleast_2d(np.cov(np.log(posterior.draws[:, columns]), rowvar=False))
@@ -61,20 +62,20 @@ def log_steps(problem: Problem, coordinates: FloatArray, columns: Sequence[int])
     """Change (columns,) of the logarithm of each parameter for one sd of its prior, NaN for those not `positive`."""
     values = problem.to_values(coordinates[None, :])[0]
     sds = prior_sds(problem) * problem.prior.width
-    found = np.full(len(columns), np.nan)
+    steps = np.full(len(columns), np.nan)
     for place, k in enumerate(columns):
-        item = problem.free[k]
-        if positive(item) and item.prior.log:
-            found[place] = sds[k]
-        elif positive(item) and values[k] > VANISHED * sds[k]:
-            found[place] = sds[k] / values[k]
-    return found
+        parameter = problem.free[k]
+        if positive(parameter) and parameter.prior.log:
+            steps[place] = sds[k]
+        elif positive(parameter) and values[k] > VANISHED * sds[k]:
+            steps[place] = sds[k] / values[k]
+    return steps
 
 
 def known_products(covariance: FloatArray) -> list[Known]:
     """Monomials appreciably better known than any part of them, sparse ones first and of those the better."""
     usable = [k for k, variance in enumerate(np.diag(covariance)) if np.isfinite(variance) and variance > 0.0]
-    found: list[Known] = []
+    products: list[Known] = []
     for size in (2, 3):
         best: dict[tuple[int, ...], Known] = {}
         for support in combinations(usable, size):
@@ -85,8 +86,8 @@ def known_products(covariance: FloatArray) -> list[Known]:
                 rival = best.get(support)
                 if error <= BETTER * part and (rival is None or error * rival.part < rival.error * part):
                     best[support] = Known(exponents, error, part)
-        found += sorted(best.values(), key=lambda item: item.error / item.part)
-    return found[:PRODUCTS_NAMED]
+        products += sorted(best.values(), key=lambda known: known.error / known.part)
+    return products[:PRODUCTS_NAMED]
 
 
 def monomial_error(exponents: FloatArray, covariance: FloatArray) -> float:

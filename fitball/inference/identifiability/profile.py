@@ -45,32 +45,32 @@ def profiles(
     is that of the highest of several optima. A better optimum met on the way begins it all anew.
     """
     objective = ProfileObjective(problem)
-    starts = objective.from_values(np.array([[item[name] for name in problem.free_names] for item in optima]))
+    starts = objective.from_values(np.array([[optimum[name] for name in problem.free_names] for optimum in optima]))
     columns = [k for k, name in enumerate(problem.free_names) if names is None or name in names]
     scene = scene and problem.contact_time is not None
     top, others = best_top(objective, starts, scene)
-    found: dict[int, list[Point]] = {}
+    paths: dict[int, list[Point]] = {}
     for _ in range(RESTARTS):
         unbounded = _noise_at_bound(objective, top)
         if unbounded:
             return Profiles(-top.cost, scene, {}, unbounded)
         report("outwards")
-        found, better = profile_paths(objective, columns, top, scene)
-        changed = {column: set(range(len(points))) for column, points in found.items()}
+        paths, better = profile_paths(objective, columns, top, scene)
+        changed = {column: set(range(len(points))) for column, points in paths.items()}
         tried = others
         for _ in range(SWEEPS if better is None else 0):
             report("from both sides")
-            found, better, changed = sweep(objective, found, changed, tried, top, scene)
+            paths, better, changed = sweep(objective, paths, changed, tried, top, scene)
             tried = others[:0]
             if better is not None or not any(changed.values()):
                 break
         if better is None:
             break
         top, others = best_top(objective, np.concatenate([better[None, :], top.x[None, :], others]), scene)
-    if columns and not found:
+    if columns and not paths:
         return Profiles(-top.cost, scene, {}, f"after {RESTARTS} searches a higher maximum is still met on the way")
-    lowest = min([top.cost, *(point.cost for points in found.values() for point in points)])
-    named = {problem.free[k].name: _profile(objective, k, points, lowest) for k, points in found.items()}
+    lowest = min([top.cost, *(point.cost for points in paths.values() for point in points)])
+    named = {problem.free[k].name: _profile(objective, k, points, lowest) for k, points in paths.items()}
     return Profiles(-lowest, scene, named)
 
 
@@ -91,23 +91,23 @@ def coverage(problem: Problem) -> float:
 def _noise_at_bound(objective: ProfileObjective, top: Top) -> str:
     """In words, that the likelihood has no maximum because a noise shrinks to nothing; empty when it does not."""
     for position, k in enumerate(objective.noise_columns):
-        item = objective.problem.free[k]
+        parameter = objective.problem.free[k]
         low = objective.ends(k)[0]
         # A noise within a thousandth of its bound, on its own scale, is there.
         if top.noise[position] <= low + 1e-3:
             return (
-                f"the likelihood has no maximum: the parameters pass through the measurements, and {item.name} falls "
-                "to its bound; only its prior keeps it from there"
+                f"the likelihood has no maximum: the parameters pass through the measurements, and {parameter.name} "
+                "falls to its bound; only its prior keeps it from there"
             )
     return ""
 
 
 def _profile(objective: ProfileObjective, column: int, points: list[Point], lowest: float) -> Profile:
-    item = objective.problem.free[column]
+    parameter = objective.problem.free[column]
     ordered = sorted(points, key=lambda point: point.at)
     at = np.array([point.at for point in ordered])
     drop = np.maximum(np.array([point.cost for point in ordered]) - lowest, 0.0)
-    values = at if objective.is_value(column) else item.prior.value(at)
+    values = at if objective.is_value(column) else parameter.prior.value(at)
     ends = tuple(
         End.CLOSED if drop[k] >= DROP_95 else (End.BOUND if ordered[k].bound else End.MODEL) for k in (0, -1)
     )
@@ -115,12 +115,12 @@ def _profile(objective: ProfileObjective, column: int, points: list[Point], lowe
     def interval(level: float) -> Interval:
         low, high = _crossing(at[::-1], drop[::-1], level), _crossing(at, drop, level)
         sides = np.array([math.nan if side is None else side for side in (low, high)])
-        shown = sides if objective.is_value(column) else item.prior.value(sides)
+        shown = sides if objective.is_value(column) else parameter.prior.value(sides)
         left, right = (None if math.isnan(side) else float(side) for side in shown)
         return left, right
 
     return Profile(
-        name=item.name,
+        name=parameter.name,
         values=values,
         drop=drop,
         best=float(values[np.argmin(drop)]),

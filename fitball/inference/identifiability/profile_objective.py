@@ -54,15 +54,15 @@ class ProfileObjective:
     @cached_property
     def columns(self) -> list[int]:
         """Places, among the free parameters, of those that are not noise."""
-        return [k for k, item in enumerate(self.problem.free) if item.name not in NOISE_SPECS]
+        return [k for k, parameter in enumerate(self.problem.free) if parameter.name not in NOISE_SPECS]
 
     @cached_property
     def noise_columns(self) -> list[int]:
         """Places of the noise parameters."""
-        return [k for k, item in enumerate(self.problem.free) if item.name in NOISE_SPECS]
+        return [k for k, parameter in enumerate(self.problem.free) if parameter.name in NOISE_SPECS]
 
     @cached_property
-    def items(self) -> tuple[Parameter, ...]:
+    def parameters(self) -> tuple[Parameter, ...]:
         """The parameters of the objective, one per column."""
         return tuple(self.problem.free[k] for k in self.columns)
 
@@ -70,19 +70,21 @@ class ProfileObjective:
     def _constrained(self) -> frozenset[str]:
         """Parameters of which the model demands something linear, at some level at least."""
         constraints = self.problem.model.linear_constraints(self.problem.impacts)
-        return frozenset(name for item in constraints for name in item.coefficients)
+        return frozenset(name for constraint in constraints for name in constraint.coefficients)
 
     @cached_property
     def _as_value(self) -> NDArray[np.bool_]:
         """Columns taken as values although their prior is one of the logarithm."""
-        return np.array([item.prior.log and item.name in self._constrained for item in self.items], dtype=bool)
+        return np.array(
+            [parameter.prior.log and parameter.name in self._constrained for parameter in self.parameters], dtype=bool
+        )
 
     @cached_property
     def width(self) -> FloatArray:
         """A typical size of each column."""
         widths = [
-            item.prior.width * (float(np.exp(item.prior.a)) if as_value else 1.0)
-            for item, as_value in zip(self.items, self._as_value, strict=True)
+            parameter.prior.width * (float(np.exp(parameter.prior.a)) if as_value else 1.0)
+            for parameter, as_value in zip(self.parameters, self._as_value, strict=True)
         ]
         return np.array(widths)
 
@@ -92,13 +94,14 @@ class ProfileObjective:
 
     def ends(self, column: int) -> tuple[float, float]:
         """Bounds of a free parameter in the coordinate it has here."""
-        item = self.problem.free[column]
+        parameter = self.problem.free[column]
+        own = parameter.prior
         # A bound at which the model has no answer is kept off as such a constraint is.
-        prior = replace(item.prior, upper=item.prior.upper - ROUNDING) if item.spec.open_above else item.prior
+        prior = replace(own, upper=own.upper - ROUNDING) if parameter.spec.open_above else own
         if self.is_value(column):
             return prior.lower, prior.upper
         low, high = prior.ends
-        return max(low, item.prior.a - PRIOR_REACH * item.prior.b) if item.prior.log else low, high
+        return max(low, own.a - PRIOR_REACH * own.b) if own.log else low, high
 
     @cached_property
     def limits(self) -> tuple[FloatArray, FloatArray]:
@@ -109,8 +112,10 @@ class ProfileObjective:
     @cached_property
     def walls(self) -> tuple[FloatArray, FloatArray]:
         """The model's linear constraints as conditions `a x <= b`, (walls, columns) and (walls,)."""
-        fixed = {item.name: item.fixed for item in self.problem.parameters if item.fixed is not None}
-        places = {item.name: k for k, item in enumerate(self.items)}
+        fixed = {
+            parameter.name: parameter.fixed for parameter in self.problem.parameters if parameter.fixed is not None
+        }
+        places = {parameter.name: k for k, parameter in enumerate(self.parameters)}
         rows: list[FloatArray] = []
         bounds: list[float] = []
         for constraint in self.problem.linear_constraints:
@@ -150,31 +155,31 @@ class ProfileObjective:
     def _noise(self, columns: Columns, rebound: Rebound, given: Conditions) -> dict[str, FloatArray]:
         """Every noise parameter (rows,): fixed, held, or the root mean square of what it has to explain."""
         sizes = {
-            item.name: np.full(given.noise.shape[0], item.fixed)
-            for item in self.problem.parameters
-            if item.fixed is not None and item.name in NOISE_SPECS
+            parameter.name: np.full(given.noise.shape[0], parameter.fixed)
+            for parameter in self.problem.parameters
+            if parameter.fixed is not None and parameter.name in NOISE_SPECS
         }
         for position, k in enumerate(self.noise_columns):
-            item = self.problem.free[k]
+            parameter = self.problem.free[k]
             squares, count = np.zeros(given.noise.shape[0]), 0
             for observable in self.problem.observables:
-                if observable.noise == item.name:
+                if observable.noise == parameter.name:
                     z = self.problem.deviation(columns, observable, rebound) / observable.spread(1.0, rebound)
                     squares, count = squares + np.sum(z * z, axis=1), count + observable.observed.size
-            best = np.clip(np.sqrt(squares / count), item.prior.lower, item.prior.upper)
+            best = np.clip(np.sqrt(squares / count), parameter.prior.lower, parameter.prior.upper)
             held = given.noise[:, position]
-            sizes[item.name] = np.where(np.isnan(held), best, item.prior.value(np.nan_to_num(held)))
+            sizes[parameter.name] = np.where(np.isnan(held), best, parameter.prior.value(np.nan_to_num(held)))
         return sizes
 
     def cost(self, x: FloatArray, given: Conditions) -> FloatArray:
         """Negative log likelihood (rows,) of the measurements, and of the scene's contact time where it counts; inf
         where the model has no answer.
         """
-        found = []
+        costs = []
         for some in batches(self.problem, x.shape[0]):
             values = self.problem.to_values(self._coordinates(x[some]))
-            found.append(self._cost(self.problem.all_values(values), self.problem.rebound(values), given.take(some)))
-        return np.concatenate(found)
+            costs.append(self._cost(self.problem.all_values(values), self.problem.rebound(values), given.take(some)))
+        return np.concatenate(costs)
 
     def _cost(self, columns: Columns, rebound: Rebound, given: Conditions) -> FloatArray:
         sizes = self._noise(columns, rebound, given)
@@ -196,8 +201,8 @@ class ProfileObjective:
         curvature is Gauss's and Newton's: products of first derivatives of the residuals.
         """
         split = batches(self.problem, x.shape[0], cost=2 * self.problem.dimension + 1)
-        found = [self._linearised(x[some], given.take(some)) for some in split]
-        cost, gradient, curvature = (np.concatenate(column) for column in zip(*found, strict=True))
+        parts = [self._linearised(x[some], given.take(some)) for some in split]
+        cost, gradient, curvature = (np.concatenate(column) for column in zip(*parts, strict=True))
         return cost, gradient, curvature
 
     def _linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -123,19 +123,19 @@ def _free(objective: ProfileObjective, x: FloatArray, scene: bool) -> Searches:
 def best_top(objective: ProfileObjective, starts: FloatArray, scene: bool) -> tuple[Top, FloatArray]:
     """The highest maximum reached from `starts` (rows, columns), and the other ones that may matter."""
     given = _free(objective, starts, scene)
-    found = descend(objective, given)
-    order = np.argsort(found.cost, kind="stable")
+    reached = descend(objective, given)
+    order = np.argsort(reached.cost, kind="stable")
     best = int(order[0])
     others: list[int] = []
     for k in order[1:]:
-        apart = [np.max(np.abs(found.x[k] - found.x[j]) / objective.width) > SAME for j in (best, *others)]
+        apart = [np.max(np.abs(reached.x[k] - reached.x[j]) / objective.width) > SAME for j in (best, *others)]
         # A profile followed down to DEPTH cannot meet an optimum that lies below that.
-        if all(apart) and found.settled[k] and found.cost[k] < found.cost[best] + DEPTH:
+        if all(apart) and reached.settled[k] and reached.cost[k] < reached.cost[best] + DEPTH:
             others.append(int(k))
-    top = found.x[best][None, :]
+    top = reached.x[best][None, :]
     values = objective.values(top, given.given.take(np.array([best])))
     noise = objective.problem.to_coordinates(values)[0, objective.noise_columns]
-    return Top(top[0], float(found.cost[best]), noise, _errors(objective, top, scene)), found.x[others]
+    return Top(top[0], float(reached.cost[best]), noise, _errors(objective, top, scene)), reached.x[others]
 
 
 def _errors(objective: ProfileObjective, x: FloatArray, scene: bool) -> FloatArray:
@@ -149,7 +149,7 @@ def _errors(objective: ProfileObjective, x: FloatArray, scene: bool) -> FloatArr
     errors[objective.columns] = objective.width * np.where(np.isfinite(shares), shares, 1.0)
     for k in objective.noise_columns:
         name = problem.free[k].name
-        count = sum(item.observed.size for item in problem.observables if item.noise == name)
+        count = sum(observable.observed.size for observable in problem.observables if observable.noise == name)
         scale = 1.0 if problem.free[k].prior.log else float(problem.free[k].prior.quantile(np.array([0.5]))[0])
         errors[k] = scale / np.sqrt(2.0 * count)
     return errors
@@ -172,21 +172,21 @@ def profile_paths(
     while running := [path for path in paths if path.running]:
         at = np.array([path.proposal() for path in running])
         x = np.array([path.points[-1].x for path in running])
-        found = descend(objective, searches(objective, [path.column for path in running], at, x, scene))
-        better = int(np.argmin(found.cost))
-        if found.cost[better] < top.cost - HIGHER:
-            return {}, found.x[better]
+        reached = descend(objective, searches(objective, [path.column for path in running], at, x, scene))
+        better = int(np.argmin(reached.cost))
+        if reached.cost[better] < top.cost - HIGHER:
+            return {}, reached.x[better]
         for row, path in enumerate(running):
-            path.accept(_point(found, row, float(at[row]), path.end), top.cost)
+            path.accept(_point(reached, row, float(at[row]), path.end), top.cost)
     joined = {path.column: [*reversed(path.points[1:]), path.points[0]] for path in paths[::2]}
     for path in paths[1::2]:
         joined[path.column] += path.points[1:]
     return joined, None
 
 
-def _point(found: Reached, row: int, at: float, end: float) -> Point:
+def _point(reached: Reached, row: int, at: float, end: float) -> Point:
     # The proposal is the end itself when it is cut there.
-    return Point(at, found.x[row], float(found.cost[row]), bool(found.settled[row]), abs(at - end) <= 0.0)
+    return Point(at, reached.x[row], float(reached.cost[row]), bool(reached.settled[row]), abs(at - end) <= 0.0)
 
 
 def sweep(
@@ -213,18 +213,18 @@ def sweep(
         return points, None, {}
     goal = np.array([points[column][k].cost for column, k in owners])
     given = searches(objective, [column for column, _ in owners], at, np.array(starts), scene)
-    found = descend(objective, given, goal)
-    better = int(np.argmin(found.cost))
-    if found.cost[better] < top.cost - HIGHER:
-        return points, found.x[better], {}
+    reached = descend(objective, given, goal)
+    better = int(np.argmin(reached.cost))
+    if reached.cost[better] < top.cost - HIGHER:
+        return points, reached.x[better], {}
     result = {column: list(line) for column, line in points.items()}
     gained: dict[int, set[int]] = {column: set() for column in points}
     for row, (column, k) in enumerate(owners):
         old = result[column][k]
-        if found.cost[row] < old.cost:
-            if found.cost[row] < old.cost - HIGHER:
+        if reached.cost[row] < old.cost:
+            if reached.cost[row] < old.cost - HIGHER:
                 gained[column].add(k)
             result[column][k] = Point(
-                old.at, found.x[row], float(found.cost[row]), bool(found.settled[row]), old.bound
+                old.at, reached.x[row], float(reached.cost[row]), bool(reached.settled[row]), old.bound
             )
     return result, None, gained

@@ -13,9 +13,9 @@ def inverse(information: FloatArray, ridge: float) -> FloatArray:
     Eigenvalues that rounding left below zero count as zero. Rows that are not finite stand for parameters of which
     there is no derivative: the inverse is that of the others, with NaN in those rows and columns.
     """
-    found = np.full(information.shape, np.nan)
+    inverted = np.full(information.shape, np.nan)
     finite = np.flatnonzero(np.isfinite(np.diag(information)))
     if finite.size:
         eigenvalues, vectors = np.linalg.eigh(information[np.ix_(finite, finite)])
-        found[np.ix_(finite, finite)] = (vectors / (np.maximum(eigenvalues, 0.0) + ridge)) @ vectors.T
-    return found
+        inverted[np.ix_(finite, finite)] = (vectors / (np.maximum(eigenvalues, 0.0) + ridge)) @ vectors.T
+    return inverted

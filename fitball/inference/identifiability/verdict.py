@@ -28,20 +28,22 @@ NAMED_IN_WORDS = 20
 
 
 def combine(
-    problem: Problem, item: Parameter, base: Judgement | None, evidence: Evidence, *, many: bool = False
+    problem: Problem, parameter: Parameter, base: Judgement | None, evidence: Evidence, *, many: bool = False
 ) -> tuple[Judgement, str]:
     """The verdict on one free parameter and the disagreement of its evidence in words; `base` is that of the
     posterior, `many` says that profiles were left out because rows are many.
     """
     judged = (
-        from_profile(problem, item, evidence, many) if base is None else _corrected(problem, item, base, evidence)
+        from_profile(problem, parameter, evidence, many)
+        if base is None
+        else _corrected(problem, parameter, base, evidence)
     )
     remarks = _active(evidence.active_impacts)
-    differences = [] if base is None else _differences(problem, item, base, judged, evidence)
+    differences = [] if base is None else _differences(problem, parameter, base, judged, evidence)
     return replace(judged, reason=judged.reason + remarks), "; ".join(differences)
 
 
-def from_profile(problem: Problem, item: Parameter, evidence: Evidence, many: bool = False) -> Judgement:
+def from_profile(problem: Problem, parameter: Parameter, evidence: Evidence, many: bool = False) -> Judgement:
     """The verdict without a posterior, from the profile and the information; from the information alone where rows
     are `many`, so that the likelihood is near normal.
     """
@@ -50,7 +52,7 @@ def from_profile(problem: Problem, item: Parameter, evidence: Evidence, many: bo
         return Judgement(None, Verdict.NOT_JUDGED, "a point fit alone cannot tell")
     if profile is None:
         return _from_information(problem, information, many)
-    unit = item.spec.unit
+    unit = parameter.spec.unit
     if rests_on_scene(evidence) and information.contraction_without_scene < NOT_ALONE:
         return Judgement(
             None, Verdict.PRIOR_DOMINATED, f"its size comes from {scene_words(problem)}, not from the table"
@@ -131,7 +133,7 @@ def _why_open(profile: Profile, right: bool) -> str:
     return f"the profile stays {profile.ends[right]}"
 
 
-def _corrected(problem: Problem, item: Parameter, base: Judgement, evidence: Evidence) -> Judgement:
+def _corrected(problem: Problem, parameter: Parameter, base: Judgement, evidence: Evidence) -> Judgement:
     """The posterior's verdict, where the profile shows that it is not the table that closes a side."""
     profile = evidence.profile
     if profile is None or base.verdict is Verdict.PRIOR_DOMINATED or not any(profile.open_sides):
@@ -145,46 +147,48 @@ def _corrected(problem: Problem, item: Parameter, base: Judgement, evidence: Evi
         )
     if base.verdict is Verdict.ONE_SIDED:
         return base
-    found = from_profile(problem, item, evidence)
-    return replace(base, verdict=Verdict.ONE_SIDED, reason=found.reason + "; there its prior closes the posterior")
+    profiled = from_profile(problem, parameter, evidence)
+    return replace(base, verdict=Verdict.ONE_SIDED, reason=profiled.reason + "; there its prior closes the posterior")
 
 
 def _differences(
-    problem: Problem, item: Parameter, base: Judgement, judged: Judgement, evidence: Evidence
+    problem: Problem, parameter: Parameter, base: Judgement, judged: Judgement, evidence: Evidence
 ) -> list[str]:
-    found = []
-    profile, unit = evidence.profile, item.spec.unit
+    differences = []
+    profile, unit = evidence.profile, parameter.spec.unit
     if profile is not None:
         closed = not any(profile.open_sides)
         within = interval(profile, unit)
         if judged.verdict is not base.verdict:
-            found.append(f"the posterior by itself would be called {base.verdict}, the profile is open")
+            differences.append(f"the posterior by itself would be called {base.verdict}, the profile is open")
         elif base.verdict is Verdict.PRIOR_DOMINATED and closed and rests_on_scene(evidence):
-            found.append(
+            differences.append(
                 f"the profile is closed on both sides, {within}, but only because {scene_words(problem)} counts in "
                 "it: without it, it is open"
             )
         elif base.verdict is Verdict.PRIOR_DOMINATED and closed:
-            found.append(
+            differences.append(
                 f"the profile is closed on both sides, {within}, but the posterior is hardly narrower than what was "
                 "known before"
             )
         elif base.verdict is Verdict.ONE_SIDED and closed:
             end = "upper" if base.open_sides[1] else "lower"
-            found.append(
+            differences.append(
                 f"the profile is closed on both sides, {within}, but the posterior stays high to the {end} end of "
                 "what was possible: the best fits there are worse, many others nearly as good"
             )
         elif base.verdict is Verdict.IDENTIFIED and rests_on_scene(evidence):
-            found.append(f"the profile is closed, {within}, only with {scene_words(problem)}: without it, it is open")
+            differences.append(
+                f"the profile is closed, {within}, only with {scene_words(problem)}: without it, it is open"
+            )
     if evidence.information is not None and evidence.contraction is not None:
         promised, reached = evidence.information.contraction, evidence.contraction.contraction
         if abs(promised - reached) > NOT_NORMAL:
-            found.append(
+            differences.append(
                 f"to first order the contraction would be {promised:.2f}, the posterior's is {reached:.2f}: the "
                 "likelihood is far from normal"
             )
-    return found + _power(evidence.power, judged.verdict)
+    return differences + _power(evidence.power, judged.verdict)
 
 
 def _power(power: PowerEvidence | None, verdict: Verdict) -> list[str]:
