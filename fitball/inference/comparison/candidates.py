@@ -54,25 +54,25 @@ def parse_name(text: str) -> tuple[str, dict[str, str]]:
 def default_names(table: ImpactTable, quick: bool = False) -> tuple[tuple[str, ...], list[str]]:
     """Models that can differ on this table, and a sentence for those left out."""
     if not table.has_tangential:
-        return _tried(lambda item: item.vertical), [
+        return _tried(lambda entry: entry.vertical), [
             "without motion along the court every model says COR(v_y1) v_y1: brody, grip-slip, thesis-exact and the "
             "other closures are left out"
         ]
     if not table.has_spin:
-        return _tried(lambda item: item.spinless), [
+        return _tried(lambda entry: entry.spinless), [
             "without spin the two-mass ball is rigid and equals brody: two-mass, thesis-exact and all closures but "
             "cor are left out"
         ]
-    core = _tried(lambda item: item)
+    core = _tried(lambda entry: entry)
     if quick:
         return core, [f"quick: the closures of {DEFAULT_MODEL} are left out"]
-    return (*core, *(name for item in MODELS.values() for name in item.variants)), []
+    return (*core, *(name for entry in MODELS.values() for name in entry.variants)), []
 
 
 def _tried(kind: Callable[[Entry], Entry | Reduced | None]) -> tuple[str, ...]:
     """Candidates of all models on one kind of table, the simplest model first."""
-    found = [kind(item) for item in reversed(MODELS.values())]
-    return tuple(name for item in found if item is not None for name in item.candidates)
+    of_kind = [kind(entry) for entry in reversed(MODELS.values())]
+    return tuple(name for entry in of_kind if entry is not None for name in entry.candidates)
 
 
 def build_candidates(table: ImpactTable, scene: Scene, names: Sequence[str]) -> Candidates:
@@ -102,8 +102,8 @@ def build_candidates(table: ImpactTable, scene: Scene, names: Sequence[str]) -> 
     columns, said = _common_columns(candidates)
     if not columns:
         raise FitError(
-            f"{table.source}: no measured column is predicted by all of {', '.join(item.name for item in candidates)}"
-            ": compare fewer models"
+            f"{table.source}: no measured column is predicted by all of "
+            f"{', '.join(candidate.name for candidate in candidates)}: compare fewer models"
         )
     return Candidates(tuple(candidates), columns, tuple(notes + said))
 

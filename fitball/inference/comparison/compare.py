@@ -67,15 +67,15 @@ def compare(
         if len(scores) < 2:
             raise KeyboardInterrupt from None
         interrupted = True
-        done = {item.name for item in scores}
+        done = {score.name for score in scores}
         missing = ", ".join(candidate.name for candidate in candidates.candidates if candidate.name not in done)
         notes.append(f"interrupted: {missing} not compared" if missing else "interrupted while searching again")
     order = [candidate.name for candidate in candidates.candidates]
-    scores.sort(key=lambda item: (-item.loo.total, order.index(item.name)))
-    elpd = np.stack([item.loo.elpd for item in scores], axis=1)
-    names = [item.name for item in scores]
+    scores.sort(key=lambda score: (-score.loo.total, order.index(score.name)))
+    elpd = np.stack([score.loo.elpd for score in scores], axis=1)
+    names = [score.name for score in scores]
     shares = (stacking_weights(elpd), pseudo_bma_weights(elpd, np.random.default_rng(weight_seed)))
-    stacking, pseudo_bma = (dict(zip(names, map(float, found), strict=True)) for found in shares)
+    stacking, pseudo_bma = (dict(zip(names, map(float, weights), strict=True)) for weights in shares)
     if len(table) < FEW:
         notes.insert(0, f"with {len(table)} impacts leave-one-out scores mean nothing: no model is recommended")
     return Comparison(
@@ -95,7 +95,7 @@ def compare(
 
 def _status(scores: Sequence[ModelScore], alarms: Sequence[str]) -> RunStatus:
     """Converged when every fit and its refits are, and no model loses to what it contains."""
-    settled = all(item.fit.status is RunStatus.CONVERGED and not item.loo.unsettled for item in scores)
+    settled = all(score.fit.status is RunStatus.CONVERGED and not score.loo.unsettled for score in scores)
     return RunStatus.CONVERGED if settled and not alarms else RunStatus.NOT_CONVERGED
 
 
@@ -105,7 +105,7 @@ def _searched_again(
     """Scores in which no model fits worse than one it contains, with what was done about it, and about which models
     nothing could be done.
     """
-    behind = {item.name: found for item in scores if (found := overtaken(item, scores))}
+    behind = {score.name: rivals for score in scores if (rivals := overtaken(score, scores))}
     again = [
         task.again(start for starts in behind[task.candidate.name].values() for start in starts)
         for task in tasks
@@ -114,13 +114,13 @@ def _searched_again(
     if not again:
         return list(scores), [], []
     report(f"{', '.join(behind)} searched again")
-    better = {item.name: item for item in scored(again, cores, report)}
-    mended = [better.get(item.name, item) for item in scores]
+    better = {score.name: score for score in scored(again, cores, report)}
+    mended = [better.get(score.name, score) for score in scores]
     said, alarms = [], []
-    for name, item in better.items():
-        still = overtaken(item, mended)
+    for name, score in better.items():
+        still = overtaken(score, mended)
         if still:
             alarms.append(alarm_words(name, tuple(still)))
         else:
-            said.append(settled_words(item, tuple(behind[name])))
+            said.append(settled_words(score, tuple(behind[name])))
     return mended, sorted(said), sorted(alarms)

@@ -99,7 +99,7 @@ def leave_out(
 ) -> tuple[tuple[Missed, ...], list[str]]:
     """Errors of the refits' predictions, one `Missed` a scheme, and a sentence for each fold without a fit."""
     measured = measured_outputs(problem.table)
-    found: dict[str, list[tuple[Fold, dict[str, FloatArray]]]] = {}
+    by_scheme: dict[str, list[tuple[Fold, dict[str, FloatArray]]]] = {}
     notes = []
     for fold in folds:
         try:
@@ -111,8 +111,8 @@ def leave_out(
             continue
         errors = output_errors(measured, predicted_outputs(best.rebound, given_columns))
         mine = {name: column[fold.rows] for name, column in errors.items()}
-        found.setdefault(fold.scheme, []).append((fold, mine))
-    return tuple(_joined(scheme, parts) for scheme, parts in found.items()), notes
+        by_scheme.setdefault(fold.scheme, []).append((fold, mine))
+    return tuple(_joined(scheme, parts) for scheme, parts in by_scheme.items()), notes
 
 
 def _joined(scheme: str, parts: Sequence[tuple[Fold, Mapping[str, FloatArray]]]) -> Missed:

@@ -52,7 +52,7 @@ def criteria(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Criteri
     bare = replace(
         problem,
         contact_time=None,
-        parameters=tuple(replace(item, prior=_flat(item.prior)) for item in problem.parameters),
+        parameters=tuple(replace(parameter, prior=_flat(parameter.prior)) for parameter in problem.parameters),
     )
     values = np.array([[start[name] for name in bare.free_names] for start in starts])
     with np.errstate(divide="ignore"):

@@ -29,18 +29,19 @@ def as_container(container: Problem, contained: Problem, values: Values) -> Valu
     added = _added(container, contained, values)
     if added is None:
         return None
-    found = {**values, **added}
-    free = {item.name: item for item in container.parameters}
-    if not found.keys() >= free.keys():
+    complete = {**values, **added}
+    free = {parameter.name: parameter for parameter in container.parameters}
+    if not complete.keys() >= free.keys():
         return None
-    for name, item in free.items():
-        if item.fixed is not None and not math.isclose(item.fixed, found[name], rel_tol=1e-9):
+    for name, parameter in free.items():
+        value, prior = complete[name], parameter.prior
+        if parameter.fixed is not None and not math.isclose(parameter.fixed, value, rel_tol=1e-9):
             return None
-        low, high = item.prior.support
-        place = float(item.prior.coordinate(np.array(max(found[name], 0.0) if item.prior.log else found[name])))
-        if item.free and not low <= place <= high:
+        low, high = prior.support
+        place = float(prior.coordinate(np.array(max(value, 0.0) if prior.log else value)))
+        if parameter.free and not low <= place <= high:
             return None
-    return {name: found[name] for name in free}
+    return {name: complete[name] for name in free}
 
 
 def _added(container: Problem, contained: Problem, values: Values) -> Values | None:
@@ -87,13 +88,13 @@ def overtaken(score: ModelScore, others: Sequence[ModelScore]) -> dict[str, list
     priors has a lower maximum than theirs.
     """
     problem = score.fit.problem
-    found = {}
+    better = {}
     for other in others:
         fits = (other.fit.point.values, other.fit.least_squares.values)
-        starts = [start for item in fits if (start := as_container(problem, other.fit.problem, item)) is not None]
+        starts = [start for values in fits if (start := as_container(problem, other.fit.problem, values)) is not None]
         if other is not score and starts and _loses(score, other, starts):
-            found[other.name] = starts
-    return found
+            better[other.name] = starts
+    return better
 
 
 def _loses(score: ModelScore, other: ModelScore, starts: Sequence[Values]) -> bool:

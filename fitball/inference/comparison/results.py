@@ -57,9 +57,9 @@ class ModelScore:
 
     def out_of_sample(self, scheme: str = IMPACTS) -> dict[str, float]:
         """Root mean square error of each output over the impacts a scheme left out; empty where it left none."""
-        for item in self.missed:
-            if item.scheme == scheme:
-                return {name: root_mean_square(column) for name, column in item.errors.items()}
+        for missed in self.missed:
+            if missed.scheme == scheme:
+                return {name: root_mean_square(column) for name, column in missed.errors.items()}
         return {}
 
     @property
@@ -71,7 +71,7 @@ class ModelScore:
     def unidentified(self) -> dict[str, Verdict]:
         """Parameters the table leaves as they were known, or bounds from one side only."""
         open_ones = (Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED)
-        return {item.name: item.verdict for item in self.fit.estimates if item.verdict in open_ones}
+        return {estimate.name: estimate.verdict for estimate in self.fit.estimates if estimate.verdict in open_ones}
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ class Comparison:
     @cached_property
     def by_name(self) -> Mapping[str, ModelScore]:
         """Scores by model name."""
-        return {item.name: item for item in self.models}
+        return {score.name: score for score in self.models}
 
     @property
     def meaningful(self) -> bool:
@@ -141,14 +141,14 @@ class Comparison:
 
     def _errors(self, name: str, output: str) -> FloatArray | None:
         """Leave-one-out errors in the table's order; None where there are none or some fold failed."""
-        for item in self.by_name[name].missed:
-            if item.scheme == IMPACTS and output in item.errors and item.rows.size == len(self.table):
-                return item.errors[output][np.argsort(item.rows)]
+        for missed in self.by_name[name].missed:
+            if missed.scheme == IMPACTS and output in missed.errors and missed.rows.size == len(self.table):
+                return missed.errors[output][np.argsort(missed.rows)]
         return None
 
     @property
     def simplest(self) -> ModelScore:
         """Of the models that the best one does not surely beat, that with the fewest free parameters."""
         best = self.models[0].name
-        close = [item for item in self.models if not self.elpd_difference(best, item.name).sure]
-        return min(close, key=lambda item: item.free)
+        close = [score for score in self.models if not self.elpd_difference(best, score.name).sure]
+        return min(close, key=lambda score: score.free)

@@ -101,7 +101,7 @@ def score_model(task: Task, report: Callable[[str], None] = lambda _stage: None)
     notes += fit.notes[len(problem.notes) :]
     every = {observable.name for observable in problem.observables} == set(columns)
     starts = (*fit.point.optima[:FOLLOWED], fit.least_squares.values, *task.beside)
-    found = criteria(problem, starts) if every else None
+    information = criteria(problem, starts) if every else None
     if not every:
         extra = ", ".join(observable.name for observable in problem.observables if observable.name not in columns)
         notes.append(f"fitted to {extra} too, so that AICc and BIC would not compare: left out")
@@ -117,7 +117,7 @@ def score_model(task: Task, report: Callable[[str], None] = lambda _stage: None)
         given_columns=candidate.given_columns,
         loo=loo,
         missed=missed,
-        criteria=found,
+        criteria=information,
         notes=tuple(notes),
         seconds=time.perf_counter() - begun,
     )
