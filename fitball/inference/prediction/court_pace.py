@@ -43,20 +43,20 @@ def court_pace(problem: Problem, point: PointFit, posterior: Posterior | None) -
     drawn = at_point if posterior is None else dict(problem.all_values(thinned(posterior, DRAWS)))
     ratings = []
     for labels, rows in _surfaces(problem).items():
-        found = _rate(problem, labels, rows, at_point, drawn, posterior is not None)
-        if isinstance(found, str):
-            return CourtPace((), found)
-        ratings.append(found)
+        rating = _rate(problem, labels, rows, at_point, drawn, posterior is not None)
+        if isinstance(rating, str):
+            return CourtPace((), rating)
+        ratings.append(rating)
     return CourtPace(tuple(ratings), "")
 
 
 def _surfaces(problem: Problem) -> dict[tuple[str, ...], list[int]]:
     """Rows of the table by the labels of the levels that the problem tells apart; all together without levels."""
-    found: dict[tuple[str, ...], list[int]] = {}
+    surfaces: dict[tuple[str, ...], list[int]] = {}
     for row in range(len(problem.table)):
-        labels = tuple(item.labels[int(item.index[row])] for item in problem.pooling)
-        found.setdefault(labels, []).append(row)
-    return found
+        labels = tuple(pooling.labels[int(pooling.index[row])] for pooling in problem.pooling)
+        surfaces.setdefault(labels, []).append(row)
+    return surfaces
 
 
 def _rate(
@@ -97,9 +97,9 @@ def _rate(
 
 def _sliding_friction(problem: Problem, labels: tuple[str, ...], columns: Mapping[str, FloatArray]) -> FloatArray:
     """The coefficient of sliding friction (draws,) on a surface."""
-    for item, label in zip(problem.pooling, labels, strict=True):
-        if item.parameter == "mu":
-            return item.value(columns, label)
+    for pooling, label in zip(problem.pooling, labels, strict=True):
+        if pooling.parameter == "mu":
+            return pooling.value(columns, label)
     return columns["mu"]
 
 
@@ -126,14 +126,14 @@ def _reach(problem: Problem, rows: NDArray[np.int64]) -> Reach:
     """How far the test impact lies from the impacts on this surface."""
     known = problem.table.impacts.take(rows)
     words = tuple(word for name, word in LINES.items() if name in problem.model.parameter_names)
-    found = calibrated_range(known, itf_impact(), problem.model.ball.radius, True, words)
-    over = {name: float(column[0]) for name, column in found.beyond.items()}
+    calibrated = calibrated_range(known, itf_impact(), problem.model.ball.radius, True, words)
+    over = {name: float(column[0]) for name, column in calibrated.beyond.items()}
     beyond = {name: value for name, value in over.items() if abs(value) > TOLERANCE[name]}
-    distance = 0.0 if found.hull_distance is None else float(found.hull_distance[0])
+    distance = 0.0 if calibrated.hull_distance is None else float(calibrated.hull_distance[0])
     return Reach(
-        outside=bool(beyond) or distance > found.slack,
+        outside=bool(beyond) or distance > calibrated.slack,
         beyond=beyond,
         distance=distance,
-        slack=found.slack,
-        lines=found.lines if "v_y1" in beyond else (),
+        slack=calibrated.slack,
+        lines=calibrated.lines if "v_y1" in beyond else (),
     )

@@ -100,12 +100,12 @@ def fit_engine(fitted: FittedModel, point: Impacts, inertia_ratio: float) -> Eng
             _settings(sphere, e_far, mu_far, None, near, far),
         ]
     time = float(there.contact_time[0, 0])
-    found = sphere.outputs(settings[0].e, settings[0].mu or 0.0, point)
+    engine = sphere.outputs(settings[0].e, settings[0].mu or 0.0, point)
     return EngineFit(
         point=point,
         inertia_ratio=inertia_ratio,
         fitted={name: float(near.truth[name][0]) for name in COMPARED},
-        engine={name: float(found[name][0]) for name in COMPARED},
+        engine={name: float(engine[name][0]) for name in COMPARED},
         contact_time=None if np.isnan(time) else time,
         at_point=settings[0],
         over_range=settings[1],
@@ -122,11 +122,11 @@ def refuse_told(fitted: FittedModel) -> None:
 
 
 def _evaluated(fitted: FittedModel, point: Impacts) -> Rebound:
-    found = fitted.rebound(point)
-    status = Status(int(found.status[0, 0]))
+    rebound = fitted.rebound(point)
+    status = Status(int(rebound.status[0, 0]))
     if status is not Status.OK:
         raise ParameterError(f"the operating point cannot be evaluated: {STATUS_REASON[status]}")
-    return found
+    return rebound
 
 
 def _outputs(rebound: Rebound) -> dict[str, FloatArray]:
@@ -154,9 +154,9 @@ class _Sphere:
         return _outputs(self.model.evaluate(("mu", "cor_10", "cor_slope"), np.array([[mu, e, 0.0]]), impacts))
 
     def cost(self, e: float, mu: float, target: _Target) -> float:
-        found, truth = self.outputs(e, mu, target.impacts), target.truth
-        squares = (found["v_x2"] - truth["v_x2"]) ** 2 + self.spin_weight * (found["omega_2"] - truth["omega_2"]) ** 2
-        return float(np.mean(squares))
+        outputs, truth = self.outputs(e, mu, target.impacts), target.truth
+        along, spin = (outputs[name] - truth[name] for name in ("v_x2", "omega_2"))
+        return float(np.mean(along**2 + self.spin_weight * spin**2))
 
     def grip_friction(self, e: float, impacts: Impacts) -> float:
         """Friction from which the slip of the first impact stops."""
@@ -167,11 +167,11 @@ class _Sphere:
 def _best_at_point(sphere: _Sphere, e: float, near: _Target, far: _Target) -> tuple[float, float | None]:
     """Friction best at the operating point, and from where on it makes no difference there, if it grips."""
     limit = sphere.grip_friction(e, near.impacts)
-    found = minimize_scalar(lambda mu: sphere.cost(e, mu, near), bounds=(0.0, max(limit, 1e-9)), method="bounded")
+    minimum = minimize_scalar(lambda mu: sphere.cost(e, mu, near), bounds=(0.0, max(limit, 1e-9)), method="bounded")
     # Within the sliding range the error is a parabola in mu: at its upper end the ball grips.
-    if sphere.cost(e, limit, near) <= float(found.fun):
+    if sphere.cost(e, limit, near) <= float(minimum.fun):
         return _best_friction(sphere, e, far, limit), limit
-    return float(found.x), None
+    return float(minimum.x), None
 
 
 def _best_friction(sphere: _Sphere, e: float, target: _Target, least: float) -> float:
@@ -182,8 +182,8 @@ def _best_friction(sphere: _Sphere, e: float, target: _Target, least: float) -> 
     low, high = float(grid[max(best - 1, 0)]), float(grid[min(best + 1, grid.size - 1)])
     if high <= low:
         return low
-    found = minimize_scalar(lambda mu: sphere.cost(e, mu, target), bounds=(low, high), method="bounded")
-    return float(found.x) if found.fun < costs[best] else float(grid[best])
+    minimum = minimize_scalar(lambda mu: sphere.cost(e, mu, target), bounds=(low, high), method="bounded")
+    return float(minimum.x) if minimum.fun < costs[best] else float(grid[best])
 
 
 def _settings(

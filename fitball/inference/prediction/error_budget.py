@@ -37,7 +37,9 @@ def error_budget(
     else:
         error, reference = _by_rounding(fitted, golden), ROUNDED if oracle is None else STIFF
     widths = (
-        {} if prediction is None else {item.name: item.mean_q84 - item.mean_q16 for item in prediction.observables}
+        {}
+        if prediction is None
+        else {predicted.name: predicted.mean_q84 - predicted.mean_q16 for predicted in prediction.observables}
     )
     lines = {}
     for observable in problem.observables:
@@ -59,13 +61,13 @@ def _by_rounding(fitted: FittedModel, golden: Golden) -> Mapping[str, FloatArray
     for name in ("v_x1", "v_y1", "omega_1"):
         other: Impacts = replace(given, **{name: np.nextafter(getattr(given, name), np.inf)})
         moved.append(_differences(fitted.rebound(other), base))
-    return {name: np.sum([item[name] for item in moved], axis=0) for name in moved[0]}
+    return {name: np.sum([differences[name] for differences in moved], axis=0) for name in moved[0]}
 
 
 def _differences(one: Rebound, other: Rebound) -> Mapping[str, FloatArray]:
     """Absolute differences of every column that can be measured, where both are known."""
-    found = {}
-    for name, item in OBSERVABLES.items():
-        gap = np.abs(item.predict(one) - item.predict(other))
-        found[name] = gap[np.isfinite(gap)]
-    return found
+    gaps = {}
+    for name, column in OBSERVABLES.items():
+        gap = np.abs(column.predict(one) - column.predict(other))
+        gaps[name] = gap[np.isfinite(gap)]
+    return gaps

@@ -23,26 +23,29 @@ def force_notes(problem: Problem, point: PointFit) -> tuple[str, ...]:
     if records is None:
         return ()
     columns = {name: np.array([value]) for name, value in point.values.items()}
-    found = aligned(problem, records, columns)
+    alignment = aligned(problem, records, columns)
     sd, misfit = point.values[SD], point.values[MISFIT]
     # How much the height of the pulse is known by the record, against as many independent samples of its noise.
-    first = records.first - (found.start + found.move)
+    first = records.first - (alignment.start + alignment.move)
     force, _rate = mean_forces(problem, columns, records.rows, first, records.spacing, records.nodes)
     seen = np.where(records.mask, force, 0.0)
-    information = np.sum((rotated(records, seen) / found.spread) ** 2)
-    blocks = np.array([item.block for item in records.records])
+    information = np.sum((rotated(records, seen) / alignment.spread) ** 2)
+    blocks = np.array([record.block for record in records.records])
     alone = np.sum(seen**2 * blocks[:, None] / (sd**2 + (misfit * records.peak[:, None]) ** 2))
-    samples = int(np.median([item.samples for item in records.records]))
+    samples = int(np.median([record.samples for record in records.records]))
     worth = samples * information / alone
     notes = [
         f"force records: sensor noise {sd:.3g} N a sample, misfit of the model's force {100.0 * misfit:.2g} % of the "
         f"peak; {samples} samples of a record count like {worth:.2g} independent ones. The misfit is taken as "
         "independent from impact to impact: one that all share is not averaged away by more of them"
     ]
-    rows = found.rows(records)[0, :, :-1]
+    rows = alignment.rows(records)[0, :, :-1]
     excess = math.sqrt(float(np.sum(rows**2)) / max(1, int(records.mask.sum()) - len(records.records)))
     ratios = np.array(
-        [_ratio(item.means, item.spacing, course) for item, course in zip(records.records, seen[0], strict=True)]
+        [
+            _ratio(record.means, record.spacing, course)
+            for record, course in zip(records.records, seen[0], strict=True)
+        ]
     )
     typical = float(np.median(ratios))
     if misfit > LARGE:

@@ -14,20 +14,20 @@ def group_estimates(problem: Problem, point: PointFit, posterior: Posterior | No
     """The value at every level, at the point estimate and, with a posterior, its quantiles."""
     at_point = {name: np.array([value]) for name, value in point.values.items()}
     columns = None if posterior is None else problem.all_values(posterior.draws)
-    found = []
-    for item in problem.pooling:
-        for place, label in enumerate(item.labels):
-            draws: FloatArray | None = None if columns is None else item.value(columns, label)
-            found.append(
+    estimates = []
+    for pooling in problem.pooling:
+        for place, label in enumerate(pooling.labels):
+            draws: FloatArray | None = None if columns is None else pooling.value(columns, label)
+            estimates.append(
                 LevelEstimate(
-                    item.parameter,
-                    item.column,
+                    pooling.parameter,
+                    pooling.column,
                     label,
-                    problem.model.specs[item.parameter].unit,
-                    int(np.count_nonzero(item.index == place)),
-                    float(item.value(at_point, label)[0]),
+                    problem.model.specs[pooling.parameter].unit,
+                    int(np.count_nonzero(pooling.index == place)),
+                    float(pooling.value(at_point, label)[0]),
                     sd=None if draws is None else float(np.std(draws, ddof=1)),
                     **(dict.fromkeys(MEDIAN_FIRST) if draws is None else quantiles(draws, MEDIAN_FIRST)),
                 )
             )
-    return tuple(found)
+    return tuple(estimates)

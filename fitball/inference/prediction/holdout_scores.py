@@ -29,8 +29,8 @@ class ObservableScore:
 
 def scores(prediction: NewPrediction) -> tuple[ObservableScore, ...]:
     """One score for each output that was measured and could be predicted at some impact."""
-    found = [_score(item) for item in prediction.outputs if item.observed is not None]
-    return tuple(item for item in found if item is not None)
+    scored = [_score(output) for output in prediction.outputs if output.observed is not None]
+    return tuple(score for score in scored if score is not None)
 
 
 def impacts_seen(calibrated: Impacts, impacts: Impacts) -> int:
@@ -43,19 +43,19 @@ def _states(impacts: Impacts) -> list[tuple[float, ...]]:
     return list(zip(impacts.v_x1.tolist(), impacts.v_y1.tolist(), impacts.omega_1.tolist(), strict=True))
 
 
-def _score(item: OutputPrediction) -> ObservableScore | None:
-    residual = item.residual
-    if residual is None or item.observed is None or np.all(np.isnan(residual)):
+def _score(output: OutputPrediction) -> ObservableScore | None:
+    residual = output.residual
+    if residual is None or output.observed is None or np.all(np.isnan(residual)):
         return None
     known = ~np.isnan(residual)
     left = residual[known]
     rms_z = within_68 = within_95 = None
-    z = item.z
-    if z is not None and item.measured is not None:
+    z = output.z
+    if z is not None and output.measured is not None:
         rms_z = float(np.sqrt(np.mean(z[known] ** 2)))
-        levels, observed = item.measured[:, known], item.observed[known]
+        levels, observed = output.measured[:, known], output.observed[known]
         within_68 = float(np.mean((observed >= levels[1]) & (observed <= levels[3])))
         within_95 = float(np.mean((observed >= levels[0]) & (observed <= levels[4])))
     return ObservableScore(
-        item.name, left.size, float(left.mean()), float(np.sqrt(np.mean(left**2))), rms_z, within_68, within_95
+        output.name, left.size, float(left.mean()), float(np.sqrt(np.mean(left**2))), rms_z, within_68, within_95
     )

@@ -85,17 +85,17 @@ def make_lookup(fitted: FittedModel, axes: tuple[Axis, ...]) -> Lookup:
         raise ParameterError("this fit is of drop tests and knows vertical motion only: give v_y alone")
     grid = np.stack(np.meshgrid(*(axis.values for axis in axes), indexing="ij"), axis=-1)
     points = grid.reshape(-1, len(axes))
-    found = fitted.rebound(grid_impacts(axes, points))
+    rebound = fitted.rebound(grid_impacts(axes, points))
     failed = {
-        STATUS_REASON[Status(int(status))]: int(np.sum(found.status[0] == status))
-        for status in np.unique(found.status[0][found.status[0] != Status.OK])
+        STATUS_REASON[Status(int(status))]: int(np.sum(rebound.status[0] == status))
+        for status in np.unique(rebound.status[0][rebound.status[0] != Status.OK])
     }
     if sum(failed.values()) == len(points):
         raise ParameterError("the model cannot evaluate any point of this grid at the point estimate")
     names = [name for name in OUTPUTS if fitted.model.has_time or not OBSERVABLES[name].timed]
-    outputs = {name: np.asarray(getattr(found, name)[0]) for name in names}
-    errors, checked = _errors(fitted, axes, outputs, found.regime[0])
-    return Lookup(axes, points, outputs, found.regime[0], errors, checked, failed)
+    outputs = {name: np.asarray(getattr(rebound, name)[0]) for name in names}
+    errors, checked = _errors(fitted, axes, outputs, rebound.regime[0])
+    return Lookup(axes, points, outputs, rebound.regime[0], errors, checked, failed)
 
 
 def _probes(axes: tuple[Axis, ...]) -> FloatArray:

@@ -80,7 +80,7 @@ class NewPrediction:
 
     def output(self, name: str) -> OutputPrediction:
         """The output called `name`. Raises KeyError."""
-        return {item.name: item for item in self.outputs}[name]
+        return {output.name: output for output in self.outputs}[name]
 
 
 def predict_new(
@@ -109,12 +109,12 @@ def predict_new(
     states = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
     parts = []
     for rows in (slice(k, k + BATCH) for k in range(0, len(impacts), BATCH)):
-        mine, cut = _part(impacts, rows), [_rows_of(item, rows) for item in observables]
+        mine, cut = _part(impacts, rows), [_rows_of(observable, rows) for observable in observables]
         if incident_covariance is None or fitted.draws.shape[0] == 0:
             parts.append(_batch(fitted, mine, cut, rng))
         else:
             parts.append(_uncertain_batch(fitted, mine, cut, incident_covariance[rows], rng, states))
-    known = {item.name for item in observed}
+    known = {observable.name for observable in observed}
     outputs = tuple(
         _joined([part[0][k] for part in parts], observable.observed if observable.name in known else None)
         for k, observable in enumerate(observables)
@@ -138,12 +138,12 @@ def predict_new(
 
 def output_observables(fitted: FittedModel, count: int, observed: Sequence[Observable]) -> tuple[Observable, ...]:
     """Every output the model has, measured or not."""
-    measured = {item.name: item for item in observed}
+    measured = {observable.name: observable for observable in observed}
     nothing, noise_of = np.full(count, np.nan), noise_in(fitted.names)
     return tuple(
         measured.get(name, derived(Observable(name, nothing, None, noise_of[name]), fitted.names))
-        for name, item in OBSERVABLES.items()
-        if (fitted.tangential or not item.along) and (fitted.model.has_time or not item.timed)
+        for name, column in OBSERVABLES.items()
+        if (fitted.tangential or not column.along) and (fitted.model.has_time or not column.timed)
     )
 
 
@@ -167,14 +167,17 @@ def _batch(
     at_point = fitted.rebound(impacts)
     if fitted.draws.shape[0] == 0:
         alone = [
-            OutputPrediction(item.name, item.predict(at_point)[0], None, None, None, None, None)
-            for item in observables
+            OutputPrediction(observable.name, observable.predict(at_point)[0], None, None, None, None, None)
+            for observable in observables
         ]
         return alone, regime_shares(at_point), _failures(at_point)
     drawn = fitted.rebound(impacts, fitted.draws)
     columns = dict(zip(fitted.names, fitted.draws.T, strict=True))
-    found = [_output(fitted.noise, item, item.predict(at_point)[0], columns, drawn, rng) for item in observables]
-    return found, regime_shares(drawn), _failures(drawn)
+    outputs = [
+        _output(fitted.noise, observable, observable.predict(at_point)[0], columns, drawn, rng)
+        for observable in observables
+    ]
+    return outputs, regime_shares(drawn), _failures(drawn)
 
 
 def _uncertain_batch(
@@ -188,16 +191,17 @@ def _uncertain_batch(
     at_point, fixed = fitted.rebound(impacts), fitted.rebound(impacts, fitted.draws)
     one, other = (drawn_rebound(fitted, impacts, covariance, states) for _ in range(2))
     columns = dict(zip(fitted.names, fitted.draws.T, strict=True))
-    found = []
-    for item in observables:
-        made = _output(fitted.noise, item, item.predict(at_point)[0], columns, one, rng)
+    outputs = []
+    for observable in observables:
+        made = _output(fitted.noise, observable, observable.predict(at_point)[0], columns, one, rng)
         noise = None
         if made.measured is not None:
             # The noise of a measurement at the stated incident state, from numbers of its own.
-            predicted, _spread, data = with_noise(fitted.noise, item, columns, fixed, states)
+            predicted, _spread, data = with_noise(fitted.noise, observable, columns, fixed, states)
             noise = data - predicted
-        found.append(replace(made, shares=shares(item.predict(fixed), item.predict(one), item.predict(other), noise)))
-    return found, regime_shares(one), _failures(one)
+        split = shares(observable.predict(fixed), observable.predict(one), observable.predict(other), noise)
+        outputs.append(replace(made, shares=split))
+    return outputs, regime_shares(one), _failures(one)
 
 
 def _output(

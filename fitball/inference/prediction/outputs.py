@@ -18,28 +18,28 @@ def measured_outputs(table: ImpactTable) -> dict[str, FloatArray]:
     """Outputs (impacts,) in SI that the table measures, with velocity and angle also where they follow from the
     independent columns.
     """
-    found = {item.name: item.values for item in table.measurements}
-    if "v_2" in found and "theta_2" in found:
-        found["v_x2"] = found["v_2"] * np.cos(found["theta_2"])
-        found["v_y2"] = found["v_2"] * np.sin(found["theta_2"])
-    if "v_x2" in found and "v_y2" in found and "theta_2" not in found:
-        found["theta_2"] = np.arctan2(found["v_y2"], found["v_x2"])
-    return {name: found[name] for name in OUTPUTS if name in found}
+    outputs = {measurement.name: measurement.values for measurement in table.measurements}
+    if "v_2" in outputs and "theta_2" in outputs:
+        outputs["v_x2"] = outputs["v_2"] * np.cos(outputs["theta_2"])
+        outputs["v_y2"] = outputs["v_2"] * np.sin(outputs["theta_2"])
+    if "v_x2" in outputs and "v_y2" in outputs and "theta_2" not in outputs:
+        outputs["theta_2"] = np.arctan2(outputs["v_y2"], outputs["v_x2"])
+    return {name: outputs[name] for name in OUTPUTS if name in outputs}
 
 
 def predicted_outputs(rebound: Rebound, given_columns: Collection[str]) -> dict[str, FloatArray]:
     """Outputs of one parameter set (impacts,), from rebounds (1, impacts); those given to a model, and a contact time
     it does not have, are left out.
     """
-    found = {}
+    outputs = {}
     for name in OUTPUTS:
         column = OBSERVABLES[name]
         # Who is given the restitution knows it of the speed as well.
         given = name in given_columns or (column.restitution and "v_y2" in given_columns)
         values = column.predict(rebound)[0]
         if not given and not (column.timed and np.any(np.isnan(values))):
-            found[name] = values
-    return found
+            outputs[name] = values
+    return outputs
 
 
 def output_errors(measured: Mapping[str, FloatArray], predicted: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -53,8 +53,8 @@ def output_errors(measured: Mapping[str, FloatArray], predicted: Mapping[str, Fl
 
 def difference(name: str, one: FloatArray, other: FloatArray) -> FloatArray:
     """How much more `one` is of an output than `other`; angles by the short way round."""
-    found = one - other
-    return np.asarray(np.angle(np.exp(1j * found))) if OBSERVABLES[name].angle else found
+    gap = one - other
+    return np.asarray(np.angle(np.exp(1j * gap))) if OBSERVABLES[name].angle else gap
 
 
 def root_mean_square(errors: FloatArray) -> float:

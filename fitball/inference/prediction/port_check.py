@@ -67,9 +67,9 @@ class PortCheck:
 def expected_outputs(fitted: FittedModel, golden: Golden) -> dict[str, FloatArray]:
     """Every output of the golden impacts, (impacts,), in SI; no contact time for a model without."""
     return {
-        name: np.asarray(item.predict(golden.rebound), dtype=np.float64)
-        for name, item in OBSERVABLES.items()
-        if fitted.model.has_time or not item.timed
+        name: np.asarray(column.predict(golden.rebound), dtype=np.float64)
+        for name, column in OBSERVABLES.items()
+        if fitted.model.has_time or not column.timed
     }
 
 

@@ -43,14 +43,14 @@ def predictive(problem: Problem, point: PointFit, posterior: Posterior, rng: np.
     for place in (np.arange(k, min(k + size, count)) for k in range(0, count, size)):
         part = problem if place.size == count else part_of(problem, place)
         parts.append(_at_impacts(part, point.rebound.take(place), values, rng))
-    observables = tuple(_joined([item[0][k] for item in parts]) for k in range(len(problem.observables)))
-    regimes = tuple(share for item in parts for share in item[1])
+    observables = tuple(_joined([part[0][k] for part in parts]) for k in range(len(problem.observables)))
+    regimes = tuple(share for part in parts for share in part[1])
     return Predictive(observables, regimes, curves(problem, thinned(posterior, CURVE_DRAWS)))
 
 
 def _joined(parts: Sequence[ObservablePrediction]) -> ObservablePrediction:
     arrays = [name for name, value in vars(parts[0]).items() if isinstance(value, np.ndarray)]
-    joined: dict[str, Any] = {name: np.concatenate([getattr(item, name) for item in parts]) for name in arrays}
+    joined: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
     return replace(parts[0], **joined)
 
 
@@ -144,9 +144,9 @@ def _curve(problem: Problem, values: FloatArray, rows: NDArray[np.int64]) -> Cur
     angle, fast = between(theta), between(speed)
     cor = None if problem.impacts.cor is None else between(problem.impacts.cor[rows])
     impacts = Impacts(fast * np.cos(angle), fast * np.sin(angle), between(problem.impacts.omega_1[rows]), cor)
-    alike = all(np.unique(item.index[rows]).size == 1 for item in problem.pooling)
+    alike = all(np.unique(pooling.index[rows]).size == 1 for pooling in problem.pooling)
     rebound = problem.rebound(values, impacts, int(rows[0]) if alike else None)
-    return Curve(angle, impacts, {name: bands(item.predict(rebound)) for name, item in OBSERVABLES.items()})
+    return Curve(angle, impacts, {name: bands(column.predict(rebound)) for name, column in OBSERVABLES.items()})
 
 
 def bands(array: FloatArray) -> FloatArray:

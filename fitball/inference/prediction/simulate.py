@@ -85,17 +85,19 @@ def simulate_fit(fitted: FittedModel, impact: Impacts, draws: int = DRAWS) -> Si
     if count == 0:
         return point
     rows = fitted.draws[np.linspace(0, count - 1, min(draws, count)).astype(int)]
-    found = [item for item in (_drawn(model, values(row), impact) for row in rows) if item is not None]
-    if not found:
+    histories = [history for history in (_drawn(model, values(row), impact) for row in rows) if history is not None]
+    if not histories:
         raise FitError("no draw of the posterior can be evaluated at this impact")
-    quantiles = {name: np.quantile([getattr(item, name) for item in found], BAND_LEVELS, axis=0) for name in COURSES}
-    counts = Counter(item.regime for item in found).most_common()
+    quantiles = {
+        name: np.quantile([getattr(history, name) for history in histories], BAND_LEVELS, axis=0) for name in COURSES
+    }
+    counts = Counter(history.regime for history in histories).most_common()
     band = Band(
         quantiles=quantiles,
-        contact_time=np.quantile([item.contact_time for item in found], BAND_LEVELS),
-        regimes={regime_name(code): number / len(found) for code, number in counts},
-        draws=len(found),
-        failed=len(rows) - len(found),
+        contact_time=np.quantile([history.contact_time for history in histories], BAND_LEVELS),
+        regimes={regime_name(code): number / len(histories) for code, number in counts},
+        draws=len(histories),
+        failed=len(rows) - len(histories),
     )
     return Simulation(point.label, model, point.parameters, impact, point.history, band)
 

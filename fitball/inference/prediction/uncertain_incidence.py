@@ -47,11 +47,11 @@ def drawn_rebound(fitted: FittedModel, impacts: Impacts, covariance: FloatArray,
         fitted.rebound(regime_mixture.shifted(impacts, moves[k], every), fitted.draws[k : k + 1])
         for k in range(draws)
     ]
-    found = Rebound.joined(made, axis=0)
+    rebound = Rebound.joined(made, axis=0)
     for name in OUTPUTS:
-        getattr(found, name)[~possible] = np.nan
-    found.status[~possible] = Status.NO_IMPACT
-    return found
+        getattr(rebound, name)[~possible] = np.nan
+    rebound.status[~possible] = Status.NO_IMPACT
+    return rebound
 
 
 def shares(fixed: FloatArray, one: FloatArray, other: FloatArray, noise: FloatArray | None) -> Shares:
@@ -70,7 +70,7 @@ def shares(fixed: FloatArray, one: FloatArray, other: FloatArray, noise: FloatAr
 
 def _sd(array: FloatArray) -> FloatArray:
     """Standard deviation over draws of each impact; NaN where no draw can be evaluated."""
-    found = np.full(array.shape[1], np.nan)
+    sd = np.full(array.shape[1], np.nan)
     known = np.any(np.isfinite(array), axis=0)
-    found[known] = np.nanstd(array[:, known], axis=0)
-    return found
+    sd[known] = np.nanstd(array[:, known], axis=0)
+    return sd
