@@ -56,8 +56,8 @@ class ChainFile:
                 file.attrs["sha256"] = digest(ensembles)
                 file.attrs["parameters"] = json.dumps(list(names))
                 file.attrs["coordinates"] = json.dumps(["ln" if log else "value" for log in logs])
-                for k, item in enumerate(ensembles):
-                    _write_group(file.create_group(GROUP.format(k)), item)
+                for k, ensemble in enumerate(ensembles):
+                    _write_group(file.create_group(GROUP.format(k)), ensemble)
             temporary.replace(self.path)
         except OSError as error:
             raise ResultFolderError(f"{self.path}: the chain cannot be written: {error}") from None
@@ -69,8 +69,8 @@ class ChainFile:
         """
         if not self.path.exists():
             raise ResultFolderError(f"{self.path}: no chain to resume; run without --resume")
-        found, kept, groups = read_chains(self.path)
-        if found != self.fingerprint:
+        fingerprint, kept, groups = read_chains(self.path)
+        if fingerprint != self.fingerprint:
             raise ResultFolderError(
                 f"{self.path}: this chain was sampled from another problem (table, scene, model, priors, seed or "
                 "version of fitball differ); use --overwrite to start anew, or another --out"
@@ -88,14 +88,19 @@ class ChainFile:
 
 def digest(ensembles: Sequence[EnsembleChain]) -> str:
     """SHA-256 over all steps and states: a chain that goes on must be the one that stopped, to the last bit."""
-    found = sha256()
-    for item in ensembles:
-        for array in (item.chain, item.log_posterior, item.accepted, np.asarray(item.random_state[1])):
-            found.update(f"{array.shape}\n".encode())
-            found.update(np.ascontiguousarray(array).tobytes())
-        position, has_normal, normal = item.random_state[2:]
-        found.update(f"{int(position)} {int(has_normal)} {float(normal)!r}\n".encode())
-    return found.hexdigest()
+    hashed = sha256()
+    for ensemble in ensembles:
+        for array in (
+            ensemble.chain,
+            ensemble.log_posterior,
+            ensemble.accepted,
+            np.asarray(ensemble.random_state[1]),
+        ):
+            hashed.update(f"{array.shape}\n".encode())
+            hashed.update(np.ascontiguousarray(array).tobytes())
+        position, has_normal, normal = ensemble.random_state[2:]
+        hashed.update(f"{int(position)} {int(has_normal)} {float(normal)!r}\n".encode())
+    return hashed.hexdigest()
 
 
 def read_chains(path: Path) -> tuple[str, str, list[EnsembleChain]]:
@@ -110,18 +115,18 @@ def read_chains(path: Path) -> tuple[str, str, list[EnsembleChain]]:
         return str(file.attrs["fingerprint"]), str(file.attrs.get("sha256", "")), chains
 
 
-def _write_group(group: h5py.Group, item: EnsembleChain) -> None:
-    steps, walkers, dimension = item.chain.shape
+def _write_group(group: h5py.Group, ensemble: EnsembleChain) -> None:
+    steps, walkers, dimension = ensemble.chain.shape
     group.attrs["version"] = emcee.__version__
     group.attrs["nwalkers"] = walkers
     group.attrs["ndim"] = dimension
     group.attrs["has_blobs"] = False
     group.attrs["iteration"] = steps
-    for k, part in enumerate(item.random_state):
+    for k, part in enumerate(ensemble.random_state):
         group.attrs[f"random_state_{k}"] = part
-    group.create_dataset("chain", data=item.chain, maxshape=(None, walkers, dimension))
-    group.create_dataset("log_prob", data=item.log_posterior, maxshape=(None, walkers))
-    group.create_dataset("accepted", data=item.accepted)
+    group.create_dataset("chain", data=ensemble.chain, maxshape=(None, walkers, dimension))
+    group.create_dataset("log_prob", data=ensemble.log_posterior, maxshape=(None, walkers))
+    group.create_dataset("accepted", data=ensemble.accepted)
 
 
 def _read_group(part: h5py.Group, shape: tuple[int, int]) -> EnsembleChain:
@@ -143,6 +148,6 @@ def _is_state(state: tuple[Any, ...]) -> bool:
     name, key, position, has_normal, normal = state
     if not (isinstance(key, np.ndarray) and key.shape == (624,) and key.dtype == np.uint32):
         return False
-    whole = all(isinstance(item, np.integer) for item in (position, has_normal))
+    whole = all(isinstance(number, np.integer) for number in (position, has_normal))
     known = isinstance(name, str) and name == "MT19937" and isinstance(normal, np.floating) and np.isfinite(normal)
     return bool(whole and known and 0 <= position <= 624 and has_normal in (0, 1))

@@ -234,27 +234,29 @@ def sample(
             ensemble.start(starting_positions(problem, optima, k, settings.walkers, rng))
     plan = settings.schedule
     check = min(plan.first_check, settings.max_steps)
-    found: Convergence | None = None
-    _advance_to(problem, ensembles, min(plan.warm_up, settings.max_steps), check, found, settings, chain_file, report)
+    mixing: Convergence | None = None
+    _advance_to(
+        problem, ensembles, min(plan.warm_up, settings.max_steps), check, mixing, settings, chain_file, report
+    )
     moved = np.zeros((settings.ensembles, settings.walkers), dtype=bool)
     if settings.max_steps > plan.warm_up:
         moved, taught = _end_warm_up(ensembles, plan.warm_up, np.random.default_rng(roots[-1]))
         proposal = StudentProposal.fit(taught)
-        for item in ensembles:
-            item.use(production_moves(proposal))
+        for ensemble in ensembles:
+            ensemble.use(production_moves(proposal))
     while True:
-        _advance_to(problem, ensembles, check, check, found, settings, chain_file, report)
-        chains = np.stack([item.sampler.get_chain()[:check] for item in ensembles])
+        _advance_to(problem, ensembles, check, check, mixing, settings, chain_file, report)
+        chains = np.stack([ensemble.sampler.get_chain()[:check] for ensemble in ensembles])
         warm_up = warm_up_length(check, plan.warm_up)
-        found = convergence(problem.free_names, chains[:, warm_up:])
-        report(Progress(check, check, found))
-        reached = found.meets(plan.target_ess, plan.target_r_hat)
+        mixing = convergence(problem.free_names, chains[:, warm_up:])
+        report(Progress(check, check, mixing))
+        reached = mixing.meets(plan.target_ess, plan.target_r_hat)
         if reached or check >= settings.max_steps:
             break
-        check = min(next_check(check, found, plan), settings.max_steps)
-    scores = np.stack([item.sampler.get_log_prob()[:check] for item in ensembles])
-    acceptance = tuple(float(np.mean(item.sampler.acceptance_fraction)) for item in ensembles)
-    return Sampled(chains, scores, acceptance, warm_up, found, reached, moved)
+        check = min(next_check(check, mixing, plan), settings.max_steps)
+    scores = np.stack([ensemble.sampler.get_log_prob()[:check] for ensemble in ensembles])
+    acceptance = tuple(float(np.mean(ensemble.sampler.acceptance_fraction)) for ensemble in ensembles)
+    return Sampled(chains, scores, acceptance, warm_up, mixing, reached, moved)
 
 
 def _end_warm_up(
@@ -266,20 +268,20 @@ def _end_warm_up(
     All of it follows from the `steps` of warm-up alone, so a run that was interrupted later and goes on finds the
     same; an ensemble that has gone on already is left as it is.
     """
-    chains = np.stack([item.sampler.get_chain()[steps // 2 : steps] for item in ensembles])
-    scores = np.stack([item.sampler.get_log_prob()[steps // 2 : steps] for item in ensembles])
+    chains = np.stack([ensemble.sampler.get_chain()[steps // 2 : steps] for ensemble in ensembles])
+    scores = np.stack([ensemble.sampler.get_log_prob()[steps // 2 : steps] for ensemble in ensembles])
     behind = left_behind(chains, scores)
-    for k, item in enumerate(ensembles):
+    for k, ensemble in enumerate(ensembles):
         walkers, step, owner = relocation(behind[k], chains.shape[1], rng)
-        if walkers.size and item.steps == steps:
-            item.move(walkers, chains[k, step, owner], scores[k, step, owner])
+        if walkers.size and ensemble.steps == steps:
+            ensemble.move(walkers, chains[k, step, owner], scores[k, step, owner])
     return behind, chains.transpose(0, 2, 1, 3)[~behind].reshape(-1, chains.shape[-1])
 
 
-def next_check(step: int, found: Convergence, plan: Schedule) -> int:
+def next_check(step: int, mixing: Convergence, plan: Schedule) -> int:
     """The step at which the effective sample size should suffice, between 1.15 and 2 times the present one."""
     kept = step - warm_up_length(step, plan.warm_up)
-    wanted = step + kept * (1.1 * plan.target_ess / max(found.min_ess, 1.0) - 1.0)
+    wanted = step + kept * (1.1 * plan.target_ess / max(mixing.min_ess, 1.0) - 1.0)
     bounded = min(max(wanted, 1.15 * step), 2.0 * step)
     return math.ceil(bounded / BLOCK) * BLOCK
 
@@ -289,7 +291,7 @@ def _advance_to(
     ensembles: Sequence[Ensemble],
     goal: int,
     check: int,
-    found: Convergence | None,
+    mixing: Convergence | None,
     settings: Settings,
     chain_file: ChainFile | None,
     report: Callable[[Progress], None],
@@ -298,19 +300,19 @@ def _advance_to(
     stop = threading.Event()
     with ThreadPoolExecutor(max_workers=settings.cores) as pool:
         try:
-            while (step := min(item.steps for item in ensembles)) < goal:
+            while (step := min(ensemble.steps for ensemble in ensembles)) < goal:
                 following = min(step - step % BLOCK + BLOCK, goal)
                 list(pool.map(Ensemble.advance_to, ensembles, repeat(following), repeat(stop)))
-                report(Progress(following, check, found))
+                report(Progress(following, check, mixing))
         except KeyboardInterrupt:
             stop.set()
             pool.shutdown(wait=True)
             _write(problem, ensembles, chain_file)
-            raise SamplingInterrupted(min(item.steps for item in ensembles)) from None
+            raise SamplingInterrupted(min(ensemble.steps for ensemble in ensembles)) from None
     _write(problem, ensembles, chain_file)
 
 
 def _write(problem: Problem, ensembles: Sequence[Ensemble], chain_file: ChainFile | None) -> None:
     if chain_file is not None:
-        logs = [item.prior.log for item in problem.free]
-        chain_file.write([item.stored() for item in ensembles], problem.free_names, logs)
+        logs = [parameter.prior.log for parameter in problem.free]
+        chain_file.write([ensemble.stored() for ensemble in ensembles], problem.free_names, logs)

@@ -23,7 +23,7 @@ def standard_errors(chains: FloatArray) -> dict[str, float]:
     """
     ensembles, steps, walkers = chains.shape
     column = np.ascontiguousarray(chains.transpose(0, 2, 1).reshape(ensembles * walkers, steps))
-    found = {"sd": float(array_stats.mcse(column, chain_axis=0, draw_axis=1, method="sd"))}
+    errors = {"sd": float(array_stats.mcse(column, chain_axis=0, draw_axis=1, method="sd"))}
     for name, level in QUANTILES.items():
-        found[name] = float(array_stats.mcse(column, chain_axis=0, draw_axis=1, method="quantile", prob=level))
-    return found
+        errors[name] = float(array_stats.mcse(column, chain_axis=0, draw_axis=1, method="quantile", prob=level))
+    return errors

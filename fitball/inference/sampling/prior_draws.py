@@ -22,8 +22,8 @@ def prior_draws(problem: Problem, rng: np.random.Generator, wanted: int = WANTED
     peak = 0.0 if value_sd is None else -0.5 * float(np.log(2.0 * np.pi)) - float(np.log(value_sd[1]))
     for _ in range(MOST_BATCHES):
         values = problem.prior.draw(rng, batch)
-        found = densities(problem, values, measured=False)
-        chance = np.where(found.possible, np.exp(found.scene - peak), 0.0)
+        density = densities(problem, values, measured=False)
+        chance = np.where(density.possible, np.exp(density.scene - peak), 0.0)
         accepted.append(values[rng.uniform(size=batch) < chance])
         if sum(map(len, accepted)) >= wanted:
             break
