@@ -105,11 +105,11 @@ def aligned(problem: Problem, records: ForceRecords, columns: Mapping[str, Float
 
 def force_log_likelihood(problem: Problem, records: ForceRecords, columns: Mapping[str, FloatArray]) -> FloatArray:
     """Log likelihood (draws,) of the records, NaN where the model has no answer."""
-    found = aligned(problem, records, columns)
-    rows = found.rows(records)
-    logs = np.sum(np.where(records.mask, np.log(found.spread), 0.0), axis=(1, 2))
+    alignment = aligned(problem, records, columns)
+    rows = alignment.rows(records)
+    logs = np.sum(np.where(records.mask, np.log(alignment.spread), 0.0), axis=(1, 2))
     # The normal prior of the start against the width of what is left of it.
-    width = 0.5 * np.sum(np.log(found.information * records.start[1] ** 2), axis=1)
+    width = 0.5 * np.sum(np.log(alignment.information * records.start[1] ** 2), axis=1)
     return np.asarray(records.constant - 0.5 * np.sum(rows * rows, axis=(1, 2)) - logs - width)
 
 
@@ -131,8 +131,8 @@ def force_slopes(
     cost in second order only (variable projection in Kaufman's form, 1975).
     """
     columns = problem.all_values(problem.to_values(coordinates))
-    found = aligned(problem, records, columns)
-    rows = found.rows(records)
+    alignment = aligned(problem, records, columns)
+    rows = alignment.rows(records)
     slopes = np.zeros((*rows.shape, problem.dimension))
     still = NOISE_SPECS.keys() | (
         problem.group_bias.names(problem.observables) if problem.group_bias is not None else set()
@@ -144,15 +144,15 @@ def force_slopes(
         moved = coordinates.astype(np.complex128)
         moved[:, k] += 1j * STEP
         there = problem.all_values(problem.to_values(moved))
-        first = records.first - found.start
+        first = records.first - alignment.start
         force, _rate = mean_forces(problem, there, records.rows, first, records.spacing, records.nodes)
-        change = -rotated(records, np.where(records.mask, force.imag / STEP, 0.0)) / found.spread
-        follow = np.sum(found.slope * change, axis=2) / found.information
-        slopes[..., :-1, k] = change - found.slope * follow[..., None]
+        change = -rotated(records, np.where(records.mask, force.imag / STEP, 0.0)) / alignment.spread
+        follow = np.sum(alignment.slope * change, axis=2) / alignment.information
+        slopes[..., :-1, k] = change - alignment.slope * follow[..., None]
         slopes[..., -1, k] = follow / sd
-    shares = np.stack([columns[SD][:, None, None] ** 2 + 0.0 * found.spread, found.spread**2], axis=-1)
+    shares = np.stack([columns[SD][:, None, None] ** 2 + 0.0 * alignment.spread, alignment.spread**2], axis=-1)
     shares[..., 1] -= shares[..., 0]
-    return rows, slopes, shares / (found.spread**2)[..., None]
+    return rows, slopes, shares / (alignment.spread**2)[..., None]
 
 
 def force_information(problem: Problem, records: ForceRecords, coordinates: FloatArray) -> FloatArray:
@@ -166,8 +166,8 @@ def force_information(problem: Problem, records: ForceRecords, coordinates: Floa
             k = problem.free_names.index(name)
             scale = 1.0 if problem.free[k].prior.log else 1.0 / coordinates[k]
             growth[:, k] = scale * np.where(records.mask, shares[0, ..., which], 0.0).ravel()
-    found: FloatArray = flat.T @ flat + 2.0 * growth.T @ growth
-    return found
+    information: FloatArray = flat.T @ flat + 2.0 * growth.T @ growth
+    return information
 
 
 def force_cost(problem: Problem, columns: Mapping[str, FloatArray]) -> FloatArray:
@@ -175,6 +175,6 @@ def force_cost(problem: Problem, columns: Mapping[str, FloatArray]) -> FloatArra
     records = problem.force
     if records is None:
         return np.zeros(len(next(iter(columns.values()))))
-    found = aligned(problem, records, columns)
-    logs = np.sum(np.where(records.mask, np.log(found.spread), 0.0), axis=(1, 2))
-    return np.asarray(0.5 * np.sum(found.rows(records) ** 2, axis=(1, 2)) + logs - records.constant)
+    alignment = aligned(problem, records, columns)
+    logs = np.sum(np.where(records.mask, np.log(alignment.spread), 0.0), axis=(1, 2))
+    return np.asarray(0.5 * np.sum(alignment.rows(records) ** 2, axis=(1, 2)) + logs - records.constant)

@@ -22,21 +22,21 @@ def best_force_noise(
 ) -> dict[str, float]:
     """Noise that maximises the posterior for the deviations at `columns` (1,), starting from `current`."""
     best = {name: current[name] for name in FORCE_NOISE}
-    found = aligned(problem, records, {**columns, **{name: np.array([value]) for name, value in best.items()}})
-    rest = (found.z - found.slope * found.move[..., None]) * found.spread
+    alignment = aligned(problem, records, {**columns, **{name: np.array([value]) for name, value in best.items()}})
+    rest = (alignment.z - alignment.slope * alignment.move[..., None]) * alignment.spread
     # Each start that the record itself decides leaves that much less to scatter.
-    freedom = 1.0 - np.mean(1.0 - 1.0 / (found.information * records.start[1] ** 2)) / records.nodes
-    free = [item for item in problem.free if item.name in FORCE_NOISE]
+    freedom = 1.0 - np.mean(1.0 - 1.0 / (alignment.information * records.start[1] ** 2)) / records.nodes
+    free = [parameter for parameter in problem.free if parameter.name in FORCE_NOISE]
     for _ in range(TURNS):
-        for item in free:
-            values = item.prior.value(np.linspace(*item.prior.support, GRID))
-            tried = {name: np.full(GRID, value) for name, value in best.items()} | {item.name: values}
+        for parameter in free:
+            values = parameter.prior.value(np.linspace(*parameter.prior.support, GRID))
+            tried = {name: np.full(GRID, value) for name, value in best.items()} | {parameter.name: values}
             spreads = spread(records, tried[SD], tried[MISFIT])
             cost = np.where(records.mask, 0.5 * (rest / spreads) ** 2 + freedom * np.log(spreads), 0.0).sum(
                 axis=(1, 2)
             )
-            density = item.prior.log_density(item.prior.coordinate(values))
-            best[item.name] = float(values[np.argmax(density - cost)])
+            density = parameter.prior.log_density(parameter.prior.coordinate(values))
+            best[parameter.name] = float(values[np.argmax(density - cost)])
     return best
 
 
@@ -47,9 +47,9 @@ def noise_held(problem: Problem, values: Mapping[str, float]) -> Problem:
     if problem.force is None:
         return problem
     held = tuple(
-        replace(item, fixed=values[item.name], fixed_because="held at its most probable size")
-        if item.name in FORCE_NOISE and item.free
-        else item
-        for item in problem.parameters
+        replace(parameter, fixed=values[parameter.name], fixed_because="held at its most probable size")
+        if parameter.name in FORCE_NOISE and parameter.free
+        else parameter
+        for parameter in problem.parameters
     )
     return replace(problem, parameters=held)

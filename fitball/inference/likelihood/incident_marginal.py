@@ -45,12 +45,12 @@ class Seen:
 
 def seen(problem: Problem, columns: Columns) -> tuple[Seen, ...]:
     """All measured columns of the table."""
-    found = []
+    measured = []
     for observable in problem.observables:
         observed, sd = observable.over(len(problem.impacts))
         bias = np.zeros(()) if problem.group_bias is None else problem.group_bias.offset(columns, observable.name)
-        found.append(Seen(replace(observable, rows=None), observed, sd, bias))
-    return tuple(found)
+        measured.append(Seen(replace(observable, rows=None), observed, sd, bias))
+    return tuple(measured)
 
 
 def marginal_terms(
@@ -72,13 +72,13 @@ def marginal_terms(
     for start in range(0, draws.size, PAIRS):
         some, of = draws[start : start + PAIRS], rows[start : start + PAIRS]
         pairs = Pairs(
-            problem.paired(columns, some, of), [item.paired(some, of) for item in measured], _upright(problem, of),
-            root[of], towards[some, of],
+            problem.paired(columns, some, of), [measurement.paired(some, of) for measurement in measured],
+            _upright(problem, of), root[of], towards[some, of],
         )  # fmt: skip
-        found = _mixture(problem, pairs)
+        mixture = _mixture(problem, pairs)
         for place, term in enumerate(terms):
-            term[some, of] = found if place == 0 else 0.0
-    return {item.observable.name: term for item, term in zip(measured, terms, strict=True)}
+            term[some, of] = mixture if place == 0 else 0.0
+    return {measurement.observable.name: term for measurement, term in zip(measured, terms, strict=True)}
 
 
 def incident_sds(problem: Problem, columns: Columns, rebound: Rebound) -> Mapping[str, FloatArray | float]:
@@ -88,10 +88,10 @@ def incident_sds(problem: Problem, columns: Columns, rebound: Rebound) -> Mappin
     slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
     return {
         observable.name: np.sqrt(
-            np.einsum("dik,ikl,dil->di", found, problem.incident.covariance, found, optimize=True).clip(0.0)
+            np.einsum("dik,ikl,dil->di", by_input, problem.incident.covariance, by_input, optimize=True).clip(0.0)
         )
         for observable in problem.observables
-        for found in (observable.column.slopes(rebound, slopes),)
+        for by_input in (observable.column.slopes(rebound, slopes),)
     }
 
 
@@ -104,12 +104,14 @@ def standardised(
     incident states. Returns those deviations and their conditional sds. What was not measured has the deviation zero
     and the sd `UNKNOWN`, which takes part in nothing.
     """
-    by_observable = np.stack([item.observable.column.slopes(rebound, slopes) for item in measured], axis=2)
+    by_observable = np.stack(
+        [measurement.observable.column.slopes(rebound, slopes) for measurement in measured], axis=2
+    )
     gaps, spreads = [], []
-    for item in measured:
-        observable = replace(item.observable, observed=item.observed, sd=item.sd)
-        gap = item.observed - observable.predict(rebound) - item.bias
-        missing = np.broadcast_to(np.isnan(item.observed), gap.shape)
+    for measurement in measured:
+        observable = replace(measurement.observable, observed=measurement.observed, sd=measurement.sd)
+        gap = measurement.observed - observable.predict(rebound) - measurement.bias
+        missing = np.broadcast_to(np.isnan(measurement.observed), gap.shape)
         gaps.append(np.where(missing, 0.0, gap))
         spreads.append(np.where(missing, UNKNOWN, np.broadcast_to(observable.sds(columns, rebound), gap.shape)))
     return whitened(gaps, spreads, spread_by_input(by_observable, covariance))
@@ -165,12 +167,12 @@ def _across(problem: Problem, pairs: Pairs) -> FloatArray:
     """
     moves = regime_mixture.REACH * np.einsum("pij,pj->pi", pairs.root, pairs.towards)
     states, possible = regime_mixture.displaced(pairs.states, np.stack([np.zeros_like(moves), moves], axis=1))
-    rebound, found = problem.linearised(pairs.columns, states)
+    rebound, slopes = problem.linearised(pairs.columns, states)
     # In units of any noise: only the direction of the jump is wanted.
     by_observable = np.stack(
         [
-            item.observable.column.slopes(rebound, found) / _typical_noise(item, pairs.columns)
-            for item in pairs.measured
+            measurement.observable.column.slopes(rebound, slopes) / _typical_noise(measurement, pairs.columns)
+            for measurement in pairs.measured
         ],
         axis=2,
     )
@@ -188,9 +190,9 @@ def _upright(problem: Problem, rows: NDArray[np.int64]) -> regime_mixture.States
     return v_x1.T, v_y1.T, omega_1.T, None if cor is None else cor.T
 
 
-def _typical_noise(item: Seen, columns: Columns) -> FloatArray:
+def _typical_noise(measurement: Seen, columns: Columns) -> FloatArray:
     """A noise of the measured column, (pairs, 1, 1) or one number."""
-    if item.observable.sd is not None:
-        return np.asarray(np.median(item.observable.sd))
-    size = columns[str(item.observable.noise)][:, None, None]
-    return TURN * size if item.observable.turned else size
+    if measurement.observable.sd is not None:
+        return np.asarray(np.median(measurement.observable.sd))
+    size = columns[str(measurement.observable.noise)][:, None, None]
+    return TURN * size if measurement.observable.turned else size

@@ -34,15 +34,15 @@ class Densities:
 
 def densities(problem: Problem, values: FloatArray, *, measured: bool = True) -> Densities:
     """What free values (draws, free) are worth; without `measured` the likelihood is left at zero."""
-    found = []
+    parts = []
     for some in batches(problem, values.shape[0]):
         rebound = problem.rebound(values[some])
         # A marked impact (see models.types.Status) has no density: the parameters are impossible there.
         possible = ~np.any(rebound.status, axis=1)
         scene = log_scene_density(problem, rebound)
         likelihood = log_likelihood(problem, values[some], rebound) if measured else np.zeros_like(scene)
-        found.append((possible, scene, likelihood))
-    possible, scene, likelihood = (np.concatenate(column) for column in zip(*found, strict=True))
+        parts.append((possible, scene, likelihood))
+    possible, scene, likelihood = (np.concatenate(column) for column in zip(*parts, strict=True))
     return Densities(possible, scene, likelihood)
 
 
@@ -89,6 +89,6 @@ def log_posterior(problem: Problem, coordinates: FloatArray) -> FloatArray:
     inside = np.flatnonzero(np.isfinite(total))
     if inside.size == 0:
         return total
-    found = densities(problem, problem.to_values(coordinates[inside]))
-    total[inside] += np.where(found.possible, found.scene + found.likelihood, -np.inf)
+    density = densities(problem, problem.to_values(coordinates[inside]))
+    total[inside] += np.where(density.possible, density.scene + density.likelihood, -np.inf)
     return total

@@ -40,8 +40,8 @@ def roots(covariance: FloatArray) -> FloatArray:
     correlation = covariance / (safe[:, :, None] * safe[:, None, :])
     eigenvalues, vectors = np.linalg.eigh(correlation)
     # Rounding of a singular correlation leaves eigenvalues of its own size on either side of zero.
-    found: FloatArray = scale[:, :, None] * vectors * np.sqrt(np.maximum(eigenvalues, 0.0))[:, None, :]
-    return found
+    axes: FloatArray = scale[:, :, None] * vectors * np.sqrt(np.maximum(eigenvalues, 0.0))[:, None, :]
+    return axes
 
 
 def shifted(impacts: Impacts, moves: FloatArray, rows: NDArray[np.int64]) -> Impacts:
@@ -76,10 +76,10 @@ def crossings(
     moves = np.stack([axes, -axes])
     # A state that does not approach the court is no neighbour that could have been measured.
     sign, axis, rows = np.nonzero(impacts.v_y1 + moves[..., 1] > 0.0)
-    found = evaluate(shifted(impacts, moves[sign, axis, rows], rows), rows)
+    moved = evaluate(shifted(impacts, moves[sign, axis, rows], rows), rows)
     changed = np.zeros((rebound.regime.shape[0], *moves.shape[:3]), dtype=bool)
     changed[:, sign, axis, rows] = (
-        (found.regime != rebound.regime[:, rows]) & (found.status == 0) & (rebound.status[:, rows] == 0)
+        (moved.regime != rebound.regime[:, rows]) & (moved.status == 0) & (rebound.status[:, rows] == 0)
     )
     up, down = np.moveaxis(changed, (1, 2, 3), (0, 3, 2))
     direction = np.where(up, 1.0, np.where(down, -1.0, 0.0))
@@ -104,5 +104,5 @@ def narrowed(root: FloatArray, direction: FloatArray) -> FloatArray:
 
 def mixed(log_densities: FloatArray) -> FloatArray:
     """Log density of each pair from those of its parts, (pairs, parts)."""
-    found: FloatArray = logsumexp(log_densities + parts()[1], axis=1)
-    return found
+    density: FloatArray = logsumexp(log_densities + parts()[1], axis=1)
+    return density

@@ -37,8 +37,8 @@ def residuals(problem: Problem, values: FloatArray, weighting: Weighting) -> Flo
     if problem.incident is not None:
         held = {**columns, **_held(weighting, values.shape[0])}
         slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
-        found, _ = standardised(seen(problem, held), held, rebound, slopes, problem.incident.covariance)
-        rows = [kind.residual(-z, weighting.noise) for z in found]
+        deviations, _ = standardised(seen(problem, held), held, rebound, slopes, problem.incident.covariance)
+        rows = [kind.residual(-z, weighting.noise) for z in deviations]
     for observable in problem.observables if problem.incident is None else ():
         z = problem.deviation(columns, observable, rebound) / observable.sds(weighting.noise, rebound)
         rows.append(kind.residual(-z, weighting.noise))
@@ -49,9 +49,9 @@ def residuals(problem: Problem, values: FloatArray, weighting: Weighting) -> Flo
         rows.append(force_residuals(problem, {**columns, **_held(weighting, values.shape[0])}))
     if weighting.penalised:
         coordinates = problem.to_coordinates(values)
-        for column, item in enumerate(problem.free):
-            if item.prior.normal and item.name not in NOISE_SPECS:
-                rows.append(((coordinates[:, column] - item.prior.a) / item.prior.b)[:, None])
+        for column, parameter in enumerate(problem.free):
+            if parameter.prior.normal and parameter.name not in NOISE_SPECS:
+                rows.append(((coordinates[:, column] - parameter.prior.a) / parameter.prior.b)[:, None])
     stacked = np.concatenate(rows, axis=1)
     # So near to where the model ends numbers may overflow before it says so.
     impossible = np.any(rebound.status, axis=1) | ~np.all(np.isfinite(stacked), axis=1)
@@ -75,9 +75,11 @@ def root_mean_squares(problem: Problem, values: FloatArray) -> dict[str, float]:
 def default_noise(problem: Problem) -> dict[str, float]:
     """Noise parameters at their fixed or nominal (prior median) size."""
     return {
-        item.name: item.fixed if item.fixed is not None else float(item.prior.quantile(np.array([0.5]))[0])
-        for item in problem.parameters
-        if item.name in NOISE_SPECS
+        parameter.name: parameter.fixed
+        if parameter.fixed is not None
+        else float(parameter.prior.quantile(np.array([0.5]))[0])
+        for parameter in problem.parameters
+        if parameter.name in NOISE_SPECS
     }
 
 
