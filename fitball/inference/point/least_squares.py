@@ -48,8 +48,8 @@ def least_squares(problem: Problem, starts: FloatArray) -> LeastSquares:
         degrees_of_freedom=measured - len(minimiser.columns),
         rms=root_mean_squares(problem, values),
         starts=len(starts),
-        optima=tuple(named_values(problem, minimiser.values(item.at[None, :])[0]) for item in distinct[:5]),
-        optima_chi_square=tuple(item.chi_square for item in distinct[:5]),
+        optima=tuple(named_values(problem, minimiser.values(minimum.at[None, :])[0]) for minimum in distinct[:5]),
+        optima_chi_square=tuple(minimum.chi_square for minimum in distinct[:5]),
         evaluations=evaluations,
     )
 
@@ -57,10 +57,10 @@ def least_squares(problem: Problem, starts: FloatArray) -> LeastSquares:
 def deeper(problem: Problem, known: LeastSquares, starts: Sequence[Mapping[str, float]]) -> LeastSquares:
     """The known minimum, or a deeper one if a search from `starts` (all parameters by name) finds it."""
     values = [[start[name] for name in problem.free_names] for start in (*starts, *known.optima)]
-    found = least_squares(problem, np.array(values))
-    if not found.chi_square < (1.0 - DEEPER) * known.chi_square:
+    again = least_squares(problem, np.array(values))
+    if not again.chi_square < (1.0 - DEEPER) * known.chi_square:
         return known
-    return replace(found, starts=known.starts, evaluations=known.evaluations + found.evaluations)
+    return replace(again, starts=known.starts, evaluations=known.evaluations + again.evaluations)
 
 
 def _standard_errors(
@@ -70,17 +70,18 @@ def _standard_errors(
     parameters = minimiser.parameters(at)
     jacobian = minimiser.jacobian(parameters) * minimiser.scale()
     names = minimiser.names
-    stderr: dict[str, float | None] = {item.name: None for item in problem.parameters}
+    stderr: dict[str, float | None] = {parameter.name: None for parameter in problem.parameters}
     missing: dict[str, str] = {}
-    for item in problem.parameters:
-        if not item.free:
-            missing[item.name] = f"held at its value: {item.fixed_because}"
-        elif item.name in NOISE_SPECS:
-            missing[item.name] = "least squares takes the noise as given; the posterior fits it"
+    for parameter in problem.parameters:
+        if not parameter.free:
+            missing[parameter.name] = f"held at its value: {parameter.fixed_because}"
+        elif parameter.name in NOISE_SPECS:
+            missing[parameter.name] = "least squares takes the noise as given; the posterior fits it"
     at_bound = [
         name
-        for name, item in zip(names, parameters.values(), strict=True)
-        if min(item.value - item.min, item.max - item.value) < 1e-6 * max(1e-2, abs(item.value))
+        for name, parameter in zip(names, parameters.values(), strict=True)
+        if min(parameter.value - parameter.min, parameter.max - parameter.value)
+        < 1e-6 * max(1e-2, abs(parameter.value))
     ]
     for name in at_bound:
         missing[name] = (

@@ -51,10 +51,12 @@ def maximum_posterior(problem: Problem, starts: FloatArray, noise: Mapping[str, 
     """
     noise = {**default_noise(problem), **(noise or {})}
     distinct, _ = minima(problem, Weighting(noise, penalised=True), starts)
-    first = [_with_best_noise(problem, item.at, noise, rounds=1) for item in distinct]
-    top = max((item.score for item in first), default=-math.inf)
+    first = [_with_best_noise(problem, minimum.at, noise, rounds=1) for minimum in distinct]
+    top = max((candidate.score for candidate in first), default=-math.inf)
     candidates = [
-        _with_best_noise(problem, item.at, item.noise, rounds=8) for item in first if item.score > top - ALTERNATED
+        _with_best_noise(problem, candidate.at, candidate.noise, rounds=8)
+        for candidate in first
+        if candidate.score > top - ALTERNATED
     ]
     return _best_of(problem, candidates)
 
@@ -66,15 +68,21 @@ def follow_maximum(problem: Problem, starts: FloatArray, noise: Mapping[str, flo
     higher is followed, and none that is hopeless. The simplex is left out where it would cost too much. Raises
     FitError as `least_squares` does.
     """
-    found = [_as_candidate(problem, start[None, :], noise) for start in starts]
-    scale = Minimiser(problem, Weighting(found[0].noise, penalised=True)).scale()
+    candidates = [_as_candidate(problem, start[None, :], noise) for start in starts]
+    scale = Minimiser(problem, Weighting(candidates[0].noise, penalised=True)).scale()
     followed: list[Candidate] = []
-    least = max(item.score for item in found) - HOPELESS_GAP * sum(item.observed.size for item in problem.observables)
-    for item in sorted((item for item in found if item.score >= least), key=lambda item: -item.score):
-        apart = [np.max(np.abs(item.at - other.at) / scale) > ONE_BASIN for other in followed]
+    least = max(candidate.score for candidate in candidates) - HOPELESS_GAP * sum(
+        observable.observed.size for observable in problem.observables
+    )
+    for candidate in sorted(
+        (candidate for candidate in candidates if candidate.score >= least), key=lambda candidate: -candidate.score
+    ):
+        apart = [np.max(np.abs(candidate.at - other.at) / scale) > ONE_BASIN for other in followed]
         if all(apart):
-            followed.append(item)
-    return _best_of(problem, [_with_best_noise(problem, item.at, item.noise, rounds=8) for item in followed])
+            followed.append(candidate)
+    return _best_of(
+        problem, [_with_best_noise(problem, candidate.at, candidate.noise, rounds=8) for candidate in followed]
+    )
 
 
 def higher_maximum(problem: Problem, known: PointFit, starts: FloatArray) -> PointFit:
@@ -83,7 +91,7 @@ def higher_maximum(problem: Problem, known: PointFit, starts: FloatArray) -> Poi
 
     Raises FitError as `least_squares` does.
     """
-    found = [
+    candidates = [
         Candidate(score, problem.to_coordinates(_row(problem, optimum))[0], np.empty(0), {})
         for optimum, score in zip(known.optima, known.optima_log_posterior, strict=True)
     ]
@@ -94,8 +102,8 @@ def higher_maximum(problem: Problem, known: PointFit, starts: FloatArray) -> Poi
         first = _as_candidate(problem, start[None, :], own)
         reached = _with_best_noise(problem, first.at, first.noise, rounds=8)
         # A search may end at a wall, or where the regime changes, below where it began.
-        found.append(reached if reached.score >= score else Candidate(score, coordinates[0], first.at, own))
-    return _best_of(problem, found)
+        candidates.append(reached if reached.score >= score else Candidate(score, coordinates[0], first.at, own))
+    return _best_of(problem, candidates)
 
 
 def _row(problem: Problem, optimum: Mapping[str, float]) -> FloatArray:
@@ -111,16 +119,20 @@ def _as_candidate(problem: Problem, values: FloatArray, noise: Mapping[str, floa
     return Candidate(score, values[0], at, own)
 
 
-def _best_of(problem: Problem, found: Sequence[Candidate]) -> PointFit:
-    candidates = sorted((item for item in found if math.isfinite(item.score)), key=lambda item: -item.score)
+def _best_of(problem: Problem, reached: Sequence[Candidate]) -> PointFit:
+    candidates = sorted(
+        (candidate for candidate in reached if math.isfinite(candidate.score)), key=lambda candidate: -candidate.score
+    )
     if not candidates:
         raise FitError(f"model {problem.model.name}: no start led to parameters of finite posterior density")
     top_point = candidates[0].coordinates
     best = _climb(problem, top_point) if len(problem.impacts) <= CLIMBED else top_point
-    others = [item.coordinates for item in candidates[1:] if item.score > candidates[0].score - WORTH_KEEPING]
+    others = [
+        candidate.coordinates for candidate in candidates[1:] if candidate.score > candidates[0].score - WORTH_KEEPING
+    ]
     # Searches that were apart at their first noise may have met since; the climb is from the first of all.
     distinct = _distinct([top_point, best, *others], problem.prior.width)
-    kept = [best, *(item for item in distinct if item is not top_point and item is not best)]
+    kept = [best, *(point for point in distinct if point is not top_point and point is not best)]
     scores = log_posterior(problem, np.array(kept))
     values = problem.to_values(best[None, :])
     rebound = problem.rebound(values)
@@ -137,11 +149,11 @@ def _best_of(problem: Problem, found: Sequence[Candidate]) -> PointFit:
 
 def _distinct(points: Sequence[FloatArray], width: FloatArray) -> list[FloatArray]:
     """Those of the points (free,) that lie apart from all before them, in widths of the priors (free,)."""
-    found: list[FloatArray] = []
+    distinct: list[FloatArray] = []
     for point in points:
-        if all(np.max(np.abs(point - other) / width) > SAME_OPTIMUM for other in found):
-            found.append(point)
-    return found
+        if all(np.max(np.abs(point - other) / width) > SAME_OPTIMUM for other in distinct):
+            distinct.append(point)
+    return distinct
 
 
 def _with_best_noise(problem: Problem, at: FloatArray, noise: Mapping[str, float], rounds: int) -> Candidate:
@@ -170,20 +182,20 @@ def _best_noise(problem: Problem, values: FloatArray, current: Mapping[str, floa
     }
     gaps = {observable.name: problem.deviation(columns, observable, rebound) for observable in problem.observables}
     best = dict(current)
-    for item in problem.free:
-        if item.name not in SD_SPECS:
+    for parameter in problem.free:
+        if parameter.name not in SD_SPECS:
             continue
         mine = [
             (gaps[observable.name] / units[observable.name]).ravel()
             for observable in problem.observables
-            if observable.noise == item.name
+            if observable.noise == parameter.name
         ]
-        best[item.name] = problem.noise.best_scale(item.prior, np.concatenate(mine), best)
+        best[parameter.name] = problem.noise.best_scale(parameter.prior, np.concatenate(mine), best)
     if problem.force is not None:
         best |= best_force_noise(problem, problem.force, columns, best)
     z = [gaps[observable.name] / observable.sds(best, rebound) for observable in problem.observables]
-    priors = {item.name: item.prior for item in problem.free}
-    return best | problem.noise.best_shape(priors, np.concatenate([item.ravel() for item in z]), best)
+    priors = {parameter.name: parameter.prior for parameter in problem.free}
+    return best | problem.noise.best_shape(priors, np.concatenate([column.ravel() for column in z]), best)
 
 
 def _climb(problem: Problem, start: FloatArray) -> FloatArray:

@@ -57,8 +57,7 @@ def _searched(problem: Problem, rng: np.random.Generator) -> tuple[LeastSquares,
             for optimum, chi_square in zip(squares.optima, squares.optima_chi_square, strict=True)
             if chi_square < RIVAL * squares.chi_square
         ]
-        found = least_squares(level, _starts(problem, near[:followed]))
-        squares = replace(found, starts=len(starts))
+        squares = replace(least_squares(level, _starts(problem, near[:followed])), starts=len(starts))
         noise = {name: value for name, value in point.values.items() if name in NOISE_SPECS}
         optima = (*squares.optima[:followed], *point.optima[:followed])
         point = follow_maximum(level, _starts(problem, optima), noise)

@@ -78,15 +78,15 @@ def _distance(patterns: NDArray[np.int64], pattern: NDArray[np.int64]) -> FloatA
 def _moved(problem: Problem, starts: FloatArray) -> FloatArray:
     """The starts (trials, free) with each parameter in turn moved across its prior."""
     coordinates = problem.to_coordinates(starts)
-    found = []
-    for column, item in enumerate(problem.free):
-        low, high = item.prior.support
-        if item.prior.normal:
+    shifted = []
+    for column, parameter in enumerate(problem.free):
+        low, high = parameter.prior.support
+        if parameter.prior.normal:
             low, high = (
-                max(low, item.prior.a - REACH * item.prior.b),
-                min(high, item.prior.a + REACH * item.prior.b),
+                max(low, parameter.prior.a - REACH * parameter.prior.b),
+                min(high, parameter.prior.a + REACH * parameter.prior.b),
             )
         moved = np.repeat(coordinates, STEPS, axis=0)
         moved[:, column] = np.tile(np.linspace(low, high, STEPS), len(starts))
-        found.append(moved)
-    return problem.to_values(np.concatenate(found))
+        shifted.append(moved)
+    return problem.to_values(np.concatenate(shifted))
