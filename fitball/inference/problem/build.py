@@ -77,7 +77,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     noise = noise_parameters(observables, table, scene, priors, fixed)
     if records is not None:
         noise += force_noise(records, scene, priors, fixed)
-    ball_names = tuple(item for item in BALL_PARAMETERS if item.removeprefix("ball_") in scene.ball_sd)
+    ball_names = tuple(name for name in BALL_PARAMETERS if name.removeprefix("ball_") in scene.ball_sd)
     names = (*chosen.parameter_names, *noise)
     known = {*names, *ball_names}
     fixed = {key: value for key, value in fixed.items() if key in known}
@@ -92,7 +92,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     kind = noise_kind(choices.noise or scene.distribution)
     levels, offsets, extra = _structure(table, scene, choices, chosen, observables, wanted, kind)
     parameters = build_parameters(names, chosen.specs, wanted, fixed, ball_names, extra)
-    notes += [f"{item.parameter} is fitted to each {item.column} apart, pooled in part" for item in levels]
+    notes += [f"{pooling.parameter} is fitted to each {pooling.column} apart, pooled in part" for pooling in levels]
     return Problem(
         table=table,
         scene=scene,
@@ -102,7 +102,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
         impacts=impacts_with_cor(table, chosen),
         contact_time=contact_time,
         notes=(
-            *(item for item in scene.assumed if item not in _idle(known, fixed.keys(), timed)),
+            *(note for note in scene.assumed if note not in _idle(known, fixed.keys(), timed)),
             *notes,
             *([chosen.remark] if chosen.remark else []),
         ),
@@ -163,9 +163,9 @@ def _structure(
         {name: prior.log for name, prior in known.items()},
         {name: (prior.lower, prior.upper) for name, prior in known.items()},
     )
-    for item in levels:
-        median = float(known[item.parameter].quantile(np.array([0.5]))[0])
-        extra |= item.specs(specs[item.parameter].unit, median)
+    for pooling in levels:
+        median = float(known[pooling.parameter].quantile(np.array([0.5]))[0])
+        extra |= pooling.specs(specs[pooling.parameter].unit, median)
     column = choices.offsets or scene.offsets
     offsets = None if column is None else build_group_bias(table, column)
     if offsets is not None:

@@ -22,7 +22,7 @@ def records_for(chosen: Model, scene: Scene, records: ForceRecords | None, notes
     if not chosen.has_force:
         notes.append(f"{Path(records.source).name} is not used: model {chosen.name} has no force-time course")
         return None
-    counts = [item.samples for item in records.records]
+    counts = [record.samples for record in records.records]
     notes.append(
         f"force records of {len(counts)} impacts ({Path(records.source).name}): {min(counts)} to {max(counts)} "
         f"samples each, averaged to {records.nodes} means; sensor noise is independent, what the model's force "

@@ -100,66 +100,66 @@ class ForceRecords:
     @cached_property
     def rows(self) -> NDArray[np.int64]:
         """Impacts that have a record (records,)."""
-        return np.array([item.row for item in self.records], dtype=np.int64)
+        return np.array([record.row for record in self.records], dtype=np.int64)
 
     @cached_property
     def nodes(self) -> int:
         """Number of means of the longest record."""
-        return max(len(item.means) for item in self.records)
+        return max(len(record.means) for record in self.records)
 
     @cached_property
     def mask(self) -> NDArray[np.bool_]:
         """Where there is a mean (records, nodes)."""
-        return np.array([np.arange(self.nodes) < len(item.means) for item in self.records])
+        return np.array([np.arange(self.nodes) < len(record.means) for record in self.records])
 
     @cached_property
     def means(self) -> FloatArray:
         """The means (records, nodes) [N], 0 where there is none."""
-        found = np.zeros((len(self.records), self.nodes))
-        for place, item in enumerate(self.records):
-            found[place, : len(item.means)] = item.means
-        return found
+        means = np.zeros((len(self.records), self.nodes))
+        for place, record in enumerate(self.records):
+            means[place, : len(record.means)] = record.means
+        return means
 
     @cached_property
     def first(self) -> FloatArray:
         """Times of the first means (records,) [s]."""
-        return np.array([item.first for item in self.records])
+        return np.array([record.first for record in self.records])
 
     @cached_property
     def spacing(self) -> FloatArray:
         """Times between means (records,) [s]."""
-        return np.array([item.spacing for item in self.records])
+        return np.array([record.spacing for record in self.records])
 
     @cached_property
     def centroid(self) -> FloatArray:
         """Mean times of the forces (records,) [s]."""
-        return np.array([item.centroid for item in self.records])
+        return np.array([record.centroid for record in self.records])
 
     @cached_property
     def length(self) -> FloatArray:
         """Lengths of the contacts (records,) [s]."""
-        return np.array([item.length for item in self.records])
+        return np.array([record.length for record in self.records])
 
     @cached_property
     def peak(self) -> FloatArray:
         """Peaks (records,) [N]."""
-        return np.array([item.peak for item in self.records])
+        return np.array([record.peak for record in self.records])
 
     @cached_property
     def start(self) -> tuple[FloatArray, FloatArray]:
         """Where contact is expected to start before model and record are compared, and its sd, (records,) [s]."""
         if self.start_sd is not None:
             return np.zeros(len(self.records)), np.full(len(self.records), self.start_sd)
-        return np.array([item.begin for item in self.records]), UNKNOWN_START * self.length
+        return np.array([record.begin for record in self.records]), UNKNOWN_START * self.length
 
     @cached_property
     def _axes(self) -> tuple[FloatArray, FloatArray, float]:
         rotation = np.zeros((len(self.records), self.nodes, self.nodes))
         slow = np.zeros((len(self.records), self.nodes))
         constant = 0.0
-        for place, item in enumerate(self.records):
-            count = len(item.means)
-            white, smooth = _covariances(item)
+        for place, record in enumerate(self.records):
+            count = len(record.means)
+            white, smooth = _covariances(record)
             values, vectors = eigh(smooth, white)
             rotation[place, :count, :count] = vectors.T
             # Rounding leaves the least of them at its own size on either side of zero.
@@ -170,11 +170,11 @@ class ForceRecords:
     @cached_property
     def variances(self) -> FloatArray:
         """Variances (2, records, nodes) of the means by white noise of sd 1 a sample, and by a misfit of sd 1."""
-        found = np.zeros((2, len(self.records), self.nodes))
-        for place, item in enumerate(self.records):
-            for which, matrix in enumerate(_covariances(item)):
-                found[which, place, : len(item.means)] = np.diag(matrix)
-        return found
+        variances = np.zeros((2, len(self.records), self.nodes))
+        for place, record in enumerate(self.records):
+            for which, matrix in enumerate(_covariances(record)):
+                variances[which, place, : len(record.means)] = np.diag(matrix)
+        return variances
 
     @property
     def rotation(self) -> FloatArray:
@@ -194,28 +194,29 @@ class ForceRecords:
     def take(self, kept: NDArray[np.int64]) -> ForceRecords | None:
         """Those of the impacts `kept` (sorted), numbered as these are; None when there is none."""
         places = {int(row): place for place, row in enumerate(kept)}
-        mine = tuple(replace(item, row=places[item.row]) for item in self.records if item.row in places)
+        mine = tuple(replace(record, row=places[record.row]) for record in self.records if record.row in places)
         return replace(self, records=mine) if mine else None
 
     def without(self, rows: NDArray[np.int64]) -> ForceRecords | None:
         """Those of all other impacts than `rows`, None when there is none."""
         left = {int(row) for row in rows}
-        mine = tuple(item for item in self.records if item.row not in left)
+        mine = tuple(record for record in self.records if record.row not in left)
         return replace(self, records=mine) if mine else None
 
 
-def _covariances(item: Averaged) -> tuple[FloatArray, FloatArray]:
+def _covariances(record: Averaged) -> tuple[FloatArray, FloatArray]:
     """Covariances (nodes, nodes) of the means by white noise of sd 1 a sample, and by a misfit of sd 1."""
-    count = len(item.means)
-    weights = triangle(item.block)
+    count = len(record.means)
+    weights = triangle(record.block)
     white = float(weights @ weights) * np.eye(count)
     # Neighbouring means share the samples between them.
-    shared = float(weights[item.block :] @ weights[: item.block - 1])
+    shared = float(weights[record.block :] @ weights[: record.block - 1])
     white += shared * (np.eye(count, k=1) + np.eye(count, k=-1))
-    times = item.spacing * np.arange(count)
-    apart = (times[:, None] - times) / (ALIKE * item.length)
+    times = record.spacing * np.arange(count)
+    apart = (times[:, None] - times) / (ALIKE * record.length)
+    begin, first, length = record.begin, record.first, record.length
     # Well before landing and after release there is no force to miss; where these are the model may be wrong too.
-    beyond = np.maximum(item.begin - item.first - times, item.first + times - item.begin - item.length) / item.length
+    beyond = np.maximum(begin - first - times, first + times - begin - length) / length
     within = np.clip(1.0 - beyond / SOFT, 0.0, 1.0)
     apart = np.sqrt(3.0) * np.abs(apart)
     return white, within[:, None] * within * (1.0 + apart) * np.exp(-apart)
@@ -223,4 +224,4 @@ def _covariances(item: Averaged) -> tuple[FloatArray, FloatArray]:
 
 def build_records(file: ForceFile, start_sd: float | None) -> ForceRecords:
     """The records of a file, averaged."""
-    return ForceRecords(file.source, file.digest, start_sd, tuple(averaged(item) for item in file.records))
+    return ForceRecords(file.source, file.digest, start_sd, tuple(averaged(record) for record in file.records))

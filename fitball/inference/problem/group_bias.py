@@ -53,7 +53,7 @@ class GroupBias:
             size = EXPECTED * _expected_noise(observable, nominal)
             for label in self.labels:
                 name = self.name(observable.name, label)
-                plain = "".join(item for item in f"{observable.name}{label}" if item.isalnum())
+                plain = "".join(character for character in f"{observable.name}{label}" if character.isalnum())
                 made[name] = ParameterSpec(
                     name, observable.column.unit, -50.0 * size, 50.0 * size, f"normal(0, {size:.6g})",
                     f"how much more than the model {observable.name} is in group {label}",
@@ -76,4 +76,4 @@ def build_group_bias(table: ImpactTable, column: str) -> GroupBias:
     distinct = tuple(dict.fromkeys(labels))
     if len(distinct) < 2:
         raise FitError(f"{asked}: column {column} of {table.source} holds one label only: {distinct[0]}")
-    return GroupBias(column, distinct, np.array([distinct.index(item) for item in labels], dtype=np.int64))
+    return GroupBias(column, distinct, np.array([distinct.index(label) for label in labels], dtype=np.int64))

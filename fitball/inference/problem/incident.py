@@ -34,8 +34,8 @@ def spread_by_input(slopes: FloatArray, covariance: FloatArray) -> FloatArray:
     `slopes` (draws, impacts, observables, 3); `covariance` (impacts, 3, 3), or any that broadcasts to
     (draws, impacts, 3, 3).
     """
-    found: FloatArray = np.einsum("...ck,...kl,...ml->...cm", slopes, covariance, slopes, optimize=True)
-    return found
+    spread: FloatArray = np.einsum("...ck,...kl,...ml->...cm", slopes, covariance, slopes, optimize=True)
+    return spread
 
 
 def whitened(deviations: Sequence[FloatArray], spreads: Sequence[FloatArray], shared: FloatArray) -> tuple[
@@ -48,7 +48,7 @@ def whitened(deviations: Sequence[FloatArray], spreads: Sequence[FloatArray], sh
     """
     count = len(deviations)
     lower: list[list[FloatArray]] = []
-    found: list[FloatArray] = []
+    standardised: list[FloatArray] = []
     sds: list[FloatArray] = []
     for i in range(count):
         row: list[FloatArray] = []
@@ -56,9 +56,9 @@ def whitened(deviations: Sequence[FloatArray], spreads: Sequence[FloatArray], sh
             known = np.sum([row[k] * lower[j][k] for k in range(j)], axis=0)
             row.append((shared[..., i, j] - known) / sds[j])
         # Never below the observable's own noise: the rest is a covariance, whose Schur complement rounding may spoil.
-        rest = shared[..., i, i] - np.sum([item * item for item in row], axis=0)
+        rest = shared[..., i, i] - np.sum([entry * entry for entry in row], axis=0)
         sds.append(np.sqrt(spreads[i] * spreads[i] + np.maximum(rest, 0.0)))
-        explained = np.sum([row[k] * found[k] for k in range(i)], axis=0)
-        found.append((deviations[i] - explained) / sds[i])
+        explained = np.sum([row[k] * standardised[k] for k in range(i)], axis=0)
+        standardised.append((deviations[i] - explained) / sds[i])
         lower.append(row)
-    return found, sds
+    return standardised, sds

@@ -45,11 +45,11 @@ def noise_by_column(
     if wanted not in (None, TIED, SEPARATE):
         raise ParameterError(f"velocity noise '{wanted}': {suggestion(wanted, (TIED, SEPARATE))}")
     columns = [
-        item.name
-        for item in table.measurements
-        if item.name in VELOCITIES
-        and item.sd is None
-        and (table.has_tangential or not OBSERVABLES[item.name].tangential)
+        measurement.name
+        for measurement in table.measurements
+        if measurement.name in VELOCITIES
+        and measurement.sd is None
+        and (table.has_tangential or not OBSERVABLES[measurement.name].tangential)
     ]
     own = [NOISE_OF[name] for name in columns if NOISE_OF[name] in named]
     if wanted == TIED and own:
@@ -76,10 +76,10 @@ def noise_by_column(
             f"(--velocity-noise separate fits {each} all the same)"
         )
         notes.append(f"{' and '.join(rest)} share one noise, {SHARED_SD}: {why}")
-    found = dict(NOISE_OF)
+    chosen = dict(NOISE_OF)
     if shared:
-        found |= {name: SHARED_SD for name in VELOCITIES if NOISE_OF[name] not in own}
-    return found
+        chosen |= {name: SHARED_SD for name in VELOCITIES if NOISE_OF[name] not in own}
+    return chosen
 
 
 def noise_in(names: Collection[str]) -> Mapping[str, str]:
@@ -93,7 +93,7 @@ def noise_in(names: Collection[str]) -> Mapping[str, str]:
 def named_noise(scene: Scene, *given: Mapping[str, object]) -> set[str]:
     """Noise parameters that the scene knows, or of which a value or prior is `given`."""
     known = {name for name in SD_SPECS if getattr(scene, name) is not None}
-    return known | (SD_SPECS.keys() & {name for item in given for name in item})
+    return known | (SD_SPECS.keys() & {name for values in given for name in values})
 
 
 def expected_sizes(scene: Scene, table: ImpactTable) -> Mapping[str, float]:
@@ -106,7 +106,9 @@ def expected_sizes(scene: Scene, table: ImpactTable) -> Mapping[str, float]:
         "rad": float(f"{np.arctan2(scene.nominal_velocity_sd, speed):.2g}"),
         "rad/s": scene.nominal_spin_sd,
     }
-    own = {item.noise.name: by_unit.get(item.unit, float(item.noise.typical)) for item in OBSERVABLES.values()}
+    own = {
+        column.noise.name: by_unit.get(column.unit, float(column.noise.typical)) for column in OBSERVABLES.values()
+    }
     return {SHARED_SD: scene.nominal_velocity_sd, **own}
 
 

@@ -75,8 +75,8 @@ class NoiseKind(ABC):
         """Its own parameters, of those with one of `priors` the values at which `z` (impacts,) is most probable, one
         after the other.
         """
-        best = {item.name: sizes[item.name] for item in self.parameters}
-        for name in (item.name for item in self.parameters if item.name in priors):
+        best = {parameter.name: sizes[parameter.name] for parameter in self.parameters}
+        for name in (parameter.name for parameter in self.parameters if parameter.name in priors):
 
             def score(values: FloatArray, name: str = name) -> FloatArray:
                 return np.array([self.log_density(z, {**best, name: value}).sum() for value in values])
@@ -157,14 +157,14 @@ class StudentNoise(NoiseKind):
     def residual_rate(self, z: FloatArray, sizes: Sizes) -> FloatArray:
         """See `NoiseKind`; at zero the limit of a ratio whose parts both vanish."""
         nu = self._freedom(sizes)[..., None]
-        found = self.residual(z, sizes)
-        zero = found == 0.0
-        share = np.where(zero, np.sqrt(nu / (nu + 1.0)), z / np.where(zero, 1.0, found))
+        residual = self.residual(z, sizes)
+        zero = residual == 0.0
+        share = np.where(zero, np.sqrt(nu / (nu + 1.0)), z / np.where(zero, 1.0, residual))
         return np.asarray((nu + 1.0) * share / (nu + z * z))
 
 
 NORMAL = NormalNoise()
-KINDS: dict[str, NoiseKind] = {item.name: item for item in (NORMAL, StudentNoise())}
+KINDS: dict[str, NoiseKind] = {kind.name: kind for kind in (NORMAL, StudentNoise())}
 
 
 def noise_kind(name: str) -> NoiseKind:
@@ -176,7 +176,7 @@ def noise_kind(name: str) -> NoiseKind:
 
 def noise_with(names: Collection[str]) -> NoiseKind:
     """The kind of noise of a fit with parameters `names`."""
-    own = (item for item in KINDS.values() if item.parameters and item.parameters[0].name in names)
+    own = (kind for kind in KINDS.values() if kind.parameters and kind.parameters[0].name in names)
     return next(own, NORMAL)
 
 

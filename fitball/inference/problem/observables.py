@@ -88,15 +88,15 @@ def build_observables(
     `noise_of` names the noise parameter of each column.
     """
     observables, notes = [], []
-    for item in table.measurements:
-        column = OBSERVABLES[item.name]
+    for measurement in table.measurements:
+        column = OBSERVABLES[measurement.name]
         if column.tangential and not tangential:
-            notes.append(f"{item.name} is not used: without v_x1 only the vertical motion is fitted")
+            notes.append(f"{measurement.name} is not used: without v_x1 only the vertical motion is fitted")
         elif column.timed and not has_time:
-            notes.append(f"{item.name} is not used: this model has no time axis")
+            notes.append(f"{measurement.name} is not used: this model has no time axis")
         elif column.restitution and needs_cor:
-            notes.append(f"{item.name} is not scored: the measured coefficient of restitution is an input")
+            notes.append(f"{measurement.name} is not scored: the measured coefficient of restitution is an input")
         else:
-            noise = noise_of[item.name] if item.sd is None else None
-            observables.append(Observable(item.name, item.values, item.sd, noise))
+            noise = noise_of[measurement.name] if measurement.sd is None else None
+            observables.append(Observable(measurement.name, measurement.values, measurement.sd, noise))
     return tuple(observables), notes

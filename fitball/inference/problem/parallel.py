@@ -29,5 +29,5 @@ def evaluate_in_parts(
         parts = [(rows, impacts.take(part)) for part in np.array_split(np.arange(len(impacts)), 4 * threads)]
         axis = 1
     with ThreadPoolExecutor(threads) as pool:
-        found = list(pool.map(lambda part: model.evaluate(names, *part), parts))
-    return Rebound.joined(found, axis)
+        rebounds = list(pool.map(lambda part: model.evaluate(names, *part), parts))
+    return Rebound.joined(rebounds, axis)

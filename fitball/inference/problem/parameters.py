@@ -20,7 +20,7 @@ def _spec(noise: ColumnNoise, unit: str) -> ParameterSpec:
 # Noise of the measurement, one standard deviation, common to all rows that state none of their own.
 SD_SPECS: Mapping[str, ParameterSpec] = {
     SHARED_SD: _spec(SHARED_NOISE, OBSERVABLES["v_x2"].unit),
-    **{item.noise.name: _spec(item.noise, item.unit) for item in OBSERVABLES.values()},
+    **{column.noise.name: _spec(column.noise, column.unit) for column in OBSERVABLES.values()},
 }
 # What separates force records from the model; where there are records, their size centres the first prior.
 FORCE_NOISE = ("force_sd", "force_misfit")

@@ -82,7 +82,7 @@ class Pooling:
 
 def _plain(text: str) -> str:
     """Letters and digits only, for a formula."""
-    return r"\mathrm{" + "".join(item for item in text if item.isalnum()) + "}"
+    return r"\mathrm{" + "".join(character for character in text if character.isalnum()) + "}"
 
 
 def labels_of(table: ImpactTable, column: str, asked_by: str) -> tuple[str, ...]:
@@ -102,7 +102,7 @@ def build_pooling(
     `names` are the parameters of the model. Raises ParameterError for a parameter it has not, FitError for a column
     the table has not or that holds one label only.
     """
-    found = []
+    pooled = []
     for name, column in pool.items():
         asked = f"--pool {name}={column}"
         if name not in names or name in BALL_PARAMETERS:
@@ -112,5 +112,5 @@ def build_pooling(
         if len(distinct) < 2:
             raise FitError(f"{asked}: column {column} of {table.source} holds one label only: {distinct[0]}")
         index = np.array([distinct.index(label) for label in labels], dtype=np.int64)
-        found.append(Pooling(name, column, distinct, index, logs[name], bounds[name]))
-    return tuple(found)
+        pooled.append(Pooling(name, column, distinct, index, logs[name], bounds[name]))
+    return tuple(pooled)

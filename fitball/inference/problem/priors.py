@@ -150,12 +150,12 @@ def parse_prior(name: str, text: str, lower: float, upper: float, unit: str = ""
         raise ParameterError(f"prior of {name}: unknown family '{matched.group(1)}': {suggestion(family, FAMILIES)}")
     form, build = FAMILIES[family]
     try:
-        numbers = [float(item) for item in matched.group(2).split(",")]
+        numbers = [float(part) for part in matched.group(2).split(",")]
     except ValueError:
         raise ParameterError(f"prior of {name}: read '{text}', expected numbers: {form}") from None
-    if len(numbers) != 2 or not all(math.isfinite(item) for item in numbers):
+    if len(numbers) != 2 or not all(math.isfinite(number) for number in numbers):
         raise ParameterError(f"prior of {name}: read '{text}', expected two finite numbers: {form}")
-    if not all(item == 0.0 or SMALLEST <= abs(item) <= LARGEST for item in numbers):
+    if not all(number == 0.0 or SMALLEST <= abs(number) <= LARGEST for number in numbers):
         raise ParameterError(
             f"prior of {name}: read '{text}', expected numbers of {SMALLEST:g} to {LARGEST:g} in size"
         )

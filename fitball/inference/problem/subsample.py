@@ -42,15 +42,19 @@ def thinned_problem(problem: Problem, rows: int) -> Problem:
 def part_of(problem: Problem, kept: NDArray[np.int64]) -> Problem:
     """The same problem on the impacts `kept` (sorted) alone."""
     impacts = problem.impacts.take(kept)
-    observables = tuple(_renumbered(item, kept) for item in problem.observables)
+    observables = tuple(_renumbered(observable, kept) for observable in problem.observables)
     table = replace(
         problem.table,
         impacts=problem.table.impacts.take(kept),
         ids=tuple(problem.table.ids[k] for k in kept),
         incident_sd={name: column[kept] for name, column in problem.table.incident_sd.items()},
         measurements=tuple(
-            replace(item, values=item.values[kept], sd=None if item.sd is None else item.sd[kept])
-            for item in problem.table.measurements
+            replace(
+                measurement,
+                values=measurement.values[kept],
+                sd=None if measurement.sd is None else measurement.sd[kept],
+            )
+            for measurement in problem.table.measurements
         ),
         redundant=(),
         labels={name: tuple(column[k] for k in kept) for name, column in problem.table.labels.items()},
@@ -66,7 +70,7 @@ def part_of(problem: Problem, kept: NDArray[np.int64]) -> Problem:
         observables=observables,
         incident=None if problem.incident is None else problem.incident.take(kept),
         force=None if problem.force is None else problem.force.take(kept),
-        pooling=tuple(item.take(kept) for item in problem.pooling),
+        pooling=tuple(pooling.take(kept) for pooling in problem.pooling),
         group_bias=None if problem.group_bias is None else problem.group_bias.take(kept),
     )
 
@@ -75,9 +79,9 @@ def _renumbered(observable: Observable, kept: NDArray[np.int64]) -> Observable:
     """The observable of a table that consists of the impacts `kept` (sorted) alone."""
     if observable.rows is None:
         return replace(observable.at(kept), rows=None)
-    found = observable.at(np.flatnonzero(np.isin(observable.rows, kept)))
-    assert found.rows is not None
-    return replace(found, rows=np.searchsorted(kept, found.rows))
+    left = observable.at(np.flatnonzero(np.isin(observable.rows, kept)))
+    assert left.rows is not None
+    return replace(left, rows=np.searchsorted(kept, left.rows))
 
 
 def withheld(problem: Problem, rows: NDArray[np.int64]) -> Problem:
@@ -89,11 +93,13 @@ def withheld(problem: Problem, rows: NDArray[np.int64]) -> Problem:
     FitError when a column would be left without a measurement.
     """
     observables = []
-    for item in problem.observables:
-        mine = np.arange(item.observed.size) if item.rows is None else item.rows
+    for observable in problem.observables:
+        mine = np.arange(observable.observed.size) if observable.rows is None else observable.rows
         entries = np.flatnonzero(~np.isin(mine, rows))
         if entries.size == 0:
-            raise FitError(f"{problem.table.source}: nothing is left of {item.name} to fit without those impacts")
-        observables.append(item.at(entries))
+            raise FitError(
+                f"{problem.table.source}: nothing is left of {observable.name} to fit without those impacts"
+            )
+        observables.append(observable.at(entries))
     force = None if problem.force is None else problem.force.without(rows)
     return replace(problem, observables=tuple(observables), force=force)
