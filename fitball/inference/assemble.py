@@ -99,10 +99,10 @@ def assemble(
 
 def _diagnostics(sampled: Sampled, effort: Effort) -> Diagnostics:
     ensembles, steps, walkers, _ = sampled.chains.shape
-    found = sampled.convergence
+    convergence = sampled.convergence
     complaints = []
-    for name, r_hat in found.r_hat.items():
-        least = min(found.ess_bulk[name], found.ess_tail[name])
+    for name, r_hat in convergence.r_hat.items():
+        least = min(convergence.ess_bulk[name], convergence.ess_tail[name])
         if not r_hat < 1.01:
             complaints.append(f"{name}: the ensembles disagree, R-hat {r_hat:.3f} (wanted below 1.01)")
         if not least >= effort.ess:
@@ -114,12 +114,12 @@ def _diagnostics(sampled: Sampled, effort: Effort) -> Diagnostics:
         steps=steps,
         max_steps=effort.max_steps,
         acceptance=sampled.acceptance,
-        min_ess_bulk=min(found.ess_bulk.values()),
-        min_ess_tail=min(found.ess_tail.values()),
-        max_r_hat=found.max_r_hat,
-        ess_bulk=found.ess_bulk,
-        ess_tail=found.ess_tail,
-        r_hat=found.r_hat,
+        min_ess_bulk=min(convergence.ess_bulk.values()),
+        min_ess_tail=min(convergence.ess_tail.values()),
+        max_r_hat=convergence.max_r_hat,
+        ess_bulk=convergence.ess_bulk,
+        ess_tail=convergence.ess_tail,
+        r_hat=convergence.r_hat,
         evaluations=ensembles * steps * walkers,
         converged=sampled.converged,
         complaints=tuple(complaints),
@@ -135,24 +135,24 @@ def _estimate(
     sampled: Sampled | None,
     judgements: Mapping[str, Judgement],
 ) -> Estimate:
-    item = problem.parameters[row]
+    parameter = problem.parameters[row]
     numbers: dict[str, float | None] = dict.fromkeys((*SUMMARY, "ess_bulk", "ess_tail", "r_hat"))
-    if item.free and posterior is not None and sampled is not None:
+    if parameter.free and posterior is not None and sampled is not None:
         convergence = sampled.convergence
-        numbers |= summaries(posterior.values[..., posterior.names.index(item.name)])
+        numbers |= summaries(posterior.values[..., posterior.names.index(parameter.name)])
         numbers |= {
-            "ess_bulk": convergence.ess_bulk[item.name],
-            "ess_tail": convergence.ess_tail[item.name],
-            "r_hat": convergence.r_hat[item.name],
+            "ess_bulk": convergence.ess_bulk[parameter.name],
+            "ess_tail": convergence.ess_tail[parameter.name],
+            "r_hat": convergence.r_hat[parameter.name],
         }
-    judged = judgements[item.name]
+    judged = judgements[parameter.name]
     return Estimate(
-        name=item.name,
-        unit=item.spec.unit,
-        label=item.spec.label,
-        meaning=item.spec.meaning,
-        prior=item.prior.text,
-        point=point.values[item.name],
+        name=parameter.name,
+        unit=parameter.spec.unit,
+        label=parameter.spec.label,
+        meaning=parameter.spec.meaning,
+        prior=parameter.prior.text,
+        point=point.values[parameter.name],
         contraction=judged.contraction,
         verdict=judged.verdict,
         reason=judged.reason,
@@ -161,7 +161,7 @@ def _estimate(
 
 
 def _fitted(problem: Problem, point: PointFit, posterior: Posterior | None) -> FittedModel:
-    names = tuple(item.name for item in problem.parameters)
+    names = tuple(parameter.name for parameter in problem.parameters)
     draws: FloatArray = np.empty((0, len(names)))
     if posterior is not None:
         columns = problem.all_values(thinned(posterior, KEPT_DRAWS))
@@ -195,7 +195,7 @@ def _sentence(status: RunStatus, diagnostics: Diagnostics | None, estimates: tup
         (Verdict.ONE_SIDED, "It bounds from one side only"),
         (Verdict.PRIOR_DOMINATED, "It does not tell"),
     ):
-        names = [item.name for item in estimates if item.verdict is verdict]
+        names = [estimate.name for estimate in estimates if estimate.verdict is verdict]
         if names:
             parts.append(f"{words} {', '.join(names)}.")
     return " ".join([head, *parts])

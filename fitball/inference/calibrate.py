@@ -33,10 +33,10 @@ def fingerprint(problem: Problem, effort: Effort) -> str:
         "table": problem.table.digest,
         "model": [problem.model.name, dict(problem.model.options)],
         "ball": [problem.model.ball.mass, problem.model.ball.radius, problem.model.ball.inertia],
-        "parameters": [[item.name, item.prior.text, item.fixed] for item in problem.parameters],
+        "parameters": [[parameter.name, parameter.prior.text, parameter.fixed] for parameter in problem.parameters],
         "contact_time": problem.contact_time,
         "noise": [[observable.name, observable.noise] for observable in problem.observables],
-        "levels": [[item.parameter, item.column, item.index.tolist()] for item in problem.pooling],
+        "levels": [[pooling.parameter, pooling.column, pooling.index.tolist()] for pooling in problem.pooling],
         "offsets": None
         if problem.group_bias is None
         else [problem.group_bias.column, problem.group_bias.index.tolist()],

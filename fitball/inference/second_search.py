@@ -32,20 +32,20 @@ def search_again(
     starts = _best_apart(draws, scores, point.log_posterior, count)
     if not starts.size:
         return squares, point, ()
-    found = higher_maximum(problem, point, problem.to_values(starts))
-    if found.log_posterior - point.log_posterior < NOTED:
-        return squares, found, ()
-    after = deeper(problem, squares, [found.values])
+    higher = higher_maximum(problem, point, problem.to_values(starts))
+    if higher.log_posterior - point.log_posterior < NOTED:
+        return squares, higher, ()
+    after = deeper(problem, squares, [higher.values])
     words = (
         f"the first search for the maximum of the posterior ended at log posterior {point.log_posterior:.2f}, below "
-        f"draws of the chains; searched again from the best of these it lies at {found.log_posterior:.2f}, and "
-        f"{_moves(problem, point, found)}"
+        f"draws of the chains; searched again from the best of these it lies at {higher.log_posterior:.2f}, and "
+        f"{_moves(problem, point, higher)}"
     )
     if after is not squares:
         words += f"; least squares fell from {squares.chi_square:.3g} to {after.chi_square:.3g}"
     if not sampled.converged:
         words += "; the ensembles, which began about the lower maximum, do not agree yet: let them run on"
-    return after, found, (words,)
+    return after, higher, (words,)
 
 
 def _best_apart(draws: FloatArray, scores: FloatArray, least: float, count: int) -> FloatArray:

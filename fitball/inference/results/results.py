@@ -291,7 +291,7 @@ class Fit:
     @property
     def parameters(self) -> Mapping[str, Estimate]:
         """Estimates by parameter name."""
-        return {item.name: item for item in self.estimates}
+        return {estimate.name: estimate for estimate in self.estimates}
 
     def predict(self, impacts: Impacts) -> Mapping[str, FloatArray]:
         """See `FittedModel.predict`."""

@@ -64,6 +64,6 @@ def printed_model() -> ThesisModel:
     return compose_thesis("thesis", Ball(), True, ThesisClosures("given", "table", "measured"))
 
 
-def relative_error(found: Any, printed: Any) -> Any:
+def relative_error(computed: Any, printed: Any) -> Any:
     """Deviation from a printed value in per cent of its size."""
-    return 100.0 * (np.asarray(found) - np.asarray(printed)) / np.abs(np.asarray(printed))
+    return 100.0 * (np.asarray(computed) - np.asarray(printed)) / np.abs(np.asarray(printed))

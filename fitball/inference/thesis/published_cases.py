@@ -51,9 +51,9 @@ def wang_rows(table: ImpactTable) -> NDArray[np.int64] | None:
     if len(table) > len(wang):
         return None
     mine, theirs = (
-        {"v_x1": item.impacts.v_x1, "v_y1": item.impacts.v_y1, "omega_1": item.impacts.omega_1}
-        | measured_outputs(item)
-        for item in (table, wang)
+        {"v_x1": data.impacts.v_x1, "v_y1": data.impacts.v_y1, "omega_1": data.impacts.omega_1}
+        | measured_outputs(data)
+        for data in (table, wang)
     )
     shared = [name for name in mine if name in theirs and name not in ("theta_2", "v_2")]
     apart = np.max([np.abs(mine[name][:, None] - theirs[name][None, :]) for name in shared], axis=0)
@@ -69,12 +69,12 @@ def case_errors(table: ImpactTable) -> dict[int, dict[str, FloatArray]]:
     known = measured_outputs(table)
     if rows is None or not set(NEEDED) <= known.keys():
         return {}
-    found = {}
+    errors = {}
     for case, by_spin in chapter_five_predictions().items():
         predicted = {name: np.concatenate([by_spin[spin][name] for spin in SPINS])[rows] for name in NEEDED}
         predicted["theta_2"] = np.arctan2(predicted["v_y2"], predicted["v_x2"])
-        found[case] = output_errors(known, predicted)
-    return found
+        errors[case] = output_errors(known, predicted)
+    return errors
 
 
 def compare_cases(table: ImpactTable, rebound: Rebound, given_columns: tuple[str, ...]) -> CaseComparison | None:
@@ -103,17 +103,17 @@ def chapter_five_predictions() -> dict[int, dict[str, dict[str, FloatArray]]]:
     """`v_x2`, `v_y2`, `theta_2`, `omega_2` (7,) by case and spin, with Chapter V's own `c_y` and mean restitution."""
     best, damping = thesis_table("table_9"), thesis_table("chapter_five_damping")
     chosen = printed_model()
-    found: dict[int, dict[str, dict[str, FloatArray]]] = {}
+    predictions: dict[int, dict[str, dict[str, FloatArray]]] = {}
     for row in best.to_dict("records"):
         case = int(row["case"])
-        found[case] = {}
+        predictions[case] = {}
         for spin in SPINS:
             printed = damping[(damping["case"] == case) & (damping["spin"] == spin)].iloc[0]
             values = case_parameters(
                 row["mass_ratio"], row["k_y [lb/in]"], row["i1_over_i"], printed["c_y [lb s/in]"]
             )
-            found[case][spin] = spin_predictions(chosen, values, spin, float(printed["cor"]))
-    return found
+            predictions[case][spin] = spin_predictions(chosen, values, spin, float(printed["cor"]))
+    return predictions
 
 
 def spin_predictions(
