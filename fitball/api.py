@@ -53,8 +53,9 @@ class Calibration(Fit):
         incident_covariance: FloatArray | None = None,
     ) -> NewPrediction:
         """See `new_impacts.predict_new`: the same numbers as from the fit when it is saved and read back."""
-        found = self.posterior
-        fitted = self.fitted if found is None else self.fitted.with_draws(found.names, thinned(found, DRAWS))
+        fitted, posterior = self.fitted, self.posterior
+        if posterior is not None:
+            fitted = fitted.with_draws(posterior.names, thinned(posterior, DRAWS))
         return predict_new(fitted, impacts, observed, seed, incident_covariance)
 
 
@@ -71,8 +72,8 @@ class Run:
 
     def fit(self, report: Report = lambda _stage, _progress: None) -> Calibration:
         """Fit. Raises as `inference.calibrate.run` does, on Ctrl-C with the chain kept."""
-        found = run(self.problem, self.effort, self.chain, self.resumes, report)
-        return Calibration(**{item.name: getattr(found, item.name) for item in fields(Fit)})
+        fit = run(self.problem, self.effort, self.chain, self.resumes, report)
+        return Calibration(**{field.name: getattr(fit, field.name) for field in fields(Fit)})
 
 
 def pose(
@@ -95,7 +96,7 @@ def pose(
     known = load_scene(sources[0], config) if scene is None else scene
     table = data if isinstance(data, ImpactTable) else load_tables(sources, known)
     named = None if force is None else os.fspath(force)
-    records, said = find_force([os.fspath(item) for item in sources], table, known, named)
+    records, said = find_force([os.fspath(source) for source in sources], table, known, named)
     averaged = None if records is None else build_records(records, known.force_start_sd)
     problem = build_problem(table, known, choices, averaged)
     if len(sources) > 1 and scene is None:

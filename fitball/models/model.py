@@ -92,9 +92,9 @@ class Model(ABC):
     def linear_constraints(self, impacts: Impacts) -> tuple[LinearConstraint, ...]:
         """What the model demands of its parameters at these impacts beside their bounds: a restitution in (0, 1]."""
         return tuple(
-            item
+            constraint
             for line in restitution_lines(self.parameter_names, impacts)
-            for item in (positive(line), LinearConstraint(line, 1.0))
+            for constraint in (positive(line), LinearConstraint(line, 1.0))
         )
 
     @property

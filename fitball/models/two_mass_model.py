@@ -120,7 +120,7 @@ class TwoMassModel(Model):
         if impacts.cor is not None and self.needs_cor:
             return (below_mass_ratio({}, float(impacts.cor.max())),)
         lines = restitution_lines(self.parameter_names, impacts)
-        return tuple(item for line in lines for item in (positive(line), below_mass_ratio(line)))
+        return tuple(constraint for line in lines for constraint in (positive(line), below_mass_ratio(line)))
 
     @property
     def oracle(self) -> Oracle | None:

@@ -162,7 +162,7 @@ class Rebound:
 
     def each(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Rebound:
         """The rebounds whose arrays `change` makes of these."""
-        return Rebound(*(change(getattr(self, item.name)) for item in fields(self)))
+        return Rebound(*(change(getattr(self, field.name)) for field in fields(self)))
 
     def take(self, impacts: NDArray[np.int64]) -> Rebound:
         """Those of some of the impacts."""
