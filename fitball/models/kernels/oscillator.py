@@ -77,13 +77,6 @@ def shift_swing(o: Oscillator[float], swing: Swing[float], t: float) -> Swing[fl
 
 
 @compiled
-def advance(o: Oscillator[Number], swing: Swing[Number], x: Number, v: Number) -> tuple[Number, Number]:
-    """Displacement and velocity of the free oscillator when it swings, from `x` and `v` at the start."""
-    c, s = swing.cosine, swing.sine
-    return x * c + (v + o.decay * x) * s, v * c - (o.decay * v + o.natural_squared * x) * s
-
-
-@compiled
 def resultant(oscillators: Oscillators[float]) -> float:
     """Product of the differences between the two pole pairs, free of cancellation [1/s^4]."""
     torsion, vertical = oscillators.torsion, oscillators.vertical
