@@ -21,7 +21,7 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit, thinned
 from fitball.inference.sampling.chain_file import ChainFile
 from fitball.inference.sampling.ensembles import Progress
-from fitball.report.fit.folder import CHAIN_NAME, prepare, write_all
+from fitball.report.fit.folder import CHAIN_NAME, prepare_folder, write_all
 from fitball.report.saved.saved_fit import SavedFit, read_fit
 from fitball.values import FloatArray, Impacts
 
@@ -40,7 +40,7 @@ class Calibration(Fit):
         Raises ResultFolderError.
         """
         path = Path(folder)
-        prepare(path, overwrite=overwrite, resume=False)
+        prepare_folder(path, overwrite=overwrite, resume=False)
         write_all(self, path)
         return path
 
@@ -108,10 +108,10 @@ def begin(problem: Problem, effort: Effort, folder: Path, *, overwrite: bool = F
     """A run whose chain is kept in a result folder, which is made. With `resume` it goes on with the chain there, if
     there is one.
 
-    Raises ParameterError before anything is touched, ResultFolderError as `folder.prepare` does.
+    Raises ParameterError before anything is touched, ResultFolderError as `folder.prepare_folder` does.
     """
     mark = fingerprint(problem, effort)
-    prepare(folder, overwrite=overwrite, resume=resume)
+    prepare_folder(folder, overwrite=overwrite, resume=resume)
     chain = None if effort.point_only else ChainFile(folder / CHAIN_NAME, mark)
     return Run(problem, effort, chain, resume and chain is not None and chain.path.exists())
 

@@ -27,7 +27,7 @@ from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.noise import KINDS, NORMAL, UNPROFILED, NoiseKind, noise_with
 from fitball.inference.problem.priors import parse_prior
 from fitball.models.specs import ParameterSpec
-from fitball.report.fit.folder import prepare, write_all
+from fitball.report.fit.folder import prepare_folder, write_all
 from fitball.report.saved.restore import restore
 from fitball.report.saved.saved_fit import read_fit
 
@@ -175,7 +175,7 @@ def test_a_new_kind_goes_through_point_fit_sampling_prediction_and_files(tmp_pat
     exponent = fit.parameters[EXPONENT]
     assert 0.6 <= exponent.q025 < exponent.q975 <= 4.0
     assert fit.identifiability.profiles_missing == UNPROFILED
-    prepare(tmp_path / "fit", overwrite=False, resume=False)
+    prepare_folder(tmp_path / "fit", overwrite=False, resume=False)
     write_all(fit, tmp_path / "fit")
     run = tomllib.loads((tmp_path / "fit" / "run.toml").read_text("utf-8"))
     assert run["measurement"]["distribution"] == TOY.name

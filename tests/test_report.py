@@ -25,7 +25,7 @@ from fitball.errors import ResultFolderError
 from fitball.report.figures import arrays
 from fitball.report.figures.predictive import predictive_figure
 from fitball.report.fit.balance_table import balance_table
-from fitball.report.fit.folder import prepare, write_all
+from fitball.report.fit.folder import prepare_folder, write_all
 from fitball.report.fit.summary import parameter_rows, prediction_table, thesis_rows
 from fitball.report.fit.terminal import render, render_json
 from fitball.report.form.display_units import HANDY, THESIS
@@ -119,14 +119,14 @@ def test_the_same_fit_gives_the_same_files(fit, folder, tmp_path):
 
 def test_folder_is_refused_or_replaced(fit, folder, tmp_path):
     with pytest.raises(ResultFolderError, match="--overwrite"):
-        prepare(folder, overwrite=False, resume=False)
-    prepare(folder, overwrite=False, resume=True)
+        prepare_folder(folder, overwrite=False, resume=False)
+    prepare_folder(folder, overwrite=False, resume=True)
     file = tmp_path / "file"
     file.write_text("x", encoding="utf-8")
     with pytest.raises(ResultFolderError, match="is a file"):
-        prepare(file, overwrite=False, resume=False)
+        prepare_folder(file, overwrite=False, resume=False)
     with pytest.raises(ResultFolderError, match="cannot be made"):
-        prepare(file / "below", overwrite=False, resume=False)
+        prepare_folder(file / "below", overwrite=False, resume=False)
 
 
 def test_an_interrupted_writing_leaves_no_fit_json(fit, folder, tmp_path, monkeypatch, without_figures):

@@ -24,7 +24,7 @@ from fitball.report.saved.saved_fit import FIT_NAME, POSTERIOR_NAME
 CHAIN_NAME = "posterior.h5"
 
 
-def prepare(folder: Path, *, overwrite: bool, resume: bool) -> None:
+def prepare_folder(folder: Path, *, overwrite: bool, resume: bool) -> None:
     """Make the folder, or refuse.
 
     Raises ResultFolderError when it cannot be made or written, or when it holds an older result and neither
