@@ -70,8 +70,8 @@ class ImpulseModel(Model):
         flat = (column.reshape(-1, count) for column in columns)
         out, _regime, status = self._bounce(names, rows.reshape(-1, values.shape[1]), *flat)
         slopes = np.full((draws, count, len(OUTPUTS), moves), np.nan)
-        found = np.where(status == Status.OK, np.imag(out) / STEP, np.nan).reshape(3, moves, draws, count)
-        slopes[:, :, :3] = found.transpose(2, 3, 0, 1)
+        rates = np.where(status == Status.OK, np.imag(out) / STEP, np.nan).reshape(3, moves, draws, count)
+        slopes[:, :, :3] = rates.transpose(2, 3, 0, 1)
         return ReboundJacobian(
             rebound=self.evaluate(names, values, impacts),
             names=chosen,

@@ -25,15 +25,15 @@ Columns = Mapping[str, FloatArray]
 
 def observable_slopes(problem: Problem, observable: Observable, rebound: Rebound, slopes: Slopes) -> FloatArray:
     """Derivatives (draws, impacts, free) of what is measured in an observable, the bias of its group included."""
-    found = observable.column.slopes(rebound, slopes)
+    derivatives = observable.column.slopes(rebound, slopes)
     if problem.group_bias is None:
-        return found
-    found = found.copy()
+        return derivatives
+    derivatives = derivatives.copy()
     for place, label in enumerate(problem.group_bias.labels):
         name = problem.group_bias.name(observable.name, label)
         if name in problem.free_names:
-            found[:, problem.group_bias.index == place, problem.free_names.index(name)] += 1.0
-    return found
+            derivatives[:, problem.group_bias.index == place, problem.free_names.index(name)] += 1.0
+    return derivatives
 
 
 def deviation_slopes(
@@ -69,9 +69,9 @@ def residual_slopes(problem: Problem, coordinates: FloatArray, weighting: Weight
     if problem.contact_time is not None:
         rows.append(slopes["contact_time"].mean(axis=1, keepdims=True) / problem.contact_time[1])
     if weighting.penalised:
-        for k, item in enumerate(problem.free):
-            if item.prior.normal and item.name not in NOISE_SPECS:
-                unit = np.eye(problem.dimension)[k] / item.prior.b
+        for k, parameter in enumerate(problem.free):
+            if parameter.prior.normal and parameter.name not in NOISE_SPECS:
+                unit = np.eye(problem.dimension)[k] / parameter.prior.b
                 rows.append(np.broadcast_to(unit, (coordinates.shape[0], 1, unit.size)))
     stacked = np.concatenate(rows, axis=1)
     impossible = np.any(rebound.status, axis=1) | ~np.all(np.isfinite(stacked), axis=(1, 2))

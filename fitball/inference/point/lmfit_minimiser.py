@@ -56,16 +56,16 @@ class Minimiser:
     def __init__(self, problem: Problem, weighting: Weighting) -> None:
         self.problem = problem
         self.weighting = weighting
-        self.columns = [k for k, item in enumerate(problem.free) if item.name not in NOISE_SPECS]
-        self.walls = [item for item in problem.linear_constraints if item.lower_bound_of in problem.free_names]
+        self.columns = [k for k, parameter in enumerate(problem.free) if parameter.name not in NOISE_SPECS]
+        self.walls = [wall for wall in problem.linear_constraints if wall.lower_bound_of in problem.free_names]
         self.walled: int | None = None
         if self.walls:
             self.walled = problem.free_names.index(self.walls[0].lower_bound_of)
-            item = problem.free[self.walled]
+            parameter = problem.free[self.walled]
             # The parameter lies between the wall, or this if it is higher, and this.
-            self.lowest, self.highest = item.spec.lower, item.spec.upper
+            self.lowest, self.highest = parameter.spec.lower, parameter.spec.upper
             if weighting.penalised:
-                self.lowest, self.highest = item.prior.value(np.array(item.prior.support))
+                self.lowest, self.highest = parameter.prior.value(np.array(parameter.prior.support))
         self.evaluations = 0
 
     def wall(self, values: FloatArray) -> FloatArray:
@@ -79,10 +79,10 @@ class Minimiser:
         columns = self.problem.all_values(values)
         lines = [
             sum(
-                (factor * columns[name] for name, factor in item.coefficients.items() if name != item.lower_bound_of),
-                np.full(values.shape[0], -item.bound),
+                (factor * columns[name] for name, factor in wall.coefficients.items() if name != wall.lower_bound_of),
+                np.full(values.shape[0], -wall.bound),
             )
-            for item in self.walls
+            for wall in self.walls
         ]
         return np.array(lines)
 
@@ -104,9 +104,9 @@ class Minimiser:
         """Free values (draws, free) for coordinates (draws, fitted) of the parameters fitted here."""
         full = np.empty((coordinates.shape[0], self.problem.dimension))
         full[:, self.columns] = coordinates
-        for k, item in enumerate(self.problem.free):
+        for k, parameter in enumerate(self.problem.free):
             if k not in self.columns:
-                full[:, k] = item.prior.coordinate(np.array([self.weighting.noise[item.name]]))
+                full[:, k] = parameter.prior.coordinate(np.array([self.weighting.noise[parameter.name]]))
         values = self.problem.to_values(full)
         if self.walled is not None:
             wall = self.wall(values)
@@ -135,30 +135,29 @@ class Minimiser:
 
     def residual(self, parameters: lmfit.Parameters) -> FloatArray:
         """What lmfit minimises."""
-        found = self.at(np.array([[item.value for item in parameters.values()]]))
-        row: FloatArray = found[0]
+        row: FloatArray = self.at(np.array([[parameter.value for parameter in parameters.values()]]))[0]
         return row
 
     def jacobian(self, parameters: lmfit.Parameters) -> FloatArray:
         """Derivatives (residuals, fitted): exact; where there are none, differences, central but one-sided at a bound
         and on tables of many rows.
         """
-        x = np.array([item.value for item in parameters.values()])
+        x = np.array([parameter.value for parameter in parameters.values()])
         if differentiable(self.problem):
             self.evaluations += 1
             coordinates, chain = self._with_chain(x)
             return np.asarray(residual_slopes(self.problem, coordinates, self.weighting)[0] @ chain)
-        low = np.array([item.min for item in parameters.values()])
-        high = np.array([item.max for item in parameters.values()])
+        low = np.array([parameter.min for parameter in parameters.values()])
+        high = np.array([parameter.max for parameter in parameters.values()])
         step = DIFFERENCE * np.maximum(np.abs(x), self.scale())
         up, down = np.minimum(x + step, high), np.maximum(x - step, low)
         if len(self.problem.impacts) > ONE_SIDED:
             up, down = np.where(up > x, up, down), x
-            found = self.at(np.concatenate([x + np.diag(up - x), x[None, :]]))
-            return np.asarray((found[:-1] - found[-1]) / (up - down)[:, None]).T
+            residuals = self.at(np.concatenate([x + np.diag(up - x), x[None, :]]))
+            return np.asarray((residuals[:-1] - residuals[-1]) / (up - down)[:, None]).T
         batch = np.concatenate([x + np.diag(up - x), x - np.diag(x - down)])
-        found = self.at(batch)
-        slopes: FloatArray = (found[: x.size] - found[x.size :]) / (up - down)[:, None]
+        residuals = self.at(batch)
+        slopes: FloatArray = (residuals[: x.size] - residuals[x.size :]) / (up - down)[:, None]
         return slopes.T
 
     def _with_chain(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -171,7 +170,9 @@ class Minimiser:
             return coordinates, chain
         place = self.columns.index(self.walled)
         # The walled value is wall + (highest - wall) x; values are differentiated as coordinates are, by `rate`.
-        rate = np.array([values[0, k] if item.prior.log else 1.0 for k, item in enumerate(self.problem.free)])
+        rate = np.array(
+            [values[0, k] if parameter.prior.log else 1.0 for k, parameter in enumerate(self.problem.free)]
+        )
         chain[self.walled] = self._wall_slopes(values)[self.columns] * rate[self.columns] * (1.0 - x[place])
         chain[self.walled, place] = self.highest - self.wall(values)[0]
         chain[self.walled] /= rate[self.walled]
@@ -181,11 +182,11 @@ class Minimiser:
         """Derivatives (free,) of the wall with respect to free values (1, free)."""
         lines = self._lines(values)[:, 0]
         active = self.walls[int(np.argmax(lines))]
-        found = np.zeros(self.problem.dimension)
+        slopes = np.zeros(self.problem.dimension)
         if np.max(lines) * (1.0 + HAIR) > self.lowest:
             for k, name in enumerate(self.problem.free_names):
-                found[k] = active.coefficients.get(name, 0.0) * (1.0 + HAIR)
-        return found
+                slopes[k] = active.coefficients.get(name, 0.0) * (1.0 + HAIR)
+        return slopes
 
     def beside_the_end(self, x: FloatArray) -> list[bool]:
         """Whether the model ends a difference step away from a point (fitted,), by fitted parameter."""
@@ -213,13 +214,13 @@ class Minimiser:
 
     def floor(self) -> FloatArray:
         """Coordinates (fitted,) below which a positive parameter has vanished; -inf where there is no such place."""
-        found = []
+        floors = []
         for k in self.columns:
             prior = self.problem.free[k].prior
             median = float(prior.quantile(np.array([0.5]))[0])
             open_below = prior.log and prior.lower <= 0.0 and k != self.walled
-            found.append(np.log(VANISHED * median) if open_below else -np.inf)
-        return np.array(found)
+            floors.append(np.log(VANISHED * median) if open_below else -np.inf)
+        return np.array(floors)
 
     def run(self, start: FloatArray) -> Minimum:
         """Gauss-Newton steps in a trust region from `start` (fitted,).
@@ -229,11 +230,11 @@ class Minimiser:
         go astray.
         """
         low = self.limits()[0]
-        found = self._run(start, low)
+        minimum = self._run(start, low)
         floor = self.floor()
-        if np.all(found.at >= floor):
-            return found
-        return self._run(np.maximum(found.at, floor), np.maximum(low, floor))
+        if np.all(minimum.at >= floor):
+            return minimum
+        return self._run(np.maximum(minimum.at, floor), np.maximum(low, floor))
 
     def _run(self, start: FloatArray, low: FloatArray) -> Minimum:
         many = len(self.problem.impacts) > ONE_SIDED
@@ -248,7 +249,7 @@ class Minimiser:
                 gtol=None,
                 max_nfev=100,
             )
-        at = np.array([item.value for item in result.params.values()])
+        at = np.array([parameter.value for parameter in result.params.values()])
         count = int(result.ndata)
         # Where no neighbour of the start can be evaluated a search leads nowhere.
         return Minimum(float(result.chisqr), at, count) if np.all(np.isfinite(at)) else Minimum(np.inf, start, count)
@@ -259,12 +260,12 @@ def minima(problem: Problem, weighting: Weighting, starts: FloatArray) -> tuple[
     minimiser = Minimiser(problem, weighting)
     low, high = minimiser.limits()
     fitted = np.minimum(np.maximum(minimiser.to_fitted(starts), low), high)
-    found = sorted((minimiser.run(start) for start in fitted), key=lambda item: item.chi_square)
+    reached = sorted((minimiser.run(start) for start in fitted), key=lambda minimum: minimum.chi_square)
     distinct: list[Minimum] = []
-    for item in found:
-        apart = [np.max(np.abs(item.at - other.at) / minimiser.scale()) > SAME_OPTIMUM for other in distinct]
-        if all(apart) and item.possible:
-            distinct.append(item)
+    for minimum in reached:
+        apart = [np.max(np.abs(minimum.at - other.at) / minimiser.scale()) > SAME_OPTIMUM for other in distinct]
+        if all(apart) and minimum.possible:
+            distinct.append(minimum)
     return distinct, minimiser.evaluations
 
 
@@ -275,7 +276,7 @@ def simplex(cost: Callable[[FloatArray], float], dimension: int, size: float, to
         parameters.add(f"x{k}", value=0.0)
     corners = np.vstack([np.zeros(dimension), size * np.eye(dimension)])
     result = lmfit.Minimizer(
-        lambda given: cost(np.array([item.value for item in given.values()])), parameters
+        lambda given: cost(np.array([parameter.value for parameter in given.values()])), parameters
     ).scalar_minimize(
         method="Nelder-Mead",
         options={
@@ -286,4 +287,4 @@ def simplex(cost: Callable[[FloatArray], float], dimension: int, size: float, to
             "fatol": tolerance,
         },
     )
-    return np.array([item.value for item in result.params.values()])
+    return np.array([parameter.value for parameter in result.params.values()])

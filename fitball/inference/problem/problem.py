@@ -61,17 +61,17 @@ class Problem:
     @cached_property
     def free(self) -> tuple[Parameter, ...]:
         """Parameters the data may move, in order."""
-        return tuple(item for item in self.parameters if item.free)
+        return tuple(parameter for parameter in self.parameters if parameter.free)
 
     @cached_property
     def free_names(self) -> tuple[str, ...]:
         """Their names."""
-        return tuple(item.name for item in self.free)
+        return tuple(parameter.name for parameter in self.free)
 
     @cached_property
     def model_names(self) -> tuple[str, ...]:
         """Names of all parameters that the model itself takes."""
-        return tuple(item.name for item in self.parameters if item.name in self.model.specs)
+        return tuple(parameter.name for parameter in self.parameters if parameter.name in self.model.specs)
 
     @property
     def dimension(self) -> int:
@@ -81,7 +81,7 @@ class Problem:
     @cached_property
     def prior(self) -> JointPrior:
         """The priors of all free parameters together."""
-        return JointPrior(tuple(item.prior for item in self.free))
+        return JointPrior(tuple(parameter.prior for parameter in self.free))
 
     def to_values(self, coordinates: NumberArray) -> NumberArray:
         """Values (draws, free) in SI of coordinates (draws, free)."""
@@ -94,9 +94,9 @@ class Problem:
     def all_values(self, values: NumberArray) -> Mapping[str, NumberArray]:
         """Every parameter by name, free and fixed, as (draws,)."""
         columns = {name: values[:, k] for k, name in enumerate(self.free_names)}
-        for item in self.parameters:
-            if item.fixed is not None:
-                columns[item.name] = np.full(values.shape[0], item.fixed)
+        for parameter in self.parameters:
+            if parameter.fixed is not None:
+                columns[parameter.name] = np.full(values.shape[0], parameter.fixed)
         return columns
 
     @cached_property
@@ -104,9 +104,9 @@ class Problem:
         """What the model demands of its parameters at the table's impacts; of those that differ between levels
         nothing is said here, the model's own refusal bounds them.
         """
-        pooled = {item.parameter for item in self.pooling}
-        found = self.model.linear_constraints(self.impacts)
-        return tuple(item for item in found if not pooled & item.coefficients.keys())
+        pooled = {pooling.parameter for pooling in self.pooling}
+        constraints = self.model.linear_constraints(self.impacts)
+        return tuple(constraint for constraint in constraints if not pooled & constraint.coefficients.keys())
 
     @cached_property
     def groups(self) -> tuple[str, ...] | None:
@@ -132,27 +132,27 @@ class Problem:
         """Rebounds (draws, impacts) of impacts that meet the surface and ball of the table's `rows` (impacts,)."""
         if not self.pooling:
             return self._evaluate(columns, impacts)
-        found, order = [], []
+        rebounds, order = [], []
         for mine, own in self._blocks(columns, rows):
             made = self._evaluate({**columns, **own}, impacts.take(mine))
-            for item in self.pooling:
-                made.status[item.outside(own[item.parameter])] = Status.LEVEL_OUT_OF_BOUNDS
-            found.append(made)
+            for pooling in self.pooling:
+                made.status[pooling.outside(own[pooling.parameter])] = Status.LEVEL_OUT_OF_BOUNDS
+            rebounds.append(made)
             order.append(mine)
         back = np.argsort(np.concatenate(order), kind="stable")
-        return Rebound.joined(found, axis=1).take(back)
+        return Rebound.joined(rebounds, axis=1).take(back)
 
     def slopes_like(
         self, columns: Mapping[str, FloatArray], impacts: Impacts, rows: NDArray[np.int64]
     ) -> Mapping[str, FloatArray]:
         """Derivatives (draws, impacts, 3) of each output of such rebounds with respect to the incident state."""
-        found, order = [], []
+        derivatives, order = [], []
         for mine, own in self._blocks(columns, rows):
             values = self._model_rows({**columns, **own})
-            found.append(self.model.jacobian(self.model_names, values, impacts.take(mine), ()).inputs)
+            derivatives.append(self.model.jacobian(self.model_names, values, impacts.take(mine), ()).inputs)
             order.append(mine)
         back = np.argsort(np.concatenate(order), kind="stable")
-        return by_output(np.concatenate(found, axis=1)[:, back])
+        return by_output(np.concatenate(derivatives, axis=1)[:, back])
 
     def differentiated(self, coordinates: FloatArray) -> tuple[Rebound, dict[str, FloatArray]]:
         """Rebounds (draws, impacts) of the table's impacts at `coordinates` (draws, free), and of each output the
@@ -163,37 +163,37 @@ class Problem:
         """
         values = self.to_values(coordinates)
         columns = self.all_values(values)
-        levelled = {item.parameter for item in self.pooling}
+        levelled = {pooling.parameter for pooling in self.pooling}
         acting = [name for name in self.model_names if name in self.free_names or name in levelled]
         alone = {name: self.free_names.index(name) for name in acting if name not in levelled}
         own_names = {
             name
-            for item in self.pooling
-            for name in (item.parameter, item.spread_name, *map(item.place_name, item.labels))
+            for pooling in self.pooling
+            for name in (pooling.parameter, pooling.spread_name, *map(pooling.place_name, pooling.labels))
         }
         moved = {
             k: self.all_values(self.to_values(coordinates + 1j * STEP * np.eye(self.dimension)[k]))
             for k, name in enumerate(self.free_names)
             if name in own_names
         }
-        rates = np.where([item.prior.log for item in self.free], values, 1.0)
+        rates = np.where([parameter.prior.log for parameter in self.free], values, 1.0)
         rebound = None
         slopes = np.zeros((values.shape[0], len(self.impacts), len(OUTPUTS), self.dimension))
         for mine, own in self._blocks(columns, np.arange(len(self.impacts))):
             rows = self._model_rows({**columns, **own})
             impacts = self.impacts.take(mine) if self.pooling else self.impacts
-            found = self.model.jacobian(self.model_names, rows, impacts, acting)
-            rebound = found.rebound
+            jacobian = self.model.jacobian(self.model_names, rows, impacts, acting)
+            rebound = jacobian.rebound
             for place, name in enumerate(acting):
                 if name in alone:
                     k = alone[name]
-                    slopes[..., k][:, mine] = rates[:, k, None, None] * found.parameters[..., place]
+                    slopes[..., k][:, mine] = rates[:, k, None, None] * jacobian.parameters[..., place]
             for k, there in moved.items():
                 _, levels = next(self._blocks(there, mine[:1]))
                 for name in levelled:
                     rate = levels[name].imag / STEP
                     if np.any(rate):
-                        slopes[..., k][:, mine] += rate[:, None, None] * found.parameters[..., acting.index(name)]
+                        slopes[..., k][:, mine] += rate[:, None, None] * jacobian.parameters[..., acting.index(name)]
         whole = rebound if rebound is not None and not self.pooling else self.rebound(values)
         return whole, by_output(slopes)
 
@@ -201,11 +201,11 @@ class Problem:
         self, columns: Mapping[str, FloatArray], draws: NDArray[np.int64], rows: NDArray[np.int64]
     ) -> Mapping[str, FloatArray]:
         """The parameters with which each of `draws` meets the one impact of the table that `rows` names beside it."""
-        found = {name: column[draws] for name, column in columns.items()}
-        for item in self.pooling:
-            by_level = np.stack([item.value(columns, label) for label in item.labels])
-            found[item.parameter] = by_level[item.index[rows], draws]
-        return found
+        values = {name: column[draws] for name, column in columns.items()}
+        for pooling in self.pooling:
+            by_level = np.stack([pooling.value(columns, label) for label in pooling.labels])
+            values[pooling.parameter] = by_level[pooling.index[rows], draws]
+        return values
 
     def linearised(
         self, columns: Mapping[str, FloatArray], impacts: OwnImpacts
@@ -213,8 +213,8 @@ class Problem:
         """Rebounds (draws, impacts) for parameters as they are, with derivatives (draws, impacts, 3) of each output
         with respect to the incident state.
         """
-        found = self.model.jacobian(self.model_names, self._model_rows(columns), impacts, ())
-        return found.rebound, by_output(found.inputs)
+        jacobian = self.model.jacobian(self.model_names, self._model_rows(columns), impacts, ())
+        return jacobian.rebound, by_output(jacobian.inputs)
 
     def force_integrals(
         self,
@@ -225,18 +225,20 @@ class Problem:
         count: int,
     ) -> tuple[NumberArray, NumberArray, NumberArray]:
         """See `Model.force_integrals`, for the table's impacts `rows`; `columns` may be complex."""
-        found = None
+        integrals = None
         for mine, own in self._blocks(columns, rows):
             values = self._model_rows({**columns, **own})
             impacts = self.impacts.take(rows[mine])
             parts = self.model.force_integrals(
                 self.model_names, values, impacts, first[:, mine], spacing[mine], count
             )
-            found = found or tuple(np.empty((len(values), len(rows), *part.shape[2:]), part.dtype) for part in parts)
-            for whole, part in zip(found, parts, strict=True):
+            integrals = integrals or tuple(
+                np.empty((len(values), len(rows), *part.shape[2:]), part.dtype) for part in parts
+            )
+            for whole, part in zip(integrals, parts, strict=True):
                 whole[:, mine] = part
-        assert found is not None
-        return found[0], found[1], found[2]
+        assert integrals is not None
+        return integrals[0], integrals[1], integrals[2]
 
     def _blocks(
         self, columns: Mapping[str, FloatArray], rows: NDArray[np.int64]
@@ -245,11 +247,14 @@ class Problem:
         if not self.pooling:
             yield np.arange(len(rows)), {}
             return
-        keys = np.stack([item.index[rows] for item in self.pooling])
+        keys = np.stack([pooling.index[rows] for pooling in self.pooling])
         distinct, which = np.unique(keys, axis=1, return_inverse=True)
         for k, key in enumerate(distinct.T):
-            labels = [item.labels[place] for item, place in zip(self.pooling, key, strict=True)]
-            own = {item.parameter: item.value(columns, name) for item, name in zip(self.pooling, labels, strict=True)}
+            labels = [pooling.labels[place] for pooling, place in zip(self.pooling, key, strict=True)]
+            own = {
+                pooling.parameter: pooling.value(columns, name)
+                for pooling, name in zip(self.pooling, labels, strict=True)
+            }
             yield np.flatnonzero(which.ravel() == k), own
 
     def _model_rows(self, columns: Mapping[str, FloatArray]) -> FloatArray:
@@ -263,8 +268,8 @@ class Problem:
 
     def deviation(self, columns: Mapping[str, FloatArray], observable: Observable, rebound: Rebound) -> FloatArray:
         """Measured less predicted (draws, impacts), the bias of the impact's group taken off."""
-        found = observable.observed - observable.predict(rebound)
+        gap = observable.observed - observable.predict(rebound)
         if self.group_bias is None:
-            return found
+            return gap
         bias = self.group_bias.offset(columns, observable.name)
-        return found - (bias if observable.rows is None else bias[:, observable.rows])
+        return gap - (bias if observable.rows is None else bias[:, observable.rows])
