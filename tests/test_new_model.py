@@ -9,7 +9,9 @@ import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
+from importlib.resources import files
 
+import jsonschema
 import numba
 import numpy as np
 import pytest
@@ -126,7 +128,10 @@ def test_export_writes_it_in_python_and_in_c(folder, tmp_path):
 
 def test_export_tells_its_own_parameters(folder, tmp_path):
     assert main(["export", str(folder), "--to", "json", "--out", str(tmp_path / "toy.json")]) == 0
-    exported = json.loads((tmp_path / "toy.json").read_text("utf-8"))["parameters"]
+    content = json.loads((tmp_path / "toy.json").read_text("utf-8"))
+    schema = json.loads((files("fitball.export") / "parameters.schema.json").read_text("utf-8"))
+    jsonschema.validate(content, schema)
+    exported = content["parameters"]
     assert {name for name, item in exported.items() if item["role"] == "model"} == {"e_y", "e_x", "drag"}
     assert main(["export", str(folder), "--to", "latex", "--out", str(tmp_path / "toy.tex")]) == 0
     assert "$d$" in (tmp_path / "toy.tex").read_text("utf-8")

@@ -11,13 +11,14 @@ import pytest
 
 import fitball
 from fitball.data.columns import REBOUND
+from fitball.data.redundancy import independent
 from fitball.data.scene import Scene
 from fitball.data.scene_limits import RANGES
 from fitball.data.units import UNITS
 from fitball.inference.prediction.outputs import OUTPUTS as COMPARED_OUTPUTS
 from fitball.models.jacobian import INPUTS, by_output
 from fitball.models.types import OUTPUTS, Rebound
-from fitball.observables import COMPARED, INCIDENT_UNITS, NOISE_OF, OBSERVABLES, SHARED_SD
+from fitball.observables import COMPARED, INCIDENT_UNITS, NOISE_OF, OBSERVABLES, SHARED_SD, VELOCITIES
 from fitball.report.form.display_units import output_scale
 from fitball.report.saved.fit_file import GoldenImpacts, GoldenRebound
 
@@ -49,6 +50,11 @@ def test_derivatives_are_those_of_the_prediction(name):
         move[place] = step
         ends = [item.predict(model.evaluate(names, values, fitball.impacts(*(state + s * move)))) for s in (1, -1)]
         np.testing.assert_allclose(slopes[..., place], (ends[0] - ends[1]) / (2.0 * step), rtol=1e-5, atol=1e-9)
+
+
+def test_no_column_of_the_velocity_is_left_out_where_it_stands_alone():
+    for name in VELOCITIES:
+        assert independent([name], "2") == (name,)
 
 
 def test_files_and_scenes_know_every_column():

@@ -42,8 +42,9 @@ def render(fit: Fit, folder: Path) -> str:
         for row in rows
     ]
     parts += columns([heads, *body], left=2)
-    parts += ["", "Point: maximum of the posterior density. In the thesis's units:", ""]
     thesis = thesis_rows(fit)
+    also = " In the thesis's units:" if thesis else ""
+    parts += ["", f"Point: maximum of the posterior density.{also}", ""]
     if thesis:
         lines = [[row.name, row.unit, row.median, row.interval_68, row.interval_95, row.point] for row in thesis]
         parts += columns([heads[:6], *lines], left=2)
