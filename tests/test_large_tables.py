@@ -115,7 +115,7 @@ def test_a_part_of_a_large_table_counts_for_the_whole(monkeypatch):
 
 @pytest.fixture
 def evaluated(monkeypatch):
-    """Draws times impacts of every evaluation of a model."""
+    """Draws times impacts of every evaluation of a model, derivatives counted with it."""
     sizes = []
     original = Problem._evaluate
 
@@ -123,7 +123,14 @@ def evaluated(monkeypatch):
         sizes.append(len(next(iter(columns.values()))) * len(impacts))
         return original(problem, columns, impacts)
 
+    whole = Problem.differentiated
+
+    def differentiated(problem, coordinates):
+        sizes.append(len(coordinates) * len(problem.impacts) * (1 + problem.dimension))
+        return whole(problem, coordinates)
+
     monkeypatch.setattr(Problem, "_evaluate", counted)
+    monkeypatch.setattr(Problem, "differentiated", differentiated)
     return sizes
 
 
