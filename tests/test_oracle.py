@@ -8,26 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from oracle_case import AS_THE_THESIS, BALL, DEFAULT, PARAMETERS
 
 from fitball.models.oracle.oracle import oracle_rebound, oracle_rebound_mp
 from fitball.models.types import Closures, Phase, Rebound, Status, unpack_regime
-from fitball.values import Ball, Impacts, impacts
+from fitball.values import Impacts, impacts
 
-BALL = Ball()
-DEFAULT = Closures("zero_force", "momentum", "contact", "mean", "tied", "matched", "line")
-AS_THE_THESIS = Closures("zero_displacement", "inner", "grip", "shell", "tied", "matched", "line")
-PARAMETERS = {
-    "mass_ratio": 0.8,
-    "k_y": 4e4,
-    "k_theta": 60.0,
-    "mu": 0.55,
-    "eps_10": 2e-3,
-    "eps_slope": 1e-4,
-    "cor_10": 0.75,
-    "cor_slope": -0.01,
-    "zeta_theta": 0.3,
-    "inertia_split": 0.5,
-}
 MIRRORED = {Phase.SLIDE_FORWARD: Phase.SLIDE_BACKWARD, Phase.SLIDE_BACKWARD: Phase.SLIDE_FORWARD}
 Case = tuple[Closures, dict[str, float], Impacts]
 

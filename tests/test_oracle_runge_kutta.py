@@ -14,27 +14,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from oracle_case import AS_THE_THESIS, BALL, DEFAULT, PARAMETERS
 from scipy.integrate import solve_ivp
 
 from fitball.models.oracle.oracle import oracle_rebound
 from fitball.models.types import Closures, Phase, unpack_regime
-from fitball.values import Ball, Impacts, impacts
-
-BALL = Ball()
-DEFAULT = Closures("zero_force", "momentum", "contact", "mean", "tied", "matched", "line")
-AS_THE_THESIS = Closures("zero_displacement", "inner", "grip", "shell", "tied", "matched", "line")
-PARAMETERS = {
-    "mass_ratio": 0.8,
-    "k_y": 4e4,
-    "k_theta": 60.0,
-    "mu": 0.55,
-    "eps_10": 2e-3,
-    "eps_slope": 1e-4,
-    "cor_10": 0.75,
-    "cor_slope": -0.01,
-    "zeta_theta": 0.3,
-    "inertia_split": 0.5,
-}
+from fitball.values import Impacts, impacts
 
 
 def runge_kutta(

@@ -28,7 +28,7 @@ WEAK = "strong prior / weak likelihood"
 
 
 def power_evidence(problem: Problem, posterior: Posterior) -> dict[str, PowerEvidence]:
-    """The look at every free parameter, in the coordinate of its prior, on a few thousand draws."""
+    """The evidence on every free parameter, in the coordinate of its prior, on a few thousand draws."""
     values = thinned(posterior, DRAWS)
     coordinates = problem.to_coordinates(values)
     density = densities(problem, values)

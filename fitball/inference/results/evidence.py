@@ -124,7 +124,7 @@ class PowerEvidence:
     diagnosis: str
 
 
-# Impacts of a look that are named, however long the table.
+# Impacts of one kind of evidence that are named, however long the table.
 NAMED = 40
 
 
@@ -146,7 +146,7 @@ class ActiveImpacts:
 
 @dataclass(frozen=True)
 class Evidence:
-    """All that is known of how well one parameter is known; None where a look was not possible.
+    """All that is known of how well one parameter is known; None where a kind of evidence could not be had.
 
     `alone` is the profile without the scene's contact time, for parameters that it touches. `disagreement` says in
     words where two evidence differ and why, "" where they agree.
