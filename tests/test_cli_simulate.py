@@ -32,6 +32,7 @@ def solved():
     return {example.name: run_example(example) for example in EXAMPLES}
 
 
+@pytest.mark.slow
 def test_one_impact_to_files_and_json(tmp_path, capsys):
     out, table = tmp_path / "one", tmp_path / "courses.csv"
     assert main(["simulate", "--impact", IMPACT, "--out", str(out), "--json", "--csv", str(table)]) == 0

@@ -166,6 +166,7 @@ def test_the_likelihood_of_a_new_kind_written_out():
     np.testing.assert_allclose(log_likelihood(problem, values, rebound), expected, rtol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("registered")
 def test_a_new_kind_goes_through_point_fit_sampling_prediction_and_files(tmp_path):
     fit = fitball.calibrate("wang_zero_spin.csv", "grip-slip", noise=TOY.name, seed=3, max_steps=150, cores=1)

@@ -194,6 +194,7 @@ def test_impossible_values_are_named():
     assert (batch.status == Status.COR_OUT_OF_RANGE).all()
 
 
+@pytest.mark.slow
 def test_it_can_be_calibrated_and_says_what_it_is():
     fit = fitball.calibrate("wang_all.csv", model="thesis", point_only=True)
     assert any("no rival" in note for note in fit.problem.notes)
