@@ -35,10 +35,12 @@ class PaperRow:
     mark: str
 
 
-MARKS = {Verdict.PRIOR_DOMINATED: "a", Verdict.ONE_SIDED: "b"}
+MARKS = {Verdict.PRIOR_DOMINATED: "a", Verdict.ONE_SIDED: "b", Verdict.GIVEN: "c", Verdict.CONDITIONAL: "d"}
 NOTES = {
     "a": "set by what was assumed beforehand rather than by the impacts",
     "b": "bounded by the impacts from one side only",
+    "c": "rests on assumptions that the impacts cannot test",
+    "d": "only if the model were right, which does not describe the impacts",
 }
 
 

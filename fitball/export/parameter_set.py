@@ -67,6 +67,8 @@ def _parameter(parameter: SavedParameter) -> dict[str, Any]:
         "verdict": str(parameter.verdict),
         "prior": parameter.prior,
     }
+    if parameter.given:
+        content["given"] = list(parameter.given)
     content |= {name: getattr(parameter, name) for name in NUMBERS if getattr(parameter, name) is not None}
     scale = THESIS.get(parameter.name)
     if scale is not None:
@@ -88,7 +90,7 @@ def parameter_table(saved: SavedFit) -> str:
         scale = THESIS.get(parameter.name)
         row: dict[str, object] = {"parameter": parameter.name, "role": role(parameter.name), "unit": parameter.unit}
         row |= {name: getattr(parameter, name) for name in NUMBERS}
-        row |= {"verdict": str(parameter.verdict), "thesis_unit": None if scale is None else scale.unit}
+        row |= {"verdict": parameter.verdict_words, "thesis_unit": None if scale is None else scale.unit}
         for name in NUMBERS:
             value = getattr(parameter, name)
             row[f"thesis_{name}"] = None if scale is None or value is None else value * scale.factor

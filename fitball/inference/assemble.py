@@ -18,6 +18,9 @@ from fitball.inference.prediction.golden import golden
 from fitball.inference.prediction.group_estimates import group_estimates
 from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
 from fitball.inference.problem.problem import Problem
+from fitball.inference.qualify import qualified
+from fitball.inference.results.adequacy import Adequacy
+from fitball.inference.results.assumptions import Assumptions
 from fitball.inference.results.evidence import Profiles
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.quantiles import SUMMARY
@@ -61,10 +64,13 @@ def assemble(
             correlation = np.atleast_2d(np.corrcoef(posterior.draws, rowvar=False))
             prediction = predictive(problem, point, posterior, predictive_generator(effort.seed))
             diagnostics = _diagnostics(sampled, effort)
+        adequacy: Adequacy | None = None
+        assumptions: Assumptions | None = None
         regimes = () if prediction is None else prediction.regimes
         identifiability, judgements = examine(problem, point, profiled, posterior, correlation, regimes)
         estimates = tuple(
-            _estimate(problem, k, point, posterior, sampled, judgements) for k in range(len(problem.parameters))
+            _estimate(problem, k, point, posterior, sampled, judgements, adequacy, assumptions)
+            for k in range(len(problem.parameters))
         )
         fitted = _fitted(problem, point, posterior)
         chosen = golden(fitted, problem.impacts)
@@ -94,6 +100,8 @@ def assemble(
         seed=effort.seed,
         timings=tuple(watch.timings),
         court_pace=court_pace(problem, point, posterior),
+        adequacy=adequacy,
+        assumptions=assumptions,
     )
 
 
@@ -134,6 +142,8 @@ def _estimate(
     posterior: Posterior | None,
     sampled: Sampled | None,
     judgements: Mapping[str, Judgement],
+    adequacy: Adequacy | None,
+    assumptions: Assumptions | None,
 ) -> Estimate:
     parameter = problem.parameters[row]
     numbers: dict[str, float | None] = dict.fromkeys((*SUMMARY, "ess_bulk", "ess_tail", "r_hat"))
@@ -146,6 +156,7 @@ def _estimate(
             "r_hat": convergence.r_hat[parameter.name],
         }
     judged = judgements[parameter.name]
+    verdict, given = qualified(parameter.name, judged, adequacy, assumptions)
     return Estimate(
         name=parameter.name,
         unit=parameter.spec.unit,
@@ -154,7 +165,8 @@ def _estimate(
         prior=parameter.prior.text,
         point=point.values[parameter.name],
         contraction=judged.contraction,
-        verdict=judged.verdict,
+        verdict=verdict,
+        given=given,
         reason=judged.reason,
         **numbers,
     )
@@ -192,6 +204,8 @@ def _sentence(status: RunStatus, diagnostics: Diagnostics | None, estimates: tup
     parts = []
     for verdict, words in (
         (Verdict.IDENTIFIED, "The table identifies"),
+        (Verdict.GIVEN, "Given assumptions that it cannot test, it identifies"),
+        (Verdict.CONDITIONAL, "If the model were right, it would identify"),
         (Verdict.ONE_SIDED, "It bounds from one side only"),
         (Verdict.PRIOR_DOMINATED, "It does not tell"),
     ):

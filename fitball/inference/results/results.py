@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -10,6 +10,8 @@ import numpy as np
 
 from fitball.data.balances import Balances
 from fitball.inference.problem.problem import Problem
+from fitball.inference.results.adequacy import Adequacy
+from fitball.inference.results.assumptions import Assumptions
 from fitball.inference.results.evidence import Identifiability
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.pace_rating import CourtPace
@@ -24,10 +26,17 @@ class Verdict(StrEnum):
     """What the data say about one parameter."""
 
     IDENTIFIED = "identified"
+    GIVEN = "identified, given assumptions"
+    CONDITIONAL = "conditional"
     ONE_SIDED = "one-sided"
     PRIOR_DOMINATED = "prior-dominated"
     FIXED = "fixed"
     NOT_JUDGED = "not judged"
+
+
+def verdict_words(verdict: Verdict, given: Sequence[str]) -> str:
+    """A verdict as it is printed: `identified, given offset=contact` names the assumptions."""
+    return f"identified, given {', '.join(given)}" if verdict is Verdict.GIVEN else str(verdict)
 
 
 class RunStatus(StrEnum):
@@ -81,7 +90,7 @@ class Estimate:
 
     Quantities that do not exist (a fixed parameter, a run without posterior) are None. `contraction` is
     1 - posterior variance / prior variance, both in the coordinate of the prior, where "prior"
-    includes what the scene knows.
+    includes what the scene knows. `given` are the assumptions that an identified value rests on.
     """
 
     name: str
@@ -100,10 +109,16 @@ class Estimate:
     q975: float | None
     contraction: float | None
     verdict: Verdict
+    given: tuple[str, ...]
     reason: str
     ess_bulk: float | None
     ess_tail: float | None
     r_hat: float | None
+
+    @property
+    def verdict_words(self) -> str:
+        """The verdict with the assumptions it is given."""
+        return verdict_words(self.verdict, self.given)
 
 
 @dataclass(frozen=True)
@@ -287,6 +302,8 @@ class Fit:
     seed: int
     timings: tuple[Timing, ...]
     court_pace: CourtPace | None = None
+    adequacy: Adequacy | None = None
+    assumptions: Assumptions | None = None
 
     @property
     def parameters(self) -> Mapping[str, Estimate]:

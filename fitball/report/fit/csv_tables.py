@@ -26,7 +26,7 @@ def summary_rows(fit: Fit) -> list[dict[str, object]]:
                 "least_squares_stderr": fit.least_squares.stderr[estimate.name],
                 "prior": estimate.prior,
                 "contraction": estimate.contraction,
-                "verdict": str(estimate.verdict),
+                "verdict": estimate.verdict_words,
                 "reason": estimate.reason,
                 "ess_bulk": estimate.ess_bulk,
                 "ess_tail": estimate.ess_tail,

@@ -68,7 +68,7 @@ def evidence_rows(fit: Fit) -> EvidenceTable:
                 active_impacts="-"
                 if evidence.active_impacts is None
                 else f"{evidence.active_impacts.acting} of {evidence.active_impacts.of}",
-                verdict=estimate.verdict,
+                verdict=estimate.verdict_words,
             )
         )
         if evidence.disagreement:

@@ -13,7 +13,7 @@ STATUS_WORDS = {
     RunStatus.POINT_ONLY: "A point fit without posterior",
     RunStatus.INTERRUPTED: "The run was interrupted",
 }
-TOLD = (Verdict.IDENTIFIED,)
+TOLD = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.CONDITIONAL)
 NOT_TOLD = (Verdict.ONE_SIDED, Verdict.PRIOR_DOMINATED, Verdict.NOT_JUDGED)
 
 
@@ -30,6 +30,10 @@ def headline(fit: Fit) -> str:
     parts = []
     if names[Verdict.IDENTIFIED]:
         parts.append(f"identify {listed(names[Verdict.IDENTIFIED])}")
+    if names[Verdict.GIVEN]:
+        parts.append(f"identify {listed(names[Verdict.GIVEN])} only given assumptions")
+    if names[Verdict.CONDITIONAL]:
+        parts.append(f"would identify {listed(names[Verdict.CONDITIONAL])} if the model described them")
     if names[Verdict.ONE_SIDED]:
         parts.append(f"bound {listed(names[Verdict.ONE_SIDED])} from one side only")
     if names[Verdict.PRIOR_DOMINATED]:

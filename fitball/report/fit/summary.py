@@ -75,7 +75,7 @@ def _row(estimate: Estimate, scale: Scale) -> ParameterRow:
         unit=scale.unit,
         prior=estimate.prior,
         contraction="-" if contraction is None else f"{contraction:.2f}",
-        verdict=estimate.verdict,
+        verdict=estimate.verdict_words,
         reason=estimate.reason,
         **_rounded(estimate, scale),
     )

@@ -99,6 +99,7 @@ def render_json(fit: Fit, folder: Path) -> str:
                 **{name: getattr(estimate, name) for name in ESSENTIALS},
                 "point": estimate.point,
                 "verdict": estimate.verdict,
+                "given": estimate.given,
                 "reason": estimate.reason,
             }
             for estimate in fit.estimates

@@ -8,14 +8,16 @@ from typing import Annotated, Any, Literal
 import msgspec
 import numpy as np
 
+from fitball.inference.results.adequacy import Adequacy
+from fitball.inference.results.assumptions import Assumptions
 from fitball.inference.results.evidence import Identifiability
 from fitball.inference.results.pace_rating import CourtPace
-from fitball.inference.results.results import BudgetLine, LevelEstimate, RunStatus, Verdict
+from fitball.inference.results.results import BudgetLine, LevelEstimate, RunStatus, Verdict, verdict_words
 from fitball.report.saved.structure import Counted, Digest, Part, Positive
 from fitball.values import Ball
 
 # Version 1 held the measurements themselves, which lie in `data.nc` now.
-SCHEMA_VERSION: Literal[3] = 3
+SCHEMA_VERSION: Literal[4] = 4
 KIND: Literal["fitball fit"] = "fitball fit"
 Numbers = tuple[float, ...]
 Texts = tuple[str, ...]
@@ -93,11 +95,17 @@ class ParameterPart(Part, frozen=True):
     prior: str
     contraction: float | None
     verdict: Verdict
+    given: Texts
     reason: str
     ess_bulk: float | None
     ess_tail: float | None
     r_hat: float | None
     thesis_units: ThesisNumbers | msgspec.UnsetType = msgspec.UNSET
+
+    @property
+    def verdict_words(self) -> str:
+        """The verdict with the assumptions it is given."""
+        return verdict_words(self.verdict, self.given)
 
 
 class Matrix(Part, frozen=True):
@@ -225,7 +233,7 @@ class FittedPart(Part, frozen=True):
 class FitFile(Part, frozen=True, kw_only=True):
     """A fitted parameter set. Numbers are in SI units unless a unit stands beside them."""
 
-    schema_version: Literal[3]
+    schema_version: Literal[4]
     kind: Literal["fitball fit"]
     status: RunStatus
     verdict: str
@@ -244,6 +252,8 @@ class FitFile(Part, frozen=True, kw_only=True):
     levels: tuple[LevelEstimate, ...]
     error_budget: Budget
     court_pace: CourtPace | None = None
+    adequacy: Adequacy | None = None
+    assumptions: Assumptions | None = None
     golden: GoldenPart
     identifiability: Identifiability
     data: DataPart
@@ -259,4 +269,5 @@ def fit_schema() -> dict[str, Any]:
 def _column(kind: type) -> dict[str, Any]:
     if getattr(kind, "__origin__", kind) is np.ndarray:
         return {"type": "array", "items": {"type": "number"}}
+    # What msgspec asks of a schema hook that does not know a type.
     raise NotImplementedError

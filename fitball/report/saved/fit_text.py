@@ -53,6 +53,8 @@ def fit_file(fit: Fit) -> parts.FitFile:
         levels=fit.levels,
         error_budget=part(parts.Budget, fit.error_budget),
         court_pace=fit.court_pace,
+        adequacy=fit.adequacy,
+        assumptions=fit.assumptions,
         golden=_golden(fit.golden),
         identifiability=fit.identifiability,
         data=data_part(problem),

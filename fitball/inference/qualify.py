@@ -1,0 +1,22 @@
+"""From what a table tells of a parameter within a model to what may be said of it: a model that fails identifies
+nothing, and a value that moves with an assumption is known only given that assumption.
+"""
+
+from __future__ import annotations
+
+from fitball.inference.identifiability.posterior_verdict import Judgement
+from fitball.inference.results.adequacy import Adequacy, Answer
+from fitball.inference.results.assumptions import Assumptions
+from fitball.inference.results.results import Verdict
+
+
+def qualified(
+    name: str, judged: Judgement, adequacy: Adequacy | None, assumptions: Assumptions | None
+) -> tuple[Verdict, tuple[str, ...]]:
+    """The verdict on one parameter, and the assumptions it is given; None for what was not looked at."""
+    if judged.verdict is not Verdict.IDENTIFIED:
+        return judged.verdict, ()
+    if adequacy is not None and adequacy.answer is Answer.FAILS:
+        return Verdict.CONDITIONAL, ()
+    given = () if assumptions is None else assumptions.given.get(name, ())
+    return (Verdict.GIVEN if given else Verdict.IDENTIFIED), given
