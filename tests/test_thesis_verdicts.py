@@ -176,12 +176,13 @@ def test_a_posterior_names_what_lies_outside():
     walled = Placed("case 2", 1.0, {"mass_ratio": 0.0, "k_theta": 0.995}, {"mass_ratio": "restitution exceeds it"})
     tail = Placed("case 3", 1.0, {"mass_ratio": 0.0, "k_theta": 1.0}, {})
     assert posterior_verdict([inside, walled, tail]) == (
-        "on the 60 % contour (case 1), beyond the 99.9 % contour (case 2 and case 3). Parameter by parameter, outside"
+        "on the 60 % contour (case 1), beyond the 99 % contour (case 2 and case 3). Parameter by parameter, outside"
         " the central 95 %: mass_ratio excluded by the model itself, since restitution exceeds it (case 2), below "
         "every draw (case 3); k_theta above 99.5 % of draws (case 2), above every draw (case 3)."
     )
     assert "below 98 % of draws (x)" in posterior_verdict([Placed("x", 0.5, {"C1": 0.02}, {})])
-    assert "on the over 99.9 %" not in posterior_verdict([Placed("x", 0.9985, {"C1": 0.5}, {})])
+    for level in (0.9925, 0.9985, 1.0):
+        assert "beyond the 99 % contour (x)" in posterior_verdict([Placed("x", level, {"C1": 0.5}, {})])
 
 
 def test_the_headline_counts():

@@ -20,7 +20,8 @@ SURE = 0.95
 EQUAL = 0.01
 # Shares that differ by less tell the same.
 SAME_SHARE = 0.05
-CONTOUR = 0.999
+# Levels are shares of some thousand correlated draws: beyond this one they are not told apart.
+CONTOUR = 0.99
 # A published value outside the central share of a parameter's draws is named.
 CENTRAL = 0.95
 # Standard errors beyond which a slope is another one.
