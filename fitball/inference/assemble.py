@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitball.data.balances import scene_balances
+from fitball.inference.adequacy.describe import adequacy
 from fitball.inference.effort import Effort, Stopwatch
 from fitball.inference.identifiability.examine import examine
 from fitball.inference.identifiability.posterior_verdict import Judgement
@@ -64,12 +65,12 @@ def assemble(
             correlation = np.atleast_2d(np.corrcoef(posterior.draws, rowvar=False))
             prediction = predictive(problem, point, posterior, predictive_generator(effort.seed))
             diagnostics = _diagnostics(sampled, effort)
-        adequacy: Adequacy | None = None
+        described = adequacy(problem, point, posterior, effort.seed)
         assumptions: Assumptions | None = None
         regimes = () if prediction is None else prediction.regimes
         identifiability, judgements = examine(problem, point, profiled, posterior, correlation, regimes)
         estimates = tuple(
-            _estimate(problem, k, point, posterior, sampled, judgements, adequacy, assumptions)
+            _estimate(problem, k, point, posterior, sampled, judgements, described, assumptions)
             for k in range(len(problem.parameters))
         )
         fitted = _fitted(problem, point, posterior)
@@ -96,11 +97,11 @@ def assemble(
         error_budget=budget,
         levels=group_estimates(problem, point, posterior),
         status=status,
-        verdict=_sentence(status, diagnostics, estimates),
+        verdict=f"{described.sentence} {_sentence(status, diagnostics, estimates)}",
         seed=effort.seed,
         timings=tuple(watch.timings),
         court_pace=court_pace(problem, point, posterior),
-        adequacy=adequacy,
+        adequacy=described,
         assumptions=assumptions,
     )
 
@@ -142,7 +143,7 @@ def _estimate(
     posterior: Posterior | None,
     sampled: Sampled | None,
     judgements: Mapping[str, Judgement],
-    adequacy: Adequacy | None,
+    described: Adequacy | None,
     assumptions: Assumptions | None,
 ) -> Estimate:
     parameter = problem.parameters[row]
@@ -156,7 +157,7 @@ def _estimate(
             "r_hat": convergence.r_hat[parameter.name],
         }
     judged = judgements[parameter.name]
-    verdict, given = qualified(parameter.name, judged, adequacy, assumptions)
+    verdict, given = qualified(parameter.name, judged, described, assumptions)
     return Estimate(
         name=parameter.name,
         unit=parameter.spec.unit,
@@ -205,7 +206,7 @@ def _sentence(status: RunStatus, diagnostics: Diagnostics | None, estimates: tup
     for verdict, words in (
         (Verdict.IDENTIFIED, "The table identifies"),
         (Verdict.GIVEN, "Given assumptions that it cannot test, it identifies"),
-        (Verdict.CONDITIONAL, "If the model were right, it would identify"),
+        (Verdict.CONDITIONAL, "If the model described it, it would identify"),
         (Verdict.ONE_SIDED, "It bounds from one side only"),
         (Verdict.PRIOR_DOMINATED, "It does not tell"),
     ):

@@ -5,7 +5,7 @@ nothing, and a value that moves with an assumption is known only given that assu
 from __future__ import annotations
 
 from fitball.inference.identifiability.posterior_verdict import Judgement
-from fitball.inference.results.adequacy import Adequacy, Answer
+from fitball.inference.results.adequacy import Adequacy
 from fitball.inference.results.assumptions import Assumptions
 from fitball.inference.results.results import Verdict
 
@@ -16,7 +16,7 @@ def qualified(
     """The verdict on one parameter, and the assumptions it is given; None for what was not looked at."""
     if judged.verdict is not Verdict.IDENTIFIED:
         return judged.verdict, ()
-    if adequacy is not None and adequacy.answer is Answer.FAILS:
+    if adequacy is not None and adequacy.conditional(name):
         return Verdict.CONDITIONAL, ()
     given = () if assumptions is None else assumptions.given.get(name, ())
     return (Verdict.GIVEN if given else Verdict.IDENTIFIED), given

@@ -1,0 +1,191 @@
+"""Does the model describe the table? All checks, and the answer they add up to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import chi2, t
+
+from fitball.inference.adequacy.directions import Direction, covariates, directions
+from fitball.inference.adequacy.loo_pit import loo_pit
+from fitball.inference.adequacy.looks import (
+    DISTRIBUTED,
+    Look,
+    distributions,
+    family,
+    left_out,
+    links,
+    orders,
+    outliers,
+    patterns,
+    scatters,
+    together,
+)
+from fitball.inference.adequacy.misfits import distances, largest_misfits
+from fitball.inference.adequacy.noise_size import noise_checks
+from fitball.inference.adequacy.refit import Refit, influence, refit, standard_deviates
+from fitball.inference.adequacy.words import based_on, check_of, check_words, noise_words, sentence, strongest
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.adequacy import FALSE_EXCEPT, FALSE_FAILS, Adequacy, Answer, Check, NoiseCheck
+from fitball.inference.results.results import PointFit, Posterior
+from fitball.values import FloatArray
+
+# Tables that the checks are held against, fewer of many rows, so that there are at most so many residuals.
+MOST_TABLES, LEAST_TABLES, RESIDUALS = 1999, 199, 4_000_000
+# Patterns and the noise each have half of the chance of a false alarm.
+SHARE = 2.0
+# A pattern smaller than this, in units of the noise, is no exception however many rows make it sure.
+SMALL = 0.1
+# A model fails whose noise is surely this multiple of what was stated or expected.
+FAR_WORSE = 2.0
+# A model fails where smooth patterns explain this share of a column's residual variance.
+HALF = 0.5
+# Nothing can be told where a pattern that explains this share of the residual variance would not be found.
+BLIND = 0.6
+# Patterns that count as the model's own: a group may be biased for reasons of its own.
+SMOOTH = ("trend", "bend", "together", "regime")
+PATTERNS = (*SMOOTH, "group")
+
+
+def adequacy(problem: Problem, point: PointFit, posterior: Posterior | None, seed: int) -> Adequacy:
+    """Hold the residuals of a fit against those of tables that the fitted model makes, each refitted to first order,
+    and its noise against what was stated or expected. Without a posterior there is no leaving out by importance.
+    """
+    # The fourth of a run's streams: those before it are the point fit's, the priors' and the predictions'.
+    rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(4)[3])
+    fit = refit(problem, point)
+    noise = noise_checks(problem, point, fit, SHARE)
+    found = directions(problem, point, fit)
+    tables = max(LEAST_TABLES, min(MOST_TABLES, RESIDUALS // fit.measured.size))
+    sizes = {name: value for name, value in point.values.items() if name in NOISE_SPECS}
+    made = fit.replicate(standard_deviates(problem, fit, sizes, tables, rng))
+    residual = np.concatenate([fit.measured[None, :], made])
+    uniform = left_out(fit, residual)
+    if posterior is not None and fit.impacts >= DISTRIBUTED:
+        uniform[0] = loo_pit(problem, posterior, rng).ravel()
+    looks = _looks(problem, fit, found, residual, uniform)
+    checks: tuple[Check, ...] = ()
+    unseen = dict.fromkeys(fit.columns, 1.0)
+    if looks:
+        p, level = family(looks)
+        checks = tuple(_check(fit, look, found, min(1.0, SHARE * float(p[k]))) for k, look in enumerate(looks))
+        unseen = _unseen(fit, looks, level, noise)
+    misfits = [_misfit(fit, look, found) for look, check in zip(looks, checks, strict=True) if check.p < FALSE_EXCEPT]
+    answer = _answer(fit, found, checks, noise, unseen)
+    return Adequacy(
+        answer=answer,
+        sentence=sentence(problem, answer, noise, checks, unseen),
+        based_on=based_on(problem, noise, checks, unseen, tables, posterior is not None),
+        exceptions=(
+            *(noise_words(check) for check in noise if check.found),
+            *(check_words(check) for check in strongest(check for check in checks if check.found)),
+        ),
+        noise=noise,
+        checks=checks,
+        misfits=largest_misfits(problem, point, fit),
+        moved=influence(fit, [misfit for misfit in misfits if misfit is not None]),
+        unseen=unseen,
+        loo_pit={name: tuple(uniform[0, fit.rows(k)].tolist()) for k, name in enumerate(fit.columns)},
+        replicates=tables,
+    )
+
+
+def _looks(
+    problem: Problem, fit: Refit, found: Sequence[Direction], residual: FloatArray, uniform: FloatArray
+) -> list[Look]:
+    if not np.all(fit.freedom > 1.0):
+        return []
+    known = covariates(problem)
+    return [
+        *patterns(fit, found, residual),
+        *together(fit, found, residual),
+        *orders(fit, known, residual),
+        *scatters(fit, known, residual),
+        *links(fit, residual),
+        *outliers(fit, residual),
+        *distributions(fit, uniform),
+    ]
+
+
+def _check(fit: Refit, look: Look, found: Sequence[Direction], p: float) -> Check:
+    """A check as it is told; a pattern of a size that matters, or one that is none but sure, is `found`."""
+    explained = abs(float(look.seen[0])) if look.kind in (*PATTERNS, "jointly") else None
+    size = None
+    if look.kind in PATTERNS:
+        scale = fit.scales(fit.measured[None, :])[0, fit.noise_of(look.column)]
+        size = abs(float(found[look.number].left @ fit.measured)) / float(scale) / fit.impacts**0.5
+    elif look.kind == "jointly" and explained is not None:
+        size = (explained * len(fit.columns)) ** 0.5
+    return check_of(fit, look, p, explained, size, found=p < FALSE_EXCEPT and (size is None or size >= SMALL))
+
+
+def _misfit(fit: Refit, look: Look, found: Sequence[Direction]) -> FloatArray | None:
+    """What was found, as a part of the residuals (measurements,) before a refit; None of what is no part of them."""
+    if look.kind in PATTERNS:
+        direction = found[look.number]
+        return np.asarray(direction.shape * (direction.left @ fit.measured) / direction.length)
+    if look.kind != "outlier":
+        return None
+    rows = np.arange(fit.measured.size)[fit.rows(look.column)]
+    far = rows[np.argmax(np.abs(distances(fit)[rows]))]
+    alone = np.zeros(fit.measured.size)
+    alone[far] = fit.measured[far] / (1.0 - fit.leverage[far])
+    return alone
+
+
+def _unseen(fit: Refit, looks: Sequence[Look], level: FloatArray, noise: Sequence[NoiseCheck]) -> dict[str, float]:
+    """By column the least share of the residual variance that a trend, or a noise above the stated one, must explain
+    to be found as often as not.
+    """
+    shares = {}
+    for column, name in enumerate(fit.columns):
+        freedom = fit.freedom[fit.noise_of(column)] - 1.0
+        levels = [level[k] for k, look in enumerate(looks) if look.kind == "trend" and look.column == column]
+        share = 1.0
+        if levels:
+            square = float(t.isf(0.5 * max(levels) / SHARE, freedom)) ** 2
+            share = square / (square + freedom)
+        for check in noise:
+            if check.stated and name in check.columns:
+                limit = float(chi2.isf(FALSE_EXCEPT / SHARE / len(noise), check.degrees_of_freedom))
+                share = min(share, 1.0 - min(1.0, check.degrees_of_freedom / limit))
+        shares[name] = share
+    return shares
+
+
+def _answer(
+    fit: Refit,
+    found: Sequence[Direction],
+    checks: Sequence[Check],
+    noise: Sequence[NoiseCheck],
+    unseen: dict[str, float],
+) -> Answer:
+    if any(check.adjusted < FALSE_FAILS and check.ratio >= FAR_WORSE for check in noise):
+        return Answer.FAILS
+    sure = {check.column for check in checks if check.kind in SMOOTH and check.p < FALSE_FAILS}
+    if any(explained(fit, found, fit.columns.index(name)) >= HALF for name in sure):
+        return Answer.FAILS
+    if any(check.found for check in (*checks, *noise)):
+        return Answer.EXCEPT
+    return Answer.UNTOLD if min(unseen.values()) > BLIND else Answer.DESCRIBES
+
+
+def explained(fit: Refit, found: Sequence[Direction], column: int) -> float:
+    """Share of a column's residual variance that all smooth patterns explain together, beyond what as many
+    meaningless ones would; that of the best alone where there are too many to say.
+    """
+    mine = [item.left for item in found if item.column == column and item.kind in SMOOTH]
+    noise = fit.noise_of(column)
+    even = fit.measured / fit.scales(fit.measured[None, :])[0][fit.noise]
+    freedom = float(fit.freedom[noise])
+
+    def share(basis: FloatArray) -> float:
+        rank = basis.shape[1]
+        part = min(float(np.sum((even @ basis) ** 2)) / freedom, 1.0)
+        return 1.0 - (1.0 - part) * freedom / (freedom - rank) if freedom - rank >= 1.0 else 0.0
+
+    alone = max(share(one[:, None]) for one in mine)
+    together_basis: FloatArray = np.linalg.qr(np.stack(mine, axis=1))[0]
+    return max(alone, share(together_basis))

@@ -1,0 +1,120 @@
+"""Patterns that residuals may have: trends over what is known of the incidence, biases of groups."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitball.inference.adequacy.refit import Refit
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.results import PointFit
+from fitball.models.types import regime_name
+from fitball.values import FloatArray
+
+# Rows from which a trend may bend, and two quantities act together.
+BENDS, TOGETHER = 7, 12
+# Rows that a group must have, and groups that are looked at.
+LEAST_IN_GROUP, MOST_GROUPS = 3, 40
+# Degrees of freedom of a noise from which its residuals can be looked at.
+LEAST_FREEDOM = 2.0
+# A pattern of whose square less is left by a refit cannot be told from parameters.
+LEFT = 0.02
+# Patterns whose remains agree so well are one.
+SAME = 0.98
+LABELS = ("group", "surface", "ball")
+POWERS = ("a trend over", "a bend over")
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A pattern in one `column` (its number): `kind` trend, bend, together, group or regime, `over` what, in `words`;
+    `shape` (measurements,) of root mean square one over the column. A refit leaves `length` times `left` (measurements,)
+    of it, which is of length one.
+    """
+
+    kind: str
+    column: int
+    over: str
+    words: str
+    shape: FloatArray
+    left: FloatArray
+    length: float
+
+
+def covariates(problem: Problem) -> dict[str, FloatArray]:
+    """What is known of each incidence by name, (impacts,) in SI, where it differs between impacts."""
+    impacts = problem.impacts
+    known = {"v_y1": impacts.v_y1}
+    if problem.model.tangential:
+        known = {
+            "theta_1": np.arctan2(impacts.v_y1, impacts.v_x1),
+            "v_1": np.hypot(impacts.v_x1, impacts.v_y1),
+            "omega_1": impacts.omega_1,
+        }
+    return {name: column for name, column in known.items() if np.ptp(column) > 1e-9 * np.abs(column).max()}
+
+
+def groups(problem: Problem, point: PointFit) -> Iterator[tuple[str, str, FloatArray]]:
+    """Each group: of what kind, its label, and one where an impact is in it (impacts,), zero elsewhere."""
+    labels = {kind: np.array(problem.table.labels[kind]) for kind in LABELS if kind in problem.table.labels}
+    if problem.model.tangential:
+        labels["regime"] = np.array([regime_name(int(code)) for code in point.rebound.regime[0]])
+    for kind, column in labels.items():
+        names, sizes = np.unique(column, return_counts=True)
+        if 2 <= names.size <= MOST_GROUPS:
+            for name, size in zip(names, sizes, strict=True):
+                if size >= LEAST_IN_GROUP and column.size - size >= LEAST_IN_GROUP:
+                    yield kind, str(name), (column == name).astype(float)
+
+
+def directions(problem: Problem, point: PointFit, fit: Refit) -> list[Direction]:
+    """All patterns that can be told from parameters and from each other."""
+    shapes = [*_trends(problem), *_groups(problem, point)]
+    kept: list[Direction] = []
+    for column in range(len(fit.columns)):
+        if fit.freedom[fit.noise_of(column)] <= LEAST_FREEDOM:
+            continue
+        for kind, over, words, shape in shapes:
+            whole = np.zeros(fit.measured.size)
+            whole[fit.rows(column)] = shape
+            left = fit.projected(whole)
+            length = float(np.linalg.norm(left))
+            if length**2 < LEFT * float(whole @ whole):
+                continue
+            left /= length
+            if all(abs(float(left @ other.left)) <= SAME for other in kept):
+                kept.append(Direction(kind, column, over, words, whole, left, length))
+    return kept
+
+
+def _trends(problem: Problem) -> Iterator[tuple[str, str, str, FloatArray]]:
+    known = covariates(problem)
+    count = len(problem.impacts)
+    straight = {}
+    for name, column in known.items():
+        levels = np.unique(np.round(column / np.ptp(column), 6)).size
+        degree = min(levels - 1, 1 + (count >= BENDS))
+        # Orthogonal to all lower powers over the impacts of the table.
+        powers = np.linalg.qr(np.vander((column - column.mean()) / np.ptp(column), degree + 1, increasing=True))[0]
+        for power in range(1, degree + 1):
+            kind = "trend" if power == 1 else "bend"
+            yield kind, name, f"{POWERS[power - 1]} {name}", _sized(powers[:, power])
+        straight[name] = _sized(powers[:, 1])
+    names = list(known)
+    for k, one in enumerate(names):
+        for other in names[k + 1 :]:
+            product = straight[one] * straight[other]
+            if count >= TOGETHER and np.ptp(product) > 0.0:
+                over = f"{one} and {other}"
+                yield "together", over, f"{over} together", _sized(product - product.mean())
+
+
+def _groups(problem: Problem, point: PointFit) -> Iterator[tuple[str, str, str, FloatArray]]:
+    for kind, name, inside in groups(problem, point):
+        yield ("regime" if kind == "regime" else "group"), kind, f"a bias of {kind} {name}", _sized(inside)
+
+
+def _sized(shape: FloatArray) -> FloatArray:
+    return np.asarray(shape / np.sqrt(np.mean(shape**2)))

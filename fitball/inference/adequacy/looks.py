@@ -1,0 +1,220 @@
+"""Statistics of residuals, of many tables at once, each with a probability that is about right for one table.
+
+About is enough: `family` holds the least of them all against what tables that the model made have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import f as f_distribution
+from scipy.stats import kstwo, kurtosistest, norm, t
+
+from fitball.inference.adequacy.directions import LEAST_FREEDOM, Direction
+from fitball.inference.adequacy.refit import Refit
+from fitball.inference.results.adequacy import FALSE_EXCEPT
+from fitball.values import FloatArray
+
+# Rows from which an order, a scatter, a correlation, a tail and a distribution can be looked at.
+ORDERED, SCATTERED, LINKED, TAILED, DISTRIBUTED = 8, 10, 8, 20, 15
+# What is looked for first has most of the chance of a false alarm: smooth trends and biases of groups, then whatever is
+# less likely, then the shape of the noise.
+TIERS = (
+    (("trend", "group", "jointly"), 0.5),
+    (("bend", "together", "regime"), 0.25),
+    (("order", "scatter", "linked", "outlier", "tails", "loo-pit"), 0.25),
+)
+# The tail at which checks are made comparable, and a probability below which none differ.
+TAIL, SMALLEST = 0.05, 1e-300
+# A share of all variance, as a pattern that leaks from another column may explain it, ends below one.
+WHOLE = 1.0 - 1e-12
+
+
+@dataclass(frozen=True)
+class Look:
+    """One check: its `kind`, the column's number, `over` what, in `words`; `number` is its place among those of its
+    kind. `seen` (tables,) is its statistic, `p` (tables,) the probability of as much, the observed table first.
+    """
+
+    kind: str
+    column: int
+    over: str
+    words: str
+    number: int
+    seen: FloatArray
+    p: FloatArray
+
+
+def patterns(fit: Refit, found: Sequence[Direction], residual: FloatArray) -> list[Look]:
+    """Trends and biases: the share of the residual variance that each explains, with its sign."""
+    even = residual / fit.scales(residual)[:, fit.noise]
+    looks = []
+    for number, direction in enumerate(found):
+        # A refit spreads a pattern over columns, whose noises are known to different degrees (Satterthwaite 1946).
+        parts = np.bincount(fit.noise, direction.left**2, len(fit.noises))
+        freedom = float(1.0 / np.sum(parts**2 / fit.freedom))
+        z = even @ direction.left
+        share = np.minimum(z**2 / freedom, WHOLE)
+        ratio = np.sqrt(share * (freedom - 1.0) / (1.0 - share))
+        looks.append(
+            Look(
+                direction.kind, direction.column, direction.over, direction.words, number,
+                np.copysign(share, z), 2.0 * t.sf(ratio, freedom - 1.0),
+            )
+        )  # fmt: skip
+    return looks
+
+
+def together(fit: Refit, found: Sequence[Direction], residual: FloatArray) -> list[Look]:
+    """All patterns over one quantity, or of one kind of groups, in all columns at once: their common share."""
+    even = residual / fit.scales(residual)[:, fit.noise]
+    freedom = float(fit.freedom.sum())
+    looks = []
+    for number, over in enumerate(dict.fromkeys(direction.over for direction in found)):
+        mine = [k for k, direction in enumerate(found) if direction.over == over]
+        if not 2 <= len(mine) < freedom - 2.0:
+            continue
+        basis = np.linalg.qr(np.stack([found[k].left for k in mine], axis=1))[0]
+        share = np.minimum(np.sum((even @ basis) ** 2, axis=1) / freedom, WHOLE)
+        ratio = share / len(mine) * (freedom - len(mine)) / (1.0 - share)
+        p = f_distribution.sf(ratio, len(mine), freedom - len(mine))
+        looks.append(Look("jointly", -1, over, f"they depend on {over}", number, share, p))
+    return looks
+
+
+def orders(fit: Refit, known: Mapping[str, FloatArray], residual: FloatArray) -> list[Look]:
+    """Whether neighbours along each covariate deviate alike: the correlation of one residual with the next."""
+
+    def correlation(column: int, along: FloatArray) -> FloatArray:
+        own = residual[:, fit.rows(column)][:, np.argsort(along, kind="stable")]
+        return np.asarray(np.sum(own[:, 1:] * own[:, :-1], axis=1) / np.sum(own**2, axis=1))
+
+    many = {name: along for name, along in known.items() if np.unique(along).size >= max(ORDERED, along.size // 2)}
+    return [
+        _scored("order", column, name, f"neighbours along {name} deviate alike", correlation(column, along), sides=1)
+        for column in range(len(fit.columns))
+        for name, along in many.items()
+    ]
+
+
+def scatters(fit: Refit, known: Mapping[str, FloatArray], residual: FloatArray) -> list[Look]:
+    """Whether residuals scatter more at one end of each covariate: a correlation of their sizes."""
+    if fit.impacts < SCATTERED:
+        return []
+    looks = []
+    for column in range(len(fit.columns)):
+        size = np.abs(standardised(fit, residual)[:, fit.rows(column)])
+        size = size - size.mean(axis=1, keepdims=True)
+        length = np.linalg.norm(size, axis=1)
+        for name, along in known.items():
+            centred = (along - along.mean()) / np.linalg.norm(along - along.mean())
+            looks.append(
+                _scored("scatter", column, name, f"scatter that changes with {name}", size @ centred / length)
+            )
+    return looks
+
+
+def links(fit: Refit, residual: FloatArray) -> list[Look]:
+    """Whether two columns deviate together, as they do where the incident state is not what the table says."""
+    if fit.impacts < LINKED:
+        return []
+    looks = []
+    for one in range(len(fit.columns)):
+        for other in range(one + 1, len(fit.columns)):
+            a, b = residual[:, fit.rows(one)], residual[:, fit.rows(other)]
+            seen = np.sum(a * b, axis=1) / np.sqrt(np.sum(a * a, axis=1) * np.sum(b * b, axis=1))
+            words = f"it deviates together with {fit.columns[other]}"
+            looks.append(_scored("linked", one, fit.columns[other], words, seen))
+    return looks
+
+
+def outliers(fit: Refit, residual: FloatArray) -> list[Look]:
+    """The largest residual of each column, and how heavy the tails are."""
+    studentised = standardised(fit, residual)
+    looks = []
+    for column in range(len(fit.columns)):
+        own = np.abs(studentised[:, fit.rows(column)])
+        freedom = fit.freedom[fit.noise_of(column)]
+        if freedom <= LEAST_FREEDOM:
+            continue
+        p = _deleted_tail(own.max(axis=1), freedom)
+        looks.append(
+            Look("outlier", column, "impacts", "single impacts lie far off", column, own.max(axis=1),
+                 -np.expm1(own.shape[1] * np.log1p(-p)))
+        )  # fmt: skip
+        if own.shape[1] >= TAILED:
+            z = kurtosistest(studentised[:, fit.rows(column)], axis=1).statistic
+            looks.append(Look("tails", column, "impacts", "the tails are heavy", column, z, norm.sf(z)))
+    return looks
+
+
+def distributions(fit: Refit, uniform: FloatArray) -> list[Look]:
+    """Whether the probabilities `uniform` (tables, measurements) of measurements given all others are uniform: the
+    largest distance from that.
+    """
+    looks = []
+    for column in range(len(fit.columns)):
+        if fit.impacts < DISTRIBUTED or fit.freedom[fit.noise_of(column)] <= LEAST_FREEDOM:
+            continue
+        ordered = np.sort(uniform[:, fit.rows(column)], axis=1)
+        step = np.arange(fit.impacts + 1) / fit.impacts
+        seen = np.maximum((step[1:] - ordered).max(axis=1), (ordered - step[:-1]).max(axis=1))
+        words = "predictions from the other impacts are too wide, too narrow or off"
+        looks.append(Look("loo-pit", column, "all impacts", words, column, seen, kstwo.sf(seen, fit.impacts)))
+    return looks
+
+
+def left_out(fit: Refit, residual: FloatArray) -> FloatArray:
+    """The probability that each measurement exceeds what all others predict, (tables, measurements), to first order
+    (the deleted residual has Student's distribution; Cook and Weisberg 1982).
+    """
+    ratio, freedom = deleted(fit, standardised(fit, residual))
+    cumulative: Callable[..., FloatArray] = t.cdf
+    return cumulative(ratio, np.maximum(freedom, 1.0))
+
+
+def standardised(fit: Refit, residual: FloatArray) -> FloatArray:
+    """Residuals (tables, measurements) over their standard deviations."""
+    spread = fit.scales(residual)[:, fit.noise] * np.sqrt(np.maximum(1.0 - fit.leverage, 1.0 - WHOLE))
+    return np.asarray(residual / spread)
+
+
+def deleted(fit: Refit, studentised: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The same with each left out of its own noise, and the degrees of freedom (measurements,) of that."""
+    freedom = (fit.freedom - 1.0)[fit.noise]
+    square = np.minimum(studentised**2, WHOLE * (freedom + 1.0))
+    return np.copysign(np.sqrt(square * freedom / (freedom + 1.0 - square)), studentised), freedom
+
+
+def _deleted_tail(largest: FloatArray, freedom: float) -> FloatArray:
+    square = np.minimum(largest**2, WHOLE * freedom)
+    tail: FloatArray = 2.0 * t.sf(np.sqrt(square * (freedom - 1.0) / (freedom - square)), freedom - 1.0)
+    return tail
+
+
+def _scored(kind: str, column: int, over: str, words: str, seen: FloatArray, sides: int = 2) -> Look:
+    """A check whose probability is that of a normal number, as centred and wide as the made tables have it."""
+    made = seen[1:]
+    z = (seen - made.mean()) / made.std()
+    return Look(kind, column, over, words, column, seen, norm.sf(z) if sides == 1 else 2.0 * norm.sf(np.abs(z)))
+
+
+def family(looks: Sequence[Look]) -> tuple[FloatArray, FloatArray]:
+    """Of each check the probability that a table of the model shows as much in any of them (looks,), and the level
+    of each check (looks,) at which that is `FALSE_EXCEPT`.
+
+    The least of all probabilities is held against the least of each made table (Westfall and Young 1993), each
+    counted by the weight of its kind, which the checks of a kind share (Genovese, Roeder and Wasserman 2006).
+    """
+    kinds = [next(number for number, (kinds, _) in enumerate(TIERS) if look.kind in kinds) for look in looks]
+    weight = np.array([TIERS[kind][1] / kinds.count(kind) for kind in kinds])
+    logs = np.log(np.maximum(np.stack([look.p for look in looks]), SMALLEST))
+    # Probabilities are about right; that one made table in 20 has less than 1/20 makes checks comparable.
+    power = np.log(TAIL) / np.quantile(logs[:, 1:], TAIL, axis=1)
+    weighted = np.exp(power[:, None] * logs) / weight[:, None]
+    least = np.sort(weighted[:, 1:].min(axis=0))
+    p = (1.0 + np.searchsorted(least, weighted[:, 0], side="right")) / (1.0 + least.size)
+    level = np.minimum(np.quantile(least, FALSE_EXCEPT) * weight, 1.0)
+    return p, level ** (1.0 / power)

@@ -1,0 +1,156 @@
+"""The answer, and what it is based on, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from fitball.inference.adequacy.looks import DISTRIBUTED, Look
+from fitball.inference.adequacy.refit import Refit
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.adequacy import FALSE_EXCEPT, FALSE_FAILS, Answer, Check, NoiseCheck
+from fitball.observables import OBSERVABLES
+
+# Exceptions that a sentence names; a hint is what fewer than this share of the model's own tables show.
+NAMED, HINT = 3, 0.5
+ALL = "all columns"
+
+
+def check_of(fit: Refit, look: Look, p: float, explained: float | None, size: float | None, *, found: bool) -> Check:
+    """A look as a check."""
+    column = ALL if look.column < 0 else fit.columns[look.column]
+    made = sorted(abs(float(value)) for value in look.seen[1:])
+    return Check(
+        kind=look.kind,
+        column=column,
+        over=look.over,
+        words=f"{column}: {look.words}",
+        statistic=float(look.seen[0]),
+        usual=made[int(0.95 * len(made))],
+        p=p,
+        explained=explained,
+        size=size,
+        found=found,
+    )
+
+
+def sentence(
+    problem: Problem,
+    answer: Answer,
+    noise: Sequence[NoiseCheck],
+    checks: Sequence[Check],
+    unseen: Mapping[str, float],
+) -> str:
+    """The answer in one or two sentences."""
+    rows = len(problem.impacts)
+    least = 100.0 * min(unseen.values())
+    scatter = "; ".join(noise_words(check) for check in noise)
+    if answer is Answer.UNTOLD:
+        blind = (
+            "no pattern in the residuals could be found"
+            if least >= 100.0
+            else f"a pattern would have to explain {least:.0f} % of the residual variance to be found"
+        )
+        return f"Too few rows to tell whether the model describes the table: with {rows} {blind}. {_cap(scatter)}."
+    if answer is Answer.DESCRIBES:
+        small = strongest(check for check in checks if check.p < FALSE_EXCEPT)
+        if small:
+            return (
+                "The model describes the table, but for patterns far below the noise that so many rows make sure: "
+                f"{_listed(small)}. {_cap(scatter)}."
+            )
+        hint = min(checks, key=lambda check: check.p, default=None)
+        told = (
+            f" The strongest hint, {check_words(hint)}, is met in {100.0 * min(1.0, hint.p):.0f} % of tables that the "
+            "model made."
+            if hint is not None and hint.p < HINT
+            else ""
+        )
+        return f"The model describes the table: no check of the residuals finds a pattern. {_cap(scatter)}.{told}"
+    worse = [noise_words(check) for check in noise if check.found]
+    found = strongest(check for check in checks if check.found)
+    faults = "; ".join([*worse, *([_listed(found)] if found else [])])
+    if answer is Answer.FAILS:
+        return (
+            f"The model does NOT describe the table: {faults}. All that follows is conditional: it would hold if the "
+            "model did."
+        )
+    rest = "" if worse else f" {_cap(scatter)}."
+    return f"The model describes the table except for {faults}.{rest}"
+
+
+def strongest(checks: Iterable[Check]) -> list[Check]:
+    """The checks, surest first, each column and quantity once, and what all columns show only where none does."""
+    kept: dict[tuple[str, str], Check] = {}
+    for check in sorted(checks, key=lambda check: (check.p, check.column == ALL, -(check.explained or 0.0))):
+        if check.column != ALL or all(over != check.over for _, over in kept):
+            kept.setdefault((check.column, check.over), check)
+    return list(kept.values())
+
+
+def check_words(check: Check) -> str:
+    """What a check looked for, with how much of the residual variance it explains."""
+    share = "" if check.explained is None else f" ({100.0 * check.explained:.0f} % of the residual variance)"
+    return f"{check.words}{share}"
+
+
+def noise_words(check: NoiseCheck) -> str:
+    """A noise beside what was known of it."""
+    scale, unit = 1.0, check.unit
+    for column in check.columns:
+        shown = OBSERVABLES[column].shown if column in OBSERVABLES else None
+        if shown is not None and check.unit == OBSERVABLES[column].unit:
+            unit, scale = shown
+    size = f"{_number(check.fitted * scale)} {unit}".rstrip()
+    known = f"{_number(check.reference * scale)} {unit}".rstrip()
+    columns = " and ".join(check.columns)
+    if check.stated and not check.unit:
+        return f"{columns} scatter by {_number(check.ratio)} times the stated sds"
+    word = "stated" if check.stated else "expected"
+    return f"{columns} scatter by {size} ({known} {word}, {_number(check.ratio)} times)"
+
+
+def based_on(
+    problem: Problem,
+    noise: Sequence[NoiseCheck],
+    checks: Sequence[Check],
+    unseen: Mapping[str, float],
+    tables: int,
+    sampled: bool,
+) -> str:
+    """What the answer rests on."""
+    stated = sum(check.stated for check in noise)
+    parts = [
+        f"{len(checks)} checks of the residuals at the best fit, held against {tables:,} tables that the fitted model "
+        "makes, each refitted to first order"
+        if checks
+        else "no check of the residuals: too few rows",
+        f"{len(noise)} noise{'s' * (len(noise) != 1)} against "
+        + (
+            "what was stated" if stated == len(noise) else "what was expected" if not stated else "stated or expected"
+        ),
+    ]
+    if not sampled:
+        parts.append("no posterior, so that measurements are left out to first order only")
+    elif len(problem.impacts) >= DISTRIBUTED:
+        parts.append("predictions of each impact from all others (LOO-PIT)")
+    seen = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in unseen.items())
+    return (
+        f"Based on {'; '.join(parts)}. A trend is found as often as not from this share of the residual variance on: "
+        f"{seen}. A table that the model made is called described with an exception in {100.0 * FALSE_EXCEPT:.0f} % of "
+        f"cases, not described in {100.0 * FALSE_FAILS:.0f} %."
+    )
+
+
+def _listed(checks: Sequence[Check]) -> str:
+    words = [check_words(check) for check in checks]
+    more = f" and {len(words) - NAMED} more" if len(words) > NAMED else ""
+    return "; ".join(words[:NAMED]) + more
+
+
+def _number(value: float) -> str:
+    return f"{value:.2g}" if abs(value) < 10.0 else f"{value:.3g}"
+
+
+def _cap(text: str) -> str:
+    """What the residuals scatter by, as a sentence."""
+    return f"Residuals: {text}" if text else "No noise could be estimated"
