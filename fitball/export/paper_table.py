@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass
 
 from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.results import RunStatus, Verdict
 from fitball.models.registry import parameter_spec
 from fitball.report.form.display_units import handy
@@ -40,7 +41,7 @@ NOTES = {
     "a": "set by what was assumed beforehand rather than by the impacts",
     "b": "bounded by the impacts from one side only",
     "c": "rests on assumptions that the impacts cannot test",
-    "d": "only if the model were right, which does not describe the impacts",
+    "d": "conditional: holds only as far as the model describes the impacts, which it does not, or not all",
 }
 
 
@@ -80,6 +81,9 @@ def _caption(saved: SavedFit) -> str:
         f"Parameters of the model {saved.fitted.model_name} fitted to {table['impacts']} impacts ({table['name']}): "
     )
     text += f"{what}."
+    described = saved.file.adequacy
+    if described is not None and described.answer is Answer.FAILS:
+        text += " The model does not describe these impacts."
     return text + (" The sampler did not converge." if saved.status is RunStatus.NOT_CONVERGED else "")
 
 

@@ -158,6 +158,9 @@ def _estimate(
         }
     judged = judgements[parameter.name]
     verdict, given = qualified(parameter.name, judged, described, assumptions)
+    reason = judged.reason
+    if verdict is Verdict.CONDITIONAL and described is not None:
+        reason = f"{described.why(parameter.name)}; if it did not: {reason}"
     return Estimate(
         name=parameter.name,
         unit=parameter.spec.unit,
@@ -168,7 +171,7 @@ def _estimate(
         contraction=judged.contraction,
         verdict=verdict,
         given=given,
-        reason=judged.reason,
+        reason=reason,
         **numbers,
     )
 

@@ -167,7 +167,7 @@ def _answer(
     sure = {check.column for check in checks if check.kind in SMOOTH and check.p < FALSE_FAILS}
     if any(explained(fit, found, fit.columns.index(name)) >= HALF for name in sure):
         return Answer.FAILS
-    if any(check.found for check in (*checks, *noise)):
+    if any(check.found for check in checks) or any(check.found for check in noise):
         return Answer.EXCEPT
     return Answer.UNTOLD if min(unseen.values()) > BLIND else Answer.DESCRIBES
 

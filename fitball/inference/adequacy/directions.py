@@ -30,8 +30,8 @@ POWERS = ("a trend over", "a bend over")
 @dataclass(frozen=True)
 class Direction:
     """A pattern in one `column` (its number): `kind` trend, bend, together, group or regime, `over` what, in `words`;
-    `shape` (measurements,) of root mean square one over the column. A refit leaves `length` times `left` (measurements,)
-    of it, which is of length one.
+    `shape` (measurements,) of root mean square one over the column. A refit leaves `length` times `left`
+    (measurements,) of it, which is of length one.
     """
 
     kind: str

@@ -19,7 +19,7 @@ from fitball.values import FloatArray
 
 # Rows from which an order, a scatter, a correlation, a tail and a distribution can be looked at.
 ORDERED, SCATTERED, LINKED, TAILED, DISTRIBUTED = 8, 10, 8, 20, 15
-# What is looked for first has most of the chance of a false alarm: smooth trends and biases of groups, then whatever is
+# What is looked for first has most of the chance of a false alarm: smooth trends and biases of groups, then what is
 # less likely, then the shape of the noise.
 TIERS = (
     (("trend", "group", "jointly"), 0.5),

@@ -60,7 +60,7 @@ class Refit:
     @cached_property
     def freedom(self) -> FloatArray:
         """Degrees of freedom that are left for each of the `noises`."""
-        return np.bincount(self.noise, 1.0 - self.leverage, len(self.noises))
+        return np.asarray(np.bincount(self.noise, 1.0 - self.leverage, len(self.noises)), dtype=np.float64)
 
     def rows(self, column: int) -> slice:
         """The measurements of a column."""
@@ -145,7 +145,7 @@ def standard_deviates(
 
 
 def influence(fit: Refit, misfits: Sequence[FloatArray]) -> dict[str, float]:
-    """By how many of its sds each parameter moves if a misfit (measurements,) is taken out: the most over `misfits`."""
+    """By how many of its sds each parameter moves if one of `misfits` (measurements,) is taken out, at most."""
     if not misfits:
         return {}
     moves = np.abs(np.stack([fit.reach @ (fit.own.T @ misfit) for misfit in misfits])).max(axis=0)

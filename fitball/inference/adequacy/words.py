@@ -60,8 +60,8 @@ def sentence(
             )
         hint = min(checks, key=lambda check: check.p, default=None)
         told = (
-            f" The strongest hint, {check_words(hint)}, is met in {100.0 * min(1.0, hint.p):.0f} % of tables that the "
-            "model made."
+            f" The strongest hint, {check_words(hint)}, is met in {100.0 * min(1.0, hint.p):.0f} % of tables that "
+            "the model made."
             if hint is not None and hint.p < HINT
             else ""
         )
@@ -120,8 +120,8 @@ def based_on(
     """What the answer rests on."""
     stated = sum(check.stated for check in noise)
     parts = [
-        f"{len(checks)} checks of the residuals at the best fit, held against {tables:,} tables that the fitted model "
-        "makes, each refitted to first order"
+        f"{len(checks)} checks of the residuals at the best fit, held against {tables:,} tables that the fitted "
+        "model makes, each refitted to first order"
         if checks
         else "no check of the residuals: too few rows",
         f"{len(noise)} noise{'s' * (len(noise) != 1)} against "
@@ -136,8 +136,8 @@ def based_on(
     seen = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in unseen.items())
     return (
         f"Based on {'; '.join(parts)}. A trend is found as often as not from this share of the residual variance on: "
-        f"{seen}. A table that the model made is called described with an exception in {100.0 * FALSE_EXCEPT:.0f} % of "
-        f"cases, not described in {100.0 * FALSE_FAILS:.0f} %."
+        f"{seen}. Of tables that the model made {100.0 * FALSE_EXCEPT:.0f} % are called described with an exception, "
+        f"{100.0 * FALSE_FAILS:.0f} % not described."
     )
 
 

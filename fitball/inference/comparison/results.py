@@ -69,8 +69,8 @@ class ModelScore:
 
     @property
     def unidentified(self) -> dict[str, Verdict]:
-        """Parameters the table leaves as they were known, or bounds from one side only."""
-        open_ones = (Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED)
+        """Parameters the table leaves as they were known, bounds from one side only, or tells conditionally."""
+        open_ones = (Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED, Verdict.CONDITIONAL)
         return {estimate.name: estimate.verdict for estimate in self.fit.estimates if estimate.verdict in open_ones}
 
 

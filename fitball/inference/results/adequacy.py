@@ -27,8 +27,8 @@ class NoiseCheck:
 
     `fitted` is the root mean square residual by degree of freedom, `reference` the stated size or the prior's median,
     both in `unit`; of noises stated row by row both are in units of these. `ratio` is the one over the other, `p` the
-    probability of one as large: under the stated noise, or under the prior. `adjusted` is that of any noise or pattern
-    as improbable, and `found` whether it makes an exception.
+    probability of one as large: under the stated noise, or under the prior. `adjusted` is that of any noise or
+    pattern as improbable, and `found` whether it makes an exception.
     """
 
     noise: str
@@ -100,6 +100,12 @@ class Adequacy:
     unseen: Mapping[str, float]
     loo_pit: Mapping[str, tuple[float, ...]]
     replicates: int
+
+    def why(self, name: str) -> str:
+        """Why parameter `name` is conditional, in words."""
+        if self.answer is Answer.FAILS:
+            return "the model does not describe the table"
+        return f"without what the model misses it would move by {self.moved[name]:.2g} of its sds"
 
     def conditional(self, name: str) -> bool:
         """Whether what the table says of parameter `name` holds only if the misfits do not matter."""

@@ -11,12 +11,14 @@ import numpy as np
 from fitball.inference.comparison.cross_validation import GROUPS, IMPACTS
 from fitball.inference.comparison.results import Comparison, FixedPrediction, ModelScore
 from fitball.inference.prediction.outputs import OUTPUTS, root_mean_square
+from fitball.inference.results.adequacy import Answer
 from fitball.report.form.display_units import output_scale
 from fitball.report.form.rounding import fixed
 from fitball.version import __version__
 
 SCHEMA_VERSION = 1
 SCHEMES = (IMPACTS, GROUPS, "shallowest third", "steepest third", "slowest third", "fastest third")
+SHORT = {Answer.DESCRIBES: "yes", Answer.EXCEPT: "except", Answer.FAILS: "NO", Answer.UNTOLD: "too few rows"}
 # Outputs shown for the schemes that leave out many impacts, as far as there is room.
 SHOWN = ("v_x2", "omega_2", "v_y2", "theta_2")
 
@@ -53,7 +55,8 @@ def in_unit(output: str, value: float | None) -> str:
 
 def score_table(comparison: Comparison) -> list[list[str]]:
     """Elpd, its difference to the best with standard error, effective parameters, Pareto k, weights, criteria."""
-    rows = [["model", "free", "elpd", "difference", "p_loo", "max k", "stacking", "pseudo-BMA+", "AICc", "BIC"]]
+    heads = ("model", "free", "elpd", "difference", "p_loo", "max k", "stacking", "pseudo-BMA+", "AICc", "BIC")
+    rows = [[*heads, "describes"]]
     best = comparison.models[0].name
     for scored in comparison.models:
         gap = comparison.elpd_difference(scored.name, best)
@@ -66,9 +69,14 @@ def score_table(comparison: Comparison) -> list[list[str]]:
             [scored.name, str(scored.free), fixed(scored.loo.total, 1),
              "best" if scored.name == best else f"{fixed(gap.value, 1)} +- {fixed(gap.se, 1)}",
              fixed(scored.loo.p_loo, 1), fixed(worst, 2) + mark, fixed(comparison.stacking[scored.name], 2),
-             fixed(comparison.pseudo_bma[scored.name], 2), fixed(aicc, 1), fixed(bic, 1)]
+             fixed(comparison.pseudo_bma[scored.name], 2), fixed(aicc, 1), fixed(bic, 1), described(scored)]
         )  # fmt: skip
     return rows
+
+
+def described(scored: ModelScore) -> str:
+    """Whether a model describes the table, in a word."""
+    return "-" if scored.fit.adequacy is None else SHORT[scored.fit.adequacy.answer]
 
 
 def error_table(comparison: Comparison) -> list[list[str]]:
@@ -111,6 +119,7 @@ def csv_rows(comparison: Comparison) -> list[dict[str, object]]:
              "pareto_k_max": float(np.max(scored.loo.pareto_k)), "refitted": len(scored.loo.refitted),
              "doubtful": len(scored.loo.doubtful), "stacking": comparison.stacking[scored.name],
              "pseudo_bma": comparison.pseudo_bma[scored.name], **_criteria(scored), "status": str(scored.fit.status),
+             "describes": described(scored),
              **_errors({way: scored.out_of_sample(way) for way in ways}, ways, outputs)}
         )  # fmt: skip
     for published in comparison.published:
@@ -194,6 +203,9 @@ def _model_content(comparison: Comparison, scored: ModelScore, best: str) -> dic
             for missed in scored.missed
         ],
         "point": dict(scored.fit.point.values),
+        "adequacy": None if scored.fit.adequacy is None else {
+            "answer": str(scored.fit.adequacy.answer), "sentence": scored.fit.adequacy.sentence
+        },
         "verdicts": {one.name: str(one.verdict) for one in scored.fit.estimates},
         "notes": list(scored.notes),
         "seconds": round(scored.seconds, 1),

@@ -16,7 +16,8 @@ LEGEND = (
     "every chain has an effective sample size of at least 400 or is named below). Difference: to the best, with "
     "sqrt(n) times the sd over impacts. p_loo: effective number of parameters. Weights: stacking and pseudo-BMA+ "
     "(Yao et al. 2018); models that predict alike share theirs. AICc, BIC: maximised likelihood without priors; all "
-    "free parameters, noise included, count whether or not the table sees them, and n is the number of measurements."
+    "free parameters, noise included, count whether or not the table sees them, and n is the number of measurements. "
+    "Describes: whether the model describes the table at all (compare.json says what is against it)."
 )
 ERRORS = "Root mean square errors of predictions at the maximum of the posterior of a fit without those impacts."
 ANGLE = " theta_2 follows from v_x2 and v_y2 where it is not an independent column."
@@ -76,7 +77,7 @@ def _unidentified(scored: ModelScore) -> str:
     if not open_ones:
         return f"{scored.name}: identified throughout"
     parts = []
-    for verdict in (Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED):
+    for verdict in (Verdict.CONDITIONAL, Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED):
         names = [name for name, one in open_ones.items() if one is verdict]
         if names:
             parts.append(f"{verdict} {', '.join(names)}")

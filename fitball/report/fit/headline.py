@@ -18,7 +18,7 @@ NOT_TOLD = (Verdict.ONE_SIDED, Verdict.PRIOR_DOMINATED, Verdict.NOT_JUDGED)
 
 
 def headline(fit: Fit) -> str:
-    """The verdict in one sentence."""
+    """Whether the model describes the table, and the verdict in one sentence."""
     pooled = _pooling(fit)
     names = {
         verdict: [
@@ -46,8 +46,9 @@ def headline(fit: Fit) -> str:
         f"; {pooled.parameter} differs between {len(pooled.labels)} {pooled.column}s and is told for each of them"
         for pooled in fit.problem.pooling
     )
+    described = "" if fit.adequacy is None else f"{fit.adequacy.sentence} "
     return (
-        f"{STATUS_WORDS[fit.status]}: of {free} free parameters the {len(fit.problem.table)} impacts "
+        f"{described}{STATUS_WORDS[fit.status]}: of {free} free parameters the {len(fit.problem.table)} impacts "
         f"{listed(parts)}{levels}."
     )
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 from fitball.inference.results.results import Fit, Verdict
+from fitball.report.fit.adequacy_rows import CHECK_HEADS, MISFIT_HEADS, NOISE_HEADS, adequacy_table
 from fitball.report.fit.balance_table import balance_table
 from fitball.report.fit.budget_rows import budget_table
 from fitball.report.fit.embedded_figures import PageFigure
@@ -31,6 +32,7 @@ MOST_ROWS = 300
 
 
 SECTIONS = {
+    "adequacy": "Does the model describe the table?",
     "told": "What the data tell",
     "not-told": "What they do not tell",
     "parameters": "Parameters",
@@ -75,6 +77,8 @@ def page(fit: Fit, figures: Mapping[str, Sequence[PageFigure]], command: str | N
         phases=problem.table.has_tangential,
         headline=headline(fit),
         contents=[(name, title) for name, title in SECTIONS.items() if not absent.get(name, False)],
+        adequacy=adequacy_table(fit),
+        adequacy_heads=(NOISE_HEADS, CHECK_HEADS, MISFIT_HEADS),
         told=told_rows(fit, TOLD),
         not_told=told_rows(fit, NOT_TOLD),
         fixed=told_rows(fit, (Verdict.FIXED,)),

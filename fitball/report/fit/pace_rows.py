@@ -9,6 +9,7 @@ import numpy as np
 
 from fitball.inference.results.pace_rating import PER_KELVIN, PaceRating, Reach, Spread
 from fitball.inference.results.results import Fit
+from fitball.report.fit.adequacy_rows import conditional_words
 from fitball.report.form.rounding import decimals, fixed, interval
 
 # Difference of two ratings below which nobody would see it in a rating rounded to a whole number.
@@ -51,7 +52,9 @@ def pace_table(fit: Fit) -> PaceTable | None:
     if pace is None:
         return None
     rows = tuple(_row(rating) for rating in pace.ratings)
-    return PaceTable(rows, tuple(_remarks(pace.ratings)), pace.missing, fit.posterior is not None)
+    said = conditional_words(fit)
+    remarks = ([f"The rating is {said}."] if said else []) + _remarks(pace.ratings)
+    return PaceTable(rows, tuple(remarks), pace.missing, fit.posterior is not None)
 
 
 def pace_lines(fit: Fit) -> tuple[str, ...]:
@@ -61,13 +64,15 @@ def pace_lines(fit: Fit) -> tuple[str, ...]:
         return ()
     if pace.missing:
         return (f"ITF court pace rating: none, {pace.missing}",)
+    said = conditional_words(fit)
+    rests = f"; {said}" if said else ""
     lines = []
     for rating in pace.ratings:
         row = _row(rating)
         name = f" of {row.surface}" if rating.labels else ""
         within = f" {row.interval_95} (95 %)" if rating.rating.median is not None else ""
         flag = f"; extrapolated: {row.reach}" if rating.reach.outside else ""
-        lines.append(f"ITF court pace rating{name}: {row.rating}{within}, {row.category}{flag}")
+        lines.append(f"ITF court pace rating{name}: {row.rating}{within}, {row.category}{flag}{rests}")
     return tuple(lines)
 
 

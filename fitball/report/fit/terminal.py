@@ -9,6 +9,7 @@ from pathlib import Path
 
 from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Fit
+from fitball.report.fit.adequacy_rows import adequacy_lines
 from fitball.report.fit.balance_table import balance_table
 from fitball.report.fit.evidence_rows import evidence_rows
 from fitball.report.fit.pace_rows import pace_lines
@@ -32,6 +33,7 @@ def render(fit: Fit, folder: Path) -> str:
     table = fit.problem.table
     head = f"{fit.problem.model.name} fitted to {table.name} ({len(table)} impacts)"
     parts = [head, "=" * len(head), *textwrap.wrap(fit.verdict, WIDTH)]
+    parts += [line for words in adequacy_lines(fit) for line in _wrapped(words)]
     # The notes of the problem stood there before the fit began.
     parts += [line for note in fit.notes if note not in fit.problem.notes for line in _wrapped(f"note: {note}")]
     parts.append("")
@@ -90,6 +92,7 @@ def render_json(fit: Fit, folder: Path) -> str:
     content = {
         "status": fit.status,
         "verdict": fit.verdict,
+        "adequacy": None if fit.adequacy is None else asdict(fit.adequacy),
         "model": fit.problem.model.name,
         "table": fit.problem.table.name,
         "folder": str(folder),

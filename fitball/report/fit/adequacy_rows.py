@@ -1,0 +1,151 @@
+"""Whether the model describes the table, as lines and rows of text for terminal and page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fitball.inference.results.adequacy import MOVED, Adequacy, Answer, Check, Misfit, NoiseCheck
+from fitball.inference.results.results import Fit, Verdict
+from fitball.observables import OBSERVABLES
+from fitball.report.form.display_units import output_scale
+from fitball.report.form.rounding import significant
+
+# Checks of one kind and column of which the surest is shown; the file has them all.
+KINDS = {
+    "trend": "trend over incidence", "bend": "bend over incidence", "together": "two quantities together",
+    "regime": "kinds of contact", "group": "groups", "jointly": "all columns", "order": "order of neighbours",
+    "scatter": "size of the scatter", "linked": "columns that deviate together", "outlier": "single impacts",
+    "tails": "heavy tails", "loo-pit": "predictions from the others (LOO-PIT)",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class AdequacyTable:
+    """The rows of the page: noises, the surest check of each kind and column, the largest misfits."""
+
+    sentence: str
+    based_on: str
+    noise: tuple[tuple[str, ...], ...]
+    checks: tuple[tuple[str, ...], ...]
+    misfits: tuple[tuple[str, ...], ...]
+    remarks: tuple[str, ...]
+
+
+NOISE_HEADS = ("noise", "columns", "fitted", "stated or expected", "ratio", "probability", "")
+CHECK_HEADS = ("what was looked for", "where", "seen", "usual below", "explains", "probability", "")
+MISFIT_HEADS = ("impact", "column", "measured", "predicted", "distance [sd]")
+
+
+def adequacy_table(fit: Fit) -> AdequacyTable:
+    """All there is to show."""
+    found = _of(fit)
+    return AdequacyTable(
+        found.sentence,
+        found.based_on,
+        tuple(_noise_row(check) for check in found.noise),
+        tuple(_check_row(check) for check in _surest(found.checks)),
+        tuple(_misfit_row(misfit) for misfit in found.misfits),
+        remarks(fit),
+    )
+
+
+def adequacy_lines(fit: Fit) -> list[str]:
+    """What stands on a terminal below the answer."""
+    found = _of(fit)
+    far = ", ".join(
+        f"{row[0]} {row[1]} {row[2]} (predicted {row[3]}, {row[4]} sd)" for row in map(_misfit_row, found.misfits[:3])
+    )
+    return [found.based_on, *remarks(fit), *([f"Largest misfits: {far}."] if far else [])]
+
+
+def remarks(fit: Fit) -> tuple[str, ...]:
+    """What to do about what was found, and what rests on it."""
+    found = _of(fit)
+    lines = []
+    moved = {name: by for name, by in found.moved.items() if by > MOVED}
+    if moved and found.answer is not Answer.FAILS:
+        said = ", ".join(f"{name} by {significant(by, 2)}" for name, by in moved.items())
+        lines.append(f"Without what was found parameters would move, in their sds: {said}; they are conditional.")
+    kinds = {check.kind for check in found.checks if check.found}
+    if "group" in kinds and fit.problem.group_bias is None:
+        column = next(check.over for check in found.checks if check.found and check.kind == "group")
+        lines.append(f"If that group was measured differently: --offsets {column} fits a bias of each.")
+    if kinds & {"outlier", "tails"} and not fit.problem.noise.parameters:
+        lines.append("Outliers count for less with --noise student-t.")
+    if "linked" in kinds and fit.problem.incident is None:
+        lines.append(
+            "Columns deviate together where the incident state was not what the table says: state its errors "
+            "(columns such as v_1_sd)."
+        )
+    if found.answer is Answer.FAILS:
+        lines.append(
+            "Look for a sign, a unit or a column that was read wrongly (fitball datasets check), for another ball or "
+            "surface among the impacts, and at other models (fitball compare)."
+        )
+    return tuple(lines)
+
+
+def conditional_words(fit: Fit) -> str:
+    """What to add to a number that rests on all parameters, "" where the model describes the table."""
+    if fit.adequacy is not None and fit.adequacy.answer is Answer.FAILS:
+        return "conditional: the model does not describe the table"
+    names = [item.name for item in fit.estimates if item.verdict is Verdict.CONDITIONAL]
+    return f"conditional, as {', '.join(names)} is" if names else ""
+
+
+def _of(fit: Fit) -> Adequacy:
+    assert fit.adequacy is not None
+    return fit.adequacy
+
+
+def _surest(checks: Sequence[Check]) -> list[Check]:
+    kept: dict[tuple[str, str], Check] = {}
+    for check in sorted(checks, key=lambda check: (check.p, -(check.explained or 0.0))):
+        kept.setdefault((check.kind, check.column), check)
+    order = list(KINDS)
+    return sorted(kept.values(), key=lambda check: (order.index(check.kind), check.column))
+
+
+def _noise_row(check: NoiseCheck) -> tuple[str, ...]:
+    scale, unit = 1.0, check.unit
+    shown = OBSERVABLES[check.columns[0]].shown if check.columns[0] in OBSERVABLES else None
+    if shown is not None and check.unit == OBSERVABLES[check.columns[0]].unit:
+        unit, scale = shown
+    return (
+        check.noise,
+        ", ".join(check.columns),
+        f"{significant(check.fitted * scale)} {unit}".rstrip(),
+        f"{significant(check.reference * scale)} {unit}".rstrip() + (" stated" if check.stated else " expected"),
+        significant(check.ratio, 2),
+        _chance(check.adjusted),
+        "exception" if check.found else "",
+    )
+
+
+def _check_row(check: Check) -> tuple[str, ...]:
+    return (
+        KINDS[check.kind],
+        check.words,
+        significant(check.statistic, 2),
+        significant(check.usual, 2),
+        "-" if check.explained is None else f"{100.0 * check.explained:.0f} %",
+        _chance(check.p),
+        "exception" if check.found else "",
+    )
+
+
+def _misfit_row(misfit: Misfit) -> tuple[str, ...]:
+    scale = output_scale(misfit.column)
+    measured, predicted = (f"{significant(value * scale.factor, 4)}" for value in (misfit.measured, misfit.predicted))
+    return (
+        misfit.id,
+        misfit.column,
+        f"{measured} {scale.unit}",
+        f"{predicted} {scale.unit}",
+        f"{misfit.distance:+.1f}",
+    )
+
+
+def _chance(p: float) -> str:
+    return "1" if p > 0.995 else f"{p:.2f}" if p >= 0.1 else significant(p, 2)
