@@ -8,13 +8,12 @@ import numpy as np
 from scipy.stats import chi2, t
 
 from fitball.inference.adequacy.directions import Direction, covariates, directions
-from fitball.inference.adequacy.loo_pit import loo_pit
+from fitball.inference.adequacy.loo_pit import LEFT_OUT, loo_pit
 from fitball.inference.adequacy.looks import (
     DISTRIBUTED,
     Look,
     distributions,
     family,
-    left_out,
     links,
     orders,
     outliers,
@@ -62,10 +61,10 @@ def adequacy(problem: Problem, point: PointFit, posterior: Posterior | None, see
     sizes = {name: value for name, value in point.values.items() if name in NOISE_SPECS}
     made = fit.replicate(standard_deviates(problem, fit, sizes, tables, rng))
     residual = np.concatenate([fit.measured[None, :], made])
-    uniform = left_out(fit, residual)
+    left_out = None
     if posterior is not None and fit.impacts >= DISTRIBUTED:
-        uniform[0] = loo_pit(problem, posterior, rng).ravel()
-    looks = _looks(problem, fit, found, residual, uniform)
+        left_out = loo_pit(problem, posterior, rng)
+    looks = _looks(problem, fit, found, residual, left_out)
     checks: tuple[Check, ...] = ()
     unseen = dict.fromkeys(fit.columns, 1.0)
     if looks:
@@ -87,13 +86,15 @@ def adequacy(problem: Problem, point: PointFit, posterior: Posterior | None, see
         misfits=largest_misfits(problem, point, fit),
         moved=influence(fit, [misfit for misfit in misfits if misfit is not None]),
         unseen=unseen,
-        loo_pit={name: tuple(uniform[0, fit.rows(k)].tolist()) for k, name in enumerate(fit.columns)},
+        loo_pit={}
+        if left_out is None or fit.impacts > LEFT_OUT
+        else {name: tuple(left_out[k].tolist()) for k, name in enumerate(fit.columns)},
         replicates=tables,
     )
 
 
 def _looks(
-    problem: Problem, fit: Refit, found: Sequence[Direction], residual: FloatArray, uniform: FloatArray
+    problem: Problem, fit: Refit, found: Sequence[Direction], residual: FloatArray, left_out: FloatArray | None
 ) -> list[Look]:
     if not np.all(fit.freedom > 1.0):
         return []
@@ -105,7 +106,7 @@ def _looks(
         *scatters(fit, known, residual),
         *links(fit, residual),
         *outliers(fit, residual),
-        *distributions(fit, uniform),
+        *distributions(fit, residual, left_out),
     ]
 
 

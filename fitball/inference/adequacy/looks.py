@@ -5,12 +5,13 @@ About is enough: `family` holds the least of them all against what tables that t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import stdtr
 from scipy.stats import f as f_distribution
-from scipy.stats import kstwo, kurtosistest, norm, t
+from scipy.stats import kstwo, kurtosistest, norm
 
 from fitball.inference.adequacy.directions import LEAST_FREEDOM, Direction
 from fitball.inference.adequacy.refit import Refit
@@ -61,7 +62,7 @@ def patterns(fit: Refit, found: Sequence[Direction], residual: FloatArray) -> li
         looks.append(
             Look(
                 direction.kind, direction.column, direction.over, direction.words, number,
-                np.copysign(share, z), 2.0 * t.sf(ratio, freedom - 1.0),
+                np.copysign(share, z), 2.0 * np.asarray(stdtr(freedom - 1.0, -ratio), dtype=np.float64),
             )
         )  # fmt: skip
     return looks
@@ -139,7 +140,7 @@ def outliers(fit: Refit, residual: FloatArray) -> list[Look]:
         freedom = fit.freedom[fit.noise_of(column)]
         if freedom <= LEAST_FREEDOM:
             continue
-        p = _deleted_tail(own.max(axis=1), freedom)
+        p = 2.0 * stdtr(freedom - 1.0, -_deleted(own.max(axis=1), freedom))
         looks.append(
             Look("outlier", column, "impacts", "single impacts lie far off", column, own.max(axis=1),
                  -np.expm1(own.shape[1] * np.log1p(-p)))
@@ -150,29 +151,27 @@ def outliers(fit: Refit, residual: FloatArray) -> list[Look]:
     return looks
 
 
-def distributions(fit: Refit, uniform: FloatArray) -> list[Look]:
-    """Whether the probabilities `uniform` (tables, measurements) of measurements given all others are uniform: the
-    largest distance from that.
+def distributions(fit: Refit, residual: FloatArray, left_out: FloatArray | None) -> list[Look]:
+    """Whether the probability that a measurement exceeds what all others predict is uniform: its largest distance
+    from that. Of the made tables to first order, where a deleted residual has Student's distribution (Cook and
+    Weisberg 1982); of the observed one as in `left_out` (columns, impacts), if there is that.
     """
+    studentised = standardised(fit, residual)
     looks = []
     for column in range(len(fit.columns)):
-        if fit.impacts < DISTRIBUTED or fit.freedom[fit.noise_of(column)] <= LEAST_FREEDOM:
+        freedom = fit.freedom[fit.noise_of(column)]
+        if fit.impacts < DISTRIBUTED or freedom <= LEAST_FREEDOM:
             continue
-        ordered = np.sort(uniform[:, fit.rows(column)], axis=1)
+        own = studentised[:, fit.rows(column)]
+        uniform = np.asarray(stdtr(freedom - 1.0, np.copysign(_deleted(np.abs(own), freedom), own)))
+        if left_out is not None:
+            uniform[0] = left_out[column]
+        ordered = np.sort(uniform, axis=1)
         step = np.arange(fit.impacts + 1) / fit.impacts
         seen = np.maximum((step[1:] - ordered).max(axis=1), (ordered - step[:-1]).max(axis=1))
         words = "predictions from the other impacts are too wide, too narrow or off"
         looks.append(Look("loo-pit", column, "all impacts", words, column, seen, kstwo.sf(seen, fit.impacts)))
     return looks
-
-
-def left_out(fit: Refit, residual: FloatArray) -> FloatArray:
-    """The probability that each measurement exceeds what all others predict, (tables, measurements), to first order
-    (the deleted residual has Student's distribution; Cook and Weisberg 1982).
-    """
-    ratio, freedom = deleted(fit, standardised(fit, residual))
-    cumulative: Callable[..., FloatArray] = t.cdf
-    return cumulative(ratio, np.maximum(freedom, 1.0))
 
 
 def standardised(fit: Refit, residual: FloatArray) -> FloatArray:
@@ -181,17 +180,10 @@ def standardised(fit: Refit, residual: FloatArray) -> FloatArray:
     return np.asarray(residual / spread)
 
 
-def deleted(fit: Refit, studentised: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The same with each left out of its own noise, and the degrees of freedom (measurements,) of that."""
-    freedom = (fit.freedom - 1.0)[fit.noise]
-    square = np.minimum(studentised**2, WHOLE * (freedom + 1.0))
-    return np.copysign(np.sqrt(square * freedom / (freedom + 1.0 - square)), studentised), freedom
-
-
-def _deleted_tail(largest: FloatArray, freedom: float) -> FloatArray:
-    square = np.minimum(largest**2, WHOLE * freedom)
-    tail: FloatArray = 2.0 * t.sf(np.sqrt(square * (freedom - 1.0) / (freedom - square)), freedom - 1.0)
-    return tail
+def _deleted(size: FloatArray, freedom: float) -> FloatArray:
+    """Sizes of standardised residuals, each left out of its own noise."""
+    square = np.minimum(size**2, WHOLE * freedom)
+    return np.asarray(np.sqrt(square * (freedom - 1.0) / (freedom - square)), dtype=np.float64)
 
 
 def _scored(kind: str, column: int, over: str, words: str, seen: FloatArray, sides: int = 2) -> Look:

@@ -85,8 +85,9 @@ class Adequacy:
 
     `exceptions` are what was found, in words; `moved` by how many of its sds each free parameter would move if the
     largest of the patterns found were taken out. `unseen` is the share of the residual variance that a pattern must
-    explain to be found at all, by column. `loo_pit` are the probabilities that each measurement of a column exceeds
-    its prediction by all the others, `replicates` the number of tables that the checks were held against.
+    explain to be found at all, by column. `loo_pit` are the probabilities that a measurement of a column exceeds its
+    prediction by all the other impacts (empty where there are too few, or so many that none matters), `replicates`
+    the number of tables that the checks were held against.
     """
 
     answer: Answer
