@@ -6,6 +6,7 @@ They are wide: a scene narrows what it knows.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ class ParameterSpec:
 
     `label` is its symbol in figures (mathtext). `typical` is a round number near the fits to Wang's 21 impacts, for
     those who only want to see a bounce. Where `open_above` the model has no answer at the upper bound itself.
+    `possible` is what physics leaves where that is more than the bounds: a bound within it only ends a search.
     """
 
     name: str
@@ -27,8 +29,15 @@ class ParameterSpec:
     label: str
     typical: float | None = None
     open_above: bool = False
+    possible: tuple[float, float] | None = None
+
+    @property
+    def beyond(self) -> tuple[float, float]:
+        """What physics leaves of the parameter: its bounds, or more."""
+        return self.possible or (self.lower, self.upper)
 
 
+EVERYTHING, POSITIVE = (-math.inf, math.inf), (0.0, math.inf)
 _ALL = (
     ParameterSpec(
         "mass_ratio",
@@ -40,6 +49,7 @@ _ALL = (
         r"$M_1/M$",
         typical=0.87,
         open_above=True,
+        possible=(0.0, 1.0),
     ),
     ParameterSpec(
         "k_y",
@@ -50,6 +60,7 @@ _ALL = (
         "vertical stiffness between core and shell",
         r"$K_y$",
         typical=2.0e4,
+        possible=POSITIVE,
     ),
     ParameterSpec(
         "k_theta",
@@ -60,6 +71,7 @@ _ALL = (
         "torsional stiffness between core and shell",
         r"$K_\theta$",
         typical=20.0,
+        possible=POSITIVE,
     ),
     ParameterSpec(
         "mu",
@@ -70,6 +82,7 @@ _ALL = (
         "coefficient of sliding friction of ball on court",
         r"$\mu$",
         typical=0.56,
+        possible=POSITIVE,
     ),
     ParameterSpec(
         "eps_10",
@@ -90,6 +103,7 @@ _ALL = (
         "change of that distance per vertical speed",
         r"$\varepsilon'$",
         typical=0.0,
+        possible=EVERYTHING,
     ),
     ParameterSpec(
         "cor_10",
@@ -110,6 +124,7 @@ _ALL = (
         "change of the coefficient of restitution per vertical speed",
         r"$\mathrm{COR}'$",
         typical=-0.0158,
+        possible=EVERYTHING,
     ),
     ParameterSpec(
         "zeta_theta",
@@ -120,6 +135,7 @@ _ALL = (
         "torsional damping ratio while sliding",
         r"$\zeta_\theta$",
         typical=0.5,
+        possible=POSITIVE,
     ),
     ParameterSpec(
         "inertia_split",
@@ -139,6 +155,7 @@ _ALL = (
         "lognormal(3, 1.0)",
         "vertical damping between core and shell",
         r"$C_y$",
+        possible=POSITIVE,
     ),
     ParameterSpec(
         "e_x",
@@ -158,9 +175,29 @@ _ALL = (
         "distance of the normal force ahead of the centre",
         r"$D$",
     ),
-    ParameterSpec("ball_mass", "kg", 0.01, 0.2, "normal(0.0576, 0.001)", "mass of the ball", r"$M$"),
-    ParameterSpec("ball_radius", "m", 0.01, 0.1, "normal(0.03302, 0.0005)", "outer radius of the ball", r"$R$"),
-    ParameterSpec("inertia_ratio", "", 0.05, 1.0, "normal(0.56, 0.015)", "moment of inertia over M R^2", r"$I/MR^2$"),
+    ParameterSpec(
+        "ball_mass", "kg", 0.01, 0.2, "normal(0.0576, 0.001)", "mass of the ball", r"$M$", possible=POSITIVE
+    ),
+    ParameterSpec(
+        "ball_radius",
+        "m",
+        0.01,
+        0.1,
+        "normal(0.03302, 0.0005)",
+        "outer radius of the ball",
+        r"$R$",
+        possible=POSITIVE,
+    ),
+    ParameterSpec(
+        "inertia_ratio",
+        "",
+        0.05,
+        1.0,
+        "normal(0.56, 0.015)",
+        "moment of inertia over M R^2",
+        r"$I/MR^2$",
+        possible=POSITIVE,
+    ),
 )
 
 SPECS: Mapping[str, ParameterSpec] = {spec.name: spec for spec in _ALL}

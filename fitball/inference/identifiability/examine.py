@@ -13,7 +13,8 @@ from fitball.inference.identifiability.fisher import information_evidence
 from fitball.inference.identifiability.posterior_verdict import Judgement, judge
 from fitball.inference.identifiability.power_scaling import power_evidence
 from fitball.inference.identifiability.profile import coverage, profiles
-from fitball.inference.identifiability.verdict import combine, touched_by_scene
+from fitball.inference.identifiability.scene_share import contraction_alone, touched_by_scene
+from fitball.inference.identifiability.verdict import combine
 from fitball.inference.likelihood.force_noise import noise_held
 from fitball.inference.problem.noise import UNPROFILED
 from fitball.inference.problem.problem import Problem
@@ -89,7 +90,8 @@ def examine(
     bases: dict[str, Judgement] = {}
     powers, draws = {}, at[None, :]
     if posterior is not None and correlation is not None:
-        bases = judge(problem, point, posterior, correlation)
+        alone = contraction_alone(problem, information, profiled[1].by_name)
+        bases = judge(problem, posterior, correlation, alone)
         powers = power_evidence(problem, posterior)
         draws = problem.to_coordinates(thinned(posterior, DERIVED))
     active = active_impacts(problem, draws, regimes)

@@ -107,10 +107,3 @@ def _contraction(information: FloatArray) -> FloatArray:
     """First-order contraction (free,) by measurements and priors; NaN without a derivative."""
     shares: FloatArray = 1.0 - np.diag(inverse(information, 1.0))
     return shares
-
-
-def contraction_without_scene(problem: Problem, coordinates: FloatArray) -> FloatArray:
-    """First-order contraction (free,) of each parameter by table and priors alone, without what the scene
-    knows of the contact time; NaN for parameters without a derivative.
-    """
-    return _contraction(fisher_information(problem, coordinates, scene=False))

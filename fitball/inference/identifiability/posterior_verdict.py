@@ -6,14 +6,15 @@ The marginal likelihood of a parameter is, up to a constant, its posterior densi
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.inference.identifiability.fisher import contraction_without_scene
-from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
+from fitball.inference.identifiability.scene_share import NOT_ALONE, RESTS_ON_SCENE, scene_words
+from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.results import PointFit, Posterior, Verdict
+from fitball.inference.results.results import Posterior, Verdict
 from fitball.values import FloatArray
 
 # Share of its peak that the marginal likelihood must keep over the outer twentieth of what was possible before for
@@ -22,12 +23,10 @@ OPEN_SHARE = 0.5
 EDGE = 0.05
 # Contraction below which the table added next to nothing, whatever the shape.
 NEGLIGIBLE = 0.2
-# Loss of contraction without the scene's contact time from which a parameter is said to rest on it, and the
-# contraction by table and priors alone below which it is not the table that fixes it.
-RESTS_ON_SCENE = 0.1
-NOT_ALONE = 0.5
 # Correlation worth naming.
 TIED = 0.9
+# What ends an open side that nothing else ends.
+PRIOR = "the prior"
 
 
 @dataclass(frozen=True)
@@ -40,14 +39,12 @@ class Judgement:
     open_sides: tuple[bool, bool] = (False, False)
 
 
-def judge(problem: Problem, point: PointFit, posterior: Posterior, correlation: FloatArray) -> dict[str, Judgement]:
-    """Judge every parameter, fixed ones included."""
-    alone: dict[str, float] = {}
-    if problem.contact_time is not None:
-        at = problem.to_coordinates(np.array([[point.values[name] for name in problem.free_names]]))[0]
-        shares = contraction_without_scene(problem, at)
-        named = zip(problem.free_names, shares, strict=True)
-        alone = {name: float(share) for name, share in named if name not in NOISE_SPECS and np.isfinite(share)}
+def judge(
+    problem: Problem, posterior: Posterior, correlation: FloatArray, alone: Mapping[str, float]
+) -> dict[str, Judgement]:
+    """Judge every parameter, fixed ones included; `alone` is the contraction by table and priors of those that the
+    scene's contact time touches.
+    """
     judgements = {}
     for parameter in problem.parameters:
         if parameter.free:
@@ -72,9 +69,8 @@ def _judge_free(
     remarks = _tied_to(posterior.names, correlation, column)
     # Against the prior itself, because the reference already holds what the scene knows.
     against_prior = 1.0 - float(np.var(after)) / parameter.prior.variance
-    if alone is not None and problem.contact_time is not None and against_prior - alone > RESTS_ON_SCENE:
-        value, sd = problem.contact_time
-        scene = f"the scene's contact time ({1e3 * value:.3g} +- {1e3 * sd:.2g} ms)"
+    if alone is not None and against_prior - alone > RESTS_ON_SCENE:
+        scene = scene_words(problem)
         if alone < NOT_ALONE:
             reason = f"its size comes from {scene}; the rebounds alone leave it open (contraction {alone:.2f})"
             return Judgement(contraction, Verdict.PRIOR_DOMINATED, reason + remarks, (left, right))
@@ -85,10 +81,7 @@ def _judge_free(
     if left or right:
         end = float(np.quantile(posterior.draws[:, column], 0.05 if right else 0.95))
         side, other = ("below", "upwards") if right else ("above", "downwards")
-        demanded = [
-            c for c in problem.model.linear_constraints(problem.impacts) if c.lower_bound_of == parameter.name
-        ]
-        limit = f"{demanded[0].words}, which the model demands" if left and demanded else "the prior"
+        limit = limit_words(problem, parameter, right)
         reason = (
             f"the table bounds it from {side} only ({'>' if right else '<'} {plain(end, parameter.spec.unit)} "
             f"with 95 %); {other} it is limited by {limit}"
@@ -97,6 +90,18 @@ def _judge_free(
     width = float(np.std(after) / np.std(before))
     reason = f"the table narrows it from both sides to {100.0 * width:.2g} % of what was known before"
     return Judgement(contraction, Verdict.IDENTIFIED, reason + remarks)
+
+
+def limit_words(problem: Problem, parameter: Parameter, right: bool) -> str:
+    """What ends an open side of a parameter: what the model demands, what is possible, or its prior."""
+    demanded = [c for c in problem.model.linear_constraints(problem.impacts) if c.lower_bound_of == parameter.name]
+    if demanded and not right:
+        return f"{demanded[0].words}, which the model demands"
+    bound, possible = (parameter.spec.lower, parameter.spec.upper)[right], parameter.spec.beyond[right]
+    end = parameter.prior.support[right]
+    if bound == possible and end == parameter.prior.ends[right]:
+        return f"what is possible, {plain(bound, parameter.spec.unit)}"
+    return PRIOR
 
 
 def open_ends(after: FloatArray, before: FloatArray) -> tuple[bool, bool]:

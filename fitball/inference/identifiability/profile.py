@@ -16,6 +16,7 @@ import numpy as np
 from scipy.stats import chi2
 from scipy.stats import t as student
 
+from fitball.inference.identifiability.profile_ends import at_bounds, ended_by_range
 from fitball.inference.identifiability.profile_objective import ProfileObjective
 from fitball.inference.identifiability.profile_path import Point, Top, best_top, profile_paths, sweep
 from fitball.inference.problem.parameters import NOISE_SPECS
@@ -70,7 +71,8 @@ def profiles(
     if columns and not paths:
         return Profiles(-top.cost, scene, {}, f"after {RESTARTS} searches a higher maximum is still met on the way")
     lowest = min([top.cost, *(point.cost for points in paths.values() for point in points)])
-    named = {problem.free[k].name: _profile(objective, k, points, lowest) for k, points in paths.items()}
+    ranged = ended_by_range(objective, paths, top, lowest, scene)
+    named = {problem.free[k].name: _profile(objective, k, points, lowest, ranged[k]) for k, points in paths.items()}
     return Profiles(-lowest, scene, named)
 
 
@@ -102,19 +104,33 @@ def _noise_at_bound(objective: ProfileObjective, top: Top) -> str:
     return ""
 
 
-def _profile(objective: ProfileObjective, column: int, points: list[Point], lowest: float) -> Profile:
+def _profile(
+    objective: ProfileObjective,
+    column: int,
+    points: list[Point],
+    lowest: float,
+    ranged: tuple[tuple[str, ...], tuple[str, ...]],
+) -> Profile:
     parameter = objective.problem.free[column]
     ordered = sorted(points, key=lambda point: point.at)
     at = np.array([point.at for point in ordered])
     drop = np.maximum(np.array([point.cost for point in ordered]) - lowest, 0.0)
     values = at if objective.is_value(column) else parameter.prior.value(at)
-    ends = tuple(
-        End.CLOSED if drop[k] >= DROP_95 else (End.BOUND if ordered[k].bound else End.MODEL) for k in (0, -1)
-    )
+    ends, leans = [], []
+    for k in (0, -1):
+        closed, bound = drop[k] >= DROP_95, End.BOUND if ordered[k].bound else End.MODEL
+        ends.append((End.RANGE if ranged[k] else End.CLOSED) if closed else bound)
+        leans.append(ranged[k] or at_bounds(objective, column, ordered[k]))
 
     def interval(level: float) -> Interval:
         low, high = _crossing(at[::-1], drop[::-1], level), _crossing(at, drop, level)
-        sides = np.array([math.nan if side is None else side for side in (low, high)])
+        # What closes by the range of another search is no end of an interval.
+        sides = np.array(
+            [
+                math.nan if side is None or end is End.RANGE else side
+                for side, end in zip((low, high), ends, strict=True)
+            ]
+        )
         shown = sides if objective.is_value(column) else parameter.prior.value(sides)
         left, right = (None if math.isnan(side) else float(side) for side in shown)
         return left, right
@@ -127,17 +143,8 @@ def _profile(objective: ProfileObjective, column: int, points: list[Point], lowe
         interval_68=interval(DROP_68),
         interval_95=interval(DROP_95),
         ends=(ends[0], ends[1]),
-        leans_on=(_at_bounds(objective, column, ordered[0]), _at_bounds(objective, column, ordered[-1])),
+        leans_on=(leans[0], leans[1]),
         unsettled=sum(not point.settled for point in ordered),
-    )
-
-
-def _at_bounds(objective: ProfileObjective, column: int, point: Point) -> tuple[str, ...]:
-    """Names of other parameters that lie on a bound of their own at a point that ends a profile."""
-    low, high = objective.limits
-    near = np.minimum(point.x - low, high - point.x) < 1e-6 * objective.width
-    return tuple(
-        objective.problem.free[k].name for k, at in zip(objective.columns, near, strict=True) if at and k != column
     )
 
 

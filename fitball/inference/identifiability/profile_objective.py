@@ -8,6 +8,7 @@ which are taken as values, as the constraints are linear in.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -47,9 +48,13 @@ class Conditions:
 
 @dataclass(frozen=True)
 class ProfileObjective:
-    """The negative log likelihood of a problem and its derivatives, batched over rows."""
+    """The negative log likelihood of a problem and its derivatives, batched over rows.
+
+    Where `stretched`, bounds that only end a search lie one width of the prior further out, as far as physics goes.
+    """
 
     problem: Problem
+    stretched: bool = False
 
     @cached_property
     def columns(self) -> list[int]:
@@ -82,11 +87,11 @@ class ProfileObjective:
     @cached_property
     def width(self) -> FloatArray:
         """A typical size of each column."""
-        widths = [
-            parameter.prior.width * (float(np.exp(parameter.prior.a)) if as_value else 1.0)
-            for parameter, as_value in zip(self.parameters, self._as_value, strict=True)
-        ]
-        return np.array(widths)
+        return np.array([self._width(k) for k in self.columns])
+
+    def _width(self, column: int) -> float:
+        prior = self.problem.free[column].prior
+        return prior.width * (float(np.exp(prior.a)) if prior.log and self.is_value(column) else 1.0)
 
     def is_value(self, column: int) -> bool:
         """Whether a free parameter's coordinate is here its value although its prior has another."""
@@ -94,6 +99,13 @@ class ProfileObjective:
 
     def ends(self, column: int) -> tuple[float, float]:
         """Bounds of a free parameter in the coordinate it has here."""
+        low, high = self._searched(column)
+        if not self.stretched:
+            return low, high
+        (first, last), width = self._possible(column), self._width(column)
+        return max(low - width, min(low, first)), min(high + width, max(high, last))
+
+    def _searched(self, column: int) -> tuple[float, float]:
         parameter = self.problem.free[column]
         own = parameter.prior
         # A bound at which the model has no answer is kept off as such a constraint is.
@@ -102,6 +114,22 @@ class ProfileObjective:
             return prior.lower, prior.upper
         low, high = prior.ends
         return max(low, own.a - PRIOR_REACH * own.b) if own.log else low, high
+
+    def _possible(self, column: int) -> tuple[float, float]:
+        """What physics leaves of a free parameter, in the coordinate it has here."""
+        parameter = self.problem.free[column]
+        low, high = parameter.spec.beyond
+        if parameter.prior.log and not self.is_value(column):
+            return (math.log(low) if low > 0.0 else -math.inf), math.log(high)
+        return low, high
+
+    @cached_property
+    def searched_for(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which ends of all columns only end a search, (columns,) each: physics goes on there."""
+        ends = [(self._searched(k), self._possible(k)) for k in self.columns]
+        low = np.array([first > possible for (first, _), (possible, _) in ends], dtype=bool)
+        high = np.array([last < possible - ROUNDING for (_, last), (_, possible) in ends], dtype=bool)
+        return low, high
 
     @cached_property
     def limits(self) -> tuple[FloatArray, FloatArray]:

@@ -114,7 +114,7 @@ def searches(
     return Searches(x, held, Conditions(noise, scene))
 
 
-def _free(objective: ProfileObjective, x: FloatArray, scene: bool) -> Searches:
+def free_searches(objective: ProfileObjective, x: FloatArray, scene: bool) -> Searches:
     """Searches that hold nothing."""
     noise = np.full((x.shape[0], len(objective.noise_columns)), np.nan)
     return Searches(x, np.full(x.shape[0], -1), Conditions(noise, scene))
@@ -122,7 +122,7 @@ def _free(objective: ProfileObjective, x: FloatArray, scene: bool) -> Searches:
 
 def best_top(objective: ProfileObjective, starts: FloatArray, scene: bool) -> tuple[Top, FloatArray]:
     """The highest maximum reached from `starts` (rows, columns), and the other ones that may matter."""
-    given = _free(objective, starts, scene)
+    given = free_searches(objective, starts, scene)
     reached = descend(objective, given)
     order = np.argsort(reached.cost, kind="stable")
     best = int(order[0])
@@ -141,7 +141,7 @@ def best_top(objective: ProfileObjective, starts: FloatArray, scene: bool) -> tu
 def _errors(objective: ProfileObjective, x: FloatArray, scene: bool) -> FloatArray:
     """Standard errors (free,) to first order, at most the widths of the priors."""
     problem = objective.problem
-    _, _, curvature = objective.linearised(x, _free(objective, x, scene).given)
+    _, _, curvature = objective.linearised(x, free_searches(objective, x, scene).given)
     errors = problem.prior.width.copy()
     # The width of the prior as a weak measurement keeps unseen directions finite; where there is no derivative, it is
     # all there is.

@@ -6,23 +6,28 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from fitball.inference.identifiability.posterior_verdict import (
-    NEGLIGIBLE,
-    NOT_ALONE,
-    RESTS_ON_SCENE,
-    Judgement,
-    plain,
-)
+from fitball.inference.identifiability.posterior_verdict import NEGLIGIBLE, PRIOR, Judgement, limit_words, plain
 from fitball.inference.identifiability.power_scaling import CONFLICT, SENSITIVE
+from fitball.inference.identifiability.profile_ends import profile_contraction
+from fitball.inference.identifiability.scene_share import NOT_ALONE, known_by_scene, rests_on_scene, scene_words
 from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.evidence import ActiveImpacts, Evidence, InformationEvidence, PowerEvidence, Profile
+from fitball.inference.results.evidence import (
+    ActiveImpacts,
+    End,
+    Evidence,
+    InformationEvidence,
+    PowerEvidence,
+    Profile,
+)
 from fitball.inference.results.results import Verdict
 
 # Difference between the contraction found and the one promised to first order that is worth a word.
 NOT_NORMAL = 0.3
 # Share of the information about a parameter that makes the impacts it comes from worth naming.
 DRIVEN = 1.0 / 3.0
+# Distance from its bound, in the range of a parameter, at which a profile has come to it.
+NEAR_BOUND = 1e-3
 # Impacts that a sentence names.
 NAMED_IN_WORDS = 20
 
@@ -38,7 +43,7 @@ def combine(
         if base is None
         else _corrected(problem, parameter, base, evidence)
     )
-    remarks = _active(evidence.active_impacts)
+    remarks = _leaning(evidence.profile) + _active(evidence.active_impacts)
     differences = [] if base is None else _differences(problem, parameter, base, judged, evidence)
     return replace(judged, reason=judged.reason + remarks), "; ".join(differences)
 
@@ -53,25 +58,18 @@ def from_profile(problem: Problem, parameter: Parameter, evidence: Evidence, man
     if profile is None:
         return _from_information(problem, information, many)
     unit = parameter.spec.unit
-    if rests_on_scene(evidence) and information.contraction_without_scene < NOT_ALONE:
+    if known_by_scene(problem, parameter, evidence):
         return Judgement(
             None, Verdict.PRIOR_DOMINATED, f"its size comes from {scene_words(problem)}, not from the table"
         )
     left, right = profile.open_sides
-    if (left and right) or information.contraction < NEGLIGIBLE:
+    if (left and right) or profile_contraction(profile, parameter.prior) < NEGLIGIBLE:
         words = (
             "the profile is open on both sides" if left and right else "the table adds next to nothing to its prior"
         )
         return Judgement(None, Verdict.PRIOR_DOMINATED, f"{words}: the table leaves it as it was known before")
-    low, high = profile.interval_95
     if left or right:
-        side, end, sign = ("below", low, ">") if right else ("above", high, "<")
-        return Judgement(
-            None,
-            Verdict.ONE_SIDED,
-            f"the table bounds it from {side} only ({sign} {_end(end, unit)} with 95 %); "
-            f"{'upwards' if right else 'downwards'} {_why_open(profile, right)}",
-        )
+        return Judgement(None, Verdict.ONE_SIDED, _one_sided_words(problem, parameter, profile))
     return Judgement(
         None, Verdict.IDENTIFIED, f"the profile is closed on both sides, 95 % within {interval(profile, unit)}"
     )
@@ -89,33 +87,6 @@ def _from_information(problem: Problem, look: InformationEvidence, many: bool) -
     return Judgement(None, Verdict.IDENTIFIED, words)
 
 
-def rests_on_scene(evidence: Evidence) -> bool:
-    """Whether the profile without the scene's contact time is open although it is closed with it."""
-    if evidence.alone is None or evidence.profile is None:
-        return False
-    return any(evidence.alone.open_sides) and not all(evidence.profile.open_sides)
-
-
-def touched_by_scene(problem: Problem, information: dict[str, InformationEvidence]) -> list[str]:
-    """Names of the parameters whose standard error the scene's contact time changes."""
-    if problem.contact_time is None:
-        return []
-    names = []
-    for name, look in information.items():
-        alone = look.error_without_scene
-        if look.error is not None and (alone is None or alone > (1.0 + RESTS_ON_SCENE) * look.error):
-            names.append(name)
-    return names
-
-
-def scene_words(problem: Problem) -> str:
-    """What the scene knows of the contact time."""
-    if problem.contact_time is None:
-        return "the scene"
-    value, sd = problem.contact_time
-    return f"the scene's contact time ({1e3 * value:.3g} +- {1e3 * sd:.2g} ms)"
-
-
 def interval(profile: Profile, unit: str) -> str:
     """The 95 % interval in words, an open end as dots."""
     low, high = ("..." if end is None else f"{end:.3g}" for end in profile.interval_95)
@@ -126,11 +97,44 @@ def _end(end: float | None, unit: str) -> str:
     return "..." if end is None else plain(end, unit)
 
 
-def _why_open(profile: Profile, right: bool) -> str:
-    lean = profile.leans_on[right]
-    if lean:
-        return f"the profile closes only where {', '.join(lean)} meets a bound"
-    return f"the profile stays {profile.ends[right]}"
+def _one_sided_words(problem: Problem, parameter: Parameter, profile: Profile) -> str:
+    (low, high), right = profile.interval_95, profile.open_sides[1]
+    side, end, sign = ("below", low, ">") if right else ("above", high, "<")
+    return (
+        f"the table bounds it from {side} only ({sign} {_end(end, parameter.spec.unit)} with 95 %); "
+        f"{'upwards' if right else 'downwards'} {_why_open(problem, parameter, profile, right)}"
+    )
+
+
+def _why_open(problem: Problem, parameter: Parameter, profile: Profile, right: bool) -> str:
+    end, lean = profile.ends[right], ", ".join(profile.leans_on[right])
+    if end is End.RANGE:
+        return f"the profile falls only because {lean} was searched no further"
+    limit = _limited(problem, parameter, profile, right)
+    return f"it is limited by {limit}" if limit else f"the profile stays {end}"
+
+
+def _limited(problem: Problem, parameter: Parameter, profile: Profile, right: bool) -> str:
+    """What ends an open side of a profile for all priors, empty where that is none of physics."""
+    spec, at = parameter.spec, float(profile.values[-right])
+    bound = (spec.lower, spec.upper)[right]
+    reached = abs(at - bound) < NEAR_BOUND * (spec.upper - spec.lower)
+    demanded = not right and profile.ends[0] is End.MODEL
+    limit = limit_words(problem, parameter, right)
+    return limit if limit != PRIOR and profile.ends[right] is not End.RANGE and (reached or demanded) else ""
+
+
+def _leaning(profile: Profile | None) -> str:
+    """The bounds of others that a closed profile ends on: part of the model, but worth knowing."""
+    if profile is None:
+        return ""
+    names = {
+        name for end, lean in zip(profile.ends, profile.leans_on, strict=True) if end is End.CLOSED for name in lean
+    }
+    if not names:
+        return ""
+    named = " and ".join(sorted(names))
+    return f"; where its profile ends, {named} {'lies on its bound' if len(names) == 1 else 'lie on their bounds'}"
 
 
 def _corrected(problem: Problem, parameter: Parameter, base: Judgement, evidence: Evidence) -> Judgement:
@@ -147,8 +151,10 @@ def _corrected(problem: Problem, parameter: Parameter, base: Judgement, evidence
         )
     if base.verdict is Verdict.ONE_SIDED:
         return base
-    profiled = from_profile(problem, parameter, evidence)
-    return replace(base, verdict=Verdict.ONE_SIDED, reason=profiled.reason + "; there its prior closes the posterior")
+    words = _one_sided_words(problem, parameter, profile)
+    if not _limited(problem, parameter, profile, right):
+        words += "; there its prior closes the posterior"
+    return replace(base, verdict=Verdict.ONE_SIDED, reason=words)
 
 
 def _differences(

@@ -12,7 +12,7 @@ from fitball.data.table import ImpactTable
 from fitball.errors import FitError
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.pooling import labels_of
-from fitball.models.specs import ParameterSpec
+from fitball.models.specs import EVERYTHING, ParameterSpec
 from fitball.values import FloatArray
 
 # A bias of twice the noise is expected: more would have been noticed by who measured.
@@ -57,7 +57,7 @@ class GroupBias:
                 made[name] = ParameterSpec(
                     name, observable.column.unit, -50.0 * size, 50.0 * size, f"normal(0, {size:.6g})",
                     f"how much more than the model {observable.name} is in group {label}",
-                    rf"$\Delta_{{\mathrm{{{plain}}}}}$",
+                    rf"$\Delta_{{\mathrm{{{plain}}}}}$", possible=EVERYTHING,
                 )  # fmt: skip
         return made
 

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from fitball.errors import ParameterError, suggestion
 from fitball.inference.problem.noise import KINDS
 from fitball.inference.problem.priors import Prior, parse_prior
-from fitball.models.specs import ParameterSpec
+from fitball.models.specs import POSITIVE, ParameterSpec
 from fitball.observables import OBSERVABLES, SHARED_NOISE, SHARED_SD, ColumnNoise
 
 
 def _spec(noise: ColumnNoise, unit: str) -> ParameterSpec:
     prior = f"lognormal({noise.typical}, 0.7)"
-    return ParameterSpec(noise.name, unit, noise.lower, noise.upper, prior, f"noise of {noise.of}", noise.symbol)
+    words = f"noise of {noise.of}"
+    return ParameterSpec(noise.name, unit, noise.lower, noise.upper, prior, words, noise.symbol, possible=POSITIVE)
 
 
 # Noise of the measurement, one standard deviation, common to all rows that state none of their own.

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError, ParameterError, suggestion
-from fitball.models.specs import BALL_PARAMETERS, ParameterSpec
+from fitball.models.specs import BALL_PARAMETERS, EVERYTHING, POSITIVE, ParameterSpec
 from fitball.values import FloatArray
 
 # Spread of a logarithm, and of a value as a share of its prior's median, that is still expected (half-normal prior).
@@ -67,7 +67,7 @@ class Pooling:
                 self.spread_name, "" if self.log else unit, 0.0, 20.0 * size, f"normal(0, {size:.6g})",
                 f"how far {self.parameter} differs between {self.column}s (one standard deviation"
                 + (" of its logarithm)" if self.log else ")"),
-                rf"$\tau_{{{_plain(self.parameter)}}}$",
+                rf"$\tau_{{{_plain(self.parameter)}}}$", possible=POSITIVE,
             )
         }  # fmt: skip
         for label in self.labels:
@@ -75,7 +75,7 @@ class Pooling:
             made[name] = ParameterSpec(
                 name, "", -8.0, 8.0, "normal(0, 1)",
                 f"where {self.parameter} of {self.column} {label} lies, in spreads from the common value",
-                rf"$z_{{{_plain(label)}}}$",
+                rf"$z_{{{_plain(label)}}}$", possible=EVERYTHING,
             )  # fmt: skip
         return made
 

@@ -21,6 +21,7 @@ class End(StrEnum):
     CLOSED = "closed"
     BOUND = "open to the bound"
     MODEL = "open to where the model ends"
+    RANGE = "open but for the range searched for others"
 
 
 @dataclass(frozen=True)
@@ -29,8 +30,9 @@ class Profile:
     below its maximum, which lies at `best`.
 
     An end of an interval is None where that side is open. `leans_on` names, for each side, other parameters that are
-    at a bound where the profile closes: without those bounds it might not. `unsettled` counts points at which the
-    search stuck, where the true drop may be smaller.
+    at a bound where the profile ends: one of physics is part of the model and leaves the side closed, one that only
+    ends a search does not where it is all that closes it (`RANGE`). `unsettled` counts points at which the search
+    stuck, where the true drop may be smaller.
     """
 
     name: str
@@ -45,10 +47,8 @@ class Profile:
 
     @property
     def open_sides(self) -> tuple[bool, bool]:
-        """Whether the left and the right side are open at the 95 % level, or closed by other parameters' bounds."""
-        left, right = (
-            end is not End.CLOSED or bool(lean) for end, lean in zip(self.ends, self.leans_on, strict=True)
-        )
+        """Whether the left and the right side are open at the 95 % level."""
+        left, right = (end is not End.CLOSED for end in self.ends)
         return left, right
 
 

@@ -1,0 +1,68 @@
+"""What of a parameter is known only through the scene's contact time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fitball.inference.identifiability.profile_ends import profile_contraction
+from fitball.inference.problem.parameters import Parameter
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.evidence import Evidence, InformationEvidence, Profile
+
+# Loss of contraction without the scene's contact time from which a parameter is said to rest on it, and the
+# contraction by table and priors alone below which it is not the table that fixes it.
+RESTS_ON_SCENE = 0.1
+NOT_ALONE = 0.5
+
+
+def touched_by_scene(problem: Problem, information: Mapping[str, InformationEvidence]) -> list[str]:
+    """Names of the parameters whose standard error the scene's contact time changes."""
+    if problem.contact_time is None:
+        return []
+    names = []
+    for name, look in information.items():
+        alone = look.error_without_scene
+        if look.error is not None and (alone is None or alone > (1.0 + RESTS_ON_SCENE) * look.error):
+            names.append(name)
+    return names
+
+
+def contraction_alone(
+    problem: Problem, information: Mapping[str, InformationEvidence], alone: Mapping[str, Profile]
+) -> dict[str, float]:
+    """The contraction by table and priors alone of each parameter that the scene touches: to first order, or by its
+    profile `alone` without the scene where that says more (at a bound the first order means little).
+    """
+    parameters = {parameter.name: parameter for parameter in problem.free}
+    found = {}
+    for name in touched_by_scene(problem, information):
+        found[name] = information[name].contraction_without_scene
+        if name in alone:
+            found[name] = max(found[name], profile_contraction(alone[name], parameters[name].prior))
+    return found
+
+
+def known_by_scene(problem: Problem, parameter: Parameter, evidence: Evidence) -> bool:
+    """Without a posterior: whether it is the scene's contact time that closes a profile, and not the table."""
+    if evidence.information is None or not rests_on_scene(evidence):
+        return False
+    alone = {} if evidence.alone is None else {parameter.name: evidence.alone}
+    found = contraction_alone(problem, {parameter.name: evidence.information}, alone)
+    return found.get(parameter.name, np.inf) < NOT_ALONE
+
+
+def rests_on_scene(evidence: Evidence) -> bool:
+    """Whether the profile without the scene's contact time is open although it is closed with it."""
+    if evidence.alone is None or evidence.profile is None:
+        return False
+    return any(evidence.alone.open_sides) and not all(evidence.profile.open_sides)
+
+
+def scene_words(problem: Problem) -> str:
+    """What the scene knows of the contact time."""
+    if problem.contact_time is None:
+        return "the scene"
+    value, sd = problem.contact_time
+    return f"the scene's contact time ({1e3 * value:.3g} +- {1e3 * sd:.2g} ms)"
