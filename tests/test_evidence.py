@@ -198,11 +198,11 @@ def test_impacts_in_doubt_are_named_with_their_share():
     )
 
 
-def profile(left=End.CLOSED, right=End.CLOSED, leans=((), ())):
-    interval = (0.4 if left is End.CLOSED else None, 0.7 if right is End.CLOSED else None)
-    return Profile(
-        "mu", np.array([0.3, 0.5, 0.8]), np.array([2.5, 0.0, 2.5]), 0.5, interval, interval, (left, right), leans, 0
-    )
+def profile(left=End.CLOSED, right=End.CLOSED, leans=((), ()), at=(0.5, 0.55, 0.6)):
+    """A profile of mu, whose prior is normal(0.55, 0.05)."""
+    interval = (at[0] if left is End.CLOSED else None, at[2] if right is End.CLOSED else None)
+    drop = np.array([2.5 if left is End.CLOSED else 0.1, 0.0, 2.5 if right is End.CLOSED else 0.1])
+    return Profile("mu", np.array(at), drop, at[1], interval, interval, (left, right), leans, 0)
 
 
 EVIDENCE = Evidence(profile(), None, InformationEvidence(0.3, 0.3, 0.9, 0.9), None, None, None, "")
@@ -215,7 +215,10 @@ CASES = [
     (IDENTIFIED, profile(), None, Verdict.IDENTIFIED, None),
     (IDENTIFIED, OPEN_RIGHT, None, Verdict.ONE_SIDED, "the posterior by itself would be called identified"),
     (IDENTIFIED, OPEN, None, Verdict.PRIOR_DOMINATED, "the posterior by itself would be called identified"),
-    (IDENTIFIED, profile(leans=(("k_y",), ("k_y",))), None, Verdict.PRIOR_DOMINATED, "by itself"),
+    # A bound of physics that another parameter rests on is part of the model; the range of a search is not.
+    (IDENTIFIED, profile(leans=(("mass_ratio",), ("mass_ratio",))), None, Verdict.IDENTIFIED, None),
+    (IDENTIFIED, profile(End.RANGE, End.RANGE, (("k_y",), ("k_y",))), None, Verdict.PRIOR_DOMINATED, "by itself"),
+    (IDENTIFIED, profile(right=End.RANGE, leans=((), ("k_y",))), None, Verdict.ONE_SIDED, "by itself"),
     (IDENTIFIED, profile(), OPEN, Verdict.IDENTIFIED, "only with the scene's contact time"),
     (ONE_SIDED, OPEN_RIGHT, None, Verdict.ONE_SIDED, None),
     (ONE_SIDED, profile(), None, Verdict.ONE_SIDED, "stays high to the upper end"),
@@ -243,7 +246,11 @@ def test_the_evidence_adds_up_to_one_verdict(base, shape, alone, verdict, words)
 
 def test_a_size_that_comes_from_the_scene_is_no_finding_of_the_table():
     problem = problem_of("wang_zero_spin.csv")
-    evidence = replace(EVIDENCE, alone=OPEN, information=InformationEvidence(0.2, None, 0.3, 0.3))
+    stiffness = (1e4, 2e4, 4e4)
+    evidence = replace(
+        EVIDENCE, profile=profile(at=stiffness), alone=profile(End.BOUND, End.BOUND, at=stiffness),
+        information=InformationEvidence(0.2, None, 0.3, 0.3),
+    )  # fmt: skip
     judged, _ = combine(problem, problem.free[1], None, evidence)
     assert judged.verdict is Verdict.PRIOR_DOMINATED
     assert "its size comes from the scene's contact time (5 +- 0.5 ms)" in judged.reason

@@ -262,7 +262,7 @@ def test_a_maximum_that_keeps_being_surpassed_ends_in_words(grip_slip, monkeypat
     """Each search meets a higher maximum: after so many there is no profile, and it says so."""
     walked = []
 
-    def surpassed(objective, columns, top, scene):
+    def surpassed(objective, columns, top, others, scene):
         walked.append(columns)
         return {}, top.x
 
@@ -305,7 +305,7 @@ def test_a_poor_point_is_mended_from_its_neighbours(grip_slip):
     objective = ProfileObjective(grip_slip)
     x = objective.from_values(np.array([[TRUTH[key] for key in grip_slip.free_names]]))
     top, others = best_top(objective, x, True)
-    points, better = profile_paths(objective, [0], top, True)
+    points, better = profile_paths(objective, [0], top, others, True)
     assert better is None
     good = points[0][2]
     points[0][2] = replace(good, cost=good.cost + 1.0, settled=False)

@@ -116,7 +116,12 @@ def examine(
             disagreement="",
         )
         judgements[parameter.name], disagreement = combine(
-            problem, parameter, base, seen, many=profiled[0].missing == LEFT_OUT
+            problem,
+            parameter,
+            base,
+            seen,
+            value=point.values[parameter.name],
+            many=profiled[0].missing == LEFT_OUT,
         )
         evidence[parameter.name] = replace(seen, disagreement=disagreement)
     return Identifiability(

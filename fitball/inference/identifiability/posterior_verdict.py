@@ -25,18 +25,23 @@ EDGE = 0.05
 NEGLIGIBLE = 0.2
 # Correlation worth naming.
 TIED = 0.9
+# Ends of the central 68 %.
+MIDDLE = (0.16, 0.84)
 # What ends an open side that nothing else ends.
 PRIOR = "the prior"
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """Verdict on one parameter, with the contraction, the reason in words, and the open sides of the marginal."""
+    """Verdict on one parameter, with the contraction, the reason in words, and the open sides of the marginal;
+    `middle` are the ends, in SI, between which the posterior has it with 68 %.
+    """
 
     contraction: float | None
     verdict: Verdict
     reason: str
     open_sides: tuple[bool, bool] = (False, False)
+    middle: tuple[float, float] | None = None
 
 
 def judge(
@@ -89,7 +94,8 @@ def _judge_free(
         return Judgement(contraction, Verdict.ONE_SIDED, reason + remarks, (left, right))
     width = float(np.std(after) / np.std(before))
     reason = f"the table narrows it from both sides to {100.0 * width:.2g} % of what was known before"
-    return Judgement(contraction, Verdict.IDENTIFIED, reason + remarks)
+    first, last = np.quantile(posterior.draws[:, column], MIDDLE)
+    return Judgement(contraction, Verdict.IDENTIFIED, reason + remarks, middle=(float(first), float(last)))
 
 
 def limit_words(problem: Problem, parameter: Parameter, right: bool) -> str:

@@ -42,8 +42,9 @@ def profiles(
     parameters by name in SI. With `scene` the scene's contact time counts as a measurement.
 
     Searches go outwards from the best optimum, each from its neighbour, until the drop passes 1.92 with a margin or a
-    bound is met; then every point is tried again from both neighbours and from the other optima, so that the profile
-    is that of the highest of several optima. A better optimum met on the way begins it all anew.
+    bound is met, and from other optima that are nearly as high and lie beyond. Then every point is tried again from
+    both neighbours and from the other optima, so that the profile is that of the highest of several optima. A better
+    optimum met on the way begins it all anew.
     """
     objective = ProfileObjective(problem)
     starts = objective.from_values(np.array([[optimum[name] for name in problem.free_names] for optimum in optima]))
@@ -56,7 +57,7 @@ def profiles(
         if unbounded:
             return Profiles(-top.cost, scene, {}, unbounded)
         report("outwards")
-        paths, better = profile_paths(objective, columns, top, scene)
+        paths, better = profile_paths(objective, columns, top, others, scene)
         changed = {column: set(range(len(points))) for column, points in paths.items()}
         tried = others
         for _ in range(SWEEPS if better is None else 0):

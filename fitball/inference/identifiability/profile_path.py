@@ -6,7 +6,7 @@ All paths of all parameters advance together, so that each round of searches is 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -156,32 +156,71 @@ def _errors(objective: ProfileObjective, x: FloatArray, scene: bool) -> FloatArr
 
 
 def profile_paths(
-    objective: ProfileObjective, columns: Sequence[int], top: Top, scene: bool
+    objective: ProfileObjective, columns: Sequence[int], top: Top, others: FloatArray, scene: bool
 ) -> tuple[dict[int, list[Point]], FloatArray | None]:
-    """Points of the free parameters `columns` from the maximum outwards; or, when a better maximum is met, where."""
+    """Points of the free parameters `columns` from the maximum outwards, and from those of the `others` (rows,
+    columns), maxima that are nearly as high, that lie further out; or, when a better maximum is met, where.
+    """
+    found: dict[int, list[Point]] = {column: [] for column in columns}
     start = np.empty(objective.problem.dimension)
     start[objective.columns] = top.x
     start[objective.noise_columns] = top.noise
-    paths = []
+    origins = [(k, Point(float(start[k]), top.x, top.cost, True, bound=False)) for k in columns]
+    remaining = _origins(objective, columns, others, scene)
+    while origins:
+        paths, better = _walk(objective, origins, top, scene)
+        if better is not None:
+            return {}, better
+        for path in paths:
+            found[path.column] += path.points[1:] if path.direction > 0.0 else path.points
+        # What lies between the ends of a path was on its way.
+        remaining = [(k, point) for k, point in remaining if not _within(found[k], point.at)]
+        # One of each parameter, as its paths may come across the next.
+        origins = list(dict(remaining).items())
+    return {k: sorted(points, key=lambda point: point.at) for k, points in found.items()}, None
+
+
+def _within(points: Sequence[Point], at: float) -> bool:
+    return min(point.at for point in points) <= at <= max(point.at for point in points)
+
+
+def _origins(
+    objective: ProfileObjective, columns: Sequence[int], x: FloatArray, scene: bool
+) -> list[tuple[int, Point]]:
+    """Where paths of `columns` begin at `x` (rows, columns)."""
+    if x.shape[0] == 0:
+        return []
+    given = free_searches(objective, x, scene).given
+    values, cost = objective.values(x, given), objective.cost(x, given)
+    noise = objective.problem.to_coordinates(values)
+    made = []
     for k in columns:
+        at = noise[:, k] if k in objective.noise_columns else x[:, objective.columns.index(k)]
+        made += [(k, Point(float(at[row]), x[row], float(cost[row]), True, bound=False)) for row in range(len(x))]
+    return made
+
+
+def _walk(
+    objective: ProfileObjective, origins: Sequence[tuple[int, Point]], top: Top, scene: bool
+) -> tuple[list[_Path], FloatArray | None]:
+    """Paths from `origins` to both sides until the drop is enough; or, when a better maximum is met, where."""
+    paths = []
+    for k, origin in origins:
         low, high = objective.ends(k)
         for direction, end in ((-1.0, low), (1.0, high)):
-            origin = Point(float(start[k]), top.x, top.cost, True, bool(abs(end - start[k]) <= 0.0))
+            begin = replace(origin, bound=origin.at in (low, high))
             first, least = FIRST * float(top.errors[k]), CREEPING * float(objective.problem.prior.width[k])
-            paths.append(_Path(k, direction, end, first, least, [origin], running=not origin.bound))
+            paths.append(_Path(k, direction, end, first, least, [begin], running=origin.at != end))
     while running := [path for path in paths if path.running]:
         at = np.array([path.proposal() for path in running])
         x = np.array([path.points[-1].x for path in running])
         reached = descend(objective, searches(objective, [path.column for path in running], at, x, scene))
         better = int(np.argmin(reached.cost))
         if reached.cost[better] < top.cost - HIGHER:
-            return {}, reached.x[better]
+            return paths, reached.x[better]
         for row, path in enumerate(running):
             path.accept(_point(reached, row, float(at[row]), path.end), top.cost)
-    joined = {path.column: [*reversed(path.points[1:]), path.points[0]] for path in paths[::2]}
-    for path in paths[1::2]:
-        joined[path.column] += path.points[1:]
-    return joined, None
+    return paths, None
 
 
 def _point(reached: Reached, row: int, at: float, end: float) -> Point:

@@ -10,7 +10,7 @@ from fitball.inference.identifiability.posterior_verdict import NEGLIGIBLE, PRIO
 from fitball.inference.identifiability.power_scaling import CONFLICT, SENSITIVE
 from fitball.inference.identifiability.profile_ends import profile_contraction
 from fitball.inference.identifiability.scene_share import NOT_ALONE, known_by_scene, rests_on_scene, scene_words
-from fitball.inference.problem.parameters import Parameter
+from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import (
     ActiveImpacts,
@@ -33,16 +33,25 @@ NAMED_IN_WORDS = 20
 
 
 def combine(
-    problem: Problem, parameter: Parameter, base: Judgement | None, evidence: Evidence, *, many: bool = False
+    problem: Problem,
+    parameter: Parameter,
+    base: Judgement | None,
+    evidence: Evidence,
+    *,
+    value: float | None = None,
+    many: bool = False,
 ) -> tuple[Judgement, str]:
     """The verdict on one free parameter and the disagreement of its evidence in words; `base` is that of the
-    posterior, `many` says that profiles were left out because rows are many.
+    posterior, `value` the best one in SI, `many` says that profiles were left out because rows are many.
     """
     judged = (
         from_profile(problem, parameter, evidence, many)
         if base is None
         else _corrected(problem, parameter, base, evidence)
     )
+    if judged.verdict is Verdict.IDENTIFIED and evidence.profile is not None:
+        first, last = (value, value) if base is None else base.middle or (value, value)
+        judged = _held_off(parameter, judged, evidence.profile, first, last)
     remarks = _leaning(evidence.profile) + _active(evidence.active_impacts)
     differences = [] if base is None else _differences(problem, parameter, base, judged, evidence)
     return replace(judged, reason=judged.reason + remarks), "; ".join(differences)
@@ -53,9 +62,9 @@ def from_profile(problem: Problem, parameter: Parameter, evidence: Evidence, man
     are `many`, so that the likelihood is near normal.
     """
     profile, information = evidence.profile, evidence.information
-    if information is None:
-        return Judgement(None, Verdict.NOT_JUDGED, "a point fit alone cannot tell")
     if profile is None:
+        if information is None:
+            return Judgement(None, Verdict.NOT_JUDGED, "a point fit alone cannot tell")
         return _from_information(problem, information, many)
     unit = parameter.spec.unit
     if known_by_scene(problem, parameter, evidence):
@@ -157,6 +166,22 @@ def _corrected(problem: Problem, parameter: Parameter, base: Judgement, evidence
     return replace(base, verdict=Verdict.ONE_SIDED, reason=words)
 
 
+def _held_off(
+    parameter: Parameter, judged: Judgement, profile: Profile, first: float | None, last: float | None
+) -> Judgement:
+    """The verdict where priors, such as the end of a range, keep a parameter (from `first` to `last`) away from all
+    that the table allows it. The profile of a noise is no judge: with few rows it lies too low.
+    """
+    low, high = profile.interval_95
+    if first is None or last is None or low is None or high is None or parameter.name in NOISE_SPECS:
+        return judged
+    if low <= last and first <= high:
+        return judged
+    within = interval(profile, parameter.spec.unit)
+    reason = f"priors, its own or others', keep it from where the table alone has it: 95 % within {within}"
+    return replace(judged, verdict=Verdict.PRIOR_DOMINATED, reason=reason)
+
+
 def _differences(
     problem: Problem, parameter: Parameter, base: Judgement, judged: Judgement, evidence: Evidence
 ) -> list[str]:
@@ -165,7 +190,7 @@ def _differences(
     if profile is not None:
         closed = not any(profile.open_sides)
         within = interval(profile, unit)
-        if judged.verdict is not base.verdict:
+        if judged.verdict is not base.verdict and not closed:
             differences.append(f"the posterior by itself would be called {base.verdict}, the profile is open")
         elif base.verdict is Verdict.PRIOR_DOMINATED and closed and rests_on_scene(evidence):
             differences.append(
