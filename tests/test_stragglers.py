@@ -26,6 +26,7 @@ class Density:
     """As much of a problem as the sampler sees: a standard normal mode and another one, far away."""
 
     dimension = DIMENSION
+    pooling = ()
     free_names = tuple(f"x{k}" for k in range(DIMENSION))
     free = tuple(SimpleNamespace(prior=SimpleNamespace(log=False)) for _ in range(DIMENSION))
 

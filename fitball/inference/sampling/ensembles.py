@@ -26,6 +26,7 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT
 from fitball.inference.sampling.chain_file import ChainFile, EnsembleChain
 from fitball.inference.sampling.convergence import Convergence, convergence
+from fitball.inference.sampling.level_coordinates import straight_coordinates
 from fitball.inference.sampling.moves import Moves, StudentProposal, production_moves, warm_up_moves
 from fitball.inference.sampling.stragglers import left_behind, relocation
 from fitball.values import FloatArray
@@ -241,9 +242,10 @@ def sample(
     moved = np.zeros((settings.ensembles, settings.walkers), dtype=bool)
     if settings.max_steps > plan.warm_up:
         moved, taught = _end_warm_up(ensembles, plan.warm_up, np.random.default_rng(roots[-1]))
-        proposal = StudentProposal.fit(taught)
+        straight = straight_coordinates(problem, taught)
+        proposal = StudentProposal.fit(straight.straighten(taught)[0])
         for ensemble in ensembles:
-            ensemble.use(production_moves(proposal))
+            ensemble.use(production_moves(proposal, straight))
     while True:
         _advance_to(problem, ensembles, check, check, mixing, settings, chain_file, report)
         chains = np.stack([ensemble.sampler.get_chain()[:check] for ensemble in ensembles])

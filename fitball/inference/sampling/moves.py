@@ -2,7 +2,8 @@
 
 Differential evolution (ter Braak 2006; Nelson et al. 2014) and the stretch move (Goodman and Weare 2010) come from
 emcee and need no tuning. Once the ensembles have warmed up, an independence proposal is added: a multivariate
-Student distribution fitted to the warm-up and frozen, which jumps along curved, correlated edges in one step.
+Student distribution fitted to the warm-up and frozen, which jumps along curved, correlated edges in one step. Where
+parameters are pooled all of them are then made in coordinates without a funnel (see `level_coordinates`).
 emcee's snooker move is not used: in its releases up to 3.1.6 the Metropolis factor is too small by its square root,
 and the posterior comes out too narrow (pull request 531 of its repository).
 """
@@ -15,6 +16,7 @@ from typing import Any
 import emcee
 import numpy as np
 
+from fitball.inference.sampling.level_coordinates import Straight
 from fitball.values import FloatArray
 
 # Heavier tails than any posterior with normal or Student noise over a dozen measurements.
@@ -65,9 +67,27 @@ def warm_up_moves() -> Moves:
     return [(emcee.moves.DEMove(), 1.0 - STRETCH), (emcee.moves.StretchMove(), STRETCH)]
 
 
-def production_moves(proposal: StudentProposal | None) -> Moves:
-    """The same with the independence proposal, where there is one."""
-    if proposal is None:
-        return warm_up_moves()
-    others = [(move, (1.0 - INDEPENDENT) * share) for move, share in warm_up_moves()]
-    return [*others, (emcee.moves.MHMove(proposal), INDEPENDENT)]
+def production_moves(proposal: StudentProposal | None, straight: Straight) -> Moves:
+    """The same with the independence proposal, where there is one, all made in `straight` coordinates."""
+    moves = warm_up_moves()
+    if proposal is not None:
+        others = [(move, (1.0 - INDEPENDENT) * share) for move, share in moves]
+        moves = [*others, (emcee.moves.MHMove(proposal), INDEPENDENT)]
+    return [(_made_in(straight, move), share) for move, share in moves] if straight.levels else moves
+
+
+def _made_in(straight: Straight, move: Any) -> Any:
+    """A move of emcee, its proposal made in straight coordinates instead of those of the chain."""
+    propose = move.get_proposal
+
+    def get_proposal(walkers: FloatArray, *rest: Any) -> tuple[FloatArray, FloatArray]:
+        # Red-blue moves are given the other walkers, in parts, before the random generator.
+        *others, random = rest
+        start, before = straight.straighten(walkers)
+        others = [[straight.straighten(part)[0] for part in parts] for parts in others]
+        proposed, factors = propose(start, *others, random)
+        end = straight.bend(proposed)
+        return end, factors + before - straight.straighten(end)[1]
+
+    move.get_proposal = get_proposal
+    return move
