@@ -139,7 +139,7 @@ def chains(problem, draws, score=None):
     coordinates = problem.to_coordinates(draws)
     scores = log_posterior(problem, coordinates) if score is None else score
     moved = np.zeros((1, len(draws)), dtype=bool)
-    return Sampled(coordinates[None, None], scores[None, None], (), 0, None, True, moved)
+    return Sampled(coordinates[None, None], scores[None, None], (), 1, 0, 0, None, True, moved)
 
 
 def test_a_chain_below_the_point_changes_nothing(sphere):

@@ -14,6 +14,7 @@ from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.joint_prior import JointPrior
 from fitball.inference.problem.parameters import build_parameters
 from fitball.inference.problem.pooling import Pooling
+from fitball.inference.sampling import ensemble as walking
 from fitball.inference.sampling import ensembles as sampling
 from fitball.inference.sampling.ensembles import Schedule, Settings, sample
 from fitball.inference.sampling.level_coordinates import (
@@ -71,7 +72,8 @@ def spread_and_common(problem):
 
 
 def run(problem, monkeypatch):
-    monkeypatch.setattr(sampling, "log_posterior", density)
+    for module in (sampling, walking):
+        monkeypatch.setattr(module, "log_posterior", density)
     settings = Settings(24, 2, 900, 1, 3, Schedule(warm_up=300, first_check=900))
     optimum = np.array([[-0.5, 0.2, *((problem.measured + 0.5) / 0.2)]])
     return sample(problem, optimum, settings, None, False, lambda _progress: None)

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fitball.inference.sampling import ensemble as walking
 from fitball.inference.sampling import ensembles as sampling
 from fitball.inference.sampling.chain_file import ChainFile
 from fitball.inference.sampling.ensembles import SamplingInterrupted, Schedule, Settings, sample
@@ -43,7 +44,8 @@ SPURIOUS = Density(sd=0.1, log_mass=-30.0)
 @pytest.fixture(autouse=True)
 def sampled_density(monkeypatch):
     """The sampler asks the density of what stands for the problem."""
-    monkeypatch.setattr(sampling, "log_posterior", Density.log_posterior)
+    for module in (sampling, walking):
+        monkeypatch.setattr(module, "log_posterior", Density.log_posterior)
 
 
 @pytest.fixture

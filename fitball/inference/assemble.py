@@ -107,7 +107,8 @@ def assemble(
 
 
 def _diagnostics(sampled: Sampled, effort: Effort) -> Diagnostics:
-    ensembles, steps, walkers, _ = sampled.chains.shape
+    ensembles, _, walkers, _ = sampled.chains.shape
+    steps = sampled.steps
     convergence = sampled.convergence
     complaints = []
     for name, r_hat in convergence.r_hat.items():
@@ -121,6 +122,7 @@ def _diagnostics(sampled: Sampled, effort: Effort) -> Diagnostics:
         walkers=walkers,
         warm_up=sampled.warm_up,
         steps=steps,
+        kept=sampled.kept.shape[1],
         max_steps=effort.max_steps,
         acceptance=sampled.acceptance,
         min_ess_bulk=min(convergence.ess_bulk.values()),

@@ -89,7 +89,7 @@ def run(
         posterior = Posterior(
             problem.free_names,
             problem.to_values(sampled.kept.reshape(-1, shape[-1])).reshape(shape),
-            sampled.log_posterior[:, sampled.warm_up :],
+            sampled.log_posterior[:, sampled.first :],
             prior_draws(problem, np.random.default_rng(seeds[1])),
         )
         squares, point, said = search_again(shared, squares, point, sampled)

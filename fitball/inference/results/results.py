@@ -143,14 +143,15 @@ class Posterior:
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """How the sampler did. `warm_up` steps precede those kept; `r_hat` is rank-normalised and nested
-    (ensembles over walkers).
+    """How the sampler did. `warm_up` steps precede those used, of which `kept` were stored: all, or of a long run
+    every second, fourth, ...; `r_hat` is rank-normalised and nested (ensembles over walkers).
     """
 
     ensembles: int
     walkers: int
     warm_up: int
     steps: int
+    kept: int
     max_steps: int
     acceptance: tuple[float, ...]
     min_ess_bulk: float

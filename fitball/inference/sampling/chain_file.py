@@ -8,7 +8,7 @@ on exactly where it stopped.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -18,7 +18,7 @@ import emcee
 import h5py
 import numpy as np
 
-from fitball.data.hdf5_arrays import finite, group, opened
+from fitball.data.hdf5_arrays import array, finite, group, opened
 from fitball.errors import ResultFolderError
 from fitball.values import FloatArray
 
@@ -26,15 +26,35 @@ GROUP = "ensemble_{}"
 
 
 @dataclass(frozen=True)
+class Going:
+    """What a chain of which not every step is kept needs to go on: the number of `steps` made, the `stride` of those
+    kept after the warm-up, where the walkers are (walkers, free) with their log posterior (walkers,), and for each
+    step at which a check did not suffice the next such step.
+    """
+
+    steps: int
+    stride: int
+    coordinates: FloatArray
+    log_posterior: FloatArray
+    checks: Mapping[int, int]
+
+
+@dataclass(frozen=True)
 class EnsembleChain:
     """Steps of one ensemble: `chain` (steps, walkers, free), `log_posterior` (steps, walkers), `accepted`
-    (walkers,) and the generator's state after the last step.
+    (walkers,) and the generator's state after the last step; `going` where some steps are not kept.
     """
 
     chain: FloatArray
     log_posterior: FloatArray
     accepted: FloatArray
     random_state: tuple[Any, ...]
+    going: Going | None = None
+
+    @property
+    def now(self) -> Going:
+        """Where it stopped, whether or not all steps are kept."""
+        return self.going or Going(len(self.chain), 1, self.chain[-1], self.log_posterior[-1], {})
 
 
 @dataclass(frozen=True)
@@ -90,14 +110,15 @@ def digest(ensembles: Sequence[EnsembleChain]) -> str:
     """SHA-256 over all steps and states: a chain that goes on must be the one that stopped, to the last bit."""
     hashed = sha256()
     for ensemble in ensembles:
-        for array in (
-            ensemble.chain,
-            ensemble.log_posterior,
-            ensemble.accepted,
-            np.asarray(ensemble.random_state[1]),
-        ):
-            hashed.update(f"{array.shape}\n".encode())
-            hashed.update(np.ascontiguousarray(array).tobytes())
+        key = np.asarray(ensemble.random_state[1])
+        for numbers in (ensemble.chain, ensemble.log_posterior, ensemble.accepted, key):
+            hashed.update(f"{numbers.shape}\n".encode())
+            hashed.update(np.ascontiguousarray(numbers).tobytes())
+        if ensemble.going is not None:
+            going = ensemble.going
+            hashed.update(f"{going.steps} {going.stride} {sorted(going.checks.items())}\n".encode())
+            hashed.update(np.ascontiguousarray(going.coordinates).tobytes())
+            hashed.update(np.ascontiguousarray(going.log_posterior).tobytes())
         position, has_normal, normal = ensemble.random_state[2:]
         hashed.update(f"{int(position)} {int(has_normal)} {float(normal)!r}\n".encode())
     return hashed.hexdigest()
@@ -127,6 +148,12 @@ def _write_group(group: h5py.Group, ensemble: EnsembleChain) -> None:
     group.create_dataset("chain", data=ensemble.chain, maxshape=(None, walkers, dimension))
     group.create_dataset("log_prob", data=ensemble.log_posterior, maxshape=(None, walkers))
     group.create_dataset("accepted", data=ensemble.accepted)
+    if ensemble.going is not None:
+        going = group.create_group("going")
+        going.attrs["steps"], going.attrs["stride"] = ensemble.going.steps, ensemble.going.stride
+        going.create_dataset("coordinates", data=ensemble.going.coordinates)
+        going.create_dataset("log_prob", data=ensemble.going.log_posterior)
+        going.create_dataset("checks", data=np.array(sorted(ensemble.going.checks.items()), dtype=np.int64))
 
 
 def _read_group(part: h5py.Group, shape: tuple[int, int]) -> EnsembleChain:
@@ -136,9 +163,20 @@ def _read_group(part: h5py.Group, shape: tuple[int, int]) -> EnsembleChain:
     state = tuple(part.attrs[f"random_state_{k}"] for k in range(count))
     if not _is_state(state):
         raise ValueError(f"{part.name}: its random_state is not the state of a Mersenne twister")
+    going = _read_going(group(part, "going"), shape) if "going" in part else None
     return EnsembleChain(
-        chain, finite(part, "log_prob", (len(chain), shape[0])), finite(part, "accepted", shape[:1]), state
+        chain, finite(part, "log_prob", (len(chain), shape[0])), finite(part, "accepted", shape[:1]), state, going
     )
+
+
+def _read_going(part: h5py.Group, shape: tuple[int, int]) -> Going:
+    """Raises ValueError."""
+    steps, stride = (int(part.attrs[name]) for name in ("steps", "stride"))
+    if stride < 2 or steps < stride:
+        raise ValueError(f"{part.name}: read {steps} steps of which one in {stride} is kept")
+    checks = array(part, "checks", (None, 2), "iu")
+    coordinates, log_posterior = finite(part, "coordinates", shape), finite(part, "log_prob", shape[:1])
+    return Going(steps, stride, coordinates, log_posterior, {int(at): int(after) for at, after in checks})
 
 
 def _is_state(state: tuple[Any, ...]) -> bool:

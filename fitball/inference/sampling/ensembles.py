@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property
 from itertools import repeat
 
-import emcee
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,10 +23,11 @@ from fitball.errors import FitError
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT
-from fitball.inference.sampling.chain_file import ChainFile, EnsembleChain
+from fitball.inference.sampling.chain_file import ChainFile
 from fitball.inference.sampling.convergence import Convergence, convergence
+from fitball.inference.sampling.ensemble import Ensemble
 from fitball.inference.sampling.level_coordinates import straight_coordinates
-from fitball.inference.sampling.moves import Moves, StudentProposal, production_moves, warm_up_moves
+from fitball.inference.sampling.moves import StudentProposal, production_moves
 from fitball.inference.sampling.stragglers import left_behind, relocation
 from fitball.values import FloatArray
 
@@ -41,6 +41,9 @@ BLOCK = 100
 # spread wider than the posterior, as R-hat needs.
 POOL = 3000
 TEMPERING = 0.3
+# Memory that the steps after the warm-up may take, of all ensembles [bytes], and steps that are stored whatever they
+# take.
+STORED_BYTES, LEAST_STORED = 100_000_000, 200
 
 
 @dataclass(frozen=True)
@@ -76,14 +79,17 @@ class Progress:
 
 @dataclass(frozen=True)
 class Sampled:
-    """Chains of all ensembles in coordinates, (ensembles, steps, walkers, free), warm-up included; `moved` are the
-    walkers (ensembles, walkers) that went on from a draw of others after it.
+    """Chains of all ensembles in coordinates, (ensembles, stored, walkers, free): of so many `steps` those that were
+    stored, warm-up included. `first` is the place of the first one after the `warm_up` steps; `moved` are the walkers
+    (ensembles, walkers) that went on from a draw of others after it.
     """
 
     chains: FloatArray
     log_posterior: FloatArray
     acceptance: tuple[float, ...]
+    steps: int
     warm_up: int
+    first: int
     convergence: Convergence
     converged: bool
     moved: NDArray[np.bool_]
@@ -91,7 +97,7 @@ class Sampled:
     @property
     def kept(self) -> FloatArray:
         """Coordinates after warm-up."""
-        return self.chains[:, self.warm_up :]
+        return self.chains[:, self.first :]
 
 
 class SamplingInterrupted(Exception):
@@ -110,84 +116,6 @@ def default_walkers(dimension: int) -> int:
 def warm_up_length(steps: int, least: int = WARM_UP) -> int:
     """Steps to drop of a run of `steps`, where `least` teach the proposal."""
     return max(least, steps // 4) if 2 * steps >= 3 * least else steps // 2
-
-
-class Ensemble:
-    """One emcee sampler with its own random generator, started around the optima or from a stored chain."""
-
-    def __init__(self, problem: Problem, walkers: int, seeds: np.random.SeedSequence) -> None:
-        self.problem = problem
-        self.walkers = walkers
-        self.sampler = self._make(warm_up_moves(), emcee.backends.Backend())
-        # emcee draws from a RandomState; it is seeded from the same tree as every other generator here.
-        legacy = np.random.RandomState(np.random.MT19937(seeds))
-        self.sampler.random_state = legacy.get_state()
-        self.state: emcee.State | None = None
-
-    def _make(self, moves: Moves, backend: emcee.backends.Backend) -> emcee.EnsembleSampler:
-        return emcee.EnsembleSampler(
-            self.walkers,
-            self.problem.dimension,
-            partial(log_posterior, self.problem),
-            vectorize=True,
-            moves=moves,
-            backend=backend,
-        )
-
-    def use(self, moves: Moves) -> None:
-        """Go on with other moves, same chain, same random generator."""
-        random_state = self.sampler.random_state
-        self.sampler = self._make(moves, self.sampler.backend)
-        self.sampler.random_state = random_state
-
-    @property
-    def steps(self) -> int:
-        """Steps made so far."""
-        return int(self.sampler.backend.iteration)
-
-    def start(self, positions: FloatArray) -> None:
-        """Begin at positions (walkers, free)."""
-        self.state = emcee.State(positions)
-
-    def restore(self, stored: EnsembleChain) -> None:
-        """Go on from a stored chain."""
-        backend = self.sampler.backend
-        steps, walkers, dimension = stored.chain.shape
-        backend.reset(walkers, dimension)
-        backend.chain, backend.log_prob = stored.chain.copy(), stored.log_posterior.copy()
-        backend.accepted, backend.iteration = stored.accepted.copy(), steps
-        # Both keep it: emcee takes it from the state with the next step, which never comes where all have been made.
-        backend.random_state = self.sampler.random_state = stored.random_state
-        if steps:
-            self.state = emcee.State(
-                stored.chain[-1], log_prob=stored.log_posterior[-1], random_state=stored.random_state
-            )
-
-    def move(self, walkers: NDArray[np.intp], positions: FloatArray, log_posterior: FloatArray) -> None:
-        """Let `walkers` go on from other positions (walkers, free), whose density is known; no step of the chain."""
-        self.state = emcee.State(self.state, copy=True)
-        self.state.coords[walkers], self.state.log_prob[walkers] = positions, log_posterior
-
-    def advance_to(self, step: int, stop: threading.Event) -> None:
-        """Go on until `step` steps have been made, or until `stop` is set."""
-        steps = step - self.steps
-        if steps <= 0 or stop.is_set():
-            return
-        for state in self.sampler.sample(self.state, iterations=steps, skip_initial_state_check=True):
-            self.state = state
-            if stop.is_set():
-                break
-
-    def stored(self) -> EnsembleChain:
-        """What the chain file keeps."""
-        backend, state = self.sampler.backend, tuple(self.sampler.random_state)
-        if not self.steps:
-            # emcee has no chain to give before the first step.
-            shape = (0, self.walkers, self.problem.dimension)
-            return EnsembleChain(np.empty(shape), np.empty(shape[:2]), np.zeros(self.walkers), state)
-        return EnsembleChain(
-            backend.get_chain().copy(), backend.get_log_prob().copy(), np.array(backend.accepted), state
-        )
 
 
 def starting_positions(
@@ -223,22 +151,23 @@ def sample(
     Checks fall on steps that depend on the chains alone, so a resumed run stops where an uninterrupted one does.
     Raises SamplingInterrupted on Ctrl-C, after writing the chain.
     """
+    plan = settings.schedule
     roots = np.random.SeedSequence(settings.seed).spawn(2 * settings.ensembles + 1)
     ensembles = [Ensemble(problem, settings.walkers, roots[k]) for k in range(settings.ensembles)]
+    checks: dict[int, int] = {}
     if resume and chain_file is not None:
         kept = chain_file.read(settings.ensembles, settings.walkers, problem.free_names)
         for ensemble, stored in zip(ensembles, kept, strict=True):
-            ensemble.restore(stored)
+            ensemble.restore(stored, plan.warm_up)
+            checks |= {} if stored.going is None else stored.going.checks
     for k, ensemble in enumerate(ensembles):
         if ensemble.state is None:
             rng = np.random.default_rng(roots[settings.ensembles + k])
             ensemble.start(starting_positions(problem, optima, k, settings.walkers, rng))
-    plan = settings.schedule
     check = min(plan.first_check, settings.max_steps)
     mixing: Convergence | None = None
-    _advance_to(
-        problem, ensembles, min(plan.warm_up, settings.max_steps), check, mixing, settings, chain_file, report
-    )
+    going = Run(problem, ensembles, settings, chain_file, report, checks)
+    going.advance_to(min(plan.warm_up, settings.max_steps), check, mixing)
     moved = np.zeros((settings.ensembles, settings.walkers), dtype=bool)
     if settings.max_steps > plan.warm_up:
         moved, taught = _end_warm_up(ensembles, plan.warm_up, np.random.default_rng(roots[-1]))
@@ -247,18 +176,24 @@ def sample(
         for ensemble in ensembles:
             ensemble.use(production_moves(proposal, straight))
     while True:
-        _advance_to(problem, ensembles, check, check, mixing, settings, chain_file, report)
-        chains = np.stack([ensemble.sampler.get_chain()[:check] for ensemble in ensembles])
+        if check in checks and check < settings.max_steps:
+            # It was looked at before some of its steps were dropped, and did not suffice.
+            check = min(checks[check], settings.max_steps)
+            continue
+        going.advance_to(check, check, mixing)
+        chains = np.stack([ensemble.chain(check)[0] for ensemble in ensembles])
         warm_up = warm_up_length(check, plan.warm_up)
-        mixing = convergence(problem.free_names, chains[:, warm_up:])
+        first = int(np.searchsorted(ensembles[0].kept, warm_up, side="right"))
+        mixing = convergence(problem.free_names, chains[:, first:])
         report(Progress(check, check, mixing))
         reached = mixing.meets(plan.target_ess, plan.target_r_hat)
         if reached or check >= settings.max_steps:
             break
-        check = min(next_check(check, mixing, plan), settings.max_steps)
-    scores = np.stack([ensemble.sampler.get_log_prob()[:check] for ensemble in ensembles])
-    acceptance = tuple(float(np.mean(ensemble.sampler.acceptance_fraction)) for ensemble in ensembles)
-    return Sampled(chains, scores, acceptance, warm_up, mixing, reached, moved)
+        checks[check] = next_check(check, mixing, plan)
+        check = min(checks[check], settings.max_steps)
+    scores = np.stack([ensemble.chain(check)[1] for ensemble in ensembles])
+    acceptance = tuple(ensemble.acceptance for ensemble in ensembles)
+    return Sampled(chains, scores, acceptance, check, warm_up, first, mixing, reached, moved)
 
 
 def _end_warm_up(
@@ -270,8 +205,8 @@ def _end_warm_up(
     All of it follows from the `steps` of warm-up alone, so a run that was interrupted later and goes on finds the
     same; an ensemble that has gone on already is left as it is.
     """
-    chains = np.stack([ensemble.sampler.get_chain()[steps // 2 : steps] for ensemble in ensembles])
-    scores = np.stack([ensemble.sampler.get_log_prob()[steps // 2 : steps] for ensemble in ensembles])
+    chains = np.stack([ensemble.chain(steps)[0][steps // 2 :] for ensemble in ensembles])
+    scores = np.stack([ensemble.chain(steps)[1][steps // 2 :] for ensemble in ensembles])
     behind = left_behind(chains, scores)
     for k, ensemble in enumerate(ensembles):
         walkers, step, owner = relocation(behind[k], chains.shape[1], rng)
@@ -288,33 +223,54 @@ def next_check(step: int, mixing: Convergence, plan: Schedule) -> int:
     return math.ceil(bounded / BLOCK) * BLOCK
 
 
-def _advance_to(
-    problem: Problem,
-    ensembles: Sequence[Ensemble],
-    goal: int,
-    check: int,
-    mixing: Convergence | None,
-    settings: Settings,
-    chain_file: ChainFile | None,
-    report: Callable[[Progress], None],
-) -> None:
-    """Bring every ensemble to step `goal`, a block at a time; on Ctrl-C write what there is and stop."""
-    stop = threading.Event()
-    with ThreadPoolExecutor(max_workers=settings.cores) as pool:
-        try:
-            while (step := min(ensemble.steps for ensemble in ensembles)) < goal:
-                following = min(step - step % BLOCK + BLOCK, goal)
-                list(pool.map(Ensemble.advance_to, ensembles, repeat(following), repeat(stop)))
-                report(Progress(following, check, mixing))
-        except KeyboardInterrupt:
-            stop.set()
-            pool.shutdown(wait=True)
-            _write(problem, ensembles, chain_file)
-            raise SamplingInterrupted(min(ensemble.steps for ensemble in ensembles)) from None
-    _write(problem, ensembles, chain_file)
+@dataclass(frozen=True)
+class Run:
+    """The ensembles of a run on their way; `checks` are the steps looked at so far with those that followed."""
 
+    problem: Problem
+    ensembles: Sequence[Ensemble]
+    settings: Settings
+    chain_file: ChainFile | None
+    report: Callable[[Progress], None]
+    checks: Mapping[int, int]
 
-def _write(problem: Problem, ensembles: Sequence[Ensemble], chain_file: ChainFile | None) -> None:
-    if chain_file is not None:
-        logs = [parameter.prior.log for parameter in problem.free]
-        chain_file.write([ensemble.stored() for ensemble in ensembles], problem.free_names, logs)
+    @cached_property
+    def most(self) -> int:
+        """Steps after the warm-up that fit into what may be stored."""
+        of_a_step = 8 * self.settings.ensembles * self.settings.walkers * (self.problem.dimension + 1)
+        return max(LEAST_STORED, STORED_BYTES // of_a_step)
+
+    @property
+    def step(self) -> int:
+        """Steps that every ensemble has made."""
+        return min(ensemble.steps for ensemble in self.ensembles)
+
+    def advance_to(self, goal: int, check: int, mixing: Convergence | None) -> None:
+        """Bring every ensemble to step `goal`, a block at a time; on Ctrl-C write what there is and stop."""
+        stop = threading.Event()
+        with ThreadPoolExecutor(max_workers=self.settings.cores) as pool:
+            try:
+                while (step := self.step) < goal:
+                    following = min(step - step % BLOCK + BLOCK, goal)
+                    list(pool.map(Ensemble.advance_to, self.ensembles, repeat(following), repeat(stop)))
+                    self.thin()
+                    self.report(Progress(following, check, mixing))
+            except KeyboardInterrupt:
+                stop.set()
+                pool.shutdown(wait=True)
+                self.thin()
+                self.write()
+                raise SamplingInterrupted(self.step) from None
+        self.write()
+
+    def thin(self) -> None:
+        """Drop what is more than may be stored."""
+        for ensemble in self.ensembles:
+            ensemble.thin(self.settings.schedule.warm_up, self.most)
+
+    def write(self) -> None:
+        """Write the chain file, where there is to be one."""
+        if self.chain_file is not None:
+            logs = [parameter.prior.log for parameter in self.problem.free]
+            stored = [ensemble.stored(self.checks) for ensemble in self.ensembles]
+            self.chain_file.write(stored, self.problem.free_names, logs)

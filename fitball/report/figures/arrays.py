@@ -106,11 +106,13 @@ def trace_data(fit: Drawable) -> tuple[TraceData, ...]:
     _, steps, walkers, _ = posterior.values.shape
     shown = np.unique(np.linspace(0, steps - 1, min(TRACE_STEPS, steps)).astype(int))
     some = np.unique(np.linspace(0, walkers - 1, TRACE_WALKERS).astype(int))
-    first = fit.diagnostics.warm_up if fit.diagnostics is not None else 0
+    at = shown.astype(np.float64)
+    if fit.diagnostics is not None:
+        at = fit.diagnostics.warm_up + shown * ((fit.diagnostics.steps - fit.diagnostics.warm_up) / steps)
     result = []
     for k, label in enumerate(labels):
         values = posterior.values[:, shown][:, :, some, k] * factors[k]
-        result.append(TraceData(label, (shown + first).astype(np.float64), values.transpose(0, 2, 1)))
+        result.append(TraceData(label, at, values.transpose(0, 2, 1)))
     return tuple(result)
 
 

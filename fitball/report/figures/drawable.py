@@ -15,8 +15,12 @@ class Sampled(Protocol):
     """What figures need of the sampler."""
 
     @property
+    def steps(self) -> int:
+        """Steps made."""
+
+    @property
     def warm_up(self) -> int:
-        """Steps before those kept."""
+        """Steps before those used."""
 
 
 class Drawable(Protocol):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitball.inference.results.results import ErrorBudget, Estimate, Fit, LevelEstimate, RunStatus
+from fitball.inference.results.results import Diagnostics, ErrorBudget, Estimate, Fit, LevelEstimate, RunStatus
 from fitball.report.form.display_units import THESIS, Scale, handy, output_scale
 from fitball.report.form.rounding import decimals, fixed, interval, significant
 from fitball.values import FloatArray
@@ -216,7 +216,7 @@ def diagnosis_lines(fit: Fit, *, budget: bool = True) -> tuple[str, ...]:
     if diagnostics is not None:
         lines.append(
             f"Sampling: {diagnostics.ensembles} ensembles of {diagnostics.walkers} walkers, "
-            f"{diagnostics.steps} steps ({diagnostics.warm_up} of them warm-up), acceptance "
+            f"{diagnostics.steps} steps ({diagnostics.warm_up} of them warm-up{thinning(diagnostics)}), acceptance "
             f"{np.mean(diagnostics.acceptance):.2f}, smallest effective sample size "
             f"{diagnostics.min_ess_bulk:.0f} (bulk), {diagnostics.min_ess_tail:.0f} (tail), "
             f"largest R-hat {diagnostics.max_r_hat:.4f}."
@@ -228,6 +228,12 @@ def diagnosis_lines(fit: Fit, *, budget: bool = True) -> tuple[str, ...]:
     if fit.status is RunStatus.NOT_CONVERGED:
         lines.append("NOT CONVERGED: intervals and verdicts may change. Use --resume with more --max-steps.")
     return tuple(lines)
+
+
+def thinning(diagnostics: Diagnostics) -> str:
+    """That of a long run not all steps are kept, in words; nothing where they are."""
+    after = diagnostics.steps - diagnostics.warm_up
+    return "" if diagnostics.kept == after else f", {diagnostics.kept} of the other {after} kept"
 
 
 def _budget_line(budget: ErrorBudget) -> str:

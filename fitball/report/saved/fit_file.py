@@ -136,11 +136,12 @@ class Scores(Part, frozen=True):
 
 
 class DiagnosticsPart(Part, frozen=True):
-    """How the sampler did."""
+    """How the sampler did; kept is the number of steps after the warm-up whose draws were stored."""
 
     ensembles: Counted
     walkers: Counted
     steps: Counted
+    kept: Counted
     warm_up: Annotated[int, msgspec.Meta(ge=0)]
     max_steps: Counted
     acceptance: tuple[Share, ...]

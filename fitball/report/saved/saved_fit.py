@@ -64,8 +64,8 @@ class SavedFit:
         diagnostics, place = self.file.diagnostics, self.place.with_name(POSTERIOR_NAME)
         if diagnostics is None:
             return None
-        steps = diagnostics.steps - diagnostics.warm_up
-        posterior = read_netcdf(place, self.free_names, (diagnostics.ensembles, steps, diagnostics.walkers))
+        shape = (diagnostics.ensembles, diagnostics.kept, diagnostics.walkers)
+        posterior = read_netcdf(place, self.free_names, shape)
         for k, name in enumerate(posterior.names):
             for values in (posterior.values[..., k], posterior.prior_draws[:, k]):
                 if outside(name, values):

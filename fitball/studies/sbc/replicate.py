@@ -187,7 +187,7 @@ class BounceExperiment:
         return Ranked(
             dict(zip(self.names, ranks_among(quantities[0], quantities[1:]), strict=True)),
             sampled.converged,
-            sampled.chains.shape[1],
+            sampled.steps,
             convergence.min_ess,
             convergence.max_r_hat,
         )
