@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from typing import TypeVar
+
+Made = TypeVar("Made")
 
 
 @contextmanager
@@ -42,3 +47,20 @@ def ignore_interrupts() -> None:
 def _release() -> None:
     if sys.platform != "win32":
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
+def in_order(make: Callable[[int], Made], numbers: range, cores: int) -> Iterator[tuple[int, Made]]:
+    """What `make` gives for each number, in order, by `cores` processes, or none beside this one."""
+    if cores == 1 or len(numbers) < 2:
+        for number in numbers:
+            yield number, make(number)
+        return
+    # Fresh processes: forking one that runs threads (as numerical libraries do) may hang.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(cores, len(numbers)), context, ignore_interrupts) as pool:
+        try:
+            with interrupts_held():
+                results = pool.map(make, numbers)
+            yield from zip(numbers, results, strict=True)
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
