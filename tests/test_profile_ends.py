@@ -176,7 +176,7 @@ def written(monkeypatch, residuals, *starts):
     """Profiles and verdicts of the coefficients of a line under written residuals; the noise is held."""
     problem = one_speed()
     kind = type("Here", (Written,), {"residuals": staticmethod(residuals)})
-    monkeypatch.setattr(profile_module, "ProfileObjective", kind)
+    monkeypatch.setattr(profile_module, "objective_of", kind)
     found = profiles(problem, [{"cor_10": a, "cor_slope": b} for a, b in starts]).by_name
     said = {
         item.name: from_profile(problem, item, Evidence(found[item.name], None, None, None, None, None, "")).verdict

@@ -16,7 +16,6 @@ from fitball.inference.identifiability.profile import coverage, profiles
 from fitball.inference.identifiability.scene_share import contraction_alone, touched_by_scene
 from fitball.inference.identifiability.verdict import combine
 from fitball.inference.likelihood.force_noise import noise_held
-from fitball.inference.problem.noise import UNPROFILED
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import (
     LEFT_OUT,
@@ -48,10 +47,6 @@ def profile_all(
     problem = noise_held(problem, point.values)
     if len(problem.impacts) > PROFILED and not large:
         nothing = Profiles(point.log_likelihood, problem.contact_time is not None, {}, LEFT_OUT)
-        return nothing, nothing
-    missing = problem.noise.unprofiled if problem.incident is None else UNPROFILED
-    if missing:
-        nothing = Profiles(point.log_likelihood, problem.contact_time is not None, {}, missing)
         return nothing, nothing
     whole = profiles(problem, optima, report=lambda stage: report(f"profiles {stage}"))
     touched = touched_by_scene(problem, information_evidence(problem, _coordinates(problem, point)))

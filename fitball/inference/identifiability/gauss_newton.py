@@ -11,8 +11,6 @@ from fitball.inference.identifiability.profile_objective import Conditions, Prof
 from fitball.inference.identifiability.quadratic_program import constrained_step
 from fitball.values import FloatArray
 
-# A search has settled when a step promises less than this of the log likelihood; a 95 % interval is a drop of 1.92.
-PROMISED = 2e-4
 MOST_ROUNDS = 60
 # Rounds as good as the last one that a search with a goal may still need.
 PATIENCE = 10.0
@@ -63,7 +61,7 @@ def descend(objective: ProfileObjective, searches: Searches, goal: FloatArray | 
     gradient = np.zeros(x.shape)
     curvature = np.zeros((*x.shape, x.shape[1]))
     stale = np.ones(rows, dtype=bool)
-    running = np.isfinite(cost)
+    running, promised = np.isfinite(cost), objective.pains.promised
     for _ in range(MOST_ROUNDS):
         fresh = np.flatnonzero(running & stale)
         if fresh.size:
@@ -77,10 +75,10 @@ def descend(objective: ProfileObjective, searches: Searches, goal: FloatArray | 
         step, promise = _steps(
             objective, searches.take(busy), x[busy], gradient[busy], curvature[busy], damping[busy]
         )
-        done = (promise < PROMISED) & (damping[busy] <= GENTLE)
+        done = (promise < promised) & (damping[busy] <= GENTLE)
         settled[busy[done]] = True
         # A strongly damped step promises little whatever the slope: such a search is stuck, not settled.
-        stuck = (promise < PROMISED) & (damping[busy] > 1.0) | (damping[busy] > MAX_DAMPING)
+        stuck = (promise < promised) & (damping[busy] > 1.0) | (damping[busy] > MAX_DAMPING)
         running[busy[done | stuck]] = False
         tried, step = busy[~done & ~stuck], step[~done & ~stuck]
         trial = x[tried] + step

@@ -17,9 +17,10 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from fitball.inference.identifiability.profile_ends import at_bounds, ended_by_range
+from fitball.inference.identifiability.profile_general import objective_of
 from fitball.inference.identifiability.profile_objective import ProfileObjective
 from fitball.inference.identifiability.profile_path import Point, Top, best_top, profile_paths, sweep
-from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.problem.parameters import NOISE_SPECS, SD_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import End, Interval, Profile, Profiles
 from fitball.values import FloatArray
@@ -46,7 +47,7 @@ def profiles(
     both neighbours and from the other optima, so that the profile is that of the highest of several optima. A better
     optimum met on the way begins it all anew.
     """
-    objective = ProfileObjective(problem)
+    objective = objective_of(problem)
     starts = objective.from_values(np.array([[optimum[name] for name in problem.free_names] for optimum in optima]))
     columns = [k for k, name in enumerate(problem.free_names) if names is None or name in names]
     scene = scene and problem.contact_time is not None
@@ -93,11 +94,11 @@ def coverage(problem: Problem) -> float:
 
 def _noise_at_bound(objective: ProfileObjective, top: Top) -> str:
     """In words, that the likelihood has no maximum because a noise shrinks to nothing; empty when it does not."""
-    for position, k in enumerate(objective.noise_columns):
-        parameter = objective.problem.free[k]
-        low = objective.ends(k)[0]
+    at = np.zeros(objective.problem.dimension)
+    at[objective.columns], at[objective.noise_columns] = top.x, top.noise
+    for k, parameter in enumerate(objective.problem.free):
         # A noise within a thousandth of its bound, on its own scale, is there.
-        if top.noise[position] <= low + 1e-3:
+        if parameter.name in SD_SPECS and at[k] <= objective.ends(k)[0] + 1e-3:
             return (
                 f"the likelihood has no maximum: the parameters pass through the measurements, and {parameter.name} "
                 "falls to its bound; only its prior keeps it from there"

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from fitball.inference.identifiability.gauss_newton import descend
 from fitball.inference.identifiability.profile_objective import ProfileObjective
 from fitball.inference.identifiability.profile_path import Point, Top, free_searches, searches
+from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.priors import Prior
 from fitball.inference.results.evidence import Profile
 from fitball.values import FloatArray
@@ -67,9 +68,9 @@ def at_bounds(objective: ProfileObjective, column: int, point: Point) -> Names:
 
 
 def _resting(objective: ProfileObjective, column: int, x: FloatArray) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which columns but that of a free parameter lie on their lower, and on their upper bound."""
+    """Which columns but that of a free parameter, and of noise, lie on their lower, and on their upper bound."""
     low, high = objective.limits
-    others = np.array(objective.columns) != column
+    others = np.array([k != column and objective.problem.free[k].name not in NOISE_SPECS for k in objective.columns])
     return (x - low < NEAR * objective.width) & others, (high - x < NEAR * objective.width) & others
 
 

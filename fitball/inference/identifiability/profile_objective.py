@@ -47,6 +47,19 @@ class Conditions:
 
 
 @dataclass(frozen=True)
+class Pains:
+    """What is taken over profiles: `aim`, the change of the log likelihood that a step aims at, and `coarse`, what it
+    accepts; `promised`, the decrease below which a search has settled. `thrifty` searches begin where the last two
+    points of a path point to, and only points that stand out from their neighbours are tried again.
+    """
+
+    aim: float = 0.3
+    coarse: float = 0.9
+    promised: float = 2e-4
+    thrifty: bool = False
+
+
+@dataclass(frozen=True)
 class ProfileObjective:
     """The negative log likelihood of a problem and its derivatives, batched over rows.
 
@@ -55,6 +68,7 @@ class ProfileObjective:
 
     problem: Problem
     stretched: bool = False
+    pains: Pains = Pains()
 
     @cached_property
     def columns(self) -> list[int]:
@@ -199,6 +213,28 @@ class ProfileObjective:
             sizes[parameter.name] = np.where(np.isnan(held), best, parameter.prior.value(np.nan_to_num(held)))
         return sizes
 
+    @cached_property
+    def _structure_precision(self) -> FloatArray:
+        """Of each column the precision of what is part of the model and no knowledge of a parameter: how levels and
+        biases of groups scatter about what they have in common, about zero; 0 for all others.
+        """
+        names = set() if self.problem.group_bias is None else self.problem.group_bias.names(self.problem.observables)
+        for pooling in self.problem.pooling:
+            names |= {pooling.spread_name, *map(pooling.place_name, pooling.labels)}
+        return np.array(
+            [parameter.prior.b**-2.0 if parameter.name in names else 0.0 for parameter in self.parameters]
+        )
+
+    def _structure(self, x: FloatArray) -> FloatArray:
+        return 0.5 * np.asarray(x**2 @ self._structure_precision)
+
+    def _structure_slope(self, x: FloatArray) -> FloatArray:
+        return x * self._structure_precision
+
+    @property
+    def _structure_curvature(self) -> FloatArray:
+        return np.diag(self._structure_precision)
+
     def cost(self, x: FloatArray, given: Conditions) -> FloatArray:
         """Negative log likelihood (rows,) of the measurements, and of the scene's contact time where it counts; inf
         where the model has no answer.
@@ -207,7 +243,7 @@ class ProfileObjective:
         for some in batches(self.problem, x.shape[0]):
             values = self.problem.to_values(self._coordinates(x[some]))
             costs.append(self._cost(self.problem.all_values(values), self.problem.rebound(values), given.take(some)))
-        return np.concatenate(costs)
+        return np.concatenate(costs) + self._structure(x)
 
     def _cost(self, columns: Columns, rebound: Rebound, given: Conditions) -> FloatArray:
         sizes = self._noise(columns, rebound, given)
@@ -231,7 +267,11 @@ class ProfileObjective:
         split = batches(self.problem, x.shape[0], cost=2 * self.problem.dimension + 1)
         parts = [self._linearised(x[some], given.take(some)) for some in split]
         cost, gradient, curvature = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return cost, gradient, curvature
+        return (
+            cost + self._structure(x),
+            gradient + self._structure_slope(x),
+            curvature + self._structure_curvature,
+        )
 
     def _linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray, FloatArray]:
         coordinates = self._coordinates(x)

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitball.inference.identifiability.gauss_newton import Reached, Searches, descend
-from fitball.inference.identifiability.profile_objective import Conditions, ProfileObjective
+from fitball.inference.identifiability.profile_objective import Conditions, Pains, ProfileObjective
 from fitball.inference.identifiability.symmetric import inverse
 from fitball.values import FloatArray
 
-# Where a path ends (a 95 % interval ends at 1.92), and the change of the log likelihood a step aims at and accepts.
-DEPTH, AIM, COARSE = 2.5, 0.3, 0.9
+# Where a path ends: a 95 % interval ends at 1.92.
+DEPTH = 2.5
 # A drop below this says nothing of how a profile goes on.
 FLAT = 0.03
 # Halvings of a step after which what cannot be evaluated counts as the end of what the model can do.
@@ -28,8 +28,8 @@ MOST_POINTS = 80
 HIGHER = 0.01
 # Optima nearer than this, in widths of the priors, are one.
 SAME = 1e-2
-# First step in standard errors, for a drop of AIM on a parabola; and the longest, in widths of the prior.
-FIRST, LONGEST = float(np.sqrt(2.0 * AIM)), 0.5
+# How far a point stands out, in the root of the drop over the line through its neighbours', that is worth a trial.
+STANDS_OUT = 0.03
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,7 @@ class _Path:
     step: float
     least: float
     points: list[Point]
+    pains: Pains
     halvings: int = 0
     running: bool = True
 
@@ -71,12 +72,19 @@ class _Path:
         following = self.points[-1].at + self.direction * self.step
         return min(following, self.end) if self.direction > 0.0 else max(following, self.end)
 
+    def start(self) -> FloatArray:
+        """Where the next search begins: at the last point, or where the last two point to."""
+        if not self.pains.thrifty or len(self.points) < 2:
+            return self.points[-1].x
+        before, last = self.points[-2:]
+        return last.x + (self.proposal() - last.at) / (last.at - before.at) * (last.x - before.x)
+
     def accept(self, point: Point, lowest: float) -> None:
         """Take a point or go back half a step; stop where the drop is enough, at the bound, or at the model's end."""
         last = self.points[-1]
         rise = point.cost - last.cost
         far = last.cost - lowest > DEPTH
-        if not np.isfinite(point.cost) or (rise > COARSE and not far and self.halvings < HALVINGS):
+        if not np.isfinite(point.cost) or (rise > self.pains.coarse and not far and self.halvings < HALVINGS):
             self.halvings += 1
             self.step = 0.5 * abs(point.at - last.at)
             self.running = self.halvings <= HALVINGS and self.step >= self.least
@@ -87,7 +95,7 @@ class _Path:
         self.running = point.cost - lowest < DEPTH and not point.bound and len(self.points) < MOST_POINTS
 
     def _next_step(self, point: Point, lowest: float) -> float:
-        """The step that would lower a parabola from its top through this point by AIM more; at most twice the
+        """The step that would lower a parabola from its top through this point by the aim more; at most twice the
         last.
         """
         last = abs(point.at - self.points[-2].at)
@@ -95,7 +103,7 @@ class _Path:
         if drop < FLAT:
             return 2.0 * last
         away = abs(point.at - self.points[0].at)
-        return min(max(away * (float(np.sqrt(1.0 + AIM / drop)) - 1.0), 0.25 * last), 2.0 * last)
+        return min(max(away * (float(np.sqrt(1.0 + self.pains.aim / drop)) - 1.0), 0.25 * last), 2.0 * last)
 
 
 def searches(
@@ -209,11 +217,13 @@ def _walk(
         low, high = objective.ends(k)
         for direction, end in ((-1.0, low), (1.0, high)):
             begin = replace(origin, bound=origin.at in (low, high))
-            first, least = FIRST * float(top.errors[k]), CREEPING * float(objective.problem.prior.width[k])
-            paths.append(_Path(k, direction, end, first, least, [begin], running=origin.at != end))
+            # On a parabola a drop of the aim.
+            first = float(np.sqrt(2.0 * objective.pains.aim)) * float(top.errors[k])
+            least = CREEPING * float(objective.problem.prior.width[k])
+            paths.append(_Path(k, direction, end, first, least, [begin], objective.pains, running=origin.at != end))
     while running := [path for path in paths if path.running]:
         at = np.array([path.proposal() for path in running])
-        x = np.array([path.points[-1].x for path in running])
+        x = np.array([path.start() for path in running])
         reached = descend(objective, searches(objective, [path.column for path in running], at, x, scene))
         better = int(np.argmin(reached.cost))
         if reached.cost[better] < top.cost - HIGHER:
@@ -226,6 +236,20 @@ def _walk(
 def _point(reached: Reached, row: int, at: float, end: float) -> Point:
     # The proposal is the end itself when it is cut there.
     return Point(at, reached.x[row], float(reached.cost[row]), bool(reached.settled[row]), abs(at - end) <= 0.0)
+
+
+def _to_try(objective: ProfileObjective, line: Sequence[Point], top: Top) -> Sequence[int]:
+    """Places of the points of a profile that a search from elsewhere may lower."""
+    if not objective.pains.thrifty or len(line) < 3:
+        return range(len(line))
+    at = np.array([point.at for point in line])
+    root = np.sqrt(np.maximum([point.cost - top.cost for point in line], 0.0))
+    # On either side of the maximum the root of the drop is close to a line.
+    signed = np.where(np.arange(len(line)) < int(np.argmin(root)), -root, root)
+    between = signed[:-2] + (signed[2:] - signed[:-2]) * (at[1:-1] - at[:-2]) / (at[2:] - at[:-2])
+    beyond = np.abs(signed[1:-1]) - np.abs(between)
+    out = [k for k in range(1, len(line) - 1) if beyond[k - 1] > STANDS_OUT or not line[k].settled]
+    return [k for k in range(len(line)) if k in out or (k in (0, len(line) - 1) and not line[k].settled)]
 
 
 def sweep(
@@ -242,7 +266,7 @@ def sweep(
     owners: list[tuple[int, int]] = []
     starts: list[FloatArray] = []
     for column, line in points.items():
-        for k in range(len(line)):
+        for k in _to_try(objective, line, top):
             neighbours = [line[j].x for j in (k - 1, k + 1) if 0 <= j < len(line) and j in changed[column]]
             for x in (*neighbours, *others):
                 owners.append((column, k))

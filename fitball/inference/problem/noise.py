@@ -21,8 +21,6 @@ from fitball.values import FloatArray
 # Noise parameters by name, (draws,) or numbers.
 Sizes = Mapping[str, FloatArray] | Mapping[str, float]
 LOG_TAU = math.log(2.0 * math.pi)
-# The best size of any other noise has no closed form, which profiles need.
-UNPROFILED = "they are made for normal noise about exactly known incident states only"
 # Points of the prior's range among which the best scale or shape is looked for.
 GRID = 401
 # Step of differences, in standard deviations: their errors, curvature and rounding, are some 1e-10 of a slope.
@@ -30,14 +28,10 @@ DIFFERENCE = 1e-5
 
 
 class NoiseKind(ABC):
-    """A distribution of standardised deviations `z` (draws, impacts), for its own `parameters` among `sizes`.
-
-    `unprofiled` says why there are no profiles of a likelihood with it; empty where there are.
-    """
+    """A distribution of standardised deviations `z` (draws, impacts), for its own `parameters` among `sizes`."""
 
     name: str
     parameters: tuple[ParameterSpec, ...] = ()
-    unprofiled: str = UNPROFILED
 
     @abstractmethod
     def log_density(self, z: FloatArray, sizes: Sizes) -> FloatArray:
@@ -89,7 +83,6 @@ class NormalNoise(NoiseKind):
     """The normal distribution, whose scale is its standard deviation."""
 
     name = "normal"
-    unprofiled = ""
 
     def log_density(self, z: FloatArray, sizes: Sizes) -> FloatArray:  # noqa: ARG002
         """See `NoiseKind`."""
