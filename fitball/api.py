@@ -13,12 +13,12 @@ from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable
 from fitball.inference.calibrate import fingerprint, run
 from fitball.inference.effort import MAX_STEPS, Effort
-from fitball.inference.prediction.new_impacts import DRAWS, NewPrediction, predict_new
+from fitball.inference.prediction.new_impacts import NewPrediction, predict_new
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.force_records import build_records
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.results import Fit, thinned
+from fitball.inference.results.results import Fit
 from fitball.inference.sampling.chain_file import ChainFile
 from fitball.inference.sampling.ensembles import Progress
 from fitball.report.fit.folder import CHAIN_NAME, prepare_folder, write_all
@@ -53,10 +53,7 @@ class Calibration(Fit):
         incident_covariance: FloatArray | None = None,
     ) -> NewPrediction:
         """See `new_impacts.predict_new`: the same numbers as from the fit when it is saved and read back."""
-        fitted, posterior = self.fitted, self.posterior
-        if posterior is not None:
-            fitted = fitted.with_draws(posterior.names, thinned(posterior, DRAWS))
-        return predict_new(fitted, impacts, observed, seed, incident_covariance)
+        return predict_new(self.predicting, impacts, observed, seed, incident_covariance)
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,7 @@ from fitball.inference.problem import force_records, measurement_noise
 from fitball.inference.problem import group_bias as offsets
 from fitball.inference.problem import pooling as levels
 from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.results import fitted_model
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT, RunStatus, Verdict
 from fitball.inference.sampling import ensembles as sampling
 from fitball.inference.sampling import moves
@@ -81,6 +82,7 @@ DECIDING = {
     "sure difference": comparison.SURE_SIZE,
     "rows left out singly": leave_out.SINGLY,
     "slack of the hull": SLACK,
+    "draws of a prediction": fitted_model.PREDICTING,
     "draws a truth is ranked among": RANKED,
     "family error of the calibration": FAMILY_ERROR,
 }

@@ -20,7 +20,8 @@ from fitball.inference.prediction.extrapolation import calibrated_range, hull_di
 from fitball.inference.prediction.holdout_scores import impacts_seen, scores
 from fitball.inference.prediction.new_impacts import BATCH, predict_new
 from fitball.inference.problem.observables import Observable
-from fitball.inference.results.fitted_model import FittedModel
+from fitball.inference.results.fitted_model import PREDICTING, FittedModel
+from fitball.inference.results.results import thinned
 from fitball.report.saved.posterior_file import write_netcdf
 
 NAMES = ("mu", "e_x", "offset", "cor_10", "cor_slope", "velocity_sd", "spin_sd")
@@ -290,6 +291,48 @@ def test_a_saved_fit_predicts_what_the_fit_predicts(fit, folder):
     for a, b in zip(before.outputs, after.outputs, strict=True):
         for name in ("point", "rebound", "measured"):
             assert getattr(a, name).tobytes() == getattr(b, name).tobytes()
+
+
+def widths(fit, draws, new):
+    """Lengths of the 95 % intervals (outputs, impacts) from draws (draws, free)."""
+    found = fit.fitted.with_draws(fit.posterior.names, draws).predict(new)
+    return np.array([found[f"{name}_q975"] - found[f"{name}_q025"] for name in ("v_x2", "v_y2", "omega_2")])
+
+
+def test_intervals_are_as_long_as_those_of_the_whole_chain(grip_slip_fit):
+    """Over several choices of draws: those that predictions take, and the control, the few that fit.json holds."""
+    fit = grip_slip_fit
+    new = fitball.impacts(
+        [15.6, 14.5, 11.1, 9.0, 20.0], [4.8, 9.9, 13.8, 6.0, 10.0], [-5.0, 150.0, 20.0, -120.0, 0.0]
+    )
+    whole = widths(fit, fit.posterior.draws, new)
+    error = {}
+    for count in (PREDICTING, 400):
+        ratios = [widths(fit, thinned(fit.posterior, count + k), new) / whole for k in range(15)]
+        error[count] = np.sqrt(np.mean(np.square(np.array(ratios) - 1.0)))
+    # Of a normal quantity 0.015 and 0.048; the largest of many is three times as far.
+    assert error[PREDICTING] < 0.025 < 0.035 < error[400]
+    named = fit.predict(new)
+    mine = np.array([named[f"{name}_q975"] - named[f"{name}_q025"] for name in ("v_x2", "v_y2", "omega_2")])
+    np.testing.assert_allclose(mine, whole, rtol=0.08)
+
+
+def test_draws_that_predict_are_read_beside_fit_json(grip_slip_fit, grip_slip_folder, tmp_path):
+    new = fitball.impacts(np.linspace(8.0, 20.0, 600), 8.0, 10.0)
+    saved = fitball.load_fit(grip_slip_folder)
+    before, after = grip_slip_fit.predict(new), saved.predict(new)
+    assert saved.predicting.draws.shape[0] == PREDICTING
+    assert before.keys() == after.keys() and all(len(array) == 600 for array in after.values())
+    assert all(before[name].tobytes() == after[name].tobytes() for name in before)
+    # Impacts are predicted some at a time: the same as each alone.
+    assert saved.predict(fitball.impacts(new.v_x1[599], 8.0, 10.0))["v_x2_q025"] == after["v_x2_q025"][599]
+    # The file itself holds a few, and says so where the others are missing.
+    shutil.copy(grip_slip_folder / "fit.json", tmp_path / "fit.json")
+    alone = fitball.load_fit(tmp_path)
+    assert (tmp_path / "fit.json").stat().st_size < 250_000
+    with pytest.raises(ResultFolderError, match=r"posterior\.nc"):
+        alone.predict(new)
+    assert alone.fitted.predict(new)["v_x2"].tobytes() == before["v_x2"].tobytes()
 
 
 def test_predict_prints_json_and_csv(folder, tmp_path, capsys):

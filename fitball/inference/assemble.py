@@ -40,6 +40,7 @@ from fitball.inference.sampling.ensembles import Sampled
 from fitball.inference.sampling.monte_carlo_error import summaries
 from fitball.values import FloatArray
 
+# Draws that fit.json holds: enough to look at, and to know the posterior beside it again; predictions take more.
 KEPT_DRAWS = 400
 
 

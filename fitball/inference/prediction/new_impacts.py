@@ -21,8 +21,6 @@ from fitball.models.types import STATUS_REASON, Rebound, Status
 from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, Impacts
 
-# Draws of a saved posterior that are used: the ends of a 95 % interval come out within a fiftieth of its length.
-DRAWS = 4000
 # Impacts of one batch, so that memory does not grow with the table. Random numbers depend on it, so it is fixed.
 BATCH = 250
 LINES = {"cor_slope": "COR", "eps_slope": "eps"}

@@ -13,7 +13,7 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.results.adequacy import Adequacy
 from fitball.inference.results.assumptions import Assumptions
 from fitball.inference.results.evidence import Identifiability
-from fitball.inference.results.fitted_model import FittedModel
+from fitball.inference.results.fitted_model import PREDICTING, FittedModel
 from fitball.inference.results.pace_rating import CourtPace
 from fitball.models.types import Rebound
 from fitball.values import FloatArray, Impacts
@@ -312,8 +312,20 @@ class Fit:
         return {estimate.name: estimate for estimate in self.estimates}
 
     def predict(self, impacts: Impacts) -> Mapping[str, FloatArray]:
-        """See `FittedModel.predict`."""
-        return self.fitted.predict(impacts)
+        """See `FittedModel.predict`, here from `PREDICTING` draws."""
+        return self.predicting.predict(impacts)
+
+    @property
+    def predicting(self) -> FittedModel:
+        """The fitted model with the draws that predictions are made from."""
+        return predicting(self.fitted, self.posterior)
+
+
+def predicting(fitted: FittedModel, posterior: Posterior | None) -> FittedModel:
+    """A fitted model with `PREDICTING` draws of its posterior, which may be more than it keeps."""
+    if posterior is None:
+        return fitted
+    return fitted.with_draws(posterior.names, thinned(posterior, PREDICTING))
 
 
 def thinned(posterior: Posterior, count: int) -> FloatArray:

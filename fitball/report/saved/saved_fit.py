@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import msgspec
@@ -11,11 +12,11 @@ import numpy as np
 
 from fitball.data.table import ImpactTable
 from fitball.errors import ResultFolderError
-from fitball.inference.prediction.new_impacts import DRAWS, NewPrediction, predict_new
+from fitball.inference.prediction.new_impacts import NewPrediction, predict_new
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.observables import Observable
 from fitball.inference.results.fitted_model import FittedModel
-from fitball.inference.results.results import Golden, Posterior, RunStatus, Verdict, thinned
+from fitball.inference.results.results import Golden, Posterior, RunStatus, Verdict, predicting, thinned
 from fitball.models.types import OUTPUTS, Rebound
 from fitball.report.saved.data_file import DATA_NAME, read_data
 from fitball.report.saved.fit_consistency import checked, outside
@@ -102,14 +103,20 @@ class SavedFit:
 
         Raises ResultFolderError as `posterior` does.
         """
-        posterior, fitted = self.posterior(), self.fitted
-        if posterior is not None:
-            fitted = fitted.with_draws(posterior.names, thinned(posterior, DRAWS))
-        return predict_new(fitted, impacts, observed, seed, incident_covariance)
+        return predict_new(self.predicting, impacts, observed, seed, incident_covariance)
 
     def predict(self, impacts: Impacts) -> Mapping[str, FloatArray]:
-        """See `FittedModel.predict`: the same numbers as from the fit that was saved."""
-        return self.fitted.predict(impacts)
+        """See `FittedModel.predict`: the same numbers as from the fit that was saved.
+
+        Raises ResultFolderError as `posterior` does; without `posterior.nc`, `fitted.predict` makes do with the few
+        draws of `fit.json`.
+        """
+        return self.predicting.predict(impacts)
+
+    @cached_property
+    def predicting(self) -> FittedModel:
+        """The fitted model with the draws that predictions are made from. Raises ResultFolderError as `posterior`."""
+        return predicting(self.fitted, self.posterior())
 
 
 def read_fit(path: Path) -> SavedFit:
