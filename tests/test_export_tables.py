@@ -137,8 +137,6 @@ def test_engine_refuses_what_it_cannot_do():
     ball = fitted([0.55, 0.1, 2e-3, 0.77, -0.015])
     with pytest.raises(ParameterError, match="at most 1"):
         fit_engine(ball, middle_impact(ball), 1.5)
-    with pytest.raises(ParameterError, match="operating point cannot be evaluated: the coefficient of restitution"):
-        fit_engine(ball, fitball.impacts([20.0], [70.0], [0.0]), 0.4)
     told = replace(ball, model_name="two-mass", options={"cor": "measured"})
     for work in (lambda: fit_engine(told, middle_impact(told), 0.4), lambda: make_lookup(told, default_axes(told))):
         with pytest.raises(ModelError, match="is told each impact's restitution"):
@@ -226,14 +224,34 @@ def test_a_finer_grid_errs_less():
         assert fine.errors[name].rms < 0.5 * coarse.errors[name].rms
 
 
-def test_points_without_rebound_are_counted_with_their_reason(small_fit, tmp_path):
+def test_beyond_the_range_of_the_model_tables_go_on_and_say_so(small_fit, tmp_path, capsys):
     call = ["export", str(small_fit), "--to", "lookup", "--out", str(tmp_path / "t.csv")]
-    assert main([*call, "--range", "v_x=10..20:3, v_y=5..85:3"]) == 0
-    about = json.loads((tmp_path / "t.json").read_text())
-    (reason,) = about["points_without_rebound"]
-    assert "coefficient of restitution" in reason
-    assert about["points_without_rebound"][reason] == pd.read_csv(tmp_path / "t.csv")["v_x2 [m/s]"].isna().sum() == 3
-    assert main([*call, "--overwrite", "--range", "v_x=10..20:3, v_y=80..85:3"]) == 2
+    assert main([*call, "--range", "v_x=10..20:3, v_y=5..85:9"]) == 0
+    table, about = pd.read_csv(tmp_path / "t.csv"), json.loads((tmp_path / "t.json").read_text())
+    assert about["points_without_rebound"] == {} and not table.isna().any(axis=None)
+    beyond = table["extrapolated"] == "yes"
+    low, high = (about["valid_range"][f"v_y1_{end}"] for end in ("low", "high"))
+    speed, rebound = table["v_y1 [m/s]"], table["v_y2 [m/s]"]
+    np.testing.assert_array_equal(beyond, (speed < low) | (speed > high))
+    assert 0 < about["points_extrapolated"] == beyond.sum() < len(table)
+    assert f"{beyond.sum()} of 27 points lie outside of v_y1" in capsys.readouterr().err
+    # One restitution beyond the end, and a rebound that goes on growing.
+    np.testing.assert_allclose((rebound / speed)[beyond], (rebound / speed)[beyond].iloc[0], rtol=1e-9)
+    assert np.all(np.diff(rebound[table["v_x1 [m/s]"] == 10.0]) > 0.0)
+
+
+def test_an_operating_point_beyond_the_range_is_told(small_fit, capsys):
+    call = ["export", str(small_fit), "--to", "engine", "--out", "-", "--at"]
+    assert main([*call, "v_x=20, v_y=70"]) == 0
+    beyond = capsys.readouterr().out
+    assert "beyond v_y1 = " in beyond and "v_y2 would fall while v_y1 grows" in beyond
+    assert main([*call, "v_x=12, v_y=9"]) == 0
+    assert "beyond v_y1" not in capsys.readouterr().out
+    ball = fitted([0.55, 0.1, 2e-3, 0.77, -0.015])
+    found = fit_engine(ball, fitball.impacts([20.0], [70.0], [0.0]), 0.4)
+    assert found.extrapolated and found.unsolved == 0
+    turning = 5.0 + 0.5 * 0.77 / 0.015
+    assert found.at_point.e == pytest.approx(0.77 - 0.015 * (turning - 10.0), rel=1e-4)
 
 
 def test_the_default_grid_spans_the_calibrated_range():

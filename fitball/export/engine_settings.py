@@ -66,6 +66,9 @@ def _content(saved: SavedFit, engine: EngineFit) -> dict[str, Any]:
         "ball": {"mass": ball.mass, "radius": ball.radius, "inertia_ratio": engine.inertia_ratio},
         "operating_point": {name: float(getattr(engine.point, name)[0]) for name in ("v_x1", "v_y1", "omega_1")},
         "outside_calibrated_range": _outside(saved, engine),
+        "outside_valid_range": engine.extrapolated,
+        "valid_range": {"v_y1_low": engine.valid.low, "v_y1_high": engine.valid.high},
+        "mixtures_left_out": engine.unsolved,
         "fitted_rebound": dict(engine.fitted),
         "engine_rebound": dict(engine.engine),
         "at_point": _settings(engine.at_point),
@@ -124,7 +127,22 @@ def _outside(saved: SavedFit, engine: EngineFit) -> bool:
 
 
 def _warning(saved: SavedFit, engine: EngineFit) -> list[str]:
-    return ["**The operating point lies outside the calibrated range.**", ""] if _outside(saved, engine) else []
+    said = []
+    if _outside(saved, engine):
+        said.append("**The operating point lies outside the calibrated range.**")
+    if engine.extrapolated:
+        end, why = engine.valid.low, engine.valid.below
+        if engine.point.v_y1[0] > engine.valid.high:
+            end, why = engine.valid.high, engine.valid.above
+        said.append(
+            f"**It lies beyond v_y1 = {end:.4g} m/s, where the fitted model ends ({why}): restitution and offset are "
+            "taken as they are there.**"
+        )
+    if engine.unsolved:
+        said.append(
+            f"{engine.unsolved} mixtures of calibrated impacts have no rebound and are left out of the range."
+        )
+    return [line for text in said for line in (text, "")]
 
 
 def _mu(value: float | None) -> str:

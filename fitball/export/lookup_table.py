@@ -24,13 +24,20 @@ def lookup_texts(saved: SavedFit, grid: str | None) -> Mapping[str, str]:
 
 
 def lookup_note(texts: Mapping[str, str]) -> str:
-    """The interpolation error in one line, and grid points that the model cannot evaluate."""
+    """The interpolation error in one line, and grid points that are extrapolated or have no rebound."""
     content = json.loads(texts[".json"])
     errors = content["interpolation"]["errors"]
     parts = [f"{name} {item['largest']:.2g} (RMS {item['rms']:.2g}) {item['unit']}" for name, item in errors.items()]
     note = f"largest error of interpolation: {', '.join(parts)}" if parts else "interpolation could not be checked"
     reasons = "; ".join(f"{count} of {content['points']} points have no rebound: {reason}"
                         for reason, count in content["points_without_rebound"].items())  # fmt: skip
+    beyond, valid = content["points_extrapolated"], content["valid_range"]
+    if beyond:
+        note += (
+            f"; {beyond} of {content['points']} points lie outside of v_y1 = {valid['v_y1_low']:.4g} to "
+            f"{valid['v_y1_high']:.4g} m/s: restitution and offset stay there what they are at its ends (column "
+            "extrapolated)"
+        )
     return note + (f"; {reasons}" if reasons else "")
 
 
@@ -45,6 +52,7 @@ def _rows(lookup: Lookup) -> list[dict[str, object]]:
         for name, column in lookup.outputs.items():
             row[f"{name} [{SI_UNITS[name]}]"] = None if column[k] != column[k] else f"{column[k]:.12g}"
         row["regime"] = names[int(lookup.regime[k])]
+        row["extrapolated"] = "yes" if lookup.extrapolated[k] else "no"
         rows.append(row)
     return rows
 
@@ -69,6 +77,15 @@ def _content(saved: SavedFit, lookup: Lookup) -> dict[str, Any]:
         "outputs": {name: SI_UNITS[name] for name in lookup.outputs},
         "points": len(lookup.points),
         "points_without_rebound": dict(lookup.failed),
+        "points_extrapolated": int(lookup.extrapolated.sum()),
+        "valid_range": {
+            "v_y1_low": lookup.valid.low,
+            "v_y1_high": lookup.valid.high,
+            "unit": "m/s",
+            "ends_below_by": lookup.valid.below,
+            "ends_above_by": lookup.valid.above,
+            "outside": "restitution and offset of the normal force stay what they are at the nearer end",
+        },
         "interpolation": {
             "method": "multilinear in the axes",
             "checked_at": f"{lookup.checked} impacts: midpoints of cells, and random ones (seed {SEED})",

@@ -6,10 +6,11 @@ import math
 from textwrap import wrap
 
 from fitball.export.port.c_statements import c_function, signature
-from fitball.export.port.c_text import CALLS, FACE, HELPERS, SELF_TEST
+from fitball.export.port.c_text import CALLS, CLAMP_COR, FACE, HELPERS, SELF_TEST
 from fitball.export.port.c_types import STRIDE, Type, fields_of, struct_definitions, structs_of
 from fitball.export.port.kernel_source import Constant
-from fitball.export.port.port import SELF_TEST_TOLERANCE, SERIES_SIZE, Port, status_reasons
+from fitball.export.port.port import SELF_TEST_TOLERANCE, SERIES_SIZE, Port, range_sentences, status_reasons
+from fitball.inference.prediction.valid_range import GRAZING, TINY
 from fitball.models.capabilities import LINES
 from fitball.models.kernels.events import MAX_DEPTH
 from fitball.models.types import PHASE_SYMBOL
@@ -89,7 +90,7 @@ def _braced(value: Constant) -> str:
 
 
 def _face(port: Port) -> str:
-    cor = "cor" if port.needs_cor else "COR_10 + COR_SLOPE * (v_y1 - ANCHOR)" if port.call.lines else "NAN"
+    cor = "cor" if port.needs_cor else "(COR_10 + COR_SLOPE * (v_y1 - ANCHOR))" if port.call.lines else "NAN"
     call = CALLS[port.call.convention].replace("THE_KERNEL", port.call.entry.__name__).replace("THE_COR", cor)
     call = call.replace("ANCHOR", repr(port.anchor))
     for name in LINES:
@@ -99,16 +100,37 @@ def _face(port: Port) -> str:
     )
     phases = ", ".join(f'"{PHASE_SYMBOL.get(k, "")}"' for k in range(len(PHASE_SYMBOL) + 1))  # type: ignore[call-overload]
     reasons = "\n".join(f'    case {status}: return "{text}";' for status, text in status_reasons().items())
-    return (
-        FACE.replace("CALL_THE_KERNEL", call.strip("\n"))
-        .replace("PARAMETER_ROW", row)
-        .replace("SERIES_SIZE", str(SERIES_SIZE))
-        .replace("STACK_SIZE", str((MAX_DEPTH + 1) * STRIDE))
-        .replace("CODE_LIST", ", ".join(map(str, port.call.codes)))
-        .replace("PHASE_NAMES", phases)
-        .replace("REASON_CASES", reasons)
-        .replace("COR_PARAMETER", ", double cor" if port.needs_cor else "")
-    )
+    text = FACE
+    for token, value in {
+        "CALL_THE_KERNEL": call.strip("\n"),
+        "PARAMETER_ROW": row,
+        "RANGE_COMMENT": _range_comment(port),
+        "VALID_LOW": repr(port.valid.low),
+        "VALID_HIGH": repr(port.valid.high),
+        "CALIBRATED_LOW": repr(port.calibrated[0]),
+        "CALIBRATED_HIGH": repr(port.calibrated[1]),
+        "CLAMP_COR": CLAMP_COR.strip("\n") if port.needs_cor else "",
+        "COR_LOW_END": repr(port.cor_range[0]),
+        "COR_HIGH_END": repr(port.cor_range[1]),
+        "COR_PARAMETER": ", double cor" if port.needs_cor else "",
+        "COR_ARGUMENT": ", cor" if port.needs_cor else "",
+        "GRAZING_SHARE": repr(GRAZING),
+        "TINY_SPEED": repr(TINY),
+        "BALL_RADIUS": repr(port.radius),
+        "SERIES_SIZE": str(SERIES_SIZE),
+        "STACK_SIZE": str((MAX_DEPTH + 1) * STRIDE),
+        "CODE_LIST": ", ".join(map(str, port.call.codes)),
+        "RIGID_LIST": ", ".join(map(str, port.rigid_codes)),
+        "PHASE_NAMES": phases,
+        "REASON_CASES": reasons,
+    }.items():
+        text = text.replace(token, value)
+    return text
+
+
+def _range_comment(port: Port) -> str:
+    lines = [line for sentence in range_sentences(port) for line in wrap(sentence, WIDTH)]
+    return "\n".join(["/*", *(f" * {line}" for line in lines), " */"])
 
 
 def _self_test(port: Port) -> str:

@@ -24,7 +24,12 @@ CALLS = {
     static const int64_t codes[] = {CODE_LIST};
     double function[SERIES_SIZE] = {0}, twist[SERIES_SIZE] = {0}, drive[SERIES_SIZE] = {0}, stack[STACK_SIZE] = {0};
     const @@Scratch scratch = {function, twist, drive, stack};
-    const @@Bounce solved = @@THE_KERNEL(row, codes, v_x1, v_y1, omega_1, THE_COR, scratch);
+    @@Bounce solved = @@THE_KERNEL(row, codes, v_x1, v_y1, omega_1, THE_COR, scratch);
+    if (solved.status != 0) {
+        static const int64_t rigid[] = {RIGID_LIST};
+        solved = @@THE_KERNEL(row, rigid, v_x1, v_y1, omega_1, THE_COR, scratch);
+        found.extrapolated = @UP@WITHOUT_TWIST;
+    }
     found.status = (int)solved.status;
     found.v_x2 = solved.v_x2;
     found.v_y2 = solved.v_y2;
@@ -41,28 +46,88 @@ CALLS = {
     found.omega_2 = k.f3;
     found.contact_time = k.f4;
     found.regime = k.f5;
+    if (k.f0 != 0) {
+        const double push = (1.0 + THE_COR) * v_y1, inertia = row[9] / (row[7] * row[8] * row[8]);
+        const double stop = (v_x1 - row[8] * omega_1) * inertia / (1.0 + inertia), limit = row[3] * push;
+        const double lost = @@min_real(@@max_real(stop, -limit), limit);
+        found.v_x2 = v_x1 - lost;
+        found.v_y2 = THE_COR * v_y1;
+        found.omega_2 = omega_1 + lost / (inertia * row[8]);
+        found.regime = stop > limit ? 1 : stop < -limit ? 2 : 3;
+        found.status = 0;
+        found.extrapolated = @UP@WITHOUT_TWIST;
+    }
 """,
 }
 
+# What becomes of the restitution that a model is told.
+CLAMP_COR = """
+    if (!isfinite(cor)) {
+        return bad;
+    }
+    const double told = cor;
+    cor = @@min_real(@@max_real(told, COR_LOW_END), COR_HIGH_END);
+    extrapolated |= cor != told ? @UP@BEYOND_RESTITUTION : 0;
+"""
+
 FACE = """
 /* Rebound: speeds [m/s], spin [rad/s], contact time [s] (NaN for a model without one), phases packed (three bits
-   each, first phase lowest). `status` is 0, or says why the numbers are NaN: see @@reason. */
-typedef struct { double v_x2, v_y2, omega_2, contact_time; int64_t regime; int status; } @@rebound_t;
+   each, first phase lowest). `status` is 0, or says why the numbers are NaN: see @@reason. `extrapolated` is 0 where
+   the model is used as it was fitted, else a sum of
+   - @UP@BEYOND_SPEEDS: v_y1 lies outside of the valid range. Restitution and offset stay what they are at its nearer
+     end; the rest is computed (all speeds and spins of a bounce scale together then).
+   - @UP@BEYOND_RESTITUTION: the cor that was given lies outside of what the model solves, and was taken as its end.
+   - @UP@WITHOUT_TWIST: the model has no solution for this impact; the ball is taken as rigid, sliding or rolling. */
+typedef struct { double v_x2, v_y2, omega_2, contact_time; int64_t regime; int status, extrapolated; } @@rebound_t;
 
 #define @UP@BAD_INPUT (-1)
+#define @UP@BEYOND_SPEEDS 1
+#define @UP@BEYOND_RESTITUTION 2
+#define @UP@WITHOUT_TWIST 4
 
-static inline @@rebound_t @@rebound(double v_x1, double v_y1, double omega_1COR_PARAMETER)
+RANGE_COMMENT
+#define @UP@V_Y1_LOW VALID_LOW
+#define @UP@V_Y1_HIGH VALID_HIGH
+#define @UP@CALIBRATED_V_Y1_LOW CALIBRATED_LOW
+#define @UP@CALIBRATED_V_Y1_HIGH CALIBRATED_HIGH
+
+/* The fitted model as it is. */
+static inline @@rebound_t @@solve(double v_x1, double v_y1, double omega_1COR_PARAMETER)
 {
     /* The fitted parameter set and the ball, SI. */
     double row[] = {
 PARAMETER_ROW
     };
-    @@rebound_t found = {NAN, NAN, NAN, NAN, 0, @UP@BAD_INPUT};
-    if (!isfinite(v_x1) || !isfinite(v_y1) || !isfinite(omega_1) || !(v_y1 > 0.0)) {
-        return found;
-    }
+    @@rebound_t found = {NAN, NAN, NAN, NAN, 0, @UP@BAD_INPUT, 0};
 CALL_THE_KERNEL
     return found;
+}
+
+/* The rebound of any impact with finite numbers and v_y1 >= 0; v_x1 is along the court in the direction of travel. A
+   ball that flies the other way is its mirror image: give -v_x1 and -omega_1, and turn v_x2 and omega_2 round. */
+static inline @@rebound_t @@rebound(double v_x1, double v_y1, double omega_1COR_PARAMETER)
+{
+    const @@rebound_t bad = {NAN, NAN, NAN, NAN, 0, @UP@BAD_INPUT, 0};
+    if (!isfinite(v_x1) || !isfinite(v_y1) || !isfinite(omega_1) || !(v_y1 >= 0.0)) {
+        return bad;
+    }
+    int extrapolated = 0;
+CLAMP_COR
+    const double at_end = @@min_real(@@max_real(v_y1, @UP@V_Y1_LOW), @UP@V_Y1_HIGH);
+    const double scale = v_y1 / at_end;
+    const double moving = fabs(v_x1) + BALL_RADIUS * fabs(omega_1);
+    /* So slow towards the court that friction changes nothing else. */
+    const bool grazes = v_y1 <= @@max_real(GRAZING_SHARE * moving, TINY_SPEED);
+    extrapolated |= scale != 1.0 ? @UP@BEYOND_SPEEDS : 0;
+    @@rebound_t found = grazes ? @@solve(0.0, at_end, 0.0COR_ARGUMENT)
+                               : @@solve(v_x1 / scale, at_end, omega_1 / scaleCOR_ARGUMENT);
+    found.v_x2 = grazes ? v_x1 : found.v_x2 * scale;
+    found.v_y2 *= scale;
+    found.omega_2 = grazes ? omega_1 : found.omega_2 * scale;
+    found.regime = grazes ? 0 : found.regime;
+    found.extrapolated |= extrapolated;
+    /* Numbers too large to be squared or scaled. */
+    return isfinite(found.v_x2) && isfinite(found.v_y2) && isfinite(found.omega_2) ? found : bad;
 }
 
 /* The name of phase number `place` (from 0) of a packed regime, "" behind the last. */
@@ -78,7 +143,7 @@ static inline const char *@@reason(int status)
 {
     switch (status) {
     case 0: return "";
-    case @UP@BAD_INPUT: return "expected finite numbers, and v_y1 > 0 towards the court";
+    case @UP@BAD_INPUT: return "expected finite numbers, and v_y1 >= 0 towards the court";
 REASON_CASES
     default: return "unknown status";
     }

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.export.port.kernel_source import KernelSource, kernel_source
+from fitball.inference.prediction.valid_range import ValidRange, restitution_range, valid_range
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Golden
 from fitball.models.capabilities import KernelCall
-from fitball.models.kernels.bounce import ANCHOR_SPEED
+from fitball.models.kernels.bounce import ANCHOR_SPEED, TORSION, TORSION_RIGID
 from fitball.models.kernels.events import SIZE
 from fitball.models.kernels.oscillator import SERIES_LENGTH
 from fitball.models.types import OUTPUTS, STATUS_REASON, Status
@@ -36,7 +37,11 @@ class GoldenRow:
 
 @dataclass(frozen=True)
 class Port:
-    """All that a generator of source text needs; `titles` say what the port is and where it is from."""
+    """All that a generator of source text needs; `titles` say what the port is and where it is from.
+
+    `valid` is the range of `v_y1` in which the port is the model as fitted, `calibrated` those of the impacts it was
+    fitted to [m/s]; `cor_range` what a model that is told each impact's restitution solves, else (0, 1).
+    """
 
     model: str
     titles: tuple[str, ...]
@@ -45,6 +50,18 @@ class Port:
     needs_cor: bool
     has_time: bool
     golden: tuple[GoldenRow, ...]
+    valid: ValidRange
+    calibrated: tuple[float, float]
+    cor_range: tuple[float, float]
+    offset_jumps: bool
+
+    @property
+    def rigid_codes(self) -> tuple[int, ...]:
+        """The closures of the same ball without twist, for the two-mass kernel."""
+        codes = list(self.call.codes)
+        if self.call.convention == "two-mass":
+            codes[TORSION] = TORSION_RIGID
+        return tuple(codes)
 
     @property
     def anchor(self) -> float:
@@ -58,7 +75,10 @@ class Port:
 
 
 def make_port(fitted: FittedModel, golden: Golden, origin: str) -> Port:
-    """The port of a fitted model at its point estimate; `origin` says which fit it is."""
+    """The port of a fitted model at its point estimate; `origin` says which fit it is.
+
+    Raises ModelError when the model solves none of the impacts it was fitted to.
+    """
     model = fitted.model
     kept = fitted.model_columns
     call = model.kernel_call([fitted.names[k] for k in kept], fitted.point[kept])
@@ -76,7 +96,38 @@ def make_port(fitted: FittedModel, golden: Golden, origin: str) -> Port:
         needs_cor=model.needs_cor,
         has_time=model.has_time,
         golden=_golden_rows(golden),
+        valid=valid_range(fitted),
+        calibrated=(float(fitted.impacts.v_y1.min()), float(fitted.impacts.v_y1.max())),
+        cor_range=restitution_range(fitted) if model.needs_cor else (0.0, 1.0),
+        offset_jumps=model.options.get("offset") == "grip",
     )
+
+
+def range_sentences(port: Port) -> tuple[str, ...]:
+    """What a user of a port has to know of its range."""
+    valid, (low, high) = port.valid, port.calibrated
+    gained = "kinetic energy"
+    if valid.gain > 0.0:
+        gained = (
+            f"more kinetic energy than the {100.0 * valid.gain:.2g} % that some gain in the calibrated range already"
+        )
+    said = [
+        f"Valid range: v_y1 from {valid.low:.4g} to {valid.high:.4g} m/s. It holds the range of the impacts that the "
+        f"model was fitted to, {low:.4g} to {high:.4g} m/s, and reaches as far beyond as the model has a rebound, "
+        f"v_y2 grows with v_y1, and no bounce gains {gained}.",
+        f"It ends below by: {valid.below}. It ends above by: {valid.above}.",
+        "Outside of it restitution and offset of the normal force stay what they are at its nearer end, and the rest "
+        "is computed: every bounce has a rebound, without a jump, and says that it is extrapolated.",
+    ]
+    # What ends it where the calibrated range ends was so within that.
+    faults = {valid.below} if valid.low >= low else set()
+    faults |= {valid.above} if valid.high <= high else set()
+    said += [f"Within the calibrated range already: {fault}." for fault in sorted(faults)]
+    if port.offset_jumps:
+        said.append("With offset = grip the model itself jumps where a hold just touches a grip, by some mm/s.")
+    if port.model == "thesis":
+        said.append("It repeats a printed computation: its bounces gain energy, and jump at a change of phase.")
+    return tuple(said)
 
 
 def _harmless(text: str) -> str:

@@ -8,8 +8,9 @@ from collections.abc import Iterable, Mapping
 from textwrap import wrap
 
 from fitball.export.port.kernel_source import Constant, UnportableError, free_names
-from fitball.export.port.port import SELF_TEST_TOLERANCE, SERIES_SIZE, Port, status_reasons
-from fitball.export.port.python_text import CALLS, FACE, SELF_TEST
+from fitball.export.port.port import SELF_TEST_TOLERANCE, SERIES_SIZE, Port, range_sentences, status_reasons
+from fitball.export.port.python_text import CALLS, CLAMP_COR, FACE, SELF_TEST
+from fitball.inference.prediction.valid_range import GRAZING, TINY
 from fitball.models.capabilities import LINES
 from fitball.models.types import PHASE_BITS, PHASE_SYMBOL
 
@@ -25,7 +26,7 @@ def python_port(port: Port) -> str:
         *(_class(name, fields) for name, fields in port.source.structs.items()),
         _constants(port.source.constants),
         *(_function(item) for item in port.source.functions),
-        FACE.replace("CALL_THE_KERNEL", _call(port)).replace(", SIGNATURE", ", cor" if port.needs_cor else ""),
+        _face(port),
         SELF_TEST.replace("TOLERANCE", repr(SELF_TEST_TOLERANCE)),
     ]
     text = "\n\n\n".join(part.strip("\n") for part in parts) + "\n"
@@ -59,10 +60,12 @@ def _docstring(port: Port) -> str:
             "",
             *lines[1:],
             "",
-            f"    {usage} -> (v_x2, v_y2, omega_2, contact_time, regime)",
+            f"    {usage} -> (v_x2, v_y2, omega_2, contact_time, regime, extrapolated)",
             "",
             "SI units: m/s, rad/s, s. `v_x` along the court in the direction of travel; `v_y1` towards the court and",
             "`v_y2` away from it, both positive; topspin positive. Run this file to check it on its golden impacts.",
+            "",
+            *(line for sentence in range_sentences(port) for line in wrap(sentence, WIDTH)),
             '"""',
         ]
     )
@@ -74,10 +77,18 @@ def _data(port: Port) -> str:
     lines.append(")")
     if port.call.codes:
         lines += ["# Which closures the kernel follows.", f"CODES = {port.call.codes!r}"]
+    if port.call.convention == "two-mass":
+        lines += ["# The same for a ball without twist.", f"RIGID = {port.rigid_codes!r}"]
     if port.call.lines:
         lines += [f"{name.upper()} = {port.call.lines[name]!r}" for name in LINES]
     lines += [
         f"RADIUS = {port.radius!r}",
+        "# Valid range of v_y1, and that of the impacts the model was fitted to [m/s].",
+        f"V_Y1_LOW, V_Y1_HIGH = {port.valid.low!r}, {port.valid.high!r}",
+        f"CALIBRATED_V_Y1_LOW, CALIBRATED_V_Y1_HIGH = {port.calibrated[0]!r}, {port.calibrated[1]!r}",
+        *([f"COR_LOW, COR_HIGH = {port.cor_range[0]!r}, {port.cor_range[1]!r}"] if port.needs_cor else []),
+        "# In what a bounce is extrapolated; see `rebound`.",
+        "BEYOND_SPEEDS, BEYOND_RESTITUTION, WITHOUT_TWIST = 1, 2, 4",
         f"PHASES = { ({int(phase): name for phase, name in PHASE_SYMBOL.items()})!r}",
         "# Why an impact cannot be evaluated.",
         "REASONS = {",
@@ -113,8 +124,15 @@ def _function(function: ast.FunctionDef) -> str:
     return ast.unparse(plain)
 
 
+def _face(port: Port) -> str:
+    text = FACE.replace("CALL_THE_KERNEL", _call(port)).replace("CLAMP_COR", CLAMP_COR if port.needs_cor else "")
+    text = text.replace("GRAZING_SHARE", repr(GRAZING)).replace("TINY_SPEED", repr(TINY))
+    named = ", cor" if port.needs_cor else ""
+    return text.replace(", SIGNATURE", named).replace("COR_ARGUMENT", named)
+
+
 def _call(port: Port) -> str:
-    cor = "cor" if port.needs_cor else "COR_10 + COR_SLOPE * (v_y1 - ANCHOR)" if port.call.lines else "math.nan"
+    cor = "cor" if port.needs_cor else "(COR_10 + COR_SLOPE * (v_y1 - ANCHOR))" if port.call.lines else "math.nan"
     text = CALLS[port.call.convention].replace("THE_KERNEL", port.call.entry.__name__).replace("THE_COR", cor)
     text = text.replace("SERIES_SIZE", str(SERIES_SIZE))
     return text.replace("ANCHOR", repr(port.anchor))

@@ -7,11 +7,13 @@ from __future__ import annotations
 CALLS = {
     "impulse": """
     status, v_x2, v_y2, omega_2, phases = THE_KERNEL(ROW, v_x1, v_y1, omega_1)
-    contact_time = None
+    contact_time, without_twist = None, 0
 """,
     "two-mass": """
     scratch = Scratch([0.0] * SERIES_SIZE, [0.0] * SERIES_SIZE, [0.0] * SERIES_SIZE, {})
-    solved = THE_KERNEL(ROW, CODES, v_x1, v_y1, omega_1, THE_COR, scratch)
+    solved, without_twist = THE_KERNEL(ROW, CODES, v_x1, v_y1, omega_1, THE_COR, scratch), 0
+    if solved.status:
+        solved, without_twist = THE_KERNEL(ROW, RIGID, v_x1, v_y1, omega_1, THE_COR, scratch), WITHOUT_TWIST
     status, v_x2, v_y2, omega_2 = solved.status, solved.v_x2, solved.v_y2, solved.omega_2
     contact_time, phases = solved.contact_time, solved.regime
 """,
@@ -19,6 +21,13 @@ CALLS = {
     row = (*ROW[:4], EPS_10 + EPS_SLOPE * (v_y1 - ANCHOR), *ROW[5:])
     found = THE_KERNEL(row, CODES[0], THE_COR, v_x1, v_y1, omega_1)
     status, v_x2, v_y2, omega_2, contact_time, phases = found
+    without_twist = WITHOUT_TWIST if status else 0
+    if status:
+        push, inertia = (1.0 + THE_COR) * v_y1, ROW[9] / (ROW[7] * ROW[8] * ROW[8])
+        stop, limit = (v_x1 - ROW[8] * omega_1) * inertia / (1.0 + inertia), ROW[3] * push
+        lost = min(max(stop, -limit), limit)
+        v_x2, v_y2, omega_2 = v_x1 - lost, THE_COR * v_y1, omega_1 + lost / (inertia * ROW[8])
+        status, contact_time, phases = 0, None, 1 if stop > limit else 2 if stop < -limit else 3
 """,
 }
 
@@ -33,24 +42,56 @@ def regime_name(phases):
 
 
 def solve(v_x1, v_y1, omega_1, SIGNATURE):
-    """Return (v_x2, v_y2, omega_2, contact_time or None, phases packed); see `rebound`."""
-    if not (math.isfinite(v_x1) and math.isfinite(omega_1) and 0.0 < v_y1 < math.inf):
-        raise ValueError("expected finite numbers, and v_y1 > 0 towards the court")
+    """Return what `rebound` does, phases packed."""
+    if not (math.isfinite(v_x1) and math.isfinite(omega_1) and 0.0 <= v_y1 < math.inf):
+        raise ValueError("expected finite numbers, and v_y1 >= 0 towards the court")
+    extrapolated = 0
+CLAMP_COR
+    at_end = min(max(v_y1, V_Y1_LOW), V_Y1_HIGH)
+    scale = v_y1 / at_end
+    if scale != 1.0:
+        extrapolated |= BEYOND_SPEEDS
+    # So slow towards the court that friction changes nothing else.
+    grazes = v_y1 <= max(GRAZING_SHARE * (abs(v_x1) + RADIUS * abs(omega_1)), TINY_SPEED)
+    given = (0.0, at_end, 0.0) if grazes else (v_x1 / scale, at_end, omega_1 / scale)
+    v_x2, v_y2, omega_2, contact_time, phases, without_twist = fitted(*givenCOR_ARGUMENT)
+    if grazes:
+        return v_x1, v_y2 * scale, omega_1, contact_time, 0, extrapolated
+    return v_x2 * scale, v_y2 * scale, omega_2 * scale, contact_time, phases, extrapolated | without_twist
+
+
+def fitted(v_x1, v_y1, omega_1, SIGNATURE):
+    """The fitted model as it is."""
 CALL_THE_KERNEL
     if status:
         raise ValueError(REASONS[status])
-    return v_x2, v_y2, omega_2, contact_time, phases
+    return v_x2, v_y2, omega_2, contact_time, phases, without_twist
 
 
 def rebound(v_x1, v_y1, omega_1, SIGNATURE):
-    """Return (v_x2, v_y2, omega_2, contact_time or None, regime).
+    """Return (v_x2, v_y2, omega_2, contact_time or None, regime, extrapolated).
 
-    Speeds [m/s], spin [rad/s], time [s]; the regime in words. Raises ValueError for an impact that the model cannot
-    evaluate, with the reason, and ArithmeticError where numbers overflow.
+    Speeds [m/s], spin [rad/s], time [s]; the regime in words. `extrapolated` is 0 where the model is used as it was
+    fitted, else a sum of BEYOND_SPEEDS (v_y1 outside of the valid range: restitution and offset stay what they are at
+    its nearer end), BEYOND_RESTITUTION (a given cor that the model does not solve was taken as the nearest it does)
+    and WITHOUT_TWIST (the model has no solution for this impact: the ball is taken as rigid).
+
+    Raises ValueError for numbers that are not finite, or v_y1 < 0. `v_x1` is along the court in the direction of
+    travel; a ball that flies the other way is its mirror image: give -v_x1 and -omega_1, and turn v_x2 and omega_2
+    round.
     """
-    v_x2, v_y2, omega_2, contact_time, phases = solve(v_x1, v_y1, omega_1, SIGNATURE)
-    return v_x2, v_y2, omega_2, contact_time, regime_name(phases)
+    v_x2, v_y2, omega_2, contact_time, phases, extrapolated = solve(v_x1, v_y1, omega_1, SIGNATURE)
+    return v_x2, v_y2, omega_2, contact_time, regime_name(phases), extrapolated
 '''
+
+# What becomes of the restitution that a model is told.
+CLAMP_COR = """
+    if not math.isfinite(cor):
+        raise ValueError("expected a finite cor")
+    cor, told = min(max(cor, COR_LOW), COR_HIGH), cor
+    if cor != told:
+        extrapolated |= BEYOND_RESTITUTION
+"""
 
 SELF_TEST = '''
 def self_test():

@@ -14,6 +14,7 @@ from scipy.optimize import minimize_scalar
 
 from fitball.errors import ModelError, ParameterError
 from fitball.inference.prediction.outputs import difference
+from fitball.inference.prediction.valid_range import ValidRange, total_rebound, valid_range
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.registry import model
 from fitball.models.types import STATUS_REASON, Rebound, Status
@@ -43,7 +44,11 @@ class EngineSettings:
 
 @dataclass(frozen=True)
 class EngineFit:
-    """Settings best `at_point` and best `over_range`; rebounds of the operating point by output."""
+    """Settings best `at_point` and best `over_range`; rebounds of the operating point by output.
+
+    `extrapolated`: the operating point lies outside of the range `valid`; its rebound is that of the total bounce.
+    `unsolved` mixtures of the calibrated impacts have no rebound and are left out of the range.
+    """
 
     point: Impacts
     inertia_ratio: float
@@ -52,6 +57,9 @@ class EngineFit:
     contact_time: float | None
     at_point: EngineSettings
     over_range: EngineSettings
+    valid: ValidRange
+    extrapolated: bool
+    unsolved: int
 
 
 def middle_impact(fitted: FittedModel) -> Impacts:
@@ -79,7 +87,8 @@ def fit_engine(fitted: FittedModel, point: Impacts, inertia_ratio: float) -> Eng
     if not 0.0 < inertia_ratio <= 1.0:
         raise ParameterError(f"inertia of the engine's sphere {inertia_ratio:g} M R^2: expected above 0, at most 1")
     refuse_told(fitted)
-    there = _evaluated(fitted, point)
+    valid = valid_range(fitted)
+    there = _evaluated(fitted, valid, point)
     spread = calibrated_mixtures(fitted, RANGE_POINTS, RANGE_SEED)
     everywhere = fitted.rebound(spread)
     solved = np.flatnonzero(everywhere.status[0] == Status.OK)
@@ -109,6 +118,9 @@ def fit_engine(fitted: FittedModel, point: Impacts, inertia_ratio: float) -> Eng
         contact_time=None if np.isnan(time) else time,
         at_point=settings[0],
         over_range=settings[1],
+        valid=valid,
+        extrapolated=bool(valid.outside(point.v_y1)[0]),
+        unsolved=len(spread) - solved.size,
     )
 
 
@@ -121,8 +133,8 @@ def refuse_told(fitted: FittedModel) -> None:
         )
 
 
-def _evaluated(fitted: FittedModel, point: Impacts) -> Rebound:
-    rebound = fitted.rebound(point)
+def _evaluated(fitted: FittedModel, valid: ValidRange, point: Impacts) -> Rebound:
+    rebound, _extrapolated = total_rebound(fitted, valid, point)
     status = Status(int(rebound.status[0, 0]))
     if status is not Status.OK:
         raise ParameterError(f"the operating point cannot be evaluated: {STATUS_REASON[status]}")

@@ -13,6 +13,7 @@ from fitball.data.grid_text import Axis, grid_impacts
 from fitball.data.units import DEFAULT_UNIT, Dimension
 from fitball.errors import ParameterError
 from fitball.inference.prediction.engine_fit import refuse_told
+from fitball.inference.prediction.valid_range import ValidRange, total_rebound, valid_range
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.types import OUTPUTS, STATUS_REASON, Status, regime_name
 from fitball.observables import OBSERVABLES
@@ -43,7 +44,9 @@ class InterpolationError:
 class Lookup:
     """A grid: `axes` vary in order, the last fastest; outputs (points,) are NaN where the model has no rebound.
 
-    `checked` impacts were interpolated; `failed` counts grid points that could not be evaluated, by reason.
+    `extrapolated` (points,) says which points lie outside of the range `valid`, where restitution and offset stay
+    what they are at its nearer end. `checked` impacts were interpolated; `failed` counts grid points that could not
+    be evaluated, by reason.
     """
 
     axes: tuple[Axis, ...]
@@ -53,6 +56,8 @@ class Lookup:
     errors: Mapping[str, InterpolationError]
     checked: int
     failed: Mapping[str, int]
+    valid: ValidRange
+    extrapolated: NDArray[np.bool_]
 
 
 def default_axes(fitted: FittedModel) -> tuple[Axis, ...]:
@@ -77,15 +82,17 @@ def default_axes(fitted: FittedModel) -> tuple[Axis, ...]:
 def make_lookup(fitted: FittedModel, axes: tuple[Axis, ...]) -> Lookup:
     """Fill the grid at the point estimate and measure its interpolation.
 
-    Raises ModelError for a model that is told each impact's restitution, ParameterError when no grid point can be
-    evaluated or a drop test is asked for tangential motion.
+    Outside of the valid range it is filled with the total bounce. Raises ModelError for a model that is told each
+    impact's restitution, ParameterError when no grid point can be evaluated or a drop test is asked for tangential
+    motion.
     """
     refuse_told(fitted)
     if not fitted.tangential and len(axes) > 1:
         raise ParameterError("this fit is of drop tests and knows vertical motion only: give v_y alone")
     grid = np.stack(np.meshgrid(*(axis.values for axis in axes), indexing="ij"), axis=-1)
     points = grid.reshape(-1, len(axes))
-    rebound = fitted.rebound(grid_impacts(axes, points))
+    valid = valid_range(fitted)
+    rebound, extrapolated = total_rebound(fitted, valid, grid_impacts(axes, points))
     failed = {
         STATUS_REASON[Status(int(status))]: int(np.sum(rebound.status[0] == status))
         for status in np.unique(rebound.status[0][rebound.status[0] != Status.OK])
@@ -94,8 +101,8 @@ def make_lookup(fitted: FittedModel, axes: tuple[Axis, ...]) -> Lookup:
         raise ParameterError("the model cannot evaluate any point of this grid at the point estimate")
     names = [name for name in OUTPUTS if fitted.model.has_time or not OBSERVABLES[name].timed]
     outputs = {name: np.asarray(getattr(rebound, name)[0]) for name in names}
-    errors, checked = _errors(fitted, axes, outputs, rebound.regime[0])
-    return Lookup(axes, points, outputs, rebound.regime[0], errors, checked, failed)
+    errors, checked = _errors(fitted, valid, axes, outputs, rebound.regime[0])
+    return Lookup(axes, points, outputs, rebound.regime[0], errors, checked, failed, valid, extrapolated)
 
 
 def _probes(axes: tuple[Axis, ...]) -> FloatArray:
@@ -109,10 +116,14 @@ def _probes(axes: tuple[Axis, ...]) -> FloatArray:
 
 
 def _errors(
-    fitted: FittedModel, axes: tuple[Axis, ...], outputs: Mapping[str, FloatArray], regime: NDArray[np.int64]
+    fitted: FittedModel,
+    valid: ValidRange,
+    axes: tuple[Axis, ...],
+    outputs: Mapping[str, FloatArray],
+    regime: NDArray[np.int64],
 ) -> tuple[dict[str, InterpolationError], int]:
     probes = _probes(axes)
-    truth = fitted.rebound(grid_impacts(axes, probes))
+    truth, _extrapolated = total_rebound(fitted, valid, grid_impacts(axes, probes))
     # An axis of one point is no direction to interpolate along.
     wide = [k for k, axis in enumerate(axes) if axis.values.size > 1]
     shape = tuple(axes[k].values.size for k in wide)
