@@ -27,6 +27,8 @@ COMPOSITIONS = [
     ("two-mass", {"spin": "shell", "offset": "grip"}),
     ("two-mass", {"cor": "mean"}),
     ("two-mass", {"cor": "measured"}),
+    ("two-mass", {"cor": "saturating"}),
+    ("thesis-exact", {"cor": "saturating", "release": "zero_force", "normal": "total"}),
     ("thesis-exact", {"inertia": "table", "torsion": "free"}),
     ("thesis-exact", {"offset": "contact", "release": "zero_force"}),
     ("two-mass", {"torsion": "rigid"}),

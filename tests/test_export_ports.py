@@ -90,7 +90,8 @@ def all_closures():
         Closures(*chosen)
         for chosen in itertools.product(
             ("zero_displacement", "zero_force"), ("inner", "momentum", "total"), ("grip", "contact"),
-            ("shell", "mean"), ("table", "tied"), ("matched", "free", "rigid"), ("line", "mean", "measured"),
+            ("shell", "mean"), ("table", "tied"), ("matched", "free", "rigid"),
+            ("line", "mean", "measured", "saturating"),
         )
     ]  # fmt: skip
 
@@ -174,6 +175,7 @@ MODELS = {
     "grip-slip": {},
     "two-mass": {},
     "thesis-exact": {},
+    "two-mass, saturating": {"cor": "saturating"},
     "two-mass, measured": {"cor": "measured", "torsion": "rigid"},
     "thesis": {},
     "thesis, given": {"damping": "given", "inertia": "table", "cor": "mean"},

@@ -27,7 +27,7 @@ def random_case(rng: np.random.Generator, **fixed: str) -> Case:
         "spin": ["shell", "mean"],
         "inertia": ["tied", "table"],
         "torsion": ["matched", "free", "rigid"],
-        "cor": ["line", "mean"],
+        "cor": ["line", "mean", "saturating"],
     }
     chosen: dict[str, Any] = {name: str(rng.choice(values)) for name, values in options.items()} | fixed
     closures = Closures(**chosen)

@@ -18,7 +18,7 @@ EXAMPLE = """examples:
 
 A model is {ladder}, the last two with +CLOSURE=OPTION for each closure changed:
 release (zero_force, zero_displacement), normal (momentum, total, inner), offset (contact, grip), spin (mean, shell),
-inertia (tied, table), torsion (matched, free, rigid), cor (line, mean, measured).
+inertia (tied, table), torsion (matched, free, rigid), cor (line, saturating, mean, measured).
 
 Results go to fits/<table>/compare/ below the current folder unless --out names another. Exit code 1 if a posterior
 did not converge."""

@@ -31,6 +31,9 @@ EXAMPLE = """examples:
 
 DRAWN = "the incident state is uncertain: it is drawn anew for each draw of the parameters"
 IGNORED = "the stated uncertainty of the incident state is not used"
+NO_LINE = (
+    "a line of restitution ends somewhere; calibrate with --closure cor=saturating for one that holds at every speed"
+)
 POINT_ONLY = "a point fit has no posterior: values at the point estimate, without intervals"
 
 
@@ -62,6 +65,8 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError("predict needs impacts: either DATA or --impact, one of them")
     if args.seed < 0:
         raise ParameterError(f"seed = {args.seed}: expected a number not below 0")
+    import numpy as np
+
     from fitball.api import load_fit
     from fitball.inference.prediction.holdout_scores import impacts_seen, scores
     from fitball.inference.prediction.new_impacts import observed_observables
@@ -98,6 +103,9 @@ def run(args: argparse.Namespace) -> int:
     stiffness = saved.parameters.get("k_y")
     if stiffness is not None and stiffness.verdict is Verdict.FIXED:
         notes.append("k_y was held at its value in this fit: contact times rest on that value alone")
+    # Another law of restitution would have an answer.
+    if saved.fitted.model.options.get("cor") == "line" and np.any(prediction.unsolved > 0.0):
+        notes.append(NO_LINE)
     if args.out is not None:
         write_text(Path(args.out), csv_text(prediction_csv_rows(prediction, ids)))
     if not args.quiet:

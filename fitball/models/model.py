@@ -15,8 +15,8 @@ from fitball.errors import ModelError, ParameterError, suggestion
 from fitball.models.capabilities import HAIR, ROUNDING, KernelCall, LinearConstraint, Oracle
 from fitball.models.history import History
 from fitball.models.jacobian import ReboundJacobian
-from fitball.models.kernels.bounce import ANCHOR_SPEED
 from fitball.models.kernels.dual import NumberArray
+from fitball.models.kernels.restitution import ANCHOR_SPEED
 from fitball.models.specs import BALL_PARAMETERS, BALL_SPECS, ParameterSpec
 from fitball.models.types import STATUS_REASON, Rebound, Status
 from fitball.values import Ball, FloatArray, Impacts, OwnImpacts
@@ -228,6 +228,15 @@ def below_mass_ratio(line: Mapping[str, float], measured: float = 0.0) -> Linear
         lower_bound_of="mass_ratio",
         words="mass_ratio >= COR",
     )
+
+
+def saturating_constraints(capped_by_mass_ratio: bool) -> tuple[LinearConstraint, ...]:
+    """What the law `cor = saturating` demands at whatever speed: `cor_10` in (0, 1) or below the mass ratio, and a
+    rebound speed that does not fall.
+    """
+    value = {"cor_10": 1.0}
+    cap = below_mass_ratio(value) if capped_by_mass_ratio else LinearConstraint(value, 1.0, ROUNDING)
+    return positive(value), cap, positive({"cor_10": 1.0, "cor_slope": ANCHOR_SPEED})
 
 
 def ball_columns(

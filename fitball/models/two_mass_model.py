@@ -14,7 +14,14 @@ from fitball.models.history import History, two_mass_history
 from fitball.models.jacobian import ReboundJacobian, seeds
 from fitball.models.kernels import bounce, bounce_jacobian, force
 from fitball.models.kernels.dual import NumberArray
-from fitball.models.model import Model, ball_columns, below_mass_ratio, positive, restitution_lines
+from fitball.models.model import (
+    Model,
+    ball_columns,
+    below_mass_ratio,
+    positive,
+    restitution_lines,
+    saturating_constraints,
+)
 from fitball.models.specs import specs
 from fitball.models.types import Closures, Rebound
 from fitball.values import Ball, FloatArray, Impacts, OwnImpacts
@@ -29,7 +36,12 @@ TORSION_CODES = {
     "free": bounce.TORSION_FREE,
     "rigid": bounce.TORSION_RIGID,
 }
-COR_CODES = {"line": bounce.COR_LINE, "mean": bounce.COR_MEAN, "measured": bounce.COR_MEASURED}
+COR_CODES = {
+    "line": bounce.COR_LINE,
+    "mean": bounce.COR_MEAN,
+    "measured": bounce.COR_MEASURED,
+    "saturating": bounce.COR_SATURATING,
+}
 
 
 def two_mass_parameters(closures: Closures, tangential: bool) -> tuple[str, ...]:
@@ -46,7 +58,7 @@ def two_mass_parameters(closures: Closures, tangential: bool) -> tuple[str, ...]
         "eps_10": tangential,
         "eps_slope": tangential,
         "cor_10": closures.cor != "measured",
-        "cor_slope": closures.cor == "line",
+        "cor_slope": closures.cor in ("line", "saturating"),
         "zeta_theta": tangential and closures.torsion == "free",
         "inertia_split": tangential and not rigid and closures.inertia == "table",
     }
@@ -115,7 +127,10 @@ class TwoMassModel(Model):
 
     def linear_constraints(self, impacts: Impacts) -> tuple[LinearConstraint, ...]:
         """See `Model.linear_constraints`: under momentum balance the core cannot return faster than it came."""
-        if self.closures.normal != "momentum":
+        momentum = self.closures.normal == "momentum"
+        if self.closures.cor == "saturating":
+            return saturating_constraints(capped_by_mass_ratio=momentum)
+        if not momentum:
             return super().linear_constraints(impacts)
         if impacts.cor is not None and self.needs_cor:
             return (below_mass_ratio({}, float(impacts.cor.max())),)

@@ -19,7 +19,9 @@ Offset = Literal["grip", "contact"]
 Spin = Literal["shell", "mean"]
 Inertia = Literal["table", "tied"]
 Torsion = Literal["matched", "free", "rigid"]
-Cor = Literal["measured", "mean", "line"]
+Cor = Literal["measured", "mean", "line", "saturating"]
+# The thesis knows no other.
+ThesisCor = Literal["measured", "mean", "line"]
 Damping = Literal["given", "chapter_three", "chapter_five"]
 
 
@@ -61,7 +63,7 @@ class ThesisClosures:
 
     damping: Damping
     inertia: Inertia
-    cor: Cor
+    cor: ThesisCor
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -91,6 +93,7 @@ class Status(IntEnum):
     TOO_RAPID = 8
     LEVEL_OUT_OF_BOUNDS = 9
     NO_IMPACT = 10
+    REBOUND_FALLS = 11
 
 
 STATUS_REASON = {
@@ -116,6 +119,9 @@ STATUS_REASON = {
     ),
     Status.LEVEL_OUT_OF_BOUNDS: "a parameter that differs between surfaces or balls leaves its bounds on one of them",
     Status.NO_IMPACT: "with its uncertainty the incident state may move away from the court: then there is no impact",
+    Status.REBOUND_FALLS: (
+        "cor_slope is below -cor_10/(10 m/s), where v_y2 would fall with v_y1: cor = saturating knows no such ball"
+    ),
     Status.TOO_MANY_PHASES: "the contact point changed between slip and grip more often than the solver follows",
 }
 

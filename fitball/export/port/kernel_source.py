@@ -22,7 +22,7 @@ from fitball.models.kernels import dual
 # What kernels may call besides each other and `math`.
 BUILTINS = ("abs", "complex", "int", "max", "min", "range")
 # Functions of `dual` that are those of `math` for a float.
-_MATH = ("exp", "log", "sqrt", "sin", "cos", "sinh", "cosh")
+_MATH = ("exp", "log", "log1p", "sqrt", "sin", "cos", "sinh", "cosh")
 
 Constant = int | float | tuple["Constant", ...]
 

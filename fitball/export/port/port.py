@@ -11,9 +11,10 @@ from fitball.inference.prediction.valid_range import ValidRange, restitution_ran
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Golden
 from fitball.models.capabilities import KernelCall
-from fitball.models.kernels.bounce import ANCHOR_SPEED, TORSION, TORSION_RIGID
+from fitball.models.kernels.bounce import TORSION, TORSION_RIGID
 from fitball.models.kernels.events import SIZE
 from fitball.models.kernels.oscillator import SERIES_LENGTH
+from fitball.models.kernels.restitution import ANCHOR_SPEED
 from fitball.models.types import OUTPUTS, STATUS_REASON, Status
 from fitball.version import __version__
 

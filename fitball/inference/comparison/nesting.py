@@ -15,10 +15,11 @@ from fitball.models.kernels.bounce import tied_inertia_split
 # Log density that a search may leave unfound and be settled all the same.
 SETTLED = 0.05
 Values = Mapping[str, float]
-# Closure: the option that contains, the one contained, and the values that make the first into the second.
-CLOSURES: Mapping[str, tuple[str, str, Callable[[Values], Values]]] = {
-    "cor": ("line", "mean", lambda _values: {"cor_slope": 0.0}),
-    "inertia": ("table", "tied", lambda values: {"inertia_split": float(tied_inertia_split(values["mass_ratio"]))}),
+# Closure, the option that contains and the one contained: the values that make the first into the second.
+CLOSURES: Mapping[tuple[str, str, str], Callable[[Values], Values]] = {
+    ("cor", "line", "mean"): lambda _values: {"cor_slope": 0.0},
+    ("cor", "saturating", "mean"): lambda _values: {"cor_slope": 0.0},
+    ("inertia", "table", "tied"): lambda values: {"inertia_split": float(tied_inertia_split(values["mass_ratio"]))},
 }
 
 
@@ -55,12 +56,12 @@ def _added(container: Problem, contained: Problem, values: Values) -> Values | N
     for closure, option in wide.options.items():
         if option == narrow.options[closure]:
             continue
-        known = CLOSURES.get(closure)
-        if known is None or (option, narrow.options[closure]) != known[:2]:
+        known = CLOSURES.get((closure, option, narrow.options[closure]))
+        if known is None:
             return None
         if closure == "inertia" and "mass_ratio" not in values:
             return None
-        added |= known[2](values)
+        added |= known(values)
     return added
 
 

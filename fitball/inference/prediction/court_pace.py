@@ -21,7 +21,7 @@ from fitball.inference.results.pace_rating import (
     pace_categories,
     pace_rating,
 )
-from fitball.inference.results.quantiles import MEDIAN_FIRST, quantiles
+from fitball.inference.results.quantiles import MEDIAN_FIRST, MOST_UNSOLVED, quantiles
 from fitball.inference.results.results import PointFit, Posterior, thinned
 from fitball.models.types import STATUS_REASON, Rebound, Status
 from fitball.values import FloatArray, Impacts
@@ -75,6 +75,9 @@ def _rate(
     if best.status[0, 0] != 0 or not np.any(solved):
         cause = STATUS_REASON[Status(int(best.status[0, 0] or rebound.status[0, 0]))]
         return f"the model cannot be evaluated at the test impact: {cause}"
+    if np.mean(~solved) > MOST_UNSOLVED:
+        cause = STATUS_REASON[Status(int(rebound.status[~solved, 0][0]))]
+        return f"{100.0 * np.mean(~solved):.0f} % of the draws cannot be evaluated at the test impact: {cause}"
     one = _quantities(impact, best, _sliding_friction(problem, labels, at_point))
     many = _quantities(impact, rebound, _sliding_friction(problem, labels, drawn))
     spreads = {name: _spread(one[name], many[name][solved], sampled) for name in one}

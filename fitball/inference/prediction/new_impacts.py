@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitball.data.table import ImpactTable
 from fitball.errors import ModelError
@@ -17,6 +18,7 @@ from fitball.inference.problem.measurement_noise import derived, noise_in
 from fitball.inference.problem.noise import NoiseKind
 from fitball.inference.problem.observables import Observable, build_observables
 from fitball.inference.results.fitted_model import FittedModel
+from fitball.inference.results.quantiles import MOST_UNSOLVED
 from fitball.models.types import STATUS_REASON, Rebound, Status
 from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, Impacts
@@ -66,7 +68,8 @@ class NewPrediction:
 
     `regimes[k]` maps phase sequences to their probability at impact k, among the draws that can be evaluated there
     (empty for a drop test); `failures[k]` maps each reason why others cannot to their share of all draws. `draws` is
-    0 for a point fit.
+    0 for a point fit. Where `withheld` (impacts,) more than half of the draws cannot be evaluated: all but the point
+    estimate is NaN.
     """
 
     impacts: Impacts
@@ -75,6 +78,16 @@ class NewPrediction:
     failures: tuple[Mapping[str, float], ...]
     range: CalibratedRange
     draws: int
+
+    @property
+    def unsolved(self) -> FloatArray:
+        """The share of the draws (of the point estimate, where there are none) without a rebound, (impacts,)."""
+        return np.array([sum(shares.values()) for shares in self.failures])
+
+    @property
+    def withheld(self) -> NDArray[np.bool_]:
+        """Which impacts have no intervals because too many draws have no rebound there."""
+        return (self.unsolved > MOST_UNSOLVED) & (self.draws > 0)
 
     def output(self, name: str) -> OutputPrediction:
         """The output called `name`. Raises KeyError."""
@@ -113,16 +126,18 @@ def predict_new(
         else:
             parts.append(_uncertain_batch(fitted, mine, cut, incident_covariance[rows], rng, states))
     known = {observable.name for observable in observed}
+    failures = tuple(share for part in parts for share in part[2])
+    too_many = np.array([sum(shares.values()) > MOST_UNSOLVED for shares in failures])
     outputs = tuple(
-        _joined([part[0][k] for part in parts], observable.observed if observable.name in known else None)
-        for k, observable in enumerate(observables)
+        _withheld(_joined([part[0][k] for part in parts], item.observed if item.name in known else None), too_many)
+        for k, item in enumerate(observables)
     )
     return NewPrediction(
         impacts=impacts,
         outputs=outputs,
         # Without motion along the court there is neither slip nor grip.
         regimes=tuple(share if fitted.tangential else {} for part in parts for share in part[1]),
-        failures=tuple(share for part in parts for share in part[2]),
+        failures=failures,
         range=calibrated_range(
             fitted.impacts,
             impacts,
@@ -243,6 +258,29 @@ def _joined(parts: Sequence[OutputPrediction], observed: FloatArray | None) -> O
         together("sd"),
         observed,
         _joined_shares([part.shares for part in parts if part.shares is not None]),
+    )
+
+
+def _withheld(output: OutputPrediction, rows: NDArray[np.bool_]) -> OutputPrediction:
+    """The output without what its draws say of some impacts."""
+    if output.rebound is None or not np.any(rows):
+        return output
+
+    def hidden(array: FloatArray | None) -> FloatArray | None:
+        return None if array is None else np.where(rows, np.nan, array)
+
+    split = output.shares
+    if split is not None:
+        parameters, incident = hidden(split.parameters), hidden(split.incident)
+        assert parameters is not None and incident is not None
+        split = Shares(parameters, incident, hidden(split.measurement))
+    return replace(
+        output,
+        rebound=hidden(output.rebound),
+        measured=hidden(output.measured),
+        mean=hidden(output.mean),
+        sd=hidden(output.sd),
+        shares=split,
     )
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitball.errors import FitError, ModelError, ParameterError, suggestion
+from fitball.errors import ModelError, ParameterError, suggestion
 from fitball.inference.results.fitted_model import FittedModel
-from fitball.inference.results.quantiles import BAND_LEVELS
+from fitball.inference.results.quantiles import BAND_LEVELS, MOST_UNSOLVED
 from fitball.models.history import History
 from fitball.models.model import Model
 from fitball.models.registry import with_history
@@ -48,7 +48,8 @@ class Band:
 class Simulation:
     """One impact through time: `history` at POINTS equal shares of the contact, a band where there is a posterior.
 
-    `parameters` are those of the model in SI; `label` tells it from others in the same picture.
+    `parameters` are those of the model in SI; `label` tells it from others in the same picture. `unsolved` is the
+    share of the draws without a solution; above a half there is no band.
     """
 
     label: str
@@ -57,6 +58,7 @@ class Simulation:
     impact: Impacts
     history: History
     band: Band | None = None
+    unsolved: float = 0.0
 
     @property
     def shares(self) -> FloatArray:
@@ -72,7 +74,7 @@ def simulate(model: Model, parameters: Mapping[str, float], impact: Impacts, lab
 def simulate_fit(fitted: FittedModel, impact: Impacts, draws: int = DRAWS) -> Simulation:
     """Follow one impact at the point estimate of a fit, with a band from `draws` of its posterior, evenly spaced.
 
-    Raises what `Model.history` raises at the point, and FitError when no draw can be evaluated.
+    Without a band where more than half of them cannot be evaluated. Raises what `Model.history` raises at the point.
     """
     model = fitted.model
     kept = fitted.model_columns
@@ -86,8 +88,9 @@ def simulate_fit(fitted: FittedModel, impact: Impacts, draws: int = DRAWS) -> Si
         return point
     rows = fitted.draws[np.linspace(0, count - 1, min(draws, count)).astype(int)]
     histories = [history for history in (_drawn(model, values(row), impact) for row in rows) if history is not None]
-    if not histories:
-        raise FitError("no draw of the posterior can be evaluated at this impact")
+    failed = len(rows) - len(histories)
+    if failed > MOST_UNSOLVED * len(rows):
+        return replace(point, unsolved=failed / len(rows))
     quantiles = {
         name: np.quantile([getattr(history, name) for history in histories], BAND_LEVELS, axis=0) for name in COURSES
     }
@@ -97,9 +100,9 @@ def simulate_fit(fitted: FittedModel, impact: Impacts, draws: int = DRAWS) -> Si
         contact_time=np.quantile([history.contact_time for history in histories], BAND_LEVELS),
         regimes={regime_name(code): number / len(histories) for code, number in counts},
         draws=len(histories),
-        failed=len(rows) - len(histories),
+        failed=failed,
     )
-    return Simulation(point.label, model, point.parameters, impact, point.history, band)
+    return replace(point, band=band, unsolved=failed / len(rows))
 
 
 def chosen_parameters(model: Model, changed: Mapping[str, float]) -> dict[str, float]:

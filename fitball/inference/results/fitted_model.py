@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from fitball.inference.problem.noise import NoiseKind, noise_with
-from fitball.inference.results.quantiles import BAND, BAND_LEVELS
+from fitball.inference.results.quantiles import BAND, BAND_LEVELS, MOST_UNSOLVED
 from fitball.models.model import Model
 from fitball.models.registry import model
 from fitball.models.types import OUTPUTS, Rebound
@@ -74,7 +74,7 @@ class FittedModel:
         Returns arrays (impacts,) named as in `models.types.OUTPUTS` at the point estimate and, when there are
         posterior draws, `v_x2_median`, `v_x2_q025`, `v_x2_q16`, `v_x2_q84`, `v_x2_q975` and so on.
         Draws that cannot be evaluated at an impact are left out of that impact's quantiles; their share
-        is `failed`.
+        is `failed`. Where that is more than half, the quantiles are NaN.
         """
         at_point = self.rebound(impacts)
         result = {name: getattr(at_point, name)[0] for name in OUTPUTS}
@@ -90,7 +90,7 @@ class FittedModel:
         result: dict[str, FloatArray] = {"failed": np.mean(spread.status != 0, axis=0)}
         for name in OUTPUTS:
             array = getattr(spread, name)
-            known = ~np.all(np.isnan(array), axis=0)
+            known = ~np.all(np.isnan(array), axis=0) & (result["failed"] <= MOST_UNSOLVED)
             bands = np.full((len(BAND), len(impacts)), np.nan)
             if np.any(known):
                 bands[:, known] = np.nanquantile(array[:, known], BAND_LEVELS, axis=0)

@@ -19,6 +19,10 @@ BAND_LEVELS = tuple(QUANTILES[name] for name in BAND)
 SUMMARY = ("median", "sd", "q025", "q05", "q16", "q84", "q95", "q975")
 ESSENTIALS = ("median", "sd", "q025", "q16", "q84", "q975")
 
+# Share of draws that a model cannot evaluate above which quantiles of the rest say nothing of the posterior: the rest
+# are then those that happen to have an answer.
+MOST_UNSOLVED = 0.5
+
 
 def quantiles(draws: FloatArray, names: Iterable[str] = QUANTILES) -> dict[str, float]:
     """Quantiles of the draws of one quantity, (draws,), by name."""

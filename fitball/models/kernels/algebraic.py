@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 from fitball.models.kernels.compiled import compiled
 from fitball.models.kernels.dual import Number, NumberArray
 from fitball.models.kernels.phases import GRIP, SLIDE_BACKWARD, SLIDE_FORWARD
+from fitball.models.kernels.restitution import ANCHOR_SPEED
 from fitball.models.types import Status
 
 COLUMNS = ("mu", "e_x", "offset", "cor_10", "cor_slope", "ball_mass", "ball_radius", "ball_inertia")
-# Speed at which the line of the coefficient of restitution is anchored [m/s].
-ANCHOR_SPEED = 10.0
 
 OK = int(Status.OK)
 COR_OUT_OF_RANGE = int(Status.COR_OUT_OF_RANGE)

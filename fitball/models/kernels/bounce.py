@@ -1,9 +1,9 @@
 """One bounce of any two-mass composition, and batches over draws and impacts, as kernels.
 
-A parameter set is a row whose columns are `COLUMNS`; closures are passed as integers so that one compiled
-kernel serves every composition. Here stand the lines `COR(v_y1)` and `eps(v_y1)` (Jafri 2004, Eq. 51:
-`eps = C1 v_y1 + C2`), the share of the core in the ball's inertia (Eqs 67 and 69) and `v_y2 = COR v_y1` (Eq. 7); the
-motions themselves stand in `contact` (vertical), `two_mass` and `rigid`.
+A parameter set is a row whose columns are `COLUMNS`; closures are passed as integers so that one compiled kernel
+serves every composition. Here stand the lines `COR(v_y1)` (another law of it in `restitution`) and `eps(v_y1)`
+(Jafri 2004, Eq. 51: `eps = C1 v_y1 + C2`), the share of the core in the ball's inertia (Eqs 67 and 69) and `v_y2 =
+COR v_y1` (Eq. 7); the motions themselves stand in `contact` (vertical), `two_mass` and `rigid`.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from fitball.models.kernels.contact import vertical_contact
 from fitball.models.kernels.dual import Number, NumberArray, sqrt
 from fitball.models.kernels.oscillator import oscillator
 from fitball.models.kernels.quantities import Bounce, Contact, Joint, Scratch, VerticalMotion
+from fitball.models.kernels.restitution import ANCHOR_SPEED, saturating_restitution
 from fitball.models.kernels.rigid import rigid_contact
 from fitball.models.kernels.two_mass import make_scratch, two_mass_contact
 from fitball.models.types import Status
@@ -42,8 +43,6 @@ COLUMNS = (
     MASS_RATIO, K_Y, K_THETA, MU, EPS_10, EPS_SLOPE, COR_10, COR_SLOPE, ZETA_THETA, INERTIA_SPLIT,
     BALL_MASS, BALL_RADIUS, BALL_INERTIA,
 ) = range(len(COLUMNS))  # fmt: skip
-# Speed at which the lines of `eps` and of the coefficient of restitution are anchored [m/s].
-ANCHOR_SPEED = 10.0
 # Inner radius of the shell in units of the outer one, for the split of inertia (Jafri 2004, Appendix B).
 CORE_RADIUS_RATIO = 0.97
 
@@ -52,11 +51,12 @@ RELEASE, NORMAL, OFFSET, SPIN, INERTIA, TORSION, RESTITUTION, TANGENTIAL = range
 RELEASE_ZERO_FORCE, OFFSET_CONTACT, SPIN_SHELL, INERTIA_TIED = 1, 1, 1, 1
 NORMAL_INNER, NORMAL_MOMENTUM, NORMAL_TOTAL = 0, 1, 2
 TORSION_MATCHED, TORSION_FREE, TORSION_RIGID = 0, 1, 2
-COR_LINE, COR_MEAN, COR_MEASURED = 0, 1, 2
+COR_LINE, COR_MEAN, COR_MEASURED, COR_SATURATING = 0, 1, 2, 3
 
 OK = int(Status.OK)
 TORSION_TOO_SOFT = int(Status.TORSION_TOO_SOFT)
 NO_INERTIA = int(Status.NO_INERTIA)
+REBOUND_FALLS = int(Status.REBOUND_FALLS)
 
 
 @compiled
@@ -80,18 +80,23 @@ def vertical_motion(
     """Status and vertical motion of one impact."""
     mass_ratio, normal = row[MASS_RATIO], codes[NORMAL]
     cor = row[COR_10]
+    cap = mass_ratio if normal == NORMAL_MOMENTUM else 1.0 + 0.0 * cor
     if codes[RESTITUTION] == COR_LINE:
         cor += row[COR_SLOPE] * (v_y - ANCHOR_SPEED)
     elif codes[RESTITUTION] == COR_MEASURED:
         cor = cor_measured
+    elif codes[RESTITUTION] == COR_SATURATING:
+        cor = saturating_restitution(cor, row[COR_SLOPE], cap, v_y)
     riding_mass = row[BALL_MASS] if normal == NORMAL_TOTAL else mass_ratio * row[BALL_MASS]
     natural_squared = row[K_Y] / riding_mass
     status, decay, damped_squared, t_force, t_contact = vertical_contact(
         cor,
-        mass_ratio if normal == NORMAL_MOMENTUM else 1.0 + 0.0 * cor,
+        cap,
         natural_squared,
         codes[RELEASE] == RELEASE_ZERO_FORCE,
     )
+    if codes[RESTITUTION] == COR_SATURATING and ANCHOR_SPEED * row[COR_SLOPE].real <= -row[COR_10].real:
+        status = REBOUND_FALLS
     spring = oscillator(decay, damped_squared, natural_squared)
     return status, VerticalMotion(cor, riding_mass, spring, t_force, t_contact)
 

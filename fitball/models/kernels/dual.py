@@ -68,6 +68,12 @@ def log(x: Number) -> Number:
 
 
 @compiled
+def log1p(x: Number) -> Number:
+    """Natural logarithm of `1 + x`."""
+    return carry(math.log1p(x.real), x, 1.0 / (1.0 + x.real))
+
+
+@compiled
 def sqrt(x: Number) -> Number:
     """Square root; its slope at zero is infinite."""
     value = math.sqrt(x.real)

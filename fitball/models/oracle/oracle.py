@@ -32,6 +32,7 @@ DOUBLE = Arithmetic(
     number=float,
     sqrt=math.sqrt,
     log=math.log,
+    log1p=math.log1p,
     hyp2f1=hyp2f1,
     pi=math.pi,
     unit_roundoff=float(np.finfo(float).eps),

@@ -30,6 +30,7 @@ class Arithmetic:
     number: Callable[[float], Number]
     sqrt: Callable[[Number], Number]
     log: Callable[[Number], Number]
+    log1p: Callable[[Number], Number]
     hyp2f1: Callable[[int, int, Number, Number], Number]
     pi: Number
     unit_roundoff: Number
@@ -87,6 +88,8 @@ def arrange(
 
     speed = kind.number(float(impacts.v_y1[index]))
     above_ten = speed - 10
+    if closures.cor == "saturating" and 10 * read("cor_slope") <= -read("cor_10"):
+        return Status.REBOUND_FALLS
     cor = _coefficient_of_restitution(kind, closures, read, impacts, index, above_ten)
     if not 0 < cor <= 1:
         return Status.COR_OUT_OF_RANGE
@@ -193,7 +196,26 @@ def _coefficient_of_restitution(
         return kind.number(float(impacts.cor[index]))
     if closures.cor == "mean":
         return read("cor_10")
+    if closures.cor == "saturating":
+        cap = read("mass_ratio") if closures.normal == "momentum" else kind.number(1.0)
+        return cap * _saturating_share(kind, read("cor_10") / cap, read("cor_10"), read("cor_slope"), above_ten)
     return read("cor_10") + read("cor_slope") * above_ten
+
+
+def _saturating_share(kind: Arithmetic, share: Number, cor: Number, slope: Number, above_ten: Number) -> Number:
+    """COR over its cap, from its value and slope at 10 m/s: by powers of what it is there, or,
+    where it rises, by its odds.
+    """
+    speed = (above_ten + 10) / 10
+    fall = -10 * slope / cor
+    if fall <= 0:
+        odds = share / (1 - share) * speed ** (-fall / (1 - share))
+        return odds / (1 + odds)
+    if share >= 1:
+        return share
+    # 1/(1 - fall) = 1 + fall/(1 - fall) at 10 m/s, and the share is a power of what that is at another speed.
+    power = kind.log1p(-fall) / kind.log(share)
+    return share ** (kind.log1p(fall / (1 - fall) * speed**power) / -kind.log1p(-fall))
 
 
 def _shares_of_inertia(kind: Arithmetic, closures: Closures, read: Callable[[str], Number]) -> tuple[Number, Number]:

@@ -26,6 +26,7 @@ def digits_arithmetic(digits: int) -> Arithmetic:
         number=context.mpf,
         sqrt=context.sqrt,
         log=context.log,
+        log1p=context.log1p,
         hyp2f1=context.hyp2f1,
         pi=+context.pi,
         unit_roundoff=context.mpf(10) ** (-digits - GUARD_DIGITS),

@@ -9,8 +9,9 @@ import numpy as np
 
 from fitball.models.capabilities import LINES, KernelCall
 from fitball.models.jacobian import INPUTS, ReboundJacobian, moved_inputs
-from fitball.models.kernels.bounce import ANCHOR_SPEED, tied_inertia_split
+from fitball.models.kernels.bounce import tied_inertia_split
 from fitball.models.kernels.dual import NumberArray
+from fitball.models.kernels.restitution import ANCHOR_SPEED
 from fitball.models.model import Model, ball_columns
 from fitball.models.specs import specs
 from fitball.models.thesis import jacobian as thesis_jacobian

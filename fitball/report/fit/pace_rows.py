@@ -112,7 +112,7 @@ def _remarks(ratings: tuple[PaceRating, ...]) -> list[str]:
             )
         if rating.failed > 0.0:
             remarks.append(
-                f"{name}{_percent(rating.failed)} of the draws cannot be evaluated there and are left out."
+                f"{name}{_percent(rating.failed)} of the draws cannot be solved there: intervals are of the rest."
             )
     remarks.append(
         "No ball temperature is known, so e_T is the restitution as fitted, without adjustment. The method brings it "

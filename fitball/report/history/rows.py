@@ -60,6 +60,7 @@ def simulation_json(simulation: Simulation) -> dict[str, Any]:
         "release": _jump(history.release),
         "rebound": {"v_x2": after.v_x, "v_y2": -after.v_y, "omega_2": after.omega_2},
         "posterior": None if simulation.band is None else _band(simulation.band),
+        "unsolved": simulation.unsolved,
     }
 
 

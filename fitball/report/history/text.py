@@ -61,8 +61,14 @@ def render_simulation(simulation: Simulation) -> str:
         shares = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in simulation.band.regimes.items() if name)
         said = f"{simulation.band.draws} draws of the posterior: {shares or 'no motion along the court'}."
         if simulation.band.failed:
-            said += f" {simulation.band.failed} more cannot be evaluated at this impact."
+            said += (
+                f" {simulation.band.failed} more, {100.0 * simulation.unsolved:.0f} %, cannot be solved at this "
+                "impact: bands are of the rest."
+            )
         lines += ["", *textwrap.wrap(said, WIDTH)]
+    elif simulation.unsolved > 0.0:
+        said = f"{100.0 * simulation.unsolved:.0f} % of the draws cannot be solved at this impact: no bands."
+        lines += ["", said]
     return "\n".join(lines)
 
 

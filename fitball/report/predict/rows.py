@@ -70,6 +70,7 @@ def prediction_csv_rows(prediction: NewPrediction, ids: Sequence[str]) -> list[d
     ]
     columns["failed"] = [sum(row.values()) for row in prediction.failures]
     columns["failed_because"] = ["; ".join(row) for row in prediction.failures]
+    columns["intervals"] = [intervals_of(prediction, k) for k in range(len(impacts))]
     columns["outside"] = ["yes" if flag else "no" for flag in reach.outside]
     for name, beyond in reach.beyond.items():
         scale = RANGE_UNITS[name]
@@ -78,6 +79,15 @@ def prediction_csv_rows(prediction: NewPrediction, ids: Sequence[str]) -> list[d
         columns["hull_distance [m/s]"] = reach.hull_distance.tolist()
     columns["extrapolated"] = [_extrapolated(prediction, k) for k in range(len(impacts))]
     return [{name: column[k] for name, column in columns.items()} for k in range(len(impacts))]
+
+
+def intervals_of(prediction: NewPrediction, row: int) -> str:
+    """What the intervals of one impact are made of."""
+    if prediction.draws == 0:
+        return "none"
+    if prediction.withheld[row]:
+        return "withheld"
+    return "the draws that can be solved" if prediction.failures[row] else "all draws"
 
 
 def _extrapolated(prediction: NewPrediction, row: int) -> str:
@@ -106,6 +116,7 @@ def prediction_json(
                 "outputs": outputs,
                 "regimes": dict(prediction.regimes[k]),
                 "failed": dict(prediction.failures[k]),
+                "intervals": intervals_of(prediction, k),
                 "outside": bool(reach.outside[k]),
                 "beyond": beyond,
                 "hull_distance": None if reach.hull_distance is None else float(reach.hull_distance[k]),

@@ -185,9 +185,14 @@ def remarks_on(prediction: NewPrediction, row: int) -> list[str]:
         word = "line is" if len(reach.lines) == 1 else "lines are"
         amount = abs(float(reach.beyond["v_y1"][row]))
         remarks.append(f"the {' and '.join(reach.lines)} {word} extrapolated by {amount:.3g} m/s in v_y1.")
-    for reason, share in prediction.failures[row].items():
-        who = "the point estimate" if prediction.draws == 0 else f"{_percent(share)} of the draws"
-        remarks.append(f"not solved by {who}: {reason}.")
+    reasons = "; ".join(prediction.failures[row])
+    if reasons and prediction.draws == 0:
+        remarks.append(f"the point estimate cannot be solved there: {reasons}.")
+    elif reasons:
+        rest = "that is most of them: no intervals" if prediction.withheld[row] else "intervals are of the rest"
+        remarks.append(
+            f"{_percent(prediction.unsolved[row])} of the draws cannot be solved there ({reasons}); {rest}."
+        )
     return remarks
 
 
