@@ -1,0 +1,154 @@
+"""Whether another reading explains a table so much better than what its header says that somebody has to decide."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitball.data.columns import MEASURED
+from fitball.data.reading.hypotheses import Hypothesis, hypotheses
+from fitball.data.reading.impulse_laws import Misfit, misfit
+from fitball.data.reading.motion import Columns, Motion, chosen_rows, motion_of
+from fitball.data.table import ImpactTable
+from fitball.data.units import Dimension
+from fitball.values import Ball, FloatArray
+
+# Log likelihood by which another reading must be better, in all and for each impact (as much as if all three misfits
+# fell to half), and the misfit for each impact at which it still describes the table. Of good tables of thirty designs
+# none comes near: `tests/test_reading.py` measures.
+GAIN, GAIN_EACH, DESCRIBES = 10.0, 2.0, 6.0
+# Readings this much worse than the best are named beside it.
+TIE, TIE_EACH, MOST_NAMED = 3.0, 0.1, 3
+# Restitution that another reading may claim, and that a table as read may have without being suspect.
+PLAUSIBLE, UNSUSPECTED = (0.3, 1.0), (0.25, 1.0)
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A reading and what it leaves."""
+
+    hypothesis: Hypothesis
+    misfit: Misfit
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """A table that `found` explain much better than the header does, best first; `as_read` is what that leaves."""
+
+    as_read: Misfit
+    found: tuple[Explanation, ...]
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Each reading in a sentence: the numbers, and what to do."""
+        return tuple(
+            f"{item.hypothesis.words} {_fall(self.as_read, item.misfit)}: {item.hypothesis.remedy} if that is meant"
+            for item in self.found
+        )
+
+
+def doubt_of(columns: Columns, units: Mapping[str, str], ball: Ball) -> Doubt | None:
+    """What there is to say against the reading of `columns` [SI, by name, angles in rad], or None.
+
+    `units` are the symbols by column, as the header says.
+    """
+    rows = chosen_rows(columns)
+    if len(rows) < 2:
+        return None
+    mine = {name: values[rows] for name, values in columns.items()}
+    motion = motion_of(mine)
+    if motion.v_y1 is None or all(item is None for item in (motion.v_x2, motion.v_y2, motion.omega_2)):
+        return None
+    as_read = misfit(motion, ball)
+    # The gain there can be at most, before anything else is fitted.
+    if as_read.cost < GAIN or as_read.cost / as_read.rows < GAIN_EACH:
+        return None
+    found = []
+    for hypothesis in hypotheses(mine, units):
+        other = hypothesis.apply(mine)
+        moved = motion_of(other)
+        if moved != motion and _plausible(other, moved) and not (hypothesis.needs_spin and _untold(motion)):
+            found.append(Explanation(hypothesis, misfit(moved, ball)))
+    if not found:
+        return None
+    best = min(found, key=lambda item: item.misfit.cost).misfit
+    gain = as_read.cost - best.cost
+    if gain < GAIN or gain / best.rows < GAIN_EACH or best.cost / best.rows > DESCRIBES:
+        return None
+    reach = best.cost + TIE + TIE_EACH * best.rows
+    equal = [item for item in found if item.misfit.cost <= reach]
+    equal.sort(key=lambda item: (item.hypothesis.parts, item.misfit.cost))
+    return Doubt(as_read, tuple(equal[:MOST_NAMED]))
+
+
+def doubt_of_table(table: ImpactTable, ball: Ball) -> Doubt | None:
+    """`doubt_of` a table that has been read."""
+    return doubt_of(_columns(table), table.units, ball)
+
+
+def _columns(table: ImpactTable) -> dict[str, FloatArray]:
+    """The columns of a table; of the incident ones those that it was read from."""
+    impacts = table.impacts
+    state = {
+        "v_x1": impacts.v_x1, "v_y1": impacts.v_y1, "omega_1": impacts.omega_1,
+        "v_1": np.hypot(impacts.v_x1, impacts.v_y1), "theta_1": np.arctan2(impacts.v_y1, impacts.v_x1),
+    }  # fmt: skip
+    if {"v_x1", "v_y1"} <= table.units.keys():
+        state = {name: state[name] for name in ("v_x1", "v_y1", "omega_1")}
+    found = {name: values for name, values in state.items() if name in table.units}
+    found |= {item.name: item.values for item in (*table.measurements, *table.redundant)}
+    return {name: values for name, values in found.items() if MEASURED[name] is not Dimension.TIME}
+
+
+def _restitution(motion: Motion) -> float | None:
+    if motion.v_y1 is None or motion.v_y2 is None:
+        return None
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.median(motion.v_y2 / motion.v_y1))
+
+
+def _plausible(columns: Columns, motion: Motion) -> bool:
+    """Whether a reading says nothing absurd by itself."""
+    restitution = _restitution(motion)
+    if restitution is not None and not PLAUSIBLE[0] <= restitution <= PLAUSIBLE[1]:
+        return False
+    angles = [columns[name] for name in ("theta_1", "theta_2") if name in columns]
+    return all(bool(np.all((angle > 0.0) & (angle < np.pi))) for angle in angles)
+
+
+def _untold(motion: Motion) -> bool:
+    """Whether nothing but friction tells one end of the table from the other."""
+    restitution = _restitution(motion)
+    unsuspected = restitution is None or UNSUSPECTED[0] <= restitution <= UNSUSPECTED[1]
+    return motion.omega_2 is None and unsuspected
+
+
+# What a residual is called, and its unit.
+_NAMES = {
+    "omega_2": ("spin residual", "rad/s"),
+    "v_x2": ("residual of v_x2", "m/s"),
+    "v_y2": ("residual of v_y2", "m/s"),
+}
+
+
+def _fall(before: Misfit, after: Misfit) -> str:
+    """By how much what is left of the table falls, for the output of which that is most."""
+    if before.contradiction > 0.05 and after.contradiction < 0.3 * before.contradiction:
+        return (
+            f"columns that say the same twice differ by {100.0 * after.contradiction:.2g} % instead of "
+            f"{100.0 * before.contradiction:.2g} %"
+        )
+    shared = [name for name in _NAMES if name in before.residuals and name in after.residuals]
+    name = max(shared, key=lambda item: before.residuals[item] / max(after.residuals[item], 1e-12))
+    words, unit = _NAMES[name]
+    return (
+        f"the {words} of a quick fit falls from {_size(before.residuals[name])} to {_size(after.residuals[name])} "
+        f"{unit} ({before.rows} impacts)"
+    )
+
+
+def _size(number: float) -> str:
+    """Two digits, and no exponent where people read one badly."""
+    return f"{number:.0f}" if 100.0 <= number < 1e6 else f"{number:.2g}"

@@ -1,0 +1,185 @@
+"""The ways in which a table can be misread: one registry, each with what a user does about it.
+
+A hypothesis is a transformation of the columns as they were read, in SI, so that a table that a check refuses can be
+looked at too. A table and its mirror image (`v_x` and `omega` of both ends negated) say the same: of a choice of signs
+and its mirror image only that with fewer columns is tried, both where they have as many.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations, product
+
+import numpy as np
+
+from fitball.data.columns import MEASURED, SD_SUFFIX
+from fitball.data.reading.motion import Columns
+from fitball.data.units import UNITS, Dimension
+
+# Units that people measure balls in; a table in others says so.
+_USUAL: Mapping[Dimension, tuple[str, ...]] = {
+    Dimension.SPEED: ("m/s", "km/h", "mph", "ft/s"),
+    Dimension.SPIN: ("rad/s", "rpm", "rev/s", "deg/s"),
+    Dimension.ANGLE: ("deg", "rad"),
+}
+_SIGNED = ("omega_1", "omega_2", "v_x1", "v_x2")
+_ANGLES = ("theta_1", "theta_2")
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Another reading: `words` ("with omega_1 and omega_2 negated"), `remedy` (what to do if that is meant), and how
+    it changes the columns; `parts` counts how many things it takes to be wrong. What `needs_spin` changes one end
+    alone, which a table without spins cannot tell from a ball of its own kind.
+    """
+
+    words: str
+    remedy: str
+    apply: Callable[[Columns], Columns]
+    parts: int = 1
+    needs_spin: bool = False
+
+
+def hypotheses(columns: Columns, units: Mapping[str, str]) -> tuple[Hypothesis, ...]:
+    """All that make sense of these columns, simple ones first. `units` are symbols by column, as the header says,
+    those of stated sds among them.
+    """
+    found = [
+        *_signs(columns),
+        *_from_normal(columns),
+        *_towards(columns),
+        *_unit_slips(columns, units),
+        *_swaps(columns, units),
+    ]
+    return tuple(sorted(found, key=lambda item: item.parts))
+
+
+def both(one: Hypothesis, other: Hypothesis) -> Hypothesis:
+    """The two together."""
+    return Hypothesis(
+        f"{one.words} and {other.words.removeprefix('with ')}",
+        f"{one.remedy}; and {other.remedy}",
+        lambda columns: other.apply(one.apply(columns)),
+        one.parts + other.parts,
+        one.needs_spin or other.needs_spin,
+    )
+
+
+def flipped(columns: Columns, names: Sequence[str]) -> Columns:
+    """The columns with those of `names` counted the other way round: angles from the normal instead of the court,
+    all others with the other sign.
+    """
+    turned = dict(columns)
+    for name in names:
+        turned[name] = np.pi / 2.0 - columns[name] if name in _ANGLES else -columns[name]
+    return turned
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names in a sentence."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _flip(names: tuple[str, ...], words: str, parts: int) -> Hypothesis:
+    return Hypothesis(
+        f"with {listed(names)} {words}",
+        f"pass --flip {','.join(names)}",
+        lambda columns: flipped(columns, names),
+        parts,
+    )
+
+
+def _signs(columns: Columns) -> Iterator[Hypothesis]:
+    present = [name for name in _SIGNED if name in columns and np.any(columns[name])]
+    for count in range(1, len(present) + 1):
+        for names in combinations(present, count):
+            # The mirror image of nothing is nothing.
+            if len(present) < len(_SIGNED) or 2 * count <= len(_SIGNED):
+                yield _flip(names, "negated", count)
+
+
+def _from_normal(columns: Columns) -> Iterator[Hypothesis]:
+    present = [name for name in _ANGLES if name in columns]
+    for count in range(len(present), 0, -1):
+        for names in combinations(present, count):
+            yield _flip(names, "measured from the normal", 1)
+
+
+def _towards(columns: Columns) -> Iterator[Hypothesis]:
+    if "v_y1" in columns and np.all(columns["v_y1"] < 0.0):
+        yield _flip(("v_y1",), "negated", 1)
+
+
+def _unit_slips(columns: Columns, units: Mapping[str, str]) -> Iterator[Hypothesis]:
+    """One unit for both ends, for one of them, and for speeds and spins together."""
+    whole: dict[Dimension, list[Hypothesis]] = {Dimension.SPEED: [], Dimension.SPIN: [], Dimension.ANGLE: []}
+    for dimension, usual in _USUAL.items():
+        present = tuple(name for name in columns if MEASURED[name] is dimension)
+        ends = [tuple(name for name in present if name.endswith(end)) for end in ("1", "2")]
+        for symbol in usual:
+            whole[dimension] += _unit(present, symbol, units, 1)
+        yield from whole[dimension]
+        if all(ends):
+            for names, symbol in product(ends, usual):
+                yield from _unit(names, symbol, units, 2)
+    for speed, spin in product(whole[Dimension.SPEED], whole[Dimension.SPIN]):
+        yield both(speed, spin)
+
+
+def _unit(names: tuple[str, ...], symbol: str, units: Mapping[str, str], parts: int) -> list[Hypothesis]:
+    """`names` read in `symbol` instead, where that changes all of them."""
+    meant = UNITS[symbol]
+    before = {name: UNITS[units[name]] for name in names}
+    if not names or any(unit is meant for unit in before.values()):
+        return []
+
+    def apply(columns: Columns) -> Columns:
+        return {
+            name: meant.to_si(before[name].from_si(values)) if name in before else values
+            for name, values in columns.items()
+        }
+
+    was = sorted({unit.symbol for unit in before.values()})
+    cells = [f"{name} [{symbol}]" for name in (*names, *_sds(names, units))]
+    words = f"with {listed(names)} in {symbol} instead of {' and '.join(was)}"
+    return [Hypothesis(words, f"write in the header {_quoted(cells)}", apply, parts, parts > 1)]
+
+
+def _sds(names: Sequence[str], units: Mapping[str, str]) -> list[str]:
+    return [name + SD_SUFFIX for name in names if name + SD_SUFFIX in units]
+
+
+def _swaps(columns: Columns, units: Mapping[str, str]) -> Iterator[Hypothesis]:
+    ends = [(one, f"{one[:-1]}2") for one in columns if one.endswith("1") and f"{one[:-1]}2" in columns]
+    if any(name.startswith("v") for pair in ends for name in pair):
+        yield _swap(ends, "with incidence and rebound swapped", units)
+    for pair in ends:
+        yield _swap([pair], f"with {pair[0]} and {pair[1]} swapped", units, needs_spin=True)
+    crossed = [(f"v_x{end}", f"v_y{end}") for end in ("1", "2") if {f"v_x{end}", f"v_y{end}"} <= columns.keys()]
+    for count in range(1, len(crossed) + 1):
+        for pairs in combinations(crossed, count):
+            yield _swap(pairs, f"with {listed([f'{x} and {y}' for x, y in pairs])} swapped", units)
+
+
+def _swap(
+    pairs: Sequence[tuple[str, str]], words: str, units: Mapping[str, str], needs_spin: bool = False
+) -> Hypothesis:
+    other = dict(pairs) | {two: one for one, two in pairs}
+    cells = [f"'{_cell(one, units)}' for '{_cell(two, units)}'" for one, two in other.items()]
+    sds = [name + SD_SUFFIX for name in other if name + SD_SUFFIX in units]
+    also = f" (and the columns {listed(sds)} likewise)" if sds else ""
+    return Hypothesis(
+        words,
+        f"exchange the names in the header: {', '.join(cells)}{also}",
+        lambda columns: {other.get(name, name): values for name, values in columns.items()},
+        needs_spin=needs_spin,
+    )
+
+
+def _cell(name: str, units: Mapping[str, str]) -> str:
+    return f"{name} [{units[name]}]"
+
+
+def _quoted(cells: Sequence[str]) -> str:
+    return listed([f"'{cell}'" for cell in cells])

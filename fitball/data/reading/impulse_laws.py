@@ -1,0 +1,159 @@
+"""How well a table obeys the laws of an impulse on a round body, whatever the ball: a quick fit and its misfit.
+
+With slip `u = v_x1 - R omega_1`, `a = I/(M R^2)` and the measured normal impulse per mass `s = v_y1 + v_y2`, the
+speed lost along the court is `a/(1 + a) ((1 + e_x) u + D s/(a R))` in a grip, at most `mu s` (Walton 1993; Foerster
+et al. 1994; Cross 2002); about the contact point angular momentum is kept, `(v_x1 - v_x2) - a R (omega_2 - omega_1)
+= D s/R` (see `data.balances`); and `v_y2/v_y1` is a line in the speed. Three laws, five numbers: `mu`, `e_x`, `D/R`,
+and the line. Misfits are shares of the motion that they are compared with, so that no unit looks better than another
+because its numbers are smaller. No noise is known before a fit: a misfit counts by its logarithm, as in the density
+of Cauchy's distribution, which a few outliers do not move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitball.data.reading.motion import Motion
+from fitball.values import Ball, FloatArray
+
+# Misfit, as a share of the motion it is compared with, below which it says nothing: no ball obeys the laws better.
+FLOOR = 0.05
+# Motion along the court, as a share of that across it, with which misfits along it are compared at least.
+LEAST = 0.2
+# What balls and courts are like: medians or means, and widths, of the priors; far looser than any one ball's.
+_FRICTION, _FRICTION_WIDTH, _FRICTION_RANGE = 0.5, 0.8, (0.01, 1.5)
+_TANGENTIAL_WIDTH, _TANGENTIAL_RANGE = 0.5, (-0.98, 0.98)
+_OFFSET_WIDTH, _OFFSET_RANGE = 0.1, (-0.3, 0.3)
+_RESTITUTION, _RESTITUTION_WIDTH, _RESTITUTION_RANGE = 0.75, 0.2, (0.05, 1.0)
+_SLOPE_WIDTH, _SLOPE_RANGE = 0.2, (-0.6, 0.6)
+# Restitution where the rebound speed was not measured.
+_TYPICAL_RESTITUTION = 0.75
+_ROUNDS, _SHRINK = 6, 0.45
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """What the best fit leaves: `cost` in natural units of log likelihood, priors included, over `rows` impacts.
+
+    `residuals` maps `v_x2`, `v_y2` [m/s] and `omega_2` [rad/s] to root mean squares, where the table has them;
+    `contradiction` is that of columns which say the same twice, as a share of the speed.
+    """
+
+    cost: float
+    rows: int
+    residuals: Mapping[str, float]
+    contradiction: float
+
+
+def misfit(motion: Motion, ball: Ball) -> Misfit:
+    """Fit the laws to a motion and tell what is left."""
+    rows = next(len(item) for item in (motion.v_y1, motion.v_y2, motion.v_x1, motion.v_x2) if item is not None)
+    residuals = dict[str, float]()
+    cost = sum((float(np.sum(_penalty(share))) for share in motion.contradictions), 0.0)
+    if motion.v_y1 is not None and motion.v_y2 is not None:
+        cost += _restitution(motion.v_y1, motion.v_y2, residuals)
+    if motion.v_x1 is not None and not (motion.v_x2 is None and motion.omega_2 is None):
+        cost += _tangential(motion, ball, residuals)
+    return Misfit(cost, rows, residuals, max(map(_rms, motion.contradictions), default=0.0))
+
+
+def _penalty(share: FloatArray) -> FloatArray:
+    with np.errstate(over="ignore"):
+        logarithm: FloatArray = np.log1p(np.minimum((share / FLOOR) ** 2, 1e12))
+    return logarithm
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _restitution(v_y1: FloatArray, v_y2: FloatArray, residuals: dict[str, float]) -> float:
+    size = max(float(np.median(np.abs(v_y1))), 1e-12)
+    from_middle = np.clip(v_y1 / size - 1.0, -2.0, 2.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.nan_to_num(v_y2 / v_y1, nan=1e3, posinf=1e3, neginf=-1e3)
+
+    def line(points: FloatArray) -> FloatArray:
+        return np.clip(points[:, :1] + points[:, 1:] * from_middle, 0.02, 1.1)
+
+    def cost(points: FloatArray) -> FloatArray:
+        predicted = line(points)
+        prior = ((points[:, 0] - _RESTITUTION) / _RESTITUTION_WIDTH) ** 2 + (points[:, 1] / _SLOPE_WIDTH) ** 2
+        total: FloatArray = _penalty((ratio - predicted) / predicted).sum(axis=1) + 0.5 * prior
+        return total
+
+    best, least = _search(cost, (_RESTITUTION_RANGE, _SLOPE_RANGE), (15, 7))
+    residuals["v_y2"] = _rms(v_y2 - line(best[None])[0] * v_y1)
+    return least
+
+
+def _tangential(motion: Motion, ball: Ball, residuals: dict[str, float]) -> float:
+    assert motion.v_x1 is not None and motion.v_y1 is not None
+    a, radius = ball.inertia_ratio, ball.radius
+    zero = np.zeros_like(motion.v_x1)
+    rebound = _TYPICAL_RESTITUTION * motion.v_y1 if motion.v_y2 is None else motion.v_y2
+    pressed = np.maximum(motion.v_y1 + rebound, 1e-9)
+    spin = zero if motion.omega_1 is None else motion.omega_1
+    slip = motion.v_x1 - radius * spin
+    lost = None if motion.v_x2 is None else motion.v_x1 - motion.v_x2
+    turned = None if motion.omega_2 is None else a * radius * (motion.omega_2 - spin)
+    parts = [item**2 for item in (lost, turned) if item is not None]
+    # Motion along the court that is small beside that across it says little: a dropped ball's is noise.
+    size = max(float(np.quantile(np.sqrt(np.mean(parts, axis=0)), 0.75)), LEAST * float(np.median(pressed)), 1e-9)
+
+    def predicted(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Speed lost, and what of it does not turn the ball."""
+        friction, e_x, offset = (np.exp(points[:, :1]), points[:, 1:2], points[:, 2:])
+        grip = a / (1.0 + a) * (1.0 + e_x) * slip + offset / (1.0 + a) * pressed
+        limit = friction * pressed
+        return np.clip(grip, -limit, limit), offset * pressed
+
+    def cost(points: FloatArray) -> FloatArray:
+        loss, shift = predicted(points)
+        total = np.zeros(len(points))
+        if lost is not None:
+            total += _penalty((lost - loss) / size).sum(axis=1)
+            if turned is not None:
+                total += _penalty((lost - turned - shift) / size).sum(axis=1)
+        elif turned is not None:
+            total += _penalty((turned + shift - loss) / size).sum(axis=1)
+        prior = ((points[:, 0] - np.log(_FRICTION)) / _FRICTION_WIDTH) ** 2
+        prior += (points[:, 1] / _TANGENTIAL_WIDTH) ** 2 + (points[:, 2] / _OFFSET_WIDTH) ** 2
+        return total + 0.5 * prior
+
+    low, high = _FRICTION_RANGE
+    ends = ((float(np.log(low)), float(np.log(high))), _TANGENTIAL_RANGE, _OFFSET_RANGE)
+    best, least = _search(cost, ends, (13, 7, 7))
+    loss, shift = (item[0] for item in predicted(best[None]))
+    if lost is not None:
+        residuals["v_x2"] = _rms(lost - loss)
+    if turned is not None:
+        residuals["omega_2"] = _rms(turned - loss + shift) / (a * radius)
+    return least
+
+
+def _search(
+    cost: Callable[[FloatArray], FloatArray], ends: Sequence[tuple[float, float]], counts: Sequence[int]
+) -> tuple[FloatArray, float]:
+    """The best point of a grid, then of ever finer grids about the best so far: costs have kinks and many minima."""
+    axes = [np.linspace(low, high, count) for (low, high), count in zip(ends, counts, strict=True)]
+    steps = np.array([axis[1] - axis[0] for axis in axes])
+    points = _grid(axes)
+    values = cost(points)
+    best, least = points[np.argmin(values)], float(np.min(values))
+    low, high = np.array(ends).T
+    for _ in range(_ROUNDS):
+        steps = steps * _SHRINK
+        near = _grid([np.arange(-2, 3) * step for step in steps]) + best
+        near = np.clip(near, low, high)
+        values = cost(near)
+        if values.min() < least:
+            best, least = near[np.argmin(values)], float(values.min())
+    return best, least
+
+
+def _grid(axes: Sequence[FloatArray]) -> FloatArray:
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
