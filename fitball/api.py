@@ -8,9 +8,9 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from fitball.data.force_place import find_force
-from fitball.data.join import load_tables
-from fitball.data.scene import Scene, load_scene
+from fitball.data.scene import Scene, likely_scene, load_scene
 from fitball.data.table import ImpactTable
+from fitball.data.trusted import trusted_table
 from fitball.inference.calibrate import fingerprint, run
 from fitball.inference.effort import MAX_STEPS, Effort
 from fitball.inference.prediction.new_impacts import NewPrediction, predict_new
@@ -80,25 +80,27 @@ def pose(
     scene: Scene | None = None,
     config: PathLike | None = None,
     force: PathLike | None = None,
+    flip: Sequence[str] = (),
+    as_read: bool = False,
 ) -> Problem:
     """The problem of a table, or of paths and bundled names of tables, that are fitted together.
 
-    The scene is `scene`, or the file `config`, or the TOML file beside the first table; for `force` see `calibrate`.
-    Raises as reading and `build_problem` do.
+    The scene is `scene`, or the file `config`, or the TOML file beside the first table; for `force`, `flip` and
+    `as_read` see `calibrate`. Raises as reading, `trusted_table` and `build_problem` do.
     """
     if isinstance(data, ImpactTable):
         sources: Sequence[PathLike] = [data.source]
     else:
         sources = [data] if isinstance(data, str | os.PathLike) else data
-    known = load_scene(sources[0], config) if scene is None else scene
-    table = data if isinstance(data, ImpactTable) else load_tables(sources, known)
+    known = load_scene(sources[0], config, as_read) if scene is None else likely_scene(scene, as_read)
+    table, doubts = trusted_table(data if isinstance(data, ImpactTable) else sources, known, flip, as_read)
     named = None if force is None else os.fspath(force)
     records, said = find_force([os.fspath(source) for source in sources], table, known, named)
     averaged = None if records is None else build_records(records, known.force_start_sd)
     problem = build_problem(table, known, choices, averaged)
     if len(sources) > 1 and scene is None:
         said = (f"the scene of {config or sources[0]} is taken for all tables", *said)
-    return replace(problem, notes=(*said, *problem.notes))
+    return replace(problem, notes=(*doubts, *said, *problem.notes))
 
 
 def begin(problem: Problem, effort: Effort, folder: Path, *, overwrite: bool = False, resume: bool = False) -> Run:
@@ -127,6 +129,8 @@ def calibrate(
     incident_errors: bool = True,
     velocity_noise: str | None = None,
     force: PathLike | None = None,
+    flip: Sequence[str] = (),
+    as_read: bool = False,
     seed: int = 1,
     point_only: bool = False,
     walkers: int | None = None,
@@ -140,8 +144,11 @@ def calibrate(
     levels they differ (pooled in part), `offsets` names the label column whose groups may be biased; without
     `incident_errors` the incident state counts as exact; `velocity_noise` is "tied" or "separate" (default: as the
     table can tell). `force` is a file of force-time records (see
-    `data.force_file`), by default what the scene names or what lies beside the table, "none" for none. Raises
-    subclasses of FitballError for everything a caller can mend.
+    `data.force_file`), by default what the scene names or what lies beside the table, "none" for none. `flip` names
+    columns that count the other way round than fitball does: spins and velocities of the other sign, angles measured
+    from the normal (`TABLE:COLUMN` for one of several tables). A table that another reading explains much better, and
+    a scene that is unlike any ball's, are refused unless `as_read`. Raises subclasses of FitballError for everything
+    a caller can mend.
     """
     choices = Choices(
         model, closures or {}, priors or {}, fix or {}, noise, pool or {}, offsets, incident_errors, velocity_noise
@@ -153,7 +160,7 @@ def calibrate(
         max_steps=max_steps,
         cores=(os.cpu_count() or 1) if cores is None else cores,
     )
-    return Run(pose(table, choices, scene=scene, force=force), effort).fit()
+    return Run(pose(table, choices, scene=scene, force=force, flip=flip, as_read=as_read), effort).fit()
 
 
 def load_fit(path: PathLike) -> SavedFit:

@@ -6,7 +6,7 @@ traceback and exits with 2. The message says what was read, where, what was expe
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -36,9 +36,7 @@ class SceneError(FitballError):
 
 def fault_list(source: str, count: int, lines: Iterable[str]) -> str:
     """The message that lists the faults of a file."""
-    return "\n".join(
-        [f"{one_line(source)}: {count} fault{'s' if count != 1 else ''}", *(f"  - {line}" for line in lines)]
-    )
+    return _bulleted(f"{one_line(source)}: {count} fault{'s' if count != 1 else ''}", lines)
 
 
 class ResultFolderError(FitballError):
@@ -90,13 +88,37 @@ class Fault:
 
 
 class TableError(FitballError):
-    """An impact table that cannot be used; carries every fault found; its message names the first of each kind."""
+    """An impact table that cannot be used; carries every fault found; its message names the first of each kind.
+    `hints` say what may be meant.
+    """
 
-    def __init__(self, source: str, faults: Iterable[Fault]) -> None:
+    def __init__(self, source: str, faults: Iterable[Fault], hints: Sequence[str] = ()) -> None:
         self.source = source
         self.faults = tuple(faults)
+        self.hints = tuple(hints)
         kinds = (((fault.column, kind_of(fault.message)), str(fault)) for fault in self.faults)
-        super().__init__(fault_list(source, len(self.faults), folded(kinds)))
+        message = fault_list(source, len(self.faults), folded(kinds))
+        if self.hints:
+            message += "\n" + _bulleted("what may be meant, since it explains the table much better:", self.hints)
+        super().__init__(message)
+
+
+class ReadingError(FitballError):
+    """A table that other readings explain much better than its header; `readings` say which, in numbers, and what to
+    do about each.
+    """
+
+    def __init__(self, source: str, readings: Sequence[str]) -> None:
+        self.source = source
+        self.readings = tuple(readings)
+        super().__init__(
+            _bulleted(f"{one_line(source)}: another reading explains it much better than its header:", self.readings)
+            + "\n  if it is right as it stands, pass --as-read (in Python as_read=True); nothing was changed"
+        )
+
+
+def _bulleted(head: str, lines: Iterable[str]) -> str:
+    return "\n".join([head, *(f"  - {line}" for line in lines)])
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:

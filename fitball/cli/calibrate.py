@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from fitball.cli.options import add_cores, add_structure, add_verb, count, tell_notes
+from fitball.cli.options import add_cores, add_reading, add_structure, add_verb, count, tell_notes
 from fitball.cli.progress import ProgressLine
 from fitball.errors import ParameterError
 
@@ -50,6 +50,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="force-time records: columns id, t, F (default: <table>_force.csv beside DATA); none: without",
     )
     add_structure(parser)
+    add_reading(parser)
     parser.add_argument("--point-only", action="store_true", help="no posterior: the best values only")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of all random numbers (default 1)")
     parser.add_argument("--out", metavar="DIR", help="result folder")
@@ -105,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
         incident_errors=not args.exact_incidence,
         velocity_noise=args.velocity_noise,
     )
-    problem = pose(args.data, choices, config=args.config, force=args.force)
+    problem = pose(args.data, choices, config=args.config, force=args.force, flip=args.flip, as_read=args.as_read)
     folder = Path(args.out) if args.out else default_folder(problem.table.name, problem.model.name, choices.closures)
     begun = begin(problem, make_effort(args), folder, overwrite=args.overwrite, resume=args.resume)
     if not args.quiet:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 import os
+from dataclasses import replace
 from pathlib import Path
 
-from fitball.cli.options import add_verb, tell_notes
+from fitball.cli.options import add_reading, add_verb, tell_notes
 from fitball.cli.progress import ProgressLine
 from fitball.errors import ModelError
 
@@ -30,6 +31,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("data", metavar="DATA", help="a table (CSV or Parquet), or the name of a bundled one")
     parser.add_argument("--models", metavar="A,B,...", help="models to compare (default: those that can differ here)")
     parser.add_argument("--config", metavar="FILE.toml", help="scene file (default: the .toml beside DATA)")
+    add_reading(parser)
     parser.add_argument(
         "--quick", action="store_true", help="only the main models, and no exact refits of influential impacts"
     )
@@ -46,8 +48,8 @@ def run(args: argparse.Namespace) -> int:
     """Fit and score every model, write the folder, print the tables; 1 where a posterior did not converge."""
     progress = ProgressLine(args.quiet)
     progress("loading", None)
-    from fitball.data.read import load_table
     from fitball.data.scene import load_scene
+    from fitball.data.trusted import trusted_table
     from fitball.inference.comparison.candidates import build_candidates, default_names
     from fitball.inference.comparison.compare import ESS, MAX_STEPS, compare
     from fitball.inference.effort import Effort
@@ -60,8 +62,8 @@ def run(args: argparse.Namespace) -> int:
     from fitball.report.form.json_text import json_text
     from fitball.studies.thesis.published_sets import published_sets
 
-    scene = load_scene(args.data, args.config)
-    table = load_table(args.data, scene=scene)
+    scene = load_scene(args.data, args.config, args.as_read)
+    table, doubts = trusted_table([args.data], scene, args.flip, args.as_read)
     effort = Effort(
         seed=args.seed,
         max_steps=MAX_STEPS if args.max_steps is None else args.max_steps,
@@ -70,13 +72,14 @@ def run(args: argparse.Namespace) -> int:
     )
     names, said = default_names(table, args.quick) if args.models is None else (model_names(args.models), [])
     candidates = build_candidates(table, scene, names)
+    candidates = replace(candidates, notes=(*doubts, *candidates.notes))
     for candidate in candidates.candidates:
         effort.settings(candidate.problem)
     folder = Path(args.out) if args.out else Path("fits") / table.name / "compare"
     clear_folder(folder, JSON_NAME, overwrite=args.overwrite)
     if not args.quiet:
         progress.finish()
-        tell_notes([*table.remarks, *scene.assumed, *said])
+        tell_notes([*table.remarks, *doubts, *scene.assumed, *said])
     published = published_sets(table)
     comparison = compare(table, candidates, effort, args.quick, published, lambda stage: progress(stage, None))
     progress("figure and files", None)

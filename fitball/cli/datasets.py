@@ -6,8 +6,8 @@ import argparse
 import json
 from typing import TYPE_CHECKING, Any
 
-from fitball.cli.options import add_verb
-from fitball.errors import FitballError, SceneError, TableError
+from fitball.cli.options import add_flip, add_reading, add_verb
+from fitball.errors import FitballError, ReadingError, SceneError, TableError
 from fitball.visible import one_line
 
 if TYPE_CHECKING:
@@ -41,6 +41,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "fitball datasets show wang_all",
     )
     show.add_argument("data", metavar="NAME", help="a path, or the name of a bundled table")
+    add_flip(show)
     check = _add_action(
         actions,
         "check",
@@ -50,6 +51,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     check.add_argument("data", metavar="FILE", help="a path, or the name of a bundled table")
     check.add_argument("--config", metavar="FILE.toml", help="the scene, instead of the TOML file beside the table")
     check.add_argument("--force", metavar="FILE", help="force records, instead of those beside the table")
+    add_reading(check)
     check.add_argument("--quiet", action="store_true", help="print faults only")
 
 
@@ -85,12 +87,15 @@ def _list(args: argparse.Namespace) -> int:
 def _show(args: argparse.Namespace) -> int:
     from fitball.data.balances import scene_balances
     from fitball.data.read import load_table
+    from fitball.data.reading.doubt import doubt_of_table
     from fitball.data.scene import load_scene
     from fitball.report.fit.balance_table import balance_table
     from fitball.report.form.text_table import MOST_LINES, columns, more
 
-    scene = load_scene(args.data)
-    table = load_table(args.data, scene=scene)
+    scene = load_scene(args.data, as_read=True)
+    table = load_table(args.data, scene=scene, flip=args.flip)
+    doubt = doubt_of_table(table, scene.ball)
+    doubts = () if doubt is None else tuple(f"{line} (datasets check)" for line in doubt.lines)
     if args.json:
         _print_json(_as_json(table, scene))
         return 0
@@ -113,6 +118,7 @@ def _show(args: argparse.Namespace) -> int:
         ("known", _known(scene)),
         ("assumed", scene.assumed),
         ("notices", table.remarks),
+        ("another reading explains the table much better", doubts),
     ):
         if lines:
             print(f"\n{heading}:")
@@ -125,6 +131,7 @@ def _check(args: argparse.Namespace) -> int:
     from fitball.data.force_place import find_force
     from fitball.data.read import load_table
     from fitball.data.scene import Scene, load_scene
+    from fitball.data.trusted import trusted_table
 
     errors: list[FitballError] = []
     table: ImpactTable | None = None
@@ -132,13 +139,15 @@ def _check(args: argparse.Namespace) -> int:
     remarks: tuple[str, ...] = ()
     try:
         try:
-            scene = load_scene(args.data, args.config)
+            scene = load_scene(args.data, args.config, args.as_read)
         except SceneError as error:
             # The table is still looked at, as one of tennis balls.
             errors.append(error)
-        table = load_table(args.data, scene=scene or Scene())
+        table = load_table(args.data, scene=scene or Scene(), flip=args.flip)
         if scene is not None:
-            records, remarks = find_force([args.data], table, scene, args.force)
+            remarks = trusted_table(table, scene, as_read=args.as_read)[1]
+            records, found = find_force([args.data], table, scene, args.force)
+            remarks += found
             remarks += () if records is None else (f"{records.source}: {len(records.records)} force records",)
     except FitballError as error:
         errors.append(error)
@@ -179,8 +188,14 @@ def _faults(error: FitballError) -> list[dict[str, Any]]:
                 "column": fault.column,
             }
             for fault in error.faults
-        ]
-    return [{"file": None, "message": str(error), "row": None, "line": None, "column": None}]
+        ] + [_fault(error.source, f"what may be meant: {hint}") for hint in error.hints]
+    if isinstance(error, ReadingError):
+        return [_fault(error.source, reading) for reading in error.readings]
+    return [_fault(None, str(error))]
+
+
+def _fault(file: str | None, message: str) -> dict[str, Any]:
+    return {"file": file, "message": message, "row": None, "line": None, "column": None}
 
 
 def _columns(table: ImpactTable) -> dict[str, Any]:

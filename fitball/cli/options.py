@@ -95,6 +95,32 @@ def add_structure(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_flip(parser: argparse.ArgumentParser) -> None:
+    """Add `--flip`."""
+    parser.add_argument(
+        "--flip", metavar="A,B,...", type=_names, action="extend", default=[],
+        help="columns that count the other way round, e.g. omega_1,omega_2: spins and velocities of the other sign, "
+        "angles measured from the normal (TABLE:COLUMN for one of several tables)",
+    )  # fmt: skip
+
+
+def add_reading(parser: argparse.ArgumentParser) -> None:
+    """Add what says how a table is to be read."""
+    add_flip(parser)
+    parser.add_argument(
+        "--as-read", action="store_true",
+        help="the table and the scene are right, though another reading explains the table much better or the ball "
+        "is unlike any of a game",
+    )  # fmt: skip
+
+
+def _names(text: str) -> list[str]:
+    names = [part.strip() for part in text.split(",")]
+    if not all(names):
+        raise argparse.ArgumentTypeError(f"read '{text}', expected names of columns separated by commas")
+    return names
+
+
 def add_study(parser: argparse.ArgumentParser, folder: Path) -> None:
     """Add what every study takes: where to write (by default `folder`), cores, how to print."""
     parser.add_argument("--out", metavar="DIR", help=f"where to write (default: {folder})")

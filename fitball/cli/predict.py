@@ -6,13 +6,14 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fitball.cli.options import add_verb, tell_notes
+from fitball.cli.options import add_flip, add_verb, tell_notes
 from fitball.errors import ParameterError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from fitball.data.table import ImpactTable
+    from fitball.report.saved.fit_file import TablePart
     from fitball.values import Ball, FloatArray, Impacts
 
 HELP = "predict rebounds of new impacts from a fit, with intervals"
@@ -49,6 +50,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         default=[],
         help='one impact instead of DATA, e.g. "v=17, theta=18, spin=100" (default: m/s, deg, rad/s); repeatable',
     )
+    add_flip(parser)
     parser.add_argument(
         "--exact-incidence", action="store_true", help="take the incident state as exact even where its sd is stated"
     )
@@ -63,6 +65,8 @@ def run(args: argparse.Namespace) -> int:
     """Predict the impacts, print them and what data say of them."""
     if bool(args.impact) == (args.data is not None):
         raise ParameterError("predict needs impacts: either DATA or --impact, one of them")
+    if args.flip and args.data is None:
+        raise ParameterError("--flip is about columns of DATA: write an --impact as it is meant")
     if args.seed < 0:
         raise ParameterError(f"seed = {args.seed}: expected a number not below 0")
     import numpy as np
@@ -81,14 +85,14 @@ def run(args: argparse.Namespace) -> int:
     if args.out is not None:
         refuse_existing(Path(args.out), args.overwrite)
     saved = load_fit(args.fit)
-    impacts, ids, table, covariance = _impacts(args.data, args.impact, saved.fitted.ball)
+    impacts, ids, table, covariance = _impacts(args.data, args.flip, args.impact, saved.fitted.ball)
     stated, point_only = covariance is not None, saved.status is RunStatus.POINT_ONLY
     if args.exact_incidence:
         covariance = None
     observables, unused = observed_observables(saved.fitted, table) if table is not None else ((), ())
     prediction = saved.predict_interval(impacts, observables, seed=args.seed, incident_covariance=covariance)
     judged = scores(prediction)
-    notes = [*(() if table is None else table.remarks), *unused]
+    notes = [*(() if table is None else (*table.remarks, *_other_flips(saved.file.table, table))), *unused]
     if point_only:
         notes.append(POINT_ONLY)
     if stated:
@@ -121,8 +125,17 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _other_flips(fitted: TablePart, table: ImpactTable) -> tuple[str, ...]:
+    """What to say where the fit counted columns the other way round and these impacts do not, or the reverse."""
+    flips = [", ".join(sorted({name.rpartition(":")[2] for name in item.flipped})) for item in (fitted, table)]
+    if flips[0] == flips[1]:
+        return ()
+    made, here = (names or "no column" for names in flips)
+    return (f"the fit was made with {made} flipped, these impacts are read with {here} flipped (--flip)",)
+
+
 def _impacts(
-    data: str | None, texts: Sequence[str], ball: Ball
+    data: str | None, flip: Sequence[str], texts: Sequence[str], ball: Ball
 ) -> tuple[Impacts, tuple[str, ...], ImpactTable | None, FloatArray | None]:
     """Impacts, their names, the table they come from, and the covariance of their incident states."""
     import numpy as np
@@ -133,7 +146,7 @@ def _impacts(
     from fitball.values import Impacts
 
     if data is not None:
-        table = load_table(data, rebound=False, scene=Scene(ball=ball))
+        table = load_table(data, rebound=False, scene=Scene(ball=ball), flip=flip)
         return table.impacts, table.ids, table, table.incident_covariance
     parsed = [parse_uncertain_impact(text) for text in texts]
     joined = [np.concatenate([getattr(item, name) for item, _ in parsed]) for name in ("v_x1", "v_y1", "omega_1")]

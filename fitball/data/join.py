@@ -8,8 +8,10 @@ from hashlib import sha256
 
 import numpy as np
 
+from fitball.data.bundled import resolve_table
 from fitball.data.frozen import FrozenMapping
 from fitball.data.read import load_table
+from fitball.data.reading.flip import check_flips
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable, Measurement, Notice
 from fitball.errors import Fault, TableError
@@ -18,9 +20,22 @@ from fitball.values import FloatArray, Impacts
 ORIGIN = "table"
 
 
-def load_tables(sources: Sequence[str | os.PathLike[str]], scene: Scene | None = None) -> ImpactTable:
-    """One table, or several joined. Raises TableError for each as `load_table` does, and for tables that differ."""
-    return joined([load_table(source, scene=scene) for source in sources])
+def load_tables(
+    sources: Sequence[str | os.PathLike[str]], scene: Scene | None = None, flip: Sequence[str] = ()
+) -> ImpactTable:
+    """One table, or several joined; `flip` names columns as `load_table` has it, of one of several tables as
+    `TABLE:COLUMN`. Raises as `load_table` does for each, TableError for tables that differ, ParameterError for a
+    table that is not there.
+    """
+    return joined(read_each(sources, scene, flip))
+
+
+def read_each(
+    sources: Sequence[str | os.PathLike[str]], scene: Scene | None = None, flip: Sequence[str] = ()
+) -> list[ImpactTable]:
+    """The tables of `load_tables` one by one. Raises as `load_table` does, ParameterError as `load_tables`."""
+    check_flips(flip, [resolve_table(source).stem for source in sources])
+    return [load_table(source, scene=scene, flip=flip) for source in sources]
 
 
 def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
@@ -74,6 +89,7 @@ def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
         units=first.units,
         incident_covariance=stacked(covariances) if len(covariances) == len(tables) else None,
         notices=tuple(Notice(f"{table.name}: {remark}") for table in tables for remark in table.remarks),
+        flipped=tuple(f"{table.name}:{name}" for table in tables for name in table.flipped),
         files=tuple(place for table in tables for place in table.files),
     )
 

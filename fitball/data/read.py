@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 
@@ -12,13 +13,15 @@ import numpy as np
 from fitball.data.bounds import check_bounds, normal_speed
 from fitball.data.bundled import resolve_table
 from fitball.data.checks import check_pairs, check_ranges, one_sign
-from fitball.data.columns import LABELS, REBOUND, SD_SUFFIX, Header, read_header
-from fitball.data.completeness import check_columns
+from fitball.data.columns import LABELS, MEASURED, REBOUND, SD_SUFFIX, Header, read_header
+from fitball.data.completeness import check_columns, knows_incident
 from fitball.data.frozen import FrozenMapping
 from fitball.data.limits import within_limits
 from fitball.data.number_column import NumberColumn, read_column
 from fitball.data.propagation import Uncertain, covariance_matrix
 from fitball.data.raw import RawRow, RawTable, read_raw
+from fitball.data.reading.doubt import doubt_of
+from fitball.data.reading.flip import flip_columns, flips_of
 from fitball.data.redundancy import check_redundant, independent
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable, Measurement, Notice
@@ -31,14 +34,18 @@ LEAST_IMPACTS = 2
 LONGEST_LABEL = 200
 
 
-def load_table(source: str | os.PathLike[str], *, rebound: bool = True, scene: Scene | None = None) -> ImpactTable:
+def load_table(
+    source: str | os.PathLike[str], *, rebound: bool = True, scene: Scene | None = None, flip: Sequence[str] = ()
+) -> ImpactTable:
     """Read an impact table from a CSV or Parquet file, or a bundled one by name.
 
     A path that exists wins over a bundled name. Units convert here, once, to m/s, rad/s, rad and s. With
     `rebound=False` the rebound columns may be missing and one row is enough: impacts to predict, not to fit.
     `scene` says with what ball and what noise a rebound may seem to gain energy; without it that is the scene beside
-    the table. Raises TableError with every fault of the file: its row, line, column, what was read and what was
-    expected; SceneError for a scene beside it that cannot be used.
+    the table. The columns named in `flip` are counted the other way round (see `reading.flip`). Raises TableError
+    with every fault of the file: its row, line, column, what was read and what was expected, and what may be meant
+    where another reading has none; SceneError for a scene beside it that cannot be used; ParameterError for a column
+    that cannot be flipped.
     """
     path = resolve_table(source)
     raw = read_raw(path)
@@ -48,18 +55,30 @@ def load_table(source: str | os.PathLike[str], *, rebound: bool = True, scene: S
     _check_count(raw, faults, LEAST_IMPACTS if rebound else 1)
     columns = {name: read_column(column, raw.rows, faults) for name, column in header.numbers.items()}
     columns = within_limits(columns, raw.rows, faults)
+    columns = flip_columns(columns, flips_of(flip, path.stem), notices)
     columns = one_sign(columns, raw.rows, faults, notices)
     check_ranges(columns, raw.rows, faults)
     for end in ("1", "2"):
         check_redundant(columns, end, raw.rows, faults, notices)
     check_pairs(columns, raw.rows, faults)
-    check_bounds(columns, raw.rows, scene or load_scene(source), faults, notices)
+    known = scene or load_scene(source, as_read=True)
+    check_bounds(columns, raw.rows, known, faults, notices)
     _check_labels(header, raw.rows, faults)
     ids = _ids(header, raw.rows, faults)
     if faults:
         # Header first, then row by row, so that the list can be worked off from the top of the file.
-        raise TableError(str(path), sorted(faults, key=lambda fault: fault.row or 0))
-    return _assemble(path, raw, header, columns, ids, notices)
+        hints = _hints(columns, known) if rebound else ()
+        raise TableError(str(path), sorted(faults, key=lambda fault: fault.row or 0), hints)
+    return replace(_assemble(path, raw, header, columns, ids, notices), flipped=flips_of(flip, path.stem))
+
+
+def _hints(columns: Mapping[str, NumberColumn], scene: Scene) -> tuple[str, ...]:
+    """What a table that is refused may mean, where another reading explains it much better."""
+    if not knows_incident(columns):
+        return ()
+    numbers = {name: column.values for name, column in columns.items() if name in MEASURED}
+    doubt = doubt_of(numbers, {name: column.unit.symbol for name, column in columns.items()}, scene.ball)
+    return () if doubt is None else doubt.lines
 
 
 def _check_count(raw: RawTable, faults: list[Fault], least: int) -> None:

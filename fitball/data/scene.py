@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from fitball.data.bundled import resolve_table
 from fitball.data.frozen import FrozenMapping
 from fitball.data.scene_file import Quantity, SceneFile, read_scene_file
-from fitball.data.scene_limits import range_fault
-from fitball.errors import ParameterError, SceneError
+from fitball.data.scene_limits import density_fault, meant_inertia, range_fault, unlikely, unlikely_density
+from fitball.errors import ParameterError, SceneError, fault_list
 from fitball.observables import NOISE_OF, SHARED_SD
 from fitball.values import WANG_INERTIA_RATIO, WANG_MASS, WANG_RADIUS, Ball
 
@@ -82,16 +82,51 @@ class Scene:
     citation: str = ""
 
 
-def load_scene(table_source: str | os.PathLike[str], config: str | os.PathLike[str] | None = None) -> Scene:
+def load_scene(
+    table_source: str | os.PathLike[str], config: str | os.PathLike[str] | None = None, as_read: bool = False
+) -> Scene:
     """The scene of a table: from `config`, else from the TOML file beside the table, else assumed throughout.
 
-    Raises SceneError with every fault of the file, TableError when the table does not exist.
+    Raises SceneError with every fault of the file and, unless `as_read`, as `likely_scene` does; TableError when the
+    table does not exist.
     """
     if config is not None:
-        return _make_scene(read_scene_file(Path(config)))
+        return likely_scene(_make_scene(read_scene_file(Path(config))), as_read)
     beside = resolve_table(table_source).with_suffix(".toml")
     # A folder or a link to nowhere of that name is no scene, and reading it says so.
-    return _make_scene(read_scene_file(beside) if os.path.lexists(beside) else None)
+    return likely_scene(_make_scene(read_scene_file(beside) if os.path.lexists(beside) else None), as_read)
+
+
+def likely_scene(scene: Scene, as_read: bool = False) -> Scene:
+    """The scene, where its ball, court and instruments are like others. Raises SceneError otherwise; with `as_read`
+    what is unlikely is told among what is assumed.
+    """
+    doubts = _doubts(scene)
+    if not doubts:
+        return scene
+    if as_read:
+        taken = tuple(f"taken as stated, on request (as_read): {doubt}" for doubt in doubts)
+        return replace(scene, assumed=(*scene.assumed, *taken))
+    message = fault_list(scene.source or "scene", len(doubts), doubts)
+    raise SceneError(f"{message}\n  if the scene is right as it stands, pass --as-read (in Python as_read=True)")
+
+
+def _doubts(scene: Scene) -> list[str]:
+    ball = scene.ball
+    stated = {
+        "ball.mass": ball.mass,
+        "ball.radius": ball.radius,
+        "ball.inertia_ratio": ball.inertia_ratio,
+        "surface.mu": None if scene.mu is None else scene.mu[0],
+        "contact_time.value": None if scene.contact_time is None else scene.contact_time[0],
+        "contact_time.sd": None if scene.contact_time is None else scene.contact_time[1],
+        "force.sd": scene.force_sd,
+        "force.start_sd": scene.force_start_sd,
+    }
+    noises = (SHARED_SD, *NOISE_OF.values(), "nominal_velocity_sd", "nominal_spin_sd")
+    stated |= {f"measurement.{name}": getattr(scene, name) for name in noises}
+    doubts = [unlikely(key, value) for key, value in stated.items() if value is not None]
+    return [doubt for doubt in (*doubts, unlikely_density(ball)) if doubt is not None]
 
 
 def _make_scene(file: SceneFile | None) -> Scene:
@@ -157,9 +192,13 @@ def _ball(known: SceneFile) -> tuple[Ball, dict[str, float]]:
     try:
         ball = Ball(mass.value, radius.value, moment)
     except ParameterError as error:
-        raise SceneError(f"{known.source}: [ball]: {error}") from None
+        raise SceneError(f"{known.source}: [ball]: {error}{meant_inertia(moment / unit, moment)}") from None
+    dense = density_fault(ball)
+    if dense is not None:
+        raise SceneError(f"{known.source}: [ball]: {dense}")
     fault = range_fault("ball.inertia_ratio", ball.inertia_ratio, ratio.sd)
     if fault is not None:
-        raise SceneError(f"{known.source}: [ball]: inertia {moment:g} kg m^2 makes {fault}")
+        meant = meant_inertia(ball.inertia_ratio, moment)
+        raise SceneError(f"{known.source}: [ball]: inertia {moment:g} kg m^2 makes {fault}{meant}")
     stated = {"mass": mass.sd, "radius": radius.sd, "inertia_ratio": ratio.sd}
     return ball, {name: sd for name, sd in stated.items() if sd is not None}

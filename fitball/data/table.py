@@ -61,7 +61,8 @@ class ImpactTable:
     words (speed and angle beside components) and were only checked. `impacts` holds zeros where the
     table has no such column; `incident_columns` names those that it has. `incident_covariance` (impacts, 3, 3) is
     that of `(v_x1, v_y1, omega_1)`, None where no uncertainty of them was stated. `digest` is the SHA-256 of
-    the file's bytes, `files` are those it was read from, each with the SHA-256 of its bytes.
+    the file's bytes, `files` are those it was read from, each with the SHA-256 of its bytes; `flipped` are columns
+    that were counted the other way round on request (`TABLE:COLUMN` in a table of several).
     """
 
     name: str
@@ -77,6 +78,7 @@ class ImpactTable:
     units: Mapping[str, str]
     notices: tuple[Notice, ...]
     incident_covariance: FloatArray | None = None
+    flipped: tuple[str, ...] = ()
     files: tuple[tuple[str, str], ...] = ()
 
     def __len__(self) -> int:

@@ -43,6 +43,8 @@ def fingerprint(problem: Problem, effort: Effort) -> str:
         "incident": None if problem.incident is None else problem.incident.covariance.tolist(),
         "sampler": [settings.walkers, settings.ensembles, settings.seed],
     }
+    if problem.table.flipped:
+        content["flipped"] = problem.table.flipped
     if problem.force is not None:
         content["force"] = [problem.force.digest, problem.force.start_sd]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -176,13 +176,13 @@ _ALL = (
         r"$D$",
     ),
     ParameterSpec(
-        "ball_mass", "kg", 0.01, 0.2, "normal(0.0576, 0.001)", "mass of the ball", r"$M$", possible=POSITIVE
+        "ball_mass", "kg", 1.0e-6, 20.0, "normal(0.0576, 0.001)", "mass of the ball", r"$M$", possible=POSITIVE
     ),
     ParameterSpec(
         "ball_radius",
         "m",
-        0.01,
-        0.1,
+        1.0e-4,
+        0.5,
         "normal(0.03302, 0.0005)",
         "outer radius of the ball",
         r"$R$",

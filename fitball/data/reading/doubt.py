@@ -16,8 +16,8 @@ from fitball.data.units import Dimension
 from fitball.values import Ball, FloatArray
 
 # Log likelihood by which another reading must be better, in all and for each impact (as much as if all three misfits
-# fell to half), and the misfit for each impact at which it still describes the table. Of good tables of thirty designs
-# none comes near: `tests/test_reading.py` measures.
+# fell to half), and the misfit for each impact at which it still describes the table. Of good tables of thirty
+# designs none comes near: `tests/test_reading.py` measures.
 GAIN, GAIN_EACH, DESCRIBES = 10.0, 2.0, 6.0
 # Readings this much worse than the best are named beside it.
 TIE, TIE_EACH, MOST_NAMED = 3.0, 0.1, 3
@@ -54,6 +54,7 @@ def doubt_of(columns: Columns, units: Mapping[str, str], ball: Ball) -> Doubt | 
 
     `units` are the symbols by column, as the header says.
     """
+    columns = {name: values for name, values in columns.items() if MEASURED[name] is not Dimension.TIME}
     rows = chosen_rows(columns)
     if len(rows) < 2:
         return None
@@ -98,8 +99,7 @@ def _columns(table: ImpactTable) -> dict[str, FloatArray]:
     if {"v_x1", "v_y1"} <= table.units.keys():
         state = {name: state[name] for name in ("v_x1", "v_y1", "omega_1")}
     found = {name: values for name, values in state.items() if name in table.units}
-    found |= {item.name: item.values for item in (*table.measurements, *table.redundant)}
-    return {name: values for name, values in found.items() if MEASURED[name] is not Dimension.TIME}
+    return found | {item.name: item.values for item in (*table.measurements, *table.redundant)}
 
 
 def _restitution(motion: Motion) -> float | None:

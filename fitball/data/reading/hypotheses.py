@@ -1,8 +1,8 @@
 """The ways in which a table can be misread: one registry, each with what a user does about it.
 
 A hypothesis is a transformation of the columns as they were read, in SI, so that a table that a check refuses can be
-looked at too. A table and its mirror image (`v_x` and `omega` of both ends negated) say the same: of a choice of signs
-and its mirror image only that with fewer columns is tried, both where they have as many.
+looked at too. A table and its mirror image (`v_x` and `omega` of both ends negated) say the same: of a choice of
+signs and its mirror image only that with fewer columns is tried, both where they have as many.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from itertools import combinations, product
 import numpy as np
 
 from fitball.data.columns import MEASURED, SD_SUFFIX
+from fitball.data.reading.flip import ANGLES, flipped
 from fitball.data.reading.motion import Columns
 from fitball.data.units import UNITS, Dimension
 
@@ -24,7 +25,6 @@ _USUAL: Mapping[Dimension, tuple[str, ...]] = {
     Dimension.ANGLE: ("deg", "rad"),
 }
 _SIGNED = ("omega_1", "omega_2", "v_x1", "v_x2")
-_ANGLES = ("theta_1", "theta_2")
 
 
 @dataclass(frozen=True)
@@ -66,16 +66,6 @@ def both(one: Hypothesis, other: Hypothesis) -> Hypothesis:
     )
 
 
-def flipped(columns: Columns, names: Sequence[str]) -> Columns:
-    """The columns with those of `names` counted the other way round: angles from the normal instead of the court,
-    all others with the other sign.
-    """
-    turned = dict(columns)
-    for name in names:
-        turned[name] = np.pi / 2.0 - columns[name] if name in _ANGLES else -columns[name]
-    return turned
-
-
 def listed(names: Sequence[str]) -> str:
     """Names in a sentence."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
@@ -85,7 +75,9 @@ def _flip(names: tuple[str, ...], words: str, parts: int) -> Hypothesis:
     return Hypothesis(
         f"with {listed(names)} {words}",
         f"pass --flip {','.join(names)}",
-        lambda columns: flipped(columns, names),
+        lambda columns: {
+            name: flipped(name, values) if name in names else values for name, values in columns.items()
+        },
         parts,
     )
 
@@ -100,7 +92,7 @@ def _signs(columns: Columns) -> Iterator[Hypothesis]:
 
 
 def _from_normal(columns: Columns) -> Iterator[Hypothesis]:
-    present = [name for name in _ANGLES if name in columns]
+    present = [name for name in ANGLES if name in columns]
     for count in range(len(present), 0, -1):
         for names in combinations(present, count):
             yield _flip(names, "measured from the normal", 1)
@@ -166,19 +158,15 @@ def _swap(
     pairs: Sequence[tuple[str, str]], words: str, units: Mapping[str, str], needs_spin: bool = False
 ) -> Hypothesis:
     other = dict(pairs) | {two: one for one, two in pairs}
-    cells = [f"'{_cell(one, units)}' for '{_cell(two, units)}'" for one, two in other.items()]
     sds = [name + SD_SUFFIX for name in other if name + SD_SUFFIX in units]
+    exchanged = ", ".join(f"{one} and {two}" for one, two in pairs)
     also = f" (and the columns {listed(sds)} likewise)" if sds else ""
     return Hypothesis(
         words,
-        f"exchange the names in the header: {', '.join(cells)}{also}",
+        f"exchange in the header the names {exchanged}{also}, not the units,",
         lambda columns: {other.get(name, name): values for name, values in columns.items()},
         needs_spin=needs_spin,
     )
-
-
-def _cell(name: str, units: Mapping[str, str]) -> str:
-    return f"{name} [{units[name]}]"
 
 
 def _quoted(cells: Sequence[str]) -> str:

@@ -122,7 +122,8 @@ def _tangential(motion: Motion, ball: Ball, residuals: dict[str, float]) -> floa
             total += _penalty((turned + shift - loss) / size).sum(axis=1)
         prior = ((points[:, 0] - np.log(_FRICTION)) / _FRICTION_WIDTH) ** 2
         prior += (points[:, 1] / _TANGENTIAL_WIDTH) ** 2 + (points[:, 2] / _OFFSET_WIDTH) ** 2
-        return total + 0.5 * prior
+        whole: FloatArray = total + 0.5 * prior
+        return whole
 
     low, high = _FRICTION_RANGE
     ends = ((float(np.log(low)), float(np.log(high))), _TANGENTIAL_RANGE, _OFFSET_RANGE)

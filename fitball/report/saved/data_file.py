@@ -168,6 +168,7 @@ def read_data(part: TablePart, data: DataPart, place: Path) -> tuple[ImpactTable
         units={},
         notices=(),
         incident_covariance=columns.get(COVARIANCE),
+        flipped=part.flipped,
     )
     return table, None if data.force is None else _force(data.force, columns)
 

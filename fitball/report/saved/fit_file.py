@@ -53,12 +53,13 @@ class BallPart(Part, frozen=True):
 
 
 class TablePart(Part, frozen=True):
-    """The table that was fitted."""
+    """The table that was fitted; flipped are columns that were counted the other way round on request."""
 
     name: str
     file: str
     sha256: Digest
     impacts: Annotated[int, msgspec.Meta(ge=2)]
+    flipped: Texts = ()
 
 
 class ThesisNumbers(Part, frozen=True):

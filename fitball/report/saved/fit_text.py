@@ -36,7 +36,7 @@ def fit_file(fit: Fit) -> parts.FitFile:
         verdict=fit.verdict,
         model=parts.ModelPart(problem.model.name, problem.model.options),
         ball=part(parts.BallPart, problem.model.ball),
-        table=parts.TablePart(table.name, Path(table.source).name, table.digest, len(table)),
+        table=parts.TablePart(table.name, Path(table.source).name, table.digest, len(table), table.flipped),
         notes=(*table.remarks, *fit.notes),
         parameters={estimate.name: _parameter(estimate) for estimate in fit.estimates},
         covariance=_matrix(problem.free_names, fit.covariance),

@@ -40,12 +40,15 @@ class NamedTable(Part, frozen=True):
     sha256: Digest
 
 
-class TablesPart(Part, frozen=True):
-    """The table of a fit and the files it was joined from; none for a table made in Python."""
+class TablesPart(Part, frozen=True, omit_defaults=True):
+    """The table of a fit and the files it was joined from; none for a table made in Python. `flipped` are columns
+    that were counted the other way round.
+    """
 
     name: str
     sha256: Digest
     files: tuple[NamedTable, ...] = ()
+    flipped: tuple[str, ...] = ()
 
 
 class MadePart(Part, frozen=True):
@@ -128,7 +131,9 @@ def run_text(fit: Fit, folder: Path) -> str:
         schema_version=RUN_SCHEMA,
         notes=problem.notes,
         fitball=MadePart(__version__, fit.seed, fit.diagnostics is None),
-        table=TablesPart(table.name, table.digest, tuple(_named(*file, folder) for file in table.files)),
+        table=TablesPart(
+            table.name, table.digest, tuple(_named(*file, folder) for file in table.files), table.flipped
+        ),
         model=ModelPart(problem.model.name, problem.model.options),
         ball=part(BallPart, problem.model.ball),
         priors={spec.name: spec.prior.text for spec in problem.parameters},

@@ -36,7 +36,8 @@ from fitball.report.saved.structure import damaged, place_of, read_toml, refuse_
 @dataclass(frozen=True)
 class RunRecord:
     """A run: `place` is the file that describes it. `scene` and `choices` together define the problem; `reasons` say
-    why parameters are fixed, `notes` are those of the problem; `force` are the force records, if there were any.
+    why parameters are fixed, `notes` are those of the problem; `force` are the force records, if there were any,
+    `flipped` the columns counted the other way round.
     """
 
     place: Path
@@ -47,6 +48,7 @@ class RunRecord:
     reasons: Mapping[str, str]
     notes: tuple[str, ...]
     effort: Effort
+    flipped: tuple[str, ...] = ()
 
     @property
     def folder(self) -> Path:
@@ -104,6 +106,7 @@ def _record(place: Path, file: RunFile) -> RunRecord:
         reasons=file.fixed_because,
         notes=file.notes,
         effort=_effort(file.fitball, file.sampler),
+        flipped=file.table.flipped,
     )
 
 
@@ -184,6 +187,6 @@ def record_problem(record: RunRecord, tables: Sequence[Path], records: Path | No
 
     Raises as reading and `build_problem` do.
     """
-    table = load_tables(tables, record.scene)
+    table = load_tables(tables, record.scene, record.flipped)
     force = None if records is None else build_records(load_force(records, table), record.scene.force_start_sd)
     return record.problem(table, force)
