@@ -149,7 +149,7 @@ def test_an_installed_package_carries_its_tables(tmp_path: Path) -> None:
     package = Path(fitball.data.__file__).parents[1]
     for source in (
         *(package / f"{name}.py" for name in ("errors", "observables", "values", "visible")),
-        *(package / "data").iterdir(),
+        *(package / "data").rglob("*"),
     ):
         if source.is_file():
             target = tmp_path / "fitball" / source.relative_to(package)

@@ -271,7 +271,7 @@ def test_data_are_read_back_as_they_were(tmp_path):
     table = load_table(path)
     problem = problem_of(path)
     write_data(problem, tmp_path / "data.nc")
-    part = TablePart(table.name, table.source, table.digest, len(table))
+    part = TablePart(table.name, table.source, table.digest, len(table), table.flipped)
     found, force = read_data(part, data_part(problem), tmp_path / "data.nc")
     assert (found.ids, found.labels) == (("x", "y"), {"impact": ("1", "2"), "a/b": ("", "über")})
     (item,) = found.measurements

@@ -53,9 +53,7 @@ def _question(value: float, units: Mapping[str, float], typical: float) -> str:
 def _sd_range(noise: ColumnNoise, unit: str) -> Range:
     """Of a noise: instruments from far better to far worse than any; as large as its parameter may be."""
     likely, units, least = _LIKELY_SDS[unit]
-    words = f"{least:g} to {noise.upper:g} {unit}" + (
-        ", in s" if unit == "s" else f", in {unit}" if unit == "rad" else ""
-    )
+    words = f"{least:g} to {noise.upper:g} {unit}"
     return Range(least, noise.upper, words, likely, float(noise.typical), units)
 
 

@@ -59,7 +59,7 @@ class TablePart(Part, frozen=True):
     file: str
     sha256: Digest
     impacts: Annotated[int, msgspec.Meta(ge=2)]
-    flipped: Texts = ()
+    flipped: Texts
 
 
 class ThesisNumbers(Part, frozen=True):
