@@ -69,7 +69,7 @@ class Run:
 
     def fit(self, report: Report = lambda _stage, _progress: None) -> Calibration:
         """Fit. Raises as `inference.calibrate.run` does, on Ctrl-C with the chain kept."""
-        fit = run(self.problem, self.effort, self.chain, self.resumes, report)
+        fit = run(self.problem, self.effort, self.chain, self.resumes, report, assumptions=True)
         return Calibration(**{field.name: getattr(fit, field.name) for field in fields(Fit)})
 
 

@@ -54,9 +54,10 @@ def assemble(
     posterior: Posterior | None,
     watch: Stopwatch,
     said: tuple[str, ...] = (),
+    assumptions: Assumptions | None = None,
 ) -> Fit:
     """The fit of a problem; `profiled` with and without the scene; a point fit without `sampled` and `posterior`;
-    `said` is what its search has to tell.
+    `said` is what its search has to tell, `assumptions` what a look at them found, if there was one.
     """
     covariance = correlation = None
     prediction = diagnostics = None
@@ -67,7 +68,6 @@ def assemble(
             prediction = predictive(problem, point, posterior, predictive_generator(effort.seed))
             diagnostics = _diagnostics(sampled, effort)
         described = adequacy(problem, point, posterior, effort.seed)
-        assumptions: Assumptions | None = None
         regimes = () if prediction is None else prediction.regimes
         identifiability, judgements = examine(problem, point, profiled, posterior, correlation, regimes)
         estimates = tuple(

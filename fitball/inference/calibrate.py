@@ -11,10 +11,12 @@ import numpy as np
 
 from fitball.errors import enough_memory
 from fitball.inference.assemble import assemble
+from fitball.inference.assumptions.look import assumptions_generator, look
 from fitball.inference.effort import Effort, Stopwatch
 from fitball.inference.identifiability.examine import profile_all
 from fitball.inference.point.point_fit import point_fit
 from fitball.inference.problem.problem import Problem
+from fitball.inference.results.assumptions import Assumptions
 from fitball.inference.results.evidence import Profiles
 from fitball.inference.results.results import Fit, LeastSquares, PointFit, Posterior
 from fitball.inference.sampling.chain_file import ChainFile
@@ -58,12 +60,14 @@ def run(
     resume: bool = False,
     report: Callable[[str, Progress | None], None] = lambda _stage, _progress: None,
     beside: Sequence[Mapping[str, float]] = (),
+    *,
+    assumptions: bool = False,
 ) -> Fit:
     """Fit a problem.
 
     `report` is told the stage and, while sampling, the progress; the point is searched from `beside` (all parameters
-    by name) too. Raises FitError, ParameterError, MemoryShortageError and `sampling.Interrupted` on Ctrl-C with the
-    chain kept.
+    by name) too. With `assumptions` comes a look at what rests on them. Raises FitError, ParameterError,
+    MemoryShortageError and `sampling.Interrupted` on Ctrl-C with the chain kept.
     """
     settings = effort.settings(problem)
     seeds = np.random.SeedSequence(effort.seed).spawn(3)
@@ -74,7 +78,8 @@ def run(
         squares, point = point_fit(shared, np.random.default_rng(seeds[0]), beside)
     if effort.point_only:
         profiled = _profiles(problem, settings, squares, point, watch, report)
-        return assemble(problem, effort, squares, point, profiled, None, None, watch)
+        found = _assumptions(shared, effort, point, None, watch, report) if assumptions else None
+        return assemble(problem, effort, squares, point, profiled, None, None, watch, assumptions=found)
     with watch.stage("sampling"):
         optima = np.array([[optimum[name] for name in problem.free_names] for optimum in point.optima])
         sampled = sample(
@@ -96,8 +101,22 @@ def run(
         )
         squares, point, said = search_again(shared, squares, point, sampled)
     profiled = _profiles(problem, settings, squares, point, watch, report)
+    found = _assumptions(shared, effort, point, posterior, watch, report) if assumptions else None
     said = (*left_behind_words(sampled.moved), *said)
-    return assemble(problem, effort, squares, point, profiled, sampled, posterior, watch, said)
+    return assemble(problem, effort, squares, point, profiled, sampled, posterior, watch, said, found)
+
+
+def _assumptions(
+    problem: Problem,
+    effort: Effort,
+    point: PointFit,
+    posterior: Posterior | None,
+    watch: Stopwatch,
+    report: Callable[[str, Progress | None], None],
+) -> Assumptions:
+    report("assumptions", None)
+    with watch.stage("assumptions"):
+        return look(problem, point, posterior, assumptions_generator(effort.seed))
 
 
 def _profiles(

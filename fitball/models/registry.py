@@ -15,7 +15,7 @@ from fitball.models.model import Model
 from fitball.models.specs import SPECS, ParameterSpec
 from fitball.models.thesis.model import compose_thesis
 from fitball.models.two_mass_model import compose_two_mass
-from fitball.models.types import Closures, ThesisClosures
+from fitball.models.types import Closures, ThesisClosures, options_of
 from fitball.values import Ball
 
 DEFAULT_MODEL = "two-mass"
@@ -111,6 +111,12 @@ def model(name: str = DEFAULT_MODEL, *, ball: Ball | None = None, tangential: bo
         raise ModelError(f"model {name} has no closures, so {', '.join(sorted(closures))} cannot be chosen")
     composed = chosen.closures and _changed(chosen.closures, closures)
     return chosen.compose(name, ball if ball is not None else Ball(), tangential, composed)
+
+
+def closure_options(name: str) -> dict[str, tuple[str, ...]]:
+    """The options of each closure of the model called `name`; empty where it has none."""
+    closures = entry(name).closures
+    return {} if closures is None else options_of(type(closures))
 
 
 def parameter_spec(name: str) -> ParameterSpec | None:

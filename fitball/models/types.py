@@ -27,11 +27,16 @@ Damping = Literal["given", "chapter_three", "chapter_five"]
 
 def check_options(closures: Closures | ThesisClosures) -> None:
     """Raise ModelError for a closure that has no such option."""
-    hints = get_type_hints(type(closures))
-    for closure in fields(closures):
-        value, known = getattr(closures, closure.name), get_args(hints[closure.name])
+    for closure, known in options_of(type(closures)).items():
+        value = getattr(closures, closure)
         if value not in known:
-            raise ModelError(f"closure {closure.name} = {value!r}: {suggestion(str(value), known)}")
+            raise ModelError(f"closure {closure} = {value!r}: {suggestion(str(value), known)}")
+
+
+def options_of(kind: type[Closures | ThesisClosures]) -> dict[str, tuple[str, ...]]:
+    """The options that each closure of a model has."""
+    hints = get_type_hints(kind)
+    return {closure.name: get_args(hints[closure.name]) for closure in fields(kind)}
 
 
 @dataclass(frozen=True)

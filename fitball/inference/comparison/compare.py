@@ -13,10 +13,11 @@ from fitball.inference.comparison.candidates import Candidates
 from fitball.inference.comparison.cross_validation import make_folds
 from fitball.inference.comparison.model_weights import pseudo_bma_weights, stacking_weights
 from fitball.inference.comparison.nesting import alarm_words, overtaken, settled_words
-from fitball.inference.comparison.results import FEW, Comparison, FixedPrediction, ModelScore
+from fitball.inference.comparison.results import Comparison, FixedPrediction, ModelScore
 from fitball.inference.comparison.scoring import Task, scored
 from fitball.inference.effort import Effort
 from fitball.inference.results.results import RunStatus
+from fitball.inference.results.score_difference import FEW
 from fitball.inference.sampling.ensembles import SamplingInterrupted
 
 # Fewer impacts than this leave nothing to compare: one left out of two is a fit to a single bounce.

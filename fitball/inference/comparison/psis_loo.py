@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from fitball.inference.comparison.cross_validation import refit
-from fitball.inference.likelihood.posterior import log_likelihood_terms
+from fitball.inference.likelihood.posterior import pointwise
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import withheld
 from fitball.inference.results.results import Fit, Posterior, thinned
 from fitball.inference.sampling.ensembles import Settings, sample
-from fitball.inference.sampling.importance import smoothed
+from fitball.inference.sampling.importance import smoothed_elpd
 from fitball.values import FloatArray
 
 # Above this shape of the fitted Pareto tail the importance sampling estimate is not to be trusted (Vehtari, Simpson,
@@ -49,28 +49,6 @@ class LeaveOneOut:
     def total(self) -> float:
         """Expected log predictive density of the whole table."""
         return float(self.elpd.sum())
-
-
-def smoothed_elpd(whole: FloatArray, scored: FloatArray, efficiency: float) -> tuple[FloatArray, FloatArray]:
-    """Leave-one-out log densities (impacts,) by Pareto smoothed importance sampling, and the Pareto k (impacts,).
-
-    `whole` (draws, impacts) is the log likelihood of all measurements of an impact, which is what leaving it out
-    takes away; `scored` (draws, impacts) that of the measurements to be scored, the same or a part of it.
-    `efficiency` is the effective sample size over the number of draws (Vehtari, Gelman and Gabry 2017).
-    """
-    count = whole.shape[1]
-    elpd, pareto_k = np.empty(count), np.empty(count)
-    for row in range(count):
-        log_weights, pareto_k[row] = smoothed(-whole[:, row], efficiency)
-        elpd[row] = logsumexp(log_weights + scored[:, row])
-    return elpd, pareto_k
-
-
-def pointwise(problem: Problem, values: FloatArray, columns: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-    """Log likelihood of each impact, all its measurements and those in `columns`, each (draws, impacts)."""
-    terms = log_likelihood_terms(problem, values, problem.rebound(values))
-    whole = np.sum(list(terms.values()), axis=0)
-    return whole, np.sum([terms[name] for name in columns], axis=0)
 
 
 def leave_one_out(

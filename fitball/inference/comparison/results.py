@@ -14,14 +14,9 @@ from fitball.inference.comparison.information_criteria import Criteria
 from fitball.inference.comparison.psis_loo import LeaveOneOut
 from fitball.inference.prediction.outputs import root_mean_square
 from fitball.inference.results.results import Fit, RunStatus, Verdict
+from fitball.inference.results.score_difference import FEW, ElpdDifference, elpd_difference
 from fitball.values import FloatArray
 
-# Below this many impacts a leave-one-out score says nothing: the standard error of five differences is not one.
-FEW = 6
-# Differences of elpd within two standard errors, or below 4, tell two models apart only by luck (Sivula, Magnusson,
-# Matamoros and Vehtari 2020, who also find the standard error too small on few observations).
-SURE_ERRORS = 2.0
-SURE_SIZE = 4.0
 RESAMPLES = 4000
 
 
@@ -75,19 +70,6 @@ class ModelScore:
 
 
 @dataclass(frozen=True)
-class ElpdDifference:
-    """Difference of two totals of log predictive density with its standard error over impacts."""
-
-    value: float
-    se: float
-
-    @property
-    def sure(self) -> bool:
-        """Whether the difference is more than luck."""
-        return abs(self.value) > max(SURE_ERRORS * self.se, SURE_SIZE)
-
-
-@dataclass(frozen=True)
 class RmsDifference:
     """Difference of two root mean square errors of one output [SI], with the central 90 % of a paired bootstrap."""
 
@@ -125,9 +107,8 @@ class Comparison:
         return len(self.table) >= FEW
 
     def elpd_difference(self, one: str, other: str) -> ElpdDifference:
-        """Score of `one` minus that of `other`; standard error sqrt(n) times the sd of the impacts' differences."""
-        gaps = self.by_name[one].loo.elpd - self.by_name[other].loo.elpd
-        return ElpdDifference(float(gaps.sum()), float(np.sqrt(gaps.size) * np.std(gaps, ddof=1)))
+        """Score of `one` minus that of `other`."""
+        return elpd_difference(self.by_name[one].loo.elpd, self.by_name[other].loo.elpd)
 
     def rms_difference(self, one: str, other: str, output: str) -> RmsDifference | None:
         """Leave-one-out root mean square error of `one` minus that of `other`; None where either has none."""

@@ -6,7 +6,7 @@ Densities are with respect to the coordinates of the problem.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,6 +69,15 @@ def log_likelihood_terms(problem: Problem, values: FloatArray, rebound: Rebound)
         z = problem.deviation(columns, observable, rebound) / sd
         terms[observable.name] = problem.noise.log_density(z, columns) - np.log(sd)
     return terms
+
+
+def pointwise(problem: Problem, values: FloatArray, columns: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """Log likelihood of each impact at free values (draws, free), all its measurements and those in `columns`, each
+    (draws, impacts).
+    """
+    terms = log_likelihood_terms(problem, values, problem.rebound(values))
+    whole = np.sum(list(terms.values()), axis=0)
+    return whole, np.sum([terms[name] for name in columns], axis=0)
 
 
 def log_likelihood(problem: Problem, values: FloatArray, rebound: Rebound) -> FloatArray:

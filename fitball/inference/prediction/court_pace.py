@@ -50,6 +50,22 @@ def court_pace(problem: Problem, point: PointFit, posterior: Posterior | None) -
     return CourtPace(tuple(ratings), "")
 
 
+def pace_by_surface(problem: Problem, values: FloatArray) -> dict[str, FloatArray]:
+    """Ratings (draws,) of every surface by its labels at free values (draws, free); NaN where the model cannot be
+    evaluated. Empty where there are none.
+    """
+    rated = problem.table.has_tangential and not problem.model.needs_cor
+    if not rated or "mu" not in problem.model.parameter_names:
+        return {}
+    columns, impact = dict(problem.all_values(values)), itf_impact()
+    ratings = {}
+    for labels, rows in _surfaces(problem).items():
+        rebound = problem.rebound_like(columns, impact, np.array([rows[0]]))
+        quantities = _quantities(impact, rebound, _sliding_friction(problem, labels, columns))
+        ratings[", ".join(labels)] = np.where(rebound.status[:, 0] == 0, quantities["rating"], np.nan)
+    return ratings
+
+
 def _surfaces(problem: Problem) -> dict[tuple[str, ...], list[int]]:
     """Rows of the table by the labels of the levels that the problem tells apart; all together without levels."""
     surfaces: dict[tuple[str, ...], list[int]] = {}

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Set
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from fitball.data.scene import NO_CONTACT_TIME, NO_MU, NO_SPIN_SD, NO_VELOCITY_SD, Scene
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError
+from fitball.inference.problem.choices import Choices
 from fitball.inference.problem.force_noise import force_noise, records_for
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.group_bias import GroupBias, build_group_bias
@@ -27,26 +28,7 @@ from fitball.models.specs import BALL_PARAMETERS, ParameterSpec
 from fitball.observables import NOISE_OF, SHARED_SD, VELOCITIES
 from fitball.values import Impacts
 
-
-@dataclass(frozen=True)
-class Choices:
-    """What the user asked for beyond the scene; everything here wins over it.
-
-    `noise` is one of `noise.KINDS`, `pool` maps parameters to the label column over whose levels they
-    differ, `offsets` names the label column whose groups may be biased. Without `incident_errors` the incident state
-    counts as exact even where its sd is stated. `velocity_noise` is "tied", "separate" or None, see
-    `measurement_noise.noise_by_column`.
-    """
-
-    model: str | None = None
-    closures: Mapping[str, str] = field(default_factory=dict)
-    priors: Mapping[str, str] = field(default_factory=dict)
-    fix: Mapping[str, float] = field(default_factory=dict)
-    noise: str | None = None
-    pool: Mapping[str, str] = field(default_factory=dict)
-    offsets: str | None = None
-    incident_errors: bool = True
-    velocity_noise: str | None = None
+__all__ = ["Choices", "build_problem", "impacts_with_cor", "reduction"]
 
 
 def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: ForceRecords | None = None) -> Problem:
@@ -111,6 +93,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
         incident=incident,
         force=records,
         noise=kind,
+        choices=choices,
     )
 
 
@@ -178,23 +161,28 @@ def _prior_of(spec: ParameterSpec, priors: Mapping[str, str]) -> Prior:
     return parse_prior(spec.name, priors.get(spec.name, spec.prior), spec.lower, spec.upper, spec.unit)
 
 
+def reduction(table: ImpactTable, name: str) -> Reduced | None:
+    """What the model called `name` is on a table that shows only part of it; None where it cannot be fitted."""
+    known = entry(name)
+    if not table.has_tangential:
+        return known.vertical
+    return Reduced() if table.has_spin else known.spinless
+
+
 def _compose(
     table: ImpactTable, scene: Scene, name: str, closures: Mapping[str, str]
 ) -> tuple[Model, dict[str, tuple[float, str]], list[str]]:
     """The model reduced to what the table shows, parameters that act nowhere, and why."""
-    known = entry(name)
     fixed: dict[str, tuple[float, str]] = {}
     notes = []
-    reduced: Reduced | None = Reduced()
+    reduced = reduction(table, name)
     if not table.has_tangential:
         notes.append("no motion along the court was measured: only the vertical motion is fitted")
-        reduced = known.vertical
     elif not table.has_spin:
         notes.append(
             "no spin was measured: incident spin is taken as zero, shell and core turn as one, "
             "and the offset is held at zero"
         )
-        reduced = known.spinless
         for parameter in ("eps_10", "eps_slope", "offset"):
             fixed[parameter] = (0.0, "it shows in the spin, which was not measured")
     elif "omega_1" not in table.incident_columns:

@@ -7,7 +7,7 @@ SI for the others.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
+from fitball.inference.problem.choices import Choices
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.group_bias import GroupBias
 from fitball.inference.problem.incident import IncidentErrors
@@ -40,7 +41,7 @@ class Problem:
     `notes` are the sentences that tell what was left out or assumed, and why. `pooling` tells of parameters that
     differ between surfaces or balls, `group_bias` of biases of whole groups, `incident` the errors of the
     incident state, `force` records of the force on the court. `noise` is that of the table, and
-    `threads` share large batches.
+    `threads` share large batches. `choices` are what it was posed by, beside table and scene.
     """
 
     table: ImpactTable
@@ -57,6 +58,7 @@ class Problem:
     force: ForceRecords | None = None
     noise: NoiseKind = NORMAL
     threads: int = 1
+    choices: Choices = field(default_factory=Choices)
 
     @cached_property
     def free(self) -> tuple[Parameter, ...]:

@@ -1,13 +1,116 @@
-"""What rests on an assumption that the table cannot test, as frozen values."""
+"""What rests on an assumption that the table cannot test, as frozen values; and when a value does."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+from fitball.inference.results.score_difference import ElpdDifference
+
+# Sds of a fit's own posterior by which its median, or an end of its 95 % interval, must move for a value to rest on
+# an assumption: the other median is then outside of the interval, or the other interval about twice as wide.
+MOVED = 2.0
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Posterior of one quantity under one choice."""
+
+    median: float
+    sd: float
+    q025: float
+    q975: float
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """The fit with the choice `name` (`offset=grip`) `instead_of` another (`offset=contact`), nothing else changed.
+
+    `difference` is its score less that of the fit itself, None with the `reason` where there is none. `values` are
+    the parameters at the mean of its posterior, for predictions; `parameters` and `court_pace` (points of the ITF's
+    rating by surface) what it says of quantities that the fit has too.
+    """
+
+    name: str
+    instead_of: str
+    difference: ElpdDifference | None
+    reason: str
+    values: Mapping[str, float]
+    parameters: Mapping[str, Summary]
+    court_pace: Mapping[str, Summary]
+
+    @property
+    def as_good(self) -> bool:
+        """Whether the table does not surely score it below the fit itself."""
+        return self.difference is not None and (self.difference.value >= 0.0 or not self.difference.sure)
+
+    @property
+    def better(self) -> bool:
+        """Whether the table surely scores it above the fit itself."""
+        return self.as_good and self.difference is not None and self.difference.sure
+
+
+@dataclass(frozen=True)
+class Span:
+    """One quantity over the fit itself and all alternatives that are as good: lowest and highest `median`, outermost
+    ends of the 95 % intervals; `own` within the fit itself. `shift` is the largest move of the median, in the fit's
+    own sds, and `by` the alternative that makes it. `given` are the choices that the value rests on (see `MOVED`),
+    the one that moves it most first.
+    """
+
+    own: Summary
+    low: float
+    high: float
+    q025: float
+    q975: float
+    shift: float
+    by: str
+    given: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Assumptions:
-    """`given` holds, by parameter, the choices (such as `offset=contact`) that its value rests on."""
+    """Alternatives to each choice, and each quantity over those that the table cannot tell apart; or `missing`: why
+    there are none.
+    """
 
-    given: Mapping[str, tuple[str, ...]]
+    alternatives: tuple[Alternative, ...]
+    parameters: Mapping[str, Span]
+    court_pace: Mapping[str, Span]
+    missing: str = ""
+
+    @property
+    def as_good(self) -> tuple[Alternative, ...]:
+        """Those that describe the table as well as the fit itself, or better."""
+        return tuple(alternative for alternative in self.alternatives if alternative.as_good)
+
+    @property
+    def given(self) -> Mapping[str, tuple[str, ...]]:
+        """By parameter the choices that its value rests on."""
+        return {name: span.given for name, span in self.parameters.items()}
+
+
+def span(own: Summary, others: Sequence[tuple[str, str, Summary]]) -> Span:
+    """A quantity over the fit itself and `others`: name, what it replaces, and what it says of the quantity."""
+    everyone = [own, *(summary for _name, _instead, summary in others)]
+    moves = [(abs(summary.median - own.median), name) for name, _instead, summary in others]
+    furthest, by = max(moves, key=lambda move: move[0], default=(0.0, ""))
+    reached = sorted(((reach(own, summary), instead) for _name, instead, summary in others), reverse=True)
+    return Span(
+        own=own,
+        low=min(summary.median for summary in everyone),
+        high=max(summary.median for summary in everyone),
+        q025=min(summary.q025 for summary in everyone),
+        q975=max(summary.q975 for summary in everyone),
+        shift=furthest / own.sd if own.sd > 0.0 else 0.0,
+        by=by,
+        given=tuple(dict.fromkeys(instead for distance, instead in reached if distance > MOVED)),
+    )
+
+
+def reach(own: Summary, other: Summary) -> float:
+    """How far a quantity moves, in sds of `own`: its median either way, the ends of its 95 % interval outwards."""
+    if not own.sd > 0.0:
+        return 0.0
+    moves = (abs(other.median - own.median), own.q025 - other.q025, other.q975 - own.q975)
+    return max(moves) / own.sd

@@ -28,6 +28,24 @@ def smoothed(log_ratios: FloatArray, efficiency: float) -> tuple[FloatArray, flo
     return weights, float(k)
 
 
+def smoothed_elpd(
+    whole: FloatArray, scored: FloatArray, efficiency: float, log_weights: FloatArray | float = 0.0
+) -> tuple[FloatArray, FloatArray]:
+    """Leave-one-out log densities (impacts,) by Pareto smoothed importance sampling, and the Pareto k (impacts,).
+
+    `whole` (draws, impacts) is the log likelihood of all measurements of an impact, which is what leaving it out
+    takes away; `scored` (draws, impacts) that of the measurements to be scored, the same or a part of it.
+    `efficiency` is the effective sample size over the number of draws (Vehtari, Gelman and Gabry 2017);
+    `log_weights` (draws,) are those of draws that are weighted already.
+    """
+    count = whole.shape[1]
+    elpd, pareto_k = np.empty(count), np.empty(count)
+    for row in range(count):
+        own, pareto_k[row] = smoothed(log_weights - whole[:, row], efficiency)
+        elpd[row] = logsumexp(own + scored[:, row])
+    return elpd, pareto_k
+
+
 def has_tail(ratios: FloatArray, efficiency: float) -> bool:
     """Whether a Pareto distribution can be fitted to the largest of the ratios (draws,).
 

@@ -37,14 +37,26 @@ class StudentProposal:
     factor: FloatArray
 
     @staticmethod
-    def fit(coordinates: FloatArray) -> StudentProposal | None:
-        """Fit to coordinates (draws, free); None when they do not span the space."""
-        covariance = np.atleast_2d(np.cov(coordinates, rowvar=False))
+    def fit(coordinates: FloatArray, weights: FloatArray | None = None) -> StudentProposal | None:
+        """Fit to coordinates (draws, free) of equal `weights` or others; None when they do not span the space."""
+        covariance = np.atleast_2d(np.cov(coordinates, rowvar=False, aweights=weights))
         scale = np.sqrt(np.diag(covariance))
         if not np.all(scale > 0.0) or np.linalg.cond(covariance / np.outer(scale, scale)) > 1e12:
             return None
         factor: FloatArray = np.linalg.cholesky(WIDENING * covariance).astype(np.float64)
-        return StudentProposal(coordinates.mean(axis=0), factor)
+        centre = coordinates.mean(axis=0) if weights is None else np.average(coordinates, axis=0, weights=weights)
+        return StudentProposal(centre, factor)
+
+    @property
+    def log_volume(self) -> float:
+        """What `log_density` lacks to be comparable between proposals."""
+        return float(np.sum(np.log(np.diag(self.factor))))
+
+    def draw(self, random: np.random.RandomState | np.random.Generator, count: int) -> FloatArray:
+        """Coordinates (count, free)."""
+        normal = random.standard_normal((count, self.centre.size))
+        stretch = np.sqrt(random.chisquare(DEGREES_OF_FREEDOM, size=count) / DEGREES_OF_FREEDOM)
+        return np.asarray(self.centre + (normal / stretch[:, None]) @ self.factor.T)
 
     def log_density(self, coordinates: FloatArray) -> FloatArray:
         """Log density (draws,) up to a constant."""
@@ -55,10 +67,7 @@ class StudentProposal:
 
     def __call__(self, coordinates: FloatArray, random: np.random.RandomState) -> tuple[FloatArray, FloatArray]:
         """Propose for every walker; returns proposals and the log of the Metropolis-Hastings factor."""
-        count, dimension = coordinates.shape
-        normal = random.randn(count, dimension)
-        stretch = np.sqrt(random.chisquare(DEGREES_OF_FREEDOM, size=count) / DEGREES_OF_FREEDOM)
-        proposed = self.centre + (normal / stretch[:, None]) @ self.factor.T
+        proposed = self.draw(random, len(coordinates))
         return proposed, self.log_density(coordinates) - self.log_density(proposed)
 
 

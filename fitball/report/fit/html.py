@@ -9,6 +9,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 from fitball.inference.results.results import Fit, Verdict
 from fitball.report.fit.adequacy_rows import CHECK_HEADS, MISFIT_HEADS, NOISE_HEADS, adequacy_table
+from fitball.report.fit.assumption_rows import assumption_table
 from fitball.report.fit.balance_table import balance_table
 from fitball.report.fit.budget_rows import budget_table
 from fitball.report.fit.embedded_figures import PageFigure
@@ -36,6 +37,7 @@ SECTIONS = {
     "told": "What the data tell",
     "not-told": "What they do not tell",
     "parameters": "Parameters",
+    "assumptions": "What rests on assumptions",
     "court-pace": "Court pace",
     "predictions": "Measured and predicted",
     "thesis": "Beside the thesis's best cases",
@@ -64,7 +66,13 @@ def page(fit: Fit, figures: Mapping[str, Sequence[PageFigure]], command: str | N
     """The page as text; `command` is the line that made the fit, None where none did."""
     problem = fit.problem
     pace, cases, remarks = pace_table(fit), case_table(fit), notes(fit)
-    absent = {"court-pace": pace is None, "thesis": cases is None, "notes": not remarks}
+    assumed = assumption_table(fit)
+    absent = {
+        "assumptions": assumed is None,
+        "court-pace": pace is None,
+        "thesis": cases is None,
+        "notes": not remarks,
+    }
     predictions, balances = prediction_table(fit, MOST_ROWS), balance_table(fit.balances, MOST_ROWS)
     return render_template(
         "fitball.report",
@@ -85,6 +93,7 @@ def page(fit: Fit, figures: Mapping[str, Sequence[PageFigure]], command: str | N
         parameters=parameter_rows(fit),
         thesis=thesis_rows(fit),
         levels=level_rows(fit),
+        assumed=assumed,
         pace=pace,
         cases=cases,
         predictions=predictions,

@@ -10,6 +10,7 @@ from pathlib import Path
 from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Fit
 from fitball.report.fit.adequacy_rows import adequacy_lines
+from fitball.report.fit.assumption_rows import assumption_lines
 from fitball.report.fit.balance_table import balance_table
 from fitball.report.fit.evidence_rows import evidence_rows
 from fitball.report.fit.pace_rows import pace_lines
@@ -61,6 +62,9 @@ def render(fit: Fit, folder: Path) -> str:
         parts += ["Level by level, pooled in part:", "", *columns([names, *lines], left=2), ""]
     for line in pace_lines(fit):
         parts += [*textwrap.wrap(line, WIDTH, subsequent_indent="  "), ""]
+    assumed = assumption_lines(fit)
+    if assumed:
+        parts += ["What rests on assumptions:", *(line for item in assumed for line in _wrapped(item)), ""]
     parts.append("What the table says of each parameter:")
     for row in rows:
         parts += _wrapped(f"{row.name}: {row.verdict}; {row.reason}")
@@ -109,6 +113,7 @@ def render_json(fit: Fit, folder: Path) -> str:
         },
         "rms": dict(fit.point.rms),
         "court_pace": None if fit.court_pace is None else asdict(fit.court_pace),
+        "assumptions": None if fit.assumptions is None else asdict(fit.assumptions),
         "notes": notes(fit),
         "seconds": {timing.stage: timing.seconds for timing in fit.timings},
     }

@@ -41,7 +41,10 @@ def beyond(spec: ParameterSpec, values: FloatArray) -> bool:
 
 def first_contradiction(file: FitFile) -> str | None:
     """A sentence on the first two places that contradict each other, None where all agree."""
-    return next(chain(_shapes(file), _names(file), _parameters(file), _golden(file.golden), _model(file)), None)
+    return next(
+        chain(_shapes(file), _names(file), _parameters(file), _golden(file.golden), _model(file), _assumptions(file)),
+        None,
+    )
 
 
 def _shapes(file: FitFile) -> Iterator[str]:
@@ -128,6 +131,17 @@ def _model(file: FitFile) -> Iterator[str]:
     missing = [name for name in composed.parameter_names if name not in file.parameters]
     if missing:
         yield f"parameters: without {', '.join(missing)}, which model {file.model.name} has"
+
+
+def _assumptions(file: FitFile) -> Iterator[str]:
+    found = {} if file.assumptions is None else file.assumptions.parameters
+    for name in found:
+        if name not in file.parameters:
+            yield f"assumptions.parameters: {name} is none of the parameters"
+    for name, item in file.parameters.items():
+        known = found[name].given if name in found else ()
+        if item.verdict is Verdict.GIVEN and item.given != known:
+            yield f"parameters.{name}.given: read {_listed(item.given)}, but assumptions says {_listed(known)}"
 
 
 def _unequal(lengths: dict[str, int]) -> Iterator[str]:

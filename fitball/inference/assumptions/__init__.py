@@ -1,0 +1,6 @@
+"""What rests on an assumption: alternatives to each choice that a problem was posed with, fitted quickly and scored.
+
+Offers: `look`.
+May import: inference.prediction, inference.identifiability, inference.sampling, inference.point,
+inference.likelihood, inference.results, inference.problem, models, data.
+"""

@@ -1,0 +1,107 @@
+"""A posterior quickly: weighted draws from a Student distribution that is fitted to them round by round.
+
+Adaptive multiple importance sampling (Cornuet, Marin, Mira and Robert 2012, *Scand. J. Statist.* 39, 798): all draws
+so far are weighted by the mixture of all proposals so far. Batches suit the kernels: some thousand draws cost less
+than the search for one maximum.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from fitball.inference.identifiability.fisher import fisher_information, prior_sds
+from fitball.inference.identifiability.symmetric import inverse
+from fitball.inference.likelihood.posterior import log_posterior
+from fitball.inference.problem.problem import Problem
+from fitball.inference.sampling.moves import StudentProposal
+from fitball.values import FloatArray
+
+# Draws of a round, and rounds at most.
+ROUND, ROUNDS = 500, 8
+# Effective draws that end the rounds, and those below which nothing is said.
+ENOUGH, LEAST = 400.0, 100.0
+# Effective draws a parameter from which the next proposal is fitted; where there are fewer the weights are flattened.
+SPANNING = 5.0
+FLATTER, FLATTEST = 0.8, 0.05
+
+
+@dataclass(frozen=True)
+class WeightedDraws:
+    """Draws of a posterior: `values` (draws, free) in SI with `log_weights` (draws,) that add up to one, and how many
+    independent draws they are worth.
+    """
+
+    values: FloatArray
+    log_weights: FloatArray
+    effective: float
+
+    @property
+    def settled(self) -> bool:
+        """Whether there are draws enough to say something."""
+        return self.effective >= LEAST
+
+    def quantiles(self, column: FloatArray, levels: FloatArray) -> FloatArray:
+        """Quantiles (levels,) of a quantity (draws,), among the draws for which it is finite."""
+        known = np.isfinite(column)
+        weights = np.exp(self.log_weights[known])
+        return np.asarray(np.quantile(column[known], levels, weights=weights, method="inverted_cdf"))
+
+    def sd(self, column: FloatArray) -> float:
+        """Standard deviation of a quantity (draws,), among the draws for which it is finite."""
+        known = np.isfinite(column)
+        weights = np.exp(self.log_weights[known])
+        mean = np.average(column[known], weights=weights)
+        return float(np.sqrt(np.average((column[known] - mean) ** 2, weights=weights)))
+
+
+def equal_draws(values: FloatArray) -> WeightedDraws:
+    """Draws (draws, free) of a chain, all of one weight."""
+    return WeightedDraws(values, np.full(len(values), -np.log(len(values))), float(len(values)))
+
+
+def importance_posterior(problem: Problem, optima: FloatArray, rng: np.random.Generator) -> WeightedDraws:
+    """Weighted draws of the posterior, begun about each of its `optima` (optima, free), in coordinates."""
+    fitted = [_about(problem, optimum) for optimum in optima]
+    proposals: list[tuple[int, StudentProposal]] = []
+    coordinates, score = np.empty((0, problem.dimension)), np.empty(0)
+    for _ in range(ROUNDS):
+        for proposal in fitted:
+            drawn = proposal.draw(rng, ROUND // len(fitted))
+            proposals.append((len(drawn), proposal))
+            coordinates = np.concatenate([coordinates, drawn])
+            score = np.concatenate([score, log_posterior(problem, drawn)])
+        if not np.any(np.isfinite(score)):
+            return WeightedDraws(np.empty((0, problem.dimension)), np.empty(0), 0.0)
+        drawn_from = [np.log(count) + one.log_density(coordinates) - one.log_volume for count, one in proposals]
+        ratios = score - logsumexp(drawn_from, axis=0)
+        log_weights = ratios - logsumexp(ratios)
+        effective = float(1.0 / np.sum(np.exp(2.0 * log_weights)))
+        if effective >= ENOUGH:
+            break
+        following = _fitted(coordinates, log_weights)
+        fitted = fitted if following is None else [following]
+    possible = np.isfinite(log_weights)
+    return WeightedDraws(problem.to_values(coordinates[possible]), log_weights[possible], effective)
+
+
+def _about(problem: Problem, optimum: FloatArray) -> StudentProposal:
+    """The proposal by the information of table and priors at an optimum (free,)."""
+    information = np.nan_to_num(fisher_information(problem, optimum, scene=True))
+    width = problem.prior.width * prior_sds(problem)
+    covariance = inverse(information, 1.0) * np.outer(width, width)
+    return StudentProposal(optimum, np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
+
+
+def _fitted(coordinates: FloatArray, log_weights: FloatArray) -> StudentProposal | None:
+    """The proposal fitted to weighted draws (draws, free); None where they do not span the space."""
+    needed, power = SPANNING * coordinates.shape[1], 1.0
+    while True:
+        weights = np.exp(power * (log_weights - log_weights.max()))
+        weights /= weights.sum()
+        if 1.0 / np.sum(weights**2) >= needed or power < FLATTEST:
+            break
+        power *= FLATTER
+    return StudentProposal.fit(coordinates, weights)

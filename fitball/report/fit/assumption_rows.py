@@ -1,0 +1,146 @@
+"""What rests on an assumption, as sentences and rows of text, for page and terminal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fitball.inference.results.assumptions import Alternative, Assumptions, Span
+from fitball.inference.results.results import Fit
+from fitball.report.fit.headline import listed
+from fitball.report.form.display_units import Scale, handy
+from fitball.report.form.rounding import decimals, fixed, interval
+
+PACE = "court pace rating"
+# Sds by which its median must move over the assumptions for a quantity to get a line of its own on a terminal.
+WORTH_A_LINE = 1.0
+
+
+@dataclass(frozen=True)
+class SpanRow:
+    """One quantity: within the fit itself, over assumptions that are as good, and what it is given."""
+
+    name: str
+    unit: str
+    own: str
+    over: str
+    interval_95: str
+    shift: str
+    by: str
+    given: str
+
+
+@dataclass(frozen=True)
+class AlternativeRow:
+    """One choice changed: its score less that of the fit, and whether it describes the table as well."""
+
+    name: str
+    instead_of: str
+    difference: str
+    verdict: str
+
+
+@dataclass(frozen=True)
+class AssumptionTable:
+    """All of it for a page; `missing` says why there is nothing."""
+
+    sentence: str
+    spans: tuple[SpanRow, ...]
+    alternatives: tuple[AlternativeRow, ...]
+    missing: str
+
+
+def assumption_table(fit: Fit) -> AssumptionTable | None:
+    """The look at assumptions of a fit; None where there was none."""
+    found = fit.assumptions
+    if found is None:
+        return None
+    spans = tuple(_row(name, unit, scale, item) for name, unit, scale, item in _spans(fit, found))
+    rows = tuple(
+        AlternativeRow(item.name, item.instead_of, _difference(item), _verdict(item)) for item in found.alternatives
+    )
+    return AssumptionTable("" if found.missing else _sentence(found), spans, rows, found.missing)
+
+
+def assumption_lines(fit: Fit) -> tuple[str, ...]:
+    """The same for a terminal: what describes the table as well, then a line for each quantity that moves."""
+    found = fit.assumptions
+    if found is None:
+        return ()
+    if found.missing:
+        return (f"What rests on assumptions was not looked at: {found.missing}.",)
+    if not found.as_good:
+        return (_sentence(found),)
+    lines, still = [_sentence(found)], []
+    for name, unit, scale, item in _spans(fit, found):
+        if item.shift < WORTH_A_LINE and not item.given:
+            still.append(name)
+            continue
+        row = _row(name, unit, scale, item)
+        told, within = f"{row.over} {unit}".rstrip(), row.own.rpartition(" ")[2]
+        lines.append(
+            f"{name}: {told} over assumptions that this table cannot tell apart; within one, +-{within} ({row.by} "
+            f"moves it by {row.shift} sd)"
+        )
+    if still:
+        lines.append(f"{listed(still)}: by less than one sd")
+    return tuple(lines)
+
+
+def _spans(fit: Fit, found: Assumptions) -> list[tuple[str, str, Scale, Span]]:
+    """Name, unit, scale and span of each quantity, those of the model first."""
+    rows = []
+    for name, item in found.parameters.items():
+        scale = handy(name, fit.parameters[name].unit)
+        rows.append((name, scale.unit, scale, item))
+    for surface, item in found.court_pace.items():
+        rows.append((f"{PACE} of {surface}" if surface else PACE, "", Scale("", 1.0), item))
+    return rows
+
+
+def _row(name: str, unit: str, scale: Scale, item: Span) -> SpanRow:
+    factor = scale.factor
+    places = decimals(item.own.sd * factor)
+    return SpanRow(
+        name=name,
+        unit=unit,
+        own=f"{fixed(item.own.median * factor, places)} +- {fixed(item.own.sd * factor, places)}",
+        over=f"{fixed(item.low * factor, places)} to {fixed(item.high * factor, places)}",
+        interval_95=interval(item.q025 * factor, item.q975 * factor, places),
+        shift=fixed(item.shift, 1),
+        by=item.by,
+        given=", ".join(item.given),
+    )
+
+
+def _sentence(found: Assumptions) -> str:
+    """Which changes the table cannot tell from the fit, which it prefers, and which it refuses."""
+    if not found.alternatives:
+        return "No choice of the model can be changed here."
+    groups = (
+        ("describe the table as well as this fit, within the error of the score", "as well"),
+        ("describe it better", "better"),
+        ("describe it worse", "worse"),
+        ("could not be scored", "not scored"),
+    )
+    parts = []
+    for words, verdict in groups:
+        names = [item.name for item in found.alternatives if _verdict(item).partition(":")[0] == verdict]
+        if names:
+            parts.append(f"{listed(names)} {words if len(names) > 1 else _singular(words)}")
+    return "Changed one at a time, " + "; ".join(parts) + "."
+
+
+def _singular(words: str) -> str:
+    return words.replace("describe ", "describes ", 1)
+
+
+def _verdict(item: Alternative) -> str:
+    if item.difference is None:
+        return f"not scored: {item.reason}"
+    return "better" if item.better else "as well" if item.as_good else "worse"
+
+
+def _difference(item: Alternative) -> str:
+    if item.difference is None:
+        return "-"
+    return f"{fixed(item.difference.value, 1)} +- {fixed(item.difference.se, 1)}"

@@ -1,0 +1,207 @@
+"""What rests on an assumption: quick posteriors against closed forms, ranges over assumptions against truths."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from samples import TWO_MASS, drop_table, linear_problem, problem_of, synthetic
+from scipy.stats import norm
+
+import fitball
+from fitball.data.read import load_table
+from fitball.inference.assumptions.alternatives import alternatives
+from fitball.inference.assumptions.importance_posterior import importance_posterior
+from fitball.inference.assumptions.look import ROWS, assumptions_generator, look
+from fitball.inference.identifiability.posterior_verdict import Judgement
+from fitball.inference.likelihood.posterior import pointwise
+from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.qualify import qualified
+from fitball.inference.results.assumptions import MOVED, Summary, reach, span
+from fitball.inference.results.results import Verdict
+from fitball.inference.results.score_difference import elpd_difference
+from fitball.inference.sampling.importance import smoothed_elpd
+
+GRIPS_OFF_CENTRE = {**TWO_MASS, "mu": 0.53, "eps_10": 5.5e-3}
+
+
+def looked(problem, near):
+    """The look at a fit whose search begins `near` its optimum."""
+    point = maximum_posterior(problem, np.array([[near[name] for name in problem.free_names]]))
+    return look(problem, point, None, assumptions_generator(1))
+
+
+def names(problem):
+    rng = np.random.default_rng(3)
+    probes = problem.to_coordinates(problem.prior.draw(rng, 200))
+    return [change.name for change in alternatives(problem, probes)]
+
+
+def of_other_closure(seed):
+    """A table whose balls feel the offset while they grip only, fitted as if they felt it throughout."""
+    problem = problem_of("wang_all.csv", without=("contact_time",))
+    truth = {name: GRIPS_OFF_CENTRE[name] for name in problem.free_names}
+    made = synthetic(problem_of("wang_all.csv", without=("contact_time",), closures={"offset": "grip"}), truth, seed)
+    return problem_of(made.table, scene=problem.scene), truth
+
+
+@pytest.fixture(scope="module")
+def deceived():
+    problem, truth = of_other_closure(5)
+    return looked(problem, TWO_MASS), truth
+
+
+def test_a_linear_normal_posterior_and_its_left_out_scores_are_those_of_the_closed_form():
+    problem = linear_problem(drop_table(np.random.default_rng(8)), v_y_sd=0.05)
+    speeds, measured = problem.impacts.v_y1, problem.observables[0].observed
+    design = np.stack([speeds, speeds * (speeds - 10.0)], axis=1) / 0.05
+    covariance = np.linalg.inv(design.T @ design)
+    mean = covariance @ design.T @ (measured / 0.05)
+    start = problem.to_coordinates(np.array([[0.75, -0.01]]))
+    draws = importance_posterior(problem, start, np.random.default_rng(2))
+    assert problem.free_names == ("cor_10", "cor_slope")
+    assert draws.effective >= 400.0
+    for k in range(2):
+        sd = np.sqrt(covariance[k, k])
+        assert draws.sd(draws.values[:, k]) == pytest.approx(sd, rel=0.15)
+        wanted = norm.ppf([0.025, 0.5, 0.975], mean[k], sd)
+        found = draws.quantiles(draws.values[:, k], np.array([0.025, 0.5, 0.975]))
+        np.testing.assert_allclose(found, wanted, atol=0.35 * sd)
+    # A measurement left out of a linear fit: its residual and variance follow from its leverage.
+    leverage = np.einsum("ij,jk,ik->i", design, covariance, design)
+    left_out = (measured - 0.05 * design @ mean) / (1.0 - leverage)
+    exact = norm.logpdf(left_out, scale=0.05 / np.sqrt(1.0 - leverage))
+    whole, scored = pointwise(problem, draws.values, ["v_y2"])
+    elpd, _k = smoothed_elpd(whole, scored, 1.0, draws.log_weights)
+    np.testing.assert_allclose(elpd, exact, atol=0.25)
+    # Weights left out of the score, or of the posterior, show.
+    unweighted, _k = smoothed_elpd(whole, scored, 1.0)
+    assert np.abs(unweighted - exact).max() > np.abs(elpd - exact).max()
+
+
+def test_every_choice_that_acts_is_changed_one_at_a_time(tmp_path):
+    assert names(problem_of("wang_all.csv")) == [
+        "release=zero_displacement", "normal=inner", "normal=total", "offset=grip", "spin=shell", "inertia=table",
+        "torsion=free", "torsion=rigid", "cor=mean", "noise=student-t",
+    ]  # fmt: skip
+    assert names(problem_of("wang_all.csv", noise="student-t"))[-1] == "noise=normal"
+    assert names(problem_of("wang_all.csv", "brody")) == ["noise=student-t"]
+    # A ball that turns as one has neither a twist nor a split of its inertia; without spin nothing but cor is seen.
+    rigid = names(problem_of("wang_all.csv", closures={"torsion": "rigid"}))
+    assert not {"spin=shell", "inertia=table"} & set(rigid)
+    spinless = tmp_path / "spinless.csv"
+    spinless.write_text("v_x1,v_y1,v_x2,v_y2\n12,5,9,4\n12,7,8,5.4\n11,9,7,6.8\n14,6,10,4.7\n", encoding="utf-8")
+    without_time = problem_of(spinless, without=("contact_time",))
+    assert names(without_time) == ["cor=mean", "noise=student-t"]
+    assert "cor=mean" in names(problem_of(drop_table(np.random.default_rng(1))))
+    # A model that is told a column has no score to set beside one that is not.
+    told = names(problem_of("wang_all.csv", closures={"cor": "measured"}))
+    assert told
+    assert not [name for name in told if name.startswith("cor=")]
+
+
+def test_knowledge_of_a_parameter_that_an_alternative_lacks_is_left_behind():
+    problem = problem_of(
+        "wang_all.csv", closures={"torsion": "free"}, priors={"zeta_theta": "lognormal(0.4, 0.5)"}, fix={"k_y": 2e4}
+    )
+    probes = problem.to_coordinates(problem.prior.draw(np.random.default_rng(1), 20))
+    posed = {change.name: change.problem for change in alternatives(problem, probes)}
+    assert "zeta_theta" not in posed["torsion=matched"].free_names
+    assert "k_y" not in posed["torsion=matched"].free_names
+    kept = {item.name: item.prior.text for item in posed["offset=grip"].free}
+    assert kept["zeta_theta"] == "lognormal(0.4, 0.5)"
+
+
+def test_the_range_over_assumptions_holds_a_truth_that_the_assumed_closure_misses(deceived):
+    found, truth = deceived
+    eps = found.parameters["eps_10"]
+    assert not eps.own.q025 < truth["eps_10"] < eps.own.q975
+    assert eps.q025 < truth["eps_10"] < eps.q975
+    assert "offset=contact" in eps.given
+    assert eps.shift > MOVED
+    grips = next(item for item in found.alternatives if item.name == "offset=grip")
+    assert grips.as_good
+    assert grips.difference.value > 0.0
+    # What the table refuses takes no part: a joint that does not twist lies far from all others.
+    rigid = next(item for item in found.alternatives if item.name == "torsion=rigid")
+    assert not rigid.as_good
+    assert rigid.name not in {item.by for item in found.parameters.values()}
+
+
+def test_the_same_seed_sees_the_same(deceived):
+    found, _truth = deceived
+    assert looked(of_other_closure(5)[0], TWO_MASS) == found
+
+
+def test_of_balls_that_slide_throughout_friction_rests_on_no_twist_nor_release():
+    """Their rebound is algebraic in friction, offset and restitution: only what the court feels counts."""
+    problem = problem_of("wang_all.csv", without=("contact_time",))
+    shallow = replace(
+        problem.table,
+        impacts=fitball.impacts(v_x1=np.linspace(24.0, 34.0, 21), v_y1=np.linspace(4.0, 7.0, 21), omega_1=20.0),
+    )
+    truth = {name: TWO_MASS[name] for name in problem.free_names} | {"mu": 0.4, "mass_ratio": 0.92}
+    table = synthetic(replace(problem, table=shallow, impacts=shallow.impacts), truth, 3).table
+    found = looked(problem_of(table, scene=problem.scene), truth)
+    own = found.parameters["mu"].own
+    by_name = {item.name: item for item in found.alternatives}
+    for name in ("torsion=rigid", "torsion=free", "inertia=table", "normal=total"):
+        assert by_name[name].as_good, name
+        assert abs(by_name[name].parameters["mu"].median - own.median) < 0.5 * own.sd, name
+    # Without the landing impulse the same friction force asks for a larger coefficient.
+    assert by_name["normal=inner"].parameters["mu"].median > own.median + own.sd
+    assert found.parameters["mu"].given == ("normal=momentum",)
+
+
+def test_where_a_look_costs_too_much_or_means_nothing_it_says_so():
+    table = replace(load_table("wang_all.csv"), redundant=())
+    point = maximum_posterior(problem_of(table, "brody"), np.array([[0.5, 0.77, -0.015, 0.3, 0.3, 12.0]]))
+    reasons = []
+    for rows in (np.arange(ROWS + 1) % len(table), np.arange(5)):
+        part = replace(
+            table,
+            impacts=table.impacts.take(rows),
+            ids=tuple(map(str, range(len(rows)))),
+            labels={},
+            measurements=tuple(replace(item, values=item.values[rows]) for item in table.measurements),
+        )
+        reasons.append(look(problem_of(part, "brody"), point, None, assumptions_generator(1)).missing)
+    assert reasons == [
+        "alternatives are looked at on tables of up to 100 impacts",
+        "with 5 impacts no score tells one assumption from another",
+    ]
+
+
+def test_a_value_rests_on_a_choice_where_another_moves_it_or_widens_it():
+    own = Summary(1.0, 0.1, 0.8, 1.2)
+    moved, wide, still = Summary(1.25, 0.1, 1.05, 1.45), Summary(1.0, 0.25, 0.5, 1.5), Summary(1.1, 0.1, 0.9, 1.3)
+    assert reach(own, moved) == pytest.approx(2.5)
+    assert reach(own, wide) == pytest.approx(3.0)
+    assert reach(own, still) == pytest.approx(1.0)
+    # A narrower one within the interval moves nothing.
+    assert reach(own, Summary(1.0, 0.01, 0.98, 1.02)) == 0.0
+    found = span(own, [("a=2", "a=1", moved), ("b=2", "b=1", wide), ("c=2", "c=1", still), ("a=3", "a=1", wide)])
+    assert found.given == ("b=1", "a=1")
+    assert (found.low, found.high, found.q025, found.q975) == (1.0, 1.25, 0.5, 1.5)
+    assert (found.by, found.shift) == ("a=2", pytest.approx(2.5))
+    assert span(own, []).given == ()
+
+
+def test_a_difference_is_sure_beyond_two_errors_and_four():
+    rng = np.random.default_rng(1)
+    one, other = rng.standard_normal(30), rng.standard_normal(30)
+    made = elpd_difference(one, other)
+    assert made.value == pytest.approx(one.sum() - other.sum())
+    assert made.se == pytest.approx(np.sqrt(30.0) * np.std(one - other, ddof=1))
+    assert not replace(made, value=-3.9, se=0.1).sure
+    assert not replace(made, value=-9.0, se=4.6).sure
+    assert replace(made, value=-9.0, se=4.4).sure
+
+
+def test_identified_becomes_given_where_an_assumption_moves_it(deceived):
+    found, _truth = deceived
+    told = Judgement(0.9, Verdict.IDENTIFIED, "")
+    assert qualified("eps_10", told, None, found)[0] is Verdict.GIVEN
+    assert qualified("cor_10", told, None, found) == (Verdict.IDENTIFIED, ())
+    assert qualified("eps_10", replace(told, verdict=Verdict.ONE_SIDED), None, found) == (Verdict.ONE_SIDED, ())
