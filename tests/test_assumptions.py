@@ -87,13 +87,12 @@ def test_every_choice_that_acts_is_changed_one_at_a_time(tmp_path):
     ]  # fmt: skip
     assert names(problem_of("wang_all.csv", noise="student-t"))[-1] == "noise=normal"
     assert names(problem_of("wang_all.csv", "brody")) == ["noise=student-t"]
-    # A ball that turns as one has neither a twist nor a split of its inertia; without spin nothing but cor is seen.
+    # A ball that turns as one has neither a twist nor a split of its inertia; without spin it is such a ball.
     rigid = names(problem_of("wang_all.csv", closures={"torsion": "rigid"}))
     assert not {"spin=shell", "inertia=table"} & set(rigid)
     spinless = tmp_path / "spinless.csv"
     spinless.write_text("v_x1,v_y1,v_x2,v_y2\n12,5,9,4\n12,7,8,5.4\n11,9,7,6.8\n14,6,10,4.7\n", encoding="utf-8")
-    without_time = problem_of(spinless, without=("contact_time",))
-    assert names(without_time) == ["cor=mean", "noise=student-t"]
+    assert names(problem_of(spinless)) == ["release=zero_displacement", "cor=mean", "noise=student-t"]
     assert "cor=mean" in names(problem_of(drop_table(np.random.default_rng(1))))
     # A model that is told a column has no score to set beside one that is not.
     told = names(problem_of("wang_all.csv", closures={"cor": "measured"}))
@@ -136,7 +135,7 @@ def test_the_same_seed_sees_the_same(deceived):
 
 def test_of_balls_that_slide_throughout_friction_rests_on_no_twist_nor_release():
     """Their rebound is algebraic in friction, offset and restitution: only what the court feels counts."""
-    problem = problem_of("wang_all.csv", without=("contact_time",))
+    problem = problem_of("wang_all.csv")
     shallow = replace(
         problem.table,
         impacts=fitball.impacts(v_x1=np.linspace(24.0, 34.0, 21), v_y1=np.linspace(4.0, 7.0, 21), omega_1=20.0),

@@ -88,4 +88,6 @@ def _without(named: Mapping[str, Value], gone: Collection[str]) -> dict[str, Val
 
 def _same(one: Problem, other: Problem, probes: FloatArray) -> bool:
     """Whether a choice acts nowhere here: the same parameters are as probable to the last bit."""
-    return one.free_names == other.free_names and np.array_equal(log_posterior(one, probes), log_posterior(other, probes))
+    return one.free_names == other.free_names and np.array_equal(
+        log_posterior(one, probes), log_posterior(other, probes)
+    )

@@ -20,7 +20,7 @@ from fitball.inference.sampling.moves import StudentProposal
 from fitball.values import FloatArray
 
 # Draws of a round, and rounds at most.
-ROUND, ROUNDS = 500, 8
+ROUND, ROUNDS = 500, 16
 # Effective draws that end the rounds, and those below which nothing is said.
 ENOUGH, LEAST = 400.0, 100.0
 # Effective draws a parameter from which the next proposal is fitted; where there are fewer the weights are flattened.
