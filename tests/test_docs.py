@@ -21,9 +21,10 @@ import fitball
 from fitball.data.columns import LABELS, MEASURED
 from fitball.data.scene_file import KEYS
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
+from fitball.inference.assumptions import importance_posterior
+from fitball.inference.assumptions import look as assumptions_look
 from fitball.inference.comparison import cross_validation as leave_out
 from fitball.inference.comparison import psis_loo as loo
-from fitball.inference.comparison import results as comparison
 from fitball.inference.identifiability import posterior_verdict as identifiability
 from fitball.inference.identifiability import power_scaling, profile
 from fitball.inference.identifiability.examine import PROFILED
@@ -34,7 +35,8 @@ from fitball.inference.problem import force_records, measurement_noise
 from fitball.inference.problem import group_bias as offsets
 from fitball.inference.problem import pooling as levels
 from fitball.inference.problem.parameters import NOISE_SPECS
-from fitball.inference.results import fitted_model
+from fitball.inference.results import assumptions as assumption_values
+from fitball.inference.results import fitted_model, score_difference
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT, RunStatus, Verdict
 from fitball.inference.sampling import ensembles as sampling
 from fitball.inference.sampling import moves
@@ -78,8 +80,13 @@ DECIDING = {
     "expected spread between levels": levels.EXPECTED_SPREAD,
     "expected group offset in noises": offsets.EXPECTED,
     "Pareto k": loo.K_TRUSTED,
-    "sure difference in standard errors": comparison.SURE_ERRORS,
-    "sure difference": comparison.SURE_SIZE,
+    "sure difference in standard errors": score_difference.SURE_ERRORS,
+    "sure difference": score_difference.SURE_SIZE,
+    "effective draws of a quick fit": importance_posterior.ENOUGH,
+    "effective draws of a quick fit, at least": importance_posterior.LEAST,
+    "impacts with which assumptions are looked at": assumptions_look.ROWS,
+    "free parameters with which assumptions are looked at": assumptions_look.DIMENSIONS,
+    "sds by which a value moves that rests on a choice": assumption_values.MOVED,
     "rows left out singly": leave_out.SINGLY,
     "slack of the hull": SLACK,
     "draws of a prediction": fitted_model.PREDICTING,
