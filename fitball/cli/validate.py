@@ -1,5 +1,6 @@
 """`scripts/validate`: does the calibration find what was put in? Simulation-based calibration, and its verdict;
-with `--fuzz`, whether damaged input ever meets anything but a clear refusal.
+with `--trust`, whether what fits say of themselves is true; with `--fuzz`, whether damaged input ever meets anything
+but a clear refusal.
 
 Not a verb: it takes a quarter of an hour and checks the program, not a table. It is run as a module.
 """
@@ -69,7 +70,8 @@ def make_parser() -> argparse.ArgumentParser:
         "conditions, fit them, and test whether the truth ranks uniformly among posterior draws (Talts et al. 2018). "
         "Exit code 1 if it does not. An interrupted run goes on where it stopped.",
         epilog="examples:\n  scripts/validate\n  scripts/validate --models grip-slip --replicates 60 --out check\n"
-        "  scripts/validate --models grip-slip --replicates 60 --wrong-sigma 0.5 --out wrong    (must fail)",
+        "  scripts/validate --models grip-slip --replicates 60 --wrong-sigma 0.5 --out wrong    (must fail)\n"
+        "  scripts/validate --trust --scenarios wang,negated --replicates 20",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
@@ -78,8 +80,17 @@ def make_parser() -> argparse.ArgumentParser:
         metavar="N",
         help="instead: damage each kind of input N times, and run a command on each",
     )
+    parser.add_argument(
+        "--trust",
+        action="store_true",
+        help="instead: fit tables that the model made and tables that it did not, and count how often the fit "
+        "describes them, and how often what it calls identified holds the truth",
+    )
+    parser.add_argument("--scenarios", metavar="A,B", help="of --trust: kinds of tables (default: all)")
     parser.add_argument("--targets", metavar="A,B", help="of --fuzz: the kinds of input to damage (default: all)")
-    parser.add_argument("--replicates", type=int, default=300, metavar="N", help="tables a model (default 300)")
+    parser.add_argument(
+        "--replicates", type=int, metavar="N", help="tables a model (default 300) or a kind of them (default 60)"
+    )
     parser.add_argument("--models", default=MODELS, metavar="A,B", help=f"models (default {MODELS})")
     parser.add_argument("--table", default="wang_all.csv", metavar="DATA", help="whose incident conditions to use")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of all random numbers (default 1)")
@@ -98,7 +109,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = make_parser().parse_args(argv)
     try:
         with visible_streams():
-            return _run(args) if args.fuzz is None else _fuzz(args)
+            return _fuzz(args) if args.fuzz is not None else _trust(args) if args.trust else _run(args)
     except FitballError as error:
         print(f"fitball: {error}", file=sys.stderr)
         return 2
@@ -108,7 +119,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
-    models = _checked(args)
+    models = _checked(args, 300)
     from fitball.report.figures.save import save_figure
     from fitball.report.form.atomic_write import write_text
     from fitball.report.form.csv import csv_text
@@ -140,6 +151,36 @@ def _run(args: argparse.Namespace) -> int:
     return 0 if content["holds"] else 1
 
 
+def _trust(args: argparse.Namespace) -> int:
+    """Fit simulated tables and count; 1 where what fits say of themselves is not true."""
+    _checked(args, 60)
+    from fitball.report.form.atomic_write import write_text
+    from fitball.report.form.csv import csv_text
+    from fitball.studies.trust.findings import findings, findings_json, findings_text, rate_rows
+    from fitball.studies.trust.run import run_scenario
+    from fitball.studies.trust.scenarios import SCENARIOS
+
+    names = list(SCENARIOS) if args.scenarios is None else [name.strip() for name in args.scenarios.split(",")]
+    for name in names:
+        if name not in SCENARIOS:
+            raise ParameterError(
+                f"--scenarios {args.scenarios}: unknown scenario '{name}': {suggestion(name, SCENARIOS)}"
+            )
+    folder = Path(args.out) if args.out else DEFAULT_FOLDER / "trust"
+    cores = (os.cpu_count() or 1) if args.cores is None else args.cores
+    told = {}
+    for name in dict.fromkeys(names):
+        counter = Counter(name, args.replicates, args.quiet, "tables")
+        told[name] = run_scenario(name, args.seed, args.replicates, folder / f"{name}.csv", cores, counter)
+    found = findings(told)
+    content = findings_json(found, args.seed)
+    write_text(folder / "rates.csv", csv_text(rate_rows(found)))
+    write_text(folder / "trust.json", json.dumps(content, indent=1) + "\n")
+    write_text(folder / "trust.md", findings_text(found))
+    print(json.dumps(content, indent=1) if args.json else findings_text(found) + f"\nResults: {folder}")
+    return 0 if content["holds"] else 1
+
+
 def _fuzz(args: argparse.Namespace) -> int:
     """Damage inputs of every kind. Returns 1 when a command broke the rule: exit 0 or 2, in bounds."""
     from fitball.cli.main import main as fitball_main
@@ -166,8 +207,9 @@ def _fuzz(args: argparse.Namespace) -> int:
     return 1 if broken else 0
 
 
-def _checked(args: argparse.Namespace) -> tuple[str, ...]:
-    """The models. Raises ParameterError for numbers that cannot work."""
+def _checked(args: argparse.Namespace, replicates: int) -> tuple[str, ...]:
+    """The models; so many `replicates` unless told otherwise. Raises ParameterError for numbers that cannot work."""
+    args.replicates = replicates if args.replicates is None else args.replicates
     for name, least in (("replicates", 1), ("seed", 0)):
         if getattr(args, name) < least:
             raise ParameterError(f"{name} = {getattr(args, name)}: expected at least {least}")

@@ -31,17 +31,20 @@ LEVELS = (0.025, 0.975)
 
 @dataclass(frozen=True)
 class Said:
-    """Of one parameter: the verdict, the ends of the 95 % interval, and the truth (None where there is none)."""
+    """Of one parameter: the verdict, the ends of the 95 % interval, the truth (None where there is none), and whether
+    a table a hundred times as long pins it (None where that was not looked at).
+    """
 
     verdict: Verdict
     low: float
     high: float
     truth: float | None
+    pinned: bool | None = None
 
     @property
     def holds(self) -> bool | None:
         """Whether the interval holds the truth."""
-        return None if self.truth is None else self.low <= self.truth <= self.high
+        return None if self.truth is None else bool(self.low <= self.truth <= self.high)
 
 
 @dataclass(frozen=True)
