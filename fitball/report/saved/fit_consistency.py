@@ -41,10 +41,8 @@ def beyond(spec: ParameterSpec, values: FloatArray) -> bool:
 
 def first_contradiction(file: FitFile) -> str | None:
     """A sentence on the first two places that contradict each other, None where all agree."""
-    return next(
-        chain(_shapes(file), _names(file), _parameters(file), _golden(file.golden), _model(file), _assumptions(file)),
-        None,
-    )
+    parts = (_shapes, _names, _parameters, _model, _adequacy, _assumptions)
+    return next(chain(*(part(file) for part in parts), _golden(file.golden)), None)
 
 
 def _shapes(file: FitFile) -> Iterator[str]:
@@ -142,6 +140,27 @@ def _assumptions(file: FitFile) -> Iterator[str]:
         known = found[name].given if name in found else ()
         if item.verdict is Verdict.GIVEN and item.given != known:
             yield f"parameters.{name}.given: read {_listed(item.given)}, but assumptions says {_listed(known)}"
+
+
+def _adequacy(file: FitFile) -> Iterator[str]:
+    described = file.adequacy
+    if described is None:
+        return
+    beyond_all = [name for name in described.moved if name not in file.parameters]
+    if beyond_all:
+        yield f"adequacy.moved: read {_listed(beyond_all)}, which are no parameters"
+    for name, item in file.parameters.items():
+        sure = item.verdict in (Verdict.IDENTIFIED, Verdict.GIVEN)
+        if (
+            described.conditional(name)
+            and sure
+            or (item.verdict is Verdict.CONDITIONAL) > described.conditional(name)
+        ):
+            yield f"parameters.{name} is '{item.verdict}', but adequacy says otherwise"
+    chances = [*(check.p for check in described.checks), *(check.adjusted for check in described.noise)]
+    for values in (chances, described.unseen.values(), *described.loo_pit.values()):
+        if not all(0.0 <= value <= 1.0 + ROUNDING for value in values):
+            yield "adequacy: a probability or share lies outside of 0 to 1"
 
 
 def _unequal(lengths: dict[str, int]) -> Iterator[str]:

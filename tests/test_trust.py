@@ -1,0 +1,118 @@
+"""The study of what fits say of themselves: its counting, its files, and a table of two scenarios."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+from fitball.cli.validate import main
+from fitball.errors import ResultFolderError
+from fitball.inference.results.adequacy import Answer
+from fitball.inference.results.results import Verdict
+from fitball.studies.trust.designs import DESIGNS
+from fitball.studies.trust.findings import Rate, finding, findings, findings_text
+from fitball.studies.trust.replicate import Said, Told
+from fitball.studies.trust.run import ToldFile, run_scenario
+from fitball.studies.trust.scenarios import SCENARIOS, TRUTH
+
+
+def told(answer=Answer.DESCRIBES, verdict=Verdict.IDENTIFIED, truth=0.5, pinned=None):
+    """One table of one parameter."""
+    return Told(str(answer), 0.3, {"mu": Said(verdict, 0.4, 0.6, truth, pinned)}, True)
+
+
+@pytest.mark.parametrize(("count", "of"), [(0, 20), (3, 60), (20, 20)])
+def test_a_rate_has_the_interval_of_clopper_and_pearson(count, of):
+    expected = binomtest(count, of).proportion_ci(0.95, "exact")
+    assert (Rate(count, of).low, Rate(count, of).high) == pytest.approx((expected.low, expected.high))
+
+
+def test_right_fits_meet_no_complaint_and_wrong_ones_do():
+    right = [told(truth=0.5 if k % 20 else 0.7) for k in range(60)]
+    assert finding("wang", "", True, right).complaints == ()
+    assert "objected to" in finding("wang", "", True, [told(Answer.EXCEPT)] * 12 + right).complaints[0]
+    assert "not described" in finding("wang", "", True, [told(Answer.FAILS)] * 9 + right).complaints[-1]
+    assert "hold in 0 %" in finding("wang", "", True, [told(truth=0.7)] * 60).complaints[0]
+    # Nobody promised coverage, or no objection, where the model did not make the table.
+    assert finding("brody", "", False, [told(Answer.FAILS, truth=0.7)] * 60).complaints == ()
+    blind = [told(verdict=Verdict.PRIOR_DOMINATED, pinned=True)] * 20 + [told(pinned=True)] * 20
+    found = finding("wang", "", True, blind)
+    assert found.blind == Rate(20, 40)
+    assert "pinned parameters are called prior-dominated" in found.complaints[0]
+    # What is conditional is not relied on.
+    assert finding("wang", "", True, [told(verdict=Verdict.CONDITIONAL, truth=0.7)] * 60).relied == Rate(0, 0)
+
+
+def test_scenarios_are_put_together_by_who_made_their_tables():
+    found = findings({"wang": [told()] * 3, "drop": [told()], "negated": [told(Answer.FAILS)] * 2})
+    assert [(one.name, one.tables, one.objected.count) for one in found] == [
+        ("wang", 3, 0), ("drop", 1, 0), ("negated", 2, 2), ("all made by the model", 4, 0), ("all not made by it", 2, 2),
+    ]  # fmt: skip
+    text = findings_text(found)
+    assert "| not made by it, negated: both spins of the other sign | 2 | 0 | 0 | 2 | 0 | 100 % [16, 100] |" in text
+    assert "| all made by the model | identified | 4 | 100 % [40, 100] | - |" in text
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_a_scenario_makes_the_tables_that_it_says(name):
+    scenario = SCENARIOS[name]
+    rng = np.random.default_rng(1)
+    values = scenario.truth(rng)
+    problem = scenario.simulated(values, np.random.default_rng(2))
+    assert problem.free_names == scenario.problem.free_names
+    assert len(problem.impacts) == scenario.design.rows
+    assert all(np.all(np.isfinite(item.observed)) for item in problem.observables)
+    plain = replace(scenario, spoil=None, maker=None).simulated(values, np.random.default_rng(2))
+    same = all(
+        np.array_equal(one.observed, other.observed)
+        for one, other in zip(problem.observables, plain.observables, strict=True)
+    )
+    assert same is scenario.made
+    # A longer table is of the same design: each range is covered, and none left.
+    longer = scenario.simulated(values, np.random.default_rng(2), times=5)
+    assert len(longer.impacts) == 5 * scenario.design.rows
+    for name_of in ("v_x1", "v_y1", "omega_1"):
+        one, other = (getattr(item.impacts, name_of) for item in (problem, longer))
+        assert np.ptp(other) >= np.ptp(one) - 1e-9
+        assert np.ptp(other) <= 1.25 * np.ptp(one) + 1e-9
+
+
+def test_the_broad_design_has_both_kinds_of_contact_under_the_one_truth():
+    scenario = SCENARIOS["control"]
+    row = np.array([[TRUTH[name] for name in scenario.problem.free_names]])
+    kinds = np.unique(scenario.problem.rebound(row).regime[0])
+    assert len(kinds) >= 2
+    assert all(design.rows <= 40 for design in DESIGNS.values())
+
+
+def test_an_interrupted_study_goes_on_to_the_same_bytes(tmp_path, monkeypatch):
+    whole, cut = tmp_path / "whole.csv", tmp_path / "cut.csv"
+    said = run_scenario("drop", 3, 2, whole, 1)
+    assert [one.failed for one in said] == ["", ""]
+    assert {*said[0].parameters} == {"cor_10", "cor_slope", "velocity_sd"}
+    cut.write_bytes(whole.read_bytes()[:-9])
+    assert run_scenario("drop", 3, 2, cut, 1) == said
+    assert cut.read_bytes() == whole.read_bytes()
+    with pytest.raises(ResultFolderError, match="fits of another run"):
+        run_scenario("drop", 4, 2, whole, 1)
+    lines = whole.read_text(encoding="utf-8").splitlines(keepends=True)
+    whole.write_text("".join([*lines[:2], lines[2].replace("identified", "guessed")]), encoding="utf-8")
+    with pytest.raises(ResultFolderError, match="line 3 is damaged"):
+        ToldFile(whole, ("cor_10", "cor_slope", "velocity_sd"), {}).read(1)
+
+
+def test_the_command_writes_rates_and_confusions(tmp_path, capsys):
+    words = ["--trust", "--scenarios", "drop", "--replicates", "1", "--cores", "1", "--quiet", "--out", str(tmp_path)]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    assert "## Does the model describe the table?" in out
+    assert (tmp_path / "trust.md").read_text(encoding="utf-8") in out
+    content = json.loads((tmp_path / "trust.json").read_text(encoding="utf-8"))
+    assert content["scenarios"]["drop"]["tables"] == 1
+    assert (tmp_path / "rates.csv").read_text(encoding="utf-8").startswith("scenario,made_by_the_model,tables")
+    assert main(["--trust", "--scenarios", "wnag"]) == 2
+    assert "wang" in capsys.readouterr().err
