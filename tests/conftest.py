@@ -38,7 +38,7 @@ SLOW_FILES = (
     "force_likelihood", "force_report", "fuzz", "hard_cases", "house", "incident_errors", "inference_fit",
     "information_ends", "jacobian", "large_tables", "new_model", "noise_structure", "oracle", "oracle_runge_kutta",
     "point_and_chain", "power_scaling", "profile", "repeat", "report_browser", "report_html", "sbc",
-    "small_and_flat", "stragglers", "thesis_verdicts", "tied_draws", "verify",
+    "small_and_flat", "stragglers", "thesis_verdicts", "tied_draws", "trust", "verify",
 )  # fmt: skip
 
 

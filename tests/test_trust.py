@@ -50,7 +50,8 @@ def test_right_fits_meet_no_complaint_and_wrong_ones_do():
 def test_scenarios_are_put_together_by_who_made_their_tables():
     found = findings({"wang": [told()] * 3, "drop": [told()], "negated": [told(Answer.FAILS)] * 2})
     assert [(one.name, one.tables, one.objected.count) for one in found] == [
-        ("wang", 3, 0), ("drop", 1, 0), ("negated", 2, 2), ("all made by the model", 4, 0), ("all not made by it", 2, 2),
+        ("wang", 3, 0), ("drop", 1, 0), ("negated", 2, 2), ("all made by the model", 4, 0),
+        ("all not made by it", 2, 2),
     ]  # fmt: skip
     text = findings_text(found)
     assert "| not made by it, negated: both spins of the other sign | 2 | 0 | 0 | 2 | 0 | 100 % [16, 100] |" in text
@@ -78,7 +79,7 @@ def test_a_scenario_makes_the_tables_that_it_says(name):
     for name_of in ("v_x1", "v_y1", "omega_1"):
         one, other = (getattr(item.impacts, name_of) for item in (problem, longer))
         assert np.ptp(other) >= np.ptp(one) - 1e-9
-        assert np.ptp(other) <= 1.25 * np.ptp(one) + 1e-9
+        assert np.ptp(other) <= 1.5 * np.ptp(one) + 1e-9
 
 
 def test_the_broad_design_has_both_kinds_of_contact_under_the_one_truth():

@@ -150,12 +150,9 @@ def _adequacy(file: FitFile) -> Iterator[str]:
     if beyond_all:
         yield f"adequacy.moved: read {_listed(beyond_all)}, which are no parameters"
     for name, item in file.parameters.items():
+        only = described.conditional(name)
         sure = item.verdict in (Verdict.IDENTIFIED, Verdict.GIVEN)
-        if (
-            described.conditional(name)
-            and sure
-            or (item.verdict is Verdict.CONDITIONAL) > described.conditional(name)
-        ):
+        if sure if only else item.verdict is Verdict.CONDITIONAL:
             yield f"parameters.{name} is '{item.verdict}', but adequacy says otherwise"
     chances = [*(check.p for check in described.checks), *(check.adjusted for check in described.noise)]
     for values in (chances, described.unseen.values(), *described.loo_pit.values()):
