@@ -61,13 +61,14 @@ def assemble(
     """
     covariance = correlation = None
     prediction = diagnostics = None
+    with watch.stage("adequacy"):
+        described = adequacy(problem, point, posterior, effort.seed)
     with watch.stage("verdicts and prediction"):
         if posterior is not None and sampled is not None:
             covariance = np.atleast_2d(np.cov(posterior.draws, rowvar=False))
             correlation = np.atleast_2d(np.corrcoef(posterior.draws, rowvar=False))
             prediction = predictive(problem, point, posterior, predictive_generator(effort.seed))
             diagnostics = _diagnostics(sampled, effort)
-        described = adequacy(problem, point, posterior, effort.seed)
         regimes = () if prediction is None else prediction.regimes
         identifiability, judgements = examine(problem, point, profiled, posterior, correlation, regimes)
         estimates = tuple(

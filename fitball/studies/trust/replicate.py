@@ -66,6 +66,7 @@ def settings_of(scenario: Scenario) -> Mapping[str, object]:
     return {
         "version": __version__,
         "scenario": scenario.name,
+        "model": scenario.model,
         "words": scenario.words,
         "rows": len(known.impacts),
         "parameters": [[item.name, item.prior.text, item.fixed] for item in known.parameters],

@@ -37,7 +37,7 @@ class Scenario:
     """A kind of table: its `design`, whether the model `made` it, and in `words` what else is true of it.
 
     `spoil` changes impacts and rebound columns after these were made; `maker` makes rebounds without noise, where the
-    fitted model does not. `truths` are the parameters of which a truth is known (None: all).
+    fitted `model` does not. `truths` are the parameters of which a truth is known (None: all).
     """
 
     name: str
@@ -48,6 +48,7 @@ class Scenario:
     maker: Callable[[Impacts], Rebound] | None = None
     spoil: Callable[[Impacts, Columns, np.random.Generator], tuple[Impacts, Columns]] | None = None
     truths: tuple[str, ...] | None = None
+    model: str = DEFAULT_MODEL
 
     @property
     def problem(self) -> Problem:
@@ -56,7 +57,7 @@ class Scenario:
 
     def posed(self, table: ImpactTable) -> Problem:
         """The problem of a table of this design."""
-        return build_problem(table, self.design.scene, Choices(model=DEFAULT_MODEL))
+        return build_problem(table, self.design.scene, Choices(model=self.model))
 
     def truth(self, rng: np.random.Generator) -> FloatArray:
         """True values (free,): the one truth, or a draw from all that is known before the table.
@@ -103,6 +104,10 @@ def _brody(impacts: Impacts) -> Rebound:
     return _made(model("brody"), TRUTH, impacts)
 
 
+def _two_mass(impacts: Impacts) -> Rebound:
+    return _made(model(DEFAULT_MODEL), TRUTH, impacts)
+
+
 def _one_by_one(change: Callable[[float, float], Mapping[str, float]]) -> Callable[[Impacts], Rebound]:
     """Rebounds of the default model whose parameters `change` with the speed and the vertical speed of an impact."""
 
@@ -145,6 +150,10 @@ def _scenarios() -> tuple[Scenario, ...]:
         *drawn,
         Scenario("control", broad, broad.words, made=True),
         Scenario("brody", broad, "made by the model brody", made=False, maker=_brody, truths=SHARED),
+        Scenario(
+            "too-simple", broad, "made by the default model, fitted by brody", made=False, maker=_two_mass, truths=SHARED,
+            model="brody",
+        ),
         Scenario("negated", broad, "both spins of the other sign", made=False, spoil=_negated),
         Scenario("outliers", broad, "a tenth of all measurements off by 5 sds", made=False, spoil=_outliers),
         Scenario("biased", broad, "v_x2 of a quarter of the rows 0.6 m/s too large", made=False, spoil=_biased),
