@@ -151,8 +151,8 @@ def _scenarios() -> tuple[Scenario, ...]:
         Scenario("control", broad, broad.words, made=True),
         Scenario("brody", broad, "made by the model brody", made=False, maker=_brody, truths=SHARED),
         Scenario(
-            "too-simple", broad, "made by the default model, fitted by brody", made=False, maker=_two_mass, truths=SHARED,
-            model="brody",
+            "too-simple", broad, "made by the default model, fitted by brody", made=False, maker=_two_mass,
+            truths=SHARED, model="brody",
         ),
         Scenario("negated", broad, "both spins of the other sign", made=False, spoil=_negated),
         Scenario("outliers", broad, "a tenth of all measurements off by 5 sds", made=False, spoil=_outliers),
