@@ -21,6 +21,7 @@ import fitball
 from fitball.data.columns import LABELS, MEASURED
 from fitball.data.scene_file import KEYS
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
+from fitball.inference.adequacy import describe
 from fitball.inference.assumptions import importance_posterior
 from fitball.inference.assumptions import look as assumptions_look
 from fitball.inference.comparison import cross_validation as leave_out
@@ -35,8 +36,8 @@ from fitball.inference.problem import force_records, measurement_noise
 from fitball.inference.problem import group_bias as offsets
 from fitball.inference.problem import pooling as levels
 from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.results import adequacy, fitted_model, score_difference
 from fitball.inference.results import assumptions as assumption_values
-from fitball.inference.results import fitted_model, score_difference
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT, RunStatus, Verdict
 from fitball.inference.sampling import ensembles as sampling
 from fitball.inference.sampling import moves
@@ -87,6 +88,12 @@ DECIDING = {
     "impacts with which assumptions are looked at": assumptions_look.ROWS,
     "free parameters with which assumptions are looked at": assumptions_look.DIMENSIONS,
     "sds by which a value moves that rests on a choice": assumption_values.MOVED,
+    "chance of a false exception": adequacy.FALSE_EXCEPT,
+    'chance of a false "does not describe"': adequacy.FALSE_FAILS,
+    "pattern that is too small, in noises": describe.SMALL,
+    "share of residual variance that a model may miss": describe.HALF,
+    "share of residual variance below which nothing must hide": describe.BLIND,
+    "sds by which a misfit moves a conditional parameter": adequacy.MOVED,
     "rows left out singly": leave_out.SINGLY,
     "slack of the hull": SLACK,
     "draws of a prediction": fitted_model.PREDICTING,

@@ -124,8 +124,10 @@ def _check(fit: Refit, look: Look, found: Sequence[Direction], p: float) -> Chec
 
 def _misfit(fit: Refit, look: Look, found: Sequence[Direction]) -> FloatArray | None:
     """What was found, as a part of the residuals (measurements,) before a refit; None of what is no part of them."""
-    if look.kind in PATTERNS:
-        direction = found[look.number]
+    if look.kind in (*PATTERNS, "jointly"):
+        mine = [found[look.number]] if look.kind in PATTERNS else [item for item in found if item.over == look.over]
+        # Of all that act together the strongest: the others are known too badly to be taken out.
+        direction = max(mine, key=lambda item: abs(float(item.left @ fit.measured)))
         return np.asarray(direction.shape * (direction.left @ fit.measured) / direction.length)
     if look.kind != "outlier":
         return None
