@@ -117,6 +117,10 @@ def test_a_refit_is_least_squares():
     hat = design @ np.linalg.pinv(design)
     np.testing.assert_allclose(fit.own @ fit.own.T, hat, atol=2e-3)
     assert fit.freedom == pytest.approx([10.0], abs=1e-2)
+    # Tables that the model makes are refitted likewise; what the priors know adds next to nothing here.
+    deviates = np.random.default_rng(1).standard_normal((3, fit.basis.shape[0]))
+    deviates[:, 12:] = 0.0
+    np.testing.assert_allclose(fit.replicate(deviates), deviates[:, :12] @ (np.eye(12) - hat), atol=1e-2)
     assert float(fit.scales(fit.measured[None, :])[0, 0]) * point.values["velocity_sd"] == pytest.approx(
         np.sqrt(np.linalg.lstsq(design, problem.observables[0].observed, rcond=None)[1][0] / 10.0), rel=1e-2
     )
@@ -186,6 +190,11 @@ def test_negated_spins_are_not_described_and_nothing_is_identified():
     assert {verdict(name, found) for name in problem.free_names} == {Verdict.CONDITIONAL}
     assert max(check.ratio for check in found.noise) > 5.0
     assert any("omega_1" in words for words in found.exceptions)
+    # Nor where such noise was expected: what is left follows the spin.
+    wide = {"v_x_sd": "lognormal(2.5, 0.7)", "spin_sd": "lognormal(100, 0.7)"}
+    _, noisy = described(simulated(40, spoil=negated), priors=wide)
+    assert not any(check.found for check in noisy.noise)
+    assert noisy.answer is Answer.FAILS
 
 
 def test_a_biased_group_is_an_exception_by_name_and_moves_what_rests_on_it():

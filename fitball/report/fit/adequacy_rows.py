@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fitball.inference.results.adequacy import MOVED, Adequacy, Answer, Check, Misfit, NoiseCheck
+from fitball.inference.results.adequacy import FALSE_EXCEPT, MOVED, Adequacy, Answer, Check, Misfit, NoiseCheck
 from fitball.inference.results.results import Fit, Verdict
 from fitball.observables import OBSERVABLES
 from fitball.report.form.display_units import output_scale
 from fitball.report.form.rounding import significant
 
-# Checks of one kind and column of which the surest is shown; the file has them all.
-KINDS = {
-    "trend": "trend over incidence", "bend": "bend over incidence", "together": "two quantities together",
-    "regime": "kinds of contact", "group": "groups", "jointly": "all columns", "order": "order of neighbours",
-    "scatter": "size of the scatter", "linked": "columns that deviate together", "outlier": "single impacts",
-    "tails": "heavy tails", "loo-pit": "predictions from the others (LOO-PIT)",
-}  # fmt: skip
+# The order in which kinds of checks are shown, of each and each column the surest; the file has them all.
+KINDS = (
+    "trend", "bend", "together", "regime", "group", "jointly", "order", "scatter", "linked", "outlier", "tails",
+    "loo-pit",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -33,7 +31,7 @@ class AdequacyTable:
 
 
 NOISE_HEADS = ("noise", "columns", "fitted", "stated or expected", "ratio", "probability", "")
-CHECK_HEADS = ("what was looked for", "where", "seen", "usual below", "explains", "probability", "")
+CHECK_HEADS = ("pattern looked for", "seen", "usual below", "explains", "probability", "")
 MISFIT_HEADS = ("impact", "column", "measured", "predicted", "distance [sd]")
 
 
@@ -73,7 +71,7 @@ def remarks(fit: Fit) -> tuple[str, ...]:
         lines.append(f"If that group was measured differently: --offsets {column} fits a bias of each.")
     if kinds & {"outlier", "tails"} and not fit.problem.noise.parameters:
         lines.append("Outliers count for less with --noise student-t.")
-    if "linked" in kinds and fit.problem.incident is None:
+    if "linked" in kinds and fit.problem.incident is None and found.answer is not Answer.FAILS:
         lines.append(
             "Columns deviate together where the incident state was not what the table says: state its errors "
             "(columns such as v_1_sd)."
@@ -103,8 +101,7 @@ def _surest(checks: Sequence[Check]) -> list[Check]:
     kept: dict[tuple[str, str], Check] = {}
     for check in sorted(checks, key=lambda check: (check.p, -(check.explained or 0.0))):
         kept.setdefault((check.kind, check.column), check)
-    order = list(KINDS)
-    return sorted(kept.values(), key=lambda check: (order.index(check.kind), check.column))
+    return sorted(kept.values(), key=lambda check: (KINDS.index(check.kind), check.column))
 
 
 def _noise_row(check: NoiseCheck) -> tuple[str, ...]:
@@ -125,13 +122,12 @@ def _noise_row(check: NoiseCheck) -> tuple[str, ...]:
 
 def _check_row(check: Check) -> tuple[str, ...]:
     return (
-        KINDS[check.kind],
         check.words,
         significant(check.statistic, 2),
         significant(check.usual, 2),
         "-" if check.explained is None else f"{100.0 * check.explained:.0f} %",
         _chance(check.p),
-        "exception" if check.found else "",
+        "exception" if check.found else "not found" if check.p > FALSE_EXCEPT else "far below the noise",
     )
 
 
