@@ -114,7 +114,7 @@ def test_a_broken_page_is_noticed(text, old, new, said):
 
 def test_the_reader_is_told_in_order(text, grip_slip_fit):
     order = [text.index(f'<section id="{name}"') for name in re.findall(r'<a href="#([a-z-]+)"', text)]
-    assert len(order) == 13
+    assert len(order) == 14
     assert order == sorted(order)
     said = headline(grip_slip_fit)
     assert said.startswith(grip_slip_fit.adequacy.sentence)
