@@ -252,10 +252,7 @@ def test_scenes_are_frozen_and_travel_between_processes() -> None:
         ("[ball]\nmass = { value = 0.058, sd = 1e-300 }", "ball.mass: sd = 1e-300: expected"),
         ("[ball]\ninertia = 1e-300", "ball inertia = 1e-300: expected a number from 1e-30 to 1e+06, in SI units"),
         ("[surface]\nmu = 1e20", "surface.mu = 1e+20: expected 1e-6 to 100"),
-        (
-            "[contact_time]\nvalue = 5.0\nsd = 0.05",
-            "contact_time.value = 5: expected 1 us to 100 ms, in s; did you mean 5 ms (0.005)?",
-        ),
+        ("[contact_time]\nvalue = 5.0\nsd = 0.05", "contact_time.value = 5: expected 1 us to 100 ms, in s"),
         ("[measurement]\nspin_sd = 1e300", "measurement.spin_sd = 1e+300"),
         ("[measurement]\nnominal_velocity_sd = 1e-300", "measurement.nominal_velocity_sd = 1e-300"),
         ("[force]\nsd = 1e300", "force.sd = 1e+300"),

@@ -95,7 +95,7 @@ def _show(args: argparse.Namespace) -> int:
     scene = load_scene(args.data, as_read=True)
     table = load_table(args.data, scene=scene, flip=args.flip)
     doubt = doubt_of_table(table, scene.ball)
-    doubts = () if doubt is None else tuple(f"{line} (datasets check)" for line in doubt.lines)
+    doubts = () if doubt is None else doubt.lines(scene)
     if args.json:
         _print_json(_as_json(table, scene))
         return 0

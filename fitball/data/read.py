@@ -78,7 +78,7 @@ def _hints(columns: Mapping[str, NumberColumn], scene: Scene) -> tuple[str, ...]
         return ()
     numbers = {name: column.values for name, column in columns.items() if name in MEASURED}
     doubt = doubt_of(numbers, {name: column.unit.symbol for name, column in columns.items()}, scene.ball)
-    return () if doubt is None else doubt.lines
+    return () if doubt is None else doubt.lines(scene)
 
 
 def _check_count(raw: RawTable, faults: list[Fault], least: int) -> None:

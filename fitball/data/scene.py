@@ -81,6 +81,11 @@ class Scene:
     description: str = ""
     citation: str = ""
 
+    @property
+    def states_ball(self) -> bool:
+        """Whether the radius of the ball was stated and not assumed."""
+        return self.source is not None and not any(_BALL_WORDS["radius"] in sentence for sentence in self.assumed)
+
 
 def load_scene(
     table_source: str | os.PathLike[str], config: str | os.PathLike[str] | None = None, as_read: bool = False

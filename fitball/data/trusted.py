@@ -36,7 +36,9 @@ def trusted_table(
     for table in tables:
         doubt = doubt_of_table(table, scene.ball)
         if doubt is not None and not as_read:
-            raise ReadingError(table.source, doubt.lines)
+            raise ReadingError(table.source, doubt.lines(scene))
         if doubt is not None:
-            notes.append(f"{table.name}: taken as its header says, on request (as_read), although {doubt.lines[0]}")
+            notes.append(
+                f"{table.name}: taken as its header says, on request (as_read), although {doubt.lines(scene)[0]}"
+            )
     return joined(tables), tuple(notes)

@@ -11,6 +11,7 @@ from fitball.data.columns import MEASURED
 from fitball.data.reading.hypotheses import Hypothesis, hypotheses
 from fitball.data.reading.impulse_laws import Misfit, misfit
 from fitball.data.reading.motion import Columns, Motion, chosen_rows, motion_of
+from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.data.units import Dimension
 from fitball.values import Ball, FloatArray
@@ -40,13 +41,18 @@ class Doubt:
     as_read: Misfit
     found: tuple[Explanation, ...]
 
-    @property
-    def lines(self) -> tuple[str, ...]:
+    def lines(self, scene: Scene) -> tuple[str, ...]:
         """Each reading in a sentence: the numbers, and what to do."""
-        return tuple(
+        said = [
             f"{item.hypothesis.words} {_fall(self.as_read, item.misfit)}: {item.hypothesis.remedy} if that is meant"
             for item in self.found
-        )
+        ]
+        if not scene.states_ball and any(item.hypothesis.scales for item in self.found):
+            said.append(
+                f"a ball of another radius than {1e3 * scene.ball.radius:g} mm, which is assumed, may look alike: "
+                "state [ball] in the scene"
+            )
+        return tuple(said)
 
 
 def doubt_of(columns: Columns, units: Mapping[str, str], ball: Ball) -> Doubt | None:

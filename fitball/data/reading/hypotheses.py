@@ -31,7 +31,8 @@ _SIGNED = ("omega_1", "omega_2", "v_x1", "v_x2")
 class Hypothesis:
     """Another reading: `words` ("with omega_1 and omega_2 negated"), `remedy` (what to do if that is meant), and how
     it changes the columns; `parts` counts how many things it takes to be wrong. What `needs_spin` changes one end
-    alone, which a table without spins cannot tell from a ball of its own kind.
+    alone, which a table without spins cannot tell from a ball of its own kind; what `scales` is another unit, which
+    spins cannot tell from another radius.
     """
 
     words: str
@@ -39,6 +40,7 @@ class Hypothesis:
     apply: Callable[[Columns], Columns]
     parts: int = 1
     needs_spin: bool = False
+    scales: bool = False
 
 
 def hypotheses(columns: Columns, units: Mapping[str, str]) -> tuple[Hypothesis, ...]:
@@ -63,6 +65,7 @@ def both(one: Hypothesis, other: Hypothesis) -> Hypothesis:
         lambda columns: other.apply(one.apply(columns)),
         one.parts + other.parts,
         one.needs_spin or other.needs_spin,
+        one.scales or other.scales,
     )
 
 
@@ -135,7 +138,7 @@ def _unit(names: tuple[str, ...], symbol: str, units: Mapping[str, str], parts: 
     was = sorted({unit.symbol for unit in before.values()})
     cells = [f"{name} [{symbol}]" for name in (*names, *_sds(names, units))]
     words = f"with {listed(names)} in {symbol} instead of {' and '.join(was)}"
-    return [Hypothesis(words, f"write in the header {_quoted(cells)}", apply, parts, parts > 1)]
+    return [Hypothesis(words, f"write in the header {_quoted(cells)}", apply, parts, parts > 1, scales=True)]
 
 
 def _sds(names: Sequence[str], units: Mapping[str, str]) -> list[str]:

@@ -1,0 +1,305 @@
+"""Was a table read the right way round: no alarm on good tables, the right word on misread ones, nothing unasked."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import misread
+import numpy as np
+import pytest
+from samples import save_without_figures
+from test_data_bounds import ALUMINA, KHARAZ, written
+
+import fitball
+from fitball.api import pose
+from fitball.cli.main import main
+from fitball.data.bundled import bundled_names
+from fitball.data.reading.doubt import doubt_of, doubt_of_table
+from fitball.data.reading.flip import FLIPPABLE, flipped
+from fitball.data.reading.hypotheses import hypotheses
+from fitball.data.reading.impulse_laws import misfit
+from fitball.data.reading.motion import motion_of
+from fitball.data.scene import load_scene
+from fitball.data.units import UNITS
+from fitball.errors import ParameterError, ReadingError, TableError
+from fitball.inference.calibrate import fingerprint
+from fitball.inference.effort import Effort
+from fitball.inference.problem.build import Choices
+from fitball.report.saved.restore import restore
+from fitball.report.saved.run_record import find_tables, read_run, record_problem
+
+CLEAR = ("wide", "backspin", "basketball")
+
+
+def doubt(columns, ball=misread.TENNIS):
+    return doubt_of(columns, {name: misread.UNITS[name] for name in columns}, ball)
+
+
+def saved(place: Path, columns) -> Path:
+    """A table as a file, in SI but for angles, which are in degrees."""
+    shown = {name: np.degrees(values) if name.startswith("theta") else values for name, values in columns.items()}
+    rows = (",".join(f"{value:.5g}" for value in row) for row in zip(*shown.values(), strict=True))
+    place.write_text("\n".join([",".join(shown), *rows]) + "\n", encoding="utf-8")
+    return place
+
+
+@pytest.mark.slow
+def test_no_good_table_is_doubted():
+    """132 tables; with 0.5 % of false alarms one of them would be seen in half of all choices of seeds."""
+    forms = (lambda columns: columns, misread.polar, misread.spinless)
+    for design in misread.DESIGNS:
+        for seed in range(2):
+            columns, ball = misread.table(design, seed)
+            for form in forms:
+                assert doubt(form(columns), ball) is None, (design, seed)
+
+
+@pytest.mark.slow
+def test_misread_tables_are_found_and_the_right_reading_is_named():
+    found = named = 0
+    missed = []
+    for kind, (spoil, words) in misread.MISREADINGS.items():
+        for design in CLEAR:
+            columns, ball = misread.table(design, 3)
+            said = doubt(spoil(columns), ball)
+            found += said is not None
+            hit = said is not None and any(words in item.hypothesis.words for item in said.found)
+            named += hit
+            missed += [] if hit else [(kind, design)]
+    # All 60 on the day this was written.
+    assert found >= 56 and named >= 55, missed
+
+
+@pytest.mark.parametrize("name", bundled_names())
+def test_bundled_tables_are_right_as_they_stand(name):
+    assert doubt_of_table(fitball.load_table(name), load_scene(name).ball) is None
+
+
+def test_hard_spheres_and_the_readme_are_right_as_they_stand(tmp_path):
+    """Kharaz et al. (2001): mu 0.09 and restitution 0.99; four impacts in kilometres, degrees and turns."""
+    place = written(tmp_path, KHARAZ, ALUMINA)
+    assert doubt_of_table(fitball.load_table(place), load_scene(place).ball) is None
+    readme = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8").split("`my_balls.csv`:")[1]
+    rows = [line.strip() for line in readme.split("\n\n")[1].splitlines()]
+    (tmp_path / "my_balls.csv").write_text("\n".join(rows), encoding="utf-8")
+    assert doubt_of_table(fitball.load_table(tmp_path / "my_balls.csv"), fitball.Ball()) is None
+
+
+def test_a_few_bad_rows_are_no_misreading():
+    """Every third spin negated, or one row in ten astray: other matters, and no reading mends them."""
+    columns, ball = misread.table("wide", 0)
+    third = columns | {"omega_2": np.where(np.arange(30) % 3 == 0, -1.0, 1.0) * columns["omega_2"]}
+    astray = columns | {"v_x2": columns["v_x2"] + np.where(np.arange(30) % 10 == 0, 12.0, 0.0)}
+    assert doubt(third, ball) is None and doubt(astray, ball) is None
+
+
+def test_tables_that_obey_the_laws_leave_nothing():
+    """Impulses on a sphere, written out: sliding, rolling with restitution, an offset."""
+    ball, rng = misread.sphere(0.05, 0.03, 0.5), np.random.default_rng(0)
+    v_x, v_y, spin = rng.uniform(2, 20, 40), rng.uniform(3, 12, 40), rng.uniform(-200, 200, 40)
+    mu, e_x, offset, up = 0.4, 0.2, 1.5e-3, 0.7 * v_y
+    impulse = ball.mass * (v_y + up)
+    # The grip impulse that turns the slip round by e_x, the normal force acting ahead of the centre.
+    slip_per_impulse = 1.0 / ball.mass + ball.radius**2 / ball.inertia
+    grip = ((1 + e_x) * (v_x - ball.radius * spin) + ball.radius * offset * impulse / ball.inertia) / slip_per_impulse
+    along = np.clip(grip, -mu * impulse, mu * impulse)
+    turned = spin + (ball.radius * along - offset * impulse) / ball.inertia
+    columns = {
+        "v_x1": v_x, "v_y1": v_y, "omega_1": spin, "v_x2": v_x - along / ball.mass, "v_y2": up, "omega_2": turned
+    }  # fmt: skip
+    assert 5 < np.sum(np.abs(grip) < mu * impulse) < 35
+    left = misfit(motion_of(columns), ball)
+    assert left.cost < 3.0
+    assert left.residuals["v_x2"] < 0.05 and left.residuals["omega_2"] < 3.0 and left.residuals["v_y2"] < 0.05
+    # A misfit is a share of the motion: another clock changes nothing.
+    hours = {name: 3600.0 * values for name, values in columns.items()}
+    assert misfit(motion_of(hours), ball).cost == pytest.approx(left.cost)
+    # Neither does the mirror image.
+    mirrored = {name: values if name.startswith("v_y") else -values for name, values in columns.items()}
+    assert misfit(motion_of(mirrored), ball).cost == pytest.approx(left.cost, abs=0.1)
+
+
+def test_what_each_hypothesis_does():
+    columns, _ball = misread.table("wide", 0)
+    units = {name: misread.UNITS[name] for name in columns} | {"omega_1_sd": "rad/s"}
+    known = {item.words: item for item in hypotheses(columns, units)}
+    rpm = known["with omega_1 and omega_2 in rpm instead of rad/s"]
+    np.testing.assert_allclose(rpm.apply(columns)["omega_2"], columns["omega_2"] * np.pi / 30.0)
+    assert rpm.remedy == "write in the header 'omega_1 [rpm]', 'omega_2 [rpm]' and 'omega_1_sd [rpm]'"
+    ends = known["with incidence and rebound swapped"].apply(columns)
+    assert all(ends[f"{name}1"] is columns[f"{name}2"] for name in ("v_x", "v_y", "omega_"))
+    assert "with omega_1, omega_2, v_x1 and v_x2 negated" not in known, "the mirror image of nothing"
+    assert not any("theta" in words for words in known)
+    turned = misread.polar(columns)
+    angles = {item.words: item for item in hypotheses(turned, misread.UNITS)}
+    normal = angles["with theta_2 measured from the normal"].apply(turned)
+    np.testing.assert_allclose(normal["theta_2"] + turned["theta_2"], np.pi / 2.0)
+    assert {unit for words in known for unit in UNITS if f" in {unit} instead" in words} >= {
+        "rpm",
+        "mph",
+        "ft/s",
+        "km/h",
+    }
+
+
+@pytest.fixture(scope="module")
+def spins(tmp_path_factory):
+    """A table of which both spins have the other sign."""
+    columns = misread.negated("omega_1", "omega_2")(misread.table("wide", 0)[0])
+    return saved(tmp_path_factory.mktemp("spins") / "balls.csv", columns)
+
+
+def test_every_verb_asks_and_names_both_that_explain_as_much(spins, tmp_path, capsys):
+    for words in (("datasets", "check"), ("calibrate", "--out", str(tmp_path / "fit")), ("compare",)):
+        assert main([*words, str(spins)]) == 2
+        said = "".join(capsys.readouterr())
+        assert "with omega_1 and omega_2 negated the spin residual of a quick fit falls from " in said, words
+        assert "pass --flip omega_1,omega_2 if that is meant" in said
+        assert "pass --flip v_x1,v_x2 if that is meant" in said
+        assert "--as-read" in said
+    assert not (tmp_path / "fit").exists()
+    with pytest.raises(ReadingError, match="--flip omega_1,omega_2") as caught:
+        fitball.calibrate(spins, model="grip-slip", point_only=True)
+    first = caught.value.readings[0].split()
+    before, after = float(first[first.index("from") + 1]), float(first[first.index("to") + 1])
+    assert before > 80.0 and 5.0 < after < 20.0, "noise was 10 rad/s"
+    assert main(["datasets", "check", str(spins), "--json"]) == 2
+    assert "omega_1 and omega_2 negated" in json.loads(capsys.readouterr().out)["faults"][0]["message"]
+    assert main(["datasets", "show", str(spins)]) == 0
+    assert "another reading explains" in capsys.readouterr().out
+
+
+def test_a_flip_is_applied_told_kept_and_repeated(spins, tmp_path, capsys):
+    flip = ["omega_1", "omega_2"]
+    table = fitball.load_table(spins, flip=flip)
+    np.testing.assert_array_equal(table.impacts.omega_1, -fitball.load_table(spins).impacts.omega_1)
+    assert table.flipped == ("omega_1", "omega_2")
+    assert main(["datasets", "check", str(spins), "--flip", "omega_1,omega_2"]) == 0
+    assert "omega_2 is counted with the other sign, on request (flip)" in capsys.readouterr().out
+    fit = fitball.calibrate(spins, model="grip-slip", point_only=True, cores=1, flip=flip)
+    assert 0.4 < fit.point.values["mu"] < 0.75
+    save_without_figures(fit, tmp_path / "fit")
+    kept = json.loads((tmp_path / "fit" / "fit.json").read_text("utf-8"))
+    assert kept["table"]["flipped"] == flip
+    assert any("omega_1 is counted with the other sign" in note for note in kept["notes"])
+    run = tomllib.loads((tmp_path / "fit" / "run.toml").read_text("utf-8"))
+    assert run["table"]["flipped"] == flip
+    record = read_run(tmp_path / "fit")
+    again = record_problem(record, find_tables(record))
+    np.testing.assert_array_equal(again.table.impacts.omega_1, table.impacts.omega_1)
+    # A prediction for a table of the same sign needs the flip too, and says so where it is missing.
+    assert main(["predict", str(tmp_path / "fit"), str(spins)]) == 0
+    assert (
+        "made with omega_1, omega_2 flipped, these impacts are read with no column flipped" in capsys.readouterr().err
+    )
+    assert main(["predict", str(tmp_path / "fit"), str(spins), "--flip", "omega_1,omega_2"]) == 0
+    assert "flipped, these" not in capsys.readouterr().err
+
+
+def test_no_chain_goes_on_with_other_signs(spins):
+    """A chain is resumed where the fingerprint is the same; the bytes of the file are."""
+    choices, effort = Choices(model="grip-slip"), Effort(cores=1)
+    turned, other = pose(spins, choices, flip=("omega_1", "omega_2")), pose(spins, choices, as_read=True)
+    assert turned.table.digest == other.table.digest
+    assert fingerprint(turned, effort) != fingerprint(other, effort)
+
+
+def test_as_read_leaves_a_note_and_nobody_asks_again(spins, tmp_path, capsys):
+    fit = fitball.calibrate(spins, model="grip-slip", point_only=True, cores=1, as_read=True)
+    (note,) = (note for note in fit.notes if "as_read" in note)
+    assert "taken as its header says" in note and "with omega_1 and omega_2 negated" in note
+    save_without_figures(fit, tmp_path / "fit")
+    record = read_run(tmp_path / "fit")
+    assert note in record_problem(record, find_tables(record)).notes
+    assert restore(tmp_path / "fit").problem.table.impacts.omega_1[0] == fit.problem.table.impacts.omega_1[0]
+    assert main(["predict", str(tmp_path / "fit"), str(spins)]) == 0
+    capsys.readouterr()
+    assert main(["datasets", "check", str(spins), "--as-read"]) == 0
+    assert "although with omega_1 and omega_2 negated" in capsys.readouterr().out
+
+
+def test_tables_are_looked_at_one_by_one_and_one_alone_is_flipped(spins, tmp_path):
+    good = saved(tmp_path / "good.csv", misread.table("wide", 1)[0])
+    with pytest.raises(ReadingError, match=str(spins)):
+        pose([good, spins], Choices(model="grip-slip"))
+    problem = pose([good, spins], Choices(model="grip-slip"), flip=("balls:omega_1", "balls:omega_2"))
+    assert problem.table.flipped == ("balls:omega_1", "balls:omega_2")
+    np.testing.assert_array_equal(problem.table.impacts.omega_1[:30], fitball.load_table(good).impacts.omega_1)
+    np.testing.assert_array_equal(problem.table.impacts.omega_1[30:], -fitball.load_table(spins).impacts.omega_1)
+    with pytest.raises(ParameterError, match="there is no table 'ball': did you mean 'balls'"):
+        pose([good, spins], Choices(), flip=("ball:omega_1",))
+
+
+def test_flips_that_are_none(spins, capsys):
+    for flip, words in (
+        (("omega_3",), "no column 'omega_3' to flip: did you mean 'omega_"),
+        (("v_1",), "no column 'v_1'"),
+        (("omega_1", "omega_1"), "named twice"),
+    ):
+        with pytest.raises(ParameterError, match=words):
+            fitball.load_table(spins, flip=flip)
+    with pytest.raises(ParameterError, match="was read already"):
+        fitball.calibrate(fitball.load_table(spins), flip=("omega_1",))
+    with pytest.raises(SystemExit):
+        main(["datasets", "check", str(spins), "--flip", "omega_1,,omega_2"])
+    assert "names of columns separated by commas" in capsys.readouterr().err
+    values = np.array([0.2, 1.0])
+    for name in FLIPPABLE:
+        np.testing.assert_allclose(flipped(name, flipped(name, values)), values)
+
+
+@pytest.mark.parametrize(
+    ("kind", "remedy"),
+    [
+        ("v_y towards the court", "pass --flip v_y1"),
+        ("rpm", "write in the header 'omega_1 \\[rpm\\]' and 'omega_2 \\[rpm\\]'"),
+        ("ends", "exchange in the header the names v_x1 and v_x2"),
+        ("rebound mph", "write in the header 'v_x2 \\[mph\\]' and 'v_y2 \\[mph\\]'"),
+    ],
+)
+def test_a_table_that_is_refused_is_told_what_it_may_mean(tmp_path, kind, remedy):
+    place = saved(tmp_path / "balls.csv", misread.MISREADINGS[kind][0](misread.table("wide", 0)[0]))
+    with pytest.raises(
+        TableError, match=f"what may be meant.*{remedy} if that is meant|what may be meant(.|\n)*{remedy}"
+    ):
+        fitball.load_table(place)
+
+
+def test_the_remedy_of_a_table_that_was_refused_works(tmp_path):
+    columns = misread.table("wide", 0)[0]
+    place = saved(tmp_path / "balls.csv", misread.negated("v_y1")(columns))
+    np.testing.assert_allclose(fitball.load_table(place, flip=["v_y1"]).impacts.v_y1, columns["v_y1"], rtol=1e-4)
+    normal = saved(tmp_path / "normal.csv", misread.from_normal("theta_1", "theta_2")(columns))
+    table = pose(normal, Choices(model="grip-slip"), flip=("theta_1", "theta_2")).table
+    np.testing.assert_allclose(table.impacts.v_y1, columns["v_y1"], rtol=1e-3)
+    assert "from the normal" in table.remarks[0]
+
+
+def test_faults_that_no_reading_mends_bring_no_hint(tmp_path):
+    columns = misread.table("wide", 0)[0]
+    one = columns | {"v_y2": np.where(np.arange(30) == 3, 40.0, columns["v_y2"])}
+    with pytest.raises(TableError) as caught:
+        fitball.load_table(saved(tmp_path / "one.csv", one))
+    assert caught.value.hints == () and "may be meant" not in str(caught.value)
+
+
+def test_another_ball_is_named_beside_another_unit_where_the_ball_is_assumed(tmp_path):
+    """Small balls with a tennis ball's radius turn too fast for their speed, as with a wrong unit."""
+    columns, ball = misread.table("basketball", 0)
+    place = saved(tmp_path / "balls.csv", columns)
+    with pytest.raises((ReadingError, TableError)) as caught:
+        pose(place, Choices(model="grip-slip"))
+    assert "another radius than 33.02 mm, which is assumed" in str(caught.value)
+    scene = f"[ball]\nmass = {ball.mass}\nradius = {ball.radius}\ninertia_ratio = 0.62\n"
+    place.with_suffix(".toml").write_text(scene, encoding="utf-8")
+    assert pose(place, Choices(model="grip-slip")).table.flipped == ()
+
+
+def test_a_scene_made_in_python_is_asked_about_too(spins):
+    table = fitball.load_table("wang_zero_spin")
+    heavy = replace(load_scene("wang_zero_spin"), ball=misread.sphere(15.0, 0.12, 0.4))
+    with pytest.raises(fitball.FitballError, match=r"ball.mass = 15 is far from any"):
+        fitball.calibrate(table, model="grip-slip", scene=heavy, point_only=True)
