@@ -127,6 +127,7 @@ MISREADINGS = {
     "mph and rpm": (
         lambda columns: times(MPH, *SPEEDS)(times(RPM, *SPINS)(columns)), "in mph instead of m/s and omega_1"
     ),
+    "both spins, in rpm": (times(-RPM, *SPINS), "omega_2 negated and omega_1 and omega_2 in rpm instead of rad/s"),
     "from the normal": (from_normal(*ANGLES), "with theta_1 and theta_2 measured from the normal"),
     "incident from the normal": (from_normal("theta_1"), "with theta_1 measured from the normal"),
     "radians": (lambda columns: times(np.pi / 180.0, *ANGLES)(polar(columns)), "with theta_1 and theta_2 in rad"),

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
+import numpy as np
 import pytest
 
 from fitball.data.bundled import bundled_names, bundled_tables
@@ -19,6 +20,7 @@ from fitball.data.scene import Scene, load_scene
 from fitball.data.scene_file import FREE, KEYS, Kind
 from fitball.data.scene_limits import range_fault
 from fitball.errors import SceneError, TableError
+from fitball.inference.problem.build import Choices, build_problem
 
 SCHEMA: dict[str, Any] = json.loads(files("fitball.data").joinpath("scene.schema.json").read_text(encoding="utf-8"))
 TABLE = "v_y1,v_y2\n4,3\n7,5\n"
@@ -305,3 +307,77 @@ def test_force_records_with_a_name_too_long_for_the_system(tmp_path: Path) -> No
 def test_the_ends_of_what_a_scene_may_hold(key, least, most):
     for value, allowed in ((least, True), (most, True), (0.97 * least, False), (1.03 * most, False)):
         assert (range_fault(key, value, None) is None) is allowed
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[ball]\nmass = 57.7", "did you mean 57.7 g (0.0577)?"),
+        ("[ball]\nmass = { value = 57.7, sd = 0.3 }", "did you mean 57.7 g (0.0577)?"),
+        ("[ball]\nmass = { value = 0.0577, sd = 0.3 }", "did you mean 0.3 g (0.0003)?"),
+        ("[ball]\nmass = 2.7\nradius = 0.02", "denser than any metal"),
+        ("[ball]\nmass = 2.7\nradius = 0.02", "did you mean a mass of 2.7 g (0.0027)?"),
+        ("[ball]\nradius = 33", "did you mean 33 mm (0.033)?"),
+        ("[ball]\nradius = 3.3", "did you mean 3.3 cm (0.033)?"),
+        ("[ball]\nradius = 0.33", "lighter than air"),
+        ("[ball]\ninertia = 350", "did you mean 350 g cm^2 (3.5e-05)?"),
+        ("[contact_time]\nvalue = 5\nsd = 0.5", "did you mean 5 ms (0.005)?"),
+        ("[contact_time]\nvalue = 5\nsd = 0.5", "did you mean 0.5 ms (0.0005)?"),
+        ("[measurement]\nvelocity_sd = 20", "did you mean 20 cm/s (0.2)?"),
+        ("[measurement]\nspin_sd = 2000", "did you mean 2000 rpm (209.4)?"),
+    ],
+)
+def test_a_unit_that_may_have_been_meant(tmp_path, text, words):
+    """None of them can be: also not on request."""
+    assert words in refused(tmp_path, text)
+    with pytest.raises(SceneError):
+        load_scene(tmp_path / "t.csv", as_read=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[ball]\nmass = 12\nradius = 0.12", "ball.mass = 12 is far from any: 1e-05 to 8 are usual"),
+        ("[ball]\nmass = 0.05\nradius = 0.2", "less than a ball of a game has: state both mass and radius"),
+        ("[ball]\ninertia_ratio = 0.9", "ball.inertia_ratio = 0.9 is far from any"),
+        ("[surface]\nmu = 55", "did you mean 55 % (0.55)?"),
+        ("[measurement]\nangle_sd = 0.5", "did you mean 0.5 deg (0.008727)?"),
+        ("[measurement]\nspin_sd = 600", "did you mean 600 rpm (62.83)?"),
+        ("[contact_time]\nvalue = 0.08\nsd = 0.01", "contact_time.value = 0.08 is far from any"),
+    ],
+)
+def test_what_is_far_from_any_ball_is_asked_about(tmp_path, text, words):
+    message = refused(tmp_path, text)
+    assert words in message and "pass --as-read (in Python as_read=True)" in message
+    taken = load_scene(tmp_path / "t.csv", as_read=True)
+    assert any(
+        "taken as stated, on request (as_read): " in sentence and words[:20] in sentence for sentence in taken.assumed
+    )
+
+
+# Mass [kg], radius [m], I/(M R^2).
+BALLS = {
+    "tennis": (0.0577, 0.033, 0.55), "table tennis": (2.7e-3, 0.02, 0.66), "golf": (0.0459, 0.0213, 0.4),
+    "squash": (0.024, 0.02, 0.6), "basketball": (0.62, 0.12, 0.65), "football": (0.43, 0.11, 0.65),
+    "volleyball": (0.27, 0.105, 0.66), "cricket": (0.16, 0.0362, 0.4), "billiards": (0.17, 0.0286, 0.4),
+    "bowling": (7.2, 0.108, 0.4), "marble": (5e-3, 8e-3, 0.4), "steel bead": (2.6e-4, 2e-3, 0.4),
+    "superball": (0.045, 0.0225, 0.4), "foam": (0.01, 0.035, 0.4),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BALLS)
+def test_balls_of_games_and_laboratories_are_welcome_and_fitted_within_their_sds(tmp_path, name):
+    mass, radius, ratio = BALLS[name]
+    scene = scene_of(
+        tmp_path,
+        f"[ball]\nmass = {{ value = {mass}, sd = {0.02 * mass} }}\n"
+        f"radius = {{ value = {radius}, sd = {0.01 * radius} }}\n"
+        f"inertia_ratio = {{ value = {ratio}, sd = 0.01 }}\n",
+    )
+    assert not any("as_read" in sentence for sentence in scene.assumed)
+    table = load_table("wang_zero_spin", scene=Scene())
+    parameters = {item.name: item for item in build_problem(table, scene, Choices(model="grip-slip")).parameters}
+    for key, value in (("ball_mass", mass), ("ball_radius", radius)):
+        prior = parameters[key].prior
+        assert parameters[key].free and prior.lower < 0.9 * value and prior.upper > 1.1 * value
+        assert prior.quantile(np.array([0.5]))[0] == pytest.approx(value, rel=1e-6)

@@ -17,7 +17,7 @@ _LENGTHS = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254}
 _INERTIAS = {"g cm^2": 1e-7, "g mm^2": 1e-9, "kg cm^2": 1e-4, "kg mm^2": 1e-6, "g m^2": 1e-3}
 _TIMES = {"ms": 1e-3, "us": 1e-6}
 _SPEEDS = {"mm/s": 1e-3, "cm/s": 1e-2, "km/h": 1.0 / 3.6}
-_SPINS = {"rpm": pi / 30.0, "deg/s": pi / 180.0}
+_SPINS = {"rpm": pi / 30.0}
 _ANGLES = {"deg": pi / 180.0, "mrad": 1e-3}
 
 

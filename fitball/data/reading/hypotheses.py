@@ -57,6 +57,15 @@ def hypotheses(columns: Columns, units: Mapping[str, str]) -> tuple[Hypothesis, 
     return tuple(sorted(found, key=lambda item: item.parts))
 
 
+def double_hypotheses(columns: Columns, units: Mapping[str, str]) -> tuple[Hypothesis, ...]:
+    """Signs that are wrong together with units, angles or components."""
+    signs, others = (
+        [*_signs(columns)],
+        [*_from_normal(columns), *_unit_slips(columns, units), *_crossed(columns, units)],
+    )
+    return tuple(both(sign, other) for sign in signs for other in others if not other.needs_spin)
+
+
 def both(one: Hypothesis, other: Hypothesis) -> Hypothesis:
     """The two together."""
     return Hypothesis(
@@ -151,6 +160,10 @@ def _swaps(columns: Columns, units: Mapping[str, str]) -> Iterator[Hypothesis]:
         yield _swap(ends, "with incidence and rebound swapped", units)
     for pair in ends:
         yield _swap([pair], f"with {pair[0]} and {pair[1]} swapped", units, needs_spin=True)
+    yield from _crossed(columns, units)
+
+
+def _crossed(columns: Columns, units: Mapping[str, str]) -> Iterator[Hypothesis]:
     crossed = [(f"v_x{end}", f"v_y{end}") for end in ("1", "2") if {f"v_x{end}", f"v_y{end}"} <= columns.keys()]
     for count in range(1, len(crossed) + 1):
         for pairs in combinations(crossed, count):

@@ -15,6 +15,7 @@ from fitball.values import FloatArray
 Columns = Mapping[str, FloatArray]
 # Rows that are looked at: as many show any error of a whole column, and the time stays a fraction of a second.
 MOST_ROWS = 60
+_ABSURD = 1e9
 
 
 @dataclass(frozen=True)
@@ -60,12 +61,18 @@ def motion_of(columns: Columns) -> Motion:
     """The motion that columns [SI] of whole tables describe."""
     known = {name: Uncertain.exact(values) for name, values in columns.items()}
     before, after = velocity(known, "1"), velocity(known, "2")
-    incident = [None if item is None else item.value for item in (before.x, before.y)]
-    rebound = [None if item is None else item.value for item in (after.x, after.y)]
+    incident, rebound = ([_finite(item) for item in (end.x, end.y)] for end in (before, after))
     doubled = tuple(item for end in ("1", "2") for item in _contradictions(columns, end))
     return Motion(
         incident[0], incident[1], columns.get("omega_1"), rebound[0], rebound[1], columns.get("omega_2"), doubled
     )
+
+
+def _finite(quantity: Uncertain | None) -> FloatArray | None:
+    """Numbers, those that the columns do not determine (a speed from a component at right angles) absurdly large."""
+    if quantity is None:
+        return None
+    return np.nan_to_num(quantity.value, nan=_ABSURD, posinf=_ABSURD, neginf=-_ABSURD)
 
 
 def _contradictions(columns: Columns, end: str) -> list[FloatArray]:
