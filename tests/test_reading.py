@@ -281,6 +281,13 @@ def test_a_table_that_is_refused_is_told_what_it_may_mean(tmp_path, kind, remedy
         fitball.load_table(place)
 
 
+def test_the_one_unit_in_which_a_time_can_be_is_named(tmp_path):
+    place = tmp_path / "t.csv"
+    place.write_text("v_y1,v_y2,contact_time\n4,3,5.1\n6,4.5,4.9\n", encoding="utf-8")
+    with pytest.raises(TableError, match=r"did you mean 'contact_time \[ms\]' in the header\?"):
+        fitball.load_table(place)
+
+
 def test_the_remedy_of_a_table_that_was_refused_works(tmp_path):
     columns = misread.table("wide", 0)[0]
     place = saved(tmp_path / "balls.csv", misread.negated("v_y1")(columns))

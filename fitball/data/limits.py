@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fitball.data.columns import NUMBERS, SD_SUFFIX
 from fitball.data.number_column import NumberColumn
 from fitball.data.raw import RawRow
-from fitball.data.units import Dimension
+from fitball.data.units import UNITS, Dimension, symbols
 from fitball.errors import Fault, ParameterError
 from fitball.values import FloatArray
 
@@ -78,11 +78,21 @@ def within_limits(
         if not beyond.any():
             continue
         kept[name] = replace(column, values=np.where(beyond, np.nan, column.values))
+        meant = _meant(column)
         for index in np.flatnonzero(beyond):
             read = column.shown(column.values[index])
-            message = f"read {read}; expected {_limit(name).words}: check the unit and the digits"
+            message = f"read {read}; expected {_limit(name).words}: check the unit and the digits{meant}"
             faults.append(Fault(message, rows[index].number, rows[index].line, name))
     return kept
+
+
+def _meant(column: NumberColumn) -> str:
+    """A question, where a single other unit makes every number of a column one that can be."""
+    units = [UNITS[symbol] for symbol in symbols(column.unit.dimension)]
+    with np.errstate(over="ignore"):
+        written = column.unit.from_si(column.values[np.isfinite(column.values)])
+        fitting = [unit.symbol for unit in units if not beyond_limit(column.name, unit.to_si(written)).any()]
+    return f"; did you mean '{column.name} [{fitting[0]}]' in the header?" if len(fitting) == 1 else ""
 
 
 def refuse_beyond(name: str, values: FloatArray) -> None:
