@@ -135,6 +135,22 @@ def test_tables_that_obey_the_laws_leave_nothing():
     assert misfit(motion_of(mirrored), ball).cost == pytest.approx(left.cost, abs=0.1)
 
 
+def test_no_reading_is_proposed_that_is_absurd_itself():
+    """A ball that comes back with a fifth of its speed, rebounds 2.2 times too fast: miles an hour explain it, but no
+    ball does that; with a half of it they are named.
+    """
+    named = []
+    for restitution in (0.22, 0.5):
+        columns, ball = misread.table("rolling", 0)
+        impacts = fitball.impacts(columns["v_x1"], columns["v_y1"], columns["omega_1"])
+        values = {"mu": 0.6, "e_x": 0.1, "offset": 0.0, "cor_10": restitution, "cor_slope": 0.0}
+        rebound = fitball.model("grip-slip", ball=ball).rebound(values, impacts)
+        columns |= {name: getattr(rebound, name) for name in ("v_x2", "v_y2", "omega_2")}
+        said = doubt(misread.times(misread.MPH, "v_x2", "v_y2")(columns), ball)
+        named.append(said is not None and any("v_y2 in mph" in item.hypothesis.words for item in said.found))
+    assert named == [False, True]
+
+
 def test_what_each_hypothesis_does():
     columns, _ball = misread.table("wide", 0)
     units = {name: misread.UNITS[name] for name in columns} | {"omega_1_sd": "rad/s"}
@@ -296,6 +312,14 @@ def test_the_remedy_of_a_table_that_was_refused_works(tmp_path):
     table = pose(normal, Choices(model="grip-slip"), flip=("theta_1", "theta_2")).table
     np.testing.assert_allclose(table.impacts.v_y1, columns["v_y1"], rtol=1e-3)
     assert "from the normal" in table.remarks[0]
+
+
+def test_two_flips_are_one_option():
+    columns, ball = misread.table("wide", 0)
+    said = doubt(misread.negated("omega_1", "omega_2")(misread.from_normal("theta_1", "theta_2")(columns)), ball)
+    assert (
+        said is not None and "pass --flip omega_1,omega_2,theta_1,theta_2 if that is meant" in said.lines(Scene())[0]
+    )
 
 
 def test_faults_that_no_reading_mends_bring_no_hint(tmp_path):

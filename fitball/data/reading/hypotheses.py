@@ -24,6 +24,7 @@ _USUAL: Mapping[Dimension, tuple[str, ...]] = {
     Dimension.SPIN: ("rad/s", "rpm", "rev/s", "deg/s"),
     Dimension.ANGLE: ("deg", "rad"),
 }
+_FLIP = "pass --flip "
 _SIGNED = ("omega_1", "omega_2", "v_x1", "v_x2")
 
 
@@ -59,23 +60,27 @@ def hypotheses(columns: Columns, units: Mapping[str, str]) -> tuple[Hypothesis, 
 
 def double_hypotheses(columns: Columns, units: Mapping[str, str]) -> tuple[Hypothesis, ...]:
     """Signs that are wrong together with units, angles or components."""
-    signs, others = (
-        [*_signs(columns)],
-        [*_from_normal(columns), *_unit_slips(columns, units), *_crossed(columns, units)],
-    )
-    return tuple(both(sign, other) for sign in signs for other in others if not other.needs_spin)
+    others = [*_from_normal(columns), *_unit_slips(columns, units), *_crossed(columns, units)]
+    return tuple(both(sign, other) for sign in _signs(columns) for other in others if not other.needs_spin)
 
 
 def both(one: Hypothesis, other: Hypothesis) -> Hypothesis:
     """The two together."""
     return Hypothesis(
         f"{one.words} and {other.words.removeprefix('with ')}",
-        f"{one.remedy}; and {other.remedy}",
+        _and(one.remedy, other.remedy),
         lambda columns: other.apply(one.apply(columns)),
         one.parts + other.parts,
         one.needs_spin or other.needs_spin,
         one.scales or other.scales,
     )
+
+
+def _and(one: str, other: str) -> str:
+    """What to do about both; two flips are one."""
+    if one.startswith(_FLIP) and other.startswith(_FLIP):
+        return f"{one},{other.removeprefix(_FLIP)}"
+    return f"{one}; and {other}"
 
 
 def listed(names: Sequence[str]) -> str:
@@ -86,7 +91,7 @@ def listed(names: Sequence[str]) -> str:
 def _flip(names: tuple[str, ...], words: str, parts: int) -> Hypothesis:
     return Hypothesis(
         f"with {listed(names)} {words}",
-        f"pass --flip {','.join(names)}",
+        _FLIP + ",".join(names),
         lambda columns: {
             name: flipped(name, values) if name in names else values for name, values in columns.items()
         },
