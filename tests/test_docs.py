@@ -27,7 +27,7 @@ from fitball.inference.assumptions import look as assumptions_look
 from fitball.inference.comparison import cross_validation as leave_out
 from fitball.inference.comparison import psis_loo as loo
 from fitball.inference.identifiability import posterior_verdict as identifiability
-from fitball.inference.identifiability import power_scaling, profile
+from fitball.inference.identifiability import power_scaling, profile, profile_ends
 from fitball.inference.identifiability.examine import PROFILED
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.likelihood.posterior import log_posterior
@@ -70,6 +70,7 @@ DECIDING = {
     "contraction without the scene that is not enough": identifiability.NOT_ALONE,
     "loss without the scene that counts": identifiability.RESTS_ON_SCENE,
     "share of the peak at an open end": identifiability.OPEN_SHARE,
+    "share of the drop kept beyond the end of a search": profile_ends.KEPT,
     "power-scaling sensitivity": power_scaling.SENSITIVE,
     "degrees of freedom for a noise of its own": measurement_noise.FREEDOM,
     "rows spent by parameters": measurement_noise.SPENT,

@@ -24,7 +24,7 @@ from fitball.inference.prediction.new_impacts import predict_new
 from fitball.inference.prediction.posterior_predictive import with_noise
 from fitball.inference.problem import noise, parameters
 from fitball.inference.problem.build import Choices, build_problem
-from fitball.inference.problem.noise import KINDS, NORMAL, UNPROFILED, NoiseKind, noise_with
+from fitball.inference.problem.noise import KINDS, NORMAL, NoiseKind, noise_with
 from fitball.inference.problem.priors import parse_prior
 from fitball.models.specs import ParameterSpec
 from fitball.report.fit.folder import prepare_folder, write_all
@@ -175,7 +175,8 @@ def test_a_new_kind_goes_through_point_fit_sampling_prediction_and_files(tmp_pat
     assert (log_posterior(fit.problem, at + steps) < log_posterior(fit.problem, at)).all()
     exponent = fit.parameters[EXPONENT]
     assert 0.6 <= exponent.q025 < exponent.q975 <= 4.0
-    assert fit.identifiability.profiles_missing == UNPROFILED
+    assert not fit.identifiability.profiles_missing
+    assert fit.identifiability.evidence[EXPONENT].profile is not None
     prepare_folder(tmp_path / "fit", overwrite=False, resume=False)
     write_all(fit, tmp_path / "fit")
     run = tomllib.loads((tmp_path / "fit" / "run.toml").read_text("utf-8"))
