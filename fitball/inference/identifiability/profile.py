@@ -116,11 +116,13 @@ def _profile(
     parameter = objective.problem.free[column]
     ordered = sorted(points, key=lambda point: point.at)
     at = np.array([point.at for point in ordered])
-    drop = np.maximum(np.array([point.cost for point in ordered]) - lowest, 0.0)
+    drop = _drop(objective, column, ordered, lowest)
+    scatters = column in objective.columns and objective.structure_precision[objective.columns.index(column)] > 0.0
     values = at if objective.is_value(column) else parameter.prior.value(at)
     ends, leans = [], []
     for k in (0, -1):
         closed, bound = drop[k] >= DROP_95, End.BOUND if ordered[k].bound else End.MODEL
+        bound = End.SCATTER if scatters and not ordered[k].bound else bound
         ends.append((End.RANGE if ranged[k] else End.CLOSED) if closed else bound)
         leans.append(ranged[k] or at_bounds(objective, column, ordered[k]))
 
@@ -148,6 +150,20 @@ def _profile(
         leans_on=(leans[0], leans[1]),
         unsettled=sum(not point.settled for point in ordered),
     )
+
+
+def _drop(objective: ProfileObjective, column: int, ordered: Sequence[Point], lowest: float) -> FloatArray:
+    """The drop at each point. How a level or a bias scatters is part of the model for all others, and its prior for
+    itself: that is taken off again.
+    """
+    cost = np.array([point.cost for point in ordered])
+    if column not in objective.columns:
+        return np.maximum(cost - lowest, 0.0)
+    precision = objective.structure_precision[objective.columns.index(column)]
+    if precision <= 0.0:
+        return np.maximum(cost - lowest, 0.0)
+    own: FloatArray = cost - 0.5 * precision * np.array([point.at for point in ordered]) ** 2
+    return np.asarray(own - own.min())
 
 
 def _crossing(at: FloatArray, drop: FloatArray, level: float) -> float | None:

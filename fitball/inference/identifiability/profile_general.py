@@ -32,6 +32,9 @@ THRIFTY = Pains(aim=0.6, coarse=1.5, promised=1e-3, thrifty=True)
 def objective_of(problem: Problem) -> ProfileObjective:
     """The surface on which a problem is profiled."""
     closed = problem.noise is NORMAL and problem.incident is None
+    if closed and problem.pooling:
+        # Spread and places of levels act by their product, along which searches settle slowly.
+        return ProfileObjective(problem, pains=THRIFTY)
     return ProfileObjective(problem) if closed else GeneralObjective(problem, pains=THRIFTY)
 
 
@@ -106,8 +109,8 @@ class GeneralObjective(ProfileObjective):
             curvature += slopes.transpose(0, 2, 1) @ slopes
         return (
             cost[:, 0] + self._structure(x),
-            gradient + self._structure_slope(x),
-            curvature + self._structure_curvature,
+            gradient + x * self.structure_precision,
+            curvature + np.diag(self.structure_precision),
         )
 
     def _steps(self, x: FloatArray) -> FloatArray:

@@ -214,26 +214,17 @@ class ProfileObjective:
         return sizes
 
     @cached_property
-    def _structure_precision(self) -> FloatArray:
+    def structure_precision(self) -> FloatArray:
         """Of each column the precision of what is part of the model and no knowledge of a parameter: how levels and
         biases of groups scatter about what they have in common, about zero; 0 for all others.
         """
         names = set() if self.problem.group_bias is None else self.problem.group_bias.names(self.problem.observables)
         for pooling in self.problem.pooling:
             names |= {pooling.spread_name, *map(pooling.place_name, pooling.labels)}
-        return np.array(
-            [parameter.prior.b**-2.0 if parameter.name in names else 0.0 for parameter in self.parameters]
-        )
+        return np.array([item.prior.b**-2.0 if item.name in names else 0.0 for item in self.parameters])
 
     def _structure(self, x: FloatArray) -> FloatArray:
-        return 0.5 * np.asarray(x**2 @ self._structure_precision)
-
-    def _structure_slope(self, x: FloatArray) -> FloatArray:
-        return x * self._structure_precision
-
-    @property
-    def _structure_curvature(self) -> FloatArray:
-        return np.diag(self._structure_precision)
+        return 0.5 * np.asarray(x**2 @ self.structure_precision)
 
     def cost(self, x: FloatArray, given: Conditions) -> FloatArray:
         """Negative log likelihood (rows,) of the measurements, and of the scene's contact time where it counts; inf
@@ -269,8 +260,8 @@ class ProfileObjective:
         cost, gradient, curvature = (np.concatenate(column) for column in zip(*parts, strict=True))
         return (
             cost + self._structure(x),
-            gradient + self._structure_slope(x),
-            curvature + self._structure_curvature,
+            gradient + x * self.structure_precision,
+            curvature + np.diag(self.structure_precision),
         )
 
     def _linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -151,6 +151,9 @@ def _corrected(problem: Problem, parameter: Parameter, base: Judgement, evidence
     profile = evidence.profile
     if profile is None or base.verdict is Verdict.PRIOR_DOMINATED or not any(profile.open_sides):
         return base
+    # A level or bias is followed as far as its scatter goes: what would be further out is not known.
+    if End.SCATTER in profile.ends:
+        return base
     left, right = profile.open_sides
     if left and right:
         return replace(

@@ -22,6 +22,7 @@ class End(StrEnum):
     BOUND = "open to the bound"
     MODEL = "open to where the model ends"
     RANGE = "open but for the range searched for others"
+    SCATTER = "open but for its own scatter in the model"
 
 
 @dataclass(frozen=True)
