@@ -50,6 +50,7 @@ from fitball.report.fit.folder import CHAIN_NAME
 from fitball.report.saved.data_file import COUNTS, NUMBERS
 from fitball.studies.sbc.replicate import RANKED
 from fitball.studies.sbc.summary import FAMILY_ERROR
+from fitball.studies.trust.pinned import PINNED
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted(DOCS.glob("*.md"))}
@@ -70,6 +71,7 @@ DECIDING = {
     "contraction without the scene that is not enough": identifiability.NOT_ALONE,
     "loss without the scene that counts": identifiability.RESTS_ON_SCENE,
     "share of the peak at an open end": identifiability.OPEN_SHARE,
+    "contraction of a pinned parameter": PINNED,
     "share of the drop kept beyond the end of a search": profile_ends.KEPT,
     "power-scaling sensitivity": power_scaling.SENSITIVE,
     "degrees of freedom for a noise of its own": measurement_noise.FREEDOM,

@@ -19,6 +19,7 @@ from fitball.inference.results.results import Posterior, Verdict, thinned
 from fitball.inference.sampling.ensembles import ENSEMBLES, Schedule, Settings, default_walkers, sample
 from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.inference.second_search import search_again
+from fitball.studies.trust.pinned import pinned
 from fitball.studies.trust.scenarios import SCENARIOS, Scenario
 from fitball.values import FloatArray
 from fitball.version import __version__
@@ -32,7 +33,7 @@ LEVELS = (0.025, 0.975)
 @dataclass(frozen=True)
 class Said:
     """Of one parameter: the verdict, the ends of the 95 % interval, the truth (None where there is none), and whether
-    a table a hundred times as long pins it (None where that was not looked at).
+    the likelihood pins it (see `pinned`; None where that cannot be said).
     """
 
     verdict: Verdict
@@ -110,7 +111,8 @@ def _fitted(scenario: Scenario, problem: Problem, truth: Mapping[str, float], ro
     correlation = np.atleast_2d(np.corrcoef(posterior.draws, rowvar=False))
     _evidence, judged = examine(problem, point, profiled, posterior, correlation, regimes)
     verdicts = {name: qualified(name, judged[name], described, None)[0] for name in problem.free_names}
-    return _told(scenario, described, verdicts, posterior, truth, sampled.converged)
+    pins = pinned(problem, truth) if scenario.made else {}
+    return _told(scenario, described, verdicts, posterior, truth, pins, sampled.converged)
 
 
 def _told(
@@ -119,12 +121,17 @@ def _told(
     verdicts: Mapping[str, Verdict],
     posterior: Posterior,
     truth: Mapping[str, float],
+    pins: Mapping[str, bool | None],
     converged: bool,
 ) -> Told:
     ends: FloatArray = np.quantile(posterior.draws, LEVELS, axis=0)
     said = {
         name: Said(
-            verdicts[name], float(ends[0, k]), float(ends[1, k]), truth[name] if scenario.knows(name) else None
+            verdicts[name],
+            float(ends[0, k]),
+            float(ends[1, k]),
+            truth[name] if scenario.knows(name) else None,
+            pins.get(name),
         )
         for k, name in enumerate(posterior.names)
     }
