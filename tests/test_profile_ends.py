@@ -126,8 +126,14 @@ def test_a_range_that_keeps_the_best_fit_out_decides_and_not_the_table(value, ve
     )  # fmt: skip
     evidence = Evidence(profile, None, None, None, None, None, "")
     base = Judgement(0.9, IDENTIFIED, "the table narrows it", middle=(value - 1e-3, value))
-    for judged_by in (combine(problem, at, None, evidence, value=value), combine(problem, at, base, evidence)):
-        assert judged_by[0].verdict is verdict
+    for judged_by in (None, base):
+        assert combine(problem, at, judged_by, evidence, value=value)[0].verdict is verdict
+    # A narrow peak that holds the best point, but hardly the posterior, is no work of priors; it is told.
+    narrow = replace(base, middle=(0.90, 0.95))
+    said, told = combine(problem, at, narrow, evidence, value=0.99)
+    assert said.verdict is IDENTIFIED and "highest where the posterior hardly is" in told
+    opened = replace(profile, interval_95=(0.989, None), ends=(End.CLOSED, End.BOUND))
+    assert combine(problem, at, narrow, replace(evidence, profile=opened), value=0.99)[0].verdict is IDENTIFIED
     said = combine(problem, at, base, evidence)[0].reason
     assert ("keep it from where the table alone has it: 95 % within [0.989, 0.992]" in said) == (verdict is DOMINATED)
 

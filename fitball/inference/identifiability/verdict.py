@@ -50,8 +50,10 @@ def combine(
         else _corrected(problem, parameter, base, evidence)
     )
     if judged.verdict is Verdict.IDENTIFIED and evidence.profile is not None:
-        first, last = (value, value) if base is None else base.middle or (value, value)
-        judged = _held_off(parameter, judged, evidence.profile, first, last)
+        # Where only the posterior's middle lies elsewhere the profile is a narrow peak, and no prior holds it off.
+        known = [at for at in (value, *((base and base.middle) or ())) if at is not None]
+        if known and not _reaches(evidence.profile, min(known), max(known)):
+            judged = _held_off(parameter, judged, evidence.profile)
     remarks = _leaning(evidence.profile) + _active(evidence.active_impacts)
     differences = [] if base is None else _differences(problem, parameter, base, judged, evidence)
     return replace(judged, reason=judged.reason + remarks), "; ".join(differences)
@@ -154,6 +156,9 @@ def _corrected(problem: Problem, parameter: Parameter, base: Judgement, evidence
     # A level or bias is followed as far as its scatter goes: what would be further out is not known.
     if End.SCATTER in profile.ends:
         return base
+    # A peak so narrow that the posterior is elsewhere says nothing of where that ends.
+    if base.middle is not None and not _reaches(profile, *base.middle):
+        return base
     left, right = profile.open_sides
     if left and right:
         return replace(
@@ -169,16 +174,17 @@ def _corrected(problem: Problem, parameter: Parameter, base: Judgement, evidence
     return replace(base, verdict=Verdict.ONE_SIDED, reason=words)
 
 
-def _held_off(
-    parameter: Parameter, judged: Judgement, profile: Profile, first: float | None, last: float | None
-) -> Judgement:
-    """The verdict where priors, such as the end of a range, keep a parameter (from `first` to `last`) away from all
-    that the table allows it. The profile of a noise is no judge: with few rows it lies too low.
-    """
+def _reaches(profile: Profile, first: float, last: float) -> bool:
+    """Whether a 95 % interval of a profile has anything from `first` to `last`; an open end reaches everywhere."""
     low, high = profile.interval_95
-    if first is None or last is None or low is None or high is None or parameter.name in NOISE_SPECS:
-        return judged
-    if low <= last and first <= high:
+    return (low is None or low <= last) and (high is None or first <= high)
+
+
+def _held_off(parameter: Parameter, judged: Judgement, profile: Profile) -> Judgement:
+    """The verdict where priors, such as the end of a range, keep a parameter away from all that the table allows it.
+    The profile of a noise is no judge: with few rows it lies too low.
+    """
+    if parameter.name in NOISE_SPECS:
         return judged
     within = interval(profile, parameter.spec.unit)
     reason = f"priors, its own or others', keep it from where the table alone has it: 95 % within {within}"
@@ -193,7 +199,9 @@ def _differences(
     if profile is not None:
         closed = not any(profile.open_sides)
         within = interval(profile, unit)
-        if judged.verdict is not base.verdict and not closed:
+        if base.middle is not None and not _reaches(profile, *base.middle):
+            differences.append(f"the profile is highest where the posterior hardly is, 95 % within {within}")
+        elif judged.verdict is not base.verdict and not closed:
             differences.append(f"the posterior by itself would be called {base.verdict}, the profile is open")
         elif base.verdict is Verdict.PRIOR_DOMINATED and closed and rests_on_scene(evidence):
             differences.append(
