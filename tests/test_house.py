@@ -108,7 +108,8 @@ def test_the_compile_cache_expires_when_a_called_kernel_changes(tmp_path):
     shutil.copytree(ROOT / "fitball", tmp_path / "fitball", ignore=shutil.ignore_patterns("__pycache__"))
     code = (
         "import sys\nsys.path.insert(0, '.')\nfrom fitball.models.kernels.oscillator import oscillator\n"
-        "print(oscillator(1.0, 4.0, 5.0).frequency)"
+        "from fitball.models.kernels.compiled import on_disk\nbefore = on_disk(oscillator)\n"
+        "print(oscillator(1.0, 4.0, 5.0).frequency, before, on_disk(oscillator))"
     )
     env = {"PATH": "", "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "NUMBA_NUM_THREADS": "1"}
     first = python(code, cwd=tmp_path, env=env)
@@ -118,7 +119,10 @@ def test_the_compile_cache_expires_when_a_called_kernel_changes(tmp_path):
     assert line in text
     callee.write_text(text.replace(line, line.replace("else x", "else 0.25 * x")), encoding="utf-8")
     second = python(code, cwd=tmp_path, env=env)
-    assert float(first.stdout) == pytest.approx(2.0 * float(second.stdout)), first.stderr + second.stderr
+    (value, *known), (other_value, *stale) = first.stdout.split(), second.stdout.split()
+    assert float(value) == pytest.approx(2.0 * float(other_value)), first.stderr + second.stderr
+    assert known == stale == ["False", "True"]
+    assert python(code, cwd=tmp_path, env=env).stdout.split()[1:] == ["True", "True"]
     other = python(
         "import fitball.models.kernels.bounce as b; print(len(b.bounce_batch._cache._cache_file._source_stamp))"
     )

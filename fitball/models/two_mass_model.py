@@ -13,6 +13,7 @@ from fitball.models.capabilities import KernelCall, LinearConstraint, Oracle
 from fitball.models.history import History, two_mass_history
 from fitball.models.jacobian import ReboundJacobian, seeds
 from fitball.models.kernels import bounce, bounce_jacobian, force
+from fitball.models.kernels.compiled import on_disk
 from fitball.models.kernels.dual import NumberArray
 from fitball.models.model import (
     Model,
@@ -96,6 +97,11 @@ class TwoMassModel(Model):
             ],
             dtype=np.int64,
         )
+
+    @property
+    def compiles_first(self) -> bool:
+        """See `Model.compiles_first`."""
+        return not (on_disk(bounce.bounce_batch) and on_disk(bounce_jacobian.jacobian_batch))
 
     def _rows(self, names: Sequence[str], values: NumberArray) -> NumberArray:
         """The kernel's parameter rows, (draws, columns), in the kind of number of `values`."""
@@ -214,4 +220,12 @@ def compose_two_mass(name: str, ball: Ball, tangential: bool, closures: Closures
 def _incident(impacts: Impacts | OwnImpacts) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Incident columns as the kernels take them; NaN stands for a restitution that was not measured."""
     v_x1, v_y1, omega_1, cor = impacts.states()
-    return v_x1, v_y1, omega_1, np.full(v_y1.shape, np.nan) if cor is None else cor
+    measured = np.full(v_y1.shape, np.nan) if cor is None else cor
+    return _read_only(v_x1), _read_only(v_y1), _read_only(omega_1), _read_only(measured)
+
+
+def _read_only(column: FloatArray) -> FloatArray:
+    """A column as one kind of array: for each other kind the kernel would be compiled again."""
+    view = np.ascontiguousarray(column).view()
+    view.flags.writeable = False
+    return view

@@ -13,14 +13,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.models.kernels.compiled import compiled, compiled_allocating, inlined
+from fitball.models.kernels.compiled import compiled, compiled_allocating, inlined, inner
 from fitball.models.kernels.contact import vertical_contact
 from fitball.models.kernels.dual import Number, NumberArray, sqrt
 from fitball.models.kernels.oscillator import oscillator
+from fitball.models.kernels.phases import PIECE_SIZE
 from fitball.models.kernels.quantities import Bounce, Contact, Joint, Scratch, VerticalMotion
 from fitball.models.kernels.restitution import ANCHOR_SPEED, saturating_restitution
 from fitball.models.kernels.rigid import rigid_contact
-from fitball.models.kernels.two_mass import make_scratch, two_mass_contact
+from fitball.models.kernels.two_mass import MAX_PHASES, make_scratch, two_mass_contact
 from fitball.models.types import Status
 from fitball.values import FloatArray
 
@@ -149,13 +150,13 @@ def contact_of(
     )  # fmt: skip
 
 
-@compiled
+@inner
 def unsolved(status: int, regime: int) -> Bounce:
     """The bounce of an impact that cannot be evaluated."""
     return Bounce(status, math.nan, math.nan, math.nan, math.nan, regime, 0)
 
 
-@compiled
+@inner
 def bounce(
     row: FloatArray,
     codes: NDArray[np.int64],
@@ -202,11 +203,12 @@ def bounce_batch(
     The incident columns are (1, impacts), shared by all draws, or (draws, impacts).
     """
     scratch = make_scratch()
+    phase_log = np.empty((MAX_PHASES, PIECE_SIZE))
     for i in range(rows.shape[0]):
         row = rows[i]
         own = i if v_x1.shape[0] > 1 else 0
         for j in range(v_x1.shape[1]):
-            solved = bounce(row, codes, v_x1[own, j], v_y1[own, j], omega_1[own, j], cor[own, j], scratch, None)
+            solved = bounce(row, codes, v_x1[own, j], v_y1[own, j], omega_1[own, j], cor[own, j], scratch, phase_log)
             out[0, i, j] = solved.v_x2
             out[1, i, j] = solved.v_y2
             out[2, i, j] = solved.omega_2

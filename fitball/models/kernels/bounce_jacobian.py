@@ -22,7 +22,7 @@ from fitball.models.kernels.bounce import (
     contact_of,
     vertical_motion,
 )
-from fitball.models.kernels.compiled import compiled, compiled_allocating
+from fitball.models.kernels.compiled import compiled_allocating, inner
 from fitball.models.kernels.dual import STEP
 from fitball.models.kernels.oscillator import SERIES_LENGTH
 from fitball.models.kernels.phases import PIECE_SIZE
@@ -44,7 +44,7 @@ def make_replay_scratch() -> ReplayScratch:
     )
 
 
-@compiled
+@inner
 def bounce_derivative(
     row: ComplexArray,
     codes: NDArray[np.int64],

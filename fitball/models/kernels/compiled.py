@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
@@ -21,6 +21,11 @@ def _kernel_sources() -> tuple[tuple[str, float, int], ...]:
 SOURCES = _kernel_sources()
 
 
+# What a kernel that only kernels call can do without: ways in for the interpreter, which for states of nested tuples
+# are longer than the kernel. It takes a quarter off what a cold start compiles.
+INNER = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a kernel that allocates nothing: cached on disk, free of the interpreter lock, strict IEEE arithmetic.
 
@@ -31,9 +36,14 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     return cast("Callable[P, R]", _compile(function, {"_nrt": False}))
 
 
+def inner(function: Callable[P, R]) -> Callable[P, R]:
+    """As `compiled`, for what kernels alone call; from Python it raises TypeError."""
+    return cast("Callable[P, R]", _without_entry(_compile(function, INNER)))
+
+
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
-    """As `compiled`, always expanded where it is called: for what is apart for order's sake, called once or twice."""
-    return cast("Callable[P, R]", _compile(function, {"_nrt": False, "forceinline": True}))
+    """As `inner`, always expanded where it is called: for what is apart for order's sake, called once or twice."""
+    return cast("Callable[P, R]", _without_entry(_compile(function, {**INNER, "forceinline": True})))
 
 
 def compiled_allocating(function: Callable[P, R]) -> Callable[P, R]:
@@ -50,7 +60,41 @@ def _compile(function: Callable[..., Any], options: dict[str, bool]) -> Any:
         # The option is numba's own affair; a numba without it counts references, which costs time only.
         dispatcher = njit(**common)(function)
     _depend_on_all_kernels(dispatcher)
+    _blind_to_literals(dispatcher)
     return dispatcher
+
+
+def _without_entry(dispatcher: Any) -> Any:
+    """Refuse calls from Python: numba would jump to the entry point that is not there."""
+
+    def refuse(*_args: Any, **_named: Any) -> None:
+        raise TypeError(f"{dispatcher.py_func.__name__} is compiled for kernels only; from Python call its py_func")
+
+    dispatcher._insert = lambda *_entry: None
+    dispatcher._compile_for_args = refuse
+    return dispatcher
+
+
+def _blind_to_literals(dispatcher: Any) -> None:
+    """Let a constant argument be one of its type: numba would compile the kernel for each such constant once more."""
+    plain = dispatcher.get_call_template
+    of_type: Callable[[Any], Any] = numba.types.unliteral
+
+    def template(args: Sequence[Any], kws: Mapping[str, Any]) -> Any:
+        return plain(tuple(map(of_type, args)), {name: of_type(kind) for name, kind in kws.items()})
+
+    dispatcher.get_call_template = template
+
+
+def on_disk(kernel: Callable[..., Any]) -> bool:
+    """Whether a kernel was compiled before, here or in an earlier process, by the present sources; True where numba
+    does not say.
+    """
+    dispatcher: Any = kernel
+    index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    if dispatcher.signatures or not hasattr(index, "_load_index"):
+        return True
+    return bool(index._load_index())
 
 
 def _depend_on_all_kernels(dispatcher: Any) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from fitball.models.kernels.compiled import compiled
+from fitball.models.kernels.compiled import compiled, inner
 from fitball.models.kernels.dual import Number, carry, cos, cosh, log, sin, sinh, sqrt
 from fitball.models.types import Status
 
@@ -21,7 +21,7 @@ COR_EXCEEDS_MASS_RATIO = int(Status.COR_EXCEEDS_MASS_RATIO)
 NEAR_UNDAMPED = 0.9
 
 
-@compiled
+@inner
 def find_angle_complement(x: float) -> float:
     """Solve `(pi/2 - d) tan(d) = x` for d in [0, pi/2), 0 <= x < 0.9, by Halley's method."""
     d = 2.0 * x / math.pi
@@ -40,7 +40,7 @@ def find_angle_complement(x: float) -> float:
     return d
 
 
-@compiled
+@inner
 def angle_complement(x: Number) -> Number:
     """`find_angle_complement` with what `x` carries."""
     d = find_angle_complement(x.real)
@@ -49,13 +49,13 @@ def angle_complement(x: Number) -> Number:
     return carry(d, x, 1.0 / (arm * (1.0 + tangent * tangent) - tangent))
 
 
-@compiled
+@inner
 def slope_near_critical(z: float) -> float:
     """Slope of `sqrt(z) cot(sqrt(z))` for |z| below 1e-3."""
     return -(1.0 / 3 + z * (2.0 / 45 + z * (6.0 / 945 + z * 4.0 / 4725)))
 
 
-@compiled
+@inner
 def find_squared_angle(x: float) -> float:
     """Solve `sqrt(z) cot(sqrt(z)) = x` for z, x >= 0.9; z < 0 (hyperbolic) where x > 1."""
     # x = 1 - z/3 - z^2/45 - ... near critical damping; x -> sqrt(-z) far beyond it.
@@ -81,7 +81,7 @@ def find_squared_angle(x: float) -> float:
     return z
 
 
-@compiled
+@inner
 def squared_angle(x: Number) -> Number:
     """`find_squared_angle` with what `x` carries."""
     z = find_squared_angle(x.real)
@@ -114,7 +114,7 @@ def zero_force_release(e: Number) -> tuple[Number, Number, Number]:
     return 1.0 - 0.5 * z, z, 2.0 + z / 3.0
 
 
-@compiled
+@inner
 def zero_displacement_release(e: Number) -> tuple[Number, Number, Number, Number]:
     """Damping for `e = exp(-pi zeta/sqrt(1-zeta^2))` (Eq. 5): `(zeta, 1-zeta^2, omega_y t_f, omega_y t_c)`.
 

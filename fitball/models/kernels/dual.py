@@ -15,7 +15,7 @@ from numba import types
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from fitball.models.kernels.compiled import compiled
+from fitball.models.kernels.compiled import inner
 
 # Nothing beside the rounding of a real part, even squared and times a condition number of 1e40; far from underflow.
 STEP = 1e-60
@@ -48,57 +48,57 @@ _overload: Any = overload
 _overload(carry, jit_options={"error_model": "numpy"})(_carry_compiled)
 
 
-@compiled
+@inner
 def magnitude(x: Number) -> Number:
     """`|x|`."""
     return -x if x.real < 0.0 else x
 
 
-@compiled
+@inner
 def exp(x: Number) -> Number:
     """Exponential."""
     value = math.exp(x.real)
     return carry(value, x, value)
 
 
-@compiled
+@inner
 def log(x: Number) -> Number:
     """Natural logarithm."""
     return carry(math.log(x.real), x, 1.0 / x.real)
 
 
-@compiled
+@inner
 def log1p(x: Number) -> Number:
     """Natural logarithm of `1 + x`."""
     return carry(math.log1p(x.real), x, 1.0 / (1.0 + x.real))
 
 
-@compiled
+@inner
 def sqrt(x: Number) -> Number:
     """Square root; its slope at zero is infinite."""
     value = math.sqrt(x.real)
     return carry(value, x, 0.5 / value)
 
 
-@compiled
+@inner
 def sin(x: Number) -> Number:
     """Sine."""
     return carry(math.sin(x.real), x, math.cos(x.real))
 
 
-@compiled
+@inner
 def cos(x: Number) -> Number:
     """Cosine."""
     return carry(math.cos(x.real), x, -math.sin(x.real))
 
 
-@compiled
+@inner
 def sinh(x: Number) -> Number:
     """Hyperbolic sine."""
     return carry(math.sinh(x.real), x, math.cosh(x.real))
 
 
-@compiled
+@inner
 def cosh(x: Number) -> Number:
     """Hyperbolic cosine."""
     return carry(math.cosh(x.real), x, math.sinh(x.real))

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 
-from fitball.models.kernels.compiled import compiled
+from fitball.models.kernels.compiled import inner
 from fitball.models.kernels.dual import Number
 from fitball.models.kernels.oscillator import series_value, shift_swing, swing_at
 from fitball.models.kernels.quantities import Basis, Oscillator, Oscillators, Series, Stack, Swing
@@ -33,7 +33,7 @@ LARGEST_DECAY_UNDONE = 0.5
 AT_START: Basis[float] = Basis(Swing(1.0, 0.0, 1.0), Swing(1.0, 0.0, 1.0))
 
 
-@compiled
+@inner
 def sixth_derivative_bound(o: Oscillator[float], c: float, s: float, span: float) -> float:
     """Bound of |d^6/dt^6 (c C + s S)| over its envelope, for times up to `span`."""
     if o.damped_squared * span * span > 1.0:
@@ -44,7 +44,7 @@ def sixth_derivative_bound(o: Oscillator[float], c: float, s: float, span: float
     return abs(c) + abs(s) * span
 
 
-@compiled
+@inner
 def prepare_swing(c: FloatArray, place: int, o: Oscillator[float], span: float) -> None:
     """Fill in derivatives and bound of the share that one oscillator (0, 1) has in `c`."""
     first, second = c[1 + 2 * place], c[2 + 2 * place]
@@ -56,7 +56,7 @@ def prepare_swing(c: FloatArray, place: int, o: Oscillator[float], span: float) 
     c[CURVE + 2 * place + 1] = -o.damped_squared * first - o.decay * second
 
 
-@compiled
+@inner
 def prepare_series(c: FloatArray, n: int, h: float) -> float:
     """Bound of the sixth time derivative of a polynomial in `t/h` on [0, h]."""
     bound = 0.0
@@ -65,13 +65,13 @@ def prepare_series(c: FloatArray, n: int, h: float) -> float:
     return bound / h**6
 
 
-@compiled
+@inner
 def basis_at(oscillators: Oscillators[Number], t: Number) -> Basis[Number]:
     """The swings of both oscillators at time `t`."""
     return Basis(swing_at(oscillators.torsion, t), swing_at(oscillators.vertical, t))
 
 
-@compiled
+@inner
 def evaluate(
     c: FloatArray, basis: Basis[float], series: Series, series_bound: float, t: float
 ) -> tuple[float, float, float, float]:
@@ -93,7 +93,7 @@ def evaluate(
     )
 
 
-@compiled
+@inner
 def bernstein(
     f0: float, d0: float, s0: float, f1: float, d1: float, s1: float, h: float
 ) -> tuple[float, float, float, float]:
@@ -103,7 +103,7 @@ def bernstein(
     return f0 + d0, f0 + 2.0 * d0 + s0, f1 - 2.0 * d1 + s1, f1 - d1
 
 
-@compiled
+@inner
 def zero_free(order: int, b0: float, b1: float, b2: float, b3: float, b4: float, b5: float, error: float) -> bool:
     """Whether f > 0 on the interval is proved; `order` counts the zeros known to sit at its left end.
 
@@ -117,14 +117,14 @@ def zero_free(order: int, b0: float, b1: float, b2: float, b3: float, b4: float,
     return min(min(10.0 * b2, 10.0 / 3.0 * b3), min(5.0 / 3.0 * b4, b5)) > error * (1.0 / 6826.0)
 
 
-@compiled
+@inner
 def falls_once(b0: float, b1: float, b2: float, b3: float, b4: float, b5: float, error: float) -> bool:
     """Whether f decreases throughout the interval is proved: then a sign change means one zero."""
     steepest = max(max(b1 - b0, b2 - b1), max(b3 - b2, max(b4 - b3, b5 - b4)))
     return 5.0 * steepest < -error * 7.4536e-5
 
 
-@compiled
+@inner
 def guess(b0: float, b1: float, b2: float, b3: float, b4: float, b5: float) -> float:
     """Where the falling quintic with these Bernstein coefficients is about zero, within (0, 1)."""
     # Inverse interpolation: the cubic in the value that has the quintic's ends and slopes, at value zero.
@@ -147,7 +147,7 @@ def guess(b0: float, b1: float, b2: float, b3: float, b4: float, b5: float) -> f
     return better if 0.0 < better < 1.0 else x
 
 
-@compiled
+@inner
 def polish(
     c: FloatArray, oscillators: Oscillators[float], series: Series, left: float, right: float, t: float
 ) -> tuple[float, Basis[float]]:
@@ -183,7 +183,7 @@ def polish(
     return t, basis
 
 
-@compiled
+@inner
 def first_zero(
     c: FloatArray,
     oscillators: Oscillators[float],

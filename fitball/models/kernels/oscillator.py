@@ -13,7 +13,7 @@ pole of the other. There the partial fractions cancel, and a Taylor series (`ser
 
 from __future__ import annotations
 
-from fitball.models.kernels.compiled import compiled
+from fitball.models.kernels.compiled import compiled, inner
 from fitball.models.kernels.dual import Number, NumberArray, cos, exp, magnitude, sin, sqrt
 from fitball.models.kernels.quantities import Oscillator, Oscillators, Swing
 
@@ -36,7 +36,7 @@ def oscillator(decay: Number, damped_squared: Number, natural_squared: Number) -
     return Oscillator(decay, damped_squared, natural_squared, sqrt(magnitude(damped_squared)))
 
 
-@compiled
+@inner
 def swing_at(o: Oscillator[Number], t: Number) -> Swing[Number]:
     """The oscillator's swing at time `t`."""
     x = o.damped_squared * t * t
@@ -55,7 +55,7 @@ def swing_at(o: Oscillator[Number], t: Number) -> Swing[Number]:
     return Swing(envelope * cosine, envelope * t * sine, envelope * 1.01)
 
 
-@compiled
+@inner
 def shift_swing(o: Oscillator[float], swing: Swing[float], t: float) -> Swing[float]:
     """The swing a short time `t` (of either sign) later, by the addition theorem; the envelope is left as it is.
 
@@ -76,7 +76,7 @@ def shift_swing(o: Oscillator[float], swing: Swing[float], t: float) -> Swing[fl
     )
 
 
-@compiled
+@inner
 def resultant(oscillators: Oscillators[float]) -> float:
     """Product of the differences between the two pole pairs, free of cancellation [1/s^4]."""
     torsion, vertical = oscillators.torsion, oscillators.vertical
@@ -85,7 +85,7 @@ def resultant(oscillators: Oscillators[float]) -> float:
     return rho * rho + 4.0 * gap * gap * vertical.damped_squared
 
 
-@compiled
+@inner
 def forced_response(
     oscillators: Oscillators[Number],
     kappa: Number,
@@ -112,13 +112,13 @@ def forced_response(
     out[1] = v0 + vertical.decay * p_c - p_s + torsion.decay * h_c
 
 
-@compiled
+@inner
 def series_length(reach: float) -> int:
     """Number of Taylor terms after which the rest is below 1e-17 for `|pole| * time <= reach`."""
     return min(SERIES_LENGTH, 13 + int(7.0 * reach))
 
 
-@compiled
+@inner
 def series_free(c0: Number, s0: Number, o: Oscillator[Number], h: float, n: int, out: NumberArray) -> None:
     """Taylor coefficients in `t/h` of `c0 C + s0 S`."""
     out[0] = c0
@@ -128,7 +128,7 @@ def series_free(c0: Number, s0: Number, o: Oscillator[Number], h: float, n: int,
         out[k + 2] = -pull / ((k + 1) * (k + 2))
 
 
-@compiled
+@inner
 def series_response(
     o: Oscillator[Number],
     kappa: Number,
@@ -147,7 +147,7 @@ def series_response(
         out[k + 2] = (h * h * pull - 2.0 * o.decay * h * (k + 1) * out[k + 1]) / ((k + 1) * (k + 2))
 
 
-@compiled
+@inner
 def series_value(c: NumberArray, n: int, x: Number) -> tuple[Number, Number, Number]:
     """Value and first two derivatives with respect to `x` of the polynomial with coefficients `c`."""
     f: Number = c[n - 1]

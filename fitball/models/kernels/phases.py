@@ -5,7 +5,7 @@ The cone is not in the thesis, whose ball rolls to the end of the contact once i
 
 from __future__ import annotations
 
-from fitball.models.kernels.compiled import compiled, inlined
+from fitball.models.kernels.compiled import inlined, inner
 from fitball.models.kernels.quantities import Piece, Series
 from fitball.models.types import MAX_PACKED_PHASES, PHASE_BITS, Phase
 from fitball.values import FloatArray
@@ -28,7 +28,7 @@ UNFINISHED, FORCE_ENDED, EVENT, RESUMED = range(4)
 CONE_ROUNDING = 1e-13
 
 
-@compiled
+@inner
 def append_phase(regime: int, count: int, phase: int) -> int:
     """Append a phase to a packed sequence that already holds `count` phases."""
     if count >= MAX_PACKED_PHASES:
@@ -36,13 +36,13 @@ def append_phase(regime: int, count: int, phase: int) -> int:
     return regime | (phase << (PHASE_BITS * count))
 
 
-@compiled
+@inner
 def slide_phase(direction: float) -> int:
     """The phase of slip in `direction`."""
     return SLIDE_FORWARD if direction > 0.0 else SLIDE_BACKWARD
 
 
-@compiled
+@inner
 def cone_margin(friction: float, friction_slope: float, limit: float, limit_slope: float) -> float:
     """Positive when `|friction| <= limit` now and just after, negative when not.
 
@@ -60,7 +60,7 @@ def cone_margin(friction: float, friction_slope: float, limit: float, limit_slop
     return limit_slope - abs(friction_slope)
 
 
-@compiled
+@inner
 def log_piece(phase_log: FloatArray, place: int, piece: Piece) -> None:
     """Write a piece into its row of the log."""
     at_once = piece.ending != FORCE_ENDED and not piece.time > 0.0

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from fitball.models.kernels.compiled import compiled, inlined
+from fitball.models.kernels.compiled import inlined, inner
 from fitball.models.kernels.events import AT_START, NO_ZERO, basis_at, first_zero
 from fitball.models.kernels.phases import (
     CONE_ROUNDING,
@@ -49,7 +49,7 @@ FORCE_END_SHARE = 1.0 - 1e-13
 DOUBTFUL, LOST = -1, -2
 
 
-@compiled
+@inner
 def first_fall(
     weights: Weights,
     load: Load[float],

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from fitball.models.kernels.compiled import compiled, inlined
+from fitball.models.kernels.compiled import inlined, inner
 from fitball.models.kernels.dual import NumberArray
 from fitball.models.kernels.events import basis_at
 from fitball.models.kernels.landing import landed
@@ -42,7 +42,7 @@ def replay_coupling(contact: Contact[complex]) -> Coupling[complex]:
     return coupling_of(contact, gyration, (core + shell) / (core * shell), (core + gyration) / (core * gyration))
 
 
-@compiled
+@inner
 def replay_derivative(
     contact: Contact[complex], twist_at_end: bool, phase_log: FloatArray, pieces: int, scratch: ReplayScratch
 ) -> tuple[complex, complex, complex, complex]:
@@ -130,7 +130,7 @@ def replay_derivative(
     return v_x, spin_sum, angle, rate
 
 
-@compiled
+@inner
 def replay_contact(
     contact: Contact[complex], phase_log: FloatArray, pieces: int, scratch: ReplayScratch
 ) -> tuple[complex, complex]:

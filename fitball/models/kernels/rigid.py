@@ -7,14 +7,14 @@ landing impulse included, is one bounce at constant force ratio (`landing`: `du/
 
 from __future__ import annotations
 
-from fitball.models.kernels.compiled import compiled
+from fitball.models.kernels.compiled import inner
 from fitball.models.kernels.dual import Number, exp
 from fitball.models.kernels.landing import impulsive_friction
 from fitball.models.kernels.phases import FREE, GRIP, HOLD, append_phase, slide_phase
 from fitball.models.kernels.quantities import Contact
 
 
-@compiled
+@inner
 def rigid_contact(contact: Contact[Number]) -> tuple[Number, Number, int]:
     """Return `(v_x2, omega_2, regime)`; the shell of `contact` is the whole ball.
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from fitball.models.kernels.compiled import compiled
+from fitball.models.kernels.compiled import inner
 from fitball.models.kernels.dual import Number, NumberArray
 from fitball.models.kernels.events import prepare_series, prepare_swing
 from fitball.models.kernels.oscillator import (
@@ -41,7 +41,7 @@ from fitball.models.kernels.quantities import (
 from fitball.values import FloatArray
 
 
-@compiled
+@inner
 def coupling_of(
     contact: Contact[Number], gyration: Number, slide_compliance: Number, grip_compliance: Number
 ) -> Coupling[Number]:
@@ -59,7 +59,7 @@ def coupling_of(
     )
 
 
-@compiled
+@inner
 def load_of(vertical: VerticalMotion[Number], y: Number, y_rate: Number) -> Load[Number]:
     """The normal force `F = K_y y + C_y y' = -M1 y''` at a compression and its rate."""
     spring = vertical.spring
@@ -71,7 +71,7 @@ def load_of(vertical: VerticalMotion[Number], y: Number, y_rate: Number) -> Load
     )
 
 
-@compiled
+@inner
 def twist_motion(
     angle: float,
     rate: float,
@@ -103,13 +103,13 @@ def twist_motion(
     return Series(n, length)
 
 
-@compiled
+@inner
 def fastest(o: Oscillator[float]) -> float:
     """Magnitude of the oscillator's larger pole [1/s]."""
     return o.decay + o.frequency if o.damped_squared < 0.0 else math.sqrt(o.natural_squared)
 
 
-@compiled
+@inner
 def twist_at(
     twist: NumberArray, oscillators: Oscillators[Number], series: Series, t: Number, basis: Basis[Number]
 ) -> tuple[Number, Number]:
@@ -129,7 +129,7 @@ def twist_at(
     return angle, rate
 
 
-@compiled
+@inner
 def vertical_after(
     spring: Oscillator[Number], terms: int, y: Number, y_rate: Number, elapsed: Number, basis: Basis[Number]
 ) -> tuple[Number, Number]:
@@ -139,7 +139,7 @@ def vertical_after(
     return y * c + (y_rate + a * y) * s, y_rate * c - (a * y_rate + spring.natural_squared * y) * s
 
 
-@compiled
+@inner
 def compose(
     weights: Weights,
     load: Load[float],
@@ -181,7 +181,7 @@ def compose(
     return 0.0
 
 
-@compiled
+@inner
 def free_twist(torsion: Oscillator[Number], angle: Number, rate: Number, t: Number) -> tuple[Number, Number]:
     """Twist and its rate after `t` seconds without ground force."""
     swing = swing_at(torsion, t)

@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from fitball.models.kernels.compiled import compiled, compiled_allocating, inlined
+from fitball.models.kernels.compiled import compiled_allocating, inlined, inner
 from fitball.models.kernels.events import HALVINGS_LEFT, MAX_DEPTH, MAX_HALVINGS, SIZE
 from fitball.models.kernels.landing import landed
 from fitball.models.kernels.oscillator import SERIES_LENGTH
@@ -62,7 +62,7 @@ def make_scratch() -> Scratch:
     )
 
 
-@compiled
+@inner
 def contrary(value: float, rate: float) -> float:
     """-1 where `value` is positive, +1 where negative; where it is zero its rate decides."""
     if value > 0.0:
@@ -116,7 +116,7 @@ def decide(contact: Contact[float], coupling: Coupling[float], state: State, loa
     return Mode(slide_phase(direction), direction, order, False)
 
 
-@compiled
+@inner
 def two_mass_contact(
     contact: Contact[float], scratch: Scratch, phase_log: FloatArray | None
 ) -> tuple[int, float, float, int, int]:

@@ -1,0 +1,52 @@
+"""What a cold start compiles: each kernel once, without ways in that nobody takes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fitball
+from fitball.models.kernels import bounce, bounce_jacobian, dual, pieces, two_mass
+from fitball.models.kernels.compiled import compiled, inner
+from fitball.values import Impacts
+
+
+@inner
+def part(x: float, count: int, careful: bool) -> float:
+    return x * count if careful else x
+
+
+@compiled
+def whole(x: float, count: int) -> float:
+    careful = False
+    for _ in range(3):
+        x = part(x, 2, careful) + part(x, count, True) + part(x, 3, x > 1.0)
+        careful = x > 2.0
+    return x
+
+
+def test_constants_are_compiled_for_no_more_than_others():
+    # 1 + 2 + 1; twice that, twice, thrice; and again.
+    assert whole(1.0, 2) == 4.0 * 7.0 * 7.0
+    assert len(part.overloads) <= 1 == len(whole.signatures)
+
+
+def test_a_kernel_for_kernels_refuses_python():
+    for kernel, arguments in ((part, (1.0, 2, True)), (dual.exp, (1.0,))):
+        with pytest.raises(TypeError, match="for kernels only"):
+            kernel(*arguments)
+    assert part.py_func(1.5, 2, True) == 3.0
+
+
+def test_every_kind_of_array_is_served_by_one_kernel(wang_impacts, draw_priors):
+    chosen = fitball.model("two-mass")
+    values = draw_priors(chosen, np.random.default_rng(1), 2)
+    columns = [np.array(column) for column in (wang_impacts.v_x1, wang_impacts.v_y1, wang_impacts.omega_1)]
+    strided = [np.repeat(column, 2)[::2] for column in columns]
+    for impacts in (wang_impacts, Impacts(*columns), Impacts(*strided), Impacts(*columns, np.full(21, 0.7))):
+        chosen.evaluate(chosen.parameter_names, values, impacts)
+        chosen.jacobian(chosen.parameter_names, values, impacts)
+    assert len(bounce.bounce_batch.signatures) == len(bounce_jacobian.jacobian_batch.signatures) == 1
+    # What these call is in the cache, or was compiled here.
+    for kernel in (bounce.bounce, two_mass.two_mass_contact, pieces.grip, pieces.slide):
+        assert len(kernel.overloads) <= 1, kernel.py_func.__name__
