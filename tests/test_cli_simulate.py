@@ -11,13 +11,13 @@ import pytest
 
 import fitball
 from fitball.cli.main import main
-from fitball.errors import FitError
 from fitball.inference.prediction.simulate import COURSES, POINTS, chosen_parameters, simulate, simulate_fit
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.oracle.oracle import oracle_rebound
 from fitball.models.specs import SPECS
 from fitball.models.types import unpack_regime
 from fitball.report.history.figure import ALL_PANELS, DRAWN, LABELS, history_figure
+from fitball.report.history.text import render_simulation
 from fitball.report.saved.fit_text import fit_text
 from fitball.studies.thesis.example_claims import MEASURES, findings, run_example
 from fitball.studies.thesis.simulate_examples import EXAMPLES
@@ -155,10 +155,17 @@ def test_bands_are_the_quantiles_of_the_draws():
     assert sum(found.band.regimes.values()) == pytest.approx(1.0)
     assert simulate_fit(made, impact, draws=10).band.draws <= 10
     assert simulate_fit(fitted(0), impact).band is None
-    hopeless = made.draws.copy()
-    hopeless[:, 0] = 0.5
-    with pytest.raises(FitError, match="no draw"):
-        simulate_fit(made.with_draws(made.names, hopeless), impact)
+    for row, share in ((30, 0.5), (31, 31 / 60), (60, 1.0)):
+        hopeless = made.draws.copy()
+        hopeless[:row, 0] = 0.5
+        some = simulate_fit(made.with_draws(made.names, hopeless), impact, draws=60)
+        assert some.unsolved == pytest.approx(share)
+        # Bands of a minority are none, and that is told.
+        assert (some.band is None) == (share > 0.5)
+        told = f"{100 * share:.0f} % of the draws cannot be solved at this impact: no bands."
+        rest = f"{row} more, {100 * share:.0f} %, cannot be solved at this impact: bands are of the rest."
+        said = " ".join(render_simulation(some).split())
+        assert (told in said) == (share > 0.5) and (rest in said) == (share <= 0.5)
 
 
 def test_from_a_fit_at_the_command_line(tmp_path, capsys):

@@ -209,3 +209,22 @@ def test_it_is_saved_shown_and_optional(grip_slip_fit, grip_slip_folder, tmp_pat
     older = tmp_path / "fit.json"
     older.write_text(json.dumps(content), encoding="utf-8")
     assert fitball.load_fit(older).parameters["mu"].point == grip_slip_fit.parameters["mu"].point
+
+
+def test_draws_without_a_rebound_are_told_and_most_of_them_give_no_rating(grip_slip_fit):
+    """Restitutions above 1 in some of the draws: intervals of the rest, or none."""
+    fit = grip_slip_fit
+    column = fit.posterior.names.index("cor_10")
+    for failing, rated in ((0.3, True), (0.7, False)):
+        values = fit.posterior.values.copy()
+        raised = np.random.default_rng(1).uniform(size=values.shape[:-1]) < failing
+        values[..., column] = np.where(raised, 1.5, values[..., column])
+        found = court_pace(fit.problem, fit.point, replace(fit.posterior, values=values))
+        if rated:
+            (rating,) = found.ratings
+            assert rating.failed == pytest.approx(failing, abs=0.05)
+            told = pace_table(replace(fit, court_pace=found)).remarks
+            assert any("of the draws cannot be solved there: intervals are of the rest" in line for line in told)
+        else:
+            assert found.ratings == ()
+            assert "of the draws cannot be evaluated at the test impact: the coefficient of rest" in found.missing

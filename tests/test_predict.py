@@ -22,6 +22,8 @@ from fitball.inference.prediction.new_impacts import BATCH, predict_new
 from fitball.inference.problem.observables import Observable
 from fitball.inference.results.fitted_model import PREDICTING, FittedModel
 from fitball.inference.results.results import thinned
+from fitball.report.predict.rows import prediction_csv_rows, prediction_json
+from fitball.report.predict.text import remarks_on
 from fitball.report.saved.posterior_file import write_netcdf
 
 NAMES = ("mu", "e_x", "offset", "cor_10", "cor_slope", "velocity_sd", "spin_sd")
@@ -147,6 +149,26 @@ def test_draws_that_cannot_be_solved_are_told_with_the_reason():
     assert set(found.regimes[0]) <= {"slide", "slide back", "grip"}
     # At 100 m/s the line has no restitution left for all but the raised quarter, which keeps 0.3.
     assert sum(found.failures[1].values()) == pytest.approx(0.75)
+    np.testing.assert_allclose(found.unsolved, [0.25, 0.75])
+    # Intervals of the rest where they are most, none of a minority; the same in words, in CSV and in JSON.
+    assert found.withheld.tolist() == [False, True]
+    for output in found.outputs:
+        for array in (output.rebound, output.measured, output.mean, output.sd):
+            assert np.all(np.isnan(array[..., 1])) and not np.any(np.isnan(array[..., 0]))
+    remarks = [" ".join(remarks_on(found, row)) for row in (0, 1)]
+    assert "25 % of the draws cannot be solved there" in remarks[0] and "intervals are of the rest" in remarks[0]
+    assert "75 % of the draws cannot be solved there" in remarks[1] and "no intervals" in remarks[1]
+    rows = prediction_csv_rows(found, ("a", "b"))
+    assert [row["intervals"] for row in rows] == ["the draws that can be solved", "withheld"]
+    assert [row["failed"] for row in rows] == pytest.approx([0.25, 0.75])
+    assert rows[1]["v_y2_median [m/s]"] is None and rows[0]["v_y2_median [m/s]"] is not None
+    told = prediction_json(found, ("a", "b"), (), ())["impacts"]
+    assert [item["intervals"] for item in told] == ["the draws that can be solved", "withheld"]
+    assert told[1]["outputs"]["v_y2"]["median"] is None
+    # `fit.predict` knows the same rule.
+    plain = replace(fitted, draws=raised).predict(fitball.impacts([12.0, 12.0], [9.0, 100.0], 0.0))
+    np.testing.assert_allclose(plain["failed"], [0.25, 0.75])
+    assert np.isnan(plain["v_y2_median"]).tolist() == [False, True]
 
 
 def test_hull_distance_of_a_cube_a_plane_and_a_point():
