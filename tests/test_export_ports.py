@@ -176,6 +176,7 @@ MODELS = {
     "two-mass": {},
     "thesis-exact": {},
     "two-mass, saturating": {"cor": "saturating"},
+    "brody, saturating": {"cor": "saturating"},
     "two-mass, measured": {"cor": "measured", "torsion": "rigid"},
     "thesis": {},
     "thesis, given": {"damping": "given", "inertia": "table", "cor": "mean"},

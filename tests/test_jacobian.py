@@ -26,7 +26,8 @@ OUTPUT_SIZE = np.array([10.0, 10.0, 300.0, 5e-3])
 LINES = {"eps_slope": 1e-4, "cor_slope": -0.0145}
 
 OTHERS = [
-    ("grip-slip", {}), ("brody", {}), ("thesis", {}), ("thesis", {"cor": "measured", "inertia": "table"}),
+    ("grip-slip", {}), ("brody", {}), ("grip-slip", {"cor": "saturating"}), ("thesis", {}),
+    ("thesis", {"cor": "measured", "inertia": "table"}),
     ("thesis", {"damping": "given"}), ("two-mass", {"tangential": False}),
 ]  # fmt: skip
 

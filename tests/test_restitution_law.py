@@ -117,6 +117,16 @@ def test_its_walls_are_told_and_held():
                 for wall in chosen.linear_constraints(impacts)
             ]
             assert all(sides) == holds
+    for name in ("grip-slip", "brody"):
+        chosen = model(name, cor="saturating")
+        values = {key: {**VALUES, "e_x": 0.1, "offset": 0.0}[key] for key in chosen.parameter_names}
+        assert np.all(
+            np.diff(chosen.rebound(values, fitball.impacts(15.0, [0.01, 3.0, 40.0, 100.0], 0.0)).v_y2) > 0.0
+        )
+        with pytest.raises(ParameterError, match="v_y2 would fall with v_y1"):
+            chosen.rebound({**values, "cor_slope": -0.0776}, fitball.impacts(12.0, 6.0, 0.0))
+        assert len(chosen.linear_constraints(impacts)) == 3
+        assert model(name, cor="line").options == {}
     with pytest.raises(fitball.FitballError, match="closure cor = 'saturating'"):
         model("thesis", cor="saturating")
 

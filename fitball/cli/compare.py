@@ -17,7 +17,7 @@ EXAMPLE = """examples:
   fitball compare my_balls.csv --models brody,grip-slip,two-mass,two-mass+torsion=free
   fitball compare wang_zero_spin.csv --quick --json
 
-A model is {ladder}, the last two with +CLOSURE=OPTION for each closure changed:
+A model is {ladder}, with +CLOSURE=OPTION for each closure changed (the first two know cor alone):
 release (zero_force, zero_displacement), normal (momentum, total, inner), offset (contact, grip), spin (mean, shell),
 inertia (tied, table), torsion (matched, free, rigid), cor (line, saturating, mean, measured).
 

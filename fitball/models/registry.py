@@ -10,15 +10,16 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from fitball.errors import ModelError, suggestion
-from fitball.models.grip_slip import BRODY, GRIP_SLIP, VERTICAL, GripSlipModel
+from fitball.models.grip_slip import BRODY, GRIP_SLIP, compose_grip_slip
 from fitball.models.model import Model
 from fitball.models.specs import SPECS, ParameterSpec
 from fitball.models.thesis.model import compose_thesis
 from fitball.models.two_mass_model import compose_two_mass
-from fitball.models.types import Closures, ThesisClosures, options_of
+from fitball.models.types import Closures, ImpulseClosures, ThesisClosures, options_of
 from fitball.values import Ball
 
 DEFAULT_MODEL = "two-mass"
+_Chosen = Closures | ThesisClosures | ImpulseClosures
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Entry:
     """
 
     compose: Callable[[str, Ball, bool, Any], Model]
-    closures: Closures | ThesisClosures | None = None
+    closures: _Chosen | None = None
     candidates: tuple[str, ...] = ()
     variants: tuple[str, ...] = ()
     spinless: Reduced | None = Reduced()
@@ -82,12 +83,16 @@ MODELS: dict[str, Entry] = {
         vertical=Reduced(_TOTAL),
     ),
     "grip-slip": Entry(
-        GripSlipModel.composer(GRIP_SLIP, VERTICAL),
+        compose_grip_slip(GRIP_SLIP),
+        ImpulseClosures("line"),
         candidates=("grip-slip",),
         spinless=Reduced(candidates=("grip-slip",)),
     ),
     "brody": Entry(
-        GripSlipModel.composer(BRODY, VERTICAL), candidates=("brody",), spinless=Reduced(candidates=("brody",))
+        compose_grip_slip(BRODY),
+        ImpulseClosures("line"),
+        candidates=("brody",),
+        spinless=Reduced(candidates=("brody",)),
     ),
     "thesis": Entry(compose_thesis, ThesisClosures("chapter_five", "tied", "line"), spinless=None, vertical=None),
 }
@@ -135,7 +140,7 @@ def ranked() -> tuple[str, ...]:
     return tuple(name for name in MODELS if not model(name).unranked)
 
 
-def _changed(base: Closures | ThesisClosures, chosen: Mapping[str, str]) -> Closures | ThesisClosures:
+def _changed(base: _Chosen, chosen: Mapping[str, str]) -> _Chosen:
     known = [closure.name for closure in fields(base)]
     for closure in chosen:
         if closure not in known:

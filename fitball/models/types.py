@@ -20,12 +20,13 @@ Spin = Literal["shell", "mean"]
 Inertia = Literal["table", "tied"]
 Torsion = Literal["matched", "free", "rigid"]
 Cor = Literal["measured", "mean", "line", "saturating"]
-# The thesis knows no other.
+# The thesis knows no other; an impulse has no need of the first two.
 ThesisCor = Literal["measured", "mean", "line"]
+ImpulseCor = Literal["line", "saturating"]
 Damping = Literal["given", "chapter_three", "chapter_five"]
 
 
-def check_options(closures: Closures | ThesisClosures) -> None:
+def check_options(closures: Closures | ThesisClosures | ImpulseClosures) -> None:
     """Raise ModelError for a closure that has no such option."""
     for closure, known in options_of(type(closures)).items():
         value = getattr(closures, closure)
@@ -69,6 +70,16 @@ class ThesisClosures:
     damping: Damping
     inertia: Inertia
     cor: ThesisCor
+
+    def __post_init__(self) -> None:
+        check_options(self)
+
+
+@dataclass(frozen=True)
+class ImpulseClosures:
+    """The one choice of the algebraic models: the law of the restitution."""
+
+    cor: ImpulseCor
 
     def __post_init__(self) -> None:
         check_options(self)

@@ -48,7 +48,7 @@ def as_container(container: Problem, contained: Problem, values: Values) -> Valu
 def _added(container: Problem, contained: Problem, values: Values) -> Values | None:
     wide, narrow = container.model, contained.model
     more = set(wide.parameter_names) - set(narrow.parameter_names)
-    if type(wide) is type(narrow) and more and not wide.options and wide.absent_is_zero:
+    if type(wide) is type(narrow) and more and wide.options == narrow.options and wide.absent_is_zero:
         return dict.fromkeys(more, 0.0) if set(narrow.parameter_names) < set(wide.parameter_names) else None
     if wide.options.keys() != narrow.options.keys() or not wide.options:
         return None

@@ -16,13 +16,16 @@ from numpy.typing import NDArray
 from fitball.models.kernels.compiled import compiled
 from fitball.models.kernels.dual import Number, NumberArray
 from fitball.models.kernels.phases import GRIP, SLIDE_BACKWARD, SLIDE_FORWARD
-from fitball.models.kernels.restitution import ANCHOR_SPEED
+from fitball.models.kernels.restitution import ANCHOR_SPEED, saturating_restitution
 from fitball.models.types import Status
 
-COLUMNS = ("mu", "e_x", "offset", "cor_10", "cor_slope", "ball_mass", "ball_radius", "ball_inertia")
+COLUMNS = ("mu", "e_x", "offset", "cor_10", "cor_slope", "saturating", "ball_mass", "ball_radius", "ball_inertia")
+# Above zero where the law of restitution is that of `restitution`, else it is a line.
+SATURATING = COLUMNS.index("saturating")
 
 OK = int(Status.OK)
 COR_OUT_OF_RANGE = int(Status.COR_OUT_OF_RANGE)
+REBOUND_FALLS = int(Status.REBOUND_FALLS)
 
 
 @compiled
@@ -34,8 +37,12 @@ def algebraic_bounce(
     The grip impulse is that of a tangential restitution `e_x` at the contact point with the normal force `offset`
     ahead of the centre; friction limits it (Walton 1993; Foerster et al. 1994; Cross 2002).
     """
-    mu, e_x, offset, cor_10, cor_slope, mass, radius, inertia = row
+    mu, e_x, offset, cor_10, cor_slope, saturating, mass, radius, inertia = row
     cor = cor_10 + cor_slope * (v_y - ANCHOR_SPEED)
+    if saturating.real > 0.0:
+        cor = saturating_restitution(cor_10, cor_slope, 1.0 + 0.0 * cor_10, v_y)
+        if ANCHOR_SPEED * cor_slope.real <= -cor_10.real:
+            return REBOUND_FALLS, cor, cor, cor, 0
     if not 0.0 < cor.real <= 1.0:
         nothing = math.nan + 0.0 * cor
         return COR_OUT_OF_RANGE, nothing, nothing, nothing, 0
