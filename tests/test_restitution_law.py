@@ -126,7 +126,7 @@ def test_its_walls_are_told_and_held():
         with pytest.raises(ParameterError, match="v_y2 would fall with v_y1"):
             chosen.rebound({**values, "cor_slope": -0.0776}, fitball.impacts(12.0, 6.0, 0.0))
         assert len(chosen.linear_constraints(impacts)) == 3
-        assert model(name, cor="line").options == {}
+        assert model(name).options == {"cor": "line"}
     with pytest.raises(fitball.FitballError, match="closure cor = 'saturating'"):
         model("thesis", cor="saturating")
 

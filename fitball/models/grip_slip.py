@@ -8,7 +8,7 @@ that acts a distance `offset` ahead of the centre; the grip impulse is limited b
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from fitball.models.capabilities import LinearConstraint
 from fitball.models.impulse_model import ImpulseModel
@@ -53,9 +53,8 @@ def compose_grip_slip(
     """What composes the model with these parameters, those of `VERTICAL` without motion along the court."""
 
     def compose(name: str, ball: Ball, tangential: bool, closures: ImpulseClosures) -> Model:
-        options = {} if closures.cor == "line" else {"cor": closures.cor}
         return GripSlipModel(
-            name, ball, options, tuple(parameters if tangential else VERTICAL), tangential=tangential
+            name, ball, asdict(closures), tuple(parameters if tangential else VERTICAL), tangential=tangential
         )
 
     return compose

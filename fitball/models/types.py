@@ -34,7 +34,7 @@ def check_options(closures: Closures | ThesisClosures | ImpulseClosures) -> None
             raise ModelError(f"closure {closure} = {value!r}: {suggestion(str(value), known)}")
 
 
-def options_of(kind: type[Closures | ThesisClosures]) -> dict[str, tuple[str, ...]]:
+def options_of(kind: type[Closures | ThesisClosures | ImpulseClosures]) -> dict[str, tuple[str, ...]]:
     """The options that each closure of a model has."""
     hints = get_type_hints(kind)
     return {closure.name: get_args(hints[closure.name]) for closure in fields(kind)}
