@@ -83,16 +83,17 @@ def test_a_linear_normal_posterior_and_its_left_out_scores_are_those_of_the_clos
 def test_every_choice_that_acts_is_changed_one_at_a_time(tmp_path):
     assert names(problem_of("wang_all.csv")) == [
         "release=zero_displacement", "normal=inner", "normal=total", "offset=grip", "spin=shell", "inertia=table",
-        "torsion=free", "torsion=rigid", "cor=mean", "noise=student-t",
+        "torsion=free", "torsion=rigid", "cor=mean", "cor=saturating", "noise=student-t",
     ]  # fmt: skip
     assert names(problem_of("wang_all.csv", noise="student-t"))[-1] == "noise=normal"
-    assert names(problem_of("wang_all.csv", "brody")) == ["noise=student-t"]
+    assert names(problem_of("wang_all.csv", "brody")) == ["cor=saturating", "noise=student-t"]
     # A ball that turns as one has neither a twist nor a split of its inertia; without spin it is such a ball.
     rigid = names(problem_of("wang_all.csv", closures={"torsion": "rigid"}))
     assert not {"spin=shell", "inertia=table"} & set(rigid)
     spinless = tmp_path / "spinless.csv"
     spinless.write_text("v_x1,v_y1,v_x2,v_y2\n12,5,9,4\n12,7,8,5.4\n11,9,7,6.8\n14,6,10,4.7\n", encoding="utf-8")
-    assert names(problem_of(spinless)) == ["release=zero_displacement", "cor=mean", "noise=student-t"]
+    changed = ["release=zero_displacement", "cor=mean", "cor=saturating", "noise=student-t"]
+    assert names(problem_of(spinless)) == changed
     assert "cor=mean" in names(problem_of(drop_table(np.random.default_rng(1))))
     # A model that is told a column has no score to set beside one that is not.
     told = names(problem_of("wang_all.csv", closures={"cor": "measured"}))
