@@ -48,8 +48,10 @@ def as_container(container: Problem, contained: Problem, values: Values) -> Valu
 def _added(container: Problem, contained: Problem, values: Values) -> Values | None:
     wide, narrow = container.model, contained.model
     more = set(wide.parameter_names) - set(narrow.parameter_names)
-    if type(wide) is type(narrow) and more and wide.options == narrow.options and wide.absent_is_zero:
-        return dict.fromkeys(more, 0.0) if set(narrow.parameter_names) < set(wide.parameter_names) else None
+    if wide.absent_is_zero and narrow.absent_is_zero:
+        alike = type(wide) is type(narrow) and wide.options == narrow.options
+        contains = alike and set(narrow.parameter_names) < set(wide.parameter_names)
+        return dict.fromkeys(more, 0.0) if contains else None
     if wide.options.keys() != narrow.options.keys() or not wide.options:
         return None
     added: dict[str, float] = {}
