@@ -44,9 +44,9 @@ def test_files_are_complete_and_agree(done):
     folder = place / "fits" / "balls" / "compare"
     assert code in (0, 1), err
     assert sorted(item.name for item in folder.iterdir()) == [
-        "compare.csv", "compare.json", "compare.png", "compare.txt"
+        "compare.csv", "compare.json", "compare.png", "compare.txt", "forest.png"
     ]  # fmt: skip
-    assert (folder / "compare.png").read_bytes().startswith(b"\x89PNG")
+    assert all((folder / name).read_bytes().startswith(b"\x89PNG") for name in ("compare.png", "forest.png"))
     content = json.loads((folder / "compare.json").read_text(encoding="utf-8"))
     assert content["kind"] == "fitball comparison"
     assert content["scored_columns"] == ["v_x2", "v_y2", "omega_2"]
@@ -60,6 +60,14 @@ def test_files_are_complete_and_agree(done):
     assert set(schemes) == {"each impact", "each group", "shallowest third", "steepest third"}
     assert schemes["steepest third"]["impacts"] == ["d", "e"]
     assert schemes["each group"]["parts"] == ["flat", "top"]
+    assert set(content["assumptions"]) == {*best["point"], "court pace rating"} & {
+        *other["point"],
+        "court pace rating",
+    }
+    friction = content["assumptions"]["mu"]
+    assert list(friction["by_model"]) == [best["name"], other["name"]]
+    medians = [item["median"] for item in friction["by_model"].values()]
+    assert min(medians) <= friction["stacked"]["median"] <= max(medians)
     with (folder / "compare.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["model"] for row in rows] == [best["name"], other["name"]]

@@ -71,6 +71,12 @@ def test_data_of_grip_slip_prefer_grip_slip_to_brody(duel):
     assert gap.sure
     assert found.models[0].name == found.simplest.name == "grip-slip"
     assert found.stacking["grip-slip"] > 0.8
+    # What the table refuses takes part in the mixture by its weight, and in no range.
+    friction = found.assumptions["mu"]
+    assert friction.as_good == ("grip-slip",)
+    assert (friction.span.low, friction.span.high) == (friction.by_model["grip-slip"].median,) * 2
+    assert set(friction.by_model) == {"grip-slip", "brody"}
+    assert "e_x" not in found.assumptions
 
 
 def test_data_of_two_masses_prefer_two_masses_to_brody(duel):
@@ -86,6 +92,15 @@ def test_data_of_brody_do_not_pay_for_more_parameters(duel):
     found = duel(synthetic_table("brody", 7, mu=0.55, **COR), "brody", "grip-slip")
     assert not found.elpd_difference("grip-slip", "brody").sure
     assert found.simplest.name == "brody"
+    friction = found.assumptions["mu"]
+    assert set(friction.as_good) == {"brody", "grip-slip"}
+    assert friction.weight == pytest.approx(1.0)
+    for level, name in ((0.025, "q025"), (0.5, "median"), (0.975, "q975")):
+        below = 0.0
+        for score in found.models:
+            column = score.fit.posterior.draws[:, score.fit.posterior.names.index("mu")]
+            below += found.stacking[score.name] * np.mean(column <= getattr(friction.stacked, name))
+        assert below == pytest.approx(level, abs=0.02)
 
 
 def test_an_interrupted_comparison_keeps_what_is_done():

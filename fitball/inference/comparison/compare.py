@@ -13,6 +13,7 @@ from fitball.inference.comparison.candidates import Candidates
 from fitball.inference.comparison.cross_validation import make_folds
 from fitball.inference.comparison.model_weights import pseudo_bma_weights, stacking_weights
 from fitball.inference.comparison.nesting import alarm_words, overtaken, settled_words
+from fitball.inference.comparison.over_models import over_models
 from fitball.inference.comparison.results import Comparison, FixedPrediction, ModelScore
 from fitball.inference.comparison.scoring import Task, scored
 from fitball.inference.effort import Effort
@@ -91,6 +92,7 @@ def compare(
         seed=effort.seed,
         quick=quick,
         seconds=time.perf_counter() - begun,
+        assumptions=over_models(scores, stacking),
     )
 
 

@@ -13,6 +13,7 @@ from fitball.inference.comparison.cross_validation import IMPACTS, Missed
 from fitball.inference.comparison.information_criteria import Criteria
 from fitball.inference.comparison.psis_loo import LeaveOneOut
 from fitball.inference.prediction.outputs import root_mean_square
+from fitball.inference.results.assumptions import Quantity
 from fitball.inference.results.results import Fit, RunStatus, Verdict
 from fitball.inference.results.score_difference import FEW, ElpdDifference, elpd_difference
 from fitball.values import FloatArray
@@ -81,7 +82,8 @@ class RmsDifference:
 @dataclass(frozen=True)
 class Comparison:
     """All models on one table, best first by elpd. `columns` are the measured columns that are scored; `stacking`
-    and `pseudo_bma` weights by model; `status` of the run as a whole.
+    and `pseudo_bma` weights by model; `status` of the run as a whole; `assumptions` what each model says of each
+    quantity, and all of them together.
     """
 
     table: ImpactTable
@@ -95,6 +97,7 @@ class Comparison:
     seed: int
     quick: bool
     seconds: float
+    assumptions: Mapping[str, Quantity]
 
     @cached_property
     def by_name(self) -> Mapping[str, ModelScore]:

@@ -10,6 +10,8 @@ from fitball.inference.results.score_difference import ElpdDifference
 # Sds of a fit's own posterior by which its median, or an end of its 95 % interval, must move for a value to rest on
 # an assumption: the other median is then outside of the interval, or the other interval about twice as wide.
 MOVED = 2.0
+# What the rating is called among other quantities.
+PACE = "court pace rating"
 
 
 @dataclass(frozen=True)
@@ -114,3 +116,19 @@ def reach(own: Summary, other: Summary) -> float:
         return 0.0
     moves = (abs(other.median - own.median), own.q025 - other.q025, other.q975 - own.q975)
     return max(moves) / own.sd
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A parameter, or the court pace rating, in SI: the posterior of each model that has it, best score first;
+    `stacked` that of the mixture by stacking weights, which those models have a share `weight` of (None where it is
+    nothing); `span` over the best of the models and those that the table does not surely score below the best of all,
+    `as_good`; None where none of them has it.
+    """
+
+    unit: str
+    by_model: Mapping[str, Summary]
+    stacked: Summary | None
+    weight: float
+    as_good: tuple[str, ...]
+    span: Span | None

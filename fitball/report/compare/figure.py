@@ -24,8 +24,8 @@ NAME_WIDTH = 20
 def compare_figure(comparison: Comparison) -> Figure:
     """Models from best (top) to worst; published sets below them, with errors only."""
     outputs = scored_outputs(comparison)
-    labels = [_broken(scored.name) for scored in comparison.models] + [
-        _broken(published.name) for published in comparison.published
+    labels = [broken(scored.name) for scored in comparison.models] + [
+        broken(published.name) for published in comparison.published
     ]
     height = 1.9 + 0.36 * len(labels)
     figure = new_figure(4.2 + 1.6 * len(outputs), height)
@@ -90,7 +90,8 @@ def _ticks(low: float, high: float) -> list[float]:
     return [low, high]
 
 
-def _broken(name: str) -> str:
+def broken(name: str) -> str:
+    """The name of a model over two lines where it is long."""
     if len(name) <= NAME_WIDTH:
         return name
     for mark in ("+", ": "):

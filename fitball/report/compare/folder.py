@@ -6,6 +6,7 @@ from pathlib import Path
 
 from fitball.inference.comparison.results import Comparison
 from fitball.report.compare.figure import compare_figure
+from fitball.report.compare.forest import forest_figure, shown
 from fitball.report.compare.rows import csv_rows, json_content
 from fitball.report.compare.text import render
 from fitball.report.figures.save import save_figure
@@ -14,11 +15,16 @@ from fitball.report.form.csv import csv_text
 from fitball.report.form.json_text import json_text
 
 JSON_NAME = "compare.json"
+FOREST_NAME = "forest.png"
 
 
 def write_all(comparison: Comparison, words: str, folder: Path) -> None:
     """Write every file, each whole or not at all. Raises ResultFolderError."""
     save_figure(compare_figure(comparison), folder / "compare.png")
+    quantities, models = comparison.assumptions, [scored.name for scored in comparison.models]
+    if shown(quantities):
+        title = f"{comparison.table.name}: median, sd and 95 % interval under each model"
+        save_figure(forest_figure(quantities, models, title), folder / FOREST_NAME)
     write_text(folder / "compare.csv", csv_text(csv_rows(comparison)))
     write_text(folder / "compare.txt", render(comparison, words, folder) + "\n")
     write_text(folder / JSON_NAME, json_text(json_content(comparison, words)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,12 @@ from fitball.inference.comparison.cross_validation import GROUPS, IMPACTS
 from fitball.inference.comparison.results import Comparison, FixedPrediction, ModelScore
 from fitball.inference.prediction.outputs import OUTPUTS, root_mean_square
 from fitball.inference.results.adequacy import Answer
-from fitball.report.form.display_units import output_scale
-from fitball.report.form.rounding import fixed
+from fitball.inference.results.assumptions import Summary
+from fitball.report.form.display_units import handy, output_scale
+from fitball.report.form.rounding import decimals, fixed, interval
 from fitball.version import __version__
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 SCHEMES = (IMPACTS, GROUPS, "shallowest third", "steepest third", "slowest third", "fastest third")
 SHORT = {Answer.DESCRIBES: "yes", Answer.EXCEPT: "except", Answer.FAILS: "NO", Answer.UNTOLD: "too few rows"}
 # Outputs shown for the schemes that leave out many impacts, as far as there is room.
@@ -106,6 +108,37 @@ def extrapolation_table(comparison: Comparison) -> list[list[str]]:
     return rows
 
 
+def assumption_table(comparison: Comparison) -> list[list[str]]:
+    """Each quantity under the best model that has it, over those the table does not tell from the best of all, and
+    in the mixture; empty where scores mean nothing.
+    """
+    if not comparison.meaningful:
+        return []
+    rows = [["", "unit", "best model's", "over as good", "95 % over those", "most moved by", "stacked mixture, 95 %"]]
+    for name, item in comparison.assumptions.items():
+        if item.span is None:
+            continue
+        scale = handy(name, item.unit)
+        places, factor = decimals(item.span.own.sd * scale.factor), scale.factor
+        over = f"{fixed(item.span.low * factor, places)} to {fixed(item.span.high * factor, places)}"
+        moved = f"{item.span.by} ({fixed(item.span.shift, 1)} sd)" if item.span.by else "-"
+        mixed = "-"
+        if item.stacked is not None:
+            ends = interval(item.stacked.q025 * factor, item.stacked.q975 * factor, places)
+            mixed = f"{fixed(item.stacked.median * factor, places)} {ends}"
+        rows.append(
+            [name, scale.unit, spread(item.span.own, factor), over if len(item.as_good) > 1 else "-",
+             interval(item.span.q025 * factor, item.span.q975 * factor, places), moved, mixed]
+        )  # fmt: skip
+    return rows
+
+
+def spread(item: Summary, factor: float) -> str:
+    """Median and sd."""
+    places = decimals(item.sd * factor)
+    return f"{fixed(item.median * factor, places)} +- {fixed(item.sd * factor, places)}"
+
+
 def csv_rows(comparison: Comparison) -> list[dict[str, object]]:
     """One row per model and published set, numbers at full precision, errors in the units of their heads."""
     best = comparison.models[0].name
@@ -164,6 +197,7 @@ def json_content(comparison: Comparison, words: str) -> dict[str, Any]:
         "seconds": round(comparison.seconds, 1),
         "version": __version__,
         "models": [_model_content(comparison, scored, best) for scored in comparison.models],
+        "assumptions": {name: asdict(item) for name, item in comparison.assumptions.items()},
         "published": [
             {"name": published.name, "source": published.source, "told": list(published.given_columns),
              "rms": published_rms(published),

@@ -7,7 +7,13 @@ from pathlib import Path
 
 from fitball.inference.comparison.results import Comparison, ModelScore
 from fitball.inference.results.results import Verdict
-from fitball.report.compare.rows import error_table, extrapolation_table, score_table, scored_outputs
+from fitball.report.compare.rows import (
+    assumption_table,
+    error_table,
+    extrapolation_table,
+    score_table,
+    scored_outputs,
+)
 from fitball.report.form.text_table import WIDTH, columns
 
 LEGEND = (
@@ -21,6 +27,11 @@ LEGEND = (
 )
 ERRORS = "Root mean square errors of predictions at the maximum of the posterior of a fit without those impacts."
 ANGLE = " theta_2 follows from v_x2 and v_y2 where it is not an independent column."
+ASSUMED = (
+    "What rests on assumptions: the median and sd of each parameter under the best model that has it; its lowest and "
+    "highest median, and the outermost ends of its 95 % intervals, over the models that this table does not surely "
+    "score below the best of all; and the mixture of all models by stacking weights."
+)
 PUBLISHED = (
     "In brackets: parameter sets published with these data, nothing fitted here and not out of sample, since they "
     "were tuned on these impacts; those of Appendix C are told each impact's v_y2."
@@ -39,6 +50,9 @@ def render(comparison: Comparison, words: str, folder: Path) -> str:
         parts += [*columns(beyond), ""]
     angle = ANGLE if "theta_2" in scored_outputs(comparison) else ""
     parts += textwrap.wrap(ERRORS + angle + (f" {PUBLISHED}" if comparison.published else ""), WIDTH)
+    assumed = assumption_table(comparison)
+    if assumed:
+        parts += ["", *columns(assumed, left=2), "", *textwrap.wrap(ASSUMED, WIDTH)]
     parts += ["", "What the table does not tell of each model's parameters:"]
     for item in comparison.models:
         parts += textwrap.wrap(_unidentified(item), WIDTH, initial_indent="  ", subsequent_indent="      ")

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fitball.inference.results.assumptions import Alternative, Assumptions, Span
+from fitball.inference.results.assumptions import PACE, Alternative, Assumptions, Span
 from fitball.inference.results.results import Fit
 from fitball.report.fit.headline import listed
 from fitball.report.form.display_units import Scale, handy
 from fitball.report.form.rounding import decimals, fixed, interval
 
-PACE = "court pace rating"
 # Sds by which its median must move over the assumptions for a quantity to get a line of its own on a terminal.
 WORTH_A_LINE = 1.0
 

@@ -1,0 +1,94 @@
+"""The forest plot of a comparison: each quantity under each model, beside the mixture by stacking weights."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.results.assumptions import Quantity, Summary
+from fitball.models.registry import parameter_spec
+from fitball.report.compare.figure import broken
+from fitball.report.figures.arrays import axis_label
+from fitball.report.figures.predictive import COLOURS, new_figure
+from fitball.report.form.display_units import handy
+
+STACKED = "stacked mixture"
+PANELS, TICKS = 4, 4
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One line of a panel: median and ends of the 68 % (to first order) and 95 % intervals, in the panel's unit."""
+
+    row: int
+    median: float
+    sd: float
+    low: float
+    high: float
+    as_good: bool
+
+
+def forest_bars(quantity: Quantity, name: str, models: Sequence[str]) -> tuple[Bar, ...]:
+    """The bars of one quantity, at the rows of the models, the mixture below them; none for those without it."""
+    factor = handy(name, quantity.unit).factor
+    known: dict[str, Summary] = dict(quantity.by_model)
+    if quantity.stacked is not None:
+        known[STACKED] = quantity.stacked
+    return tuple(
+        Bar(
+            row,
+            item.median * factor,
+            item.sd * factor,
+            item.q025 * factor,
+            item.q975 * factor,
+            model == STACKED or model in quantity.as_good,
+        )
+        for row, model in enumerate([*models, STACKED])
+        if (item := known.get(model)) is not None
+    )
+
+
+def shown(quantities: Mapping[str, Quantity]) -> list[str]:
+    """The quantities that have a panel: all but the noise."""
+    return [name for name in quantities if name not in NOISE_SPECS]
+
+
+def forest_figure(quantities: Mapping[str, Quantity], models: Sequence[str], title: str) -> Figure:
+    """A panel a quantity; models from best (top) to worst, pale where the table surely scores them below the best."""
+    names = shown(quantities)
+    across = min(PANELS, len(names))
+    down = -(-len(names) // across)
+    figure = new_figure(2.2 + 2.5 * across, 1.2 + down * (0.7 + 0.27 * (len(models) + 1)))
+    panels = figure.subplots(down, across, sharey=True, squeeze=False)
+    labels = [broken(name) for name in models]
+    for panel, name in zip(panels.flat, names, strict=False):
+        _draw(panel, name, quantities[name], forest_bars(quantities[name], name, models), len(models))
+        panel.set_yticks(range(len(models) + 1), [*labels, STACKED], fontsize=7)
+        panel.set_ylim(len(models) + 0.6, -0.6)
+    for panel in list(panels.flat)[len(names) :]:
+        panel.set_axis_off()
+    figure.suptitle(title)
+    return figure
+
+
+def _draw(panel: Axes, name: str, quantity: Quantity, bars: Sequence[Bar], count: int) -> None:
+    if quantity.span is not None:
+        factor = handy(name, quantity.unit).factor
+        panel.axvspan(quantity.span.low * factor, quantity.span.high * factor, color="0.92", linewidth=0)
+    for bar in bars:
+        colour = COLOURS[1] if bar.row == count else COLOURS[0] if bar.as_good else "0.65"
+        panel.plot([bar.low, bar.high], [bar.row, bar.row], color=colour, linewidth=1.0)
+        panel.plot([bar.median - bar.sd, bar.median + bar.sd], [bar.row, bar.row], color=colour, linewidth=3.0)
+        panel.plot(bar.median, bar.row, "o", color=colour, markersize=4.5)
+    panel.axhline(count - 0.5, color="0.5", linewidth=0.8)
+    panel.grid(alpha=0.3, axis="x")
+    panel.tick_params(axis="x", labelsize=8)
+    panel.xaxis.set_major_locator(MaxNLocator(TICKS))
+    spec, unit = parameter_spec(name), handy(name, quantity.unit).unit
+    # The pace of one of several surfaces keeps its name.
+    panel.set_xlabel(axis_label(name if spec is None else spec.label, unit), fontsize=9)
