@@ -20,6 +20,7 @@ from typing import Any
 import pandas as pd
 
 from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS
+from fitball.inference.results.results import Verdict, verdict_words
 from fitball.models.specs import SPECS
 from fitball.report.form.display_units import handy
 from fitball.report.form.rounding import decimals, digits, fixed
@@ -70,7 +71,10 @@ def measure() -> None:
         shutil.copyfile(folder / "all" / PICTURE, KEPT / PICTURE)
     found = {
         "version": __version__,
-        "parameters": {name: _parameter(item) for name, item in fits["all"]["parameters"].items()},
+        "parameters": {
+            name: _parameter(item) | _over(fits["all"]["assumptions"]["parameters"].get(name))
+            for name, item in fits["all"]["parameters"].items()
+        },
         "known_together": fits["zero"]["identifiability"]["eigendirections"]["sentences"],
         "compared": [_score(item) for item in compared["models"] if item["name"] in LADDER],
         "duel": _duel(compared, "two-mass", "grip-slip"),
@@ -83,8 +87,13 @@ def measure() -> None:
 
 
 def _parameter(item: dict[str, Any]) -> dict[str, Any]:
-    kept = ("unit", "median", "sd", "q16", "q84", "verdict")
-    return {key: item[key] for key in kept}
+    kept = ("unit", "median", "sd", "q16", "q84")
+    return {key: item[key] for key in kept} | {"verdict": verdict_words(Verdict(item["verdict"]), item["given"])}
+
+
+def _over(span: dict[str, Any] | None) -> dict[str, Any]:
+    """Lowest and highest median over assumptions that the table cannot tell apart; None of a parameter without."""
+    return {"over": None if span is None else [span["low"], span["high"]]}
 
 
 def _score(item: dict[str, Any]) -> dict[str, Any]:
@@ -118,13 +127,15 @@ def _priors() -> str:
 
 
 def _wang(numbers: dict[str, Any]) -> str:
-    rows = ["| parameter of `two-mass` | median ± sd | unit | verdict |", "|---|---|---|---|"]
+    rows = ["| parameter of `two-mass` | median ± sd | over assumptions | unit | verdict |", "|---|---|---|---|---|"]
     for name, item in numbers["parameters"].items():
         scale = handy(name, item["unit"])
         median, sd = item["median"] * scale.factor, item["sd"] * scale.factor
         places = decimals(sd)
+        ends = [fixed(end * scale.factor, places) for end in item["over"] or ()]
         rows.append(
-            f"| `{name}` | {fixed(median, places)} ± {fixed(sd, places)} | {scale.unit or '-'} | {item['verdict']} |"
+            f"| `{name}` | {fixed(median, places)} ± {fixed(sd, places)} | {' to '.join(ends) or '-'} | "
+            f"{scale.unit or '-'} | {item['verdict']} |"
         )
     return "\n".join(rows)
 
