@@ -17,8 +17,11 @@ from fitball.inference.assumptions.look import ROWS, assumptions_generator, look
 from fitball.inference.identifiability.posterior_verdict import Judgement
 from fitball.inference.likelihood.posterior import pointwise
 from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.prediction.new_impacts import predict_new
+from fitball.inference.prediction.over_assumptions import with_assumptions
 from fitball.inference.qualify import qualified
 from fitball.inference.results.assumptions import MOVED, Summary, reach, span
+from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Verdict
 from fitball.inference.results.score_difference import elpd_difference
 from fitball.inference.sampling.importance import smoothed_elpd
@@ -205,3 +208,27 @@ def test_identified_becomes_given_where_an_assumption_moves_it(deceived):
     assert qualified("eps_10", told, None, found)[0] is Verdict.GIVEN
     assert qualified("cor_10", told, None, found) == (Verdict.IDENTIFIED, ())
     assert qualified("eps_10", replace(told, verdict=Verdict.ONE_SIDED), None, found) == (Verdict.ONE_SIDED, ())
+
+
+def test_a_prediction_moves_over_the_alternatives_that_are_as_good_and_no_others(deceived):
+    found, truth = deceived
+    problem = of_other_closure(5)[0]
+    names = tuple(truth)
+    point = np.array([found.parameters[name].own.median for name in names])
+    fitted = FittedModel(
+        "two-mass", dict(problem.model.options), problem.model.ball, True, names, point, np.empty((0, len(names))),
+        problem.impacts,
+    )  # fmt: skip
+    steep = fitball.impacts(v_x1=8.0, v_y1=12.0, omega_1=-50.0)
+    prediction = predict_new(fitted, steep)
+    moved = with_assumptions(prediction, fitted, found).output("omega_2")
+    spins = [float(moved.point[0])]
+    for item in found.alternatives:
+        closure, _, option = item.name.partition("=")
+        there = fitball.model("two-mass", ball=fitted.ball, **{} if closure == "noise" else {closure: option})
+        values = {name: item.values[name] for name in there.parameter_names}
+        spin = float(there.rebound(values, steep).omega_2[0])
+        spins += [spin] if item.as_good else []
+    np.testing.assert_allclose(moved.over[:, 0], [min(spins), max(spins)])
+    assert moved.over[1, 0] > moved.over[0, 0]
+    assert with_assumptions(prediction, fitted, None) is prediction

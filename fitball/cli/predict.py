@@ -74,6 +74,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.api import load_fit
     from fitball.inference.prediction.holdout_scores import impacts_seen, scores
     from fitball.inference.prediction.new_impacts import observed_observables
+    from fitball.inference.prediction.over_assumptions import with_assumptions
     from fitball.inference.results.results import RunStatus, Verdict
     from fitball.observables import OBSERVABLES
     from fitball.report.form.atomic_write import refuse_existing, write_text
@@ -91,6 +92,7 @@ def run(args: argparse.Namespace) -> int:
         covariance = None
     observables, unused = observed_observables(saved.fitted, table) if table is not None else ((), ())
     prediction = saved.predict_interval(impacts, observables, seed=args.seed, incident_covariance=covariance)
+    prediction = with_assumptions(prediction, saved.fitted, saved.file.assumptions)
     judged = scores(prediction)
     notes = [*(() if table is None else (*table.remarks, *_other_flips(saved.file.table, table))), *unused]
     if point_only:

@@ -36,6 +36,7 @@ class OutputPrediction:
     those of a new measurement, `mean` and `sd` its moments. None where there is no posterior, and for `measured`,
     `mean`, `sd` where the noise is not known. `point` is at the point estimate; `observed` what the table says.
     Where the incident state is uncertain all but `point` contain that, and `shares` says what comes from where.
+    `over` (2, impacts) is the range over assumptions, see `over_assumptions`; None where nothing was looked at.
     """
 
     name: str
@@ -46,6 +47,7 @@ class OutputPrediction:
     sd: FloatArray | None
     observed: FloatArray | None
     shares: Shares | None = None
+    over: FloatArray | None = None
 
     @property
     def residual(self) -> FloatArray | None:

@@ -38,6 +38,8 @@ def _columns(output: OutputPrediction) -> dict[str, FloatArray]:
         if output.shares.measurement is not None:
             columns["sd_measurement"] = output.shares.measurement
     residual = output.residual
+    if output.over is not None:
+        columns |= {"over_low": output.over[0], "over_high": output.over[1]}
     if output.observed is not None and residual is not None:
         columns |= {"measured": output.observed, "residual": residual}
     return columns

@@ -64,6 +64,7 @@ def _in_full(prediction: NewPrediction, row: int, name: str) -> list[str]:
     body = [_cells(output, row, measured) for output in prediction.outputs]
     lines += [f"  {line}" for line in columns([heads, *body])]
     lines += _shares(prediction, row)
+    lines += _over(prediction, row)
     if prediction.regimes[row]:
         lines += _wrapped("regime: " + _regimes(prediction, row))
     return lines + [line for text in remarks_on(prediction, row) for line in _wrapped(text)]
@@ -82,6 +83,19 @@ def _shares(prediction: NewPrediction, row: int) -> list[str]:
         body.append([f"{output.name} [{scale.unit}]", *cells])
     heads = ["one sd owed to", "parameters", "incident state", "measurement"]
     return ["", *(f"  {line}" for line in columns([heads, *body]))] if body else []
+
+
+def _over(prediction: NewPrediction, row: int) -> list[str]:
+    """How far each output moves over assumptions; nothing where that was not looked at."""
+    parts = []
+    for output in prediction.outputs:
+        if output.over is None:
+            continue
+        scale, places = output_scale(output.name), _places(output, row)
+        low, high = (fixed(float(end * scale.factor), places) for end in output.over[:, row])
+        if low != high:
+            parts.append(f"{output.name} {low} to {high} {scale.unit}")
+    return _wrapped(f"over assumptions that the table cannot tell apart: {', '.join(parts)}") if parts else []
 
 
 def _places(output: OutputPrediction, row: int) -> int:
