@@ -61,8 +61,10 @@ def test_a_linear_normal_posterior_and_its_left_out_scores_are_those_of_the_clos
     design = np.stack([speeds, speeds * (speeds - 10.0)], axis=1) / 0.05
     covariance = np.linalg.inv(design.T @ design)
     mean = covariance @ design.T @ (measured / 0.05)
-    start = problem.to_coordinates(np.array([[0.75, -0.01]]))
+    # So far away that several rounds are needed, whose proposals differ in place and size.
+    start = problem.to_coordinates((mean + 6.0 * np.sqrt(np.diag(covariance)) * np.array([1.0, -1.0]))[None, :])
     draws = importance_posterior(problem, start, np.random.default_rng(2))
+    assert len(draws.values) > 600
     assert problem.free_names == ("cor_10", "cor_slope")
     assert draws.effective >= 400.0
     for k in range(2):
