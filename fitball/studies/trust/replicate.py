@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
@@ -79,7 +80,8 @@ def settings_of(scenario: Scenario) -> Mapping[str, object]:
 def replicate(name: str, seed: int, number: int) -> Told:
     """Replicate `number` of the scenario called `name`: a truth, its table, the fit of that, and what is said."""
     scenario = SCENARIOS[name]
-    roots = np.random.SeedSequence(seed, spawn_key=(number,)).spawn(3)
+    # The scenario counts too: with the same numbers in each, scenarios would be no independent draws.
+    roots = np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()), number)).spawn(3)
     values = scenario.truth(np.random.default_rng(roots[0]))
     problem = scenario.simulated(values, np.random.default_rng(roots[1]))
     truth = dict(zip(scenario.problem.free_names, values, strict=True))
