@@ -283,5 +283,7 @@ def test_files_that_contributors_are_told_of_exist():
     for word in re.findall(r"`([A-Z][A-Z_]+)`", text):
         if word != "NAME":
             assert any(
-                word in item.read_text(encoding="utf-8") for item in (DOCS.parent / "fitball").rglob("*.py")
+                word in item.read_text(encoding="utf-8")
+                for room in ("fitball", "tests")
+                for item in (DOCS.parent / room).rglob("*.py")
             ), word

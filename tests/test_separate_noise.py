@@ -172,12 +172,14 @@ def test_contradictions_name_what_to_write(tmp_path, monkeypatch, capsys):
 
 
 def test_the_scene_says_what_is_known_of_each(tmp_path):
-    known = "\n".join(f"{name} = {0.01 * (k + 1)}" for k, name in enumerate(NOISE_OF.values()))
+    # No contact is known to 60 ms.
+    sizes = {name: 0.01 * (k + 1) for k, name in enumerate(NOISE_OF.values())} | {"contact_time_sd": 0.001}
+    known = "\n".join(f"{name} = {size}" for name, size in sizes.items())
     place = tmp_path / "scene.toml"
     place.write_text(f'[measurement]\nvelocity_noise = "separate"\n{known}\n', encoding="utf-8")
     scene = load_scene("wang_zero_spin.csv", place)
     assert scene.velocity_noise == "separate"
-    assert [getattr(scene, name) for name in NOISE_OF.values()] == [0.01 * (k + 1) for k in range(6)]
+    assert {name: getattr(scene, name) for name in NOISE_OF.values()} == sizes
     assert not any("noise of the" in text for text in build_problem(SHORT, scene, Choices(model="brody")).notes)
     assert noises(SHORT, scene)[1] == {"v_x_sd": 0.01, "v_y_sd": 0.02, "spin_sd": 0.05}
 

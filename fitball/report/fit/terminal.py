@@ -41,8 +41,9 @@ def render(fit: Fit, folder: Path) -> str:
     rows = parameter_rows(fit)
     heads = ["parameter", "unit", "median", "68 %", "95 %", "point", "prior (SI)", "verdict"]
     body = [
-        [row.name, row.unit, row.median, row.interval_68, row.interval_95, row.point, row.prior, row.verdict]
-        for row in rows
+        # Which assumptions is said below: a line of the table has no room for it.
+        [row.name, row.unit, row.median, row.interval_68, row.interval_95, row.point, row.prior, estimate.verdict]
+        for row, estimate in zip(rows, fit.estimates, strict=True)
     ]
     parts += columns([heads, *body], left=2)
     thesis = thesis_rows(fit)
