@@ -234,3 +234,14 @@ def test_a_prediction_moves_over_the_alternatives_that_are_as_good_and_no_others
     np.testing.assert_allclose(moved.over[:, 0], [min(spins), max(spins)])
     assert moved.over[1, 0] > moved.over[0, 0]
     assert with_assumptions(prediction, fitted, None) is prediction
+
+
+def test_what_is_told_of_the_fit_itself_is_what_its_estimates_tell(grip_slip_fit):
+    """From every draw: those that are scored are fewer, and their median is another."""
+    found = grip_slip_fit.assumptions.parameters
+    assert set(found) == {item.name for item in grip_slip_fit.estimates}
+    for item in grip_slip_fit.estimates:
+        own = found[item.name].own
+        assert (own.median, own.q025, own.q975) == pytest.approx(
+            (item.median, item.q025, item.q975), abs=0.01 * item.sd
+        )

@@ -284,7 +284,7 @@ def test_without_profiles_a_point_fit_does_not_judge():
     left_out = Profiles(0.0, False, {}, LEFT_OUT)
     _, judgements = examine(problem, fit.point, (left_out, left_out), None, None, ())
     assert judgements["mu"].verdict is Verdict.IDENTIFIED
-    assert "to first order the table knows it to 0.4 sd of its prior" in judgements["mu"].reason
+    assert "known to 0.4 sd of its prior, to first order" in judgements["mu"].reason
     assert profile_all(synthetic_rows(problem, 301), fit.point, fit.point.optima)[0].missing == LEFT_OUT
     # With them it does.
     assert fit.parameters["mu"].verdict is Verdict.IDENTIFIED

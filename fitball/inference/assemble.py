@@ -164,7 +164,7 @@ def _estimate(
     verdict, given = qualified(parameter.name, judged, described, assumptions)
     reason = judged.reason
     if verdict is Verdict.CONDITIONAL and described is not None:
-        reason = f"{described.why(parameter.name)}; if it did not: {reason}"
+        reason = f"{described.why(parameter.name)}: {reason}"
     return Estimate(
         name=parameter.name,
         unit=parameter.spec.unit,

@@ -58,11 +58,10 @@ def sentence(
                 "The model describes the table, but for patterns far below the noise that so many rows make sure: "
                 f"{_listed(small)}. {_cap(scatter)}."
             )
-        hint = min(checks, key=lambda check: check.p, default=None)
+        hints = "; ".join(f"{check_words(check)} in {100.0 * check.p:.0f} %" for check in _hints(checks))
         told = (
-            f" The strongest hint, {check_words(hint)}, is met in {100.0 * min(1.0, hint.p):.0f} % of tables that "
-            "the model made."
-            if hint is not None and hint.p < HINT
+            f" The strongest hints, and in how many tables that the model made they are met: {hints}."
+            if hints
             else ""
         )
         return f"The model describes the table: no check of the residuals finds a pattern. {_cap(scatter)}.{told}"
@@ -85,6 +84,14 @@ def strongest(checks: Iterable[Check]) -> list[Check]:
         if check.column != ALL or all(over != check.over for _, over in kept):
             kept.setdefault((check.column, check.over), check)
     return list(kept.values())
+
+
+def _hints(checks: Sequence[Check]) -> list[Check]:
+    """The surest check of each column that fewer than `HINT` of the model's own tables meet, surest first."""
+    kept: dict[str, Check] = {}
+    for check in strongest(check for check in checks if check.p < HINT):
+        kept.setdefault(check.column, check)
+    return list(kept.values())[:NAMED]
 
 
 def check_words(check: Check) -> str:

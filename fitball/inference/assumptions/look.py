@@ -96,6 +96,8 @@ def look(problem: Problem, point: PointFit, posterior: Posterior | None, rng: np
     if not draws.settled:
         return Assumptions((), {}, {}, "a quick look at the fit itself did not settle")
     own = _Fitted(problem, draws)
+    # What is told of the fit itself is what its estimates tell: of every draw, not of those that are scored.
+    whole = own if posterior is None else _Fitted(problem, equal_draws(posterior.draws))
     probes = draws.values[np.linspace(0, len(draws.values) - 1, PROBES).astype(np.int64)]
     scored = own.elpd()
     found = tuple(
@@ -104,8 +106,8 @@ def look(problem: Problem, point: PointFit, posterior: Posterior | None, rng: np
     )
     return Assumptions(
         found,
-        _spans(own.parameters(problem.noise), [(item, item.parameters) for item in found]),
-        _spans(own.court_pace(), [(item, item.court_pace) for item in found]),
+        _spans(whole.parameters(problem.noise), [(item, item.parameters) for item in found]),
+        _spans(whole.court_pace(), [(item, item.court_pace) for item in found]),
     )
 
 

@@ -94,7 +94,7 @@ def _from_information(problem: Problem, look: InformationEvidence, many: bool) -
         return Judgement(None, Verdict.PRIOR_DOMINATED, f"its size comes from {source}, not from the table")
     if look.error is None or look.contraction < NEGLIGIBLE:
         return Judgement(None, Verdict.PRIOR_DOMINATED, "to first order the table leaves it as it was known before")
-    words = f"to first order the table knows it to {look.error:.2g} sd of its prior (no profile was made)"
+    words = f"known to {look.error:.2g} sd of its prior, to first order"
     return Judgement(None, Verdict.IDENTIFIED, words)
 
 

@@ -103,10 +103,10 @@ class Adequacy:
     replicates: int
 
     def why(self, name: str) -> str:
-        """Why parameter `name` is conditional, in words."""
+        """What a conditional parameter `name` rests on, before a reason that would hold then."""
         if self.answer is Answer.FAILS:
-            return "the model does not describe the table"
-        return f"without what the model misses it would move by {self.moved[name]:.2g} of its sds"
+            return "if the model described it"
+        return f"without what the model misses it would move by {self.moved[name]:.2g} of its sds; if it did not"
 
     def conditional(self, name: str) -> bool:
         """Whether what the table says of parameter `name` holds only if the misfits do not matter."""

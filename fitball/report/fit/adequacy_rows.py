@@ -49,12 +49,13 @@ def adequacy_table(fit: Fit) -> AdequacyTable:
 
 
 def adequacy_lines(fit: Fit) -> list[str]:
-    """What stands on a terminal below the answer."""
+    """What stands on a terminal below the answer: what it is based on in one sentence, the rates on the page."""
     found = _of(fit)
     far = ", ".join(
         f"{row[0]} {row[1]} {row[2]} (predicted {row[3]}, {row[4]} sd)" for row in map(_misfit_row, found.misfits[:3])
     )
-    return [found.based_on, *remarks(fit), *([f"Largest misfits: {far}."] if far else [])]
+    based_on, end, _ = found.based_on.partition(". ")
+    return [based_on + end.rstrip(), *remarks(fit), *([f"Largest misfits: {far}."] if far else [])]
 
 
 def remarks(fit: Fit) -> tuple[str, ...]:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 from fitball.inference.results.assumptions import PACE, Alternative, Assumptions, Span
 from fitball.inference.results.results import Fit
-from fitball.report.fit.headline import listed
 from fitball.report.form.display_units import Scale, handy
 from fitball.report.form.rounding import decimals, fixed, interval
+from fitball.report.form.sentences import listed
 
 # Sds by which its median must move over the assumptions for a quantity to get a line of its own on a terminal.
 WORTH_A_LINE = 1.0

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from fitball.inference.results.results import Fit, RunStatus, Verdict
 from fitball.report.fit.summary import ParameterRow, parameter_rows
+from fitball.report.form.sentences import listed
 
 STATUS_WORDS = {
     RunStatus.CONVERGED: "The sampler converged",
@@ -65,8 +66,3 @@ def told_rows(fit: Fit, verdicts: Sequence[Verdict]) -> tuple[ParameterRow, ...]
     """The parameters with one of these verdicts, in the order of the fit."""
     rows = zip(parameter_rows(fit), fit.estimates, strict=True)
     return tuple(row for row, item in rows if item.verdict in verdicts)
-
-
-def listed(words: Sequence[str]) -> str:
-    """Words with commas and an `and` before the last."""
-    return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))

@@ -9,6 +9,7 @@ import numpy as np
 from fitball.inference.results.results import Diagnostics, ErrorBudget, Estimate, Fit, LevelEstimate, RunStatus
 from fitball.report.form.display_units import THESIS, Scale, handy, output_scale
 from fitball.report.form.rounding import decimals, fixed, interval, significant
+from fitball.report.form.sentences import listed
 from fitball.values import FloatArray
 
 
@@ -223,8 +224,9 @@ def diagnosis_lines(fit: Fit, *, budget: bool = True) -> tuple[str, ...]:
         )
     if budget:
         lines.append(_budget_line(fit.error_budget))
-    for name, cause in squares.missing.items():
-        lines.append(f"No standard error of {name} by least squares: {cause}.")
+    for cause in dict.fromkeys(squares.missing.values()):
+        names = [name for name, why in squares.missing.items() if why == cause]
+        lines.append(f"No standard error of {listed(names)} by least squares: {cause}.")
     if fit.status is RunStatus.NOT_CONVERGED:
         lines.append("NOT CONVERGED: intervals and verdicts may change. Use --resume with more --max-steps.")
     return tuple(lines)

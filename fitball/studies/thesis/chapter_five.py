@@ -13,7 +13,7 @@ from fitball.data.thesis_tables import thesis_table
 from fitball.inference.effort import Effort
 from fitball.inference.thesis.inputs import INCH, INERTIA_OF
 from fitball.inference.thesis.published_cases import chapter_five_predictions
-from fitball.report.fit.headline import listed
+from fitball.report.form.sentences import listed
 from fitball.studies.thesis import (
     appendix_c,
     appendix_d,
