@@ -166,6 +166,7 @@ def _restitution(known: Mapping[str, Uncertain], columns: Mapping[str, NumberCol
 def _energy(known: Mapping[str, Uncertain], columns: Mapping[str, NumberColumn], scene: Scene, count: int) -> _Bound:
     """Gain of energy over half the mass [m^2/s^2]."""
     zero = Uncertain.exact(np.zeros(count))
+    known = {name: _or_zero(quantity) if name.endswith("2") else quantity for name, quantity in known.items()}
     before, after = (_least_speed_squared(known, end, zero) for end in ("1", "2"))
     spin_1, spin_2 = (known.get(name, zero) for name in ("omega_1", "omega_2"))
     gained = spin_2 * spin_2 - spin_1 * spin_1
@@ -192,6 +193,12 @@ def _energy(known: Mapping[str, Uncertain], columns: Mapping[str, NumberColumn],
         words,
         column,
     )
+
+
+def _or_zero(quantity: Uncertain) -> Uncertain:
+    """The quantity, zero where it was not measured."""
+    parts = {name: np.nan_to_num(part, nan=0.0) for name, part in quantity.parts.items()}
+    return Uncertain(np.nan_to_num(quantity.value, nan=0.0), parts)
 
 
 def gyration(scene: Scene) -> tuple[float, float]:

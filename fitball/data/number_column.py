@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from math import isfinite
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitball.data.columns import NUMBERS, SD_SUFFIX, Column
 from fitball.data.raw import RawRow
@@ -26,8 +27,9 @@ DIGITS, MOST_EXPONENT = 15, 308
 
 @dataclass(frozen=True)
 class NumberColumn:
-    """A column of numbers. `values` (impacts,) in SI, NaN where a cell had a fault; `half_width` [SI] is
-    half a unit of the last printed decimal; `unit` as in the file; `decimals` as printed.
+    """A column of numbers. `values` (impacts,) in SI, NaN where a cell had a fault and where it is `missing`
+    (impacts,), that is, says that nothing was measured; `half_width` [SI] is half a unit of the last printed decimal;
+    `unit` as in the file; `decimals` as printed.
     """
 
     name: str
@@ -35,6 +37,11 @@ class NumberColumn:
     half_width: float
     unit: Unit
     decimals: int
+    missing: NDArray[np.bool_]
+
+    def take(self, rows: NDArray[np.int64]) -> NumberColumn:
+        """The cells with these places."""
+        return replace(self, values=self.values[rows], missing=self.missing[rows])
 
     def shown(self, value: float) -> str:
         """An SI value as the file would print it, shorter where that takes more digits than a number has."""
@@ -44,14 +51,18 @@ class NumberColumn:
         return f"{number:.{self.decimals}f} {self.unit.symbol}"
 
 
-def read_column(column: Column, rows: tuple[RawRow, ...], faults: list[Fault]) -> NumberColumn:
+def read_column(column: Column, rows: tuple[RawRow, ...], faults: list[Fault], *, gaps: bool = False) -> NumberColumn:
     """The numbers of one column; all NaN when its unit was not understood (that fault is reported already),
     so that no later check draws conclusions from them.
 
     The half-width follows from the cell printed to most decimals, because spreadsheets drop trailing
-    zeros: a `6` between `6.47` and `7.25` was measured as 6.00.
+    zeros: a `6` between `6.47` and `7.25` was measured as 6.00. With `gaps` a cell that says that nothing was
+    measured (empty, `nan`, `NA`, `-`) is no fault.
     """
-    numbers = [_read_cell(row, column, faults) for row in rows]
+    missing = np.array([gaps and absent(row.cells[column.index]) for row in rows], dtype=np.bool_)
+    numbers = [
+        None if gap else _read_cell(row, column, faults) for row, gap in zip(rows, missing.tolist(), strict=True)
+    ]
     unit = column.unit or DEFAULT_UNIT[NUMBERS[column.name]]
     exponents = [int(number.as_tuple().exponent) for number in numbers if number is not None]
     exponent = min(exponents, default=0)
@@ -64,7 +75,12 @@ def read_column(column: Column, rows: tuple[RawRow, ...], faults: list[Fault]) -
         faults.append(Fault(message, row=row.number, line=row.line, column=column.name))
         values[index] = np.nan
     half_width = unit.to_si(0.5 * 10.0**exponent)
-    return NumberColumn(column.name, values, half_width, unit, max(0, -exponent))
+    return NumberColumn(column.name, values, half_width, unit, max(0, -exponent), missing)
+
+
+def absent(text: str) -> bool:
+    """Whether a cell says that nothing was measured."""
+    return text.lower() in _ABSENT
 
 
 def _read_cell(row: RawRow, column: Column, faults: list[Fault]) -> Decimal | None:
@@ -81,7 +97,7 @@ def _read_cell(row: RawRow, column: Column, faults: list[Fault]) -> Decimal | No
 def _explain(text: str, name: str) -> str:
     what = "a standard deviation" if name.endswith(SD_SUFFIX) else "a number"
     lower = text.lower()
-    if lower in _ABSENT:
+    if absent(text):
         return f"read {repr(text) if text else 'an empty cell'}; expected {what}: measure it, or delete the row"
     if lower.lstrip("+-") in _INFINITE or _NUMBER.fullmatch(text):
         return f"read '{text}', which is not finite; expected {what}"

@@ -16,6 +16,7 @@ from fitball.data.checks import check_pairs, check_ranges, one_sign
 from fitball.data.columns import LABELS, MEASURED, REBOUND, SD_SUFFIX, Header, read_header
 from fitball.data.completeness import check_columns, knows_incident
 from fitball.data.frozen import FrozenMapping
+from fitball.data.gaps import without_empty, without_gaps
 from fitball.data.limits import within_limits
 from fitball.data.number_column import NumberColumn, read_column
 from fitball.data.propagation import Uncertain, covariance_matrix
@@ -41,6 +42,7 @@ def load_table(
 
     A path that exists wins over a bundled name. Units convert here, once, to m/s, rad/s, rad and s. With
     `rebound=False` the rebound columns may be missing and one row is enough: impacts to predict, not to fit.
+    A rebound cell that says that nothing was measured is NaN in its `Measurement`; see `gaps`.
     `scene` says with what ball and what noise a rebound may seem to gain energy; without it that is the scene beside
     the table. The columns named in `flip` are counted the other way round (see `reading.flip`). Raises TableError
     with every fault of the file: its row, line, column, what was read and what was expected, and what may be meant
@@ -51,10 +53,15 @@ def load_table(
     raw = read_raw(path)
     faults, notices = list(raw.faults), list[Notice]()
     header = read_header(raw.header, raw.header_line, faults)
+    least = LEAST_IMPACTS if rebound else 1
+    _check_count(raw, faults, least)
+    columns = {name: read_column(column, raw.rows, faults, gaps=True) for name, column in header.numbers.items()}
+    columns = without_empty(columns, notices)
+    header = replace(header, numbers={name: header.numbers[name] for name in columns})
     check_columns(header, raw.header_line, faults, notices, rebound)
-    _check_count(raw, faults, LEAST_IMPACTS if rebound else 1)
-    columns = {name: read_column(column, raw.rows, faults) for name, column in header.numbers.items()}
     columns = within_limits(columns, raw.rows, faults)
+    columns, rows = without_gaps(columns, raw.rows, rebound, least, faults, notices)
+    raw = replace(raw, rows=rows)
     columns = flip_columns(columns, flips_of(flip, path.stem), notices)
     columns = one_sign(columns, raw.rows, faults, notices)
     check_ranges(columns, raw.rows, faults)
@@ -200,7 +207,7 @@ def _incident(
 
 def _measured_cor(columns: Mapping[str, NumberColumn], v_y1: FloatArray) -> FloatArray | None:
     rebound = normal_speed(columns, "2")
-    return None if rebound is None else rebound / v_y1
+    return None if rebound is None or np.isnan(rebound).any() else rebound / v_y1
 
 
 def _unit_notices(columns: Mapping[str, NumberColumn]) -> list[Notice]:

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, Impacts
 
@@ -14,11 +17,25 @@ NOTICES_TOLD = 3
 
 @dataclass(frozen=True)
 class Measurement:
-    """One rebound column: `name`, `values` (impacts,) in SI, and `sd` (impacts,) when it was stated."""
+    """One rebound column: `name`, `values` (impacts,) in SI, and `sd` (impacts,) when it was stated.
+
+    Where a row has no such measurement both are NaN. No column is empty, and no impact of a table is without any
+    measurement.
+    """
 
     name: str
     values: FloatArray
     sd: FloatArray | None = None
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        """In which rows there is a measurement, (impacts,)."""
+        return ~np.isnan(self.values)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every row has one."""
+        return bool(self.measured.all())
 
 
 @dataclass(frozen=True)

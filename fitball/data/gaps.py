@@ -1,0 +1,137 @@
+"""Cells of a table that say that nothing was measured: which of them leave a gap, which leave nothing of a row.
+
+A gap in a rebound column is no fault: the rest of its row was measured and counts. A row of which the incident state
+is not known, or nothing of the rebound, is left out, and a column without a single number is taken as not there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.data.columns import REBOUND, SD_SUFFIX
+from fitball.data.number_column import NumberColumn
+from fitball.data.propagation import Uncertain
+from fitball.data.raw import RawRow
+from fitball.data.redundancy import independent
+from fitball.data.table import Notice, summed_up
+from fitball.data.velocity import velocity
+from fitball.errors import Fault
+from fitball.observables import OBSERVABLES, VELOCITIES
+
+Columns = Mapping[str, NumberColumn]
+
+
+def without_empty(columns: Columns, notices: list[Notice]) -> dict[str, NumberColumn]:
+    """The columns that hold at least one number, or something that was meant as one; a notice for each other."""
+    empty = [name for name, column in columns.items() if column.missing.size and column.missing.all()]
+    notices += [Notice(f"column {name} holds no number: taken as not there", columns=(name,)) for name in empty]
+    gone = {*empty, *(name + SD_SUFFIX for name in empty)}
+    return {name: column for name, column in columns.items() if name not in gone}
+
+
+def without_gaps(
+    columns: Columns,
+    rows: tuple[RawRow, ...],
+    rebound: bool,
+    least: int,
+    faults: list[Fault],
+    notices: list[Notice],
+) -> tuple[dict[str, NumberColumn], tuple[RawRow, ...]]:
+    """The columns and rows of the impacts that can be used, and what is to be said of the others.
+
+    Velocity cells that are missing are taken from speed and angle where their row has both. An impact whose incident
+    state, or, with `rebound`, whose whole rebound is missing is left out; where fewer than `least` stay, and where a
+    number has no sd although its column states them, that is a fault.
+    """
+    if not any(column.missing.any() for column in columns.values()):
+        return dict(columns), rows
+    filled = _filled(_filled(columns, "1", rows, notices), "2", rows, notices)
+    told = _with_sds(filled, rows, faults)
+    kept, lost = _usable(told, rows, rebound)
+    notices += lost
+    if len(kept) < least <= len(rows):
+        faults.append(
+            Fault(f"{len(kept)} of {len(rows)} rows are left; expected {least}: {'; '.join(summed_up(lost))}")
+        )
+        return told, rows
+    left = without_empty({name: column.take(kept) for name, column in told.items()}, notices)
+    for name, column in left.items():
+        if name in REBOUND and column.missing.any():
+            gaps = np.flatnonzero(column.missing)
+            message = (
+                f"{name} is missing in {gaps.size} of {len(kept)} rows, first in row {rows[kept[gaps[0]]].number}: "
+                "what else was measured there counts"
+            )
+            notices.append(Notice(message, columns=(name,)))
+    return left, tuple(rows[k] for k in kept)
+
+
+def _filled(columns: Columns, end: str, rows: tuple[RawRow, ...], notices: list[Notice]) -> dict[str, NumberColumn]:
+    """Missing velocity components of `end` ("1" or "2") from speed and angle of the same row.
+
+    Only where all four are columns: then components count, and speed and angle repeat them. A component with a stated
+    sd is filled where its sd follows too.
+    """
+    filled = dict(columns)
+    components, polar = (f"v_x{end}", f"v_y{end}"), (f"v_{end}", f"theta_{end}")
+    if not columns.keys() >= {*components, *polar}:
+        return filled
+    stated = {
+        name: columns[name + SD_SUFFIX].values if name + SD_SUFFIX in columns else np.full(len(rows), np.nan)
+        for name in polar
+    }
+    other = velocity({name: Uncertain.measured(name, columns[name].values, stated[name]) for name in polar}, end)
+    for name, said in zip(components, (other.x, other.y), strict=True):
+        assert said is not None
+        sd = columns.get(name + SD_SUFFIX)
+        open_cells = columns[name].missing & np.isfinite(said.value)
+        if sd is not None:
+            open_cells &= np.isfinite(said.sd)
+            filled[sd.name] = _put(sd, open_cells, said.sd)
+        filled[name] = _put(columns[name], open_cells, said.value)
+        kind = f"{name} is missing and taken from {' and '.join(polar)}"
+        notices += [Notice(kind, rows[k].number, (name, *polar), kind) for k in np.flatnonzero(open_cells).tolist()]
+    return filled
+
+
+def _put(column: NumberColumn, where: NDArray[np.bool_], values: NDArray[np.float64]) -> NumberColumn:
+    return replace(column, values=np.where(where, values, column.values), missing=column.missing & ~where)
+
+
+def _with_sds(columns: Columns, rows: tuple[RawRow, ...], faults: list[Fault]) -> dict[str, NumberColumn]:
+    """The columns, no sd where there is no number; a fault for each number without its sd."""
+    told = dict(columns)
+    for name, column in columns.items():
+        sd = columns.get(name + SD_SUFFIX)
+        if sd is None:
+            continue
+        for k in np.flatnonzero(sd.missing & ~column.missing).tolist():
+            message = (
+                f"no standard deviation beside {name} = {column.shown(column.values[k])}; expected one in every row "
+                f"that has {name}: give it, or delete the column {sd.name} (then one noise is fitted to {name})"
+            )
+            faults.append(Fault(message, rows[k].number, rows[k].line, sd.name))
+        told[sd.name] = replace(sd, values=np.where(column.missing, np.nan, sd.values))
+    return told
+
+
+def _usable(columns: Columns, rows: tuple[RawRow, ...], rebound: bool) -> tuple[NDArray[np.int64], list[Notice]]:
+    """Places of the rows that are impacts with a known incident state and, with `rebound`, a measured one; and a
+    notice for each other row.
+    """
+    incident = [name for name in (*independent(columns, "1"), "omega_1") if name in columns]
+    counted = [*independent(columns, "2"), *(name for name in OBSERVABLES if name not in VELOCITIES)]
+    after = [columns[name].missing for name in counted if name in columns]
+    unknown = np.any([columns[name].missing for name in incident], axis=0) if incident else np.zeros(len(rows), bool)
+    nothing = np.all(after, axis=0) if rebound and after else np.zeros(len(rows), bool)
+    lost = []
+    for k in np.flatnonzero(unknown | nothing).tolist():
+        gaps = [name for name in incident if columns[name].missing[k]]
+        what = f"{' and '.join(gaps)} of the incident ball" if gaps else "the rebound"
+        kind = f"left out, because {what} was not measured"
+        lost.append(Notice(kind, rows[k].number, tuple(gaps), kind))
+    return np.flatnonzero(~(unknown | nothing)), lost
