@@ -216,7 +216,12 @@ def _print_columns(table: ImpactTable) -> None:
     for name, values in _columns(table).items():
         angle = name.endswith(" [rad]")
         shown = (UNITS["deg"].from_si(values) if angle else values)[:MOST_LINES]
-        cells.append([name.replace("[rad]", "[deg]") if angle else name, *(f"{value:.6g}" for value in shown)])
+        cells.append(
+            [
+                name.replace("[rad]", "[deg]") if angle else name,
+                *("-" if value != value else f"{value:.6g}" for value in shown),
+            ]
+        )
     for line in (*columns(list(zip(*cells, strict=True)), left=0), *more(len(table), "--json")):
         print(line)
 
@@ -246,7 +251,10 @@ def _as_json(table: ImpactTable, scene: Scene) -> dict[str, Any]:
         "description": scene.description,
         "citation": scene.citation,
         "ids": table.ids,
-        "columns": {name: values.tolist() for name, values in _columns(table).items()},
+        "columns": {
+            name: [None if value != value else value for value in values.tolist()]
+            for name, values in _columns(table).items()
+        },
         "measurements": [measurement.name for measurement in table.measurements],
         "redundant": [item.name for item in table.redundant],
         "labels": dict(table.labels),

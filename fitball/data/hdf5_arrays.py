@@ -67,10 +67,10 @@ def texts(parent: h5py.Group, name: str, count: int) -> np.ndarray[Any, Any]:
     return np.array([item.decode("utf-8") for item in column], dtype=object)
 
 
-def finite(parent: h5py.Group, name: str, shape: tuple[int | None, ...]) -> FloatArray:
-    """As `array`, of finite double-precision numbers. Raises ValueError."""
+def finite(parent: h5py.Group, name: str, shape: tuple[int | None, ...], *, gaps: bool = False) -> FloatArray:
+    """As `array`, of finite double-precision numbers, or with `gaps` NaN for some of them. Raises ValueError."""
     numbers = array(parent, name, shape).astype(np.float64)
-    bad = np.argwhere(~np.isfinite(numbers))
+    bad = np.argwhere(~np.isfinite(numbers) & ~(gaps & np.isnan(numbers)))
     if bad.size:
         raise ValueError(f"{parent.name.rstrip('/')}/{name}: entry {bad[0].tolist()} is not a finite number")
     return numbers

@@ -88,7 +88,7 @@ def adequacy(problem: Problem, point: PointFit, posterior: Posterior | None, see
         unseen=unseen,
         loo_pit={}
         if left_out is None or fit.impacts > LEFT_OUT
-        else {name: tuple(left_out[k].tolist()) for k, name in enumerate(fit.columns)},
+        else {name: tuple(left_out[k][fit.places[k]].tolist()) for k, name in enumerate(fit.columns)},
         replicates=tables,
     )
 
@@ -116,7 +116,7 @@ def _check(fit: Refit, look: Look, found: Sequence[Direction], p: float) -> Chec
     size = None
     if look.kind in PATTERNS:
         scale = fit.scales(fit.measured[None, :])[0, fit.noise_of(look.column)]
-        size = abs(float(found[look.number].left @ fit.measured)) / float(scale) / fit.impacts**0.5
+        size = abs(float(found[look.number].left @ fit.measured)) / float(scale) / fit.places[look.column].size ** 0.5
     elif look.kind == "jointly" and explained is not None:
         size = (explained * len(fit.columns)) ** 0.5
     return check_of(fit, look, p, explained, size, found=p < FALSE_EXCEPT and (size is None or size >= SMALL))

@@ -77,8 +77,12 @@ def directions(problem: Problem, point: PointFit, fit: Refit) -> list[Direction]
         if fit.freedom[fit.noise_of(column)] <= LEAST_FREEDOM:
             continue
         for kind, over, words, shape in shapes:
+            own = shape[fit.places[column]]
+            size = float(np.sqrt(np.mean(own**2)))
+            if size <= 0.0:
+                continue
             whole = np.zeros(fit.measured.size)
-            whole[fit.rows(column)] = shape
+            whole[fit.rows(column)] = own if own.size == fit.impacts else own / size
             left = fit.projected(whole)
             length = float(np.linalg.norm(left))
             if length**2 < LEFT * float(whole @ whole):

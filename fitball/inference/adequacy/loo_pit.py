@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitball.inference.likelihood.incident_marginal import incident_sds
-from fitball.inference.likelihood.posterior import log_likelihood_terms
+from fitball.inference.likelihood.posterior import impact_terms
 from fitball.inference.prediction.posterior_predictive import with_noise
 from fitball.inference.problem.batches import cells
 from fitball.inference.problem.problem import Problem
@@ -19,7 +19,8 @@ DRAWS, LEFT_OUT = 1000, 400
 
 
 def loo_pit(problem: Problem, posterior: Posterior, rng: np.random.Generator) -> FloatArray:
-    """The share of the posterior without its impact that predicts less than each measurement, (columns, impacts).
+    """The share of the posterior without its impact that predicts less than each measurement, (columns, impacts), NaN
+    where there is none.
 
     By Pareto smoothed importance sampling (Vehtari, Gelman and Gabry 2017; the weights are ArviZ's), each draw with a
     noise of its own.
@@ -40,14 +41,14 @@ def _at_impacts(problem: Problem, values: FloatArray, leave_out: bool, rng: np.r
     columns = problem.all_values(values)
     weights = np.full((len(values), len(problem.impacts)), 1.0 / len(values))
     if leave_out:
-        whole = np.sum(list(log_likelihood_terms(problem, values, rebound).values()), axis=0)
+        whole = np.sum(list(impact_terms(problem, values, rebound).values()), axis=0)
         weights = np.exp(np.stack([smoothed(-one, 1.0)[0] for one in whole.T], axis=1))
     by_incidence = incident_sds(problem, columns, rebound)
     shares = []
-    for observable in problem.observables:
+    for observable in (item.everywhere(len(problem.impacts)) for item in problem.observables):
         _, _, data = with_noise(problem.noise, observable, columns, rebound, rng, by_incidence[observable.name])
         if problem.group_bias is not None:
             data = data + problem.group_bias.offset(columns, observable.name)
         below = (data < observable.observed) + 0.5 * (data == observable.observed)
-        shares.append(np.sum(weights * below, axis=0))
+        shares.append(np.where(np.isnan(observable.observed), np.nan, np.sum(weights * below, axis=0)))
     return np.stack(shares)

@@ -5,7 +5,7 @@ About is enough: `family` holds the least of them all against what tables that t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,39 +92,44 @@ def orders(fit: Refit, known: Mapping[str, FloatArray], residual: FloatArray) ->
         own = residual[:, fit.rows(column)][:, np.argsort(along, kind="stable")]
         return np.asarray(np.sum(own[:, 1:] * own[:, :-1], axis=1) / np.sum(own**2, axis=1))
 
-    many = {name: along for name, along in known.items() if np.unique(along).size >= max(ORDERED, along.size // 2)}
     return [
         _scored("order", column, name, f"neighbours along {name} deviate alike", correlation(column, along), sides=1)
-        for column in range(len(fit.columns))
-        for name, along in many.items()
+        for column, name, along in _measured_along(fit, known)
+        if np.unique(along).size >= max(ORDERED, along.size // 2)
     ]
+
+
+def _measured_along(fit: Refit, known: Mapping[str, FloatArray]) -> Iterator[tuple[int, str, FloatArray]]:
+    """Each column with each covariate, by name, where the column was measured (measurements,)."""
+    for column, places in enumerate(fit.places):
+        for name, along in known.items():
+            yield column, name, along[places]
 
 
 def scatters(fit: Refit, known: Mapping[str, FloatArray], residual: FloatArray) -> list[Look]:
     """Whether residuals scatter more at one end of each covariate: a correlation of their sizes."""
-    if fit.impacts < SCATTERED:
-        return []
+    sizes = np.abs(standardised(fit, residual))
     looks = []
-    for column in range(len(fit.columns)):
-        size = np.abs(standardised(fit, residual)[:, fit.rows(column)])
+    for column, name, along in _measured_along(fit, known):
+        if along.size < SCATTERED or np.ptp(along) <= 0.0:
+            continue
+        size = sizes[:, fit.rows(column)]
         size = size - size.mean(axis=1, keepdims=True)
         length = np.linalg.norm(size, axis=1)
-        for name, along in known.items():
-            centred = (along - along.mean()) / np.linalg.norm(along - along.mean())
-            looks.append(
-                _scored("scatter", column, name, f"scatter that changes with {name}", size @ centred / length)
-            )
+        centred = (along - along.mean()) / np.linalg.norm(along - along.mean())
+        looks.append(_scored("scatter", column, name, f"scatter that changes with {name}", size @ centred / length))
     return looks
 
 
 def links(fit: Refit, residual: FloatArray) -> list[Look]:
     """Whether two columns deviate together, as they do where the incident state is not what the table says."""
-    if fit.impacts < LINKED:
-        return []
     looks = []
     for one in range(len(fit.columns)):
         for other in range(one + 1, len(fit.columns)):
-            a, b = residual[:, fit.rows(one)], residual[:, fit.rows(other)]
+            both = np.isin(fit.places[one], fit.places[other]), np.isin(fit.places[other], fit.places[one])
+            if both[0].sum() < LINKED:
+                continue
+            a, b = residual[:, fit.rows(one)][:, both[0]], residual[:, fit.rows(other)][:, both[1]]
             seen = np.sum(a * b, axis=1) / np.sqrt(np.sum(a * a, axis=1) * np.sum(b * b, axis=1))
             words = f"it deviates together with {fit.columns[other]}"
             looks.append(_scored("linked", one, fit.columns[other], words, seen))
@@ -160,16 +165,17 @@ def distributions(fit: Refit, residual: FloatArray, left_out: FloatArray | None)
     looks = []
     for column in range(len(fit.columns)):
         freedom = fit.freedom[fit.noise_of(column)]
-        if fit.impacts < DISTRIBUTED or freedom <= LEAST_FREEDOM:
-            continue
         own = studentised[:, fit.rows(column)]
+        count = own.shape[1]
+        if count < DISTRIBUTED or freedom <= LEAST_FREEDOM:
+            continue
         uniform = np.asarray(stdtr(freedom - 1.0, np.copysign(_deleted(np.abs(own), freedom), own)))
         if left_out is not None:
-            uniform[0] = left_out[column]
+            uniform[0] = left_out[column][fit.places[column]]
         ordered = np.sort(uniform, axis=1)
         # Stephens (1970): the limiting distribution holds for few numbers as well.
-        stretched = fit.impacts**0.5 + 0.12 + 0.11 / fit.impacts**0.5
-        step = np.arange(fit.impacts + 1) / fit.impacts
+        stretched = count**0.5 + 0.12 + 0.11 / count**0.5
+        step = np.arange(count + 1) / count
         seen = np.maximum((step[1:] - ordered).max(axis=1), (ordered - step[:-1]).max(axis=1))
         words = "predictions from the other impacts are too wide, too narrow or off"
         looks.append(Look("loo-pit", column, "all impacts", words, column, seen, kolmogorov(seen * stretched)))

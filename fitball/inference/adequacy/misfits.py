@@ -27,14 +27,15 @@ def largest_misfits(problem: Problem, point: PointFit, fit: Refit) -> tuple[Misf
     columns = problem.all_values(np.array([[point.values[name] for name in problem.free_names]]))
     told = []
     for k in np.argsort(-np.abs(far), kind="stable")[:TOLD]:
-        column, row = divmod(int(k), fit.impacts)
+        column = int(np.searchsorted(fit.starts, k, side="right")) - 1
+        own = int(k - fit.starts[column])
         observable = problem.observables[column]
         gap = problem.deviation(columns, observable, point.rebound)[0]
-        measured = float(observable.observed[row])
+        measured = float(observable.observed[own])
         told.append(
             Misfit(
-                problem.table.ids[row], observable.name, observable.column.unit, measured,
-                measured - float(gap[row]), float(far[k]),
+                problem.table.ids[fit.places[column][own]], observable.name, observable.column.unit, measured,
+                measured - float(gap[own]), float(far[k]),
             )
         )  # fmt: skip
     return tuple(told)

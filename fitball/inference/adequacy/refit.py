@@ -32,14 +32,16 @@ UNIFORM_SD = 1.0 / np.sqrt(12.0)
 class Refit:
     """A best fit and its first order.
 
-    `columns` names the measured columns, of `impacts` rows each, one after the other in `measured` (measurements,):
-    residuals, measured less predicted, in units of the fitted noise. `noise` (measurements,) numbers the noises of
-    `noises`. `basis` (rows, rank) is `U`, its first rows those of the measurements; a change `c` of coefficients of
-    the basis moves parameter `names[k]` by `reach[k] @ c` of its standard deviations.
+    `columns` names the measured columns, one after the other in `measured` (measurements,): residuals, measured less
+    predicted, in units of the fitted noise; `places` says of each column at which of the `impacts` it was measured.
+    `noise` (measurements,) numbers the noises of `noises`. `basis` (rows, rank) is `U`, its first rows those of the
+    measurements; a change `c` of coefficients of the basis moves parameter `names[k]` by `reach[k] @ c` of its
+    standard deviations.
     """
 
     columns: tuple[str, ...]
     impacts: int
+    places: tuple[NDArray[np.int64], ...]
     measured: FloatArray
     noises: tuple[str, ...]
     noise: NDArray[np.int64]
@@ -62,13 +64,18 @@ class Refit:
         """Degrees of freedom that are left for each of the `noises`."""
         return np.asarray(np.bincount(self.noise, 1.0 - self.leverage, len(self.noises)), dtype=np.float64)
 
+    @cached_property
+    def starts(self) -> NDArray[np.int64]:
+        """Where the measurements of each column begin, and where the last ends, (columns + 1,)."""
+        return np.cumsum([0, *(places.size for places in self.places)])
+
     def rows(self, column: int) -> slice:
         """The measurements of a column."""
-        return slice(column * self.impacts, (column + 1) * self.impacts)
+        return slice(int(self.starts[column]), int(self.starts[column + 1]))
 
     def noise_of(self, column: int) -> int:
         """The number of the noise of a column."""
-        return int(self.noise[column * self.impacts])
+        return int(self.noise[self.starts[column]])
 
     def projected(self, directions: FloatArray) -> FloatArray:
         """What a refit leaves of directions (measurements, directions)."""
@@ -90,7 +97,9 @@ def refit(problem: Problem, point: PointFit) -> Refit:
     values = np.array([[point.values[name] for name in problem.free_names]])
     weighting = Weighting({name: point.values[name] for name in point.values if name in NOISE_SPECS}, penalised=True)
     count = len(problem.impacts)
-    measured = -residuals(problem, values, weighting)[0, : count * len(problem.observables)]
+    places = tuple(observable.places(count) for observable in problem.observables)
+    sizes_of = [mine.size for mine in places]
+    measured = -residuals(problem, values, weighting)[0, : sum(sizes_of)]
     kept = [k for k, parameter in enumerate(problem.free) if parameter.name not in NOISE_SPECS]
     width = np.array([p.prior.width * (1.0 if p.prior.normal else UNIFORM_SD) for p in problem.free])
     slopes = _slopes(problem, values, weighting)[:, kept] * width[kept]
@@ -105,9 +114,10 @@ def refit(problem: Problem, point: PointFit) -> Refit:
     return Refit(
         columns=tuple(o.name for o in problem.observables),
         impacts=count,
+        places=places,
         measured=measured,
         noises=noises,
-        noise=np.repeat([noises.index(name) for name in noise_names], count),
+        noise=np.repeat([noises.index(name) for name in noise_names], sizes_of),
         basis=left[:, seen],
         names=tuple(problem.free_names[k] for k in kept),
         reach=solved / errors[:, None],

@@ -138,7 +138,7 @@ def based_on(
     ]
     if not sampled:
         parts.append("no posterior, so that measurements are left out to first order only")
-    elif len(problem.impacts) >= DISTRIBUTED:
+    elif max(observable.observed.size for observable in problem.observables) >= DISTRIBUTED:
         parts.append("predictions of each impact from all others (LOO-PIT)")
     seen = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in unseen.items())
     return (

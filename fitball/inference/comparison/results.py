@@ -52,10 +52,13 @@ class ModelScore:
         return self.fit.problem.dimension
 
     def out_of_sample(self, scheme: str = IMPACTS) -> dict[str, float]:
-        """Root mean square error of each output over the impacts a scheme left out; empty where it left none."""
+        """Root mean square error of each output over the impacts a scheme left out and that have it; empty where it
+        left none.
+        """
         for missed in self.missed:
             if missed.scheme == scheme:
-                return {name: root_mean_square(column) for name, column in missed.errors.items()}
+                known = {name: column for name, column in missed.errors.items() if not np.isnan(column).all()}
+                return {name: root_mean_square(column) for name, column in known.items()}
         return {}
 
     @property
@@ -117,6 +120,10 @@ class Comparison:
         """Leave-one-out root mean square error of `one` minus that of `other`; None where either has none."""
         first, second = (self._errors(name, output) for name in (one, other))
         if first is None or second is None:
+            return None
+        both = ~np.isnan(first + second)
+        first, second = first[both], second[both]
+        if not first.size:
             return None
         drawn = np.random.default_rng(self.seed).integers(0, first.size, (RESAMPLES, first.size))
         resampled = np.sqrt(np.mean(first[drawn] ** 2, axis=1)) - np.sqrt(np.mean(second[drawn] ** 2, axis=1))

@@ -41,7 +41,7 @@ def active_impacts(
     squares, acting, known = (np.zeros((count, problem.dimension)) for _ in range(3))
     for some in batches(problem, coordinates.shape[0], cost=2 * problem.dimension + 1):
         mine = coordinates[some]
-        slopes = prediction_slopes(problem, mine).reshape(mine.shape[0], -1, count, problem.dimension)
+        slopes = _by_impact(problem, prediction_slopes(problem, mine))
         if problem.force is not None:
             slopes = np.concatenate([slopes, _on_records(problem, problem.force, mine)], axis=1)
         # A draw at the very edge of what the model can evaluate has no derivative: it says nothing.
@@ -71,6 +71,17 @@ def active_impacts(
             share_doubtful=float(squares[doubtful, column].sum()) / total if total > 0.0 else 0.0,
         )
     return evidence
+
+
+def _by_impact(problem: Problem, slopes: FloatArray) -> FloatArray:
+    """Slopes (draws, measurements, free) as (draws, columns, impacts, free), zero where nothing was measured."""
+    ends = np.cumsum([observable.observed.size for observable in problem.observables])[:-1]
+    count = len(problem.impacts)
+    parts = [
+        observable.spread_out(part.swapaxes(1, 2), count, 0.0).swapaxes(1, 2)
+        for observable, part in zip(problem.observables, np.split(slopes, ends, axis=1), strict=True)
+    ]
+    return np.stack(parts, axis=1)
 
 
 def _on_records(problem: Problem, records: ForceRecords, coordinates: FloatArray) -> FloatArray:

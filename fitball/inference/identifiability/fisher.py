@@ -32,21 +32,28 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
     """
     whole, problem = problem, thinned_problem(problem, LOOKED_AT)
     share = len(whole.impacts) / len(problem.impacts)
+    # Of columns with gaps other shares may be left.
+    own = [
+        len(all_of.observed) / len(some.observed) / share
+        for all_of, some in zip(whole.observables, problem.observables, strict=True)
+    ]
     rows = prediction_slopes(problem, coordinates[None, :])[0]
+    rows *= np.sqrt(np.repeat(own, [len(observable.observed) for observable in problem.observables]))[:, None]
     information = rows.T @ rows
     rebound, slopes = problem.differentiated(coordinates[None, :])
     width = problem.prior.width
-    for observable in problem.observables:
+    for observable, weight in zip(problem.observables, own, strict=True):
         if observable.noise is None:
             continue
         growth = np.zeros((observable.observed.size, problem.dimension))
         if observable.turned:
             speed = np.hypot(rebound.v_x2, rebound.v_y2)[0, :, None]
-            growth -= OBSERVABLES["v_2"].slopes(rebound, slopes)[0] / speed * width
+            turning = OBSERVABLES["v_2"].slopes(rebound, slopes)[0] / speed * width
+            growth -= turning[observable.places(len(problem.impacts))]
         if observable.noise in problem.free_names:
             k = problem.free_names.index(observable.noise)
             growth[:, k] = width[k] if problem.free[k].prior.log else width[k] / coordinates[k]
-        information += 2.0 * growth.T @ growth
+        information += 2.0 * weight * growth.T @ growth
     information *= share
     if whole.force is not None:
         information += force_information(whole, whole.force, coordinates) * np.outer(width, width)

@@ -15,7 +15,7 @@ import numpy as np
 
 from fitball.inference.identifiability.profile_objective import Conditions, Pains, ProfileObjective
 from fitball.inference.likelihood.force import force_slopes
-from fitball.inference.likelihood.incident_marginal import seen, standardised
+from fitball.inference.likelihood.incident_marginal import measured_of, seen, standardised
 from fitball.inference.likelihood.posterior import log_likelihood, log_scene_density
 from fitball.inference.problem.batches import batches
 from fitball.inference.problem.noise import NORMAL
@@ -153,10 +153,10 @@ class GeneralObjective(ProfileObjective):
         columns = self.problem.all_values(values)
         if self.problem.incident is not None:
             slopes = self.problem.slopes_like(columns, self.problem.impacts, np.arange(len(self.problem.impacts)))
-            z, sds = standardised(
-                seen(self.problem, columns), columns, rebound, slopes, self.problem.incident.covariance
-            )
-            return np.concatenate(z, axis=1), np.log(np.concatenate(sds, axis=1))
+            measured = seen(self.problem, columns)
+            z, sds = standardised(measured, columns, rebound, slopes, self.problem.incident.covariance)
+            known, widths = (np.concatenate(measured_of(measured, part), axis=1) for part in (z, sds))
+            return known, np.log(widths)
         gaps, spreads = [], []
         for observable in self.problem.observables:
             gap = self.problem.deviation(columns, observable, rebound)

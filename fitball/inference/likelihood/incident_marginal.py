@@ -47,10 +47,19 @@ def seen(problem: Problem, columns: Columns) -> tuple[Seen, ...]:
     """All measured columns of the table."""
     measured = []
     for observable in problem.observables:
-        observed, sd = observable.over(len(problem.impacts))
+        whole = observable.everywhere(len(problem.impacts))
         bias = np.zeros(()) if problem.group_bias is None else problem.group_bias.offset(columns, observable.name)
-        measured.append(Seen(replace(observable, rows=None), observed, sd, bias))
+        measured.append(Seen(whole, whole.observed, whole.sd, bias))
     return tuple(measured)
+
+
+def measured_of(measured: Sequence[Seen], arrays: Sequence[FloatArray]) -> list[FloatArray]:
+    """Of `arrays` (draws, impacts), one for each column, what belongs to a measurement, (draws, measurements)."""
+    known = [np.flatnonzero(~np.isnan(item.observed)) for item in measured]
+    return [
+        array if places.size == array.shape[1] else array[:, places]
+        for places, array in zip(known, arrays, strict=True)
+    ]
 
 
 def marginal_terms(
@@ -193,6 +202,6 @@ def _upright(problem: Problem, rows: NDArray[np.int64]) -> regime_mixture.States
 def _typical_noise(measurement: Seen, columns: Columns) -> FloatArray:
     """A noise of the measured column, (pairs, 1, 1) or one number."""
     if measurement.observable.sd is not None:
-        return np.asarray(np.median(measurement.observable.sd))
+        return np.asarray(np.nanmedian(measurement.observable.sd))
     size = columns[str(measurement.observable.noise)][:, None, None]
     return TURN * size if measurement.observable.turned else size

@@ -56,9 +56,10 @@ def log_scene_density(problem: Problem, rebound: Rebound) -> FloatArray:
 
 
 def log_likelihood_terms(problem: Problem, values: FloatArray, rebound: Rebound) -> Mapping[str, FloatArray]:
-    """Log density of each measurement at free values (draws, free), column -> (draws, impacts).
+    """Log density of each measurement at free values (draws, free), column -> (draws, measurements).
 
-    With incident errors the measurements of an impact depend on each other: each is given those before it.
+    With incident errors the measurements of an impact depend on each other: each is given those before it, and there
+    is a term for every impact, zero where nothing was measured.
     """
     if problem.incident is not None:
         return marginal_terms(problem, problem.incident, values, rebound)
@@ -71,11 +72,20 @@ def log_likelihood_terms(problem: Problem, values: FloatArray, rebound: Rebound)
     return terms
 
 
+def impact_terms(problem: Problem, values: FloatArray, rebound: Rebound) -> Mapping[str, FloatArray]:
+    """`log_likelihood_terms` over all impacts, (draws, impacts): zero where a column was not measured."""
+    terms = log_likelihood_terms(problem, values, rebound)
+    if problem.incident is not None:
+        return terms
+    count = len(problem.impacts)
+    return {item.name: item.spread_out(terms[item.name], count, 0.0) for item in problem.observables}
+
+
 def pointwise(problem: Problem, values: FloatArray, columns: Sequence[str]) -> tuple[FloatArray, FloatArray]:
     """Log likelihood of each impact at free values (draws, free), all its measurements and those in `columns`, each
     (draws, impacts).
     """
-    terms = log_likelihood_terms(problem, values, problem.rebound(values))
+    terms = impact_terms(problem, values, problem.rebound(values))
     whole = np.sum(list(terms.values()), axis=0)
     return whole, np.sum([terms[name] for name in columns], axis=0)
 

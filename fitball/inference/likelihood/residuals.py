@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.inference.likelihood.force import force_residuals
-from fitball.inference.likelihood.incident_marginal import seen, standardised
+from fitball.inference.likelihood.incident_marginal import measured_of, seen, standardised
 from fitball.inference.problem.noise import NORMAL
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
@@ -37,8 +37,9 @@ def residuals(problem: Problem, values: FloatArray, weighting: Weighting) -> Flo
     if problem.incident is not None:
         held = {**columns, **_held(weighting, values.shape[0])}
         slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
-        deviations, _ = standardised(seen(problem, held), held, rebound, slopes, problem.incident.covariance)
-        rows = [kind.residual(-z, weighting.noise) for z in deviations]
+        measured = seen(problem, held)
+        deviations, _ = standardised(measured, held, rebound, slopes, problem.incident.covariance)
+        rows = [kind.residual(-z, weighting.noise) for z in measured_of(measured, deviations)]
     for observable in problem.observables if problem.incident is None else ():
         z = problem.deviation(columns, observable, rebound) / observable.sds(weighting.noise, rebound)
         rows.append(kind.residual(-z, weighting.noise))

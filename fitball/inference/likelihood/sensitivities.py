@@ -88,7 +88,8 @@ def differentiable(problem: Problem) -> bool:
 
 def prediction_slopes(problem: Problem, coordinates: FloatArray) -> FloatArray:
     """Derivatives (draws, measurements, free) of all predictions, in units of their noise, with respect to
-    coordinates (draws, free) counted in widths of the priors; measurements run observable by observable.
+    coordinates (draws, free) counted in widths of the priors; measurements run observable by observable, impact by
+    impact of those that have one.
 
     Errors of the incident state count as noise; a measurement with heavy tails is worth less than a normal one.
     """
@@ -98,8 +99,9 @@ def prediction_slopes(problem: Problem, coordinates: FloatArray) -> FloatArray:
     worth = np.sqrt(problem.noise.information(columns))[..., None, None]
     rows = []
     for observable in problem.observables:
-        spread = np.broadcast_to(observable.sds(columns, rebound), rebound.v_x2.shape)
-        spread = np.hypot(spread, by_incidence[observable.name])
-        rows.append(worth * observable_slopes(problem, observable, rebound, slopes) / spread[..., None])
+        mine = slice(None) if observable.rows is None else observable.rows
+        spread = np.broadcast_to(observable.sds(columns, rebound), rebound.v_x2[:, mine].shape)
+        spread = np.hypot(spread, np.broadcast_to(by_incidence[observable.name], rebound.v_x2.shape)[:, mine])
+        rows.append(worth * observable_slopes(problem, observable, rebound, slopes)[:, mine] / spread[..., None])
     scaled: FloatArray = np.concatenate(rows, axis=1) * problem.prior.width
     return scaled

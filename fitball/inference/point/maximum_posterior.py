@@ -190,6 +190,8 @@ def _best_noise(problem: Problem, values: FloatArray, current: Mapping[str, floa
             for observable in problem.observables
             if observable.noise == parameter.name
         ]
+        if not mine:  # Nothing is left that shows this noise.
+            continue
         best[parameter.name] = problem.noise.best_scale(parameter.prior, np.concatenate(mine), best)
     if problem.force is not None:
         best |= best_force_noise(problem, problem.force, columns, best)

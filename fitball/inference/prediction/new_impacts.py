@@ -114,7 +114,7 @@ def predict_new(
     if fitted.model.needs_cor and impacts.cor is None:
         raise ModelError(
             f"model {fitted.model_name} with cor = measured takes each impact's own coefficient of restitution as "
-            "an input: it predicts tables with a column v_y2 only"
+            "an input: it predicts tables with v_y2 of every impact only"
         )
     observables = output_observables(fitted, len(impacts), observed)
     rng = np.random.default_rng(seed)
@@ -302,4 +302,5 @@ def observed_observables(fitted: FittedModel, table: ImpactTable) -> tuple[tuple
     observables, notes = build_observables(
         table, fitted.tangential, fitted.model.has_time, fitted.model.needs_cor, noise_in(fitted.names)
     )
-    return tuple(derived(observable, fitted.names) for observable in observables), tuple(notes)
+    whole = (observable.everywhere(len(table)) for observable in observables)
+    return tuple(derived(observable, fitted.names) for observable in whole), tuple(notes)

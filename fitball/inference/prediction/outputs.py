@@ -16,7 +16,7 @@ OUTPUTS = (*COMPARED, *(name for name in OBSERVABLES if name not in COMPARED))
 
 def measured_outputs(table: ImpactTable) -> dict[str, FloatArray]:
     """Outputs (impacts,) in SI that the table measures, with velocity and angle also where they follow from the
-    independent columns.
+    independent columns; NaN where an impact has none.
     """
     outputs = {measurement.name: measurement.values for measurement in table.measurements}
     if "v_2" in outputs and "theta_2" in outputs:
@@ -24,7 +24,7 @@ def measured_outputs(table: ImpactTable) -> dict[str, FloatArray]:
         outputs["v_y2"] = outputs["v_2"] * np.sin(outputs["theta_2"])
     if "v_x2" in outputs and "v_y2" in outputs and "theta_2" not in outputs:
         outputs["theta_2"] = np.arctan2(outputs["v_y2"], outputs["v_x2"])
-    return {name: outputs[name] for name in OUTPUTS if name in outputs}
+    return {name: outputs[name] for name in OUTPUTS if name in outputs and not np.isnan(outputs[name]).all()}
 
 
 def predicted_outputs(rebound: Rebound, given_columns: Collection[str]) -> dict[str, FloatArray]:
@@ -58,5 +58,6 @@ def difference(name: str, one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def root_mean_square(errors: FloatArray) -> float:
-    """Root mean square of errors (impacts,)."""
-    return float(np.sqrt(np.mean(errors**2)))
+    """Root mean square of errors (impacts,), of those that are known; NaN where none is."""
+    known = errors[~np.isnan(errors)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")

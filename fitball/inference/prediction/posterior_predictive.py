@@ -62,7 +62,7 @@ def _at_impacts(
     columns = problem.all_values(values)
     by_incidence = incident_sds(problem, columns, rebound)
     observables = []
-    for observable in problem.observables:
+    for observable in (item.everywhere(len(problem.impacts)) for item in problem.observables):
         predicted, spread, data = with_noise(
             problem.noise, observable, columns, rebound, rng, by_incidence[observable.name]
         )

@@ -211,13 +211,20 @@ def _scene_priors(scene: Scene, fixed: dict[str, tuple[float, str]]) -> dict[str
 def impacts_with_cor(table: ImpactTable, chosen: Model) -> Impacts:
     """The impacts, each with its measured restitution where the model wants it.
 
-    Raises FitError without `v_y2`, and where noise has put a restitution above 1.
+    Raises FitError without `v_y2`, in any row, and where noise has put a restitution above 1.
     """
     if not chosen.needs_cor:
         return table.impacts
     rebound = table.measurement("v_y2")
     if rebound is None:
         raise FitError(f"{table.source}: closure cor = 'measured' needs a column v_y2")
+    if not rebound.complete:
+        gaps = np.flatnonzero(~rebound.measured)
+        raise FitError(
+            f"{table.source}: closure cor = 'measured' takes v_y2 of every impact as an input, and "
+            f"{gaps.size} have none (first: {table.ids[gaps[0]]}): leave such rows out, or fit the restitution "
+            "(cor = line or mean)"
+        )
     cor = rebound.values / table.impacts.v_y1
     above = np.flatnonzero(cor > 1.0)
     if above.size:

@@ -44,13 +44,14 @@ def noise_by_column(
     """
     if wanted not in (None, TIED, SEPARATE):
         raise ParameterError(f"velocity noise '{wanted}': {suggestion(wanted, (TIED, SEPARATE))}")
-    columns = [
-        measurement.name
+    rows = {
+        measurement.name: int(measurement.measured.sum())
         for measurement in table.measurements
         if measurement.name in VELOCITIES
         and measurement.sd is None
         and (table.has_tangential or not OBSERVABLES[measurement.name].tangential)
-    ]
+    }
+    columns, least = list(rows), min(rows.values(), default=0)
     own = [NOISE_OF[name] for name in columns if NOISE_OF[name] in named]
     if wanted == TIED and own:
         raise ParameterError(
@@ -66,13 +67,13 @@ def noise_by_column(
     enough = FREEDOM + SPENT + groups
     shared = wanted == TIED or SHARED_SD in named
     if not (shared or own or wanted == SEPARATE):
-        shared = len(columns) < 2 or len(table) < enough
+        shared = len(columns) < 2 or least < enough
     rest = [name for name in columns if NOISE_OF[name] not in own]
     if shared and wanted is None and len(rest) > 1:
         why = (
             "a value or prior of it is given"
             if SHARED_SD in named
-            else f"{len(table)} rows cannot tell two apart that differ by a factor of {FACTOR:g}, {enough} could "
+            else f"{least} rows cannot tell two apart that differ by a factor of {FACTOR:g}, {enough} could "
             f"(--velocity-noise separate fits {each} all the same)"
         )
         notes.append(f"{' and '.join(rest)} share one noise, {SHARED_SD}: {why}")

@@ -19,7 +19,9 @@ from fitball.values import FloatArray
 class Observable:
     """One measured column: `observed` (impacts,), its stated `sd` (impacts,) or the noise parameter it uses.
 
-    With `rows` only those impacts of the problem have a measurement here, and (impacts,) means (rows,).
+    With `rows` only those impacts of the problem have a measurement here, and (impacts,) means (rows,). It is None
+    where all have: this is the one place where it is known which measurements are missing, and residuals, densities
+    and derivatives are formed of those that are there.
     """
 
     name: str
@@ -64,17 +66,24 @@ class Observable:
         rows = entries if self.rows is None else self.rows[entries]
         return replace(self, observed=self.observed[entries], sd=sd, rows=rows)
 
-    def over(self, impacts: int) -> tuple[FloatArray, FloatArray | None]:
-        """`observed` and stated `sd` over all impacts of the problem, NaN where there is no measurement."""
+    def everywhere(self, impacts: int) -> Observable:
+        """The column over all impacts of the problem, `observed` and stated `sd` NaN where nothing was measured."""
         if self.rows is None:
-            return self.observed, self.sd
-        observed = np.full(impacts, np.nan)
-        observed[self.rows] = self.observed
-        if self.sd is None:
-            return observed, None
-        sd = np.full(impacts, np.nan)
-        sd[self.rows] = self.sd
-        return observed, sd
+            return self
+        sd = None if self.sd is None else self.spread_out(self.sd, impacts, np.nan)
+        return replace(self, observed=self.spread_out(self.observed, impacts, np.nan), sd=sd, rows=None)
+
+    def places(self, impacts: int) -> NDArray[np.int64]:
+        """Which impacts of the problem have a measurement, (measurements,)."""
+        return np.arange(impacts) if self.rows is None else self.rows
+
+    def spread_out(self, array: FloatArray, impacts: int, absent: float) -> FloatArray:
+        """Numbers (..., measurements) over all impacts of the problem (..., impacts)."""
+        if self.rows is None:
+            return array
+        whole = np.full((*array.shape[:-1], impacts), absent)
+        whole[..., self.rows] = array
+        return whole
 
     def _mine(self, array: FloatArray) -> FloatArray:
         return array if self.rows is None else array[..., self.rows]
@@ -98,5 +107,6 @@ def build_observables(
             notes.append(f"{measurement.name} is not scored: the measured coefficient of restitution is an input")
         else:
             noise = noise_of[measurement.name] if measurement.sd is None else None
-            observables.append(Observable(measurement.name, measurement.values, measurement.sd, noise))
+            whole = Observable(measurement.name, measurement.values, measurement.sd, noise)
+            observables.append(whole if measurement.complete else whole.at(np.flatnonzero(measurement.measured)))
     return tuple(observables), notes

@@ -13,25 +13,31 @@ from fitball.inference.problem.problem import Problem
 
 # Rows that tell what a first-order look at a large table can tell: sums over the others are alike.
 LOOKED_AT = 3000
-# Impacts with a force record that are kept in any part of a table.
+# Impacts with a force record, or a measurement of a column with gaps, that are kept in any part of a table.
 RECORDED = 20
 
 
 def thinned_rows(problem: Problem, rows: int) -> NDArray[np.int64]:
     """About `rows` row numbers, spread evenly over incidence angle; all of a problem that has no more.
 
-    Some impacts with a force record are always among them: it may be all that tells a parameter.
+    Some impacts with a force record are always among them, and some with each column that was not always measured:
+    they may be all that tells a parameter.
     """
     count = len(problem.impacts)
     if count <= rows:
         return np.arange(count)
     order = np.argsort(np.arctan2(problem.impacts.v_y1, problem.impacts.v_x1), kind="stable")
     chosen = np.sort(order[np.linspace(0, count - 1, rows).round().astype(np.int64)])
-    if problem.force is None:
-        return chosen
-    recorded = problem.force.rows
-    some = recorded[np.linspace(0, recorded.size - 1, min(RECORDED, recorded.size)).round().astype(np.int64)]
-    return np.union1d(chosen, some)
+    rare = [] if problem.force is None else [problem.force.rows]
+    rare += [
+        observable.rows
+        for observable in problem.observables
+        if observable.rows is not None and np.isin(observable.rows, chosen).sum() < RECORDED
+    ]
+    for places in rare:
+        some = places[np.linspace(0, places.size - 1, min(RECORDED, places.size)).round().astype(np.int64)]
+        chosen = np.union1d(chosen, some)
+    return chosen
 
 
 def thinned_problem(problem: Problem, rows: int) -> Problem:
@@ -89,17 +95,15 @@ def withheld(problem: Problem, rows: NDArray[np.int64]) -> Problem:
 
     The incident conditions of those impacts stay known: what the scene knows of the mean contact time, and that the
     model must be able to evaluate every impact, hold as in the full problem. So the posterior is that of the full
-    problem but for the likelihood of `rows`, which is what importance sampling of left-out impacts assumes. Raises
-    FitError when a column would be left without a measurement.
+    problem but for the likelihood of `rows`, which is what importance sampling of left-out impacts assumes. A column
+    that was measured there alone is left out; raises FitError when none is left.
     """
     observables = []
     for observable in problem.observables:
-        mine = np.arange(observable.observed.size) if observable.rows is None else observable.rows
-        entries = np.flatnonzero(~np.isin(mine, rows))
-        if entries.size == 0:
-            raise FitError(
-                f"{problem.table.source}: nothing is left of {observable.name} to fit without those impacts"
-            )
-        observables.append(observable.at(entries))
+        entries = np.flatnonzero(~np.isin(observable.places(len(problem.impacts)), rows))
+        if entries.size:
+            observables.append(observable.at(entries))
+    if not observables:
+        raise FitError(f"{problem.table.source}: no measurement is left to fit without those impacts")
     force = None if problem.force is None else problem.force.without(rows)
     return replace(problem, observables=tuple(observables), force=force)

@@ -171,7 +171,8 @@ class ObservablePrediction:
     """Posterior prediction of one measured column at the table's impacts, all (impacts,) in SI.
 
     `mean_*` are quantiles of the noise-free rebound (parameter uncertainty alone), `data_*` of a new
-    measurement (with noise). `sd` is the measurement noise at the posterior median.
+    measurement (with noise). `sd` is the measurement noise at the posterior median. `observed` is NaN where nothing
+    was measured, as are `sd` and `data_*` there where the table states sds.
     """
 
     name: str

@@ -16,6 +16,7 @@ from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.assumptions import Summary
 from fitball.report.form.display_units import handy, output_scale
 from fitball.report.form.rounding import decimals, fixed, interval
+from fitball.values import FloatArray
 from fitball.version import __version__
 
 SCHEMA_VERSION = 2
@@ -201,10 +202,17 @@ def json_content(comparison: Comparison, words: str) -> dict[str, Any]:
         "published": [
             {"name": published.name, "source": published.source, "told": list(published.given_columns),
              "rms": published_rms(published),
-             "errors": {name: column.tolist() for name, column in published.errors.items()}}
+             "errors": _known(published.errors)}
             for published in comparison.published
         ],
     }  # fmt: skip
+
+
+def _known(errors: Mapping[str, FloatArray]) -> dict[str, list[float | None]]:
+    """Errors by output, None where it was not measured."""
+    return {
+        name: [None if math.isnan(value) else value for value in column.tolist()] for name, column in errors.items()
+    }
 
 
 def _model_content(comparison: Comparison, scored: ModelScore, best: str) -> dict[str, Any]:
@@ -233,7 +241,7 @@ def _model_content(comparison: Comparison, scored: ModelScore, best: str) -> dic
         "left_out": [
             {"scheme": missed.scheme, "parts": list(missed.labels), "impacts": [ids[k] for k in missed.rows],
              "rms": scored.out_of_sample(missed.scheme),
-             "errors": {name: column.tolist() for name, column in missed.errors.items()}}
+             "errors": _known(missed.errors)}
             for missed in scored.missed
         ],
         "point": dict(scored.fit.point.values),

@@ -131,13 +131,14 @@ def group_of(fit: Drawable) -> tuple[str, ...]:
 
 
 def residual_data(fit: Drawable) -> tuple[ResidualData, ...]:
-    """Standardised residuals of every observable: (measured - predicted)/sd."""
+    """Standardised residuals of every observable: (measured - predicted)/sd, NaN where nothing was measured."""
     along = incidence(fit)[1]
     groups = group_of(fit)
     result = []
     for observable in fit.problem.observables:
         predicted, sd = _median_and_sd(fit, observable.name)
-        result.append(ResidualData(observable.name, along, (observable.observed - predicted) / sd, groups))
+        observed = observable.everywhere(len(along)).observed
+        result.append(ResidualData(observable.name, along, (observed - predicted) / sd, groups))
     return tuple(result)
 
 
@@ -147,8 +148,9 @@ def _median_and_sd(fit: Drawable, name: str) -> tuple[FloatArray, FloatArray]:
             prediction for prediction in fit.predictive.observables if prediction.name == name
         )
         return prediction.median, prediction.sd
-    observable = next(observable for observable in fit.problem.observables if observable.name == name)
-    spread = np.broadcast_to(observable.sds(fit.point.values, fit.point.rebound), (1, len(fit.problem.table)))[0]
+    count = len(fit.problem.table)
+    observable = next(item for item in fit.problem.observables if item.name == name).everywhere(count)
+    spread = np.broadcast_to(observable.sds(fit.point.values, fit.point.rebound), (1, count))[0]
     return observable.predict(fit.point.rebound)[0], spread
 
 
@@ -163,10 +165,10 @@ class MeasuredPoints:
 
 
 def measured_points(fit: Drawable) -> Mapping[str, MeasuredPoints]:
-    """Outputs as measured; the angle follows from components with their noise where it was not."""
+    """Outputs as measured, NaN where they were not; the angle follows from components with their noise."""
     along = incidence(fit)[1]
     groups = group_of(fit)
-    raw = {observable.name: observable.observed for observable in fit.problem.observables}
+    raw = {item.name: item.everywhere(len(along)).observed for item in fit.problem.observables}
     spread = {observable.name: _median_and_sd(fit, observable.name)[1] for observable in fit.problem.observables}
     if "theta_2" not in raw and {"v_x2", "v_y2"} <= raw.keys():
         v_x, v_y = raw["v_x2"], raw["v_y2"]

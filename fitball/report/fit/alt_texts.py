@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from fitball.inference.prediction.outputs import root_mean_square
 from fitball.inference.results.results import Fit
 from fitball.report.figures.arrays import residual_data
 from fitball.report.figures.force_arrays import force_panels
@@ -34,9 +35,9 @@ def _predictive(fit: Fit) -> str:
     parts = []
     for prediction in fit.predictive.observables:
         inside = np.sum((prediction.observed >= prediction.data_q025) & (prediction.observed <= prediction.data_q975))
-        off = float(np.sqrt(np.mean((prediction.observed - prediction.median) ** 2)))
+        off = root_mean_square(prediction.observed - prediction.median)
         parts.append(
-            f"{prediction.name}: {inside} of {prediction.observed.size} measurements within the 95 % range of a "
+            f"{prediction.name}: {inside} of {np.isfinite(prediction.observed).sum()} measurements within the 95 % range of a "
             f"new one, root mean square difference {_size(prediction.name, off)}"
         )
     return f"Measured rebounds and posterior bands along {along}. " + "; ".join(parts) + "."
@@ -57,10 +58,10 @@ def _force(fit: Fit) -> str:
 def _residuals(fit: Fit) -> str:
     parts = []
     for item in residual_data(fit):
-        worst = int(np.argmax(np.abs(item.values)))
+        worst = int(np.nanargmax(np.abs(item.values)))
         beyond = int(np.sum(np.abs(item.values) > 2.0))
         parts.append(
-            f"{item.name}: {beyond} of {item.values.size} beyond 2 sd, the largest {item.values[worst]:+.1f} sd at "
+            f"{item.name}: {beyond} of {np.isfinite(item.values).sum()} beyond 2 sd, the largest {item.values[worst]:+.1f} sd at "
             f"impact {fit.problem.table.ids[worst]}"
         )
     return "Standardised residuals, measured minus predicted. " + "; ".join(parts) + "."

@@ -39,8 +39,10 @@ def summary_rows(fit: Fit) -> list[dict[str, object]]:
 
 
 def prediction_rows(fit: Fit) -> Iterator[dict[str, object]]:
-    """One row per impact and measured column: measured, predicted, with intervals in SI (angles in radians)."""
-    for observable in fit.problem.observables:
+    """One row per impact and measured column: measured (empty where it was not), predicted, with intervals in SI
+    (angles in radians).
+    """
+    for observable in (item.everywhere(len(fit.problem.table)) for item in fit.problem.observables):
         point = observable.predict(fit.point.rebound)[0]
         prediction = None
         if fit.predictive is not None:

@@ -157,7 +157,7 @@ def prediction_table(fit: Fit, most: int | None = None) -> PredictionTable:
     theta = np.degrees(np.arctan2(impacts.v_y1, impacts.v_x1))
     speed = np.hypot(impacts.v_x1, impacts.v_y1)
     heads, columns = [], []
-    for observable in problem.observables:
+    for observable in (item.everywhere(len(impacts)) for item in problem.observables):
         scale = output_scale(observable.name)
         heads.append(f"{observable.name} [{scale.unit}]")
         predicted = observable.predict(fit.point.rebound)[0] * scale.factor

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TextIO
@@ -12,7 +13,7 @@ from fitball.report.form.atomic_write import write_whole
 
 
 def csv_text(rows: Iterable[Mapping[str, object]]) -> str:
-    """Rows with equal keys as CSV text; None becomes an empty cell."""
+    """Rows with equal keys as CSV text; what does not exist, None or NaN, becomes an empty cell."""
     out = io.StringIO()
     _write_rows(out, rows)
     return out.getvalue()
@@ -34,4 +35,8 @@ def _write_rows(out: TextIO, rows: Iterable[Mapping[str, object]]) -> None:
         if writer is None:
             writer = csv.DictWriter(out, fieldnames=list(row), lineterminator="\n")
             writer.writeheader()
-        writer.writerow({key: "" if value is None else value for key, value in row.items()})
+        writer.writerow({key: "" if _absent(value) else value for key, value in row.items()})
+
+
+def _absent(value: object) -> bool:
+    return value is None or (isinstance(value, float) and math.isnan(value))

@@ -110,10 +110,13 @@ def read_columns(data: DataPart, impacts: int, place: Path) -> dict[str, NDArray
 
     Raises ResultFolderError for a file that is missing, damaged, or not the data of that fit.
     """
-    sds = [name + SD_SUFFIX for name in (*data.with_sd, *data.incident_sd)]
+    sds = [name + SD_SUFFIX for name in data.with_sd]
+    exact = (*INCIDENT, *(name + SD_SUFFIX for name in data.incident_sd))
     with opened(place, "the measurements that belong to the fit.json beside it") as file:
         columns = {name: texts(file, name, impacts) for name in ("impact", *_labels(data))}
-        columns |= {name: finite(file, name, (impacts,)) for name in (*INCIDENT, *data.measurements, *sds)}
+        columns |= {name: finite(file, name, (impacts,)) for name in exact}
+        columns |= {name: finite(file, name, (impacts,), gaps=True) for name in (*data.measurements, *sds)}
+        _check_gaps(columns, data)
         if data.incident_sd:
             columns[COVARIANCE] = finite(file, COVARIANCE, (impacts, 3, 3))
         if data.force is not None:
@@ -125,6 +128,18 @@ def read_columns(data: DataPart, impacts: int, place: Path) -> dict[str, NDArray
             "calibrate again, or put the files of one run together"
         )
     return columns
+
+
+def _check_gaps(columns: Columns, data: DataPart) -> None:
+    """Raise ValueError where a column or an impact has no measurement at all, or one has no sd that states them."""
+    missing = {name: np.isnan(columns[name]) for name in data.measurements}
+    for name, gaps in missing.items():
+        if gaps.all():
+            raise ValueError(f"{name}: not one number")
+        if name in data.with_sd and np.any(np.isnan(columns[name + SD_SUFFIX]) != gaps):
+            raise ValueError(f"{name}{SD_SUFFIX}: expected a number wherever {name} has one")
+    if missing and np.all(list(missing.values()), axis=0).any():
+        raise ValueError("an impact without a measurement")
 
 
 def _labels(data: DataPart) -> list[str]:

@@ -43,7 +43,10 @@ def write_netcdf(fit: Fit, posterior: Posterior, path: Path) -> None:
         coords={"chain": [0], "draw": np.arange(len(posterior.prior_draws))},
     )
     data = xr.Dataset(
-        {observable.name: ("impact", observable.observed) for observable in fit.problem.observables},
+        {
+            observable.name: ("impact", observable.everywhere(len(fit.problem.table)).observed)
+            for observable in fit.problem.observables
+        },
         coords={"impact": list(fit.problem.table.ids)},
     )
     tree = xr.DataTree.from_dict(

@@ -159,13 +159,18 @@ class BounceExperiment:
         return truth
 
     def simulated(self, values: FloatArray, rng: np.random.Generator) -> Problem:
-        """The problem of a table simulated from true values (free,)."""
+        """The problem of a table simulated from true values (free,), with the gaps of the one there is."""
         known = self.problem
         rebound = known.rebound(values[None, :])
         columns = known.all_values(values[None, :])
+        count = len(known.impacts)
         measured = tuple(
             Measurement(
-                observable.name, with_noise(known.noise, observable, columns, rebound, rng)[2][0], observable.sd
+                observable.name,
+                observable.spread_out(
+                    with_noise(known.noise, observable, columns, rebound, rng)[2][0], count, np.nan
+                ),
+                observable.everywhere(count).sd,
             )
             for observable in known.observables
         )

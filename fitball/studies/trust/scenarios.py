@@ -81,7 +81,9 @@ class Scenario:
         rebound = empty.rebound(row) if self.maker is None else self.maker(empty.impacts)
         columns = empty.all_values(row)
         made = {
-            observable.name: with_noise(empty.noise, observable, columns, rebound, rng)[2][0]
+            observable.name: observable.spread_out(
+                with_noise(empty.noise, observable, columns, rebound, rng)[2][0], len(empty.impacts), np.nan
+            )
             for observable in empty.observables
         }
         impacts = empty.impacts
