@@ -210,6 +210,7 @@ def _columns(table: ImpactTable) -> dict[str, Any]:
 def _print_columns(table: ImpactTable) -> None:
     """The table, aligned; in SI units but for angles, which people read in degrees."""
     from fitball.data.units import UNITS
+    from fitball.report.form.rounding import significant
     from fitball.report.form.text_table import MOST_LINES, columns, more
 
     cells = [["id", *table.ids[:MOST_LINES]]]
@@ -219,7 +220,7 @@ def _print_columns(table: ImpactTable) -> None:
         cells.append(
             [
                 name.replace("[rad]", "[deg]") if angle else name,
-                *("-" if value != value else f"{value:.6g}" for value in shown),
+                *(significant(float(value), 6) for value in shown),
             ]
         )
     for line in (*columns(list(zip(*cells, strict=True)), left=0), *more(len(table), "--json")):

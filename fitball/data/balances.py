@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitball.data.propagation import Uncertain
 from fitball.data.scene import Scene
@@ -117,7 +118,8 @@ def balances(
             spread = _default_sd(table, measurement, velocity_sd, spin_sd)
         seen[measurement.name] = Uncertain.measured(measurement.name, measurement.values, spread)
     quantities = _quantities(table, ball, seen)
-    made = {name: _finish(name, quantities[name], len(table)) for name in _MEANING}
+    missing = {item.name: ~item.measured for item in table.measurements}
+    made = {name: _finish(name, quantities[name], missing, len(table)) for name in _MEANING}
     return Balances(ids=table.ids, **made)
 
 
@@ -220,15 +222,18 @@ def _energy(table: ImpactTable, ball: Ball, known: Mapping[str, Uncertain]) -> d
     return {"energy_lost": lost, "energy_fraction": lost / start}
 
 
-def _finish(name: str, quantity: Quantity, count: int) -> Balance:
-    """Freeze a balance; whatever is not finite is marked absent."""
+def _finish(name: str, quantity: Quantity, missing: Mapping[str, NDArray[np.bool_]], count: int) -> Balance:
+    """Freeze a balance; whatever is not finite is marked absent. `missing` are the gaps of each measured column."""
     unit, meaning = _MEANING[name]
     if isinstance(quantity, str):
         nothing = _frozen(np.full(count, np.nan))
         return Balance(name, unit, meaning, nothing, nothing, (quantity,) * count)
     sd = quantity.sd
     finite = np.isfinite(quantity.value) & np.isfinite(sd)
-    reasons = tuple("" if good else _NOT_FINITE.get(name, "the known columns do not determine it") for good in finite)
+    reasons = ["" if good else _NOT_FINITE.get(name, "the known columns do not determine it") for good in finite]
+    used = [column for column in missing if column in quantity.parts]
+    for k in np.flatnonzero(np.any([missing[column] for column in used], axis=0)).tolist() if used else ():
+        reasons[k] = f"{' and '.join(column for column in used if missing[column][k])} not measured"
     nan = np.float64("nan")
     return Balance(
         name,
@@ -236,7 +241,7 @@ def _finish(name: str, quantity: Quantity, count: int) -> Balance:
         meaning,
         _frozen(np.where(finite, quantity.value, nan)),
         _frozen(np.where(finite, sd, nan)),
-        reasons,
+        tuple(reasons),
     )
 
 

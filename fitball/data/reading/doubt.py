@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.data.columns import MEASURED
+from fitball.data.columns import MEASURED, REBOUND
 from fitball.data.reading.hypotheses import Hypothesis, double_hypotheses, hypotheses
 from fitball.data.reading.impulse_laws import Misfit, misfit
 from fitball.data.reading.motion import Columns, Motion, chosen_rows, motion_of
@@ -60,8 +60,18 @@ class Doubt:
 def doubt_of(columns: Columns, units: Mapping[str, str], ball: Ball) -> Doubt | None:
     """What there is to say against the reading of `columns` [SI, by name, angles in rad], or None.
 
-    `units` are the symbols by column, as the header says.
+    `units` are the symbols by column, as the header says. Where nothing is said by the rows in which all was measured
+    (others are NaN), those are looked at that have all but what is missing most often, and so on.
     """
+    found = _doubt_of(columns, units, ball)
+    gaps = {name: int(np.isnan(values).sum()) for name, values in columns.items() if name in REBOUND}
+    sparsest = max(gaps, key=lambda name: gaps[name], default=None)
+    if found is not None or sparsest is None or not gaps[sparsest]:
+        return found
+    return doubt_of({name: values for name, values in columns.items() if name != sparsest}, units, ball)
+
+
+def _doubt_of(columns: Columns, units: Mapping[str, str], ball: Ball) -> Doubt | None:
     columns = {name: values for name, values in columns.items() if MEASURED[name] is not Dimension.TIME}
     rows = chosen_rows(columns)
     if len(rows) < 2:

@@ -35,9 +35,9 @@ def _predictive(fit: Fit) -> str:
     parts = []
     for prediction in fit.predictive.observables:
         inside = np.sum((prediction.observed >= prediction.data_q025) & (prediction.observed <= prediction.data_q975))
-        off = root_mean_square(prediction.observed - prediction.median)
+        off, count = root_mean_square(prediction.observed - prediction.median), np.isfinite(prediction.observed).sum()
         parts.append(
-            f"{prediction.name}: {inside} of {np.isfinite(prediction.observed).sum()} measurements within the 95 % range of a "
+            f"{prediction.name}: {inside} of {count} measurements within the 95 % range of a "
             f"new one, root mean square difference {_size(prediction.name, off)}"
         )
     return f"Measured rebounds and posterior bands along {along}. " + "; ".join(parts) + "."
@@ -59,9 +59,9 @@ def _residuals(fit: Fit) -> str:
     parts = []
     for item in residual_data(fit):
         worst = int(np.nanargmax(np.abs(item.values)))
-        beyond = int(np.sum(np.abs(item.values) > 2.0))
+        beyond, count = int(np.sum(np.abs(item.values) > 2.0)), np.isfinite(item.values).sum()
         parts.append(
-            f"{item.name}: {beyond} of {np.isfinite(item.values).sum()} beyond 2 sd, the largest {item.values[worst]:+.1f} sd at "
+            f"{item.name}: {beyond} of {count} beyond 2 sd, the largest {item.values[worst]:+.1f} sd at "
             f"impact {fit.problem.table.ids[worst]}"
         )
     return "Standardised residuals, measured minus predicted. " + "; ".join(parts) + "."
