@@ -125,7 +125,7 @@ def test_few_impacts_and_a_drop_test(tmp_path, monkeypatch, capsys):
         (["wang_zero_spin.csv", "--models", "brody"], "at least two different models"),
         (["wang_zero_spin.csv", "--models", "brody,,two-mass"], "empty name"),
         (["wang_zero_spin.csv", "--models", "brody,thesis"], "is not ranked"),
-        (["wang_zero_spin.csv", "--models", "brody,two-mass+spin=both"], "closure spin = 'both'"),
+        (["wang_zero_spin.csv", "--models", "brody,two-mass+spin=both"], "unknown option 'both' of closure spin"),
         (["wang_zero_spin.csv", "--seed", "-1"], "seed = -1"),
         (["wang_zero_spin.csv", "--cores", "0"], "cores = 0"),
         (["wang_zero_spin.csv", "--max-steps", "5"], "max_steps = 5"),

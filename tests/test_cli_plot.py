@@ -130,7 +130,10 @@ def test_profiles_that_are_not_stored_are_computed(point_folder, tmp_path, capsy
     ("change", "words"),
     [
         (lambda here: ["plot", str(here), "cornr"], ["unknown figure 'cornr'", "did you mean 'corner'"]),
-        (lambda here: ["plot", str(here), "corner", "--format", "pgn"], ["--format pgn", "did you mean 'png'"]),
+        (
+            lambda here: ["plot", str(here), "corner", "--format", "pgn"],
+            ["unknown format 'pgn': did you mean 'png'"],
+        ),
         (lambda here: ["plot", str(here / "nowhere.json"), "corner"], ["there is no such file"]),
         (lambda here: ["plot", str(here / "summary.csv"), "corner"], ["not readable as JSON"]),
         (lambda here: ["plot", str(here), "corner", "--out", str(here / "fit.json")], ["cannot be made"]),

@@ -105,7 +105,7 @@ MISUSE = [
     (["--impact", "v=17, theta=18", "--model", "thesis"], "model thesis has no history"),
     (["--impact", "v=17, theta=18", "--model", "two-mas"], "did you mean 'two-mass'?"),
     (["--impact", "v=17, theta=18", "--model", "two-mass+torsion=stiff"], "closure torsion"),
-    (["--impact", "v=17, theta=18", "--format", "jpg"], "--format jpg"),
+    (["--impact", "v=17, theta=18", "--format", "jpg"], "unknown format 'jpg'"),
     (["--impact", "v=17, theta=18", "--fit", "nowhere", "--set", "mu=1"], "leave out --model and --set"),
     (["--impact", "v=17, theta=18", "--fit", "nowhere"], "there is no such file"),
     (["--example", "fig7"], "unknown example 'fig7'"),

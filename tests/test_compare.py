@@ -198,7 +198,7 @@ def test_only_common_columns_are_scored():
         (("brody", "two-mass+torsion"), ModelError, "expected CLOSURE=OPTION"),
         (("brody", "two-mass+torsion=free+torsion=rigid"), ModelError, "given twice"),
         (("brody", "two-mass+torsion=fre"), ModelError, "did you mean 'free'"),
-        (("brody+cor=mean", "two-mass"), ModelError, "closure cor = 'mean'"),
+        (("brody+cor=mean", "two-mass"), ModelError, "unknown option 'mean' of closure cor"),
     ],
 )
 def test_bad_ladders(names, error, message):

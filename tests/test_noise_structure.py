@@ -201,8 +201,8 @@ def test_tables_that_differ_are_not_joined(tmp_path):
     ("choices", "error", "words"),
     [
         ({"noise": "studnt-t"}, ParameterError, "student-t"),
-        ({"pool": {"nu": "surface"}}, ParameterError, "no such model parameter"),
-        ({"pool": {"ball_mass": "surface"}}, ParameterError, "no such model parameter"),
+        ({"pool": {"nu": "surface"}}, ParameterError, "unknown parameter"),
+        ({"pool": {"ball_mass": "surface"}}, ParameterError, "unknown parameter"),
         ({"pool": {"mu": "court"}}, FitError, "no label column 'court'"),
         ({"pool": {"mu": "surface"}}, FitError, "one label only"),
         ({"offsets": "court"}, FitError, "no label column 'court'"),

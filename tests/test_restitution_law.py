@@ -127,7 +127,7 @@ def test_its_walls_are_told_and_held():
             chosen.rebound({**values, "cor_slope": -0.0776}, fitball.impacts(12.0, 6.0, 0.0))
         assert len(chosen.linear_constraints(impacts)) == 3
         assert model(name).options == {"cor": "line"}
-    with pytest.raises(fitball.FitballError, match="closure cor = 'saturating'"):
+    with pytest.raises(fitball.FitballError, match="unknown option 'saturating' of closure cor"):
         model("thesis", cor="saturating")
 
 

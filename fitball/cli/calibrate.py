@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from fitball.cli.options import add_cores, add_reading, add_structure, add_verb, count, tell_notes
+from fitball.cli.options import add_cores, add_reading, add_structure, add_verb, count, tell_notes, whole
 from fitball.cli.progress import ProgressLine
 from fitball.errors import ParameterError
 
@@ -52,7 +52,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add_structure(parser)
     add_reading(parser)
     parser.add_argument("--point-only", action="store_true", help="no posterior: the best values only")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of all random numbers (default 1)")
+    parser.add_argument("--seed", type=whole, default=1, metavar="N", help="seed of all random numbers (default 1)")
     parser.add_argument("--out", metavar="DIR", help="result folder")
     parser.add_argument("--resume", action="store_true", help="go on with an interrupted or unconverged run")
     parser.add_argument("--overwrite", action="store_true", help="replace an older result in the folder")

@@ -7,7 +7,7 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from fitball.cli.options import add_reading, add_verb, tell_notes
+from fitball.cli.options import add_reading, add_verb, tell_notes, whole
 from fitball.cli.progress import ProgressLine
 from fitball.errors import ModelError
 
@@ -35,9 +35,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--quick", action="store_true", help="only the main models, and no exact refits of influential impacts"
     )
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of all random numbers (default 1)")
-    parser.add_argument("--max-steps", type=int, metavar="N", help="steps of each ensemble at most (default 8000)")
-    parser.add_argument("--cores", type=int, metavar="N", help="processes, one model each (default: all)")
+    parser.add_argument("--seed", type=whole, default=1, metavar="N", help="seed of all random numbers (default 1)")
+    parser.add_argument("--max-steps", type=whole, metavar="N", help="steps of each ensemble at most (default 8000)")
+    parser.add_argument("--cores", type=whole, metavar="N", help="processes, one model each (default: all)")
     parser.add_argument("--out", metavar="DIR", help="result folder")
     parser.add_argument("--overwrite", action="store_true", help="replace an older result in the folder")
     parser.add_argument("--json", action="store_true", help="print compare.json")

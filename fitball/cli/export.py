@@ -68,7 +68,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace) -> int:
     """Write the fit in the form asked for, or print it."""
     if args.to not in FORMAT_NAMES:
-        raise ParameterError(f"--to {args.to}: {suggestion(args.to, FORMAT_NAMES)}")
+        raise ParameterError(f"unknown format '{args.to}': {suggestion(args.to, FORMAT_NAMES)}")
     _refuse_idle(args)
     from fitball.export.formats import TEXT_FORMATS, Options
     from fitball.report.saved.saved_fit import read_fit

@@ -12,9 +12,23 @@ import sys
 from collections.abc import Sequence
 from typing import Protocol
 
-from fitball.cli import bench, calibrate, compare, datasets, export, plot, predict, rederive, repeat, simulate, verify
+from fitball.cli import (
+    bench,
+    calibrate,
+    compare,
+    completion,
+    datasets,
+    export,
+    plot,
+    predict,
+    rederive,
+    repeat,
+    simulate,
+    verify,
+)
+from fitball.cli.parser import Parser
 from fitball.cli.visible_stream import visible_streams
-from fitball.errors import FitballError, enough_memory, suggestion
+from fitball.errors import FitballError, enough_memory
 from fitball.version import __version__
 from fitball.visible import one_line
 
@@ -44,12 +58,13 @@ VERBS: tuple[Verb, ...] = (
     datasets,
     rederive,
     bench,
+    completion,
 )
 
 
 def make_parser() -> argparse.ArgumentParser:
     """The whole command line."""
-    parser = argparse.ArgumentParser(
+    parser: argparse.ArgumentParser = Parser(
         prog="fitball", description=DESCRIPTION, epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--version", action="version", version=f"fitball {__version__}")
@@ -68,10 +83,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _main(argv: Sequence[str] | None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     parser = make_parser()
-    known = next(action for action in parser._actions if isinstance(action, argparse._SubParsersAction)).choices
-    if words and not words[0].startswith("-") and words[0] not in known:
-        print(f"fitball: unknown verb '{one_line(words[0])}': {suggestion(words[0], known)}", file=sys.stderr)
-        return 2
+    completion.complete(parser)
     args = parser.parse_args(words)
     args.command = shlex.join(["fitball", *words])
     if args.verb is None:

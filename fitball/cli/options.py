@@ -37,6 +37,14 @@ def _with_models(text: str) -> str:
     return text.replace("{followed}", listed([marked[name] for name in with_history()]))
 
 
+def whole(text: str) -> int:
+    """A whole number, as the type of an option."""
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"read '{text}', expected a whole number") from None
+
+
 def count(text: str) -> int:
     """A whole number of at least one, as the type of an option."""
     try:

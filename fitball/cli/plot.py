@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
     if args.kind not in (*FIGURES, "all"):
         raise ParameterError(f"unknown figure '{args.kind}': {suggestion(args.kind, (*FIGURES, 'all'))}")
     if args.format not in FORMATS:
-        raise ParameterError(f"--format {args.format}: {suggestion(args.format, FORMATS)}")
+        raise ParameterError(f"unknown format '{args.format}': {suggestion(args.format, FORMATS)}")
     from fitball.report.figures.kinds import draw, drawable_kinds
     from fitball.report.figures.save import save_figure
     from fitball.report.saved.restore import restore

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fitball.cli.options import add_flip, add_verb, tell_notes
+from fitball.cli.options import add_flip, add_verb, tell_notes, whole
 from fitball.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("--out", metavar="FILE.csv", help="write every number to a CSV file")
     parser.add_argument("--overwrite", action="store_true", help="replace that file if it exists")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the simulated noise (default 1)")
+    parser.add_argument("--seed", type=whole, default=1, metavar="N", help="seed of the simulated noise (default 1)")
     parser.add_argument("--json", action="store_true", help="print JSON (SI units, angles in radians)")
     parser.add_argument("--quiet", action="store_true", help="no table and no notes: only errors and files")
 

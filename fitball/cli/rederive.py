@@ -6,7 +6,7 @@ import argparse
 import json
 from pathlib import Path
 
-from fitball.cli.options import add_study, add_verb, stages
+from fitball.cli.options import add_study, add_verb, stages, whole
 
 DEFAULT_FOLDER = Path("fits") / "chapter_five"
 
@@ -23,7 +23,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "numbers that it gave when a person last looked.",
         epilog="example:\n  fitball rederive\n  fitball rederive --out judged --json\n",
     )
-    parser.add_argument("--seed", type=int, default=1, help="seed of fits and resampling (default: 1)")
+    parser.add_argument("--seed", type=whole, default=1, help="seed of fits and resampling (default: 1)")
     add_study(parser, DEFAULT_FOLDER)
 
 

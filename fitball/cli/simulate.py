@@ -69,7 +69,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace) -> int:
     """Solve the impact, write its course, print it."""
     if args.format not in FORMATS:
-        raise ParameterError(f"--format {args.format}: {suggestion(args.format, FORMATS)}")
+        raise ParameterError(f"unknown format '{args.format}': {suggestion(args.format, FORMATS)}")
     _check_together(args)
     if args.example == "list":
         from fitball.studies.thesis.example_report import list_text

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from fitball.cli.options import count
+from fitball.cli.options import count, whole
 from fitball.cli.visible_stream import own_stream, visible_streams
 from fitball.errors import FitballError, ParameterError, suggestion
 
@@ -89,12 +89,12 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--scenarios", metavar="A,B", help="of --trust: kinds of tables (default: all)")
     parser.add_argument("--targets", metavar="A,B", help="of --fuzz: the kinds of input to damage (default: all)")
     parser.add_argument(
-        "--replicates", type=int, metavar="N", help="tables a model (default 300) or a kind of them (default 60)"
+        "--replicates", type=whole, metavar="N", help="tables a model (default 300) or a kind of them (default 60)"
     )
     parser.add_argument("--models", default=MODELS, metavar="A,B", help=f"models (default {MODELS})")
     parser.add_argument("--table", default="wang_all.csv", metavar="DATA", help="whose incident conditions to use")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of all random numbers (default 1)")
-    parser.add_argument("--cores", type=int, metavar="N", help="processes (default: all cores)")
+    parser.add_argument("--seed", type=whole, default=1, metavar="N", help="seed of all random numbers (default 1)")
+    parser.add_argument("--cores", type=whole, metavar="N", help="processes (default: all cores)")
     parser.add_argument("--out", metavar="DIR", help=f"where to write (default {DEFAULT_FOLDER})")
     parser.add_argument(
         "--wrong-sigma", type=float, metavar="F", help="tell the fit F times the true noise: a control that must fail"

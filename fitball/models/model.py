@@ -185,7 +185,7 @@ class Model(ABC):
         allowed = (*needed, *BALL_PARAMETERS)
         for name in parameters:
             if name not in allowed:
-                raise ParameterError(f"model {self.name} has no parameter '{name}': {suggestion(name, allowed)}")
+                raise ParameterError(f"unknown parameter '{name}' of model {self.name}: {suggestion(name, allowed)}")
         missing = [name for name in needed if name not in parameters]
         if missing:
             raise ParameterError(f"model {self.name} needs a value of {', '.join(missing)}")

@@ -31,7 +31,7 @@ def check_options(closures: Closures | ThesisClosures | ImpulseClosures) -> None
     for closure, known in options_of(type(closures)).items():
         value = getattr(closures, closure)
         if value not in known:
-            raise ModelError(f"closure {closure} = {value!r}: {suggestion(str(value), known)}")
+            raise ModelError(f"unknown option '{value}' of closure {closure}: {suggestion(str(value), known)}")
 
 
 def options_of(kind: type[Closures | ThesisClosures | ImpulseClosures]) -> dict[str, tuple[str, ...]]:

@@ -110,7 +110,7 @@ def chosen_parameters(model: Model, changed: Mapping[str, float]) -> dict[str, f
     allowed = (*model.parameter_names, *BALL_PARAMETERS)
     for name in changed:
         if name not in allowed:
-            raise ParameterError(f"model {model.name} has no parameter '{name}': {suggestion(name, allowed)}")
+            raise ParameterError(f"unknown parameter '{name}' of model {model.name}: {suggestion(name, allowed)}")
     typical = {spec.name: spec.typical for spec in model.parameters if spec.typical is not None}
     return {**typical, **changed}
 

@@ -43,7 +43,7 @@ def noise_by_column(
     because it is named, is told in `notes`. Raises ParameterError where `wanted` is unknown or contradicts `named`.
     """
     if wanted not in (None, TIED, SEPARATE):
-        raise ParameterError(f"velocity noise '{wanted}': {suggestion(wanted, (TIED, SEPARATE))}")
+        raise ParameterError(f"unknown velocity noise '{wanted}': {suggestion(wanted, (TIED, SEPARATE))}")
     rows = {
         measurement.name: int(measurement.measured.sum())
         for measurement in table.measurements

@@ -163,7 +163,7 @@ KINDS: dict[str, NoiseKind] = {kind.name: kind for kind in (NORMAL, StudentNoise
 def noise_kind(name: str) -> NoiseKind:
     """The kind called `name`. Raises ParameterError for one that there is not."""
     if name not in KINDS:
-        raise ParameterError(f"noise '{name}': {suggestion(name, tuple(KINDS))}")
+        raise ParameterError(f"unknown noise '{name}': {suggestion(name, tuple(KINDS))}")
     return KINDS[name]
 
 

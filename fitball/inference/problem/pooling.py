@@ -106,7 +106,7 @@ def build_pooling(
     for name, column in pool.items():
         asked = f"--pool {name}={column}"
         if name not in names or name in BALL_PARAMETERS:
-            raise ParameterError(f"{asked}: no such model parameter; {suggestion(name, names)}")
+            raise ParameterError(f"{asked}: unknown parameter '{name}' of the model: {suggestion(name, names)}")
         labels = labels_of(table, column, asked)
         distinct = tuple(dict.fromkeys(labels))
         if len(distinct) < 2:

@@ -1,0 +1,59 @@
+"""A slip of the keyboard is named and a suggestion made, in one style; what is half said is not guessed."""
+
+from __future__ import annotations
+
+import pytest
+
+from fitball.cli.main import main
+
+MISTAKES = [
+    ("calibrat", "unknown verb 'calibrat': did you mean 'calibrate'?", "fitball --help"),
+    ("--modle calibrate", "unknown option '--modle' before a verb; options of", "fitball --help"),
+    ("calibrate --modle grip-slip", "unknown option '--modle' of calibrate: did you mean '--model'?", "--help"),
+    ("calibrate --model brody --mxsteps=3 x.csv", "unknown option '--mxsteps' of calibrate: did", "--help"),
+    ("compare x.csv -quick", "unknown option '-quick' of compare: did you mean '--quick'?", "fitball compare --help"),
+    ("datasets chek x.csv", "unknown action 'chek': did you mean 'check'?", "fitball datasets --help"),
+    ("datasets check x.csv --jsn", "unknown option '--jsn' of datasets check: did you mean '--json'?", "--help"),
+    ("plot fit corner more", "read 'more', one word more than plot takes", "fitball plot --help"),
+    ("calibrate x.csv --seed one", "argument --seed: read 'one', expected a whole number", "calibrate --help"),
+    ("calibrate", "the following arguments are required: DATA", "calibrate --help"),
+    # Abbreviations: what one means is said, never done.
+    ("calibrate x.csv --over", "unknown option '--over' of calibrate: did you mean '--overwrite'?", "--help"),
+    ("compare x.csv --m brody", "unknown option '--m' of compare: did you mean '--models' or '--max-", "--help"),
+    ("compare x.csv --se=2", "unknown option '--se' of compare: did you mean '--seed'?", "compare --help"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("line", "said", "where"), MISTAKES)
+def test_what_is_not_known_is_named_with_a_suggestion(line, said, where, capsys):
+    with pytest.raises(SystemExit) as left:
+        main(line.split())
+    assert left.value.code == 2
+    err = capsys.readouterr().err
+    assert err.startswith("fitball: ") and said in err and where in err
+    assert len(err.splitlines()) == 2
+
+
+VALUES = [
+    (["calibrate", "wang_all.csv", "--model", "two_mass"], "unknown model 'two_mass': did you mean 'two-mass'?"),
+    (["calibrate", "wang_all.csv", "--closure", "norml=total"], "unknown closure 'norml': did you mean 'normal'?"),
+    (["calibrate", "wang_all.csv", "--closure", "normal=totl"], "unknown option 'totl' of closure normal: did you"),
+    (["calibrate", "wang_all.csv", "--noise", "student"], "unknown noise 'student': did you mean 'student-t'?"),
+    (["calibrate", "wang_all.csv", "--velocity-noise", "seperate"], "unknown velocity noise 'seperate': did you"),
+    (["calibrate", "wang_all.csv", "--fix", "k_tehta=1"], "unknown parameter 'k_tehta': did you mean 'k_theta'?"),
+    (["calibrate", "wang_all.csv", "--prior", "mu=norml(1, 1)"], "unknown family 'norml': did you mean 'normal'?"),
+    (["simulate", "--impact", "v=17, theta=18", "--set", "muu=1"], "unknown parameter 'muu' of model two-mass: did"),
+    (["export", "nowhere", "--to", "pyhton"], "unknown format 'pyhton': did you mean 'python'?"),
+    (["plot", "nowhere", "coner"], "unknown figure 'coner': did you mean 'corner'?"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("words", "said"), VALUES)
+def test_values_are_told_in_the_same_words(words, said, capsys):
+    assert main(words) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_negative_number_is_no_option(capsys):
+    assert main(["predict", "nowhere", "--impact", "v=17, theta=18", "--seed", "-1"]) == 2
+    assert "expected a number not below 0" in capsys.readouterr().err
