@@ -10,6 +10,7 @@ import pytest
 from fitball.cli.progress import ProgressLine
 from fitball.inference.sampling.convergence import Convergence
 from fitball.inference.sampling.ensembles import Progress
+from fitball.models.kernels.first_compile import Compiling, tell_nobody, when_compiling
 
 
 class Terminal(io.StringIO):
@@ -69,3 +70,68 @@ def test_quiet_says_nothing():
     stream = io.StringIO()
     ProgressLine(True, stream)("loading", None)
     assert not stream.getvalue()
+
+
+BATCH = Compiling("bounce_batch", "where/kernels/are/kept")
+
+
+def test_compiling_is_announced_once_with_how_long_and_where():
+    stream = io.StringIO()
+    line = ProgressLine(False, stream)
+    line("point fit", None)
+    for _ in range(2):
+        line.compile(BATCH)
+        line.compile(None)
+    stage, said = stream.getvalue().splitlines()
+    assert stage == "point fit ..." and "once" in said and "half a minute" in said
+    assert "kept in where/kernels/are/kept" in said
+
+
+def test_a_terminal_shows_what_is_compiled_and_then_the_stage_again():
+    stream = Terminal()
+    line = ProgressLine(False, stream)
+    line("point fit", None)
+    line.compile(BATCH)
+    assert stream.getvalue().endswith("compiling bounce_batch ...")
+    line.compile(None)
+    assert stream.getvalue().rstrip().endswith("\rpoint fit ...")
+    assert stream.getvalue().count("\n") == 1
+    line.finish()
+    assert stream.getvalue().endswith(" \r")
+
+
+def test_what_cannot_be_kept_is_said_with_the_way_out():
+    stream = io.StringIO()
+    ProgressLine(False, stream).compile(Compiling("bounce_batch", None))
+    assert "set NUMBA_CACHE_DIR" in stream.getvalue()
+    quiet = io.StringIO()
+    ProgressLine(True, quiet).compile(BATCH)
+    assert not quiet.getvalue()
+
+
+def test_numba_tells_of_a_kernel_but_not_of_what_it_calls_nor_of_functions_of_others(monkeypatch):
+    import numba
+    from numba.core.caching import CacheImpl
+
+    from fitball.models.kernels.compiled import compiled
+
+    def below(x):
+        return x + 1.0
+
+    def kernel(x):
+        return inner(x) * 2.0
+
+    def others(x):
+        return x
+
+    # No folder that can be written to, as in a container whose only user owns nothing: it works all the same.
+    monkeypatch.setattr(CacheImpl, "_locator_classes", [])
+    below.__module__ = kernel.__module__ = "fitball.toy"
+    inner, outer = compiled(below), compiled(kernel)
+    told = []
+    when_compiling(told.append)
+    try:
+        assert outer(1.0) == 4.0 and numba.njit(others)(1.0) == 1.0
+    finally:
+        when_compiling(tell_nobody)
+    assert told == [Compiling("kernel", None), None]

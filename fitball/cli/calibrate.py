@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from fitball.cli.options import add_cores, add_reading, add_structure, add_verb, count, tell_notes, whole
-from fitball.cli.progress import ProgressLine
 from fitball.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -84,7 +83,7 @@ def pairs(option: str, given: Sequence[str], convert: Callable[[str], T]) -> dic
 
 def run(args: argparse.Namespace) -> int:
     """Fit, write the result folder, print the summary; 1 where the posterior did not converge."""
-    progress = ProgressLine(args.quiet)
+    progress = args.progress
     progress("loading", None)
     from fitball.api import begin, pose
     from fitball.inference.problem.build import Choices

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from fitball.cli.options import add_reading, add_verb, tell_notes, whole
-from fitball.cli.progress import ProgressLine
 from fitball.errors import ModelError
 
 HELP = "compare models on a table of impacts by predictions of impacts left out"
@@ -46,7 +45,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Fit and score every model, write the folder, print the tables; 1 where a posterior did not converge."""
-    progress = ProgressLine(args.quiet)
+    progress = args.progress
     progress("loading", None)
     from fitball.data.scene import load_scene
     from fitball.data.trusted import trusted_table

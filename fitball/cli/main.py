@@ -27,6 +27,7 @@ from fitball.cli import (
     verify,
 )
 from fitball.cli.parser import Parser
+from fitball.cli.progress import told_of_compiling
 from fitball.cli.visible_stream import visible_streams
 from fitball.errors import FitballError, enough_memory
 from fitball.version import __version__
@@ -90,7 +91,7 @@ def _main(argv: Sequence[str] | None) -> int:
         parser.print_help()
         return 2
     try:
-        with enough_memory():
+        with enough_memory(), told_of_compiling(args):
             return int(args.run(args))
     except FitballError as error:
         print("\n".join(map(one_line, f"fitball: {error}".split("\n"))), file=sys.stderr)

@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, TextIO
 
 from fitball.cli.visible_stream import own_stream
+from fitball.models.kernels.first_compile import Compiling, tell_nobody, when_compiling
 from fitball.visible import visible
 
 if TYPE_CHECKING:
     from fitball.inference.sampling.convergence import Convergence
     from fitball.inference.sampling.ensembles import Progress
 
+# Measured on an idle core of 2023; the second sentence says where.
+COMPILING = "compiling the kernels of the bounce: once for this version of fitball, half a minute or so; {kept}"
+KEPT = "kept in {folder}"
+NOT_KEPT = (
+    "not kept, since neither the folder of fitball nor that of your cache can be written to: set NUMBA_CACHE_DIR"
+)
 # Time between two lines about the same stage where lines stay [s].
 PATIENCE = 30.0
 
 
 class ProgressLine:
-    """Tells what a calibration is doing; silent when `quiet`. `clock` gives a time [s]."""
+    """Tells what a calibration is doing, and when kernels are compiled for it; silent when `quiet`. `clock` gives a
+    time [s].
+    """
 
     def __init__(
         self, quiet: bool, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic
@@ -34,6 +45,31 @@ class ProgressLine:
         self.width = 0
         self.stage = ""
         self.written = clock()
+        self.text = ""
+        self.announced = False
+
+    def compile(self, compiling: Compiling | None) -> None:
+        """Say once that kernels are compiled, how long that lasts and where they are kept; then show which."""
+        if self.quiet:
+            return
+        shown = self.text
+        if compiling is None:
+            self._rewrite(shown)
+            return
+        if not self.announced:
+            self.announced = True
+            kept = NOT_KEPT if compiling.folder is None else KEPT.format(folder=compiling.folder)
+            self._rewrite("")
+            self.stream.write(visible(COMPILING.format(kept=kept)) + "\n")
+        self._rewrite(f"compiling {compiling.kernel} ...")
+        self.text = shown
+
+    def _rewrite(self, text: str) -> None:
+        """Let the line of a terminal read `text`; elsewhere nothing is rewritten."""
+        if self.rewrites:
+            self.stream.write("\r" + text.ljust(self.width) + ("" if text else "\r"))
+            self.width, self.text = len(text), text
+        self.stream.flush()
 
     def __call__(self, stage: str, progress: Progress | None) -> None:
         """Show a stage, or a step of the sampler."""
@@ -50,9 +86,7 @@ class ProgressLine:
 
     def finish(self) -> None:
         """Leave the line."""
-        if self.rewrites and self.width:
-            self.stream.write("\r" + " " * self.width + "\r")
-            self.stream.flush()
+        self._rewrite("")
 
     def _sampling(self, progress: Progress) -> str:
         parts = [f"sampling: step {progress.step}"]
@@ -72,10 +106,21 @@ class ProgressLine:
         """
         text = visible(text)
         if self.rewrites:
-            self.stream.write("\r" + text.ljust(self.width))
-            self.width = len(text)
+            self._rewrite(text)
         elif due or stage != self.stage or self.clock() - self.written >= PATIENCE:
             self.stream.write(text + "\n")
             self.written = self.clock()
         self.stage = stage
         self.stream.flush()
+
+
+@contextmanager
+def told_of_compiling(args: argparse.Namespace) -> Iterator[None]:
+    """Give a verb its `args.progress`, which says when it compiles too, unless it is to be quiet."""
+    args.progress = line = ProgressLine(getattr(args, "quiet", False))
+    when_compiling(line.compile)
+    try:
+        yield
+    finally:
+        line.finish()
+        when_compiling(tell_nobody)

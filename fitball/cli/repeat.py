@@ -9,7 +9,6 @@ from contextlib import nullcontext
 from pathlib import Path
 
 from fitball.cli.options import add_cores, add_verb
-from fitball.cli.progress import ProgressLine
 
 HELP = "run a fit again and say whether the result is the same"
 DESCRIPTION = """Run a fit again from its run.toml and compare.
@@ -43,7 +42,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Run the fit again and print what differs; 0 where nothing does, 1 where the results contradict each other."""
-    progress = ProgressLine(args.quiet)
+    progress = args.progress
     progress("loading", None)
     from dataclasses import replace
 

@@ -72,8 +72,7 @@ def run(
     settings = effort.settings(problem)
     seeds = np.random.SeedSequence(effort.seed).spawn(3)
     watch = Stopwatch()
-    compiling = problem.model.compiles_first
-    report("point fit; first its kernels are compiled, once (20 s or so)" if compiling else "point fit", None)
+    report("point fit", None)
     with watch.stage("point fit"):
         shared = replace(problem, threads=settings.cores)
         squares, point = point_fit(shared, np.random.default_rng(seeds[0]), beside)

@@ -63,13 +63,6 @@ class Model(ABC):
         """Whether each impact must bring its own measured coefficient of restitution."""
         return self.options.get("cor") == "measured"
 
-    @property
-    def compiles_first(self) -> bool:
-        """Whether its kernels are still to be compiled, once a machine, when it is first evaluated: that takes a
-        while.
-        """
-        return False
-
     @abstractmethod
     def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts) -> Rebound:
         """Rebounds, (draws, impacts), for `values` (draws, names) without validation.

@@ -13,7 +13,6 @@ from fitball.models.capabilities import KernelCall, LinearConstraint, Oracle
 from fitball.models.history import History, two_mass_history
 from fitball.models.jacobian import ReboundJacobian, seeds
 from fitball.models.kernels import bounce, bounce_jacobian, force
-from fitball.models.kernels.compiled import on_disk
 from fitball.models.kernels.dual import NumberArray
 from fitball.models.model import (
     Model,
@@ -97,11 +96,6 @@ class TwoMassModel(Model):
             ],
             dtype=np.int64,
         )
-
-    @property
-    def compiles_first(self) -> bool:
-        """See `Model.compiles_first`."""
-        return not (on_disk(bounce.bounce_batch) and on_disk(bounce_jacobian.jacobian_batch))
 
     def _rows(self, names: Sequence[str], values: NumberArray) -> NumberArray:
         """The kernel's parameter rows, (draws, columns), in the kind of number of `values`."""

@@ -56,6 +56,7 @@ def scored(tasks: Sequence[Task], cores: int, report: Callable[[str], None]) -> 
             yield score_model(task, _naming(report, f"{task.candidate.name} ({k + 1} of {count})"))
         return
     workers = min(cores, count)
+    _compile_once(tasks)
     report(f"{count} models in {workers} processes")
     # A fresh interpreter each: a forked one would inherit threads in unknown states.
     context = multiprocessing.get_context("spawn")
@@ -75,6 +76,13 @@ def scored(tasks: Sequence[Task], cores: int, report: Callable[[str], None]) -> 
             ) from None
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _compile_once(tasks: Sequence[Task]) -> None:
+    """Have the kernels on disk, where a cold start has none: every process would compile them for itself."""
+    for model in {type(task.candidate.problem.model): task.candidate.problem.model for task in tasks}.values():
+        values = [spec.lower if spec.typical is None else spec.typical for spec in model.parameters]
+        model.jacobian(model.parameter_names, np.array([values]), tasks[0].candidate.problem.impacts)
 
 
 def _naming(report: Callable[[str], None], name: str) -> Callable[[str], None]:

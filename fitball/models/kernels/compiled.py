@@ -7,6 +7,9 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
+from numba.core import event
+
+from fitball.models.kernels import first_compile
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -53,12 +56,17 @@ def compiled_allocating(function: Callable[P, R]) -> Callable[P, R]:
 
 def _compile(function: Callable[..., Any], options: dict[str, bool]) -> Any:
     njit: Any = numba.njit
-    common = {"cache": True, "nogil": True, "error_model": "numpy"}
+    common = {"nogil": True, "error_model": "numpy"}
     try:
         dispatcher = njit(**common, **options)(function)
     except KeyError:
         # The option is numba's own affair; a numba without it counts references, which costs time only.
         dispatcher = njit(**common)(function)
+    try:
+        dispatcher.enable_caching()
+    except RuntimeError:
+        # Neither the folder of the sources nor that of the user can be written to: each run compiles for itself.
+        return dispatcher
     _depend_on_all_kernels(dispatcher)
     _blind_to_literals(dispatcher)
     return dispatcher
@@ -86,15 +94,28 @@ def _blind_to_literals(dispatcher: Any) -> None:
     dispatcher.get_call_template = template
 
 
-def on_disk(kernel: Callable[..., Any]) -> bool:
-    """Whether a kernel was compiled before, here or in an earlier process, by the present sources; True where numba
-    does not say.
-    """
-    dispatcher: Any = kernel
-    index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
-    if dispatcher.signatures or not hasattr(index, "_load_index"):
-        return True
-    return bool(index._load_index())
+class _Compilations(event.Listener):
+    """Passes on what numba tells of our kernels, once for all that one call compiles."""
+
+    def __init__(self) -> None:
+        self.kernels: list[bool] = []
+
+    def on_start(self, event: Any) -> None:
+        """A function is about to be compiled, perhaps for one that is being compiled."""
+        dispatcher = event.data["dispatcher"]
+        ours = dispatcher.py_func.__module__.startswith("fitball.")
+        self.kernels.append(ours and not any(self.kernels))
+        if self.kernels[-1]:
+            folder = dispatcher.stats.cache_path
+            first_compile.tell(first_compile.Compiling(dispatcher.py_func.__name__, folder))
+
+    def on_end(self, event: Any) -> None:  # noqa: ARG002 - numba's face
+        """It is compiled, or failed."""
+        if self.kernels.pop():
+            first_compile.tell(None)
+
+
+event.register("numba:compile", _Compilations())  # type: ignore[no-untyped-call]
 
 
 def _depend_on_all_kernels(dispatcher: Any) -> None:
