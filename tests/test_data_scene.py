@@ -32,6 +32,8 @@ citation = "nobody (2000)"
 mass = { value = 0.058, sd = 0.0005 }
 radius = 0.033
 inertia = { value = 3.5e-5, sd = 1e-6 }
+temperature = { value = -2, sd = 1 }
+type = "stage-1"
 [surface]
 name = "clay"
 mu = { value = 0.7, sd = 0.1 }
@@ -48,6 +50,7 @@ closures = { normal = "total" }
 [priors]
 mu = "normal(0.7, 0.1)"
 k_y = " loguniform ( 1e3 , 1e5 ) "
+cor_10 = "literature:court"
 [fix]
 eps_slope = 0
 """
@@ -71,12 +74,13 @@ def test_everything_that_can_be_said(tmp_path: Path) -> None:
     unit = 0.058 * 0.033**2
     assert scene.source == str(tmp_path / "t.toml")
     assert (scene.ball.mass, scene.ball.radius, scene.ball.inertia) == (0.058, 0.033, 3.5e-5)
+    assert (scene.ball_temperature, scene.ball_temperature_sd, scene.ball_type) == (-2.0, 1.0, "stage-1")
     assert scene.ball_sd == {"mass": 0.0005, "inertia_ratio": 1e-6 / unit}
     assert (scene.surface, scene.mu, scene.contact_time) == ("clay", (0.7, 0.1), (5e-3, 1e-3))
     assert (scene.velocity_sd, scene.spin_sd, scene.contact_time_sd) == (0.1, None, 2e-4)
     assert (scene.nominal_velocity_sd, scene.nominal_spin_sd) == (0.25, 5.0)
     assert (scene.model, scene.closures) == ("brody", {"normal": "total"})
-    assert scene.priors["mu"] == "normal(0.7, 0.1)" and set(scene.priors) == {"mu", "k_y"}
+    assert scene.priors["mu"] == "normal(0.7, 0.1)" and set(scene.priors) == {"mu", "k_y", "cor_10"}
     assert scene.fix == {"eps_slope": 0.0}
     assert (scene.description, scene.citation) == ("drops on clay", "nobody (2000)")
     assert scene.assumed == ()
@@ -132,6 +136,9 @@ IN_SCHEMA = [
     ("ball = 3", ("ball = 3: expected a section [ball]",)),
     ("[ball]\nmass = -1", ("ball.mass = -1: expected a positive number",)),
     ("[ball]\nmass = true", ("ball.mass = true",)),
+    ('[ball]\ntype = "type-5"', ('ball.type = "type-5"', "did you mean 'type-")),
+    ('[ball]\ntemperature = "cold"', ("expected a number of degrees Celsius",)),
+    ("[ball]\ntemperature = { value = 20, sd = 0 }", ("with a positive sd",)),
     ('[ball]\nmass = "57 g"', ('ball.mass = "57 g"',)),
     ("[ball]\nmass = { value = 0.057 }", ("ball.mass = { value = 0.057 }",)),
     ("[ball]\nmass = { value = 0.057, sd = 0 }", ("with both positive",)),
@@ -154,6 +161,7 @@ IN_SCHEMA = [
 BEYOND_SCHEMA = [
     ("[ball]\nmass = nan", ("ball.mass = nan",)),
     ("[ball]\nmass = 1" + 400 * "0", ("expected a positive number",)),
+    ("[ball]\ntemperature = 296", ("expected -40 to 80 degrees Celsius",)),
     ("[ball]\ninertia = 1", ("[ball]", "exceeds M R^2")),
     ("[fix]\nmu = inf", ("fix.mu = inf",)),
     ("[ball]\nmass = \n", ("not TOML", "line 2")),
@@ -209,11 +217,13 @@ def keys_of(known: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def schema_keys(node: Mapping[str, Any]) -> dict[str, Any]:
-    kinds = {"#/$defs/text": Kind.TEXT, "#/$defs/positive": Kind.POSITIVE, "#/$defs/quantity": Kind.QUANTITY}
+    kinds = {f"#/$defs/{kind.name.lower()}": kind for kind in Kind}
     names: dict[str, Any] = {}
     for name, child in node["properties"].items():
         if "$ref" in child:
             names[name] = kinds[child["$ref"]]
+        elif "enum" in child:
+            names[name] = Kind.TEXT
         elif isinstance(child["additionalProperties"], Mapping):
             names[name] = None
         else:

@@ -41,7 +41,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--fix", metavar="NAME=VALUE", action="append", default=[], help="hold a parameter (SI units)"
     )
     parser.add_argument(
-        "--prior", metavar="NAME=DIST(...)", action="append", default=[], help='e.g. "mu=normal(0.6, 0.1)"'
+        "--prior",
+        metavar="NAME=DIST(...)",
+        action="append",
+        default=[],
+        help='e.g. "mu=normal(0.6, 0.1)", or one from the literature: mu=literature:clay (fitball datasets priors)',
     )
     parser.add_argument(
         "--force",

@@ -1,9 +1,11 @@
-"""`fitball datasets`: list the bundled tables, show one, check a file of one's own."""
+"""`fitball datasets`: list the bundled tables, show one, check a file of one's own, list published priors."""
 
 from __future__ import annotations
 
 import argparse
 import json
+import textwrap
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from fitball.cli.options import add_flip, add_reading, add_verb
@@ -19,6 +21,7 @@ _EXAMPLES = """examples:
   fitball datasets show wang_zero_spin.csv
   fitball datasets check my_impacts.csv
   fitball datasets check my_impacts.csv --json
+  fitball datasets priors
 """
 
 
@@ -28,7 +31,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         subparsers,
         "datasets",
         run,
-        help="list, show and check impact tables",
+        help="list, show and check impact tables; list priors from the literature",
         description="List the tables that come with fitball, show one, or check a file and name every fault.",
         epilog=_EXAMPLES,
     )
@@ -53,6 +56,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     check.add_argument("--force", metavar="FILE", help="force records, instead of those beside the table")
     add_reading(check)
     check.add_argument("--quiet", action="store_true", help="print faults only")
+    _add_action(
+        actions,
+        "priors",
+        "priors from the literature, for --prior NAME=literature:KEY, with their sources",
+        "fitball datasets priors",
+    )
 
 
 def _add_action(
@@ -65,7 +74,7 @@ def _add_action(
 
 def run(args: argparse.Namespace) -> int:
     """Do what was asked. Returns 0, or 2 when `check` found faults; raises FitballError otherwise."""
-    actions = {"list": _list, "show": _show, "check": _check}
+    actions = {"list": _list, "show": _show, "check": _check, "priors": _priors}
     return actions[args.action](args)
 
 
@@ -81,6 +90,22 @@ def _list(args: argparse.Namespace) -> int:
         width = max((len(table.name) for table in tables), default=0)
         for table in tables:
             print(f"{table.name:<{width}}  {table.description}")
+    return 0
+
+
+def _priors(args: argparse.Namespace) -> int:
+    from fitball.data.literature import PREFIX, published_priors
+    from fitball.report.form.text_table import WIDTH
+
+    rows = published_priors()
+    if args.json:
+        _print_json([asdict(row) | {"prior": row.text} for row in rows])
+        return 0
+    print("Priors from the literature, in SI units: --prior NAME=literature:KEY, or [priors] of a scene.")
+    for row in rows:
+        print(f"\n{row.parameter}={PREFIX}{row.key}  {row.text}")
+        for words in (row.note, f"Source: {row.source}"):
+            print(textwrap.fill(words, WIDTH, initial_indent="  ", subsequent_indent="  "))
     return 0
 
 

@@ -20,7 +20,7 @@ INCIDENT: Mapping[str, Dimension] = {
 }
 REBOUND: Mapping[str, Dimension] = {name: UNITS[item.unit].dimension for name, item in OBSERVABLES.items()}
 MEASURED: Mapping[str, Dimension] = {**INCIDENT, **REBOUND}
-LABELS = ("id", "surface", "ball", "group")
+LABELS = ("id", "surface", "ball", "group", "location")
 SD_SUFFIX = "_sd"
 NUMBERS: Mapping[str, Dimension] = {**MEASURED, **{name + SD_SUFFIX: MEASURED[name] for name in MEASURED}}
 

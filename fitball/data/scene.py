@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from fitball.data.ball_types import BALL_TYPES
 from fitball.data.bundled import resolve_table
 from fitball.data.frozen import FrozenMapping
 from fitball.data.scene_file import Quantity, SceneFile, read_scene_file
 from fitball.data.scene_limits import density_fault, meant_inertia, range_fault, unlikely, unlikely_density
-from fitball.errors import ParameterError, SceneError, fault_list
+from fitball.errors import ParameterError, SceneError, fault_list, suggestion
 from fitball.observables import NOISE_OF, SHARED_SD
 from fitball.values import WANG_INERTIA_RATIO, WANG_MASS, WANG_RADIUS, Ball
 
@@ -46,7 +47,8 @@ class Scene:
     `normal(0.55, 0.05)` by parameter. `distribution` is that of the noise; `pool` maps parameters to the label column
     over whose levels they differ,
     `offsets` is the label column whose groups may be biased. `force_file` holds force records, named relative to the
-    scene file; `force_sd` [N] is the known noise of a sample, `force_start_sd` [s] how well t = 0 is known to be the
+    scene file; `ball_type` is a type of the ITF (see `ball_types`), `ball_temperature` and its sd are in degrees
+    Celsius. `force_sd` [N] is the known noise of a sample, `force_start_sd` [s] how well t = 0 is known to be the
     start of contact (None: it is found from the record). `assumed` says in sentences what was taken because
     nothing was said.
     """
@@ -54,6 +56,9 @@ class Scene:
     source: str | None = None
     ball: Ball = field(default_factory=Ball)
     ball_sd: Mapping[str, float] = field(default_factory=FrozenMapping)
+    ball_type: str | None = None
+    ball_temperature: float | None = None
+    ball_temperature_sd: float | None = None
     surface: str | None = None
     mu: tuple[float, float | None] | None = None
     contact_time: tuple[float, float] | None = None
@@ -138,6 +143,7 @@ def _make_scene(file: SceneFile | None) -> Scene:
     known = file or SceneFile(None, {})
     ball, ball_sd = _ball(known)
     mu, time, time_sd = (known.quantity(key) for key in ("surface.mu", "contact_time.value", "contact_time.sd"))
+    warmth = known.quantity("ball.temperature")
     sds = {name: known.number(f"measurement.{name}") for name in (SHARED_SD, *NOISE_OF.values())}
     nominal_velocity, nominal_spin = (
         known.number("measurement.nominal_velocity_sd"),
@@ -155,6 +161,9 @@ def _make_scene(file: SceneFile | None) -> Scene:
         source=known.source,
         ball=ball,
         ball_sd=FrozenMapping(ball_sd),
+        ball_type=_ball_type(known),
+        ball_temperature=None if warmth is None else warmth.value,
+        ball_temperature_sd=None if warmth is None else warmth.sd,
         surface=known.text("surface.name"),
         mu=None if mu is None else (mu.value, mu.sd),
         contact_time=None if time is None or time_sd is None else (time.value, time_sd.value),
@@ -176,6 +185,14 @@ def _make_scene(file: SceneFile | None) -> Scene:
         citation=known.text("source.citation") or "",
         **sds,
     )
+
+
+def _ball_type(known: SceneFile) -> str | None:
+    """The stated type. Raises SceneError for one that the ITF does not have."""
+    name = known.text("ball.type")
+    if name is not None and name not in BALL_TYPES:
+        raise SceneError(f'{known.source}: ball.type = "{name}": {suggestion(name, BALL_TYPES)}')
+    return name
 
 
 def _says(known: SceneFile, name: str) -> bool:

@@ -25,6 +25,7 @@ class Kind(Enum):
     TEXT = "a text in quotes"
     POSITIVE = "a positive number"
     QUANTITY = "a positive number, or { value = ..., sd = ... } with both positive"
+    DEGREES = "a number of degrees Celsius, or { value = ..., sd = ... } with a positive sd"
     FREE_TEXTS = "a section of names and texts"
     FREE_NUMBERS = "a section of names and numbers"
     FREE_PRIORS = 'a section of names and priors such as "normal(0.55, 0.05)"'
@@ -40,6 +41,8 @@ KEYS: Mapping[str, Kind | Mapping[str, Kind]] = {
         "radius": Kind.QUANTITY,
         "inertia": Kind.QUANTITY,
         "inertia_ratio": Kind.QUANTITY,
+        "temperature": Kind.DEGREES,
+        "type": Kind.TEXT,
     },
     "surface": {"name": Kind.TEXT, "mu": Kind.QUANTITY},
     "contact_time": {"value": Kind.POSITIVE, "sd": Kind.POSITIVE},
@@ -65,7 +68,9 @@ _EXCLUSIVE = (
     ("measurement.spin_sd", "measurement.nominal_spin_sd"),
 )
 _NUMBER = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
-_PRIOR = re.compile(rf"\s*[A-Za-z_][A-Za-z0-9_]*\s*\(\s*{_NUMBER}\s*(,\s*{_NUMBER}\s*)*\)\s*")
+_PRIOR = re.compile(
+    rf"\s*([A-Za-z_][A-Za-z0-9_]*\s*\(\s*{_NUMBER}\s*(,\s*{_NUMBER}\s*)*\)|literature:\s*[A-Za-z0-9_-]+)\s*"
+)
 _FREE_FORM = {
     Kind.FREE_TEXTS: re.compile(r".*\S.*", re.DOTALL),
     Kind.FREE_PRIORS: _PRIOR,
@@ -74,7 +79,7 @@ _FREE_FORM = {
 _FREE_ENTRY = {
     Kind.FREE_TEXTS: "a text in quotes",
     Kind.FREE_NUMBERS: "a finite number",
-    Kind.FREE_PRIORS: 'a word and numbers in brackets, such as "normal(0.55, 0.05)"',
+    Kind.FREE_PRIORS: 'a word and numbers in brackets, such as "normal(0.55, 0.05)", or "literature:KEY"',
 }
 
 
@@ -209,10 +214,10 @@ def _checked(content: object, kind: Kind) -> str | float | Quantity | None:
         return content if isinstance(content, str) and content.strip() else None
     number = _number(content)
     if number is not None:
-        return number if number > 0.0 else None
-    if kind is Kind.QUANTITY and isinstance(content, dict) and set(content) == {"value", "sd"}:
+        return number if number > 0.0 or kind is Kind.DEGREES else None
+    if kind in (Kind.QUANTITY, Kind.DEGREES) and isinstance(content, dict) and set(content) == {"value", "sd"}:
         value, sd = _number(content["value"]), _number(content["sd"])
-        if value is not None and sd is not None and value > 0.0 and sd > 0.0:
+        if value is not None and sd is not None and (value > 0.0 or kind is Kind.DEGREES) and sd > 0.0:
             return Quantity(value, sd)
     return None
 

@@ -68,6 +68,7 @@ RANGES: Mapping[str, Range] = {
     "ball.mass": Range(1e-6, 20.0, "1 mg to 20 kg, in kg", (1e-5, 8.0), 0.05, _MASSES),
     "ball.radius": Range(1e-4, 0.5, "0.1 mm to 0.5 m, in m", (5e-4, 0.25), 0.03, _LENGTHS),
     "ball.inertia_ratio": Range(0.01, 1.0, "0.01 to 1", (0.2, 0.7), 0.5, {}),
+    "ball.temperature": Range(-40.0, 80.0, "-40 to 80 degrees Celsius", (-40.0, 80.0), 20.0, {}),
     "surface.mu": Range(1e-6, 100.0, "1e-6 to 100", (0.005, 3.0), 0.5, {"%": 1e-2}),
     "contact_time.value": Range(1e-6, 0.1, "1 us to 100 ms, in s", (5e-6, 0.05), 5e-3, _TIMES),
     "contact_time.sd": Range(1e-12, 0.1, "1e-12 to 0.1 s, in s", (1e-9, 0.05), 5e-4, _TIMES),
@@ -92,9 +93,9 @@ def range_fault(key: str, value: float, sd: float | None) -> str | None:
         return None
     if not allowed.least <= value <= allowed.most:
         return f"{key} = {value:g}: expected {allowed.words}{allowed.meant(value)}"
-    if sd is not None and not LEAST_SHARE * value <= sd <= allowed.most:
+    if sd is not None and not LEAST_SHARE * abs(value) <= sd <= allowed.most:
         return f"{key}: sd = {sd:g}: expected 1e-9 times the value to {allowed.most:g}"
-    if sd is not None and key != "surface.mu" and sd > value:
+    if sd is not None and key not in ("surface.mu", "ball.temperature") and sd > value:
         return (
             f"{key}: sd = {sd:g}: expected less than the value, {value:g}, in its unit{_meant_sd(allowed, sd, value)}"
         )

@@ -12,11 +12,13 @@ from fitball.inference.effort import Effort, Stopwatch
 from fitball.inference.identifiability.examine import examine
 from fitball.inference.identifiability.posterior_verdict import Judgement
 from fitball.inference.prediction.court_pace import court_pace
+from fitball.inference.prediction.drop_test import drop_test
 from fitball.inference.prediction.error_budget import error_budget
 from fitball.inference.prediction.extrapolation import spanning_impacts
 from fitball.inference.prediction.force_notes import force_notes
 from fitball.inference.prediction.golden import golden
 from fitball.inference.prediction.group_estimates import group_estimates
+from fitball.inference.prediction.one_way import lab_generator
 from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
 from fitball.inference.problem.problem import Problem
 from fitball.inference.qualify import qualified
@@ -81,6 +83,7 @@ def assemble(
     status = RunStatus.POINT_ONLY
     if diagnostics is not None:
         status = RunStatus.CONVERGED if diagnostics.converged else RunStatus.NOT_CONVERGED
+    lab = lab_generator(effort.seed)
     return Fit(
         problem=problem,
         notes=(*problem.notes, *said, *force_notes(problem, point)),
@@ -102,7 +105,8 @@ def assemble(
         verdict=f"{described.sentence} {_sentence(status, diagnostics, estimates)}",
         seed=effort.seed,
         timings=tuple(watch.timings),
-        court_pace=court_pace(problem, point, posterior),
+        court_pace=court_pace(problem, point, posterior, lab),
+        drop_test=drop_test(problem, point, posterior, lab),
         adequacy=described,
         assumptions=assumptions,
     )
@@ -176,6 +180,7 @@ def _estimate(
         verdict=verdict,
         given=given,
         reason=reason,
+        prior_source=parameter.prior_source,
         **numbers,
     )
 

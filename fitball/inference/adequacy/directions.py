@@ -23,7 +23,7 @@ LEAST_FREEDOM = 2.0
 LEFT = 0.02
 # Patterns whose remains agree so well are one.
 SAME = 0.98
-LABELS = ("group", "surface", "ball")
+LABELS = ("group", "surface", "ball", "location")
 POWERS = ("a trend over", "a bend over")
 
 

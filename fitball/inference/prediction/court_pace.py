@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitball.inference.prediction.extrapolation import calibrated_range
+from fitball.inference.prediction.measured_pace import PLACES, measured_pace, temperatures
 from fitball.inference.prediction.posterior_predictive import regime_shares
+from fitball.inference.prediction.spread import spread_of
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.pace_rating import (
     TOLERANCE,
+    CourtMean,
     CourtPace,
     PaceRating,
     Reach,
-    Spread,
+    adjusted,
     apparent_friction,
     itf_impact,
     pace_categories,
     pace_rating,
 )
-from fitball.inference.results.quantiles import MEDIAN_FIRST, MOST_UNSOLVED, quantiles
+from fitball.inference.results.quantiles import MOST_UNSOLVED
 from fitball.inference.results.results import PointFit, Posterior, thinned
 from fitball.models.types import STATUS_REASON, Rebound, Status
 from fitball.values import FloatArray, Impacts
@@ -31,23 +35,53 @@ SLIDING = ("slide", "slide back")
 LINES = {"cor_slope": "COR", "eps_slope": "eps"}
 
 
-def court_pace(problem: Problem, point: PointFit, posterior: Posterior | None) -> CourtPace | None:
+def court_pace(
+    problem: Problem, point: PointFit, posterior: Posterior | None, rng: np.random.Generator
+) -> CourtPace | None:
     """The rating of every surface the problem tells apart; None where no motion along the court was measured."""
     if not problem.table.has_tangential:
         return None
+    scene = problem.scene
+    known = CourtPace(
+        (), "", scene.ball_temperature, scene.ball_temperature_sd, measured=measured_pace(problem.table, scene, rng)
+    )
     if problem.model.needs_cor:
-        return CourtPace((), "closure cor = measured takes the restitution of each impact from the table")
+        return replace(known, missing="closure cor = measured takes the restitution of each impact from the table")
     if "mu" not in problem.model.parameter_names:
-        return CourtPace((), f"model {problem.model.name} has no coefficient of sliding friction")
+        return replace(known, missing=f"model {problem.model.name} has no coefficient of sliding friction")
     at_point = {name: np.array([value]) for name, value in point.values.items()}
     drawn = at_point if posterior is None else dict(problem.all_values(thinned(posterior, DRAWS)))
-    ratings = []
+    # One error of the thermometer for all surfaces.
+    warmth = temperatures(scene, len(next(iter(drawn.values()))), rng) if posterior is not None else None
+    rated = []
     for labels, rows in _surfaces(problem).items():
-        rating = _rate(problem, labels, rows, at_point, drawn, posterior is not None)
-        if isinstance(rating, str):
-            return CourtPace((), rating)
-        ratings.append(rating)
-    return CourtPace(tuple(ratings), "")
+        found = _rate(problem, labels, rows, at_point, drawn, warmth)
+        if isinstance(found, str):
+            return replace(known, missing=found)
+        rated.append(found)
+    ratings = tuple(rating for rating, _ in rated)
+    return replace(known, ratings=ratings, court=_court(problem, ratings, [draws for _, draws in rated]))
+
+
+def _court(problem: Problem, ratings: Sequence[PaceRating], draws: Sequence[FloatArray]) -> CourtMean | None:
+    """The mean over the places of one court; None where the problem tells no places apart."""
+    column = next((pooling.column for pooling in problem.pooling if pooling.parameter == "mu"), None)
+    if column not in PLACES or len(problem.pooling) > 1:
+        return None
+    points = np.array([rating.rating.point for rating in ratings])
+    sampled = ratings[0].rating.median is not None
+    joint = np.stack(draws, axis=1) if sampled else points[None]
+    mean, between = joint.mean(axis=1), joint.std(axis=1, ddof=1)
+    return CourtMean(
+        column=column,
+        places=len(ratings),
+        rating=spread_of(mean if sampled else None, float(points.mean())),
+        elsewhere=None,
+        between=spread_of(between if sampled else None, float(points.std(ddof=1))),
+        within=None,
+        largest_difference=float(np.ptp(points)),
+        categories=pace_categories(mean[np.isfinite(mean)]),
+    )
 
 
 def pace_by_surface(problem: Problem, values: FloatArray) -> dict[str, FloatArray]:
@@ -61,7 +95,8 @@ def pace_by_surface(problem: Problem, values: FloatArray) -> dict[str, FloatArra
     ratings = {}
     for labels, rows in _surfaces(problem).items():
         rebound = problem.rebound_like(columns, impact, np.array([rows[0]]))
-        quantities = _quantities(impact, rebound, _sliding_friction(problem, labels, columns))
+        sliding = _sliding_friction(problem, labels, columns)
+        quantities = _quantities(impact, rebound, sliding, problem.scene.ball_temperature)
         ratings[", ".join(labels)] = np.where(rebound.status[:, 0] == 0, quantities["rating"], np.nan)
     return ratings
 
@@ -81,9 +116,11 @@ def _rate(
     rows: list[int],
     at_point: Mapping[str, FloatArray],
     drawn: Mapping[str, FloatArray],
-    sampled: bool,
-) -> PaceRating | str:
-    """One rating, or the sentence that says why there is none."""
+    warmth: FloatArray | None,
+) -> tuple[PaceRating, FloatArray] | str:
+    """One rating with its draws (NaN where there is none), or the sentence that says why there is none; `warmth` is
+    the temperature of the ball (draws,), None for a point fit.
+    """
     impact, row = itf_impact(), np.array([rows[0]])
     best = problem.rebound_like(at_point, impact, row)
     rebound = problem.rebound_like(drawn, impact, row)
@@ -94,11 +131,13 @@ def _rate(
     if np.mean(~solved) > MOST_UNSOLVED:
         cause = STATUS_REASON[Status(int(rebound.status[~solved, 0][0]))]
         return f"{100.0 * np.mean(~solved):.0f} % of the draws cannot be evaluated at the test impact: {cause}"
-    one = _quantities(impact, best, _sliding_friction(problem, labels, at_point))
-    many = _quantities(impact, rebound, _sliding_friction(problem, labels, drawn))
-    spreads = {name: _spread(one[name], many[name][solved], sampled) for name in one}
+    known = problem.scene.ball_temperature
+    sampled = warmth is not None
+    one = _quantities(impact, best, _sliding_friction(problem, labels, at_point), known)
+    many = _quantities(impact, rebound, _sliding_friction(problem, labels, drawn), None if known is None else warmth)
+    spreads = {name: spread_of(many[name][solved] if sampled else None, float(one[name][0])) for name in one}
     shares = regime_shares(rebound)[0]
-    return PaceRating(
+    rated = PaceRating(
         labels=labels,
         impacts=len(rows),
         rating=spreads["rating"],
@@ -112,6 +151,7 @@ def _rate(
         failed=float(np.mean(~solved)),
         reach=_reach(problem, np.array(rows, dtype=np.int64)),
     )
+    return rated, np.where(solved, many["rating"], np.nan)
 
 
 def _sliding_friction(problem: Problem, labels: tuple[str, ...], columns: Mapping[str, FloatArray]) -> FloatArray:
@@ -122,23 +162,21 @@ def _sliding_friction(problem: Problem, labels: tuple[str, ...], columns: Mappin
     return columns["mu"]
 
 
-def _quantities(impact: Impacts, rebound: Rebound, sliding: FloatArray) -> dict[str, FloatArray]:
+def _quantities(
+    impact: Impacts, rebound: Rebound, sliding: FloatArray, temperature: FloatArray | float | None
+) -> dict[str, FloatArray]:
     """Rating and what it is made of, each (draws,)."""
     v_x2, v_y2 = rebound.v_x2[:, 0], rebound.v_y2[:, 0]
     friction = apparent_friction(impact.v_x1, impact.v_y1, v_x2, v_y2)
     restitution = v_y2 / impact.v_y1
+    brought = adjusted(restitution, temperature)
     return {
-        "rating": pace_rating(friction, restitution),
+        "rating": pace_rating(friction, brought),
         "friction": friction,
         "restitution": restitution,
         "sliding_friction": sliding,
-        "sliding_rating": pace_rating(sliding, restitution),
+        "sliding_rating": pace_rating(sliding, brought),
     }
-
-
-def _spread(point: FloatArray, draws: FloatArray, sampled: bool) -> Spread:
-    spread = quantiles(draws, MEDIAN_FIRST) if sampled else dict.fromkeys(MEDIAN_FIRST)
-    return Spread(float(point[0]), **spread)
 
 
 def _reach(problem: Problem, rows: NDArray[np.int64]) -> Reach:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fitball.data.literature import with_published
 from fitball.data.scene import NO_CONTACT_TIME, NO_MU, NO_SPIN_SD, NO_VELOCITY_SD, Scene
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError
@@ -27,6 +28,11 @@ from fitball.models.registry import Reduced, entry, model
 from fitball.models.specs import BALL_PARAMETERS, ParameterSpec
 from fitball.observables import NOISE_OF, SHARED_SD, VELOCITIES
 from fitball.values import Impacts
+
+# The label column of places on a court, over which friction differs without being asked to, and how many at most.
+LOCATION, MOST_PLACES = "location", 12
+# What is asked for instead of a column where a parameter is to be the same everywhere.
+NOT_POOLED = "none"
 
 __all__ = ["Choices", "build_problem", "impacts_with_cor", "reduction"]
 
@@ -70,10 +76,16 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
         fixed.pop(key, None)
     fixed |= {key: (value, "fixed by the scene") for key, value in scene_fix.items()}
     fixed |= {key: (value, "fixed on request") for key, value in choices.fix.items()}
-    wanted = {**priors, **choices.priors}
+    wanted, published = with_published({**priors, **choices.priors})
     kind = noise_kind(choices.noise or scene.distribution)
-    levels, offsets, extra = _structure(table, scene, choices, chosen, observables, wanted, kind)
-    parameters = build_parameters(names, chosen.specs, wanted, fixed, ball_names, extra)
+    pool = {**scene.pool, **choices.pool}
+    if "mu" not in pool and "mu" not in fixed and "mu" in chosen.parameter_names and _names_places(table):
+        pool["mu"] = LOCATION
+        notes.append("the table names locations: --pool mu=none fits one friction to all of them")
+    pool = {key: column for key, column in pool.items() if column != NOT_POOLED}
+    levels, offsets, extra = _structure(table, scene, choices, chosen, observables, wanted, kind, pool)
+    parameters = build_parameters(names, chosen.specs, wanted, fixed, ball_names, extra, published)
+    notes += [f"prior of {key} from {source}" for key, source in published.items()]
     notes += [f"{pooling.parameter} is fitted to each {pooling.column} apart, pooled in part" for pooling in levels]
     return Problem(
         table=table,
@@ -133,10 +145,12 @@ def _structure(
     observables: tuple[Observable, ...],
     priors: Mapping[str, str],
     noise: NoiseKind,
+    pool: Mapping[str, str],
 ) -> tuple[tuple[Pooling, ...], GroupBias | None, dict[str, ParameterSpec]]:
-    """Pooling and group offsets that scene or user ask for, and the parameters that these and `noise` bring."""
+    """The `pool`ing asked for, group offsets that scene or user ask for, and the parameters that these and `noise`
+    bring.
+    """
     extra = {spec.name: spec for spec in noise.parameters}
-    pool = {**scene.pool, **choices.pool}
     specs = chosen.specs
     known = {name: _prior_of(specs[name], priors) for name in pool if name in chosen.parameter_names}
     levels = build_pooling(
@@ -155,6 +169,12 @@ def _structure(
         sizes = {name: getattr(scene, name) or size for name, size in expected_sizes(scene, table).items()}
         extra |= offsets.specs(observables, sizes)
     return levels, offsets, extra
+
+
+def _names_places(table: ImpactTable) -> bool:
+    """Whether a table holds several places on a court, with impacts enough on each to tell their friction apart."""
+    labels = table.labels.get(LOCATION, ())
+    return 2 <= len(set(labels)) <= min(MOST_PLACES, len(labels) // 2)
 
 
 def _prior_of(spec: ParameterSpec, priors: Mapping[str, str]) -> Prior:

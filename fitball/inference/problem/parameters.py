@@ -43,12 +43,15 @@ NOISE_SPECS: Mapping[str, ParameterSpec] = {
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of a fit: its spec, its prior, and the value it is fixed at (None when free)."""
+    """A parameter of a fit: its spec, its prior, and the value it is fixed at (None when free). `prior_source` is
+    where a prior from the literature was published, empty for any other.
+    """
 
     spec: ParameterSpec
     prior: Prior
     fixed: float | None
     fixed_because: str = ""
+    prior_source: str = ""
 
     @property
     def name(self) -> str:
@@ -68,10 +71,12 @@ def build_parameters(
     fixed: Mapping[str, tuple[float, str]],
     ball_names: Sequence[str] = (),
     extra: Mapping[str, ParameterSpec] | None = None,
+    sources: Mapping[str, str] | None = None,
 ) -> tuple[Parameter, ...]:
     """Parameters called `names`, with overridden `priors`, and `fixed` name -> (value, why).
 
-    `specs` are those of the model, `extra` are further parameters that only this problem has, by name. Raises
+    `specs` are those of the model, `extra` are further parameters that only this problem has, by name; `sources` is
+    where priors were published. Raises
     ParameterError for a name that is not among them, a value outside its bounds, or a bad prior.
     """
     others = extra or {}
@@ -91,5 +96,5 @@ def build_parameters(
                 + (f" {spec.unit}" if spec.unit else "")
                 + f" lies outside its bounds [{spec.lower:g}, {spec.upper:g}]"
             )
-        built.append(Parameter(spec, prior, value, why))
+        built.append(Parameter(spec, prior, value, why, "" if sources is None else sources.get(name, "")))
     return tuple(built)

@@ -6,7 +6,9 @@ the court at 30 m/s and 16 degrees with hardly any spin. From its velocities fol
 
 That `mu` is the apparent one: the ratio of the impulses, the coefficient of sliding friction only while the ball
 slides throughout. At 16 degrees it may grip, so the rating with the fitted coefficient stands beside it. The method
-brings the restitution to 23 degrees Celsius, `e_T = e + 0.003 (23 - T)`; no ball temperature is known: `e_T = e`.
+brings the restitution to 23 degrees Celsius, `e_T = e + 0.003 (23 - T)`; where no ball temperature is known `e_T =
+e`. It takes nine impacts at a place, the mean of all as the value of the court, and the largest difference between
+the means of places as its variation (ITF Technical Booklet 2015, p. 40).
 """
 
 from __future__ import annotations
@@ -20,17 +22,21 @@ from fitball.values import FloatArray, Impacts
 
 TEST_SPEED = 30.0
 TEST_ANGLE = float(np.radians(16.0))
+SPEED_TOLERANCE = 2.0
 # What the method allows: +-2 m/s, +-2 degrees, 3 revolutions a second. A table that ends nearer than this is no
 # further from the test impact than one test impact from the next.
 TOLERANCE: Mapping[str, float] = {
-    "v_y1": 2.0 * float(np.sin(TEST_ANGLE)),
+    "v_y1": SPEED_TOLERANCE * float(np.sin(TEST_ANGLE)),
     "theta_1": float(np.radians(2.0)),
     "omega_1": 6.0 * float(np.pi),
 }
 PACE_CONSTANT = 150.0
 MEAN_RESTITUTION = 0.81
-# Points of the rating for each kelvin that the ball is not at 23 degrees Celsius: 150 times 0.003.
-PER_KELVIN = 0.45
+# What the method adds to a restitution for each degree Celsius that the ball was colder than 23, and the points of
+# the rating that this is.
+PER_DEGREE = 0.003
+TEST_TEMPERATURE = 23.0
+PER_KELVIN = PACE_CONSTANT * PER_DEGREE
 # Whole ratings at which a category begins (ITF: up to 29, 30 to 34, 35 to 39, 40 to 44, from 45 on).
 CATEGORIES = ("slow", "medium-slow", "medium", "medium-fast", "fast")
 BEGINS = (30, 35, 40, 45)
@@ -88,11 +94,65 @@ class PaceRating:
 
 
 @dataclass(frozen=True)
+class CourtMean:
+    """A court as the mean of its tested places: so many `places`, labels of `column`; the mean `rating`; standard
+    deviations `between` places and `within` one, and the rating `elsewhere`, of a place that was not tested (None where
+    repeats do not tell them apart; a model has no repeats); the largest difference between places, and probabilities
+    of the categories.
+    """
+
+    column: str
+    places: int
+    rating: Spread
+    elsewhere: Spread | None
+    between: Spread | None
+    within: Spread | None
+    largest_difference: float | None
+    categories: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class PlaceRating:
+    """One place of a court: its measured impacts, mean rating, friction and restitution as measured, and the
+    `rating` beyond the noise of its repeats (None where places cannot be told from that).
+    """
+
+    label: str
+    impacts: int
+    mean: float
+    friction: float
+    restitution: float
+    rating: Spread | None
+
+
+@dataclass(frozen=True)
+class MeasuredPace:
+    """The test as the ITF makes it, no model between: of the `impacts` within its tolerances the rating of each, the
+    mean of the court, and the places.
+    """
+
+    impacts: int
+    of: int
+    court: CourtMean
+    places: tuple[PlaceRating, ...]
+    remark: str
+
+
+@dataclass(frozen=True)
 class CourtPace:
-    """Ratings surface by surface, or `missing`: why there is none."""
+    """Ratings surface by surface, or `missing`: why there is none.
+
+    `court` is the mean of the ratings of several places on one court, `measured` that of the impacts themselves, where
+    they are those of the test. `temperature` of the ball and its sd are in degrees Celsius; ratings are brought to 23
+    where it is known.
+    """
 
     ratings: tuple[PaceRating, ...]
     missing: str
+    temperature: float | None = None
+    temperature_sd: float | None = None
+    court: CourtMean | None = None
+    measured: MeasuredPace | None = None
 
 
 def itf_impact() -> Impacts:
@@ -104,6 +164,13 @@ def itf_impact() -> Impacts:
 def apparent_friction(v_x1: FloatArray, v_y1: FloatArray, v_x2: FloatArray, v_y2: FloatArray) -> FloatArray:
     """Horizontal over vertical impulse, `(v_x1 - v_x2)/(v_y1 (1 + e))`; velocities in m/s, any one shape."""
     return np.asarray((v_x1 - v_x2) / (v_y1 + v_y2))
+
+
+def adjusted(restitution: FloatArray, temperature: FloatArray | float | None) -> FloatArray:
+    """The restitution of a ball of that `temperature` [degrees Celsius] brought to 23; as it is without one."""
+    if temperature is None:
+        return restitution
+    return np.asarray(restitution + PER_DEGREE * (TEST_TEMPERATURE - temperature))
 
 
 def pace_rating(friction: FloatArray, restitution: FloatArray) -> FloatArray:

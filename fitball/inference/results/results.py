@@ -12,6 +12,7 @@ from fitball.data.balances import Balances
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.adequacy import Adequacy
 from fitball.inference.results.assumptions import Assumptions
+from fitball.inference.results.drop_test import DropTest
 from fitball.inference.results.evidence import Identifiability
 from fitball.inference.results.fitted_model import PREDICTING, FittedModel
 from fitball.inference.results.pace_rating import CourtPace
@@ -90,7 +91,8 @@ class Estimate:
 
     Quantities that do not exist (a fixed parameter, a run without posterior) are None. `contraction` is
     1 - posterior variance / prior variance, both in the coordinate of the prior, where "prior"
-    includes what the scene knows. `given` are the assumptions that an identified value rests on.
+    includes what the scene knows, and `prior_source` says where it was published, if it is from the literature.
+    `given` are the assumptions that an identified value rests on.
     """
 
     name: str
@@ -114,6 +116,7 @@ class Estimate:
     ess_bulk: float | None
     ess_tail: float | None
     r_hat: float | None
+    prior_source: str = ""
 
     @property
     def verdict_words(self) -> str:
@@ -306,6 +309,7 @@ class Fit:
     court_pace: CourtPace | None = None
     adequacy: Adequacy | None = None
     assumptions: Assumptions | None = None
+    drop_test: DropTest | None = None
 
     @property
     def parameters(self) -> Mapping[str, Estimate]:

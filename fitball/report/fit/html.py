@@ -12,6 +12,7 @@ from fitball.report.fit.adequacy_rows import CHECK_HEADS, MISFIT_HEADS, NOISE_HE
 from fitball.report.fit.assumption_rows import assumption_table
 from fitball.report.fit.balance_table import balance_table
 from fitball.report.fit.budget_rows import budget_table
+from fitball.report.fit.drop_rows import drop_table
 from fitball.report.fit.embedded_figures import PageFigure
 from fitball.report.fit.evidence_rows import direction_rows, evidence_rows
 from fitball.report.fit.headline import NOT_TOLD, TOLD, headline, told_rows
@@ -33,6 +34,7 @@ MOST_ROWS = 300
 
 
 SECTIONS = {
+    "drop-test": "Drop test",
     "adequacy": "Does the model describe the table?",
     "told": "What the data tell",
     "not-told": "What they do not tell",
@@ -67,7 +69,9 @@ def page(fit: Fit, figures: Mapping[str, Sequence[PageFigure]], command: str | N
     problem = fit.problem
     pace, cases, remarks = pace_table(fit), case_table(fit), notes(fit)
     assumed = assumption_table(fit)
+    dropped = None if fit.drop_test is None else drop_table(fit.drop_test)
     absent = {
+        "drop-test": dropped is None,
         "assumptions": assumed is None,
         "court-pace": pace is None,
         "thesis": cases is None,
@@ -95,6 +99,7 @@ def page(fit: Fit, figures: Mapping[str, Sequence[PageFigure]], command: str | N
         levels=level_rows(fit),
         assumed=assumed,
         pace=pace,
+        dropped=dropped,
         cases=cases,
         predictions=predictions,
         balances=balances,

@@ -7,7 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.inference.results.pace_rating import PER_KELVIN, PaceRating, Reach, Spread
+from fitball.inference.results.pace_rating import (
+    PACE_CONSTANT,
+    PER_DEGREE,
+    PER_KELVIN,
+    TEST_TEMPERATURE,
+    CourtMean,
+    CourtPace,
+    PaceRating,
+    Reach,
+    Spread,
+)
 from fitball.inference.results.results import Fit
 from fitball.report.fit.adequacy_rows import conditional_words
 from fitball.report.form.rounding import decimals, fixed, interval
@@ -37,13 +47,30 @@ class PaceRow:
 
 
 @dataclass(frozen=True)
+class PlaceRow:
+    """One place of a court, as measured."""
+
+    label: str
+    impacts: str
+    mean: str
+    rating: str
+    interval_95: str
+    friction: str
+    restitution: str
+
+
+@dataclass(frozen=True)
 class PaceTable:
-    """All surfaces, remarks, and why there is no rating (empty where there is one)."""
+    """All surfaces, remarks, and why there is no rating (empty where there is one); what is told of the court as a
+    whole, and its places as measured.
+    """
 
     rows: tuple[PaceRow, ...]
     remarks: tuple[str, ...]
     missing: str
     sampled: bool
+    court: tuple[str, ...]
+    places: tuple[PlaceRow, ...]
 
 
 def pace_table(fit: Fit) -> PaceTable | None:
@@ -53,8 +80,10 @@ def pace_table(fit: Fit) -> PaceTable | None:
         return None
     rows = tuple(_row(rating) for rating in pace.ratings)
     said = conditional_words(fit)
-    remarks = ([f"The rating is {said}."] if said else []) + _remarks(pace.ratings)
-    return PaceTable(rows, tuple(remarks), pace.missing, fit.posterior is not None)
+    remarks = ([f"The rating is {said}."] if said else []) + _remarks(pace)
+    return PaceTable(
+        rows, tuple(remarks), pace.missing, fit.posterior is not None, court_lines(pace), place_rows(pace)
+    )
 
 
 def pace_lines(fit: Fit) -> tuple[str, ...]:
@@ -62,11 +91,12 @@ def pace_lines(fit: Fit) -> tuple[str, ...]:
     pace = fit.court_pace
     if pace is None:
         return ()
+    whole = court_lines(pace)
     if pace.missing:
-        return (f"ITF court pace rating: none, {pace.missing}",)
+        return (*whole, f"ITF court pace rating by the model: none, {pace.missing}")
     said = conditional_words(fit)
     rests = f"; {said}" if said else ""
-    lines = []
+    lines = [*whole]
     for rating in pace.ratings:
         row = _row(rating)
         name = f" of {row.surface}" if rating.labels else ""
@@ -74,6 +104,59 @@ def pace_lines(fit: Fit) -> tuple[str, ...]:
         flag = f"; extrapolated: {row.reach}" if rating.reach.outside else ""
         lines.append(f"ITF court pace rating{name}: {row.rating}{within}, {row.category}{flag}{rests}")
     return tuple(lines)
+
+
+def court_lines(pace: CourtPace) -> tuple[str, ...]:
+    """The court as a whole: as measured, and by the model where it tells places apart."""
+    lines = []
+    measured = pace.measured
+    if measured is not None:
+        some = f"{measured.impacts} of {measured.of}" if measured.impacts < measured.of else str(measured.of)
+        head = f"ITF court pace as measured, no model between ({some} impacts are those of the test)"
+        lines.append(f"{head}: {_court_words(measured.court)}.")
+        if measured.remark:
+            lines.append(measured.remark[:1].upper() + measured.remark[1:] + ".")
+    if pace.court is not None:
+        lines.append(f"ITF court pace of the court by the model: {_court_words(pace.court)}.")
+    return tuple(lines)
+
+
+def _court_words(court: CourtMean) -> str:
+    places = _places(court.rating)
+    within = ""
+    if court.rating.q025 is not None:
+        within = f" {interval(court.rating.q025, court.rating.q975, places)} (95 %)"
+    parts = [f"{_middle(court.rating, places)}{within}, {_shares(court.categories, bool(within))}"]
+    if court.places > 1:
+        parts[0] += f"; mean of {court.places} places ({court.column})"
+        for words, spread in (("between places", court.between), ("within one", court.within)):
+            if spread is not None:
+                parts.append(f"sd {words} {_with_interval(spread)}")
+        if court.elsewhere is not None:
+            parts.append(f"a place that was not tested {_with_interval(court.elsewhere)}")
+        if court.largest_difference is not None:
+            parts.append(f"largest difference {court.largest_difference:.1f}")
+    elif court.within is not None:
+        parts.append(f"sd of one impact {_with_interval(court.within)}")
+    return ", ".join(parts)
+
+
+def place_rows(pace: CourtPace) -> tuple[PlaceRow, ...]:
+    """The places of a court, as measured."""
+    rows = []
+    for place in () if pace.measured is None else pace.measured.places:
+        spread = place.rating
+        value, ends = "-", "-"
+        if spread is not None:
+            digits = _places(spread)
+            value, ends = _middle(spread, digits), interval(spread.q025, spread.q975, digits)
+        rows.append(
+            PlaceRow(
+                place.label, str(place.impacts), f"{place.mean:.1f}", value, ends,
+                f"{place.friction:.3f}", f"{place.restitution:.3f}",
+            )
+        )  # fmt: skip
+    return tuple(rows)
 
 
 def _row(rating: PaceRating) -> PaceRow:
@@ -86,7 +169,7 @@ def _row(rating: PaceRating) -> PaceRow:
         rating=_middle(rating.rating, places),
         interval_68=interval(rating.rating.q16, rating.rating.q84, places) if sampled else "-",
         interval_95=interval(rating.rating.q025, rating.rating.q975, places) if sampled else "-",
-        category=f"{name} ({_percent(share)})" if sampled else name,
+        category=f"{name} ({percent(share)})" if sampled else name,
         categories=_shares(rating.categories, sampled),
         friction=_with_interval(rating.friction),
         sliding=_middle(rating.sliding_rating, places),
@@ -96,9 +179,9 @@ def _row(rating: PaceRating) -> PaceRow:
     )
 
 
-def _remarks(ratings: tuple[PaceRating, ...]) -> list[str]:
+def _remarks(pace: CourtPace) -> list[str]:
     remarks = []
-    for rating in ratings:
+    for rating in pace.ratings:
         name = f"{', '.join(rating.labels)}: " if rating.labels else ""
         if rating.reach.outside:
             lines = f"; the line of {' and of '.join(rating.reach.lines)} is continued" if rating.reach.lines else ""
@@ -107,19 +190,32 @@ def _remarks(ratings: tuple[PaceRating, ...]) -> list[str]:
         if gap > EQUAL:
             remarks.append(
                 f"{name}The apparent friction of the test impact and the fitted coefficient differ (the ball slides "
-                f"throughout with probability {_percent(rating.slides)}): with the fitted one the rating would be "
+                f"throughout with probability {percent(rating.slides)}): with the fitted one the rating would be "
                 f"{_middle(rating.sliding_rating, _places(rating.sliding_rating))}."
             )
         if rating.failed > 0.0:
             remarks.append(
-                f"{name}{_percent(rating.failed)} of the draws cannot be solved there: intervals are of the rest."
+                f"{name}{percent(rating.failed)} of the draws cannot be solved there: intervals are of the rest."
             )
-    remarks.append(
-        "No ball temperature is known, so e_T is the restitution as fitted, without adjustment. The method brings it "
-        f"to 23 degrees Celsius: {PER_KELVIN} points of the rating more for each degree that the ball was warmer, "
-        "less for each that it was colder."
-    )
+    remarks.append(warmth_words(pace))
     return remarks
+
+
+def warmth_words(pace: CourtPace) -> str:
+    """What was done about the temperature of the ball."""
+    if pace.temperature is None:
+        return (
+            "No ball temperature is known (ball.temperature in the scene), so e_T is the restitution as it is. The "
+            f"method brings it to {TEST_TEMPERATURE:.0f} degrees Celsius: {PER_KELVIN} points of the "
+            "rating more for each degree that the ball was warmer, less for each that it was colder."
+        )
+    error = "" if pace.temperature_sd is None else f" +- {pace.temperature_sd:g}"
+    shift = PER_DEGREE * (TEST_TEMPERATURE - pace.temperature)
+    return (
+        f"The ball had {pace.temperature:g}{error} degrees Celsius: e_T = e + {PER_DEGREE} "
+        f"({TEST_TEMPERATURE:.0f} - T) = e {shift:+.3f}, which is {-PACE_CONSTANT * shift:+.1f} points of the rating "
+        "(ITF CS 01/02). Restitutions are shown as they are."
+    )
 
 
 def reach_words(reach: Reach) -> str:
@@ -158,10 +254,11 @@ def _with_interval(spread: Spread) -> str:
 
 def _shares(shares: Mapping[str, float], sampled: bool) -> str:
     """Names with their probability; without a posterior there is one name and nothing to say of probability."""
-    return ", ".join(f"{name} {_percent(part)}" if sampled else name for name, part in shares.items() if part > 0.0)
+    return ", ".join(f"{name} {percent(part)}" if sampled else name for name, part in shares.items() if part > 0.0)
 
 
-def _percent(share: float) -> str:
+def percent(share: float) -> str:
+    """A probability in whole per cent; none is called certain that is not."""
     if 0.0 < share < 0.005:
         return "< 1 %"
     if 0.995 < share < 1.0:

@@ -12,6 +12,7 @@ from fitball.inference.results.results import Fit
 from fitball.report.fit.adequacy_rows import adequacy_lines
 from fitball.report.fit.assumption_rows import assumption_lines
 from fitball.report.fit.balance_table import balance_table
+from fitball.report.fit.drop_rows import drop_remarks, lead_lines
 from fitball.report.fit.evidence_rows import evidence_rows
 from fitball.report.fit.pace_rows import pace_lines
 from fitball.report.fit.summary import (
@@ -33,7 +34,11 @@ def render(fit: Fit, folder: Path) -> str:
     """The end of a calibration as a person reads it."""
     table = fit.problem.table
     head = f"{fit.problem.model.name} fitted to {table.name} ({len(table)} impacts)"
-    parts = [head, "=" * len(head), *textwrap.wrap(fit.verdict, WIDTH)]
+    parts = [head, "=" * len(head)]
+    first = [
+        line for words in lead_lines(fit.drop_test) for line in textwrap.wrap(words, WIDTH, subsequent_indent="  ")
+    ]
+    parts += [*first, *([""] if first else []), *textwrap.wrap(fit.verdict, WIDTH)]
     parts += [line for words in adequacy_lines(fit) for line in _wrapped(words)]
     # The notes of the problem stood there before the fit began.
     parts += [line for note in fit.notes if note not in fit.problem.notes for line in _wrapped(f"note: {note}")]
@@ -61,6 +66,9 @@ def render(fit: Fit, folder: Path) -> str:
             for row in levels
         ]
         parts += ["Level by level, pooled in part:", "", *columns([names, *lines], left=2), ""]
+    if fit.drop_test is not None and not fit.drop_test.missing:
+        said = (line for item in drop_remarks(fit.drop_test) for line in _wrapped(item))
+        parts += ["What the drop test rests on:", *said, ""]
     for line in pace_lines(fit):
         parts += [*textwrap.wrap(line, WIDTH, subsequent_indent="  "), ""]
     assumed = assumption_lines(fit)
@@ -97,6 +105,7 @@ def render_json(fit: Fit, folder: Path) -> str:
     content = {
         "status": fit.status,
         "verdict": fit.verdict,
+        "drop_test": None if fit.drop_test is None else asdict(fit.drop_test),
         "adequacy": None if fit.adequacy is None else asdict(fit.adequacy),
         "model": fit.problem.model.name,
         "table": fit.problem.table.name,

@@ -10,6 +10,7 @@ import numpy as np
 
 from fitball.inference.results.adequacy import Adequacy
 from fitball.inference.results.assumptions import Assumptions
+from fitball.inference.results.drop_test import DropTest
 from fitball.inference.results.evidence import Identifiability
 from fitball.inference.results.pace_rating import CourtPace
 from fitball.inference.results.results import BudgetLine, LevelEstimate, RunStatus, Verdict, verdict_words
@@ -79,7 +80,7 @@ class ThesisNumbers(Part, frozen=True):
 
 class ParameterPart(Part, frozen=True):
     """One parameter: its prior, the point estimate, quantiles of its posterior (null without one), in SI; contraction
-    is 1 - posterior variance / prior variance.
+    is 1 - posterior variance / prior variance. prior_source is where a prior from the literature was published.
     """
 
     unit: str
@@ -101,6 +102,7 @@ class ParameterPart(Part, frozen=True):
     ess_bulk: float | None
     ess_tail: float | None
     r_hat: float | None
+    prior_source: str = ""
     thesis_units: ThesisNumbers | msgspec.UnsetType = msgspec.UNSET
 
     @property
@@ -239,6 +241,7 @@ class FitFile(Part, frozen=True, kw_only=True):
     kind: Literal["fitball fit"]
     status: RunStatus
     verdict: str
+    drop_test: DropTest | None = None
     model: ModelPart
     ball: BallPart
     table: TablePart

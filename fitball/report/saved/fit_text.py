@@ -34,6 +34,7 @@ def fit_file(fit: Fit) -> parts.FitFile:
         kind=parts.KIND,
         status=fit.status,
         verdict=fit.verdict,
+        drop_test=fit.drop_test,
         model=parts.ModelPart(problem.model.name, problem.model.options),
         ball=part(parts.BallPart, problem.model.ball),
         table=parts.TablePart(table.name, Path(table.source).name, table.digest, len(table), table.flipped),

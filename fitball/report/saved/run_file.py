@@ -11,6 +11,7 @@ import msgspec
 import tomli_w
 
 from fitball.data.bundled import bundled_folder
+from fitball.inference.problem.build import NOT_POOLED
 from fitball.inference.problem.parameters import SD_SPECS
 from fitball.inference.results.results import Fit
 from fitball.report.saved.fit_file import BallPart, ModelPart
@@ -21,8 +22,15 @@ RUN_NAME = "run.toml"
 RUN_KIND = "fitball run"
 # Version 1, which had no number, named neither the files nor the scene's numbers.
 RUN_SCHEMA = 2
-SCENE_NUMBERS = (*SD_SPECS, "nominal_velocity_sd", "nominal_spin_sd", "force_sd", "force_start_sd")
-SCENE_TEXTS = ("model", "surface", "description", "citation")
+SCENE_NUMBERS = (
+    *SD_SPECS,
+    "nominal_velocity_sd",
+    "nominal_spin_sd",
+    "force_sd",
+    "force_start_sd",
+    "ball_temperature_sd",
+)
+SCENE_TEXTS = ("model", "surface", "ball_type", "description", "citation")
 HEAD = """\
 # Everything this result depends on; SI units. `fitball repeat` runs it again.
 # The priors are those of all parameters; the prior of one that is fixed takes no part.
@@ -89,6 +97,8 @@ ScenePart = msgspec.defstruct(
     "ScenePart",
     [
         ("ball_sd", Mapping[Literal["mass", "radius", "inertia_ratio"], Positive]),
+        # In degrees Celsius.
+        ("ball_temperature", float | None, None),
         *((name, str | None, None) for name in SCENE_TEXTS),
         *((name, Positive | None, None) for name in SCENE_NUMBERS),
     ],
@@ -116,6 +126,7 @@ class RunFile(Part, frozen=True, omit_defaults=True):
     scene: ScenePart  # type: ignore[valid-type]
     contact_time: TimePart | None = None
     force: NamedTable | None = None
+    prior_sources: Mapping[str, str] = {}
     sampler: SamplerPart | None = None
 
 
@@ -137,9 +148,13 @@ def run_text(fit: Fit, folder: Path) -> str:
         model=ModelPart(problem.model.name, problem.model.options),
         ball=part(BallPart, problem.model.ball),
         priors={spec.name: spec.prior.text for spec in problem.parameters},
+        prior_sources={spec.name: spec.prior_source for spec in problem.parameters if spec.prior_source},
         fix={spec.name: spec.fixed for spec in problem.parameters if spec.fixed is not None},
         fixed_because={spec.name: spec.fixed_because for spec in problem.parameters if spec.fixed is not None},
-        pool={level.parameter: level.column for level in problem.pooling},
+        pool={
+            **{name: column for name, column in problem.choices.pool.items() if column == NOT_POOLED},
+            **{level.parameter: level.column for level in problem.pooling},
+        },
         measurement=MeasurementPart(
             distribution=problem.noise.name,
             incident_errors=problem.incident is not None,

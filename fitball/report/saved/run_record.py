@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
 
@@ -36,8 +36,8 @@ from fitball.report.saved.structure import damaged, place_of, read_toml, refuse_
 @dataclass(frozen=True)
 class RunRecord:
     """A run: `place` is the file that describes it. `scene` and `choices` together define the problem; `reasons` say
-    why parameters are fixed, `notes` are those of the problem; `force` are the force records, if there were any,
-    `flipped` the columns counted the other way round.
+    why parameters are fixed, `sources` where priors were published, `notes` are those of the problem; `force` are the
+    force records, if there were any, `flipped` the columns counted the other way round.
     """
 
     place: Path
@@ -49,6 +49,7 @@ class RunRecord:
     notes: tuple[str, ...]
     effort: Effort
     flipped: tuple[str, ...] = ()
+    sources: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def folder(self) -> Path:
@@ -62,7 +63,12 @@ class RunRecord:
         """
         made = build_problem(table, self.scene, self.choices, force)
         parameters = tuple(
-            replace(item, fixed_because=self.reasons.get(item.name, item.fixed_because)) for item in made.parameters
+            replace(
+                item,
+                fixed_because=self.reasons.get(item.name, item.fixed_because),
+                prior_source=self.sources.get(item.name, ""),
+            )
+            for item in made.parameters
         )
         return replace(made, parameters=parameters, notes=self.notes)
 
@@ -107,6 +113,7 @@ def _record(place: Path, file: RunFile) -> RunRecord:
         notes=file.notes,
         effort=_effort(file.fitball, file.sampler),
         flipped=file.table.flipped,
+        sources=file.prior_sources,
     )
 
 

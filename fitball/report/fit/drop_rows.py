@@ -1,0 +1,253 @@
+"""A drop test as sentences and rows of text, for page, terminal and certificate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fitball.data.ball_types import BALL_TYPES, DROP_HEIGHT, SOURCE, TEST_TEMPERATURE
+from fitball.inference.results.drop_test import DRAG_COEFFICIENT, DropTest, Passing, StandardRebound, TestedSpeed
+from fitball.inference.results.pace_rating import Spread
+from fitball.report.fit.pace_rows import percent
+from fitball.report.form.rounding import decimals, fixed, interval, significant
+
+CM = 100.0
+# Balls told one by one on a page.
+MOST_BALLS = 72
+# Probability from which a ball is said to pass without further words.
+SURE = 0.95
+
+
+@dataclass(frozen=True)
+class SpeedRow:
+    """One tested speed: every number as text."""
+
+    speed: str
+    impacts: str
+    cor: str
+    interval_68: str
+    interval_95: str
+    measured: str
+    scatter: str
+
+
+@dataclass(frozen=True)
+class TypeRow:
+    """One type of ball: its limits, and the probabilities to lie within them."""
+
+    words: str
+    limits: str
+    mean: str
+    ball: str
+    drop: str
+
+
+@dataclass(frozen=True)
+class BallRow:
+    """One ball."""
+
+    label: str
+    impacts: str
+    height: str
+    interval_95: str
+    passes: str
+
+
+@dataclass(frozen=True)
+class DropTable:
+    """All rows; `lead` are the sentences that come first, `missing` says why there are none."""
+
+    lead: tuple[str, ...]
+    speeds: tuple[SpeedRow, ...]
+    types: tuple[TypeRow, ...]
+    balls: tuple[BallRow, ...]
+    remarks: tuple[str, ...]
+    sampled: bool
+    missing: str
+
+
+def drop_table(test: DropTest) -> DropTable:
+    """What there is to show of a drop test."""
+    rebound = test.rebound
+    if rebound is None:
+        return DropTable((), (), (), (), (), False, test.missing)
+    types = tuple(
+        TypeRow(BALL_TYPES[name].words, limits_words(name), *_chances(passing))
+        for name, passing in rebound.passing.items()
+    )
+    balls = tuple(
+        BallRow(ball.label, str(ball.impacts), *_valued(ball.height, CM), percent(ball.passes))
+        for ball in test.balls[:MOST_BALLS]
+    )
+    return DropTable(
+        lead=drop_lead(test),
+        speeds=tuple(_speed_row(item) for item in test.speeds),
+        types=types if rebound.height.median is not None else (),
+        balls=balls,
+        remarks=drop_remarks(test),
+        sampled=rebound.height.median is not None,
+        missing="",
+    )
+
+
+def lead_lines(test: DropTest | None) -> tuple[str, ...]:
+    """What comes first; nothing where balls were not dropped."""
+    if test is None:
+        return ()
+    return (f"Drop test: no restitution at the tested speeds: {test.missing}.",) if test.missing else drop_lead(test)
+
+
+def drop_lead(test: DropTest) -> tuple[str, ...]:
+    """Restitution at each tested speed, the rebound from 254 cm, whether it passes."""
+    lines = [f"COR at {_speed(item)}: {valued(item.cor)}; {_counted(item)}." for item in test.speeds]
+    rebound = test.rebound
+    if rebound is None:
+        return tuple(lines)
+    lines.append(
+        f"Rebound from {CM * DROP_HEIGHT:.0f} cm (100 in; landing at {rebound.speed:.2f} m/s, v = sqrt(2 g h)): "
+        f"{valued(rebound.height, CM, 'cm')}."
+    )
+    lines.append(passing_words(test, rebound))
+    return tuple(lines)
+
+
+def passing_words(test: DropTest, rebound: StandardRebound) -> str:
+    """The verdict on the rebound, by the type of ball."""
+    name = test.ball_type
+    passing, kind = rebound.passing[name], BALL_TYPES[name]
+    head = f"ITF {kind.words}, {limits_words(name)}"
+    if not test.type_stated:
+        head += " (no type is stated: ball.type in the scene)"
+    if passing.mean is None:
+        inside = kind.lowest <= rebound.height.point <= kind.highest
+        where = "within" if inside else "outside of"
+        return f"{head}: the best value lies {where} the limits; without draws there is no probability."
+    who = "mean rebound" if passing.ball is None else "mean ball"
+    parts = [f"the {who} passes with probability {percent(passing.mean)}"]
+    if passing.ball is not None:
+        parts.append(f"another ball of the same make with {percent(passing.ball)}")
+    if passing.drop is not None:
+        parts.append(f"one more measured drop lies within with {percent(passing.drop)}")
+    return f"{head}: {', '.join(parts)}."
+
+
+def drop_remarks(test: DropTest) -> tuple[str, ...]:
+    """What the numbers rest on and what they leave out."""
+    rebound = test.rebound
+    if rebound is None:
+        return ()
+    lines = [*_reach(test, rebound), *_ball_remarks(test)]
+    chance = rebound.passing_with_air
+    passes = "" if chance is None else f"; it passes with probability {percent(chance)}"
+    lines.append(
+        "v = sqrt(2 g h) leaves out the air. Rebound heights that were turned into speeds by it come out as they "
+        f"were measured. If the speeds were measured at the floor, air drag (c_d = {DRAG_COEFFICIENT}) makes the "
+        f"rebound from 254 cm {valued(rebound.with_air, CM, 'cm')}{passes}."
+    )
+    if test.shared_error:
+        lines.append(
+            "The stated error of v_y1 counts as another one in each drop. If it is the same in all (one height, one "
+            f"gauge), restitutions are off by {significant(test.shared_error, 2)} (one sd) besides."
+        )
+    lines.append(_warmth(test))
+    lines.append(f"Limits: {SOURCE}.")
+    return tuple(lines)
+
+
+def _reach(test: DropTest, rebound: StandardRebound) -> list[str]:
+    """How far the landing speed from 254 cm lies from the tested ones, and what one speed cannot tell."""
+    single = len(test.speeds) == 1
+    if rebound.beyond:
+        side = "above" if rebound.beyond > 0.0 else "below"
+        how = "is known from priors alone" if single else "is the line through them, continued"
+        return [
+            f"The landing speed from 254 cm lies {abs(rebound.beyond):.2g} m/s {side} the tested ones: how "
+            f"restitution changes with speed {how}."
+        ]
+    if single:
+        return [
+            "One speed tells the restitution there, not how it changes with speed: what is said of cor_10 and "
+            "cor_slope rests on their priors."
+        ]
+    return []
+
+
+def _ball_remarks(test: DropTest) -> list[str]:
+    found = test.variation
+    if found is None:
+        return ["No column says which ball was dropped: differences between balls count as measurement noise."]
+    if found.between is None or found.within is None:
+        return [f"Differences between balls are not told from measurement noise: {found.missing}."]
+    lines = [
+        f"COR differs between balls by one sd of {valued(found.between)}, between drops of one ball by "
+        f"{valued(found.within)}; intervals take the {len(found.levels)} balls as a sample of their make."
+    ]
+    doubtful = [ball.label for ball in test.balls if ball.passes < SURE]
+    if doubtful:
+        told = ", ".join(doubtful[:8]) + (f" and {len(doubtful) - 8} more" if len(doubtful) > 8 else "")
+        lines.append(f"Balls that pass with a probability below {percent(SURE)}: {told}.")
+    return lines
+
+
+def _warmth(test: DropTest) -> str:
+    asked = f"{TEST_TEMPERATURE:.0f} degrees Celsius"
+    if test.temperature is None:
+        return (
+            f"The ITF tests balls that lay at {asked}; no ball temperature is stated (ball.temperature in the scene)."
+        )
+    if abs(test.temperature - TEST_TEMPERATURE) <= 2.0:
+        return f"The ball had {test.temperature:g} degrees Celsius; the ITF's test asks for {asked}."
+    return f"The ball had {test.temperature:g} degrees Celsius, but the ITF tests at {asked}; nothing is adjusted."
+
+
+def limits_words(name: str) -> str:
+    """The limits of a type."""
+    kind = BALL_TYPES[name]
+    return f"{CM * kind.lowest:.0f} to {CM * kind.highest:.0f} cm"
+
+
+def valued(spread: Spread, factor: float = 1.0, unit: str = "") -> str:
+    """A number with its 95 % interval, rounded to what that supports."""
+    value, ends = _valued(spread, factor)
+    space = f" {unit}" if unit else ""
+    return f"{value}{space}" + (f" {ends}{space} (95 %)" if spread.median is not None else " (best value)")
+
+
+def _valued(spread: Spread, factor: float = 1.0) -> tuple[str, str]:
+    if spread.median is None or spread.q975 is None or spread.q025 is None:
+        return significant(factor * spread.point, 4), "-"
+    places = decimals(0.25 * factor * (spread.q975 - spread.q025))
+    return fixed(factor * spread.median, places), interval(factor * spread.q025, factor * spread.q975, places)
+
+
+def _speed(item: TestedSpeed) -> str:
+    return f"{item.speed:.2f} m/s"
+
+
+def _counted(item: TestedSpeed) -> str:
+    spread = item.highest - item.lowest
+    among = f" at {item.lowest:.2f} to {item.highest:.2f} m/s" if spread > 0.005 else ""
+    return f"{item.impacts} drop{'s' if item.impacts > 1 else ''}{among}, measured mean {item.measured:.4f}"
+
+
+def _speed_row(item: TestedSpeed) -> SpeedRow:
+    cor = item.cor
+    value, ends = _valued(cor)
+    middle = "-"
+    if cor.q16 is not None and cor.q84 is not None and cor.q025 is not None and cor.q975 is not None:
+        middle = interval(cor.q16, cor.q84, decimals(0.25 * (cor.q975 - cor.q025)))
+    return SpeedRow(
+        speed=f"{item.speed:.2f}",
+        impacts=str(item.impacts),
+        cor=value,
+        interval_68=middle,
+        interval_95=ends,
+        measured=f"{item.measured:.4f}",
+        scatter=significant(item.scatter, 2),
+    )
+
+
+def _chances(passing: Passing) -> tuple[str, str, str]:
+    mean, ball, drop = (
+        "-" if value is None else percent(value) for value in (passing.mean, passing.ball, passing.drop)
+    )
+    return mean, ball, drop
