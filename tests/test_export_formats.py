@@ -282,7 +282,8 @@ def test_every_format_of_a_point_fit(point_only):
         if name != "netcdf":
             assert main(["export", str(point_only), "--to", name]) == 0
     assert {path.name for path in point_only.iterdir()} == {
-        "fit.json", "bounce.py", "bounce.h", "golden.csv", "lookup.csv", "lookup.json", "engine.md", "engine.json",
+        "fit.json", "bounce.py", "bounce.h", "bounce.js", "bounce.mjs", "bounce.cs", "bounce.gd",
+        "golden.csv", "lookup.csv", "lookup.json", "engine.md", "engine.json",
         "parameters.json", "parameters.toml", "parameters.csv", "parameters.tex", "parameters.md",
     }  # fmt: skip
 
@@ -304,7 +305,7 @@ def test_manners(small_fit, tmp_path, capsys):
         (["netcdf", "--out", str(small_fit / "posterior.nc"), "--overwrite"], "belongs to the result"),
         (["netcdf", "--out", "-"], "no text"),
         (["json", "--range", "v=1"], "--range belongs to --to lookup"),
-        (["c", "--prefix", "9-"], "the beginning of a C name"),
+        (["c", "--prefix", "9-"], "the beginning of a name"),
         (["engine", "--engine-inertia", "2"], "at most 1"),
     ):
         assert main([*call, *words]) == 2, words

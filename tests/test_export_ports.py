@@ -265,9 +265,8 @@ def test_the_faces_agree_with_the_model_on_random_impacts(tmp_path):
         expected, module = found[name]
         assert np.all(expected.status == 0)
         mine = rows[k :: len(names)]
-        theirs = np.array(
-            [module.solve(*item) for item in zip(given.v_x1, given.v_y1, given.omega_1, strict=True)], float
-        )
+        solved = [module.solve(*item) for item in zip(given.v_x1, given.v_y1, given.omega_1, strict=True)]
+        theirs = np.array([(s.v_x2, s.v_y2, s.omega_2, s.contact_time, s.regime) for s in solved], dtype=float)
         for got in (mine, theirs):
             for column, weight, output in ((0, 1.0, "v_x2"), (1, 1.0, "v_y2"), (2, Ball().radius, "omega_2")):
                 error = weight * np.abs(got[:, column] - getattr(expected, output)[0]) / speed

@@ -9,16 +9,30 @@ from typing import NamedTuple
 
 import pytest
 
-from fitball.export.port.c import c_constant
-from fitball.export.port.c_statements import c_function, signature
-from fitball.export.port.c_types import Struct, struct_definitions, structs_of
+from fitball.export.port.c import C99
+from fitball.export.port.csharp import CSharp
+from fitball.export.port.expressions import Program
+from fitball.export.port.gdscript import GDScript
+from fitball.export.port.javascript import JavaScript
 from fitball.export.port.kernel_source import UnportableError, kernel_source
+from fitball.export.port.kinds import Struct
 from fitball.export.port.python import check_self_contained
+from fitball.export.port.statements import program_of, signatures, translated
 
 CC = shutil.which("cc") or shutil.which("gcc")
 FLAGS = ("-std=c99", "-O0", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
 
+DIALECTS = (C99("p_"), JavaScript(), CSharp(), GDScript())
 
+
+def in_language(source, dialect, structs=None):
+    """The one function of a source text."""
+    function = ast.parse(source).body[0]
+    known = structs or {}
+    return translated(function, Program(signatures([function], known), {}, known, dialect))
+
+
+@pytest.mark.parametrize("dialect", DIALECTS, ids=lambda item: item.language)
 @pytest.mark.parametrize(
     "body",
     [
@@ -35,11 +49,9 @@ FLAGS = ("-std=c99", "-O0", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
         "x: float\n    return lambda: x",
     ],
 )
-def test_the_translator_refuses_what_it_does_not_know(body):
-    function = ast.parse(f"def kernel(x: float) -> float:\n    {body}\n").body[0]
-    signatures = {"kernel": signature(function, {})}
+def test_the_translator_refuses_what_it_does_not_know(body, dialect):
     with pytest.raises(UnportableError):
-        c_function(function, signatures, {}, {}, "fitball_")
+        in_language(f"def kernel(x: float) -> float:\n    {body}\n", dialect)
 
 
 def test_the_translator_keeps_what_python_means(tmp_path):
@@ -52,8 +64,7 @@ def test_the_translator_keeps_what_python_means(tmp_path):
     )
     scope = {}
     exec(source, scope)
-    function = ast.parse(source).body[0]
-    text = c_function(function, {"kernel": signature(function, {})}, {}, {}, "")
+    text = in_language(source, C99(""))
     main = "#include <stdio.h>\n#include <math.h>\n#include <stdint.h>\n#include <stdbool.h>\n#include <stddef.h>\n"
     main += text + '\nint main(void) { printf("%.17g %.17g", kernel(1.3, 5), kernel(-0.7, 3)); return 0; }\n'
     (tmp_path / "main.c").write_text(main)
@@ -92,11 +103,11 @@ def _structured(x: float) -> float:
 def test_named_tuples_become_structs_with_the_same_fields(tmp_path):
     source = kernel_source(_structured)
     assert list(source.structs) == ["Inner", "Outer"]
-    structs = structs_of(source.structs)
-    signatures = {item.name: signature(item, structs) for item in source.functions}
-    functions = [c_function(item, signatures, source.constants, structs, "p_") for item in source.functions]
+    c99 = C99("p_")
+    program = program_of(source, c99)
+    functions = [translated(item, program) for item in source.functions]
     main = "#include <stdio.h>\n#include <stdint.h>\n#include <stdbool.h>\n"
-    main += "\n".join([*struct_definitions(structs.values(), "p_"), c_constant("ORIGIN", ORIGIN, "p_"), *functions])
+    main += "\n".join([*c99.structs(program.structs.values()), c99.constant_definition("ORIGIN", ORIGIN), *functions])
     main += '\nint main(void) { printf("%.17g", p__structured(1.3)); return 0; }\n'
     (tmp_path / "main.c").write_text(main)
     if CC is None:
@@ -109,31 +120,28 @@ def test_named_tuples_become_structs_with_the_same_fields(tmp_path):
 @pytest.mark.parametrize("body", ["x.c", "Inner(x.a)", "Inner(x.a, x.a)", "Inner(a=x.a, b=x.b)", "x + x", "x[0]"])
 def test_a_named_tuple_is_refused_what_a_struct_cannot_do(body):
     structs = {"Inner": Struct("Inner", (("a", "d"), ("b", "i")))}
-    function = ast.parse(f"def kernel(x: Inner) -> float:\n    y = {body}\n    return y\n").body[0]
     with pytest.raises(UnportableError):
-        c_function(function, {"kernel": signature(function, structs)}, {}, structs, "p_")
+        in_language(f"def kernel(x: Inner) -> float:\n    y = {body}\n    return y\n", C99("p_"), structs)
 
 
 @pytest.mark.parametrize("name", ["min", "max"])
 def test_least_and_greatest_of_whole_and_real_numbers(name):
     """Two numbers, whole or real, mixed ones as real; nothing else, and of more than two nothing at all."""
 
-    def translated(call, kinds):
+    def text(call, kinds):
         listed = ", ".join(f"{letter}: {kind}" for letter, kind in zip("abc", kinds, strict=False))
-        source = f"def kernel({listed}) -> float:\n    return 1.0 * {call}\n"
-        function = ast.parse(source).body[0]
-        return c_function(function, {"kernel": signature(function, {})}, {}, {}, "p_")
+        return in_language(f"def kernel({listed}) -> float:\n    return 1.0 * {call}\n", C99("p_"))
 
-    assert f"p_{name}_whole(a, b)" in translated(f"{name}(a, b)", ["int", "int"])
+    assert f"p_{name}_whole(a, b)" in text(f"{name}(a, b)", ["int", "int"])
     for kinds in (["int", "float"], ["float", "int"], ["float", "float"]):
-        assert f"p_{name}_real(a, b)" in translated(f"{name}(a, b)", kinds)
+        assert f"p_{name}_real(a, b)" in text(f"{name}(a, b)", kinds)
     for call, kinds in (
         (f"{name}(a, b, c)", ["float"] * 3),
         (f"{name}(a)", ["float"]),
         (f"{name}(a, b)", ["bool"] * 2),
     ):
         with pytest.raises(UnportableError):
-            translated(call, kinds)
+            text(call, kinds)
 
 
 def test_a_module_that_needs_more_than_math_is_refused():

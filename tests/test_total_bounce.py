@@ -183,7 +183,8 @@ def test_both_ports_and_the_python_reference_agree_in_and_out_of_the_range(compi
     assert (valid.low, valid.high) == (module.V_Y1_LOW, module.V_Y1_HIGH)
     expected, extrapolated = total_rebound(ball, valid, Impacts(*states.T))
     scale = np.sqrt(states[:, 0] ** 2 + states[:, 1] ** 2 + (BALL.radius * states[:, 2]) ** 2)
-    other = np.array([module.solve(*state)[:3] for state in states.tolist()])
+    solved = [module.solve(*state) for state in states.tolist()]
+    other = np.array([(s.v_x2, s.v_y2, s.omega_2) for s in solved])
     for column, name, weight in ((0, "v_x2", 1.0), (1, "v_y2", 1.0), (2, "omega_2", BALL.radius)):
         for mine in (found[:, column], other[:, column]):
             difference = weight * np.abs(mine - getattr(expected, name)[0]) / scale

@@ -15,16 +15,23 @@ if TYPE_CHECKING:
     from fitball.report.saved.saved_fit import SavedFit
 
 FORMAT_NAMES = (
-    "python", "c", "golden", "lookup", "engine", "json", "toml", "csv", "latex", "markdown", "netcdf",
+    "python", "c", "javascript", "csharp", "gdscript", "golden", "lookup", "engine", "json", "toml", "csv", "latex",
+    "markdown", "netcdf",
 )  # fmt: skip
-# Options that one format alone has.
-OWNERS = {"prefix": "c", "inputs_only": "golden", "range": "lookup", "at": "engine", "engine_inertia": "engine"}
+# Options that some formats alone have.
+OWNERS = {
+    "prefix": ("c", "javascript", "csharp"), "inputs_only": ("golden",), "range": ("lookup",), "at": ("engine",),
+    "engine_inertia": ("engine",), "json": ("engine", "lookup"),
+}  # fmt: skip
 EXAMPLE = """formats:
   python     a module that needs only math: rebound(v_x1, v_y1, omega_1), with a self-test
   c          a C99 header with the same, self-test under FITBALL_SELF_TEST
+  javascript the same for a page or Node (.js) and as an ES module (.mjs)
+  csharp     the same for Unity, Godot and .NET
+  gdscript   the same for Godot, 3 and 4
   golden     the impacts a port is checked with, and their rebounds; --inputs-only leaves these out
   lookup     rebounds on a grid, and how wrong interpolation between its points is
-  engine     restitution and friction for Unity, Godot, Bullet and MuJoCo, and what they lose
+  engine     restitution and friction for Unity, Godot, Bullet and MuJoCo, and what they lose; as a page and as JSON
   json, toml the parameter set for other programs (json has a schema)
   csv        parameters in SI and in the thesis's units
   latex      a table for booktabs, rounded by the rule of the Particle Data Group
@@ -36,6 +43,7 @@ examples:
   fitball export fits/wang_all/two-mass --to latex --out -
   fitball export fits/wang_all/two-mass --to lookup --range "v=10..40 m/s:16, theta=10..60 deg:16, spin=-300..300:9"
   fitball export fits/wang_all/two-mass --to engine --at "v=30 m/s, theta=16 deg, spin=0 rpm"
+  fitball export fits/wang_all/two-mass --to engine --json --out -
 
 Check a port with fitball verify."""
 
@@ -46,7 +54,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         subparsers,
         "export",
         run,
-        help="a fitted parameter set in another form: C, Python, tables, engines",
+        help="a fitted parameter set in another form: C, Python, JavaScript, C#, GDScript, tables, engines",
         description="Write a fit in another form. Nothing is fitted or sampled again.",
         epilog=EXAMPLE,
     )
@@ -54,7 +62,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--to", metavar="FORMAT", required=True, help=", ".join(FORMAT_NAMES))
     parser.add_argument("--out", metavar="FILE", help="file, or - for stdout (default: a name beside fit.json)")
     parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
-    parser.add_argument("--prefix", metavar="TEXT", help="c: beginning of every name (fitball_)")
+    parser.add_argument(
+        "--prefix", metavar="TEXT", help="c: beginning of every name (fitball_); javascript, csharp: of the port's"
+    )
+    parser.add_argument("--json", action="store_true", help="engine, lookup: the JSON alone")
     parser.add_argument("--inputs-only", action="store_true", help="golden: without the expected rebounds")
     parser.add_argument("--range", metavar="TEXT", help="lookup: the grid (default: the calibrated range)")
     parser.add_argument(
@@ -77,9 +88,11 @@ def run(args: argparse.Namespace) -> int:
     if args.to == "netcdf":
         return _netcdf(args, saved)
     chosen = TEXT_FORMATS[args.to]
-    given = {name: getattr(args, name) for name in OWNERS if getattr(args, name) is not None}
+    given = {name: getattr(args, name) for name in OWNERS if name != "json" and getattr(args, name) is not None}
     texts = chosen.make(saved, Options(**given))
     note = chosen.note(texts)
+    if args.json:
+        texts = {".json": texts[".json"]}
     if args.out == "-":
         sys.stdout.write(next(iter(texts.values())))
         return 0
@@ -92,9 +105,10 @@ def run(args: argparse.Namespace) -> int:
 
 def _refuse_idle(args: argparse.Namespace) -> None:
     """Raise ParameterError for an option that the format does not have."""
-    for name, owner in OWNERS.items():
-        if getattr(args, name) not in (None, False) and args.to != owner:
-            raise ParameterError(f"--{name.replace('_', '-')} belongs to --to {owner}, not to --to {args.to}")
+    for name, owners in OWNERS.items():
+        if getattr(args, name) not in (None, False) and args.to not in owners:
+            listed = " and ".join(filter(None, (", ".join(owners[:-1]), owners[-1])))
+            raise ParameterError(f"--{name.replace('_', '-')} belongs to --to {listed}, not to --to {args.to}")
 
 
 def _places(args: argparse.Namespace, folder: Path, stem: str, texts: Mapping[str, str]) -> dict[str, Path]:

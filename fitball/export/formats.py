@@ -12,6 +12,9 @@ from fitball.export.lookup_table import lookup_note, lookup_texts
 from fitball.export.paper_table import latex_table, markdown_table
 from fitball.export.parameter_set import parameter_content, parameter_table, toml_text
 from fitball.export.port.c import c_port
+from fitball.export.port.csharp import csharp_port
+from fitball.export.port.gdscript import gdscript_port
+from fitball.export.port.javascript import javascript_texts
 from fitball.export.port.port import Port, make_port
 from fitball.export.port.python import python_port
 from fitball.report.form.json_text import json_text
@@ -54,15 +57,22 @@ def saved_port(saved: SavedFit) -> Port:
     return make_port(saved.fitted, saved.golden, origin)
 
 
-def _c(saved: SavedFit, options: Options) -> Mapping[str, str]:
-    if not (options.prefix.isidentifier() and options.prefix.isascii()):
-        raise ParameterError(f"--prefix {options.prefix}: expected the beginning of a C name, such as clay_")
-    return {".h": c_port(saved_port(saved), options.prefix)}
+def _port(make: Callable[[Port, str], Mapping[str, str]]) -> TextFormat:
+    def texts(saved: SavedFit, options: Options) -> Mapping[str, str]:
+        prefix = options.prefix
+        if not (prefix.isidentifier() and prefix.isascii() and prefix.strip("_")):
+            raise ParameterError(f"--prefix {prefix}: expected the beginning of a name, such as clay_")
+        return make(saved_port(saved), prefix)
+
+    return TextFormat("bounce", texts)
 
 
 TEXT_FORMATS: Mapping[str, TextFormat] = {
-    "python": TextFormat("bounce", lambda saved, _options: {".py": python_port(saved_port(saved))}),
-    "c": TextFormat("bounce", _c),
+    "python": _port(lambda port, _prefix: {".py": python_port(port)}),
+    "c": _port(lambda port, prefix: {".h": c_port(port, prefix)}),
+    "javascript": _port(javascript_texts),
+    "csharp": _port(lambda port, prefix: {".cs": csharp_port(port, prefix)}),
+    "gdscript": _port(lambda port, _prefix: {".gd": gdscript_port(port)}),
     "lookup": TextFormat("lookup", lambda saved, options: lookup_texts(saved, options.range), lookup_note),
     "engine": TextFormat("engine", lambda saved, options: engine_texts(saved, options.at, options.engine_inertia)),
     "json": _parameters(".json", lambda saved: json_text(parameter_content(saved))),

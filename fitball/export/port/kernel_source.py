@@ -14,6 +14,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from fitball.export.port.specialise import specialised
@@ -42,8 +43,11 @@ class KernelSource:
     structs: Mapping[str, Mapping[str, ast.expr]]
 
 
-def kernel_source(*entries: Callable[..., Any]) -> KernelSource:
-    """Collect `entries` and whatever they call. Raises UnportableError for all but numbers and `math`."""
+def kernel_source(*entries: Callable[..., Any], given: Mapping[str, Any] = MappingProxyType({})) -> KernelSource:
+    """Collect `entries` and whatever they call. Raises UnportableError for all but numbers and `math`.
+
+    `given` says what names stand for that the modules of the functions do not define: numbers, or functions.
+    """
     kernels: dict[str, ast.FunctionDef] = {}
     origin: dict[str, Any] = {}
     constants: dict[str, Constant] = {}
@@ -72,10 +76,10 @@ def kernel_source(*entries: Callable[..., Any]) -> KernelSource:
             return
         origin[plain.__name__] = plain
         tree = _tree(plain)
-        given = [argument.annotation for argument in tree.args.args] + [tree.returns]
-        add_structs_of([item for item in given if item is not None], plain.__globals__)
+        hints = [argument.annotation for argument in tree.args.args] + [tree.returns]
+        add_structs_of([item for item in hints if item is not None], plain.__globals__)
         for name in sorted(free_names(tree)):
-            value = plain.__globals__.get(name, _MISSING)
+            value = given.get(name, plain.__globals__.get(name, _MISSING))
             if value is _MISSING and name in BUILTINS and hasattr(builtins, name):
                 continue
             # A specialised kernel may call `math` where its module imports the same function from `dual`.
@@ -89,6 +93,7 @@ def kernel_source(*entries: Callable[..., Any]) -> KernelSource:
                 constants[name] = value
             elif callable(value):
                 add(value)
+                _rename(tree, name, getattr(value, "py_func", value).__name__)
             else:
                 raise UnportableError(f"{plain.__name__} uses {name}, which is no number and no kernel")
         kernels[plain.__name__] = tree
@@ -103,6 +108,12 @@ _MISSING = object()
 
 def _is_struct(value: object) -> bool:
     return isinstance(value, type) and issubclass(value, tuple) and hasattr(value, "_fields")
+
+
+def _rename(tree: ast.FunctionDef, old: str, new: str) -> None:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name) and node.id == old:
+            node.id = new
 
 
 def _names(trees: Iterable[ast.AST]) -> set[str]:

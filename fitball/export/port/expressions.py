@@ -1,4 +1,4 @@
-"""Expressions of the kernels in C99. What is not known here is refused, so that no port can drift in silence."""
+"""Expressions of the kernels in another language. What is not known here is refused: no port can drift in silence."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import ast
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from fitball.export.port.c_types import STRIDE, Struct, Structs, Type, c_type, joined
+from fitball.export.port.dialect import Dialect
 from fitball.export.port.kernel_source import Constant, UnportableError
+from fitball.export.port.kinds import Struct, Structs, Type, joined
 
 _ARITHMETIC: Mapping[type[ast.operator], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 _BITS: Mapping[type[ast.operator], str] = {ast.BitOr: "|", ast.BitAnd: "&", ast.LShift: "<<"}
@@ -16,20 +17,32 @@ _COMPARE: Mapping[type[ast.cmpop], str] = {
 }  # fmt: skip
 _MATH_FUNCTIONS = ("exp", "log", "log1p", "sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh", "hypot", "atan2")
 _MATH_TESTS = ("isnan", "isfinite")
-_MATH_VALUES = {"pi": "3.141592653589793", "nan": "NAN", "inf": "INFINITY"}
 
 Code = tuple[str, Type]
+Signature = tuple[tuple[Type, ...], Type]
+
+
+@dataclass(frozen=True)
+class Program:
+    """What all functions of a port share: their signatures, module constants, structs, and the language."""
+
+    signatures: Mapping[str, Signature]
+    constants: Mapping[str, Constant]
+    structs: Structs
+    dialect: Dialect
 
 
 @dataclass
 class Scope:
-    """What names mean: signatures of kernels, module constants, structs, and the locals of the function at hand."""
+    """What names mean: the program, and the locals of the function at hand."""
 
-    signatures: Mapping[str, tuple[tuple[Type, ...], Type]]
-    constants: Mapping[str, Constant]
-    structs: Structs
-    prefix: str
+    program: Program
     variables: dict[str, Type] = field(default_factory=dict)
+
+    @property
+    def dialect(self) -> Dialect:
+        """The language."""
+        return self.program.dialect
 
 
 class UnknownTypeError(UnportableError):
@@ -37,36 +50,43 @@ class UnknownTypeError(UnportableError):
 
 
 def expression(node: ast.expr, scope: Scope) -> Code:
-    """C text and type of an expression. Raises UnportableError for a construct that is not known."""
+    """Text and type of an expression. Raises UnportableError for a construct that is not known."""
     handler = _HANDLERS.get(type(node))
     if handler is None:
         raise refused(node)
     return handler(node, scope)
 
 
+def fitted(node: ast.expr, wanted: Type, scope: Scope) -> str:
+    """The text of an expression where `wanted` is held. Raises UnportableError where it would not fit."""
+    text, kind = expression(node, scope)
+    if joined(wanted, kind) != wanted:
+        raise refused(node)
+    return scope.dialect.fit(text, kind, wanted)
+
+
 def refused(node: ast.AST) -> UnportableError:
     """The error for a construct without a translation."""
-    return UnportableError(f"no C99 translation of: {ast.unparse(node)}")
+    return UnportableError(f"no translation of: {ast.unparse(node)}")
 
 
-def _constant(node: ast.Constant, _scope: Scope) -> Code:
+def _constant(node: ast.Constant, scope: Scope) -> Code:
     value = node.value
-    if isinstance(value, bool):
-        return ("true" if value else "false"), "b"
     if isinstance(value, (int, float)):
-        return repr(value), "d" if isinstance(value, float) else "i"
+        kind = "b" if isinstance(value, bool) else "d" if isinstance(value, float) else "i"
+        return scope.dialect.number(value), kind
     raise refused(node)
 
 
 def _name(node: ast.Name, scope: Scope) -> Code:
     if node.id in scope.variables:
-        return node.id, scope.variables[node.id]
-    if node.id in scope.constants:
-        value = scope.constants[node.id]
-        kind: Type = "d" if isinstance(value, float) else "i"
+        return scope.dialect.name(node.id), scope.variables[node.id]
+    constants = scope.program.constants
+    if node.id in constants:
+        value = constants[node.id]
         if isinstance(value, tuple):
-            kind = scope.structs[type(value).__name__]
-        return f"{scope.prefix.upper()}{node.id}", kind
+            return scope.dialect.shared(node.id), scope.program.structs[type(value).__name__]
+        return scope.dialect.constant(node.id), "d" if isinstance(value, float) else "i"
     raise UnknownTypeError(f"{node.id} is read before its type is known")
 
 
@@ -74,22 +94,21 @@ def _binary(node: ast.BinOp, scope: Scope) -> Code:
     (left, kind), (right, other) = expression(node.left, scope), expression(node.right, scope)
     operator = type(node.op)
     if operator in _BITS and kind == other == "i":
-        return f"({left} {_BITS[operator]} {right})", "i"
+        return scope.dialect.bits(_BITS[operator], left, right), "i"
     if operator is ast.Pow and isinstance(node.left, ast.Name) and isinstance(node.right, ast.Constant):
         power = node.right.value
-        if isinstance(power, int) and 2 <= power <= 8:
+        if isinstance(power, int) and 2 <= power <= 8 and kind in ("d", "i"):
             return f"({' * '.join([left] * power)})", kind
     if operator not in _ARITHMETIC or not {kind, other} <= {"d", "i", "z"}:
         raise refused(node)
-    if operator is ast.Div and kind == other == "i":
-        return f"((double){left} / (double){right})", "d"
-    return f"({left} {_ARITHMETIC[operator]} {right})", joined(kind, other)
+    wide = "d" if operator is ast.Div and kind == other == "i" else joined(kind, other)
+    return scope.dialect.binary(_ARITHMETIC[operator], (left, kind), (right, other), wide), wide
 
 
 def _unary(node: ast.UnaryOp, scope: Scope) -> Code:
     text, kind = expression(node.operand, scope)
     if isinstance(node.op, ast.USub) and kind in ("d", "i", "z"):
-        return f"(-{text})", kind
+        return scope.dialect.negative(text, kind), kind
     if isinstance(node.op, ast.Not) and kind == "b":
         return f"(!{text})", "b"
     raise refused(node)
@@ -104,7 +123,7 @@ def _compare(node: ast.Compare, scope: Scope) -> Code:
     if not {kind for _text, kind in codes} <= {"d", "i"} or any(type(op) not in _COMPARE for op in node.ops):
         raise refused(node)
     links = [
-        f"({left} {_COMPARE[type(op)]} {right})"
+        f"({left} {scope.dialect.compare[_COMPARE[type(op)]]} {right})"
         for (left, _), op, (right, _) in zip(codes, node.ops, codes[1:], strict=False)
     ]
     return (links[0] if len(links) == 1 else f"({' && '.join(links)})"), "b"
@@ -112,7 +131,7 @@ def _compare(node: ast.Compare, scope: Scope) -> Code:
 
 def _logic(node: ast.BoolOp, scope: Scope) -> Code:
     codes = [expression(child, scope) for child in node.values]
-    # Python returns an operand, C a truth value: they agree for truth values only.
+    # Python returns an operand, others a truth value: they agree for truth values only.
     if {kind for _text, kind in codes} != {"b"}:
         raise refused(node)
     sign = " && " if isinstance(node.op, ast.And) else " || "
@@ -120,22 +139,23 @@ def _logic(node: ast.BoolOp, scope: Scope) -> Code:
 
 
 def _choice(node: ast.IfExp, scope: Scope) -> Code:
-    (test, truth), (one, kind), (other, second) = (
+    (test, truth), (_one, kind), (_other, second) = (
         expression(part, scope) for part in (node.test, node.body, node.orelse)
     )
     if truth != "b":
         raise refused(node)
-    return f"({test} ? {one} : {other})", joined(kind, second)
+    wide = joined(kind, second)
+    return scope.dialect.choice(test, fitted(node.body, wide, scope), fitted(node.orelse, wide, scope)), wide
 
 
 def _attribute(node: ast.Attribute, scope: Scope) -> Code:
-    if isinstance(node.value, ast.Name) and node.value.id == "math" and node.attr in _MATH_VALUES:
-        return _MATH_VALUES[node.attr], "d"
+    if isinstance(node.value, ast.Name) and node.value.id == "math" and node.attr in scope.dialect.values:
+        return scope.dialect.values[node.attr], "d"
     text, kind = expression(node.value, scope)
     if isinstance(kind, Struct) and (held := kind.field(node.attr)) is not None:
-        return f"{text}.{node.attr}", held
+        return f"{text}.{scope.dialect.name(node.attr)}", held
     if node.attr in ("real", "imag") and kind == "z":
-        return f"c{node.attr}({text})", "d"
+        return scope.dialect.part(node.attr, text), "d"
     if node.attr == "real" and kind == "d":
         return text, "d"
     raise refused(node)
@@ -144,69 +164,70 @@ def _attribute(node: ast.Attribute, scope: Scope) -> Code:
 def _subscript(node: ast.Subscript, scope: Scope) -> Code:
     text, kind = expression(node.value, scope)
     if isinstance(kind, tuple) and isinstance(node.slice, ast.Constant) and isinstance(node.slice.value, int):
-        return f"{text}.f{node.slice.value}", kind[node.slice.value]
+        return scope.dialect.item(text, node.slice.value), kind[node.slice.value]
     if kind == "S" and isinstance(node.slice, ast.Tuple) and len(node.slice.elts) == 2:
         (row, one), (column, other) = (expression(child, scope) for child in node.slice.elts)
         if one == other == "i":
-            return f"{text}[{STRIDE} * {row} + {column}]", "d"
+            return scope.dialect.cell(text, row, column), "d"
     if kind in ("A", "I"):
         index, whole = expression(node.slice, scope)
         if whole == "i":
-            return f"{text}[{index}]", "d" if kind == "A" else "i"
+            return scope.dialect.element(text, index), "d" if kind == "A" else "i"
     raise refused(node)
 
 
 def _tuple(node: ast.Tuple, scope: Scope) -> Code:
     codes = [expression(child, scope) for child in node.elts]
     kind = tuple(item for _text, item in codes)
-    return f"({c_type(kind, scope.prefix)}){{{', '.join(text for text, _ in codes)}}}", kind
+    return scope.dialect.make(kind, [text for text, _ in codes]), kind
 
 
 def _call(node: ast.Call, scope: Scope) -> Code:
     if node.keywords:
         raise refused(node)
+    function, dialect, program = node.func, scope.dialect, scope.program
+    if isinstance(function, ast.Attribute) and isinstance(function.value, ast.Name) and function.value.id == "math":
+        return _math(node, function.attr, scope)
+    if not isinstance(function, ast.Name):
+        raise refused(node)
+    if function.id in program.structs:
+        made = program.structs[function.id]
+        return dialect.make(made, _arguments(node, tuple(kind for _field, kind in made.fields), scope)), made
+    if function.id in program.signatures:
+        wanted, result = program.signatures[function.id]
+        return f"{dialect.function(function.id)}({', '.join(_arguments(node, wanted, scope))})", result
+    return _builtin(node, function.id, scope)
+
+
+def _arguments(node: ast.Call, wanted: tuple[Type, ...], scope: Scope) -> list[str]:
+    if len(wanted) != len(node.args):
+        raise refused(node)
+    return [fitted(child, kind, scope) for child, kind in zip(node.args, wanted, strict=True)]
+
+
+def _math(node: ast.Call, name: str, scope: Scope) -> Code:
     codes = [expression(child, scope) for child in node.args]
+    kinds = [kind for _, kind in codes]
+    if set(kinds) <= {"d", "i"} and name in _MATH_FUNCTIONS:
+        return f"{scope.dialect.math[name]}({', '.join(text for text, _ in codes)})", "d"
+    if kinds == ["d"] and name in _MATH_TESTS:
+        return scope.dialect.test(name, codes[0][0]), "b"
+    raise refused(node)
+
+
+def _builtin(node: ast.Call, name: str, scope: Scope) -> Code:
+    codes, dialect = [expression(child, scope) for child in node.args], scope.dialect
     texts, kinds = [text for text, _ in codes], [kind for _, kind in codes]
-    listed = ", ".join(texts)
-    if (
-        isinstance(node.func, ast.Attribute)
-        and isinstance(node.func.value, ast.Name)
-        and node.func.value.id == "math"
-    ):
-        if set(kinds) <= {"d", "i"} and node.func.attr in _MATH_FUNCTIONS:
-            return f"{node.func.attr}({listed})", "d"
-        if kinds == ["d"] and node.func.attr in _MATH_TESTS:
-            return f"({node.func.attr}({listed}) != 0)", "b"
-        raise refused(node)
-    if not isinstance(node.func, ast.Name):
-        raise refused(node)
-    name = node.func.id
-    if name in scope.structs:
-        made = scope.structs[name]
-        _check_arguments(node, tuple(kind for _field, kind in made.fields), kinds)
-        return f"({c_type(made, scope.prefix)}){{{listed}}}", made
-    if name in scope.signatures:
-        wanted, result = scope.signatures[name]
-        _check_arguments(node, wanted, kinds)
-        return f"{scope.prefix}{name}({listed})", result
-    return _builtin(node, name, listed, kinds, scope.prefix)
-
-
-def _check_arguments(node: ast.Call, wanted: tuple[Type, ...], kinds: list[Type]) -> None:
-    if len(wanted) != len(kinds) or any(joined(*pair) != pair[0] for pair in zip(wanted, kinds, strict=True)):
-        raise refused(node)
-
-
-def _builtin(node: ast.Call, name: str, listed: str, kinds: list[Type], prefix: str) -> Code:
     if name == "abs" and kinds == ["d"]:
-        return f"fabs({listed})", "d"
+        return dialect.absolute(texts[0]), "d"
     if name == "int" and kinds == ["d"]:
-        return f"((int64_t){listed})", "i"
+        return dialect.whole(texts[0]), "i"
     if name in ("min", "max") and len(kinds) == 2 and set(kinds) <= {"d", "i"}:
         kind = joined(*kinds)
-        return f"{prefix}{name}_{'whole' if kind == 'i' else 'real'}({listed})", kind
+        helper = f"{name}_{'whole' if kind == 'i' else 'real'}"
+        return f"{dialect.function(helper)}({', '.join(texts)})", kind
     if name == "complex" and len(kinds) == 2 and set(kinds) <= {"d", "i"}:
-        return f"{prefix}complex({listed})", "z"
+        return f"{dialect.function('complex')}({', '.join(texts)})", "z"
     raise refused(node)
 
 

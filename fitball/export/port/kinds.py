@@ -1,4 +1,4 @@
-"""Types of the restricted Python of the kernels, and what they are in C99."""
+"""Types of the restricted Python of the kernels, as every language of the ports sees them."""
 
 from __future__ import annotations
 
@@ -27,16 +27,6 @@ Type = str | tuple["Type", ...] | Struct
 Structs = Mapping[str, Struct]
 
 STRIDE = 5
-_PLAIN = {
-    "d": "double",
-    "i": "int64_t",
-    "b": "bool",
-    "z": "double complex",
-    "A": "double *",
-    "I": "const int64_t *",
-    "S": "double *",
-    "v": "void",
-}
 _NAMES: dict[str, Type] = {
     "float": "d", "Number": "d", "int": "i", "bool": "b", "complex": "z",
     "FloatArray": "A", "NumberArray": "A", "Stack": "S",
@@ -64,7 +54,7 @@ def annotated(node: ast.expr | None, structs: Structs) -> Type:
             return structs[node.value.id]
         if node.value.id == "NDArray" and "int64" in ast.unparse(node.slice):
             return "I"
-    raise UnportableError(f"annotation {'missing' if node is None else ast.unparse(node)}: no C type is known for it")
+    raise UnportableError(f"annotation {'missing' if node is None else ast.unparse(node)}: no type is known for it")
 
 
 def joined(one: Type, other: Type) -> Type:
@@ -74,18 +64,7 @@ def joined(one: Type, other: Type) -> Type:
     for wide, narrow in (("d", "i"), ("z", "d"), ("z", "i")):
         if {one, other} == {wide, narrow}:
             return wide
-    raise UnportableError(f"no C type holds both {one} and {other}")
-
-
-def c_type(kind: Type, prefix: str) -> str:
-    """How a type is written in C."""
-    return _PLAIN[kind] if isinstance(kind, str) else f"{prefix}{_letters(kind)}"
-
-
-def _letters(kind: Type) -> str:
-    if isinstance(kind, Struct):
-        return kind.name
-    return kind.lower() if isinstance(kind, str) else "t" + "".join(map(_letters, kind)) + "_"
+    raise UnportableError(f"no type holds both {one} and {other}")
 
 
 def fields_of(kind: Type) -> tuple[tuple[str, Type], ...]:
@@ -95,25 +74,28 @@ def fields_of(kind: Type) -> tuple[tuple[str, Type], ...]:
     return tuple((f"f{k}", item) for k, item in enumerate(kind)) if isinstance(kind, tuple) else ()
 
 
-def struct_definitions(kinds: Iterable[Type], prefix: str) -> list[str]:
-    """Definitions of the structs of `kinds`, inner ones first, each once."""
-    definitions: dict[str, str] = {}
+def compound(kinds: Iterable[Type]) -> list[Type]:
+    """The structs and tuples among `kinds`, and those that these hold, inner ones first, each once."""
+    found: dict[Type, None] = {}
 
-    def define(kind: Type) -> None:
-        if isinstance(kind, str):
-            return
-        for _name, item in fields_of(kind):
-            define(item)
-        fields = " ".join(f"{declared(item, name, prefix)};" for name, item in fields_of(kind))
-        name = c_type(kind, prefix)
-        definitions.setdefault(name, f"typedef struct {{ {fields} }} {name};")
+    def note(kind: Type) -> None:
+        if not isinstance(kind, str):
+            for _name, item in fields_of(kind):
+                note(item)
+            found[kind] = None
 
     for kind in kinds:
-        define(kind)
-    return list(definitions.values())
+        note(kind)
+    return list(found)
 
 
-def declared(kind: Type, name: str, prefix: str) -> str:
-    """The declaration of a variable."""
-    text = c_type(kind, prefix)
-    return f"{text}{name}" if text.endswith("*") else f"{text} {name}"
+def type_name(kind: Type) -> str:
+    """A name for a struct or a tuple; of a tuple, the letters of what it holds."""
+    if isinstance(kind, Struct):
+        return kind.name
+    return kind.lower() if isinstance(kind, str) else "t" + "".join(map(type_name, kind)) + "_"
+
+
+def holds_complex(kind: Type) -> bool:
+    """Whether a complex number is, or is within, a value of this type."""
+    return kind == "z" or any(holds_complex(item) for _name, item in fields_of(kind))

@@ -1,0 +1,105 @@
+"""From a port to the text of a file: the kernels in a language, set into that language's template."""
+
+from __future__ import annotations
+
+import ast
+import math
+from collections.abc import Sequence
+from functools import cache
+from textwrap import wrap
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from fitball.export.port.dialect import Dialect
+from fitball.export.port.expressions import Program
+from fitball.export.port.face import BEYOND_RESTITUTION, BEYOND_SPEEDS, WITHOUT_TWIST
+from fitball.export.port.kinds import STRIDE, holds_complex
+from fitball.export.port.port import SELF_TEST_TOLERANCE, SERIES_SIZE, Port, range_sentences, status_reasons
+from fitball.export.port.statements import program_of, translated
+from fitball.models.kernels.events import MAX_DEPTH
+from fitball.models.types import PHASE_BITS, PHASE_SYMBOL
+
+WIDTH = 110
+STACK_SIZE = (MAX_DEPTH + 1) * STRIDE
+FLAGS = {
+    "BEYOND_SPEEDS": BEYOND_SPEEDS,
+    "BEYOND_RESTITUTION": BEYOND_RESTITUTION,
+    "WITHOUT_TWIST": WITHOUT_TWIST,
+}
+
+
+def rendered(port: Port, template: str, **context: object) -> str:
+    """A template filled with what every language says of a port, and `context`."""
+    return (
+        _environment()
+        .get_template(template)
+        .render(
+            port=port,
+            titles=wrapped(port.titles),
+            sentences=wrapped(range_sentences(port)),
+            reasons=status_reasons(port.needs_cor),
+            flags=FLAGS,
+            phases=[PHASE_SYMBOL.get(code, "") for code in range(len(PHASE_SYMBOL) + 1)],  # type: ignore[call-overload]
+            tolerance=SELF_TEST_TOLERANCE,
+            series_size=SERIES_SIZE,
+            stack_size=STACK_SIZE,
+            cor_argument=", cor" if port.needs_cor else "",
+            **context,
+        )
+    )
+
+
+def translated_port(port: Port, dialect: Dialect, template: str) -> str:
+    """The port in a language. Raises UnportableError."""
+    program = program_of(port.source, dialect)
+    kinds = [
+        *program.structs.values(),
+        *(kind for taken, result in program.signatures.values() for kind in (*taken, result)),
+    ]
+
+    def number(value: float) -> str:
+        return dialect.values["nan"] if math.isnan(value) else dialect.number(value)
+
+    return rendered(
+        port,
+        template,
+        kinds=kinds,
+        structs=program.structs.values(),
+        complex_numbers=any(map(holds_complex, kinds)),
+        constants=port.source.constants,
+        literal=dialect.literal,
+        constant=dialect.constant,
+        number=number,
+        functions=_functions(port.source.functions, program),
+        dialect=dialect,
+    )
+
+
+def _functions(functions: Sequence[ast.FunctionDef], program: Program) -> str:
+    return "\n\n".join(translated(item, program) for item in functions)
+
+
+def wrapped(sentences: Sequence[str]) -> list[str]:
+    """Sentences as lines of a comment, each begun anew."""
+    return [line for sentence in sentences for line in wrap(sentence, WIDTH)]
+
+
+def camel_case(prefix: str) -> str:
+    """`red_clay_` as `RedClay`."""
+    return "".join(word[0].upper() + word[1:] for word in prefix.split("_") if word)
+
+
+@cache
+def _environment() -> Environment:
+    return Environment(
+        loader=PackageLoader("fitball.export.port"),
+        # Source text, not HTML; what it says of the fit is made harmless where a port is made.
+        autoescape=False,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+
+
+assert PHASE_BITS == 3, "the templates unpack phases by three bits"
