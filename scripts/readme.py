@@ -1,4 +1,4 @@
-"""Write the numbers and tables of README.md between their marks, from the code and from what `fits/` keeps.
+"""Write the numbers and tables of README.md and docs/ between their marks, from the code and from what `fits/` keeps.
 
 `python scripts/readme.py` renders; with `--measure` it first fits Wang's tables, compares the models and re-derives
 the thesis (some minutes), and keeps the figures in `fits/readme/`. Speed comes from `fitball bench`, coverage from
@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import re
 import shutil
 import subprocess
 import sys
@@ -28,7 +29,9 @@ from fitball.studies.thesis.appendix_d import CASE_IN_APPENDIX_C
 from fitball.version import __version__
 
 ROOT = Path(__file__).resolve().parent.parent
-README = ROOT / "README.md"
+MARKED = re.compile(
+    r"<!-- (?P<name>[\w-]+): written by scripts/readme.py -->\n(?P<old>.*?)<!-- end of (?P=name) -->", re.DOTALL
+)
 KEPT = ROOT / "fits" / "readme"
 NUMBERS = KEPT / "numbers.json"
 PICTURE = "predictive.png"
@@ -57,7 +60,7 @@ def _fitball(folder: Path, *words: str) -> str:
 
 
 def measure() -> None:
-    """Fit, compare, re-derive; keep the numbers that README.md quotes, and its picture."""
+    """Fit, compare, re-derive; keep the numbers that the pages quote, and the picture of README.md."""
     KEPT.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
@@ -140,6 +143,22 @@ def _wang(numbers: dict[str, Any]) -> str:
     return "\n".join(rows)
 
 
+def _wang_short(numbers: dict[str, Any]) -> str:
+    """The parameters of the bounce alone."""
+    rows = ["| parameter of `two-mass` | median ± sd | unit | verdict |", "|---|---|---|---|"]
+    for name, item in numbers["parameters"].items():
+        if name not in SPECS:
+            continue
+        scale = handy(name, item["unit"])
+        sd = item["sd"] * scale.factor
+        places = decimals(sd)
+        rows.append(
+            f"| `{name}`, {SPECS[name].meaning} | {fixed(item['median'] * scale.factor, places)} ± {fixed(sd, places)} "
+            f"| {scale.unit or '-'} | {item['verdict']} |"
+        )
+    return "\n".join(rows)
+
+
 def _compared(numbers: dict[str, Any]) -> str:
     rows = [
         "| model | free parameters | misses left-out `v_x2` by [m/s] | `v_y2` [m/s] | `omega_2` [rad/s] | "
@@ -196,11 +215,27 @@ def _validation() -> str:
     )
 
 
-def _speed() -> str:
+def _speed_line() -> str:
+    wang, batches, _ = _benched()
+    closed = wang[wang["solver"] == "closed form, batch"].iloc[0]
+    runge = wang[(wang["solver"] == "RK4, compiled") & (wang["setting"] == "400 steps")].iloc[0]
+    large = batches[batches["call"].str.startswith("batch of")].iloc[0]
+    return (
+        f"A bounce in closed form takes {digits(large['microseconds an impact'], 2)} microseconds on one thread and is "
+        f"off by {closed['largest error']:.1e} of the incident speed at most; compiled RK4 with 400 steps takes "
+        f"{digits(runge['microseconds'], 2)} and is off by {runge['largest error']:.1e}."
+    )
+
+
+def _benched() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+    """Errors on Wang's impacts, batches, growth, as the last full `fitball bench` measured them."""
     bench = ROOT / "fits" / "bench"
-    precision, batches = pd.read_csv(bench / "precision.csv"), pd.read_csv(bench / "batches.csv")
-    growth = pd.read_csv(bench / "growth.csv")
-    wang = precision[precision["scene"] == "Wang's 21"]
+    precision, batches, growth = (pd.read_csv(bench / f"{name}.csv") for name in ("precision", "batches", "growth"))
+    return precision[precision["scene"] == "Wang's 21"], batches, growth
+
+
+def _speed() -> str:
+    wang, batches, growth = _benched()
     rows = ["| solver | microseconds an impact | largest error |", "|---|---|---|"]
     closed = wang[wang["solver"] == "closed form, batch"].iloc[0]
     large = batches[batches["call"].str.startswith("batch of")]
@@ -245,35 +280,48 @@ def _thesis(numbers: dict[str, Any]) -> str:
 
 
 def blocks() -> dict[str, str]:
-    """Every block of README.md by the name in its marks."""
+    """Every block by the name in its marks."""
     numbers = json.loads(NUMBERS.read_text(encoding="utf-8"))
     return {
         "wang": _wang(numbers),
+        "wang-short": _wang_short(numbers),
         "compared": _compared(numbers),
         "together": _together(numbers),
         "stiffness": _stiffness(numbers),
         "validation": _validation(),
         "speed": _speed(),
+        "speed-line": _speed_line(),
         "thesis": _thesis(numbers),
         "priors": _priors(),
     }
 
 
-def updated(text: str) -> str:
-    """README text with every block between its marks."""
-    for name, content in blocks().items():
-        begin, end = f"<!-- {name}: written by scripts/readme.py -->", f"<!-- end of {name} -->"
-        head, found, rest = text.partition(begin)
-        _, closed, tail = rest.partition(end)
-        if not (found and closed):
-            raise ValueError(f"README.md lacks the marks of block {name}")
-        text = f"{head}{begin}\n{content}\n{end}{tail}"
-    return text
+def pages() -> list[Path]:
+    """Every file that may hold blocks."""
+    return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
-if __name__ == "__main__":
+def updated(text: str, content: dict[str, str]) -> str:
+    """A page with every block between its marks. Raises KeyError of a block that nobody writes."""
+    return MARKED.sub(
+        lambda found: (
+            f"<!-- {found['name']}: written by scripts/readme.py -->\n{content[found['name']]}\n"
+            f"<!-- end of {found['name']} -->"
+        ),
+        text,
+    )
+
+
+def main() -> None:
+    """Measure, if asked to, and write."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--measure", action="store_true", help="measure again first")
     if parser.parse_args().measure:
         measure()
-    README.write_text(updated(README.read_text(encoding="utf-8")), encoding="utf-8")
+    content = blocks()
+    for page in pages():
+        page.write_text(updated(page.read_text(encoding="utf-8"), content), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,214 @@
+"""Snippets of a Markdown page: read, run in a folder as a reader would run them, and woven in with what they gave.
+
+A fence says in its first line what becomes of it. `bash` and `python` are run, one after another, in one folder and one
+namespace for each page; `csv NAME`, `toml NAME` and the like are written to the file NAME first; any other fence is
+only shown. Further words:
+
+- `silent`: what it prints is not shown;
+- `parts=1,4-6`: of what it prints these paragraphs only, counted from 1;
+- `status=2`: the exit code it must have.
+
+`<!-- figure: FILE | WORDS -->` stands for a picture that the snippets before it have drawn.
+"""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import io
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+FENCE = re.compile(r"^(?P<marks>```+)(?P<info>[a-z]\w*[^\n`]*)\n(?P<code>.*?)^(?P=marks)$", re.DOTALL | re.MULTILINE)
+FIGURE = re.compile(r"^<!-- figure: (?P<file>\S+) \| (?P<words>[^\n]*) -->$", re.MULTILINE)
+RUN = ("bash", "python")
+# Of the terminal that a page shows.
+COLUMNS = "88"
+
+
+@dataclass(frozen=True)
+class Snippet:
+    """A fence: its language, code, the file it becomes, and what is shown of its output."""
+
+    language: str
+    code: str
+    file: str | None = None
+    silent: bool = False
+    parts: tuple[int, ...] = ()
+    status: int = 0
+
+    @property
+    def runs(self) -> bool:
+        """Whether it is run."""
+        return self.language in RUN
+
+    def shown(self, printed: str) -> str:
+        """What the page shows of what it printed."""
+        paragraphs = re.split(r"\n[ \t]*\n", printed.strip("\n"))
+        if self.silent:
+            return ""
+        if not self.parts:
+            return "\n\n".join(paragraphs)
+        if self.parts[-1] > len(paragraphs):
+            raise SnippetError(f"{self.code}\nprinted {len(paragraphs)} paragraphs, not {self.parts[-1]}:\n{printed}")
+        chosen = []
+        for place, number in enumerate(self.parts):
+            if number > 1 and (place == 0 or self.parts[place - 1] != number - 1):
+                chosen.append("...")
+            chosen.append(paragraphs[number - 1])
+        return "\n\n".join([*chosen, "..."] if self.parts[-1] < len(paragraphs) else chosen)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a snippet gave: text, a table in HTML, pictures (files in the folder of the page)."""
+
+    text: str = ""
+    html: str = ""
+    pictures: tuple[str, ...] = ()
+
+
+class SnippetError(Exception):
+    """A snippet did not do what its page says."""
+
+
+# Runs shell code in a folder: exit code and what it printed.
+Shell = Callable[[str, Path], tuple[int, str]]
+
+
+def _parsed(info: str, code: str) -> Snippet:
+    language, *words = info.split()
+    parts: list[int] = []
+    status, file, silent = 0, None, False
+    for word in words:
+        key, given, value = word.partition("=")
+        if key == "parts" and given:
+            for item in value.split(","):
+                first, _, last = item.partition("-")
+                parts += range(int(first), int(last or first) + 1)
+        elif key == "status" and given:
+            status = int(value)
+        elif word == "silent":
+            silent = True
+        elif language not in RUN and not given and file is None:
+            file = word
+        else:
+            raise SnippetError(f"the fence {info!r} has a word that means nothing: {word}")
+    return Snippet(language, code, file, silent, tuple(parts), status)
+
+
+def snippets(text: str) -> list[Snippet]:
+    """The fences of a page in their order."""
+    return [_parsed(found["info"], found["code"]) for found in FENCE.finditer(text)]
+
+
+def figures(text: str) -> list[tuple[str, str]]:
+    """File and words of every picture that a page expects of its snippets."""
+    return [(found["file"], found["words"]) for found in FIGURE.finditer(text)]
+
+
+def posix_shell(code: str, folder: Path) -> tuple[int, str]:
+    """Run by `sh`, that stops at the first command that fails, with a terminal's width; both streams as they come."""
+    done = subprocess.run(
+        ["sh", "-e", "-c", code], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
+        env=dict(os.environ, COLUMNS=COLUMNS),
+    )  # fmt: skip
+    return done.returncode, done.stdout
+
+
+def run_page(text: str, folder: Path, shell: Shell = posix_shell) -> list[Outcome]:
+    """Run the snippets of a page in `folder`, which is made anew. One outcome for each snippet that runs.
+
+    Raises SnippetError where an exit code is another, an exception is raised, or a picture is missing.
+    """
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    names: dict[str, Any] = {"__name__": "__main__"}
+    outcomes = []
+    for item in snippets(text):
+        if item.file is not None:
+            (folder / item.file).write_text(item.code, encoding="utf-8")
+        elif item.language == "bash":
+            status, printed = shell(item.code, folder)
+            if status != item.status:
+                raise SnippetError(f"{item.code}\nended with {status}, not {item.status}:\n{printed}")
+            outcomes.append(Outcome(item.shown(printed)))
+        elif item.language == "python":
+            outcomes.append(_run_python(item, folder, names, len(outcomes)))
+    for file, _ in figures(text):
+        if not (folder / file).is_file():
+            raise SnippetError(f"no snippet has made {file}")
+    return outcomes
+
+
+def _run_python(item: Snippet, folder: Path, names: dict[str, Any], place: int) -> Outcome:
+    """As in a cell of a notebook: the value of a last expression is shown, figures as pictures."""
+    tree = ast.parse(item.code)
+    last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
+    printed = io.StringIO()
+    value = None
+    with contextlib.chdir(folder), contextlib.redirect_stdout(printed), contextlib.redirect_stderr(io.StringIO()):
+        exec(compile(tree, "snippet", "exec"), names)
+        if isinstance(last, ast.Expr):
+            value = eval(compile(ast.Expression(last.value), "snippet", "eval"), names)
+    if item.silent or value is None:
+        return Outcome(item.shown(printed.getvalue()))
+    pictures = []
+    for drawn in _drawn(value):
+        pictures.append(f"cell-{place + 1}-{len(pictures) + 1}.png")
+        drawn.savefig(folder / pictures[-1], dpi=110, bbox_inches="tight")
+    if pictures:
+        return Outcome(item.shown(printed.getvalue()), pictures=tuple(pictures))
+    if hasattr(value, "_repr_html_"):
+        return Outcome(item.shown(printed.getvalue()), html=value._repr_html_())
+    return Outcome(item.shown(f"{printed.getvalue()}{value!r}"))
+
+
+def _drawn(value: Any) -> list[Any]:
+    """Figures of a value, be it a figure, axes, or an array of them."""
+    if hasattr(value, "savefig"):
+        return [value]
+    if hasattr(value, "get_figure"):
+        return [value.get_figure()]
+    if hasattr(value, "ravel") and getattr(value, "dtype", None) is not None and value.dtype.kind == "O":
+        return list(dict.fromkeys(item.get_figure() for item in value.ravel() if hasattr(item, "get_figure")))
+    return []
+
+
+def woven(text: str, outcomes: list[Outcome], place: str) -> str:
+    """The page as Sphinx reads it, with what its snippets gave; `place` leads from the page to their folder."""
+    left = iter(outcomes)
+
+    def fence(found: re.Match[str]) -> str:
+        item = _parsed(found["info"], found["code"])
+        if item.file is not None:
+            return _block("text", item.code, f":caption: {item.file}")
+        if not item.runs:
+            return _block(item.language, item.code)
+        return _block("bash" if item.language == "bash" else "python", item.code) + _given(next(left), place)
+
+    def figure(found: re.Match[str]) -> str:
+        return f"```{{figure}} {place}/{found['file']}\n:alt: {found['words']}\n\n{found['words']}\n```"
+
+    return FIGURE.sub(figure, FENCE.sub(fence, text))
+
+
+def _block(language: str, code: str, *options: str) -> str:
+    body = code if code.endswith("\n") else code + "\n"
+    return "\n".join([f"````{{code-block}} {language}", *options, "", body + "````"])
+
+
+def _given(outcome: Outcome, place: str) -> str:
+    parts = [""]
+    if outcome.text.strip():
+        parts.append(_block("text", outcome.text, ":class: output"))
+    if outcome.html:
+        parts.append(f'````{{raw}} html\n<div class="table-wrapper frame">{outcome.html}</div>\n````')
+    parts += [f"```{{image}} {place}/{name}\n:alt: figure drawn by the lines above\n```" for name in outcome.pictures]
+    return "\n\n".join(parts)
