@@ -215,6 +215,28 @@ def _validation() -> str:
     )
 
 
+def _trust() -> str:
+    """Rates of the study of trust, a row a kind of table."""
+    rows = [
+        "| tables | objected to | intervals of identified parameters hold | pinned, called prior-dominated |",
+        "|---|---|---|---|",
+    ]
+    for _, row in pd.read_csv(ROOT / "fits" / "validation" / "trust" / "rates.csv").iterrows():
+        name = row["scenario"]
+        made = "" if row["made_by_the_model"] == "yes" or name.startswith("all") else "not made by it: "
+        cells = [_rate(row, what) for what in ("objected", "identified_holds", "pinned_called_prior_dominated")]
+        rows.append(f"| {made}{name} | {' | '.join(cells)} |")
+    return "\n".join(rows)
+
+
+def _rate(row: Any, what: str) -> str:
+    """A share in per cent with the ends of its 95 % interval, and of how many."""
+    if not row[f"{what}_of"]:
+        return "-"
+    share, low, high = (round(100.0 * row[f"{what}{end}"]) for end in ("", "_low", "_high"))
+    return f"{share} % [{low}, {high}] of {row[f'{what}_of']}"
+
+
 def _speed_line() -> str:
     wang, batches, _ = _benched()
     closed = wang[wang["solver"] == "closed form, batch"].iloc[0]
@@ -289,6 +311,7 @@ def blocks() -> dict[str, str]:
         "together": _together(numbers),
         "stiffness": _stiffness(numbers),
         "validation": _validation(),
+        "trust": _trust(),
         "speed": _speed(),
         "speed-line": _speed_line(),
         "thesis": _thesis(numbers),
