@@ -9,7 +9,7 @@ from importlib.resources import files
 import jsonschema
 import numpy as np
 import pytest
-from samples import problem_of
+from samples import GRIP_SLIP, problem_of
 from scipy import stats
 
 import fitball
@@ -18,7 +18,7 @@ from fitball.data.join import joined, load_tables
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.errors import FitError, ParameterError, TableError
-from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
+from fitball.inference.likelihood.posterior import impact_terms, log_likelihood, log_posterior
 from fitball.models.types import Status
 from fitball.report.saved.fit_text import fit_text
 
@@ -188,11 +188,37 @@ def test_joined_tables_are_the_rows_of_both():
     assert load_tables(names[:1]).labels.keys() == load_table(names[0]).labels.keys()
 
 
+def test_a_column_that_one_table_lacks_is_missing_there(tmp_path):
+    """Two sessions, one without a camera for the spin: the likelihood is that of both tables apart."""
+    full = load_table("wang_all.csv")
+    rows = [",".join(f"{getattr(full.impacts, name)[k]:.2f}" for name in ("v_x1", "v_y1", "omega_1")) + "".join(
+        f",{item.values[k]:.2f}" for item in full.measurements) for k in range(21)]  # fmt: skip
+    (tmp_path / "a.csv").write_text("\n".join(["v_x1,v_y1,omega_1,v_x2,v_y2,omega_2", *rows[:8]]))
+    (tmp_path / "b.csv").write_text(
+        "\n".join(["v_x1,v_y1,omega_1,v_x2,v_y2", *(row.rsplit(",", 1)[0] for row in rows[8:])])
+    )
+    together = load_tables([tmp_path / "a.csv", tmp_path / "b.csv"])
+    assert together.measurement("omega_2").measured.tolist() == [True] * 8 + [False] * 13
+    assert "omega_2 was not measured in b" in together.remarks[-1]
+    problem, alone = problem_of(together, "grip-slip"), problem_of(full, "grip-slip")
+    values = np.array([[GRIP_SLIP[name] for name in alone.free_names]])
+    whole = impact_terms(alone, values, alone.rebound(values))
+    expected = whole["v_x2"].sum() + whole["v_y2"].sum() + whole["omega_2"][:, :8].sum()
+    assert log_likelihood(problem, values, problem.rebound(values))[0] == pytest.approx(expected)
+
+
 def test_tables_that_differ_are_not_joined(tmp_path):
     (tmp_path / "a.csv").write_text("v_x1,v_y1,v_x2,v_y2\n10,5,7,4\n11,6,8,4.5\n", encoding="utf-8")
-    (tmp_path / "b.csv").write_text("v_x1,v_y1,v_x2,v_y2,omega_2\n10,5,7,4,200\n11,6,8,4.5,210\n", encoding="utf-8")
-    with pytest.raises(TableError, match=r"measured columns differ: v_x2, v_y2 in .*a\.csv, v_x2, v_y2, omega_2 in"):
-        load_tables([tmp_path / "a.csv", tmp_path / "b.csv"])
+    (tmp_path / "b.csv").write_text("v_x1,v_y1,v_2,theta_2\n10,5,8,30\n11,6,8.5,31\n", encoding="utf-8")
+    (tmp_path / "c.csv").write_text("v_x1,v_y1,v_y2,v_y2_sd\n10,5,4,0.1\n11,6,4.5,0.1\n", encoding="utf-8")
+    (tmp_path / "d.csv").write_text("v_x1,v_y1,omega_1,v_y2\n10,5,1,4\n11,6,2,4.5\n", encoding="utf-8")
+    a = tmp_path / "a.csv"
+    with pytest.raises(TableError, match=r"told in different ways: v_x2, v_y2 in .*a\.csv; v_2, theta_2 in"):
+        load_tables([a, tmp_path / "b.csv"])
+    with pytest.raises(TableError, match=r"v_y2 has a stated sd in .*c\.csv and none in .*a\.csv"):
+        load_tables([a, tmp_path / "c.csv"])
+    with pytest.raises(TableError, match=r"incident columns differ: v_x1, v_y1 in .*a\.csv, v_x1, v_y1, omega_1 in"):
+        load_tables([a, tmp_path / "d.csv"])
     with pytest.raises(TableError, match="table a is given twice"):
         load_tables([tmp_path / "a.csv", tmp_path / "a.csv"])
 

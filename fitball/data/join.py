@@ -12,9 +12,11 @@ from fitball.data.bundled import resolve_table
 from fitball.data.frozen import FrozenMapping
 from fitball.data.read import load_table
 from fitball.data.reading.flip import check_flips
+from fitball.data.redundancy import independent
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable, Measurement, Notice
 from fitball.errors import Fault, TableError
+from fitball.observables import OBSERVABLES, VELOCITIES
 from fitball.values import FloatArray, Impacts
 
 ORIGIN = "table"
@@ -41,13 +43,14 @@ def read_each(
 def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
     """The rows of all tables, with a label column `table` (names of files) when there are several.
 
-    Label columns that not all have are left empty where they are missing. Raises TableError when measured columns or
-    stated sds differ: an impact without a measurement cannot stand beside one that has it.
+    Label columns that not all have are left empty where they are missing; a rebound column that some have is missing
+    in the others, and a notice tells. Raises TableError when incident columns or stated sds differ, or velocities are
+    told as components here and as speed and angle there.
     """
     if len(tables) == 1:
         return tables[0]
     first = tables[0]
-    faults = [fault for other in tables[1:] for fault in _differences(first, other)]
+    faults = [fault for other in tables[1:] for fault in _differences(first, other)] + _rebound_faults(tables)
     names = [table.name for table in tables]
     faults += [Fault(f"table {name} is given twice") for name in sorted({n for n in names if names.count(n) > 1})]
     if faults:
@@ -80,25 +83,75 @@ def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
         incident_sd=FrozenMapping(
             {name: stacked([table.incident_sd[name] for table in tables]) for name in first.incident_sd}
         ),
-        measurements=tuple(
-            _stacked_measurement([table.measurements[k] for table in tables], stacked)
-            for k in range(len(first.measurements))
-        ),
+        measurements=tuple(_stacked_measurement(name, tables, stacked) for name in _measured_columns(tables)),
         redundant=(),
         labels=FrozenMapping(labels),
         units=first.units,
         incident_covariance=stacked(covariances) if len(covariances) == len(tables) else None,
-        notices=tuple(Notice(f"{table.name}: {remark}") for table in tables for remark in table.remarks),
+        notices=(
+            *(Notice(f"{table.name}: {remark}") for table in tables for remark in table.remarks),
+            *_absent_columns(tables),
+        ),
         flipped=tuple(f"{table.name}:{name}" for table in tables for name in table.flipped),
         files=tuple(place for table in tables for place in table.files),
     )
 
 
+def _measured_columns(tables: Sequence[ImpactTable]) -> list[str]:
+    """Rebound columns that at least one table counts, in the order of all that there are."""
+    return [name for name in OBSERVABLES if any(table.measurement(name) for table in tables)]
+
+
+def _absent_columns(tables: Sequence[ImpactTable]) -> list[Notice]:
+    lacking = {name: [table.name for table in tables if table.measurement(name) is None]
+               for name in _measured_columns(tables)}  # fmt: skip
+    return [
+        Notice(f"{name} was not measured in {', '.join(names)}: what else was measured there counts", columns=(name,))
+        for name, names in lacking.items()
+        if names
+    ]
+
+
 def _stacked_measurement(
-    columns: Sequence[Measurement], stacked: Callable[[Sequence[FloatArray]], FloatArray]
+    name: str, tables: Sequence[ImpactTable], stacked: Callable[[Sequence[FloatArray]], FloatArray]
 ) -> Measurement:
-    sds = [item.sd for item in columns if item.sd is not None]
-    return Measurement(columns[0].name, stacked([item.values for item in columns]), stacked(sds) if sds else None)
+    """One column of all tables, NaN where one has it not."""
+    columns = [table.measurement(name) for table in tables]
+    nothing = [np.full(len(table), np.nan) for table in tables]
+    values = [gap if item is None else item.values for item, gap in zip(columns, nothing, strict=True)]
+    sds = [gap if item is None or item.sd is None else item.sd for item, gap in zip(columns, nothing, strict=True)]
+    stated = any(item is not None and item.sd is not None for item in columns)
+    return Measurement(name, stacked(values), stacked(sds) if stated else None)
+
+
+def _rebound_faults(tables: Sequence[ImpactTable]) -> list[Fault]:
+    """What keeps rebound columns of tables from being one column."""
+    faults = []
+    velocities = [name for name in _measured_columns(tables) if name in VELOCITIES]
+    if set(independent(velocities, "2")) != set(velocities):
+        told = "; ".join(
+            f"{', '.join(item.name for item in table.measurements if item.name in VELOCITIES) or 'none'} in "
+            f"{table.source}"
+            for table in tables
+        )
+        faults.append(
+            Fault(
+                f"rebound velocities are told in different ways: {told}; expected the same columns, or some of them, "
+                "in all tables that are fitted together"
+            )
+        )
+    for name in _measured_columns(tables):
+        having = [(table, item) for table in tables if (item := table.measurement(name)) is not None]
+        stated = [table.source for table, item in having if item.sd is not None]
+        bare = [table.source for table, item in having if item.sd is None]
+        if stated and bare:
+            faults.append(
+                Fault(
+                    f"{name} has a stated sd in {stated[0]} and none in {bare[0]}; expected one in all tables that "
+                    "are fitted together, or in none"
+                )
+            )
+    return faults
 
 
 def _differences(one: ImpactTable, other: ImpactTable) -> list[Fault]:
@@ -106,16 +159,6 @@ def _differences(one: ImpactTable, other: ImpactTable) -> list[Fault]:
     for what, columns, others in (
         ("incident columns", one.incident_columns, other.incident_columns),
         ("stated sds of incident columns", tuple(one.incident_sd), tuple(other.incident_sd)),
-        (
-            "measured columns",
-            tuple(measurement.name for measurement in one.measurements),
-            tuple(measurement.name for measurement in other.measurements),
-        ),
-        (
-            "measured columns with a stated sd",
-            tuple(measurement.name for measurement in one.measurements if measurement.sd is not None),
-            tuple(measurement.name for measurement in other.measurements if measurement.sd is not None),
-        ),
     ):
         if columns != others:
             faults.append(
