@@ -1,4 +1,5 @@
-# Sourced by .ci/run: puts a headless browser beside the tests that want one, from the packages of the system.
+# Sourced by .ci/run: puts a headless browser, and what runs the ports, beside the tests that want them, from the
+# packages of the system.
 
 have_browser() {
     [ -n "${FITBALL_BROWSER:-}" ] && return
@@ -22,4 +23,24 @@ ensure_browser() {
     else
         printf '%s\n' "Chromium could not be installed (the lines above say why): the browser tests are skipped." >&2
     fi
+}
+
+# The same for what runs the ports in C# (Mono), GDScript (Godot) and JavaScript: some 25 MB, 95 MB on disk.
+ensure_interpreters() {
+    wanted=
+    command -v node >/dev/null 2>&1 || wanted="$wanted nodejs"
+    { command -v mcs && command -v mono; } >/dev/null 2>&1 || wanted="$wanted mono-mcs mono-runtime"
+    command -v godot3-server >/dev/null 2>&1 || wanted="$wanted godot3-server"
+    [ -z "$wanted" ] && return
+    if [ "$(id -u)" != 0 ] || ! command -v apt-get >/dev/null 2>&1; then
+        printf '%s\n' "Not here, and not to be installed (not root, or no apt-get):$wanted. Their tests are skipped." >&2
+        return
+    fi
+    export DEBIAN_FRONTEND=noninteractive
+    timeout 60 apt-get -qq update || true
+    # One package that is not to be had shall not keep the others away.
+    for name in $wanted; do
+        timeout 90 apt-get -qq install -y --no-install-recommends "$name" ||
+            printf '%s\n' "$name could not be installed (the lines above say why): its tests are skipped." >&2
+    done
 }
