@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import misread
 import numpy as np
 import pandas
 import pytest
 
 from fitball.data.read import load_table
+from fitball.data.reading.doubt import doubt_of
 from fitball.data.table import ImpactTable
 from fitball.errors import TableError
 
@@ -97,3 +99,24 @@ def test_a_gap_is_no_energy(tmp_path: Path) -> None:
     assert np.isnan(table.measurements[0].values[3])
     with pytest.raises(TableError, match="more energy"):
         read(tmp_path, HEADER, *ROWS[:3], "5,5,0,90,,200")
+
+
+def test_a_misread_table_with_gaps_is_doubted():
+    """Whether some rows are complete or none is; a table that was read well is not."""
+    for never in (False, True):
+        found = alarms = 0
+        for seed in range(4):
+            columns, ball = misread.table("wide", seed)
+            gaps = np.random.default_rng(seed).random(30) < 0.4
+            wrong = misread.MISREADINGS["rpm"][0](columns)
+            doubts = []
+            for made in (columns, wrong):
+                gappy = {name: values.copy() for name, values in made.items()}
+                gappy["omega_2"][gaps] = np.nan
+                if never:
+                    gappy["v_y2"][~gaps] = np.nan
+                units = {name: "rad/s" if name.startswith("omega") else "m/s" for name in gappy}
+                doubts.append(doubt_of(gappy, units, ball))
+            alarms += doubts[0] is not None
+            found += doubts[1] is not None
+        assert alarms == 0 and found >= 3, (never, alarms, found)

@@ -22,6 +22,8 @@ from fitball.values import Ball, FloatArray
 GAIN, GAIN_EACH, DESCRIBES = 10.0, 2.0, 6.0
 # The misfit for each impact that a table read well leaves seldom.
 WELL = 3.0
+# Rows in which all was measured that are enough to look at these alone.
+LEAST_COMPLETE = 6
 # Readings this much worse than the best are named beside it.
 TIE, TIE_EACH, MOST_NAMED = 3.0, 0.1, 3
 # Restitution that another reading may claim, and that a table as read may have without being suspect.
@@ -60,19 +62,14 @@ class Doubt:
 def doubt_of(columns: Columns, units: Mapping[str, str], ball: Ball) -> Doubt | None:
     """What there is to say against the reading of `columns` [SI, by name, angles in rad], or None.
 
-    `units` are the symbols by column, as the header says. Where nothing is said by the rows in which all was measured
-    (others are NaN), those are looked at that have all but what is missing most often, and so on.
+    `units` are the symbols by column, as the header says. Rows in which all was measured (a gap is NaN) are looked at;
+    where these are too few, those that have all but what is missing most often, and so on.
     """
-    found = _doubt_of(columns, units, ball)
+    columns = {name: values for name, values in columns.items() if MEASURED[name] is not Dimension.TIME}
     gaps = {name: int(np.isnan(values).sum()) for name, values in columns.items() if name in REBOUND}
     sparsest = max(gaps, key=lambda name: gaps[name], default=None)
-    if found is not None or sparsest is None or not gaps[sparsest]:
-        return found
-    return doubt_of({name: values for name, values in columns.items() if name != sparsest}, units, ball)
-
-
-def _doubt_of(columns: Columns, units: Mapping[str, str], ball: Ball) -> Doubt | None:
-    columns = {name: values for name, values in columns.items() if MEASURED[name] is not Dimension.TIME}
+    if sparsest is not None and gaps[sparsest] and len(chosen_rows(columns)) < LEAST_COMPLETE:
+        return doubt_of({name: values for name, values in columns.items() if name != sparsest}, units, ball)
     rows = chosen_rows(columns)
     if len(rows) < 2:
         return None
