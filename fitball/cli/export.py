@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 FORMAT_NAMES = (
     "python", "c", "javascript", "csharp", "gdscript", "golden", "lookup", "engine", "json", "toml", "csv", "latex",
-    "markdown", "netcdf",
+    "markdown", "netcdf", "certificate",
 )  # fmt: skip
 # Options that some formats alone have.
 OWNERS = {
@@ -36,11 +36,13 @@ EXAMPLE = """formats:
   csv        parameters in SI and in the thesis's units
   latex      a table for booktabs, rounded by the rule of the Particle Data Group
   markdown   the same table
+  certificate one page of HTML to print and sign: result, interval, adequacy, table and its SHA-256
   netcdf     draws and data for ArviZ
 
 examples:
   fitball export fits/wang_all/two-mass --to c --out bounce.h
   fitball export fits/wang_all/two-mass --to latex --out -
+  fitball export fits/my_drops/two-mass --to certificate
   fitball export fits/wang_all/two-mass --to lookup --range "v=10..40 m/s:16, theta=10..60 deg:16, spin=-300..300:9"
   fitball export fits/wang_all/two-mass --to engine --at "v=30 m/s, theta=16 deg, spin=0 rpm"
   fitball export fits/wang_all/two-mass --to engine --json --out -

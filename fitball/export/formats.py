@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from fitball.errors import ParameterError
+from fitball.export.certificate import certificate
 from fitball.export.engine_settings import engine_texts
 from fitball.export.golden_table import golden_table
 from fitball.export.lookup_table import lookup_note, lookup_texts
@@ -80,6 +81,7 @@ TEXT_FORMATS: Mapping[str, TextFormat] = {
     "csv": _parameters(".csv", parameter_table),
     "latex": _parameters(".tex", latex_table),
     "markdown": _parameters(".md", markdown_table),
+    "certificate": TextFormat("certificate", lambda saved, _options: {".html": certificate(saved)}),
     "golden": TextFormat(
         "golden", lambda saved, options: {".csv": golden_table(saved.fitted, saved.golden, options.inputs_only)}
     ),

@@ -45,8 +45,8 @@ def temperatures(scene: Scene, draws: int, rng: np.random.Generator) -> FloatArr
 
 
 def measured_pace(table: ImpactTable, scene: Scene, rng: np.random.Generator) -> MeasuredPace | None:
-    """The rating of the impacts that are those of the test; None where fewer than three of them are, or where they are
-    on several surfaces, of which there is no mean.
+    """The rating of the impacts that are those of the test; None where fewer than three of them are, or where they
+    are on several surfaces, of which there is no mean.
     """
     if len(set(table.labels.get("surface", ()))) > 1:
         return None

@@ -96,9 +96,9 @@ class PaceRating:
 @dataclass(frozen=True)
 class CourtMean:
     """A court as the mean of its tested places: so many `places`, labels of `column`; the mean `rating`; standard
-    deviations `between` places and `within` one, and the rating `elsewhere`, of a place that was not tested (None where
-    repeats do not tell them apart; a model has no repeats); the largest difference between places, and probabilities
-    of the categories.
+    deviations `between` places and `within` one, and the rating `elsewhere`, of a place that was not tested (None
+    where repeats do not tell them apart; a model has no repeats); the largest difference between places, and
+    probabilities of the categories.
     """
 
     column: str
@@ -142,9 +142,9 @@ class MeasuredPace:
 class CourtPace:
     """Ratings surface by surface, or `missing`: why there is none.
 
-    `court` is the mean of the ratings of several places on one court, `measured` that of the impacts themselves, where
-    they are those of the test. `temperature` of the ball and its sd are in degrees Celsius; ratings are brought to 23
-    where it is known.
+    `court` is the mean of the ratings of several places on one court, `measured` that of the impacts themselves,
+    where they are those of the test. `temperature` of the ball and its sd are in degrees Celsius; ratings are brought
+    to 23 where it is known.
     """
 
     ratings: tuple[PaceRating, ...]

@@ -24,6 +24,8 @@ from fitball.report.form.rounding import decimals, fixed, interval
 
 # Difference of two ratings below which nobody would see it in a rating rounded to a whole number.
 EQUAL = 0.05
+# Probability below which a category of a court is not worth a word.
+LIKELY = 0.005
 QUANTITIES = {"v_y1": ("vertical speed", 1.0, "m/s"), "theta_1": ("angle", 57.29577951308232, "deg")}
 QUANTITIES["omega_1"] = ("spin", 1.0, "rad/s")
 
@@ -78,9 +80,9 @@ def pace_table(fit: Fit) -> PaceTable | None:
     pace = fit.court_pace
     if pace is None:
         return None
-    rows = tuple(_row(rating) for rating in pace.ratings)
+    rows = surface_rows(pace)
     said = conditional_words(fit)
-    remarks = ([f"The rating is {said}."] if said else []) + _remarks(pace)
+    remarks = ([f"The rating is {said}."] if said else []) + pace_remarks(pace)
     return PaceTable(
         rows, tuple(remarks), pace.missing, fit.posterior is not None, court_lines(pace), place_rows(pace)
     )
@@ -122,11 +124,12 @@ def court_lines(pace: CourtPace) -> tuple[str, ...]:
 
 
 def _court_words(court: CourtMean) -> str:
+    likely = {name: share for name, share in court.categories.items() if share >= LIKELY}
     places = _places(court.rating)
     within = ""
     if court.rating.q025 is not None:
         within = f" {interval(court.rating.q025, court.rating.q975, places)} (95 %)"
-    parts = [f"{_middle(court.rating, places)}{within}, {_shares(court.categories, bool(within))}"]
+    parts = [f"{_middle(court.rating, places)}{within}, {_shares(likely, bool(within))}"]
     if court.places > 1:
         parts[0] += f"; mean of {court.places} places ({court.column})"
         for words, spread in (("between places", court.between), ("within one", court.within)):
@@ -159,6 +162,11 @@ def place_rows(pace: CourtPace) -> tuple[PlaceRow, ...]:
     return tuple(rows)
 
 
+def surface_rows(pace: CourtPace) -> tuple[PaceRow, ...]:
+    """Every surface, by the model."""
+    return tuple(_row(rating) for rating in pace.ratings)
+
+
 def _row(rating: PaceRating) -> PaceRow:
     places = _places(rating.rating)
     name, share = max(rating.categories.items(), key=lambda pair: pair[1])
@@ -179,7 +187,8 @@ def _row(rating: PaceRating) -> PaceRow:
     )
 
 
-def _remarks(pace: CourtPace) -> list[str]:
+def pace_remarks(pace: CourtPace) -> list[str]:
+    """What the ratings rest on, and how far they reach."""
     remarks = []
     for rating in pace.ratings:
         name = f"{', '.join(rating.labels)}: " if rating.labels else ""
@@ -213,7 +222,7 @@ def warmth_words(pace: CourtPace) -> str:
     shift = PER_DEGREE * (TEST_TEMPERATURE - pace.temperature)
     return (
         f"The ball had {pace.temperature:g}{error} degrees Celsius: e_T = e + {PER_DEGREE} "
-        f"({TEST_TEMPERATURE:.0f} - T) = e {shift:+.3f}, which is {-PACE_CONSTANT * shift:+.1f} points of the rating "
+        f"({TEST_TEMPERATURE:.0f} - T) = e {'-' if shift < 0.0 else '+'} {abs(shift):.3f}, which is {-PACE_CONSTANT * shift:+.1f} points of the rating "
         "(ITF CS 01/02). Restitutions are shown as they are."
     )
 
