@@ -220,10 +220,11 @@ def warmth_words(pace: CourtPace) -> str:
         )
     error = "" if pace.temperature_sd is None else f" +- {pace.temperature_sd:g}"
     shift = PER_DEGREE * (TEST_TEMPERATURE - pace.temperature)
+    sign = "-" if shift < 0.0 else "+"
     return (
         f"The ball had {pace.temperature:g}{error} degrees Celsius: e_T = e + {PER_DEGREE} "
-        f"({TEST_TEMPERATURE:.0f} - T) = e {'-' if shift < 0.0 else '+'} {abs(shift):.3f}, which is {-PACE_CONSTANT * shift:+.1f} points of the rating "
-        "(ITF CS 01/02). Restitutions are shown as they are."
+        f"({TEST_TEMPERATURE:.0f} - T) = e {sign} {abs(shift):.3f}, {-PACE_CONSTANT * shift:+.1f} points of the "
+        "rating (ITF CS 01/02). Restitutions are shown as they are."
     )
 
 

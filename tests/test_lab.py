@@ -1,0 +1,232 @@
+"""What a lab asks for besides: places on a court, ball temperature, priors from the literature, a certificate."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from headless import find_browser
+from test_court_pace import sliding_rows
+
+import fitball
+from fitball.api import pose
+from fitball.cli.main import main
+from fitball.data.literature import published_priors, with_published
+from fitball.data.read import load_table
+from fitball.data.scene import Scene
+from fitball.errors import FitballError, ParameterError
+from fitball.export.certificate import certificate
+from fitball.inference.prediction.measured_pace import measured_pace
+from fitball.inference.problem.build import Choices
+from fitball.inference.problem.priors import parse_prior
+from fitball.inference.results.drop_test import BallRebound
+from fitball.inference.results.pace_rating import CourtPace, Spread, adjusted
+from fitball.models.registry import parameter_spec
+from fitball.report.fit.pace_rows import court_lines, place_rows, warmth_words
+from fitball.report.saved.restore import restore
+
+MU = {"A": 0.60, "B": 0.66, "C": 0.54, "D": 0.62, "E": 0.58}
+
+
+@pytest.fixture(scope="module")
+def court(tmp_path_factory):
+    """Five places, three sliding impacts each at exactly 30 m/s and 16 degrees, restitution 0.80; without spin."""
+    place = tmp_path_factory.mktemp("court") / "court.csv"
+    v_x1, v_y1 = 30.0 * np.cos(np.radians(16.0)), 30.0 * np.sin(np.radians(16.0))
+    lines = ["v_x1,v_y1,v_x2,v_y2,location"]
+    for name, mu in MU.items():
+        for shift in (-0.01, 0.0, 0.01):
+            row = sliding_rows(mu + shift, [v_x1], [v_y1])[0]
+            lines.append(",".join(f"{value:.9f}" for value in (*row[:2], *row[3:5])) + f",{name}")
+    place.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return place
+
+
+def measured(table, seed=0, **scene):
+    return measured_pace(table, Scene(**scene), np.random.default_rng(seed))
+
+
+def test_places_on_a_court_by_hand(court):
+    table = load_table(court)
+    found = measured(table)
+    # 100 (1 - mu) + 150 (0.81 - 0.80), the mean of all 15 impacts.
+    assert (found.impacts, found.of, found.court.places) == (15, 15, 5)
+    assert found.court.column == "location"
+    assert found.court.rating.point == pytest.approx(100 * (1 - 0.6) + 1.5, abs=1e-5)
+    assert {item.label: round(item.mean, 4) for item in found.places} == {
+        name: round(101.5 - 100 * mu, 4) for name, mu in MU.items()
+    }
+    assert found.court.largest_difference == pytest.approx(12.0, abs=1e-4)
+    # Three impacts one point apart on each side: sd 1 within a place; the mean of 15 of them is known to 1/sqrt(15).
+    assert found.court.within.median == pytest.approx(1.0, rel=0.1)
+    mean = found.court.rating
+    assert (mean.q975 - mean.q025) / 3.92 == pytest.approx(1.0 / np.sqrt(15), rel=0.2)
+    between = np.std([100 * mu for mu in MU.values()], ddof=1)
+    assert found.court.between.q025 < between < found.court.between.q975
+    assert found.court.elsewhere.q975 - found.court.elsewhere.q025 > 4 * (mean.q975 - mean.q025)
+    assert sum(found.court.categories.values()) == pytest.approx(1.0)
+    assert found.court.categories["medium-fast"] > 0.95
+    said = court_lines(CourtPace((), "", measured=found))[0]
+    assert "mean of 5 places (location)" in said and "largest difference 12.0" in said
+    assert [row.label for row in place_rows(CourtPace((), "", measured=found))] == list(MU)
+
+
+def test_ball_temperature_brings_the_restitution_to_23_degrees(court):
+    table = load_table(court)
+    plain, warm = measured(table), measured(table, ball_temperature=31.0)
+    # e_T = e + 0.003 (23 - 31): 0.024 less, 3.6 points more.
+    assert adjusted(np.array([0.8]), 31.0)[0] == pytest.approx(0.776)
+    assert warm.court.rating.point - plain.court.rating.point == pytest.approx(3.6, abs=1e-9)
+    unsure = measured(table, ball_temperature=31.0, ball_temperature_sd=4.0).court.rating
+    assert (unsure.q975 - unsure.q025) / 3.92 == pytest.approx(np.hypot(1.0 / np.sqrt(15), 0.45 * 4.0), rel=0.1)
+    assert "e - 0.024, +3.6 points" in warmth_words(CourtPace((), "", temperature=31.0))
+    assert "No ball temperature" in warmth_words(CourtPace((), ""))
+
+
+def test_impacts_that_are_not_those_of_the_test_are_not_rated(court, tmp_path):
+    table = load_table(court)
+    assert measured(load_table("wang_all.csv")) is None
+    slow = replace(table, impacts=replace(table.impacts, v_x1=0.9 * table.impacts.v_x1))
+    assert measured(slow) is None
+    surfaces = tuple("clay" if k < 6 else "grass" for k in range(15))
+    assert measured(replace(table, labels={**table.labels, "surface": surfaces})) is None
+    alone = measured(replace(table, labels={}))
+    assert alone.places == () and alone.court.between is None and alone.court.column == ""
+    assert measured(replace(table, labels={"group": table.labels["location"]})).court.column == "group"
+    two = measured(replace(table, labels={"location": tuple("ab"[k % 2] for k in range(15))}))
+    assert "fewer than three" in two.remark and two.places[0].rating is None
+
+
+def test_friction_is_fitted_to_each_place_unless_it_is_asked_not_to(court, tmp_path):
+    problem = pose(court, Choices(model="grip-slip"))
+    assert [(item.parameter, item.column, item.labels) for item in problem.pooling] == [("mu", "location", tuple(MU))]
+    assert any("--pool mu=none" in note for note in problem.notes)
+    assert pose(court, Choices(model="grip-slip", pool={"mu": "none"})).pooling == ()
+    assert pose(court, Choices(model="grip-slip", fix={"mu": 0.6})).pooling == ()
+    many = tmp_path / "many.csv"
+    lines = court.read_text(encoding="utf-8").splitlines()
+    many.write_text("\n".join([lines[0]] + [f"{line}{k}" for k, line in enumerate(lines[1:])]), encoding="utf-8")
+    assert pose(many, Choices(model="grip-slip")).pooling == ()
+
+
+@pytest.mark.slow
+def test_a_court_is_the_mean_of_its_places_by_the_model_too(court, tmp_path, without_figures):
+    fit = fitball.calibrate(court, model="grip-slip", point_only=True, cores=1)
+    pace = fit.court_pace
+    points = [rating.rating.point for rating in pace.ratings]
+    assert (pace.court.places, pace.court.column) == (5, "location")
+    assert pace.court.rating.point == pytest.approx(np.mean(points))
+    assert pace.court.between.point == pytest.approx(np.std(points, ddof=1))
+    assert pace.court.rating.point == pytest.approx(41.5, abs=0.5)
+    folder = fit.save(tmp_path / "fit")
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    assert "Places on the court, as measured" in text
+    page = certificate(fitball.load_fit(folder))
+    assert "<h1>Court pace</h1>" in page and "mean of 5 places (location)" in page
+
+
+@pytest.mark.parametrize("row", published_priors(), ids=lambda row: f"{row.parameter}-{row.key}")
+def test_published_priors_are_priors_with_a_source(row):
+    spec = parameter_spec(row.parameter)
+    prior = parse_prior(row.parameter, row.text, spec.lower, spec.upper, spec.unit)
+    low, high = prior.quantile(np.array([0.025, 0.975]))
+    assert spec.lower < low < row.value < high < spec.upper
+    assert any(year in row.source for year in ("2002", "2004")) or "ITF" in row.source
+    assert len(row.note) > 30
+    assert with_published({row.parameter: f" Literature:{row.key} "}) == (
+        {row.parameter: row.text}, {row.parameter: row.provenance}
+    )  # fmt: skip
+
+
+def test_the_itf_rows_follow_from_its_formula():
+    rows = {row.key: row for row in published_priors() if row.parameter == "mu"}
+    for key, rating in {"itf-medium-slow": 32, "itf-medium": 37, "itf-medium-fast": 42}.items():
+        assert rows[key].value == pytest.approx(1 - rating / 100)
+    cor = {row.key: row.value for row in published_priors() if row.parameter == "cor_10"}
+    for key, ends in {"itf-type-1": (138, 151), "itf-type-2": (135, 147), "itf-high-altitude": (122, 135)}.items():
+        low, high = np.sqrt(np.array(ends) / 254)
+        assert low - 0.01 < cor[key] < high
+
+
+def test_unknown_keys_are_answered_with_the_known_ones():
+    with pytest.raises(
+        ParameterError, match=r"did you mean 'clay'.*known keys of mu: acrylic, .*grass.*datasets priors"
+    ):
+        with_published({"mu": "literature:cley"})
+    with pytest.raises(ParameterError, match=r"none of eps_10 .it has mu, cor_10"):
+        with_published({"eps_10": "literature:clay"})
+    with pytest.raises(FitballError, match="literature:granite"):
+        pose("wang_all.csv", Choices(model="grip-slip", priors={"mu": "literature:granite"}))
+
+
+@pytest.fixture(scope="module")
+def drops(tmp_path_factory):
+    """A drop test from the command line: 12 balls at one speed, a prior from the literature, a point fit."""
+    folder = tmp_path_factory.mktemp("drops")
+    cor = 0.745 + 0.004 * np.random.default_rng(3).standard_normal(12)
+    lines = ["ball,v_y1,v_y2", *(f"b{k},7.06,{7.06 * value:.5f}" for k, value in enumerate(cor))]
+    (folder / "drops.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (folder / "drops.toml").write_text('[ball]\ntemperature = 20\ntype = "type-1"\n', encoding="utf-8")
+    return folder
+
+
+def test_a_drop_test_from_table_to_certificate(drops, capsys, without_figures):
+    out = drops / "fit"
+    words = ["--model", "brody", "--prior", "cor_10=literature:itf-type-2", "--point-only", "--out", str(out)]
+    assert main(["calibrate", str(drops / "drops.csv"), *words, "--cores", "1"]) == 0
+    told = capsys.readouterr()
+    lines = told.out.splitlines()
+    assert lines[2].startswith("COR at 7.06 m/s: 0.74")
+    assert "ITF type 1 (fast), 138 to 151 cm" in told.out
+    assert "prior of cor_10 from literature:itf-type-2" in told.err
+    content = json.loads((out / "fit.json").read_text(encoding="utf-8"))
+    assert list(content).index("drop_test") < list(content).index("parameters")
+    assert content["drop_test"]["speeds"][0]["cor"]["point"] == pytest.approx(0.745, abs=0.005)
+    assert content["parameters"]["cor_10"]["prior"] == "normal(0.74, 0.03)"
+    assert "ITF TB 04/01" in content["parameters"]["cor_10"]["prior_source"]
+    assert content["parameters"]["cor_slope"]["prior_source"] == ""
+    report = (out / "report.html").read_text(encoding="utf-8")
+    assert report.index("COR at 7.06 m/s") < report.index("Does the model describe the table?")
+    assert "literature:itf-type-2" in report
+    problem = restore(out).problem
+    assert {item.name: item.prior_source for item in problem.parameters if item.prior_source}.keys() == {"cor_10"}
+    assert (problem.scene.ball_type, problem.scene.ball_temperature) == ("type-1", 20.0)
+    assert main(["export", str(out), "--to", "certificate"]) == 0
+    page = (out / "certificate.html").read_text(encoding="utf-8")
+    sentence, software = content["adequacy"]["sentence"], content["versions"]["fitball"]
+    words = ("COR at 7.06 m/s", "literature:itf-type-2", "12 impacts", sentence[:40], software)
+    for word in (*words, content["table"]["sha256"]):
+        assert word in page
+    assert "http" not in page and "<script" not in page
+
+
+def test_priors_are_listed(capsys):
+    assert main(["datasets", "priors"]) == 0
+    text = capsys.readouterr().out
+    assert "mu=literature:clay  normal(0.73, 0.1)" in text and "Source: " in text
+    assert main(["datasets", "priors", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert len(rows) == len(published_priors()) and all(row["source"] and row["note"] for row in rows)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_browser() is None, reason="no browser")
+def test_a_full_certificate_prints_on_one_page(drops, tmp_path):
+    """Two dozen balls, every remark, a long verdict: still one sheet of A4."""
+    saved = fitball.load_fit(drops / "fit")
+    rebound = Spread(1.4, 1.4, 1.38, 1.39, 1.41, 1.42)
+    balls = tuple(BallRebound(f"ball number {k}", 4, rebound, 0.6) for k in range(30))
+    test = replace(saved.file.drop_test, balls=balls, shared_error=0.01)
+    adequacy = replace(saved.file.adequacy, sentence=(saved.file.adequacy.sentence + " ") * 3)
+    file = msgspec.structs.replace(saved.file, drop_test=test, adequacy=adequacy)
+    page = tmp_path / "certificate.html"
+    page.write_text(certificate(replace(saved, file=file)), encoding="utf-8")
+    pdf = tmp_path / "certificate.pdf"
+    words = ["--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer", f"--print-to-pdf={pdf}"]
+    subprocess.run([find_browser(), *words, page.as_uri()], check=True, capture_output=True, timeout=300)
+    assert pdf.read_bytes().count(b"/Type /Page\n") == 1
+    assert "6 more balls stand in report.html" in page.read_text(encoding="utf-8")
