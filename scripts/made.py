@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from snippets import Outcome, Shell, figures, posix_shell, run_page, snippets
@@ -54,7 +54,8 @@ def is_current(made: Path, page: str, text: str, code: str | None) -> bool:
 
 def make(made: Path, page: str, text: str, code: str, shell: Shell) -> None:
     """Run the snippets of a page and keep what they gave. Raises SnippetError."""
-    outcomes = run_page(text, made / page, shell)
+    # A bundled table is told with its place, which is nobody's but this machine's.
+    outcomes = [replace(item, text=item.text.replace(f"{ROOT}/", "")) for item in run_page(text, made / page, shell)]
     kept = {"page": page_mark(text), "code": code, "outcomes": [asdict(item) for item in outcomes]}
     (made / f"{page}.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 

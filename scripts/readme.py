@@ -152,10 +152,8 @@ def _wang_short(numbers: dict[str, Any]) -> str:
         scale = handy(name, item["unit"])
         sd = item["sd"] * scale.factor
         places = decimals(sd)
-        rows.append(
-            f"| `{name}`, {SPECS[name].meaning} | {fixed(item['median'] * scale.factor, places)} ± {fixed(sd, places)} "
-            f"| {scale.unit or '-'} | {item['verdict']} |"
-        )
+        value = f"{fixed(item['median'] * scale.factor, places)} ± {fixed(sd, places)}"
+        rows.append(f"| `{name}`, {SPECS[name].meaning} | {value} | {scale.unit or '-'} | {item['verdict']} |")
     return "\n".join(rows)
 
 
@@ -243,8 +241,8 @@ def _speed_line() -> str:
     runge = wang[(wang["solver"] == "RK4, compiled") & (wang["setting"] == "400 steps")].iloc[0]
     large = batches[batches["call"].str.startswith("batch of")].iloc[0]
     return (
-        f"A bounce in closed form takes {digits(large['microseconds an impact'], 2)} microseconds on one thread and is "
-        f"off by {closed['largest error']:.1e} of the incident speed at most; compiled RK4 with 400 steps takes "
+        f"A bounce in closed form takes {digits(large['microseconds an impact'], 2)} microseconds on one thread and "
+        f"is off by {closed['largest error']:.1e} of the incident speed at most; compiled RK4 with 400 steps takes "
         f"{digits(runge['microseconds'], 2)} and is off by {runge['largest error']:.1e}."
     )
 

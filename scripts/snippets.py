@@ -1,8 +1,8 @@
 """Snippets of a Markdown page: read, run in a folder as a reader would run them, and woven in with what they gave.
 
-A fence says in its first line what becomes of it. `bash` and `python` are run, one after another, in one folder and one
-namespace for each page; `csv NAME`, `toml NAME` and the like are written to the file NAME first; any other fence is
-only shown. Further words:
+A fence says in its first line what becomes of it. `bash` and `python` are run, one after another, in one folder
+and one namespace for each page; `csv NAME`, `toml NAME` and the like are written to the file NAME first; any other
+fence is only shown. Further words:
 
 - `silent`: what it prints is not shown;
 - `parts=1,4-6`: of what it prints these paragraphs only, counted from 1;
@@ -114,12 +114,12 @@ def figures(text: str) -> list[tuple[str, str]]:
 
 
 def posix_shell(code: str, folder: Path) -> tuple[int, str]:
-    """Run by `sh`, that stops at the first command that fails, with a terminal's width; both streams as they come."""
+    """Run by `sh`, which stops at the first command that fails. What is told is stdout, of a failure stderr too."""
     done = subprocess.run(
-        ["sh", "-e", "-c", code], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
+        ["sh", "-e", "-c", code], cwd=folder, capture_output=True, text=True, check=False,
         env=dict(os.environ, COLUMNS=COLUMNS),
     )  # fmt: skip
-    return done.returncode, done.stdout
+    return done.returncode, done.stdout + (done.stderr if done.returncode else "")
 
 
 def run_page(text: str, folder: Path, shell: Shell = posix_shell) -> list[Outcome]:
@@ -150,13 +150,18 @@ def run_page(text: str, folder: Path, shell: Shell = posix_shell) -> list[Outcom
 def _run_python(item: Snippet, folder: Path, names: dict[str, Any], place: int) -> Outcome:
     """As in a cell of a notebook: the value of a last expression is shown, figures as pictures."""
     tree = ast.parse(item.code)
-    last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
+    last = tree.body[-1] if tree.body and isinstance(tree.body[-1], ast.Expr) else None
+    if last is not None:
+        tree.body.pop()
     printed = io.StringIO()
     value = None
-    with contextlib.chdir(folder), contextlib.redirect_stdout(printed), contextlib.redirect_stderr(io.StringIO()):
-        exec(compile(tree, "snippet", "exec"), names)
-        if isinstance(last, ast.Expr):
-            value = eval(compile(ast.Expression(last.value), "snippet", "eval"), names)
+    try:
+        with contextlib.chdir(folder), contextlib.redirect_stdout(printed), contextlib.redirect_stderr(io.StringIO()):
+            exec(compile(tree, "snippet", "exec"), names)
+            if last is not None:
+                value = eval(compile(ast.Expression(last.value), "snippet", "eval"), names)
+    except Exception as error:
+        raise SnippetError(f"{item.code}\nraised {type(error).__name__}: {error}") from error
     if item.silent or value is None:
         return Outcome(item.shown(printed.getvalue()))
     pictures = []

@@ -25,7 +25,6 @@ TRUTH = {
 NOISE = {"v_x2": 0.30, "v_y2": 0.25, "omega_2": 9.0}  # m/s, m/s, rad/s
 ROWS = 40
 RPM = 2.0 * np.pi / 60.0
-HEAD = "id,group,v_1 [km/h],theta_1 [deg],omega_1 [rpm],v_x2 [km/h],v_y2 [km/h],omega_2 [rpm]"
 
 
 def table_text(seed: int) -> str:
@@ -41,14 +40,17 @@ def table_text(seed: int) -> str:
     impacts = fitball.impacts(v_x1=speed * np.cos(angle), v_y1=speed * np.sin(angle), omega_1=spin)
     rebound = fitball.model("two-mass").rebound(TRUTH, impacts)
     measured = {name: getattr(rebound, name) + sd * rng.standard_normal(ROWS) for name, sd in NOISE.items()}
-    lines = [HEAD]
-    for row in range(ROWS):
-        lines.append(
-            f"{row + 1},{'tuesday' if row < ROWS // 2 else 'friday'},{3.6 * speed[row]:.1f},{np.degrees(angle[row]):.1f},"
-            f"{spin[row] / RPM:.0f},{3.6 * measured['v_x2'][row]:.1f},{3.6 * measured['v_y2'][row]:.1f},"
-            f"{measured['omega_2'][row] / RPM:.0f}"
-        )
-    return "\n".join(lines) + "\n"
+    columns = {
+        "id": [str(row + 1) for row in range(ROWS)],
+        "group": ["tuesday" if row < ROWS // 2 else "friday" for row in range(ROWS)],
+        "v_1 [km/h]": [f"{3.6 * value:.1f}" for value in speed],
+        "theta_1 [deg]": [f"{np.degrees(value):.1f}" for value in angle],
+        "omega_1 [rpm]": [f"{value / RPM:.0f}" for value in spin],
+        "v_x2 [km/h]": [f"{3.6 * value:.1f}" for value in measured["v_x2"]],
+        "v_y2 [km/h]": [f"{3.6 * value:.1f}" for value in measured["v_y2"]],
+        "omega_2 [rpm]": [f"{value / RPM:.0f}" for value in measured["omega_2"]],
+    }
+    return "\n".join([",".join(columns), *map(",".join, zip(*columns.values(), strict=True))]) + "\n"
 
 
 if __name__ == "__main__":

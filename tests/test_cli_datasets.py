@@ -24,13 +24,14 @@ def test_list_names_every_table(capsys: pytest.CaptureFixture[str]) -> None:
     assert call("list") == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines] == [
+        "synthetic_court.csv",
         "synthetic_drop.csv",
         "wang_all.csv",
         "wang_backspin.csv",
         "wang_topspin.csv",
         "wang_zero_spin.csv",
     ]
-    assert "topspin" in lines[3]
+    assert "topspin" in lines[4]
 
 
 def test_list_for_machines(capsys: pytest.CaptureFixture[str]) -> None:

@@ -53,11 +53,17 @@ def test_other_rooms_ask_a_model_what_it_can_do_and_not_of_what_class_it_is():
             assert not asked.search(file.read_text(encoding="utf-8")), file
 
 
-def test_tables_and_numbers_in_the_readme_are_current():
-    from readme import updated
+def test_tables_and_numbers_of_the_pages_are_current():
+    from readme import MARKED, blocks, pages, updated
 
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert updated(text) == text
+    content, seen = blocks(), set()
+    for page in pages():
+        text = page.read_text(encoding="utf-8")
+        assert updated(text, content) == text, page
+        seen |= {found["name"] for found in MARKED.finditer(text)}
+        # No mark that is not met by its end.
+        assert text.count("written by scripts/readme.py -->") == len(MARKED.findall(text)), page
+    assert seen == set(content)
 
 
 def test_wheel_carries_tables_scenes_schemas_and_template(tmp_path):

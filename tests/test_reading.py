@@ -11,6 +11,7 @@ import misread
 import numpy as np
 import pytest
 from samples import save_without_figures
+from snippets import snippets
 from test_data_bounds import ALUMINA, KHARAZ, written
 
 import fitball
@@ -82,9 +83,9 @@ def test_hard_spheres_and_the_readme_are_right_as_they_stand(tmp_path):
     """Kharaz et al. (2001): mu 0.09 and restitution 0.99; four impacts in kilometres, degrees and turns."""
     place = written(tmp_path, KHARAZ, ALUMINA)
     assert doubt_of_table(fitball.load_table(place), load_scene(place).ball) is None
-    readme = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8").split("`my_balls.csv`:")[1]
-    rows = [line.strip() for line in readme.split("\n\n")[1].splitlines()]
-    (tmp_path / "my_balls.csv").write_text("\n".join(rows), encoding="utf-8")
+    readme = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+    (table,) = (item for item in snippets(readme) if item.file == "my_balls.csv")
+    (tmp_path / "my_balls.csv").write_text(table.code, encoding="utf-8")
     assert doubt_of_table(fitball.load_table(tmp_path / "my_balls.csv"), fitball.Ball()) is None
 
 

@@ -1,0 +1,96 @@
+"""Snippets of pages run quickly: `fitball` in this process, few steps, figures drawn but not rendered."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import shlex
+from pathlib import Path
+
+import matplotlib.figure
+from snippets import posix_shell
+
+import fitball
+from fitball import api
+from fitball.cli.main import main
+from fitball.inference.comparison import cross_validation
+from fitball.inference.identifiability import examine
+from fitball.inference.point import point_fit
+
+# What is added to a line of each verb; the road is the same, only shorter. One fit is sampled, that of the table
+# which most pages share; the pictures of a posterior that the others then lack are blank as all are.
+SHORTER = {
+    "calibrate": ("--point-only", "--cores", "1"),
+    "compare": ("--models", "brody,grip-slip", "--max-steps", "100", "--cores", "1"),
+}
+SAMPLED = "wang_all.csv"
+OF_A_POSTERIOR = ("corner.png", "trace.png")
+STEPS = 100
+# One white pixel.
+PNG = bytes.fromhex(
+    "89504e470d0a1a0a0000000d4948445200000001000000010802000000907753de0000000c49444154789c63f8ffff3f0005fe02fe0def46b8"
+    "0000000049454e44ae426082"
+)
+SVG = b'<svg xmlns="http://www.w3.org/2000/svg" width="1" height="1"/>'
+BLANK = {"png": PNG, "svg": SVG, "pdf": b"%PDF-1.4\n", "gif": b"GIF89a"}
+
+
+def blank(_figure, target, *, format=None, **_options):
+    """In the place of `Figure.savefig`."""
+    form = format or Path(target).suffix[1:]
+    if hasattr(target, "write"):
+        target.write(BLANK[form])
+    else:
+        Path(target).write_bytes(BLANK[form])
+
+
+def make_quick(patch) -> None:
+    """Let figures stay blank, and searches be short: few starts and steps, no second looks, profiles of short tables
+    alone, few folds. Other tests look at all of these.
+    """
+    calibrate, run = fitball.calibrate, api.run
+    patch.setattr(matplotlib.figure.Figure, "savefig", blank)
+    patch.setattr(fitball, "calibrate", lambda *a, **k: calibrate(*a, **{"max_steps": STEPS, "cores": 1} | k), False)
+    patch.setattr(api, "run", lambda *a, **k: run(*a, **k | {"assumptions": False}))
+    patch.setattr(point_fit, "STARTS", 3)
+    patch.setattr(examine, "PROFILED", 10)
+    patch.setattr(cross_validation, "SINGLY", 1)
+    patch.setattr(cross_validation, "FOLDS", 2)
+
+
+def quick_shell(code: str, folder: Path) -> tuple[int, str]:
+    """See `snippets.Shell`: lines of `fitball` alone run here, all others by `sh`."""
+    told = ""
+    for line in code.replace("\\\n", " ").splitlines():
+        words = shlex.split(line, comments=True)
+        if not words:
+            continue
+        if words[0] == "fitball" and not {">", "|", "&&", ";"} & set(words):
+            status, printed = _fitball(words[1:], folder)
+        else:
+            status, printed = posix_shell(line, folder)
+        told += printed
+        if status:
+            return status, told
+    return 0, told
+
+
+def _fitball(words: list[str], folder: Path) -> tuple[int, str]:
+    out, err = io.StringIO(), io.StringIO()
+    shorter = SHORTER.get(words[0], ()) if words and not {"--help", "--point-only"} & set(words) else ()
+    if shorter and SAMPLED in words:
+        shorter = ("--max-steps", str(STEPS), "--cores", "1")
+    with contextlib.chdir(folder), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            status = main([*words, *shorter])
+        except SystemExit as end:
+            status = end.code or 0
+    told = out.getvalue() + err.getvalue()
+    # Too few steps to converge is what was asked for.
+    if shorter and status == 1 and "converge" in told.lower():
+        status = 0
+    if "--point-only" in shorter:
+        for found in folder.rglob("fit.json"):
+            for name in OF_A_POSTERIOR:
+                (found.parent / name).write_bytes(PNG)
+    return status, told if status else out.getvalue()
