@@ -62,8 +62,8 @@ class Doubt:
 def doubt_of(columns: Columns, units: Mapping[str, str], ball: Ball) -> Doubt | None:
     """What there is to say against the reading of `columns` [SI, by name, angles in rad], or None.
 
-    `units` are the symbols by column, as the header says. Rows in which all was measured (a gap is NaN) are looked at;
-    where these are too few, those that have all but what is missing most often, and so on.
+    `units` are the symbols by column, as the header says. Rows in which all was measured (a gap is NaN) are looked
+    at; where these are too few, those that have all but what is missing most often, and so on.
     """
     columns = {name: values for name, values in columns.items() if MEASURED[name] is not Dimension.TIME}
     gaps = {name: int(np.isnan(values).sum()) for name, values in columns.items() if name in REBOUND}

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from fitball.export.port.face import OK
 from fitball.models.kernels.bounce import TANGENTIAL, TORSION, TORSION_RIGID, contact_of, vertical_motion
 from fitball.models.kernels.bounce_history import impulse_at, rigid_phase, vertical_at
-from fitball.models.kernels.phases import FREE, MAX_PACKED_PHASES, PHASE_BITS, SLIDE_BACKWARD, SLIDE_FORWARD
+from fitball.models.kernels.phases import FREE, SLIDE_BACKWARD, SLIDE_FORWARD
 from fitball.models.kernels.quantities import Contact, Scratch, VerticalMotion
 from fitball.models.kernels.two_mass import two_mass_contact
+from fitball.models.types import MAX_PACKED_PHASES, PHASE_BITS
 from fitball.values import FloatArray
 
 # Given by the port.
@@ -102,9 +103,7 @@ def moment_of(
         other = time + step if time + step < vertical.t_force else time - step
         moved = along_court(contact, codes[TORSION] == TORSION_RIGID, other, scratch)
         friction = contact.mass * (moved.v_x - found.v_x) / (other - time)
-    return Moment(
-        OK, time, y, y_rate, found.v_x, found.omega_core, found.omega_shell, force, friction, found.phase
-    )
+    return Moment(OK, time, y, y_rate, found.v_x, found.omega_core, found.omega_shell, force, friction, found.phase)
 
 
 def along_court(contact: Contact[float], rigid: bool, time: float, scratch: Scratch) -> Moment:
