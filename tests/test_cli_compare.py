@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import os
+import re
 import signal
 import time
 
 import numpy as np
 import pytest
+from headless import Browser
 from samples import HANG
+from test_report_browser import FOUND, PHONE, SCREEN, complaints
+from test_report_html import faults
 
 from fitball.cli.main import main
+from fitball.report.compare.text import ASSUMED, ERRORS, LEGEND
 
 ROWS = """id,group,v_x1 [m/s],v_y1 [m/s],omega_1 [rpm],v_x2 [m/s],v_y2 [m/s],omega_2 [rpm]
 a,flat,16.0,5.0,0,11.5,4.1,2400
@@ -29,7 +35,6 @@ PAIR = ["--models", "brody,grip-slip", "--max-steps", "300", "--cores", "1", "--
 def done(tmp_path_factory):
     """A comparison of two models in a folder of its own: (folder, exit code, stdout, stderr)."""
     import contextlib
-    import io
 
     place = tmp_path_factory.mktemp("compare")
     (place / "balls.csv").write_text(ROWS, encoding="utf-8")
@@ -44,7 +49,7 @@ def test_files_are_complete_and_agree(done):
     folder = place / "fits" / "balls" / "compare"
     assert code in (0, 1), err
     assert sorted(item.name for item in folder.iterdir()) == [
-        "compare.csv", "compare.json", "compare.png", "compare.txt", "forest.png"
+        "compare.csv", "compare.html", "compare.json", "compare.png", "compare.txt", "forest.png"
     ]  # fmt: skip
     assert all((folder / name).read_bytes().startswith(b"\x89PNG") for name in ("compare.png", "forest.png"))
     content = json.loads((folder / "compare.json").read_text(encoding="utf-8"))
@@ -90,6 +95,61 @@ def test_the_terminal_says_what_was_done(done):
     assert "there is no scene file" in err
     # Nothing of the thesis beside data that are not Wang's.
     assert "Table 9" not in out
+
+
+def plain(html):
+    """The words of a page, a blank between any two."""
+    import html as entities
+
+    return " ".join(entities.unescape(re.sub(r"<[^>]*>", " ", re.sub(r"data:image/[^\"]*", "", html))).split())
+
+
+def squeezed(text):
+    """Letters and digits alone: lines break elsewhere on a terminal."""
+    return re.sub(r"\W+", "", text)
+
+
+def test_the_page_says_what_the_terminal_says(done):
+    place, _code, out, _err = done
+    page = (place / "fits" / "balls" / "compare" / "compare.html").read_text(encoding="utf-8")
+    assert faults(page) == []
+    shown = plain(page)
+    # "None" may begin a sentence.
+    assert not re.search(r"\b(nan|Undefined|inf)\b|>None<", re.sub(r"data:image/[^\"]*", "", page))
+    assert "fitball compare balls.csv --models brody,grip-slip" in shown
+    content = json.loads((place / "fits" / "balls" / "compare" / "compare.json").read_text(encoding="utf-8"))
+    models = [model["name"] for model in content["models"]]
+    said = [LEGEND, ERRORS, ASSUMED, content["words"], *(f"{note}." for note in content["notes"])]
+    said += [f"{name}: too few rows to tell" for name in models] + [f"{name}: identified" for name in models]
+    for text in said:
+        assert squeezed(text) in squeezed(out) and squeezed(text) in squeezed(shown), text
+    best = content["models"][0]
+    for name, verdict in best["verdicts"].items():
+        assert re.search(rf"{name} {verdict}", shown)
+
+
+def test_the_page_predicts_impacts_left_out_as_compare_json_has_them(done):
+    place = done[0] / "fits" / "balls" / "compare"
+    content = json.loads((place / "compare.json").read_text(encoding="utf-8"))
+    shown = plain((place / "compare.html").read_text(encoding="utf-8"))
+    measured = {row["id"]: row for row in csv.DictReader(io.StringIO(ROWS))}
+    ways = [
+        next(item for item in model["left_out"] if item["scheme"] == "each impact") for model in content["models"]
+    ]
+    for name, row in measured.items():
+        value = float(row["v_x2 [m/s]"])
+        cells = [value, *(value + way["errors"]["v_x2"][way["impacts"].index(name)] for way in ways)]
+        assert " | ".join(f"{cell:.2f}" for cell in cells) in shown, name
+
+
+@pytest.mark.skipif(FOUND is None, reason="no browser is installed")
+@pytest.mark.parametrize(("width", "scheme"), [(PHONE, "light"), (SCREEN, "dark")])
+def test_the_page_holds_in_a_browser(done, tmp_path, width, scheme):
+    page = done[0] / "fits" / "balls" / "compare" / "compare.html"
+    with Browser(FOUND, tmp_path) as browser:
+        visit = browser.visit(page, width, scheme)
+    assert complaints(visit, page) == []
+    assert len(visit.layout["images"]) == 2 and visit.layout["anchors"] >= 7
 
 
 def test_a_second_run_refuses(done, capsys):

@@ -54,7 +54,7 @@ class Strict(HTMLParser):
         if tag == "tr":
             self.cells = 0
         if tag in ("td", "th"):
-            self.cells += 1
+            self.cells += int(found.get("colspan", 1))
         if tag in ("script", "iframe", "object", "link"):
             self.faults.append(f"<{tag}>")
 

@@ -81,9 +81,9 @@ def run(args: argparse.Namespace) -> int:
         tell_notes([*table.remarks, *doubts, *scene.assumed, *said])
     published = published_sets(table)
     comparison = compare(table, candidates, effort, args.quick, published, lambda stage: progress(stage, None))
-    progress("figure and files", None)
+    progress("figures and files", None)
     text = words(comparison)
-    write_all(comparison, text, folder)
+    write_all(comparison, text, folder, args.command)
     progress.finish()
     if args.json:
         print(json_text(json_content(comparison, text)), end="")

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from fitball.inference.prediction.simulate import Simulation
+    from fitball.models.model import Model
     from fitball.values import Impacts
 
 FORMATS = ("png", "svg", "pdf")
@@ -25,6 +26,8 @@ EXAMPLE = """examples:
   fitball simulate --impact "v=38 mph, theta=18 deg, spin=950 rpm top"
   fitball simulate --impact "v=17, theta=42, spin=100" --fit fits/wang_all/two-mass
   fitball simulate --impact "v_x=12, v_y=10" --model two-mass+torsion=free --set mu=0.6 --set zeta_theta=0.2
+  fitball simulate --map "v=30" --set mu=0.7
+  fitball simulate --map --fit fits/wang_all/two-mass --contours omega_2
   fitball simulate --example fig27
   fitball simulate --example list"""
 
@@ -52,6 +55,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--set", metavar="NAME=VALUE", action="append", default=[], dest="values",
         help="a parameter of the model in SI units; repeatable",
     )  # fmt: skip
+    parser.add_argument(
+        "--map", nargs="?", const="", metavar="TEXT",
+        help='instead of one impact the regimes of contact over angle and spin, e.g. "v=30, theta=10..80, '
+        'spin=-300..300" (default: around the impacts of --fit)',
+    )  # fmt: skip
+    parser.add_argument(
+        "--contours", metavar="NAME", help="of --map: v_x2, v_y2, v_2, theta_2 (default), omega_2 or contact_time"
+    )
     parser.add_argument("--example", metavar="NAME", help="fig8 to fig28 of Jafri (2004), or list")
     parser.add_argument(
         "--draws", type=count, default=200, metavar="N", help="posterior draws of --fit (default 200)"
@@ -71,6 +82,10 @@ def run(args: argparse.Namespace) -> int:
     if args.format not in FORMATS:
         raise ParameterError(f"unknown format '{args.format}': {suggestion(args.format, FORMATS)}")
     _check_together(args)
+    if args.map is not None:
+        from fitball.cli.simulate_map import run_map
+
+        return run_map(args)
     if args.example == "list":
         from fitball.studies.thesis.example_report import list_text
 
@@ -95,9 +110,14 @@ def _check_together(args: argparse.Namespace) -> None:
     own += ["--set"] if args.values else []
     if args.example is not None and own:
         raise ParameterError(f"--example brings its own impact and parameters: leave out {', '.join(own)}")
-    if args.example is None and args.impact is None:
+    idle = [f"--{name}" for name in ("impact", "example", "csv") if getattr(args, name) is not None]
+    if args.map is not None and idle:
+        raise ParameterError(f"--map is about many impacts: leave out {', '.join(idle)}")
+    if args.map is None and args.contours is not None:
+        raise ParameterError("--contours belongs to --map")
+    if args.example is None and args.impact is None and args.map is None:
         raise ParameterError(
-            'simulate needs an impact, such as --impact "v=17, theta=18, spin=100", or --example NAME'
+            'simulate needs an impact, such as --impact "v=17, theta=18, spin=100", --map, or --example NAME'
         )
     if args.fit is not None and (args.model is not None or args.values):
         raise ParameterError("--fit brings its own model and parameters: leave out --model and --set")
@@ -145,18 +165,24 @@ def _from_fit(args: argparse.Namespace, impact: Impacts) -> tuple[Simulation, st
 
 def _from_values(args: argparse.Namespace, impact: Impacts) -> tuple[Simulation, str, list[str]]:
     """A model at its defaults, some of them set."""
+    from fitball.inference.prediction.simulate import simulate
+
+    chosen, parameters, notes = chosen_model(args)
+    return simulate(chosen, parameters, impact), chosen.name, notes
+
+
+def chosen_model(args: argparse.Namespace) -> tuple[Model, dict[str, float], list[str]]:
+    """The model of `--model` at its defaults, those of `--set` changed, and a note that says which were not."""
     from fitball.inference.comparison.candidates import parse_name
-    from fitball.inference.prediction.simulate import chosen_parameters, simulate
+    from fitball.inference.prediction.simulate import chosen_parameters
     from fitball.models.registry import DEFAULT_MODEL, model
 
     name, closures = parse_name(args.model if args.model is not None else DEFAULT_MODEL)
     chosen = model(name, ball=None, tangential=True, **closures)
     changed = _values(args.values)
-    simulation = simulate(chosen, chosen_parameters(chosen, changed), impact)
-    rest = ", ".join(
-        f"{item} = {simulation.parameters[item]:g}" for item in chosen.parameter_names if item not in changed
-    )
-    return simulation, name, [f"defaults near the fits to Wang's balls: {rest}"] if rest else []
+    parameters = chosen_parameters(chosen, changed)
+    rest = ", ".join(f"{item} = {parameters[item]:g}" for item in chosen.parameter_names if item not in changed)
+    return chosen, parameters, [f"defaults near the fits to Wang's balls: {rest}"] if rest else []
 
 
 def _example(args: argparse.Namespace) -> _Made:

@@ -98,3 +98,31 @@ def _ordered(listed: list[Axis]) -> tuple[Axis, ...]:
     if size > MOST_POINTS:
         raise ParameterError(f"{size} points: expected {MOST_POINTS} at most")
     return axes
+
+
+def parse_window(text: str) -> dict[str, tuple[float, float]]:
+    """Low and high of the quantities of a map, by the tables' name in SI, from `v=20, theta=10..80, spin=-300..300`;
+    those not named are left out. Raises ParameterError that quotes the text.
+    """
+    window: dict[str, tuple[float, float]] = {}
+    for item in filter(None, (part.strip() for part in text.split(","))):
+        try:
+            # Of a range the ends count, not the points between them.
+            axis = _axis(f"{item}:2" if ".." in item and ":" not in item else item)
+        except (ParameterError, UnitError) as error:
+            raise ParameterError(f"map '{text}': {error}") from None
+        low, high = float(axis.values[0]), float(axis.values[-1])
+        if axis.name in window:
+            raise ParameterError(f"map '{text}': {axis.name} is given twice")
+        if axis.name not in ("v_1", "theta_1", "omega_1"):
+            raise ParameterError(f"map '{text}': {item}: expected v (one speed), theta and spin (ranges)")
+        if (axis.name == "v_1") != (low == high):
+            wanted = "one speed" if axis.name == "v_1" else "a range such as theta=10..80"
+            raise ParameterError(f"map '{text}': {item}: expected {wanted}")
+        window[axis.name] = (low, high)
+    if "v_1" in window and not window["v_1"][0] > 0.0:
+        raise ParameterError(f"map '{text}': expected a speed above 0")
+    low, high = window.get("theta_1", (0.1, 0.2))
+    if not 0.0 < low < high < pi:
+        raise ParameterError(f"map '{text}': expected angles to the court between 0 and 180 deg")
+    return window

@@ -97,3 +97,12 @@ class FittedModel:
             for row, label in enumerate(BAND):
                 result[f"{name}_{label}"] = bands[row]
         return result
+
+
+def at_values(chosen: Model, parameters: Mapping[str, float]) -> FittedModel:
+    """A model at parameters that no table was asked about: no draws, no impacts."""
+    none = np.empty(0)
+    return FittedModel(
+        chosen.name, chosen.options, chosen.ball, True, tuple(parameters), np.array([*parameters.values()]),
+        np.empty((0, len(parameters))), Impacts(none, none, none),
+    )  # fmt: skip

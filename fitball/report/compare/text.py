@@ -6,6 +6,7 @@ import textwrap
 from pathlib import Path
 
 from fitball.inference.comparison.results import Comparison, ModelScore
+from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.results import Verdict
 from fitball.report.compare.rows import (
     assumption_table,
@@ -23,8 +24,14 @@ LEGEND = (
     "sqrt(n) times the sd over impacts. p_loo: effective number of parameters. Weights: stacking and pseudo-BMA+ "
     "(Yao et al. 2018); models that predict alike share theirs. AICc, BIC: maximised likelihood without priors; all "
     "free parameters, noise included, count whether or not the table sees them, and n is the number of measurements. "
-    "Describes: whether the model describes the table at all (compare.json says what is against it)."
+    "Describes: whether the model describes the table at all; below stands what is against it."
 )
+ANSWERS = {
+    Answer.DESCRIBES: "yes, no check of the residuals finds a pattern",
+    Answer.EXCEPT: "yes, except for {}",
+    Answer.FAILS: "NO: {}",
+    Answer.UNTOLD: "too few rows to tell",
+}
 ERRORS = "Root mean square errors of predictions at the maximum of the posterior of a fit without those impacts."
 ANGLE = " theta_2 follows from v_x2 and v_y2 where it is not an independent column."
 ASSUMED = (
@@ -40,30 +47,26 @@ PUBLISHED = (
 
 def render(comparison: Comparison, words: str, folder: Path) -> str:
     """The end of a comparison as a person reads it."""
-    table = comparison.table
-    scored = ", ".join(comparison.columns)
-    top = f"{len(comparison.models)} models on {table.name} ({len(table)} impacts), scored by {scored}"
+    top = heading(comparison)
     parts = [top, "=" * len(top), "", *columns(score_table(comparison)), "", *textwrap.wrap(LEGEND, WIDTH), ""]
     parts += [*columns(error_table(comparison)), ""]
     beyond = extrapolation_table(comparison)
     if beyond:
         parts += [*columns(beyond), ""]
-    angle = ANGLE if "theta_2" in scored_outputs(comparison) else ""
-    parts += textwrap.wrap(ERRORS + angle + (f" {PUBLISHED}" if comparison.published else ""), WIDTH)
+    parts += textwrap.wrap(errors_legend(comparison), WIDTH)
     assumed = assumption_table(comparison)
     if assumed:
         parts += ["", *columns(assumed, left=2), "", *textwrap.wrap(ASSUMED, WIDTH)]
-    parts += ["", "What the table does not tell of each model's parameters:"]
-    for item in comparison.models:
-        parts += textwrap.wrap(_unidentified(item), WIDTH, initial_indent="  ", subsequent_indent="      ")
-    remarks = [
-        *comparison.notes,
-        *(f"{scored.name}: {note}" for scored in comparison.models for note in remarks_on(scored)),
-    ]
-    if remarks:
-        parts += ["", "Notes:"]
-    for note in remarks:
-        parts += textwrap.wrap(f"{note}.", WIDTH, initial_indent="  ", subsequent_indent="      ")
+    for title, lines in (
+        ("Does each model describe the table?", [f"{name}: {line}" for name, line in adequacy_lines(comparison)]),
+        ("What the table does not tell of each model's parameters:",
+         [f"{scored.name}: {untold(scored)}" for scored in comparison.models]),
+        ("Notes:", [f"{note}." for note in remarks(comparison)]),
+    ):  # fmt: skip
+        if lines:
+            parts += ["", title]
+        for line in lines:
+            parts += textwrap.wrap(line, WIDTH, initial_indent="  ", subsequent_indent="      ")
     parts += [
         "",
         *textwrap.wrap(words, WIDTH, break_on_hyphens=False),
@@ -71,6 +74,36 @@ def render(comparison: Comparison, words: str, folder: Path) -> str:
         f"Time: {comparison.seconds:.0f} s. Results: {folder}",
     ]
     return "\n".join(parts)
+
+
+def heading(comparison: Comparison) -> str:
+    """What was compared, on what."""
+    table, scored = comparison.table, ", ".join(comparison.columns)
+    return f"{len(comparison.models)} models on {table.name} ({len(table)} impacts), scored by {scored}"
+
+
+def errors_legend(comparison: Comparison) -> str:
+    """What the errors are."""
+    angle = ANGLE if "theta_2" in scored_outputs(comparison) else ""
+    return ERRORS + angle + (f" {PUBLISHED}" if comparison.published else "")
+
+
+def adequacy_lines(comparison: Comparison) -> list[tuple[str, str]]:
+    """Whether each model describes the table, in a line, where that was looked at."""
+    looked = [(scored.name, scored.fit.adequacy) for scored in comparison.models]
+    return [
+        (name, ANSWERS[found.answer].format("; ".join(found.exceptions)))
+        for name, found in looked
+        if found is not None
+    ]
+
+
+def remarks(comparison: Comparison) -> list[str]:
+    """What a reader of the whole should know: what was left out, what did not settle."""
+    return [
+        *comparison.notes,
+        *(f"{scored.name}: {note}" for scored in comparison.models for note in remarks_on(scored)),
+    ]
 
 
 def remarks_on(scored: ModelScore) -> list[str]:
@@ -86,13 +119,14 @@ def remarks_on(scored: ModelScore) -> list[str]:
     return notes
 
 
-def _unidentified(scored: ModelScore) -> str:
+def untold(scored: ModelScore) -> str:
+    """The parameters of a model that the table leaves open, by verdict."""
     open_ones = scored.unidentified
     if not open_ones:
-        return f"{scored.name}: identified throughout"
+        return "identified throughout"
     parts = []
     for verdict in (Verdict.CONDITIONAL, Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED):
         names = [name for name, one in open_ones.items() if one is verdict]
         if names:
             parts.append(f"{verdict} {', '.join(names)}")
-    return f"{scored.name}: {'; '.join(parts)}"
+    return "; ".join(parts)

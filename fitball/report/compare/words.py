@@ -16,12 +16,17 @@ from fitball.report.form.rounding import fixed
 
 def words(comparison: Comparison) -> str:
     """A paragraph; what it recommends rests on the numbers of this table alone."""
+    return " ".join(sentences(comparison))
+
+
+def sentences(comparison: Comparison) -> list[str]:
+    """What the words say, point by point, the best model first."""
     if not comparison.meaningful:
-        return (
+        return [
             f"{len(comparison.table)} impacts are too few: the numbers describe these impacts and recommend no "
             "model. Measure at least six, better twenty, over the angles and spins that matter."
-        )
-    sentences = [
+        ]
+    points = [
         _best(comparison),
         _simplest(comparison),
         _beyond(comparison),
@@ -29,7 +34,7 @@ def words(comparison: Comparison) -> str:
         _masses(comparison),
         _caution(comparison),
     ]
-    return " ".join(sentence for sentence in sentences if sentence)
+    return [point for point in points if point]
 
 
 def _best(comparison: Comparison) -> str:

@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-import base64
-import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from fitball.report.figures.embed import PageFigure, data_uri, embed
 from fitball.report.figures.names import FIGURES
-from fitball.report.figures.save import DPI, save_figure
+from fitball.report.figures.save import DPI
 
 # Impacts up to which a vector figure is smaller than its pixels (a marker is 250 bytes).
 MOST_VECTOR = 400
 # Dots an inch of a raster figure on the page; the files beside it are finer.
 PAGE_DPI = 100
-MEDIA = {"svg": "image/svg+xml", "png": "image/png"}
-
-
-@dataclass(frozen=True)
-class PageFigure:
-    """A figure to embed: `source` (a data URI), `caption`, `alt` text, and its `width` in inches."""
-
-    source: str
-    caption: str
-    alt: str
-    width: float
 
 
 def page_figures(figures: Mapping[str, Figure], alt: Mapping[str, str], impacts: int) -> dict[str, list[PageFigure]]:
@@ -38,8 +24,7 @@ def page_figures(figures: Mapping[str, Figure], alt: Mapping[str, str], impacts:
             continue
         figure = figures[name]
         form = "png" if text.raster or impacts > MOST_VECTOR else "svg"
-        content = _rendered(figure, form, PAGE_DPI if text.raster else DPI)
-        shown = PageFigure(data_uri(content, form), text.caption, alt[name], float(figure.get_figwidth()))
+        shown = embed(figure, text.caption, alt[name], form, PAGE_DPI if text.raster else DPI)
         sections[text.section].append(shown)
     return sections
 
@@ -56,15 +41,3 @@ def embedded(images: Mapping[str, bytes], captions: Mapping[str, str]) -> dict[s
 def _pixels(png: bytes) -> int:
     """Width of a PNG file: the first number of its header chunk."""
     return int.from_bytes(png[16:20], "big")
-
-
-def data_uri(content: bytes, form: str) -> str:
-    """The content of an svg or png file as a URI."""
-    return f"data:{MEDIA[form]};base64,{base64.b64encode(content).decode('ascii')}"
-
-
-def _rendered(figure: Figure, form: str, dpi: int) -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder) / f"figure.{form}"
-        save_figure(figure, place, form, dpi)
-        return place.read_bytes()

@@ -5,15 +5,13 @@ from __future__ import annotations
 import platform
 from collections.abc import Mapping, Sequence
 
-from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
-
 from fitball.inference.results.results import Fit, Verdict
+from fitball.report.figures.embed import PageFigure
 from fitball.report.fit.adequacy_rows import CHECK_HEADS, MISFIT_HEADS, NOISE_HEADS, adequacy_table
 from fitball.report.fit.assumption_rows import assumption_table
 from fitball.report.fit.balance_table import balance_table
 from fitball.report.fit.budget_rows import budget_table
 from fitball.report.fit.drop_rows import drop_table
-from fitball.report.fit.embedded_figures import PageFigure
 from fitball.report.fit.evidence_rows import direction_rows, evidence_rows
 from fitball.report.fit.headline import NOT_TOLD, TOLD, headline, told_rows
 from fitball.report.fit.pace_rows import pace_table
@@ -26,8 +24,8 @@ from fitball.report.fit.summary import (
     prediction_table,
     thesis_rows,
 )
+from fitball.report.form.template import render_template
 from fitball.report.saved.fit_text import package_versions
-from fitball.version import __version__
 
 # Impacts listed one by one; the files beside the page hold them all.
 MOST_ROWS = 300
@@ -50,18 +48,6 @@ SECTIONS = {
     "notes": "Notes on table and scene",
     "repeat": "How to repeat it",
 }
-
-
-def render_template(package: str, template: str, **context: object) -> str:
-    """A page from `template`, looked for in the templates of `package`, then among those of the reports."""
-    environment = Environment(
-        loader=ChoiceLoader([PackageLoader(package), PackageLoader("fitball.report")]),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template(template).render(version=__version__, **context)
 
 
 def page(fit: Fit, figures: Mapping[str, Sequence[PageFigure]], command: str | None = None) -> str:

@@ -14,8 +14,8 @@ from fitball.data.thesis_tables import thesis_table
 from fitball.errors import ResultFolderError
 from fitball.report.figures.save import save_figure
 from fitball.report.fit.embedded_figures import embedded
-from fitball.report.fit.html import render_template
 from fitball.report.form.atomic_write import write_text
+from fitball.report.form.template import render_template
 from fitball.studies.thesis import appendix_c, appendix_d, printed_tables, ranking, recalibration
 from fitball.studies.thesis.chapter_five import ChapterFive
 from fitball.studies.thesis.chapter_five_figures import CAPTIONS, draw_all
