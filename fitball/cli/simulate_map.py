@@ -24,6 +24,7 @@ CONTOURS = "theta_2"
 
 def run_map(args: argparse.Namespace) -> int:
     """Compute the map, write figure, table and record, and print it in words."""
+    from fitball.data.grid_text import parse_window
     from fitball.inference.prediction.regime_map import regime_map
     from fitball.report.figures.save import save_figure
     from fitball.report.form.atomic_write import write_text
@@ -35,10 +36,11 @@ def run_map(args: argparse.Namespace) -> int:
     contours = CONTOURS if args.contours is None else args.contours
     if contours not in contour_names():
         raise ParameterError(f"unknown quantity '{contours}': {suggestion(contours, contour_names())}")
+    asked = parse_window(args.map)
     fitted, title, impacts, source = _from_fit(args.fit) if args.fit is not None else _from_values(args)
     if contours == "contact_time" and not fitted.model.has_time:
         raise ParameterError(f"--contours contact_time: model {fitted.model.name} has none")
-    found = regime_map(fitted, _window(args.map, impacts))
+    found = regime_map(fitted, _window(asked, impacts))
     name = f"map_{'fit_' if args.fit is not None else ''}{fitted.model.name}_{found.window.speed:.4g}"
     folder = Path(args.out) if args.out else DEFAULT_FOLDER / name
     clear_folder(folder, JSON_NAME, CSV_NAME, f"{FIGURE_STEM}.*", overwrite=args.overwrite)
@@ -82,14 +84,12 @@ def _from_values(args: argparse.Namespace) -> tuple[FittedModel, str, Impacts | 
     return at_values(model, parameters), model.name, None, ""
 
 
-def _window(text: str, impacts: Impacts | None) -> Window:
-    """What the map shows: as asked for, else around the impacts. Raises ParameterError."""
+def _window(asked: dict[str, tuple[float, float]], impacts: Impacts | None) -> Window:
+    """What the map shows: as asked for, else around the impacts."""
     import numpy as np
 
-    from fitball.data.grid_text import parse_window
     from fitball.inference.prediction.regime_map import Window
 
-    asked = parse_window(text)
     speed, angle, spin = SPEED, ANGLE, SPIN
     if impacts is not None:
         speed = float(np.median(np.hypot(impacts.v_x1, impacts.v_y1)))
