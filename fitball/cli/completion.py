@@ -194,5 +194,7 @@ OFFERS: Mapping[str, Offer] = {
     "force": _ending(*TABLES),
     "port": _ending(*TABLES),
     "csv": _ending(".csv"),
+    "animate": _ending(".gif", ".mp4"),
+    "contours": _among("v_x2", "v_y2", "v_2", "theta_2", "omega_2", "contact_time"),
     "out": lambda prefix, _parsed: _files(prefix, lambda _path: True),
 }

@@ -26,6 +26,7 @@ EXAMPLE = """examples:
   fitball simulate --impact "v=38 mph, theta=18 deg, spin=950 rpm top"
   fitball simulate --impact "v=17, theta=42, spin=100" --fit fits/wang_all/two-mass
   fitball simulate --impact "v_x=12, v_y=10" --model two-mass+torsion=free --set mu=0.6 --set zeta_theta=0.2
+  fitball simulate --impact "v=17, theta=42, spin=100" --animate bounce.gif
   fitball simulate --map "v=30" --set mu=0.7
   fitball simulate --map --fit fits/wang_all/two-mass --contours omega_2
   fitball simulate --example fig27
@@ -72,6 +73,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("--overwrite", action="store_true", help="replace an older result, and FILE.csv")
     parser.add_argument("--format", default="png", metavar="FORMAT", help="of the figure: png (default), svg or pdf")
+    parser.add_argument(
+        "--animate",
+        metavar="FILE",
+        help="write a slow-motion film of the bounce: bounce.gif, or bounce.mp4 with ffmpeg",
+    )
     parser.add_argument("--csv", metavar="FILE.csv", help="write the courses to this file too")
     parser.add_argument("--json", action="store_true", help="print JSON (SI units)")
     parser.add_argument("--quiet", action="store_true", help="no table and no notes: only errors and files")
@@ -95,10 +101,17 @@ def run(args: argparse.Namespace) -> int:
     from fitball.report.form.folders import clear_folder
     from fitball.report.history.folder import CSV_NAME, FIGURE_STEM, JSON_NAME
 
+    if args.animate is not None:
+        from fitball.report.history.film import check_film
+
+        check_film(Path(args.animate))
     solved, name, content, text, title, panels = _example(args) if args.example else _one(args)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER / name
-    if args.csv is not None:
-        refuse_existing(Path(args.csv), args.overwrite)
+    if args.animate is not None and len(solved) > 1:
+        raise ParameterError(f"--animate shows one bounce; example {name} has {len(solved)}")
+    for written in (args.csv, args.animate):
+        if written is not None:
+            refuse_existing(Path(written), args.overwrite)
     clear_folder(folder, JSON_NAME, CSV_NAME, f"{FIGURE_STEM}.*", overwrite=args.overwrite)
     _write(args, folder, solved, content, text, title, panels)
     return 0
@@ -110,7 +123,7 @@ def _check_together(args: argparse.Namespace) -> None:
     own += ["--set"] if args.values else []
     if args.example is not None and own:
         raise ParameterError(f"--example brings its own impact and parameters: leave out {', '.join(own)}")
-    idle = [f"--{name}" for name in ("impact", "example", "csv") if getattr(args, name) is not None]
+    idle = [f"--{name}" for name in ("impact", "example", "csv", "animate") if getattr(args, name) is not None]
     if args.map is not None and idle:
         raise ParameterError(f"--map is about many impacts: leave out {', '.join(idle)}")
     if args.map is None and args.contours is not None:
@@ -238,6 +251,11 @@ def _write(
     if args.csv is not None:
         write_text(Path(args.csv), table)
         places = (*places, Path(args.csv))
+    if args.animate is not None:
+        from fitball.report.history.film import write_film
+
+        write_film(solved[0], title, Path(args.animate))
+        places = (*places, Path(args.animate))
     if args.json:
         print(json_text(content), end="")
         return
