@@ -10,10 +10,10 @@ from fitball.inference.results.drop_test import DropTest
 from fitball.inference.results.pace_rating import CourtPace
 from fitball.inference.results.results import Verdict
 from fitball.report.fit.drop_rows import drop_lead, drop_remarks, drop_table
-from fitball.report.fit.html import render_template
 from fitball.report.fit.pace_rows import court_lines, pace_remarks, place_rows, surface_rows
 from fitball.report.form.display_units import handy
 from fitball.report.form.rounding import decimals, fixed, interval, significant
+from fitball.report.form.template import render_template
 from fitball.report.saved.saved_fit import SavedFit, SavedParameter
 
 # Rows of a table that one page has room for, in two halves; and lines of remarks.
