@@ -6,11 +6,13 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Union
 
 from fitball.data.force_place import find_force
 from fitball.data.scene import Scene, likely_scene, load_scene
 from fitball.data.table import ImpactTable
 from fitball.data.trusted import trusted_table
+from fitball.data.written import PATHS
 from fitball.inference.calibrate import fingerprint, run
 from fitball.inference.effort import MAX_STEPS, Effort
 from fitball.inference.prediction.new_impacts import NewPrediction, predict_new
@@ -25,7 +27,11 @@ from fitball.report.fit.folder import CHAIN_NAME, prepare_folder, write_all
 from fitball.report.saved.saved_fit import SavedFit, read_fit
 from fitball.values import FloatArray, Impacts
 
+if TYPE_CHECKING:
+    import pandas
+
 PathLike = str | os.PathLike[str]
+Source = Union[PathLike, "pandas.DataFrame"]
 # Is told the stage of a run and, while sampling, the progress.
 Report = Callable[[str, Progress | None], None]
 
@@ -74,32 +80,37 @@ class Run:
 
 
 def pose(
-    data: ImpactTable | PathLike | Sequence[PathLike],
+    data: ImpactTable | Source | Sequence[Source],
     choices: Choices,
     *,
     scene: Scene | None = None,
     config: PathLike | None = None,
     force: PathLike | None = None,
     flip: Sequence[str] = (),
+    columns: Mapping[str, str] | None = None,
     as_read: bool = False,
 ) -> Problem:
-    """The problem of a table, or of paths and bundled names of tables, that are fitted together.
+    """The problem of a table, or of paths, bundled names and DataFrames of tables that are fitted together.
 
-    The scene is `scene`, or the file `config`, or the TOML file beside the first table; for `force`, `flip` and
-    `as_read` see `calibrate`. Raises as reading, `trusted_table` and `build_problem` do.
+    The scene is `scene`, or the file `config`, or the TOML file beside the first table (a DataFrame has none); for
+    `force`, `flip`, `columns` and `as_read` see `calibrate`. Raises as reading, `trusted_table` and `build_problem`
+    do.
     """
+    sources: Sequence[Source]
     if isinstance(data, ImpactTable):
-        sources: Sequence[PathLike] = [data.source]
+        # Of a DataFrame there is no file.
+        sources = [data.source] if data.files else []
     else:
-        sources = [data] if isinstance(data, str | os.PathLike) else data
-    known = load_scene(sources[0], config, as_read) if scene is None else likely_scene(scene, as_read)
-    table, doubts = trusted_table(data if isinstance(data, ImpactTable) else sources, known, flip, as_read)
+        sources = data if isinstance(data, Sequence) and not isinstance(data, str) else [data]
+    paths = [source if isinstance(source, PATHS) else None for source in sources] or [None]
+    known = load_scene(paths[0], config, as_read) if scene is None else likely_scene(scene, as_read)
+    table, doubts = trusted_table(data if isinstance(data, ImpactTable) else sources, known, flip, as_read, columns)
     named = None if force is None else os.fspath(force)
-    records, said = find_force([os.fspath(source) for source in sources], table, known, named)
+    records, said = find_force([os.fspath(path) for path in paths if path is not None], table, known, named)
     averaged = None if records is None else build_records(records, known.force_start_sd)
     problem = build_problem(table, known, choices, averaged)
-    if len(sources) > 1 and scene is None:
-        said = (f"the scene of {config or sources[0]} is taken for all tables", *said)
+    if len(sources) > 1 and scene is None and known.source is not None:
+        said = (f"the scene of {config or paths[0]} is taken for all tables", *said)
     return replace(problem, notes=(*doubts, *said, *problem.notes))
 
 
@@ -116,7 +127,7 @@ def begin(problem: Problem, effort: Effort, folder: Path, *, overwrite: bool = F
 
 
 def calibrate(
-    table: ImpactTable | PathLike | Sequence[PathLike],
+    table: ImpactTable | Source | Sequence[Source],
     model: str | None = None,
     *,
     scene: Scene | None = None,
@@ -130,6 +141,7 @@ def calibrate(
     velocity_noise: str | None = None,
     force: PathLike | None = None,
     flip: Sequence[str] = (),
+    columns: Mapping[str, str] | None = None,
     as_read: bool = False,
     seed: int = 1,
     point_only: bool = False,
@@ -146,7 +158,8 @@ def calibrate(
     table can tell). `force` is a file of force-time records (see
     `data.force_file`), by default what the scene names or what lies beside the table, "none" for none. `flip` names
     columns that count the other way round than fitball does: spins and velocities of the other sign, angles measured
-    from the normal (`TABLE:COLUMN` for one of several tables). A table that another reading explains much better, and
+    from the normal (`TABLE:COLUMN` for one of several tables). `columns` gives names that are not ours by our name,
+    such as `{"v_1": "Vin [mph]"}`. A table that another reading explains much better, and
     a scene that is unlike any ball's, are refused unless `as_read`. Raises subclasses of FitballError for everything
     a caller can mend.
     """
@@ -160,7 +173,9 @@ def calibrate(
         max_steps=max_steps,
         cores=(os.cpu_count() or 1) if cores is None else cores,
     )
-    return Run(pose(table, choices, scene=scene, force=force, flip=flip, as_read=as_read), effort).fit()
+    return Run(
+        pose(table, choices, scene=scene, force=force, flip=flip, columns=columns, as_read=as_read), effort
+    ).fit()
 
 
 def load_fit(path: PathLike) -> SavedFit:

@@ -87,8 +87,12 @@ class Fault:
         return one_line(f"{', '.join(where)}: {self.message}" if where else self.message)
 
 
+# Rows of a kind of fault that are named one by one.
+ROWS_NAMED = 6
+
+
 class TableError(FitballError):
-    """An impact table that cannot be used; carries every fault found; its message names the first of each kind.
+    """An impact table that cannot be used; carries every fault found; its message has a line for each kind.
     `hints` say what may be meant.
     """
 
@@ -96,11 +100,32 @@ class TableError(FitballError):
         self.source = source
         self.faults = tuple(faults)
         self.hints = tuple(hints)
-        kinds = (((fault.column, kind_of(fault.message)), str(fault)) for fault in self.faults)
-        message = fault_list(source, len(self.faults), folded(kinds))
+        lines = _grouped(self.faults)
+        message = fault_list(source, len(self.faults), folded((line, line) for line in lines))
         if self.hints:
             message += "\n" + _bulleted("what may be meant, since it explains the table much better:", self.hints)
         super().__init__(message)
+
+
+def _grouped(faults: Sequence[Fault]) -> list[str]:
+    """One line a kind of fault: the fault, or of several rows which these are and the first in full."""
+    kinds: dict[tuple[str | None, str, bool], list[Fault]] = {}
+    for fault in faults:
+        kinds.setdefault((fault.column, kind_of(fault.message), fault.row is None), []).append(fault)
+    return [line for members in kinds.values() for line in _told(members)]
+
+
+def _told(members: Sequence[Fault]) -> list[str]:
+    first = members[0]
+    if len(members) == 1 or first.row is None:
+        return [str(fault) for fault in members]
+    line = f"line {first.line}" if first.line is not None else ""
+    if len(members) <= ROWS_NAMED:
+        where = f"rows {', '.join(str(fault.row) for fault in members)}" + (f" (first: {line})" if line else "")
+    else:
+        where = f"{len(members):,} rows (first: row {first.row}{', ' + line if line else ''})"
+    column = f", column '{first.column}'" if first.column is not None else ""
+    return [one_line(f"{where}{column}: {first.message}")]
 
 
 class ReadingError(FitballError):

@@ -27,7 +27,8 @@ def faults_of(tmp_path: Path, text: str | bytes, name: str = "t.csv") -> tuple[F
         load_table(path)
     assert str(path) in str(caught.value)
     for fault in caught.value.faults:
-        assert str(fault) in str(caught.value)
+        told = str(caught.value)
+        assert str(fault) in told or f"rows {fault.row}" in told or f", {fault.row}" in told
     return caught.value.faults
 
 
@@ -44,11 +45,11 @@ def with_header(header: str) -> str:
 @pytest.mark.parametrize(
     ("column", "misspelt", "hint"),
     [
-        ("v_y1 [m/s]", "vy1 [m/s]", "v_y1"),
-        ("v_y1 [m/s]", "V_Y1 [m/s]", "v_y1"),
+        ("v_y1 [m/s]", "w_y1 [m/s]", "v_y1"),
+        ("v_y1 [m/s]", "v_y1b [m/s]", "v_y1"),
         ("omega_2 [rad/s]", "omga_2 [rad/s]", "omega_2"),
-        ("omega_1 [rad/s]", "omega1", "omega_1"),
-        ("v_x2 [m/s]", "v_x_2", "v_x2"),
+        ("omega_1 [rad/s]", "omego1", "omega_1"),
+        ("v_x2 [m/s]", "v_x2c", "v_x2"),
     ],
 )
 def test_misspelt_column_is_a_fault_with_the_nearest_name(
@@ -93,7 +94,6 @@ def test_unit_of_the_wrong_dimension(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("header", "expected"),
     [
-        ("v_y1 (m/s),v_y2", "write 'v_y1 [m/s]'"),
         ("v_y1 [m/s,v_y2", "brackets do not match"),
         ("v_y1,v_y2,v_y2", "another column is 'v_y2' already"),
         ("v_y1,v_y2 [m/s],v_y2 [km/h]", "another column is 'v_y2' already"),
@@ -120,8 +120,10 @@ def test_header_faults(tmp_path: Path, header: str, expected: str) -> None:
         ("inf", "not finite"),
         ("-Infinity", "not finite"),
         ("1e999", "not finite"),
-        ('"11,73"', "decimal comma; expected a decimal point: write '11.73'"),
-        ("\u221211.73", "typographic minus"),
+        ('"11,73"', "a decimal comma, beside numbers with points; expected one decimal sign: write '11.73'"),
+        ('"1,234"', "which may be 1.234 or 1234"),
+        ('"1,234.5"', "signs between thousands"),
+        ("1 234", "signs between thousands"),
         ("\u0661\u0662", "expected a number"),
     ],
 )
@@ -222,46 +224,30 @@ def test_nothing_in_it(tmp_path: Path, data: bytes, expected: str) -> None:
 
 
 def test_wrong_encoding_names_byte_and_line(tmp_path: Path) -> None:
-    fault = only(tmp_path, "surface,v_y1,v_y2\nplain,5,4\nrasé,5,4\n".encode("latin-1"))
-    assert fault.line == 3
-    assert "byte 0xe9 at offset 31" in fault.message and "UTF-8" in fault.message
+    """A control code of Latin-1; a letter of Latin-1 in a file that has letters in UTF-8."""
+    head = "surface,v_y1,v_y2\nplain,5,4\n"
+    for tail in ("ras\x81,5,4\n".encode("latin-1"), b"ras\xe9,5,4\n" + "rasé,5,4\n".encode()):
+        fault = only(tmp_path, head.encode() + tail)
+        assert fault.line == 3
+        assert "at offset 31" in fault.message and "UTF-8" in fault.message
 
 
-@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le"])
-def test_utf_16(tmp_path: Path, encoding: str) -> None:
-    assert "UTF-16" in only(tmp_path, (GOOD + ROW).encode(encoding)).message
+def test_decimal_commas_between_commas_are_refused(tmp_path: Path) -> None:
+    faults = faults_of(tmp_path, GOOD + ROW.replace(".", ",") * 3)
+    assert [fault.row for fault in faults] == [1, 2, 3]
+    assert "expected 6 as in the header; decimal commas between commas?" in faults[0].message
 
 
-def test_semicolons_and_decimal_commas(tmp_path: Path) -> None:
-    text = (GOOD + ROW + ROW).replace(",", ";").replace(".", ",")
-    fault = only(tmp_path, text)
-    assert fault.line == 1
-    for words in ("semicolons (';')", "expected commas", "line 2: '15,62'", "expected decimal points"):
-        assert words in fault.message
-
-
-@pytest.mark.parametrize(("delimiter", "word"), [(";", "semicolons"), ("\t", "tabs"), ("|", "vertical bars")])
-def test_other_delimiters(tmp_path: Path, delimiter: str, word: str) -> None:
-    fault = only(tmp_path, (GOOD + ROW + ROW).replace(",", delimiter))
-    assert word in fault.message and "decimal commas" not in fault.message
-
-
-def test_ragged_and_empty_rows(tmp_path: Path) -> None:
+def test_ragged_rows(tmp_path: Path) -> None:
     faults = faults_of(tmp_path, f"{GOOD}{ROW}1,2\n{ROW.strip()},7\n,,,,,\n{ROW}")
-    assert [(fault.row, fault.line) for fault in faults] == [(2, 3), (3, 4), (4, 5)]
+    assert [(fault.row, fault.line) for fault in faults] == [(2, 3), (3, 4)]
     assert "read 2 cells, expected 6" in faults[0].message
-    assert "decimal commas?" in faults[1].message
-    assert "every cell is empty" in faults[2].message
+    assert "decimal commas between commas?" in faults[1].message
 
 
 def test_open_quote(tmp_path: Path) -> None:
     fault = only(tmp_path, f'{GOOD}{ROW}"15,4.81\n')
     assert fault.line == 3 and "double quotes" in fault.message
-
-
-def test_ids_name_one_impact_each(tmp_path: Path) -> None:
-    faults = faults_of(tmp_path, "id,v_y1,v_y2\na,5,4\na,5,4\n,5,4\n")
-    assert [(fault.row, fault.column) for fault in faults] == [(2, "id"), (3, "id")]
 
 
 def test_half_an_incident_sd(tmp_path: Path) -> None:
@@ -271,7 +257,7 @@ def test_half_an_incident_sd(tmp_path: Path) -> None:
 
 def test_all_faults_of_a_file_at_once(tmp_path: Path) -> None:
     text = (
-        "vx1,v_y1 [m/h],omega_1,v_x2,v_y2,omega_2,v_2_sd\n"
+        "v_x1b,v_y1 [m/h],omega_1,v_x2,v_y2,omega_2,v_2_sd\n"
         "15,5,0,fast,4,200,1\n"
         "15,5,0,10,?,200,1\n"
         "15,5,0,10\n"
@@ -279,7 +265,7 @@ def test_all_faults_of_a_file_at_once(tmp_path: Path) -> None:
     )
     faults = faults_of(tmp_path, text)
     assert [(fault.row, fault.line, fault.column) for fault in faults] == [
-        (None, 1, "vx1"),
+        (None, 1, "v_x1b"),
         (None, 1, "v_y1"),
         (None, 1, "v_2_sd"),
         (1, 2, "v_x2"),
@@ -291,9 +277,9 @@ def test_all_faults_of_a_file_at_once(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_opened(tmp_path: Path) -> None:
-    (tmp_path / "t.xlsx").write_bytes(b"PK")
-    with pytest.raises(TableError, match="save it as 'CSV UTF-8'"):
-        load_table(tmp_path / "t.xlsx")
+    (tmp_path / "t.xls").write_bytes(b"PK")
+    with pytest.raises(TableError, match=r"a workbook of the old kind.*save it as one"):
+        load_table(tmp_path / "t.xls")
     with pytest.raises(TableError, match="no such file"):
         load_table(tmp_path / "absent.csv")
 
@@ -410,8 +396,8 @@ def test_a_thousand_bad_rows_are_told_in_bounds(tmp_path: Path, row: str) -> Non
     with pytest.raises(TableError) as caught:
         load_table(path)
     assert len(caught.value.faults) >= 1000
-    assert "row 2 (line 3)" in str(caught.value) and "more like" in str(caught.value)
-    assert len(str(caught.value)) < 3000
+    assert "1,000 rows (first: row 2, line 3)" in str(caught.value)
+    assert str(caught.value).count("(first: ") == 1 and len(str(caught.value)) < 3000
 
 
 def test_a_folder_or_a_loop_is_no_table_and_a_long_name_is_no_crash(tmp_path: Path) -> None:

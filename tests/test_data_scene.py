@@ -132,7 +132,7 @@ IN_SCHEMA = [
     ("[bal]\nmass = 1", ("[bal]: unknown key", "'ball'")),
     ("[ball]\nmas = 1", ("ball.mas: unknown key", "'mass'")),
     ("[model]\nclosure = {}", ("model.closure: unknown key", "'closures'")),
-    ("speed = 3", ("[speed]: unknown key", "known: ball, contact_time")),
+    ("speed = 3", ("[speed]: unknown key", "known: ball, columns, contact_time")),
     ("ball = 3", ("ball = 3: expected a section [ball]",)),
     ("[ball]\nmass = -1", ("ball.mass = -1: expected a positive number",)),
     ("[ball]\nmass = true", ("ball.mass = true",)),

@@ -30,6 +30,11 @@ EXACT = {
     "N": Fraction(1),
     "kN": Fraction(1000),
     # The pound is 0.45359237 kg, standard gravity 9.80665 m/s2.
+    "m": Fraction(1),
+    "cm": Fraction(1, 100),
+    "mm": Fraction(1, 1000),
+    "in": Fraction(254, 10000),
+    "ft": Fraction(254, 10000) * 12,
     "lbf": Fraction(45359237, 10**8) * Fraction(980665, 10**5),
 }
 TURNS = {
@@ -78,6 +83,46 @@ def test_spellings(text: str, dimension: Dimension, symbol: str) -> None:
     assert parse_unit(text, dimension) is UNITS[symbol]
 
 
+SPELLED = {
+    "m/s": "M/S|m / s|m s^-1|m s-1|m.s-1|m·s⁻¹|m*s^-1|m s**-1|ms-1|mps|m/sec|meters per second|metres/second",
+    "km/h": "kmh|KM/H|km h^-1|kph|kmph|km/hr|kilometres per hour",
+    "mph": "MPH|mi/h|miles per hour|Mi/Hr",
+    "ft/s": "fps|ft/sec|feet per second|ft s^-1",
+    "in/s": "inch/s|inches per second|ips",
+    "cm/s": "cm s^-1|CM/S",
+    "kn": "knots|kt|kts",
+    "rad/s": "rad s^-1|rad s-1|rad·s⁻¹|rad/sec|radians per second",
+    "deg/s": "°/s|degree/s|degrees per second|deg s^-1|dps",
+    "rev/s": "Hz|hz|rps|revolutions per second|rev s^-1|turns/s|U/s",
+    "rpm": "RPM|rev/min|r.p.m.|U/min|1/min|min^-1|min⁻¹|revolutions per minute",
+    "deg": "°|degree|Degrees|DEG|º",
+    "rad": "RAD|radian|radians",
+    "mrad": "milliradian",
+    "s": "sec|seconds|S",
+    "ms": "msec|milliseconds|MS",
+    "us": "µs|μs|usec|microseconds",
+    "N": "newton|n",
+    "kN": "kilonewton",
+    "cm": "CM|centimetre|centimeters",
+    "mm": "millimetre",
+    "m": "meter|metres",
+    "in": 'inch|inches|"',
+    "ft": "foot|feet",
+}
+
+
+@pytest.mark.parametrize(("symbol", "text"), [(s, text) for s, texts in SPELLED.items() for text in texts.split("|")])
+def test_units_as_people_spell_them(symbol: str, text: str) -> None:
+    unit = UNITS[symbol]
+    assert parse_unit(text, unit.dimension) is unit
+
+
+@pytest.mark.parametrize("text", ["1/s", "s^-1", "s⁻¹", "grad"])
+def test_spellings_that_mean_two_things_are_refused(text: str) -> None:
+    with pytest.raises(UnitError, match="which means two things: write"):
+        parse_unit(text, Dimension.ANGLE if text == "grad" else Dimension.SPIN)
+
+
 def test_no_bracket_means_the_default() -> None:
     assert {d: parse_unit(None, d).symbol for d in Dimension} == {
         Dimension.SPEED: "m/s",
@@ -85,11 +130,12 @@ def test_no_bracket_means_the_default() -> None:
         Dimension.ANGLE: "deg",
         Dimension.TIME: "s",
         Dimension.FORCE: "N",
+        Dimension.LENGTH: "m",
     }
     assert set(DEFAULT_UNIT) == set(Dimension)
 
 
-@pytest.mark.parametrize("text", ["furlong/h", "", "RPM", "m / s", "K"])
+@pytest.mark.parametrize("text", ["furlong/h", "", "RPN", "m / min", "K", "rev/day", "per second"])
 def test_unknown_unit_names_the_known_ones(text: str) -> None:
     with pytest.raises(UnitError) as caught:
         parse_unit(text, Dimension.SPIN)
@@ -99,7 +145,7 @@ def test_unknown_unit_names_the_known_ones(text: str) -> None:
 
 def test_near_unit_is_suggested() -> None:
     with pytest.raises(UnitError, match="did you mean 'rpm'"):
-        parse_unit("RPM", Dimension.SPIN)
+        parse_unit("RPN", Dimension.SPIN)
 
 
 def test_wrong_dimension_says_what_the_unit_measures() -> None:

@@ -109,7 +109,10 @@ def run(args: argparse.Namespace) -> int:
         incident_errors=not args.exact_incidence,
         velocity_noise=args.velocity_noise,
     )
-    problem = pose(args.data, choices, config=args.config, force=args.force, flip=args.flip, as_read=args.as_read)
+    problem = pose(
+        args.data, choices, config=args.config, force=args.force, flip=args.flip, columns=args.columns,
+        as_read=args.as_read,
+    )  # fmt: skip
     folder = Path(args.out) if args.out else default_folder(problem.table.name, problem.model.name, choices.closures)
     begun = begin(problem, make_effort(args), folder, overwrite=args.overwrite, resume=args.resume)
     if not args.quiet:

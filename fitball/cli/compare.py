@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.studies.thesis.published_sets import published_sets
 
     scene = load_scene(args.data, args.config, args.as_read)
-    table, doubts = trusted_table([args.data], scene, args.flip, args.as_read)
+    table, doubts = trusted_table([args.data], scene, args.flip, args.as_read, args.columns)
     effort = Effort(
         seed=args.seed,
         max_steps=MAX_STEPS if args.max_steps is None else args.max_steps,

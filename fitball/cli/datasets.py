@@ -8,7 +8,7 @@ import textwrap
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from fitball.cli.options import add_flip, add_reading, add_verb
+from fitball.cli.options import add_columns, add_flip, add_reading, add_verb
 from fitball.errors import FitballError, ReadingError, SceneError, TableError
 from fitball.visible import one_line
 
@@ -45,6 +45,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     show.add_argument("data", metavar="NAME", help="a path, or the name of a bundled table")
     add_flip(show)
+    add_columns(show)
     check = _add_action(
         actions,
         "check",
@@ -118,7 +119,7 @@ def _show(args: argparse.Namespace) -> int:
     from fitball.report.form.text_table import MOST_LINES, columns, more
 
     scene = load_scene(args.data, as_read=True)
-    table = load_table(args.data, scene=scene, flip=args.flip)
+    table = load_table(args.data, scene=scene, flip=args.flip, columns=args.columns)
     doubt = doubt_of_table(table, scene.ball)
     doubts = () if doubt is None else doubt.lines(scene)
     if args.json:
@@ -168,7 +169,7 @@ def _check(args: argparse.Namespace) -> int:
         except SceneError as error:
             # The table is still looked at, as one of tennis balls.
             errors.append(error)
-        table = load_table(args.data, scene=scene or Scene(), flip=args.flip)
+        table = load_table(args.data, scene=scene or Scene(), flip=args.flip, columns=args.columns)
         if scene is not None:
             remarks = trusted_table(table, scene, as_read=args.as_read)[1]
             records, found = find_force([args.data], table, scene, args.force)

@@ -112,9 +112,29 @@ def add_flip(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def add_columns(parser: argparse.ArgumentParser) -> None:
+    """Add `--columns`."""
+    parser.add_argument(
+        "--columns", metavar="OURS=THEIRS,...", type=_naming, action=_Naming, default={},
+        help='what columns are called here, e.g. "v_1=Vin, theta_1=angle_in [deg]" (also [columns] in the scene)',
+    )  # fmt: skip
+
+
+class _Naming(argparse.Action):
+    """Gathers `--columns` given more than once."""
+
+    def __call__(
+        self, _parser: object, namespace: argparse.Namespace, values: object, _option: object = None
+    ) -> None:
+        """See argparse.Action."""
+        assert isinstance(values, dict)
+        setattr(namespace, self.dest, {**getattr(namespace, self.dest), **values})
+
+
 def add_reading(parser: argparse.ArgumentParser) -> None:
     """Add what says how a table is to be read."""
     add_flip(parser)
+    add_columns(parser)
     parser.add_argument(
         "--as-read", action="store_true",
         help="the table and the scene are right, though another reading explains the table much better or the ball "
@@ -126,6 +146,19 @@ def _names(text: str) -> list[str]:
     names = [part.strip() for part in text.split(",")]
     if not all(names):
         raise argparse.ArgumentTypeError(f"read '{text}', expected names of columns separated by commas")
+    return names
+
+
+def _naming(text: str) -> dict[str, str]:
+    names: dict[str, str] = {}
+    for part in text.split(","):
+        ours, equals, theirs = (word.strip() for word in part.partition("="))
+        if not equals or not ours or not theirs or ours in names:
+            raise argparse.ArgumentTypeError(
+                f"read '{part.strip()}', expected OURS=THEIRS once for each column, separated by commas (write a "
+                "name with a comma into [columns] of the scene)"
+            )
+        names[ours] = theirs
     return names
 
 

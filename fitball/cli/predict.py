@@ -6,11 +6,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fitball.cli.options import add_flip, add_verb, tell_notes, whole
+from fitball.cli.options import add_columns, add_flip, add_verb, tell_notes, whole
 from fitball.errors import ParameterError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from fitball.data.table import ImpactTable
     from fitball.report.saved.fit_file import TablePart
@@ -51,6 +51,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help='one impact instead of DATA, e.g. "v=17, theta=18, spin=100" (default: m/s, deg, rad/s); repeatable',
     )
     add_flip(parser)
+    add_columns(parser)
     parser.add_argument(
         "--exact-incidence", action="store_true", help="take the incident state as exact even where its sd is stated"
     )
@@ -65,8 +66,9 @@ def run(args: argparse.Namespace) -> int:
     """Predict the impacts, print them and what data say of them."""
     if bool(args.impact) == (args.data is not None):
         raise ParameterError("predict needs impacts: either DATA or --impact, one of them")
-    if args.flip and args.data is None:
-        raise ParameterError("--flip is about columns of DATA: write an --impact as it is meant")
+    if (args.flip or args.columns) and args.data is None:
+        option = "--flip" if args.flip else "--columns"
+        raise ParameterError(f"{option} is about columns of DATA: write an --impact as it is meant")
     if args.seed < 0:
         raise ParameterError(f"seed = {args.seed}: expected a number not below 0")
     import numpy as np
@@ -86,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out is not None:
         refuse_existing(Path(args.out), args.overwrite)
     saved = load_fit(args.fit)
-    impacts, ids, table, covariance = _impacts(args.data, args.flip, args.impact, saved.fitted.ball)
+    impacts, ids, table, covariance = _impacts(args.data, args.flip, args.columns, args.impact, saved.fitted.ball)
     stated, point_only = covariance is not None, saved.status is RunStatus.POINT_ONLY
     if args.exact_incidence:
         covariance = None
@@ -137,18 +139,20 @@ def _other_flips(fitted: TablePart, table: ImpactTable) -> tuple[str, ...]:
 
 
 def _impacts(
-    data: str | None, flip: Sequence[str], texts: Sequence[str], ball: Ball
+    data: str | None, flip: Sequence[str], columns: Mapping[str, str], texts: Sequence[str], ball: Ball
 ) -> tuple[Impacts, tuple[str, ...], ImpactTable | None, FloatArray | None]:
     """Impacts, their names, the table they come from, and the covariance of their incident states."""
     import numpy as np
 
     from fitball.data.impact_text import parse_uncertain_impact
     from fitball.data.read import load_table
-    from fitball.data.scene import Scene
+    from fitball.data.scene import Scene, load_scene
     from fitball.values import Impacts
 
     if data is not None:
-        table = load_table(data, rebound=False, scene=Scene(ball=ball), flip=flip)
+        # The table's own scene says how its columns are called, the fit what ball it is.
+        scene = Scene(ball=ball, columns=load_scene(data, as_read=True).columns)
+        table = load_table(data, rebound=False, scene=scene, flip=flip, columns=columns)
         return table.impacts, table.ids, table, table.incident_covariance
     parsed = [parse_uncertain_impact(text) for text in texts]
     joined = [np.concatenate([getattr(item, name) for item, _ in parsed]) for name in ("v_x1", "v_y1", "omega_1")]

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from fitball.data.columns import SD_SUFFIX
 from fitball.data.completeness import knows_incident
+from fitball.data.dialect.cells import RawRow
 from fitball.data.number_column import NumberColumn
 from fitball.data.propagation import Uncertain
-from fitball.data.raw import RawRow
 from fitball.data.redundancy import independent
 from fitball.data.scene import Scene
 from fitball.data.table import Notice

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.columns import SD_SUFFIX
+from fitball.data.dialect.cells import RawRow
 from fitball.data.number_column import NumberColumn
-from fitball.data.raw import RawRow
 from fitball.data.table import Notice
 from fitball.errors import Fault
 from fitball.observables import OBSERVABLES
@@ -20,6 +20,9 @@ BoolArray = NDArray[np.bool_]
 
 # Angles and the normal rebound speed are printed negative by tables that count along one fixed axis.
 _SIGN_IS_CONVENTION = ("v_y2", "theta_2", "theta_1")
+_UPWARD = ": it is negative in every row, as if counted upward; if so pass --flip v_y1"
+# Share of the others up to which rows are few enough to be slips.
+FEW = 0.2
 _POSITIVE = {
     "v_y1": "a positive speed towards the court",
     "v_1": "a positive speed",
@@ -64,7 +67,9 @@ def check_ranges(columns: Mapping[str, NumberColumn], rows: tuple[RawRow, ...], 
     for name, column in columns.items():
         expected = "a positive standard deviation" if name.endswith(SD_SUFFIX) else _POSITIVE.get(name)
         if expected:
-            _report(column, column.values <= 0.0, f"expected {expected}", rows, faults)
+            bad = column.values <= 0.0
+            hint = _UPWARD if name == "v_y1" and bool((column.values < 0.0).all()) else ""
+            _report(column, bad, f"expected {expected}{hint}", rows, faults)
         if name in _ANGLES:
             outside = (column.values <= 0.0) | (column.values >= pi)
             _report(
@@ -74,6 +79,26 @@ def check_ranges(columns: Mapping[str, NumberColumn], rows: tuple[RawRow, ...], 
                 rows,
                 faults,
             )
+
+
+def check_directions(columns: Mapping[str, NumberColumn], rows: tuple[RawRow, ...], notices: list[Notice]) -> None:
+    """Add a notice for the few rows whose ball comes the other way along the court than that of all others."""
+    angle, along = columns.get("theta_1"), columns.get("v_x1")
+    if along is not None:
+        column, signs = along, np.sign(along.values)
+    elif angle is not None:
+        column, signs = angle, np.sign(np.cos(angle.values))
+    else:
+        return
+    backward, forward = signs < 0.0, signs > 0.0
+    few, many = (backward, forward) if backward.sum() <= forward.sum() else (forward, backward)
+    if not few.any() or few.sum() > FEW * many.sum():
+        return
+    kind = f"the ball comes the other way along the court than in {int(many.sum())} other rows: misprinted?"
+    notices += [
+        Notice(f"{kind}: {column.name} = {column.shown(column.values[k])}", rows[k].number, (column.name,), kind)
+        for k in np.flatnonzero(few).tolist()
+    ]
 
 
 def check_pairs(columns: Mapping[str, NumberColumn], rows: tuple[RawRow, ...], faults: list[Fault]) -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-from fitball.data.units import UNITS, Dimension, Unit, parse_unit
+from fitball.data.dialect import header_cell
+from fitball.data.dialect.cells import Vocabulary
+from fitball.data.dialect.guess import HEIGHTS as HEIGHT_OF
+from fitball.data.dialect.guess import bare, end_of, guess_of
+from fitball.data.naming import Naming
+from fitball.data.units import UNITS, Dimension, Unit, parse_unit, unit_of
 from fitball.errors import Fault, UnitError
 from fitball.observables import OBSERVABLES
 
@@ -21,13 +25,20 @@ INCIDENT: Mapping[str, Dimension] = {
 REBOUND: Mapping[str, Dimension] = {name: UNITS[item.unit].dimension for name, item in OBSERVABLES.items()}
 MEASURED: Mapping[str, Dimension] = {**INCIDENT, **REBOUND}
 LABELS = ("id", "surface", "ball", "group", "location")
+# What labs write instead of v_y1 and v_y2 of a drop test (`data.heights`).
+HEIGHTS: Mapping[str, Dimension] = dict.fromkeys(HEIGHT_OF.values(), Dimension.LENGTH)
 SD_SUFFIX = "_sd"
-NUMBERS: Mapping[str, Dimension] = {**MEASURED, **{name + SD_SUFFIX: MEASURED[name] for name in MEASURED}}
+_QUANTITIES = {**MEASURED, **HEIGHTS}
+NUMBERS: Mapping[str, Dimension] = {**_QUANTITIES, **{name + SD_SUFFIX: _QUANTITIES[name] for name in _QUANTITIES}}
 
-_HEADER = re.compile(r"^(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$")
 # High enough to pass over words that only share a few letters ("case", "temperature"), low enough
 # to catch one wrong, missing or swapped character in names as short as "v_y1" (difflib ratio 0.75 and up).
 _NEAR = 0.75
+_BY_BARE = {bare(name): name for name in (*NUMBERS, *LABELS)}
+# What people call the column that names the impacts.
+_IDS = ("id", "no", "nr", "#", "number", "impactid", "impactno")
+# What a name that is probably meant counts for where a header is looked for.
+_GUESSED = 0.5
 
 
 @dataclass(frozen=True)
@@ -41,78 +52,118 @@ class Column:
 
 @dataclass(frozen=True)
 class Header:
-    """The columns of a table: `numbers` by name, and `texts` (labels and ignored extras) by name."""
+    """The columns of a table: `numbers` by name, and `texts` (labels and ignored extras) by name; `notes` say which
+    names were taken for ours.
+    """
 
     numbers: Mapping[str, Column]
     texts: Mapping[str, Column]
     extras: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
-def _bare(name: str) -> str:
-    """A name without case, spaces and signs: two names with the same bare form are one name misspelt."""
-    return re.sub(r"[^a-z0-9]", "", name.lower())
+@dataclass(frozen=True)
+class _Named:
+    """A header cell: its place, the `name` in it, ours where it `means` one, and its unit as text."""
+
+    index: int
+    name: str
+    means: str | None
+    unit: str | None
 
 
-def _nearest(name: str, taken: Iterable[str]) -> str | None:
-    """The known name that `name` misspells, or None when it is a name of its own.
+def vocabulary(naming: Naming) -> Vocabulary:
+    """What a header of impacts is told by, where `naming` gives some columns names of their own."""
 
-    A name that differs only in case or signs is always a misspelling; one that merely evidence similar is
-    one only while the name it resembles is absent, since `theta_3` beside `theta_1` is a column of its own.
-    """
-    known = [*NUMBERS, *LABELS]
-    same = [item for item in known if _bare(item) == _bare(name)]
-    if same:
-        return same[0]
-    free = [item for item in NUMBERS if item not in set(taken)]
-    near = get_close_matches(name.lower(), free, n=1, cutoff=_NEAR)
-    return near[0] if near else None
+    def worth(cell: str) -> float:
+        name, _ = split_cell(cell, None, [], naming)
+        if naming.ours(cell, name) is not None or _same(name) is not None:
+            return 1.0
+        guess = guess_of(name)
+        return _GUESSED if guess is not None and guess.sure in NUMBERS else 0.0
+
+    return Vocabulary(worth, is_unit)
 
 
-def read_header(cells: tuple[str, ...], line: int | None, faults: list[Fault]) -> Header:
+def is_unit(text: str) -> bool:
+    """Whether a text spells a unit that is known."""
+    return unit_of(text) is not None
+
+
+def split_cell(
+    cell: str, line: int | None, faults: list[Fault], naming: Naming | None = None
+) -> tuple[str, str | None]:
+    """Name and unit (None where there is none) of a header cell."""
+
+    def known(name: str) -> bool:
+        return _same(name) is not None or (naming is not None and naming.ours(name) is not None)
+
+    return header_cell.split_cell(cell, known, is_unit, line, faults)
+
+
+def _same(name: str) -> str | None:
+    """Our name of which `name` differs in case, blanks and underscores only."""
+    if name in NUMBERS or name in LABELS:
+        return name
+    plain = bare(name)
+    return "id" if plain in _IDS or name.strip() == "#" else _BY_BARE.get(plain)
+
+
+def read_header(
+    cells: tuple[str, ...], line: int | None, faults: list[Fault], naming: Naming | None = None
+) -> Header:
     """Find out what each column is; faults of the header are added to `faults`.
 
-    A misspelt column is a fault and is then read as the column it resembles, so that the faults of its
-    values come out in the same run.
+    A name that differs from ours in case or blanks only is read as ours, with a note. A misspelt column is a fault
+    and is then read as the column it resembles, so that the faults of its values come out in the same run; a name
+    that probably means one of ours is an extra column until `--columns` says so.
     """
-    parsed = [split_cell(cell, line, faults) for cell in cells]
-    exact = {name for name, _ in parsed}
+    naming = naming or Naming()
     numbers: dict[str, Column] = {}
     texts: dict[str, Column] = {}
     extras: list[str] = []
-    for index, (name, unit_text) in enumerate(parsed):
-        if not name:
-            extras.append(f"(column {index + 1}, without a name)")
+    notes: list[str] = []
+    for item in _meant(cells, line, faults, naming, notes):
+        meant = item.means or item.name
+        if not item.name:
+            extras.append(f"(column {item.index + 1}, without a name)")
             continue
-        meant = name
-        if name not in NUMBERS and name not in LABELS:
-            near = _explain_unknown(name, exact | set(numbers), line, faults)
-            meant = near or name
-            if near is None:
-                extras.append(name)
         if meant in numbers or meant in texts:
-            message = f"read '{cells[index]}', but another column is '{meant}' already; keep one of them"
+            message = f"read '{cells[item.index]}', but another column is '{meant}' already; keep one of them"
             faults.append(Fault(message, line=line, column=meant))
         elif meant in NUMBERS:
-            numbers[meant] = Column(index, meant, _unit(meant, unit_text, line, faults))
+            numbers[meant] = Column(item.index, meant, _unit(meant, item.unit, line, faults))
         else:
-            texts[meant] = Column(index, meant, None)
-    return Header(numbers, texts, tuple(extras))
+            texts[meant] = Column(item.index, meant, None)
+            if item.means is None:
+                extras.append(item.name)
+    read = [split_cell(cell, line, [], naming)[0] for cell in cells]
+    faults += naming.absent({*numbers, *texts}, read, line)
+    return Header(numbers, texts, tuple(extras), tuple(notes))
 
 
-def split_cell(cell: str, line: int | None, faults: list[Fault]) -> tuple[str, str | None]:
-    """Name and unit (None without brackets) of a header cell."""
-    match = _HEADER.match(cell.strip())
-    if match is None:
-        message = "the brackets do not match; expected a name and a unit, such as 'v_x1 [m/s]'"
-        faults.append(Fault(message, line=line, column=cell))
-        return cell.split("[")[0].strip(), None
-    name = match["name"].strip()
-    round_bracket = re.match(r"^(.*?)\s*\(([^()]*)\)$", name)
-    if round_bracket and round_bracket[1] in NUMBERS:
-        message = f"units stand in square brackets; write '{round_bracket[1]} [{round_bracket[2]}]'"
-        faults.append(Fault(message, line=line, column=cell))
-        return round_bracket[1], round_bracket[2]
-    return name, match["unit"]
+def _meant(
+    cells: tuple[str, ...], line: int | None, faults: list[Fault], naming: Naming, notes: list[str]
+) -> list[_Named]:
+    """Each cell's name, our name for it, and its unit."""
+    parsed = [split_cell(cell, line, faults, naming) for cell in cells]
+    asked = [naming.ours(cell, name) for cell, (name, _) in zip(cells, parsed, strict=True)]
+    taken = {*filter(None, asked), *(name for name, _ in parsed)}
+    exact_id = "id" in taken
+    found = []
+    for index, ((name, unit), named) in enumerate(zip(parsed, asked, strict=True)):
+        ours = named if named is not None else _same(name)
+        if named is None and ours == "id" and name != "id" and exact_id:
+            ours = None
+        if named is not None:
+            unit = naming.unit(named, unit, line, faults)
+        elif ours is None and name:
+            ours = _misspelt(name, taken, line, faults)
+        elif ours is not None and ours != name:
+            notes.append(f"column '{name}' is read as {ours}")
+        taken.add(ours or name)
+        found.append(_Named(index, name, ours, unit))
+    return found
 
 
 def _unit(name: str, text: str | None, line: int | None, faults: list[Fault]) -> Unit | None:
@@ -123,8 +174,10 @@ def _unit(name: str, text: str | None, line: int | None, faults: list[Fault]) ->
         return None
 
 
-def _explain_unknown(name: str, taken: set[str], line: int | None, faults: list[Fault]) -> str | None:
-    """The known column that an unknown name stands for; None for a column of the user's own."""
+def _misspelt(name: str, taken: Iterable[str], line: int | None, faults: list[Fault]) -> str | None:
+    """The known column that an unknown name misspells, with a fault; None for a column of the user's own."""
+    if guess_of(name) is not None:
+        return None
     near = _nearest(name, taken)
     if near is not None:
         message = f"unknown column; did you mean '{near}'? Rename it (a column of your own needs another name)"
@@ -136,3 +189,15 @@ def _explain_unknown(name: str, taken: set[str], line: int | None, faults: list[
         )
         faults.append(Fault(message, line=line, column=name))
     return near
+
+
+def _nearest(name: str, taken: Iterable[str]) -> str | None:
+    """The known name, not `taken` yet and of the same end of the bounce, that `name` misspells.
+
+    A name that merely looks similar is one only while the name it resembles is absent, since `theta_3` beside
+    `theta_1` is a column of its own.
+    """
+    gone, end = set(taken), end_of(name)
+    free = [item for item in NUMBERS if item not in gone and end_of(item) == end]
+    near = get_close_matches(name.lower(), free, n=1, cutoff=_NEAR)
+    return near[0] if near else None

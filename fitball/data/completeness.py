@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
-from fitball.data.columns import REBOUND, SD_SUFFIX, Header
+from fitball.data.columns import NUMBERS, REBOUND, SD_SUFFIX, Header
+from fitball.data.dialect.guess import guess_of
 from fitball.data.redundancy import independent
 from fitball.data.table import Notice
 from fitball.errors import Fault
@@ -19,34 +20,65 @@ def knows_incident(names: Iterable[str]) -> bool:
 
 
 def check_columns(
-    header: Header, line: int | None, faults: list[Fault], notices: list[Notice], rebound: bool = True
+    present: Collection[str],
+    header: Header,
+    line: int | None,
+    faults: list[Fault],
+    notices: list[Notice],
+    rebound: bool = True,
 ) -> None:
-    """Add a fault for every column that is missing, and a notice for what is assumed or ignored.
+    """Add a fault for every column that is not `present`, and a notice for what is assumed or ignored.
 
     Without `rebound` a table of incident columns alone is complete.
     """
-    present = header.numbers
     read = ", ".join([*header.numbers, *header.texts])
     incident = independent(present, "1")
+    missing = []
     if len(incident) < 2 and incident != ("v_y1",):
-        faults.append(Fault(f"{_incident_gap(incident)} (columns read: {read})", line=line))
+        missing.append(f"{_incident_gap(incident)} (columns read: {read})")
     elif not knows_incident(present):
-        faults.append(
-            Fault(
-                f"{' and '.join(incident)} do not make an incident velocity; expected {_INCIDENT_FORMS}",
-                line=line,
-            )
-        )
+        missing.append(f"{' and '.join(incident)} do not make an incident velocity; expected {_INCIDENT_FORMS}")
     elif incident == ("v_y1",):
         faults.extend(_tangential_without_incident(present, line))
     if rebound and not any(name in present for name in REBOUND):
-        message = f"no rebound column; expected at least one of {', '.join(REBOUND)} (columns read: {read})"
-        faults.append(Fault(message, line=line))
+        missing.append(f"no rebound column; expected at least one of {', '.join(REBOUND)} (columns read: {read})")
+    if missing:
+        missing[0] += _what_is_meant(header.extras, present)
+    faults += [Fault(message, line=line) for message in missing]
     faults.extend(_lonely_sds(present, line))
     if "omega_2" in present and "omega_1" not in present:
         notices.append(Notice("no column omega_1: incident spin taken as 0", columns=("omega_1",)))
     if header.extras:
-        notices.append(Notice(f"columns kept and not used: {', '.join(header.extras)}", columns=header.extras))
+        kept = [_with_guess(name, present) for name in header.extras]
+        notices.append(Notice(f"columns kept and not used: {', '.join(kept)}", columns=header.extras))
+
+
+def _guessed(name: str, present: Collection[str]) -> tuple[str, ...]:
+    """Columns of ours, not there yet, that an extra column may be."""
+    guess = guess_of(name)
+    return () if guess is None else tuple(item for item in guess.names if item in NUMBERS and item not in present)
+
+
+def _with_guess(name: str, present: Collection[str]) -> str:
+    """An extra column, and how to use it where its name says what it probably is."""
+    meant = _guessed(name, present)
+    return f'{name} (if it is {meant[0]}: --columns "{meant[0]}={name}")' if len(meant) == 1 else name
+
+
+def _what_is_meant(extras: Collection[str], present: Collection[str]) -> str:
+    """How to name the extra columns that may be what is missing; empty where none may."""
+    sure: dict[str, str] = {}
+    said = []
+    for name in extras:
+        meant = _guessed(name, present)
+        if len(meant) == 1 and meant[0] not in sure:
+            sure[meant[0]] = name
+        elif len(meant) > 1:
+            said.append(f"; '{name}' may be {' or '.join(meant)}: say which with --columns")
+    if sure:
+        option = ", ".join(f"{ours}={name}" for ours, name in sure.items())
+        said.insert(0, f'; if these are meant pass --columns "{option}" (in Python columns={{...}})')
+    return "".join(said)
 
 
 def _incident_gap(incident: tuple[str, ...]) -> str:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 
-from fitball.data.columns import Column, split_cell
+from fitball.data.columns import Column, is_unit, split_cell
+from fitball.data.dialect.cells import RawRow, RawTable, Vocabulary
+from fitball.data.dialect.files import read_raw
+from fitball.data.dialect.numbers import plain_numbers
+from fitball.data.ids import repeated
 from fitball.data.number_column import NumberColumn, read_column
-from fitball.data.raw import RawRow, RawTable, read_raw
 from fitball.data.table import ImpactTable
 from fitball.data.units import DEFAULT_UNIT, Dimension, parse_unit
 from fitball.errors import Fault, TableError, UnitError, suggestion
@@ -70,11 +73,12 @@ def load_force(path: Path, table: ImpactTable) -> ForceFile:
     Units stand in the header (s and N without). Raises TableError with every fault: row, line, column, what was read
     and what was expected.
     """
-    raw = read_raw(path)
+    raw = read_raw(path, Vocabulary(lambda cell: float(_name(cell) in ("id", *DIMENSIONS, *MISNAMED)), is_unit))
     faults = list(raw.faults)
     header = _header(raw, faults)
     if header is None:
         raise TableError(str(path), faults)
+    raw = replace(raw, rows=plain_numbers(raw.rows, [header[name].index for name in DIMENSIONS]))
     columns = {name: read_column(header[name], raw.rows, faults) for name in DIMENSIONS}
     if not raw.rows:
         faults.append(Fault("read a header and no rows; expected samples of force", line=raw.header_line))
@@ -83,6 +87,10 @@ def load_force(path: Path, table: ImpactTable) -> ForceFile:
         raise TableError(str(path), sorted(faults, key=lambda fault: fault.row or 0))
     ordered = tuple(sorted(records, key=lambda record: record.row))
     return ForceFile(str(path), sha256(raw.data).hexdigest(), ordered)
+
+
+def _name(cell: str) -> str:
+    return split_cell(cell, None, [])[0]
 
 
 def _header(raw: RawTable, faults: list[Fault]) -> dict[str, Column] | None:
@@ -120,6 +128,11 @@ def _records(
         if name not in table.ids:
             hint = suggestion(name, table.ids) if len(table.ids) <= 40 or name else f"{len(table.ids)} are known"
             message = f"read '{name}', which is no impact of {table.source}; {hint}"
+            faults.append(Fault(message, head.number, head.line, "id"))
+        elif repeated(name) in table.ids:
+            message = (
+                f"read '{name}', which names several impacts of {table.source}; expected one name an impact there"
+            )
             faults.append(Fault(message, head.number, head.line, "id"))
         elif name in begun:
             message = f"the record of '{name}' begins again; it stood at row {begun[name]}: expected one record an id"

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fitball.data.bundled import FORCE_ENDING, resolve_table
+from fitball.data.dialect.frames import PARQUET_SUFFIXES
 from fitball.data.force_file import ForceFile, load_force
-from fitball.data.raw import PARQUET_SUFFIXES
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.errors import SceneError, TableError

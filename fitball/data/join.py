@@ -3,41 +3,51 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from hashlib import sha256
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitball.data.bundled import resolve_table
 from fitball.data.frozen import FrozenMapping
 from fitball.data.read import load_table
 from fitball.data.reading.flip import check_flips
 from fitball.data.redundancy import independent
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable, Measurement, Notice
+from fitball.data.written import name_of
 from fitball.errors import Fault, TableError
 from fitball.observables import OBSERVABLES, VELOCITIES
 from fitball.values import FloatArray, Impacts
+
+if TYPE_CHECKING:
+    import pandas
 
 ORIGIN = "table"
 
 
 def load_tables(
-    sources: Sequence[str | os.PathLike[str]], scene: Scene | None = None, flip: Sequence[str] = ()
+    sources: Sequence[str | os.PathLike[str]],
+    scene: Scene | None = None,
+    flip: Sequence[str] = (),
+    columns: Mapping[str, str] | None = None,
 ) -> ImpactTable:
-    """One table, or several joined; `flip` names columns as `load_table` has it, of one of several tables as
-    `TABLE:COLUMN`. Raises as `load_table` does for each, TableError for tables that differ, ParameterError for a
-    table that is not there.
+    """One table, or several joined; `flip` and `columns` as `load_table` has them, a column of one of several tables
+    is flipped as `TABLE:COLUMN`. Raises as `load_table` does for each, TableError for tables that differ,
+    ParameterError for a table that is not there.
     """
-    return joined(read_each(sources, scene, flip))
+    return joined(read_each(sources, scene, flip, columns))
 
 
 def read_each(
-    sources: Sequence[str | os.PathLike[str]], scene: Scene | None = None, flip: Sequence[str] = ()
+    sources: Sequence[str | os.PathLike[str] | pandas.DataFrame],
+    scene: Scene | None = None,
+    flip: Sequence[str] = (),
+    columns: Mapping[str, str] | None = None,
 ) -> list[ImpactTable]:
     """The tables of `load_tables` one by one. Raises as `load_table` does, ParameterError as `load_tables`."""
-    check_flips(flip, [resolve_table(source).stem for source in sources])
-    return [load_table(source, scene=scene, flip=flip) for source in sources]
+    check_flips(flip, [name_of(source) for source in sources])
+    return [load_table(source, scene=scene, flip=flip, columns=columns) for source in sources]
 
 
 def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
@@ -93,6 +103,7 @@ def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
             *_absent_columns(tables),
         ),
         flipped=tuple(f"{table.name}:{name}" for table in tables for name in table.flipped),
+        columns=first.columns,
         files=tuple(place for table in tables for place in table.files),
     )
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.columns import NUMBERS, SD_SUFFIX
+from fitball.data.dialect.cells import RawRow
 from fitball.data.number_column import NumberColumn
-from fitball.data.raw import RawRow
 from fitball.data.units import UNITS, Dimension, symbols
 from fitball.errors import Fault, ParameterError
 from fitball.values import FloatArray
@@ -31,6 +31,8 @@ LIMITS: Mapping[Dimension, Limit] = {
     Dimension.SPEED: Limit(0.0, 1000.0, "at most 1000 m/s"),
     Dimension.SPIN: Limit(0.0, 1.0e5, "at most 1e5 rad/s"),
     Dimension.TIME: Limit(1.0e-4, 0.1, "0.1 to 100 ms"),
+    # Higher up a ball falls at its terminal speed.
+    Dimension.LENGTH: Limit(1.0e-3, 50.0, "1 mm to 50 m"),
 }
 # Of standard deviations: no instrument is as good as the least.
 SD_LIMITS: Mapping[Dimension, Limit] = {
@@ -38,6 +40,7 @@ SD_LIMITS: Mapping[Dimension, Limit] = {
     Dimension.SPIN: Limit(1.0e-9, 1.0e5, "1e-9 to 1e5 rad/s"),
     Dimension.ANGLE: Limit(1.0e-9, np.pi, "1e-9 rad to 180 deg"),
     Dimension.TIME: Limit(1.0e-12, 0.1, "1e-12 s to 100 ms"),
+    Dimension.LENGTH: Limit(1.0e-9, 50.0, "1e-9 to 50 m"),
 }
 # Of these columns instead. A ball that does not come says nothing of a bounce; too large an angle is no matter of
 # units alone, and the check of ranges tells.

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.columns import NUMBERS, SD_SUFFIX, Column
-from fitball.data.raw import RawRow
+from fitball.data.dialect.cells import RawRow
+from fitball.data.dialect.numbers import explained
 from fitball.data.units import DEFAULT_UNIT, Unit
 from fitball.errors import Fault
 from fitball.values import FloatArray
@@ -101,8 +102,7 @@ def _explain(text: str, name: str) -> str:
         return f"read {repr(text) if text else 'an empty cell'}; expected {what}: measure it, or delete the row"
     if lower.lstrip("+-") in _INFINITE or _NUMBER.fullmatch(text):
         return f"read '{text}', which is not finite; expected {what}"
-    if re.fullmatch(r"[+-]?[0-9]+,[0-9]+", text):
-        return f"read '{text}', a decimal comma; expected a decimal point: write '{text.replace(',', '.')}'"
-    if text[0] in "\u2212\u2013" and _NUMBER.fullmatch(text[1:]):
-        return f"read '{text}' with a typographic minus; expected a hyphen: write '-{text[1:]}'"
+    open_number = explained(text)
+    if open_number is not None:
+        return open_number
     return f"read '{text}'; expected {what} such as 11.73 (units belong in the header)"

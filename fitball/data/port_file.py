@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from fitball.data.columns import INCIDENT, REBOUND, Header, read_header
+from fitball.data.columns import INCIDENT, REBOUND, Header, read_header, vocabulary
+from fitball.data.dialect.cells import RawRow, RawTable
+from fitball.data.dialect.files import read_raw
+from fitball.data.naming import Naming
 from fitball.data.number_column import read_column
-from fitball.data.raw import RawRow, RawTable, read_raw
 from fitball.errors import Fault, TableError
 from fitball.values import FloatArray
 
@@ -33,7 +35,7 @@ class PortFile:
 
 def read_port(path: Path) -> PortFile:
     """Read the outputs of a port. Raises TableError with every fault: row, column, what was read and expected."""
-    raw = read_raw(path)
+    raw = read_raw(path, vocabulary(Naming()))
     faults = list(raw.faults)
     header = read_header(raw.header, raw.header_line, faults)
     if not raw.rows and not faults:

@@ -5,78 +5,92 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from hashlib import sha256
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fitball.data.bounds import check_bounds, normal_speed
-from fitball.data.bundled import resolve_table
-from fitball.data.checks import check_pairs, check_ranges, one_sign
-from fitball.data.columns import LABELS, MEASURED, REBOUND, SD_SUFFIX, Header, read_header
+from fitball.data.checks import check_directions, check_pairs, check_ranges, one_sign
+from fitball.data.columns import LABELS, MEASURED, NUMBERS, REBOUND, SD_SUFFIX, Header
 from fitball.data.completeness import check_columns, knows_incident
+from fitball.data.dialect.cells import RawRow, RawTable
 from fitball.data.frozen import FrozenMapping
 from fitball.data.gaps import without_empty, without_gaps
+from fitball.data.heights import speeds_of_heights
+from fitball.data.ids import unique_ids
 from fitball.data.limits import within_limits
+from fitball.data.naming import naming, with_units
 from fitball.data.number_column import NumberColumn, read_column
 from fitball.data.propagation import Uncertain, covariance_matrix
-from fitball.data.raw import RawRow, RawTable, read_raw
 from fitball.data.reading.doubt import doubt_of
 from fitball.data.reading.flip import flip_columns, flips_of
 from fitball.data.redundancy import check_redundant, independent
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable, Measurement, Notice
 from fitball.data.velocity import velocity
+from fitball.data.written import PATHS, Written, written_table
 from fitball.errors import Fault, TableError
 from fitball.observables import OBSERVABLES, VELOCITIES
 from fitball.values import FloatArray, Impacts
+
+if TYPE_CHECKING:
+    import pandas
 
 LEAST_IMPACTS = 2
 LONGEST_LABEL = 200
 
 
 def load_table(
-    source: str | os.PathLike[str], *, rebound: bool = True, scene: Scene | None = None, flip: Sequence[str] = ()
+    source: str | os.PathLike[str] | pandas.DataFrame,
+    *,
+    rebound: bool = True,
+    scene: Scene | None = None,
+    flip: Sequence[str] = (),
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> ImpactTable:
-    """Read an impact table from a CSV or Parquet file, or a bundled one by name.
+    """Read an impact table: a file (CSV and its like, a workbook, Parquet), a bundled one by name, or a DataFrame.
 
     A path that exists wins over a bundled name. Units convert here, once, to m/s, rad/s, rad and s. With
     `rebound=False` the rebound columns may be missing and one row is enough: impacts to predict, not to fit.
     A rebound cell that says that nothing was measured is NaN in its `Measurement`; see `gaps`.
     `scene` says with what ball and what noise a rebound may seem to gain energy; without it that is the scene beside
-    the table. The columns named in `flip` are counted the other way round (see `reading.flip`). Raises TableError
+    the table. The columns named in `flip` are counted the other way round (see `reading.flip`). `columns` gives
+    names that are not ours by our name, `{"v_1": "Vin", "theta_1": "angle_in [deg]"}`, before those of the scene;
+    `units` the units of columns by either name. Raises TableError
     with every fault of the file: its row, line, column, what was read and what was expected, and what may be meant
     where another reading has none; SceneError for a scene beside it that cannot be used; ParameterError for a column
-    that cannot be flipped.
+    that cannot be flipped, or for names in `columns` and `units` that are no columns.
     """
-    path = resolve_table(source)
-    raw = read_raw(path)
-    faults, notices = list(raw.faults), list[Notice]()
-    header = read_header(raw.header, raw.header_line, faults)
+    known = scene or load_scene(source if isinstance(source, PATHS) else None, as_read=True)
+    asked = with_units({**known.columns, **(columns or {})}, units or {}, (*NUMBERS, *LABELS))
+    text = written_table(source, naming(asked, (*NUMBERS, *LABELS)))
+    raw, header = text.raw, text.header
+    faults, notices = list(text.faults), list(text.notices)
     least = LEAST_IMPACTS if rebound else 1
     _check_count(raw, faults, least)
-    columns = {name: read_column(column, raw.rows, faults, gaps=True) for name, column in header.numbers.items()}
-    columns = without_empty(columns, notices)
-    header = replace(header, numbers={name: header.numbers[name] for name in columns})
-    check_columns(header, raw.header_line, faults, notices, rebound)
-    columns = within_limits(columns, raw.rows, faults)
-    columns, rows = without_gaps(columns, raw.rows, rebound, least, faults, notices)
+    numbers = {name: read_column(column, raw.rows, faults, gaps=True) for name, column in header.numbers.items()}
+    numbers = within_limits(without_empty(numbers, notices), raw.rows, faults)
+    numbers = speeds_of_heights(numbers, raw.rows, faults, notices)
+    check_columns(numbers, header, raw.header_line, faults, notices, rebound)
+    numbers, rows = without_gaps(numbers, raw.rows, rebound, least, faults, notices)
     raw = replace(raw, rows=rows)
-    columns = flip_columns(columns, flips_of(flip, path.stem), notices)
-    columns = one_sign(columns, raw.rows, faults, notices)
-    check_ranges(columns, raw.rows, faults)
+    numbers = flip_columns(numbers, flips_of(flip, text.name), notices)
+    numbers = one_sign(numbers, raw.rows, faults, notices)
+    check_ranges(numbers, raw.rows, faults)
     for end in ("1", "2"):
-        check_redundant(columns, end, raw.rows, faults, notices)
-    check_pairs(columns, raw.rows, faults)
-    known = scene or load_scene(source, as_read=True)
-    check_bounds(columns, raw.rows, known, faults, notices)
+        check_redundant(numbers, end, raw.rows, faults, notices)
+    check_pairs(numbers, raw.rows, faults)
+    check_bounds(numbers, raw.rows, known, faults, notices)
+    check_directions(numbers, raw.rows, notices)
     _check_labels(header, raw.rows, faults)
-    ids = _ids(header, raw.rows, faults)
+    ids = unique_ids(header, raw.rows, notices)
     if faults:
         # Header first, then row by row, so that the list can be worked off from the top of the file.
-        hints = _hints(columns, known) if rebound else ()
-        raise TableError(str(path), sorted(faults, key=lambda fault: fault.row or 0), hints)
-    return replace(_assemble(path, raw, header, columns, ids, notices), flipped=flips_of(flip, path.stem))
+        hints = _hints(numbers, known) if rebound else ()
+        raise TableError(text.source, sorted(faults, key=lambda fault: fault.row or 0), hints)
+    table = _assemble(replace(text, raw=raw), numbers, ids, notices)
+    return replace(table, flipped=flips_of(flip, text.name), columns=FrozenMapping(asked))
 
 
 def _hints(columns: Mapping[str, NumberColumn], scene: Scene) -> tuple[str, ...]:
@@ -114,22 +128,6 @@ def _check_labels(header: Header, rows: tuple[RawRow, ...], faults: list[Fault])
                 faults.append(Fault(message, row.number, row.line, name))
 
 
-def _ids(header: Header, rows: tuple[RawRow, ...], faults: list[Fault]) -> tuple[str, ...]:
-    if "id" not in header.texts:
-        return tuple(str(row.number) for row in rows)
-    index = header.texts["id"].index
-    first: dict[str, int] = {}
-    for row in rows:
-        text = row.cells[index]
-        if not text:
-            faults.append(Fault("read an empty cell; expected a name for the impact", row.number, row.line, "id"))
-        elif text in first:
-            message = f"read '{text}', which names row {first[text]} already; expected a name of its own"
-            faults.append(Fault(message, row.number, row.line, "id"))
-        first.setdefault(text, row.number)
-    return tuple(row.cells[index] for row in rows)
-
-
 def _frozen(values: FloatArray) -> FloatArray:
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
@@ -137,21 +135,17 @@ def _frozen(values: FloatArray) -> FloatArray:
 
 
 def _assemble(
-    path: Path,
-    raw: RawTable,
-    header: Header,
-    columns: Mapping[str, NumberColumn],
-    ids: tuple[str, ...],
-    notices: list[Notice],
+    text: Written, columns: Mapping[str, NumberColumn], ids: tuple[str, ...], notices: list[Notice]
 ) -> ImpactTable:
-    impacts, incident_columns, incident_sd, covariance = _incident(columns, len(raw.rows))
+    rows = text.raw.rows
+    impacts, incident_columns, incident_sd, covariance = _incident(columns, len(rows))
     counted = {*independent(columns, "2"), *(OBSERVABLES.keys() - VELOCITIES)}
     remarks = [*notices, *_unit_notices(columns), *_unused_sds(columns)]
     rebound = [_measurement(columns, name) for name in REBOUND if name in columns]
     return ImpactTable(
-        name=path.stem,
-        source=str(path),
-        digest=sha256(raw.data).hexdigest(),
+        name=text.name,
+        source=text.source,
+        digest=text.digest,
         ids=ids,
         impacts=impacts,
         incident_columns=incident_columns,
@@ -160,15 +154,15 @@ def _assemble(
         redundant=tuple(item for item in rebound if item.name not in counted),
         labels=FrozenMapping(
             {
-                name: tuple(row.cells[column.index] for row in raw.rows)
-                for name, column in header.texts.items()
+                name: tuple(row.cells[column.index] for row in rows)
+                for name, column in text.header.texts.items()
                 if name != "id"
             }
         ),
         units=FrozenMapping({name: column.unit.symbol for name, column in columns.items()}),
         notices=tuple(sorted(remarks, key=lambda notice: notice.row or 0)),
         incident_covariance=covariance,
-        files=((str(path.resolve()), sha256(raw.data).hexdigest()),),
+        files=text.files,
     )
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitball.data.dialect.cells import RawRow
 from fitball.data.number_column import NumberColumn
-from fitball.data.raw import RawRow
 from fitball.data.table import Notice
 from fitball.errors import Fault
 from fitball.values import FloatArray

@@ -45,7 +45,7 @@ class Scene:
     fitted; the nominal ones are orders of magnitude. `velocity_noise` says whether the columns of the velocity share
     one noise ("tied") or have one each ("separate"), None: as the table can tell. `priors` are texts such as
     `normal(0.55, 0.05)` by parameter. `distribution` is that of the noise; `pool` maps parameters to the label column
-    over whose levels they differ,
+    over whose levels they differ, `columns` names of columns in the table that are not ours, by our name;
     `offsets` is the label column whose groups may be biased. `force_file` holds force records, named relative to the
     scene file; `ball_type` is a type of the ITF (see `ball_types`), `ball_temperature` and its sd are in degrees
     Celsius. `force_sd` [N] is the known noise of a sample, `force_start_sd` [s] how well t = 0 is known to be the
@@ -78,6 +78,7 @@ class Scene:
     fix: Mapping[str, float] = field(default_factory=FrozenMapping)
     distribution: str = "normal"
     pool: Mapping[str, str] = field(default_factory=FrozenMapping)
+    columns: Mapping[str, str] = field(default_factory=FrozenMapping)
     offsets: str | None = None
     force_file: str | None = None
     force_sd: float | None = None
@@ -93,15 +94,18 @@ class Scene:
 
 
 def load_scene(
-    table_source: str | os.PathLike[str], config: str | os.PathLike[str] | None = None, as_read: bool = False
+    table_source: str | os.PathLike[str] | None, config: str | os.PathLike[str] | None = None, as_read: bool = False
 ) -> Scene:
-    """The scene of a table: from `config`, else from the TOML file beside the table, else assumed throughout.
+    """The scene of a table: from `config`, else from the TOML file beside the table, else assumed throughout, as it
+    is for a table without a file (None).
 
     Raises SceneError with every fault of the file and, unless `as_read`, as `likely_scene` does; TableError when the
     table does not exist.
     """
     if config is not None:
         return likely_scene(_make_scene(read_scene_file(Path(config))), as_read)
+    if table_source is None:
+        return _make_scene(None)
     beside = resolve_table(table_source).with_suffix(".toml")
     # A folder or a link to nowhere of that name is no scene, and reading it says so.
     return likely_scene(_make_scene(read_scene_file(beside) if os.path.lexists(beside) else None), as_read)
@@ -176,6 +180,7 @@ def _make_scene(file: SceneFile | None) -> Scene:
         velocity_noise=known.text("measurement.velocity_noise"),
         distribution=known.text("measurement.distribution") or "normal",
         pool=FrozenMapping(known.texts("pool")),
+        columns=FrozenMapping(known.texts("columns")),
         offsets=known.text("measurement.offsets"),
         force_file=known.text("force.file"),
         force_sd=known.number("force.sd"),

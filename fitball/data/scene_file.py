@@ -59,6 +59,7 @@ KEYS: Mapping[str, Kind | Mapping[str, Kind]] = {
     "priors": Kind.FREE_PRIORS,
     "fix": Kind.FREE_NUMBERS,
     "pool": Kind.FREE_TEXTS,
+    "columns": Kind.FREE_TEXTS,
 }
 
 # Pairs that say the same thing twice.

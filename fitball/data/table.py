@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.data.frozen import FrozenMapping
 from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, Impacts
 
@@ -79,7 +80,8 @@ class ImpactTable:
     table has no such column; `incident_columns` names those that it has. `incident_covariance` (impacts, 3, 3) is
     that of `(v_x1, v_y1, omega_1)`, None where no uncertainty of them was stated. `digest` is the SHA-256 of
     the file's bytes, `files` are those it was read from, each with the SHA-256 of its bytes; `flipped` are columns
-    that were counted the other way round on request (`TABLE:COLUMN` in a table of several).
+    that were counted the other way round on request (`TABLE:COLUMN` in a table of several), `columns` names in the
+    file that are not ours, by our name.
     """
 
     name: str
@@ -96,6 +98,7 @@ class ImpactTable:
     notices: tuple[Notice, ...]
     incident_covariance: FloatArray | None = None
     flipped: tuple[str, ...] = ()
+    columns: Mapping[str, str] = field(default_factory=FrozenMapping)
     files: tuple[tuple[str, str], ...] = ()
 
     def __len__(self) -> int:

@@ -11,6 +11,7 @@ from enum import Enum
 from math import pi
 from typing import TypeVar
 
+from fitball.data.dialect.unit_words import AMBIGUOUS, plain, spelled_unit
 from fitball.errors import UnitError, suggestion
 from fitball.values import FloatArray
 
@@ -25,11 +26,12 @@ class Dimension(Enum):
     ANGLE = "angle"
     TIME = "time"
     FORCE = "force"
+    LENGTH = "length"
 
 
 @dataclass(frozen=True)
 class Unit:
-    """One unit: 1 `symbol` = `numerator / denominator` of the SI unit (m/s, rad/s, rad, s, N)."""
+    """One unit: 1 `symbol` = `numerator / denominator` of the SI unit (m/s, rad/s, rad, s, N, m)."""
 
     symbol: str
     dimension: Dimension
@@ -67,21 +69,14 @@ _UNITS = (
     Unit("N", Dimension.FORCE, 1.0),
     Unit("kN", Dimension.FORCE, 1.0e3),
     Unit("lbf", Dimension.FORCE, 8896443230521.0, 2.0e12),  # 4.4482216152605 N
+    Unit("m", Dimension.LENGTH, 1.0),
+    Unit("cm", Dimension.LENGTH, 1.0, 100.0),
+    Unit("mm", Dimension.LENGTH, 1.0, 1000.0),
+    Unit("in", Dimension.LENGTH, 127.0, 5000.0),  # 0.0254 m
+    Unit("ft", Dimension.LENGTH, 381.0, 1250.0),  # 0.3048 m
 )
 
 UNITS = {unit.symbol: unit for unit in _UNITS}
-
-# Other spellings of the same units: both code points that print as the Greek letter mu, and words.
-_SPELLINGS = {
-    "\u00b5s": "us",
-    "\u03bcs": "us",
-    "\u00b0": "deg",
-    "\u00b0/s": "deg/s",
-    "degrees": "deg",
-    "rev/min": "rpm",
-    "kph": "km/h",
-    "mi/h": "mph",
-}
 
 # The unit of a number that stands without one.
 DEFAULT_UNIT = {
@@ -90,6 +85,7 @@ DEFAULT_UNIT = {
     Dimension.ANGLE: UNITS["deg"],
     Dimension.TIME: UNITS["s"],
     Dimension.FORCE: UNITS["N"],
+    Dimension.LENGTH: UNITS["m"],
 }
 
 
@@ -106,8 +102,10 @@ def parse_unit(text: str | None, dimension: Dimension) -> Unit:
     if text is None:
         return DEFAULT_UNIT[dimension]
     spelling = text.strip()
-    unit = UNITS.get(_SPELLINGS.get(spelling, spelling))
+    unit = unit_of(spelling)
     known = ", ".join(symbols(dimension))
+    if plain(spelling) in AMBIGUOUS:
+        raise UnitError(f"read unit '[{spelling}]', which means two things: write {AMBIGUOUS[plain(spelling)]}")
     if unit is None:
         hint = suggestion(spelling.lower(), symbols(dimension))
         near = f" {hint}" if hint.startswith("did") else ""
@@ -118,3 +116,8 @@ def parse_unit(text: str | None, dimension: Dimension) -> Unit:
             f"expected a unit of {dimension.value}: {known}"
         )
     return unit
+
+
+def unit_of(text: str) -> Unit | None:
+    """The unit that `text` spells, whatever it measures; None for any other text."""
+    return UNITS.get(text) or UNITS.get(spelled_unit(text))

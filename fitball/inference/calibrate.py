@@ -47,6 +47,8 @@ def fingerprint(problem: Problem, effort: Effort) -> str:
     }
     if problem.table.flipped:
         content["flipped"] = problem.table.flipped
+    if problem.table.columns:
+        content["columns"] = dict(problem.table.columns)
     if problem.force is not None:
         content["force"] = [problem.force.digest, problem.force.start_sd]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

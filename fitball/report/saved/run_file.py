@@ -50,13 +50,14 @@ class NamedTable(Part, frozen=True):
 
 class TablesPart(Part, frozen=True, omit_defaults=True):
     """The table of a fit and the files it was joined from; none for a table made in Python. `flipped` are columns
-    that were counted the other way round.
+    that were counted the other way round, `columns` names in the files that are not fitball's, by fitball's name.
     """
 
     name: str
     sha256: Digest
     files: tuple[NamedTable, ...] = ()
     flipped: tuple[str, ...] = ()
+    columns: Mapping[str, str] = {}
 
 
 class MadePart(Part, frozen=True):
@@ -143,7 +144,11 @@ def run_text(fit: Fit, folder: Path) -> str:
         notes=problem.notes,
         fitball=MadePart(__version__, fit.seed, fit.diagnostics is None),
         table=TablesPart(
-            table.name, table.digest, tuple(_named(*file, folder) for file in table.files), table.flipped
+            table.name,
+            table.digest,
+            tuple(_named(*file, folder) for file in table.files),
+            table.flipped,
+            dict(table.columns),
         ),
         model=ModelPart(problem.model.name, problem.model.options),
         ball=part(BallPart, problem.model.ball),

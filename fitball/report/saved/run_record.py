@@ -37,7 +37,8 @@ from fitball.report.saved.structure import damaged, place_of, read_toml, refuse_
 class RunRecord:
     """A run: `place` is the file that describes it. `scene` and `choices` together define the problem; `reasons` say
     why parameters are fixed, `sources` where priors were published, `notes` are those of the problem; `force` are the
-    force records, if there were any, `flipped` the columns counted the other way round.
+    force records, if there were any, `flipped` the columns counted the other way round, `columns` names in the tables
+    that are not ours, by our name.
     """
 
     place: Path
@@ -50,6 +51,7 @@ class RunRecord:
     effort: Effort
     flipped: tuple[str, ...] = ()
     sources: Mapping[str, str] = field(default_factory=dict)
+    columns: Mapping[str, str] = field(default_factory=FrozenMapping)
 
     @property
     def folder(self) -> Path:
@@ -114,6 +116,7 @@ def _record(place: Path, file: RunFile) -> RunRecord:
         effort=_effort(file.fitball, file.sampler),
         flipped=file.table.flipped,
         sources=file.prior_sources,
+        columns=file.table.columns,
     )
 
 
@@ -194,6 +197,6 @@ def record_problem(record: RunRecord, tables: Sequence[Path], records: Path | No
 
     Raises as reading and `build_problem` do.
     """
-    table = load_tables(tables, record.scene, record.flipped)
+    table = load_tables(tables, record.scene, record.flipped, record.columns)
     force = None if records is None else build_records(load_force(records, table), record.scene.force_start_sd)
     return record.problem(table, force)

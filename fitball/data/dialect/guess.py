@@ -1,0 +1,112 @@
+"""What a name that is not ours probably means: which quantity, and before or after the bounce.
+
+A guess is offered, never taken. It says which end of the bounce it means only where the name does, so that incidence
+is never offered for rebound.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+_GREEK = {"θ": "theta", "ω": "omega", "ϑ": "theta", "σ": "sd"}
+# Words of names, by what they tell: the quantity, its direction, the end of the bounce, a deviation, nothing.
+_LEXICON: Mapping[tuple[str, str], str] = {
+    ("quantity", "v"): "v vel velo velocity velocities speed speeds geschwindigkeit tempo",
+    ("quantity", "theta"): "theta angle angles ang alpha winkel",
+    ("quantity", "omega"): "omega spin spins w rot rotation drall",
+    ("quantity", "contact_time"): "contacttime tcontact contactduration kontaktzeit tc",
+    ("quantity", "height"): "h height heights hoehe höhe",
+    ("direction", "x"): "x horizontal hor horiz tangential tan parallel",
+    ("direction", "y"): "y z vertical vert normal perpendicular perp",
+    ("end", "1"): (
+        "1 in inc incident incoming incidence inbound impact before pre prior initial init start approach i vor "
+        "drop dropped fall ein"
+    ),
+    (
+        "end",
+        "2",
+    ): "2 out outgoing outbound reb rebound rebounding exit after post final end f r bounce bounced nach aus",
+    ("sd", "sd"): "sd std stdev sigma",
+    ("filler", ""): "ball of the mean avg average measured launch",
+}
+_WORDS = {word: told for told, words in _LEXICON.items() for word in words.split()}
+_WORD = "|".join(sorted(map(re.escape, _WORDS), key=len, reverse=True))
+_NAME = re.compile(rf"(?:{_WORD})+")
+HEIGHTS = {"1": "drop_height", "2": "rebound_height"}
+
+
+@dataclass(frozen=True)
+class Guess:
+    """`names` of ours that a name may mean: one where it says which, both ends where it says the quantity only."""
+
+    names: tuple[str, ...]
+
+    @property
+    def sure(self) -> str | None:
+        """The one name, or None."""
+        return self.names[0] if len(self.names) == 1 else None
+
+
+def bare(name: str) -> str:
+    """A name without case, blanks, underscores and the like; Greek letters spelled out."""
+    text = name.casefold()
+    for letter, word in _GREEK.items():
+        text = text.replace(letter, word)
+    return re.sub(r"[\s_.\-]+", "", text.translate(str.maketrans("₁₂ₓ", "12x")).replace("ᵧ", "y"))
+
+
+def end_of(name: str) -> str | None:
+    """The end of the bounce that a name speaks of: "1" incident, "2" rebound; None where it says neither, or both."""
+    ends = {value for kind, value in _told(name) if kind == "end"}
+    if not ends:
+        ends = set(re.findall(r"(?<![0-9])[12](?![0-9])", name))
+    return ends.pop() if len(ends) == 1 else None
+
+
+def guess_of(name: str) -> Guess | None:
+    """What `name` may mean, None where it is no name of an impact's quantity."""
+    told = _told(name)
+    by_kind = {kind: {value for other, value in told if other == kind} for kind, _ in told}
+    quantities, directions = by_kind.get("quantity", set()), by_kind.get("direction", set())
+    ends = by_kind.get("end", set())
+    if len(quantities) != 1 or len(directions) > 1 or len(ends) > 1:
+        return None
+    (quantity,) = quantities
+    suffix = "_sd" if "sd" in by_kind else ""
+    if quantity == "contact_time":
+        return Guess((f"contact_time{suffix}",))
+    if directions and quantity != "v":
+        return None
+    names = tuple(
+        (HEIGHTS[end] if quantity == "height" else f"{quantity}_{''.join(directions)}{end}") + suffix
+        for end in sorted(ends or {"1", "2"})
+    )
+    return Guess(names)
+
+
+def _told(name: str) -> list[tuple[str, str]]:
+    """What the words of a name tell, none where it has others."""
+    text = bare(name)
+    # Each part by itself first, so that "v_in" is not "vi" and "n".
+    parts = [part for part in re.split(r"[\s_.\-]+|(?<=[a-z])(?=[A-Z0-9])", name) if part]
+    whole = [bare(part) for part in parts]
+    if whole and all(part in _WORDS for part in whole):
+        return [_WORDS[part] for part in whole]
+    if not _NAME.fullmatch(text):
+        return []
+    found = _cut(text)
+    return [_WORDS[word] for word in found]
+
+
+def _cut(text: str) -> list[str]:
+    """The text as words, the longest first; [] where no way of cutting it leaves nothing over."""
+    if not text:
+        return []
+    for size in range(len(text), 0, -1):
+        if text[:size] in _WORDS:
+            rest = _cut(text[size:])
+            if rest or size == len(text):
+                return [text[:size], *rest]
+    return []

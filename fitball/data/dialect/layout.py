@@ -1,0 +1,147 @@
+"""Which record is the header, what stands above it, whether units stand beneath it, and which rows follow."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fitball.data.dialect.cells import RawRow, RawTable, Record, Vocabulary, refusal
+from fitball.errors import Fault
+
+# Records among which the header is looked for.
+_REACH = 60
+# What a name that is probably meant must be worth to make a header of a record.
+_LEAST = 0.5
+_NUMBER = re.compile(r"[+\-\u2212\u2013]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
+_BLANKS = ("", "-", "--", "—", "1", "[-]", "(-)", "[]", "()")
+_SHOWN = 60
+
+
+@dataclass(frozen=True)
+class Header:
+    """Where the header is among the records, and the `worth` of its names."""
+
+    place: int
+    worth: float
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell looks like a number, whatever its decimal sign."""
+    return _NUMBER.fullmatch(cell) is not None
+
+
+def find_header(records: Sequence[Record], vocabulary: Vocabulary) -> Header:
+    """The first record whose names are worth most; the first of all where no record has any."""
+    worths = [sum(map(vocabulary.worth, cells)) for _, cells in records[:_REACH]]
+    best = max(worths, default=0.0)
+    return Header(worths.index(best), best) if best >= _LEAST else Header(0, 0.0)
+
+
+def laid_out(
+    source: str, records: Sequence[Record], vocabulary: Vocabulary, data: bytes, notes: Sequence[str] = ()
+) -> RawTable:
+    """Header and rows of records; rows of another shape than the header's become faults, what is passed over notes.
+
+    Raises TableError where numbers stand above the header.
+    """
+    found = find_header(records, vocabulary)
+    line, header = records[found.place]
+    told = [*notes, *_above(source, records[: found.place], len(header))]
+    rest = list(records[found.place + 1 :])
+    faults: list[Fault] = []
+    if rest and _is_units(rest[0][1], header, vocabulary):
+        header = _with_units(header, rest.pop(0), vocabulary, faults)
+        told.append("the units were read from the row beneath the header")
+    width = _width(header, rest)
+    header = header[:width]
+    rows, empty = [], 0
+    for number, (place, cells) in enumerate(rest, start=1):
+        fitted = _fitted(cells, width)
+        if not any(cells):
+            empty += 1
+        elif cells == records[found.place][1]:
+            told.append(f"the header stands again {_where(place, number)} and was passed over")
+        elif len(fitted) != width:
+            hint = "; decimal commas between commas? write decimal points" if len(fitted) > width else ""
+            message = f"read {len(fitted)} cells, expected {width} as in the header{hint}"
+            faults.append(Fault(message, row=number, line=place))
+        else:
+            rows.append(RawRow(number, place, fitted))
+    if empty:
+        told.append(f"{empty} empty row{'s were' if empty > 1 else ' was'} passed over")
+    return RawTable(header, line, tuple(rows), data, tuple(faults), tuple(told))
+
+
+def _where(line: int | None, number: int) -> str:
+    return f"in row {number}" if line is None else f"in line {line}"
+
+
+def _width(header: tuple[str, ...], rest: Sequence[Record]) -> int:
+    """Columns, those at the right end left out that have neither name nor cell."""
+    width = len(header)
+    while width > 1 and not header[width - 1] and not any(any(cells[width - 1 :]) for _, cells in rest):
+        width -= 1
+    return width
+
+
+def _fitted(cells: tuple[str, ...], width: int) -> tuple[str, ...]:
+    """Cells without empty ones beyond the header."""
+    count = len(cells)
+    while count > width and not cells[count - 1]:
+        count -= 1
+    return cells[:count]
+
+
+def _above(source: str, records: Sequence[Record], width: int) -> list[str]:
+    """A note on the lines above the header. Raises TableError where one looks like a row of the table."""
+    told = []
+    for line, cells in records:
+        numbers = sum(map(is_number, cells))
+        if numbers >= 2 and 2 * numbers > width:
+            raise refusal(
+                source,
+                f"read a row of {numbers} numbers above the header; expected the header first: is it in its place, "
+                "and is every row one of this table?",
+                line,
+            )
+        text = " ".join(cell for cell in cells if cell)
+        if text and not text.lower().startswith("sep="):
+            told.append(f"'{text[:_SHOWN]}{'...' if len(text) > _SHOWN else ''}'")
+    if not told:
+        return []
+    more = f" and {len(told) - 3} more" if len(told) > 3 else ""
+    return [f"passed over above the header: {', '.join(told[:3])}{more}"]
+
+
+def _is_units(cells: Sequence[str], header: Sequence[str], vocabulary: Vocabulary) -> bool:
+    """Whether a row holds units: no number, units for at least half of what is filled in, one under a name."""
+    filled = [cell for cell in cells if cell not in _BLANKS]
+    if not filled or any(is_number(cell) for cell in filled):
+        return False
+    named = [cell for cell, name in zip(cells, header, strict=False) if vocabulary.worth(name) > 0.0]
+    units = [cell for cell in filled if vocabulary.is_unit(_bare(cell))]
+    return 2 * len(units) >= len(filled) and any(cell in units for cell in named)
+
+
+def _bare(cell: str) -> str:
+    """A unit without its brackets."""
+    inner = re.fullmatch(r"[\[({]\s*(.*?)\s*[\])}]", cell)
+    return inner[1] if inner else cell
+
+
+def _with_units(
+    header: tuple[str, ...], record: Record, vocabulary: Vocabulary, faults: list[Fault]
+) -> tuple[str, ...]:
+    """The header with the units of the row beneath it. A unit that stands in both places, once, is enough."""
+    line, units = record
+    cells = list(header)
+    for index, (name, unit) in enumerate(zip(header, units, strict=False)):
+        if unit in _BLANKS or vocabulary.worth(name) == 0.0:
+            continue
+        if "[" not in name and "(" not in name:
+            cells[index] = f"{name} [{_bare(unit)}]"
+        elif _bare(unit) not in name:
+            message = f"read the unit '{unit}' beneath '{name}'; expected one unit a column: delete one of them"
+            faults.append(Fault(message, line=line, column=name))
+    return tuple(cells)

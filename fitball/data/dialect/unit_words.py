@@ -1,0 +1,104 @@
+"""The spellings of units: `m s^-1`, `MPH`, `degrees per second` and their like as the symbols of `data.units`.
+
+A small grammar, `A`, `A/B`, `A B^-1` or `A per B`, over words of length, time, angle and turns. Which symbols there
+are, and what they are worth, `data.units` alone says: what it does not list stays unknown, however it is spelled.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+_WORDS: Mapping[str, str] = {
+    word: symbol
+    for symbol, words in {
+        "m": "m meter meters metre metres",
+        "cm": "cm centimeter centimeters centimetre centimetres",
+        "mm": "mm millimeter millimeters millimetre millimetres",
+        "km": "km kilometer kilometers kilometre kilometres kms",
+        "in": 'in inch inches " ″',
+        "ft": "ft foot feet ' ′",
+        "mi": "mi mile miles",
+        "s": "s sec secs second seconds sek sekunde sekunden",
+        "ms": "ms msec msecs millisecond milliseconds",
+        "us": "us usec microsecond microseconds µs μs",
+        "min": "min mins minute minutes",
+        "h": "h hr hrs hour hours std",
+        "rad": "rad rads radian radians",
+        "mrad": "mrad milliradian milliradians",
+        "deg": "deg degs degree degrees ° º",
+        "rev": "rev revs revolution revolutions turn turns rot rotation rotations u umdr umdrehungen",
+        "N": "n newton newtons",
+        "kN": "kn kilonewton kilonewtons",
+        "lbf": "lbf",
+    }.items()
+    for word in words.split()
+}
+# What is one word, or no product of the words above.
+_WHOLE: Mapping[str, str] = {
+    "mph": "mph",
+    "mi/h": "mph",
+    "kph": "km/h",
+    "kmh": "km/h",
+    "kmph": "km/h",
+    "mps": "m/s",
+    "cmps": "cm/s",
+    "fps": "ft/s",
+    "ips": "in/s",
+    "kn": "kn",
+    "kt": "kn",
+    "kts": "kn",
+    "knot": "kn",
+    "knots": "kn",
+    "rpm": "rpm",
+    "r p m": "rpm",
+    "rev/min": "rpm",
+    "1/min": "rpm",
+    "min^-1": "rpm",
+    "rps": "rev/s",
+    "hz": "rev/s",
+    "hertz": "rev/s",
+    "dps": "deg/s",
+    # Nobody counts in inverse milliseconds here.
+    "ms^-1": "m/s",
+    "cms^-1": "cm/s",
+    "mms^-1": "mm/s",
+    "kmh^-1": "km/h",
+    "rads^-1": "rad/s",
+    "degs^-1": "deg/s",
+}
+# Spellings that mean two things, and what to write for each.
+AMBIGUOUS: Mapping[str, str] = {
+    "1/s": "rad/s or rev/s",
+    "s^-1": "rad/s or rev/s",
+    "grad": "deg, or gradians, which are not known",
+    "gon": "deg, of which a gon is 0.9",
+    "lb": "lbf",
+    "lbs": "lbf",
+}
+_SUPERSCRIPTS = str.maketrans("⁻⁺¹²", "-+12")
+
+
+def plain(text: str) -> str:
+    """A spelling without what makes no difference: case, blanks, kinds of dots, minus and power signs."""
+    folded = text.strip().casefold().translate(_SUPERSCRIPTS).replace("\u2212", "-").replace("–", "-")
+    folded = re.sub(r"\bper\b", "/", folded.replace("**", "^").replace("⁄", "/").replace("∕", "/"))
+    folded = re.sub(r"[·⋅*.\u00a0_\s]+", " ", folded).strip()
+    folded = re.sub(r"\s*/\s*", "/", folded).strip()
+    return re.sub(r"(?<=[a-z])\s*\^?\s*\(?-1\)?$", "^-1", folded)
+
+
+def spelled_unit(text: str) -> str:
+    """The symbol that a spelling stands for, of a unit that `data.units` may or may not know."""
+    spelling = plain(text)
+    if spelling in _WHOLE:
+        return _WHOLE[spelling]
+    if spelling in _WORDS:
+        return _WORDS[spelling]
+    quotient = re.fullmatch(r"([^/ ]+)/([^/ ]+)", spelling) or re.fullmatch(r"(\S+) (\S+)\^-1", spelling)
+    if quotient is None:
+        return text.strip()
+    above, below = (_WORDS.get(word) for word in quotient.groups())
+    if above is None or below is None:
+        return text.strip()
+    return _WHOLE.get(f"{above}/{below}", f"{above}/{below}")

@@ -1,0 +1,91 @@
+"""From what stands in a file, or in a DataFrame, to header and rows in our names and our way of writing numbers."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from typing import TYPE_CHECKING
+
+from fitball.data.bundled import resolve_table
+from fitball.data.columns import SD_SUFFIX, Column, Header, read_header, vocabulary
+from fitball.data.dialect.cells import RawTable
+from fitball.data.dialect.files import frame_table, read_raw
+from fitball.data.dialect.numbers import plain_numbers, split_deviations
+from fitball.data.naming import Naming
+from fitball.data.table import Notice
+from fitball.errors import Fault
+
+if TYPE_CHECKING:
+    import pandas
+
+# What a DataFrame is called in reports and messages, unless its `attrs["name"]` says.
+FRAME = "DataFrame"
+# What names a file; any other source is a DataFrame.
+PATHS = (str, os.PathLike)
+
+
+@dataclass(frozen=True)
+class Written:
+    """A table before its numbers are looked at: `name`, where it is from, the SHA-256 of its bytes, and what was
+    read; `files` are those it came from, none for a DataFrame.
+    """
+
+    name: str
+    source: str
+    digest: str
+    files: tuple[tuple[str, str], ...]
+    raw: RawTable
+    header: Header
+    faults: tuple[Fault, ...]
+    notices: tuple[Notice, ...]
+
+
+def name_of(source: str | os.PathLike[str] | pandas.DataFrame) -> str:
+    """What the table of a source is called. Raises TableError where there is no such file."""
+    return resolve_table(source).stem if isinstance(source, PATHS) else str(source.attrs.get("name", FRAME))
+
+
+def written_table(source: str | os.PathLike[str] | pandas.DataFrame, naming: Naming) -> Written:
+    """Header and rows of a table, its numbers with decimal points, deviations in columns of their own.
+
+    Raises TableError where it cannot be taken apart at all.
+    """
+    known = vocabulary(naming)
+    files: tuple[tuple[str, str], ...] = ()
+    if isinstance(source, PATHS):
+        path = resolve_table(source)
+        raw = read_raw(path, known)
+        place, files = str(path), ((str(path.resolve()), sha256(raw.data).hexdigest()),)
+    else:
+        place = name_of(source)
+        raw = frame_table(place, source, known, source.to_csv().encode("utf-8", "backslashreplace"))
+    faults, notes = list(raw.faults), list(raw.notes)
+    header = read_header(raw.header, raw.header_line, faults, naming)
+    raw, header = _plain(raw, header, faults, notes)
+    return Written(
+        name=name_of(source),
+        source=place,
+        digest=sha256(raw.data).hexdigest(),
+        files=files,
+        raw=raw,
+        header=header,
+        faults=tuple(faults),
+        notices=tuple(Notice(text) for text in (*notes, *header.notes)),
+    )
+
+
+def _plain(raw: RawTable, header: Header, faults: list[Fault], notes: list[str]) -> tuple[RawTable, Header]:
+    """The table with plain numbers; a column `<name>_sd` for each whose cells state their deviations."""
+    names = {column.index: name for name, column in header.numbers.items()}
+    rows, added = split_deviations(plain_numbers(raw.rows, tuple(names), notes), tuple(names))
+    numbers = dict(header.numbers)
+    for place, index in added.items():
+        name, sd = names[place], names[place] + SD_SUFFIX
+        if name.endswith(SD_SUFFIX) or sd in numbers:
+            message = f"states deviations (±) in its cells, and {sd} is a column too; expected them once"
+            faults.append(Fault(message, line=raw.header_line, column=name))
+            continue
+        numbers[sd] = Column(index, sd, numbers[name].unit)
+        notes.append(f"what stands behind ± in {name} is taken as one standard deviation")
+    return replace(raw, rows=rows), replace(header, numbers=numbers)
