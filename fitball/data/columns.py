@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import cache
 
 from fitball.data.dialect import header_cell
 from fitball.data.dialect.cells import Vocabulary
@@ -37,6 +38,8 @@ _NEAR = 0.75
 _BY_BARE = {bare(name): name for name in (*NUMBERS, *LABELS)}
 # What people call the column that names the impacts.
 _IDS = ("id", "no", "nr", "#", "number", "impactid", "impactno")
+# How no name begins (an empty cell among them), and a length that none has.
+_NO_NAME, _LONGEST = ("", *"0123456789+-.,\u2212"), 100
 # What a name that is probably meant counts for where a header is looked for.
 _GUESSED = 0.5
 
@@ -75,7 +78,11 @@ class _Named:
 def vocabulary(naming: Naming) -> Vocabulary:
     """What a header of impacts is told by, where `naming` gives some columns names of their own."""
 
+    @cache
     def worth(cell: str) -> float:
+        # Most cells are numbers; no name begins as one, nor is any so long.
+        if cell[:1] in _NO_NAME or len(cell) > _LONGEST:
+            return 0.0
         name, _ = split_cell(cell, None, [], naming)
         if naming.ours(cell, name) is not None or _same(name) is not None:
             return 1.0

@@ -12,7 +12,8 @@ from fitball.data.dialect.cells import Record, refusal
 
 # Lines by which a delimiter is told.
 SAMPLE = 200
-_JOINED = "\x1f"
+# A letter for private use: no text has it, and no pattern takes it for a space.
+_JOINED = "\ue000"
 _BRACKET = re.compile(r"[ \t]*([\[({][^\[\](){}]*[\])}])")
 _SLASH = re.compile(r"[ \t]+/[ \t]+")
 _PLUS_MINUS = re.compile(r"[ \t]*(±|\+/-|\+-)[ \t]*")

@@ -15,7 +15,7 @@ _BEHIND = (
     re.compile(r"^(?P<name>.+?)\s+in\s+(?P<unit>.+)$"),
     re.compile(r"^(?P<name>.+?)\s*[,:;]\s*(?P<unit>.+)$"),
 )
-_JOINED = re.compile(r"(?<=[0-9a-z])[_ ](?=[A-Za-z°])")
+_JOINED = re.compile(r"(?<=[0-9A-Za-z])[_ ](?=[A-Za-z°])")
 
 Known = Callable[[str], bool]
 

@@ -1,0 +1,453 @@
+"""Tables as people write them: each reads to the table that its plain CSV is; what may be two things is refused."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import fitball
+from fitball.cli.main import main
+from fitball.data.dialect.guess import end_of, guess_of
+from fitball.data.read import load_table
+from fitball.data.table import ImpactTable
+from fitball.errors import ParameterError, SceneError, TableError
+
+Rows = list[list[str]]
+HEADER = [
+    "id",
+    "v_1 [mph]",
+    "theta_1 [deg]",
+    "omega_1 [rpm]",
+    "v_2 [mph]",
+    "theta_2 [deg]",
+    "v_2_sd [mph]",
+    "surface",
+]
+ROWS = [
+    ["a", "38.10", "18.2", "-51.5", "28.0", "20.1", "0.30", "clay"],
+    ["b", "40.25", "22.9", "-48.0", "29.1", "25.0", "0.25", "clay"],
+    ["c", "42.00", "35.1", "120.0", "30.2", "37.4", "0.40", "Rasen, grün"],
+]
+
+
+def plain(rows: Rows = ROWS, header: Sequence[str] = HEADER) -> str:
+    return "".join(",".join(f'"{cell}"' if "," in cell else cell for cell in row) + "\n" for row in [header, *rows])
+
+
+def read(folder: Path, data: str | bytes, name: str = "t.csv", **words: object) -> ImpactTable:
+    place = folder / name
+    place.write_bytes(data if isinstance(data, bytes) else data.encode())
+    return load_table(place, **words)  # type: ignore[arg-type]
+
+
+def assert_same(one: ImpactTable, other: ImpactTable) -> None:
+    """Every number and label is the same, to the last bit."""
+    assert (one.ids, dict(one.labels), dict(one.units)) == (other.ids, dict(other.labels), dict(other.units))
+    assert one.incident_columns == other.incident_columns
+    for name in ("v_x1", "v_y1", "omega_1"):
+        np.testing.assert_array_equal(getattr(one.impacts, name), getattr(other.impacts, name))
+    assert [item.name for item in one.measurements] == [item.name for item in other.measurements]
+    for item, same in zip(one.measurements, other.measurements, strict=True):
+        np.testing.assert_array_equal(item.values, same.values)
+        assert (item.sd is None) == (same.sd is None)
+        if item.sd is not None:
+            np.testing.assert_array_equal(item.sd, same.sd)
+
+
+def said(table: ImpactTable, words: str) -> bool:
+    return any(words in remark for remark in table.remarks)
+
+
+BRACKETS = (
+    "{} [{}]",
+    "{} ({})",
+    "{}[{}]",
+    "{} {{{}}}",
+    "{} / ({})",
+    "{} / {}",
+    "{} in {}",
+    "{}_{}",
+    "{} {}",
+    "{}: {}",
+)
+SPELLED = {"mph": ("mph", "MPH", "mi/h"), "deg": ("deg", "°", "degree", "Degrees"), "rpm": ("rpm", "RPM", "rev/min")}
+NAMED = {
+    "id": ("id", "ID", "Id", "No.", "Nr"),
+    "v_1": ("v_1", "V1", "v 1", "V_1"),
+    "theta_1": ("theta_1", "Theta1", "θ_1", "theta 1"),
+    "omega_1": ("omega_1", "OMEGA_1", "ω1"),
+    "v_2": ("v_2", "V2"),
+    "theta_2": ("theta_2", "Theta_2", "θ2"),
+    "v_2_sd": ("v_2_sd", "V2_SD"),
+    "surface": ("surface", "Surface"),
+}
+TITLES = ("Bounce test 3, May 2026", "Operator: R. Cross; ball 4", "left court\ttwo cameras", "sep=;")
+
+
+@st.composite
+def dialects(draw: st.DrawFn) -> tuple[bytes, Rows]:
+    """A text file in some dialect, and its rows."""
+    numbers = st.floats(0.97, 1.03)
+    rows = [
+        [row[0], *(f"{float(cell) * draw(numbers):.{draw(st.sampled_from((0, 1, 2, 4)))}f}" for cell in row[1:6]),
+         row[6], row[7]]
+        for row in draw(st.lists(st.sampled_from(ROWS), min_size=2, max_size=5))
+    ]  # fmt: skip
+    for k, row in enumerate(rows):
+        row[0] = f"impact {k}" if draw(st.booleans()) else str(k)
+        row[1] = f"{float(row[1]):.2f}"
+    sign = draw(st.sampled_from((",", ";", "\t", "|", "  ", " ")))
+    spaces = sign.isspace() and sign != "\t"
+    comma = sign != "," and draw(st.booleans())
+    if spaces:
+        for row in rows:
+            row[0], row[7] = row[0].replace(" ", "_"), row[7].split(",")[0]
+    below = draw(st.booleans())
+    deviations = draw(st.booleans())
+    cells: Rows = [[], []]
+    for column in HEADER:
+        name, _, unit = column.partition(" [")
+        name = draw(st.sampled_from(NAMED[name]))
+        unit = draw(st.sampled_from(SPELLED[unit.rstrip("]")])) if unit else ""
+        form = draw(st.sampled_from(BRACKETS[:3] if spaces else BRACKETS))
+        if spaces:
+            name = name.replace(" ", "_")
+        cells[0].append(form.format(name, unit) if unit and not below else name)
+        cells[1].append(unit if unit or spaces is False else "-")
+    body = [[cell.replace(".", ",") if comma and 0 < k < 7 else cell for k, cell in enumerate(row)] for row in rows]
+    if draw(st.booleans()):
+        body = [[cell.replace("-", "\u2212") for cell in row] for row in body]
+    lines = [cells[0], *([cells[1]] if below else []), *body]
+    if deviations:
+        mark = draw(st.sampled_from((" ± ", "±", " +/- ", " +- ")))
+        lines = [[*line[:4], line[4], *line[5:6], line[7]] for line in lines]
+        for row, line in zip(body, lines[-len(body) :], strict=True):
+            line[4] += mark + row[6]
+    text = "\n".join(
+        sign.join(f'"{cell}"' if sign in cell and not spaces else cell for cell in line) for line in lines
+    )
+    titles = draw(st.lists(st.sampled_from(TITLES), max_size=2, unique=True))
+    text = "".join(f"{title}\n" for title in titles) + draw(st.sampled_from(("", "# a comment\n", "\n"))) + text
+    text = text.replace("\n", draw(st.sampled_from(("\n", "\r\n")))) + draw(st.sampled_from(("", "\n", "\n\n")))
+    western = draw(st.booleans()) and not {"\u2212", "θ", "ω"} & set(text)
+    coding = (
+        "cp1252" if western else draw(st.sampled_from(("utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-16-le")))
+    )
+    return text.encode(coding), rows
+
+
+@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(dialects())
+def test_a_table_in_any_dialect_is_the_same_table(tmp_path: Path, written: tuple[bytes, Rows]) -> None:
+    data, rows = written
+    assert_same(read(tmp_path, data), read(tmp_path, plain(rows), "plain.csv"))
+
+
+def as_numbers(rows: Rows = ROWS) -> pandas.DataFrame:
+    frame = pandas.DataFrame(rows, columns=HEADER)
+    for column in HEADER[1:7]:
+        frame[column] = frame[column].astype(float)
+    return frame
+
+
+def save(frame: pandas.DataFrame, place: Path) -> None:
+    frame.to_excel(place, index=False, engine="odf" if place.suffix == ".ods" else "openpyxl")
+
+
+@pytest.mark.parametrize("ending", ["xlsx", "ods", "parquet", "frame", "text frame", "indexed frame"])
+def test_workbooks_parquet_and_frames_are_the_same_table(tmp_path: Path, ending: str) -> None:
+    frame, place = as_numbers(), tmp_path / f"t.{ending}"
+    if ending in ("xlsx", "ods"):
+        save(frame, place)
+        table = load_table(place)
+    elif ending == "parquet":
+        frame.to_parquet(place)
+        table = load_table(place)
+    else:
+        given = {"frame": frame, "text frame": pandas.DataFrame(ROWS, columns=HEADER), "indexed frame": frame}[ending]
+        table = load_table(given.set_index("id") if ending == "indexed frame" else given)
+        assert table.files == () and table.name == "DataFrame" and len(table.digest) == 64
+    assert_same(table, read(tmp_path, plain()))
+
+
+def test_a_workbook_as_people_keep_it(tmp_path: Path) -> None:
+    """Titles, a units row, an empty row, another sheet, a column without head at the end."""
+    with pandas.ExcelWriter(tmp_path / "t.xlsx") as book:
+        notes = pandas.DataFrame([["what", "who"], ["bounces", "me"]])
+        notes.to_excel(book, sheet_name="notes", index=False, header=False)
+        units = [name.partition(" [")[2].rstrip("]") for name in HEADER]
+        names = [name.partition(" [")[0] for name in HEADER]
+        body = [[*row[:1], *map(float, row[1:7]), row[7]] for row in ROWS]
+        rows = [["Court 3"], [], names, units, *body[:2], [], *body[2:]]
+        full = [[*row, *[None] * (len(HEADER) + 1 - len(row))] for row in rows]
+        pandas.DataFrame(full).to_excel(book, sheet_name="impacts", index=False, header=False)
+    table = load_table(tmp_path / "t.xlsx")
+    assert_same(table, read(tmp_path, plain()))
+    for words in ("sheet 'impacts' of 2", "above the header: 'Court 3'", "the row beneath the header"):
+        assert said(table, words)
+
+
+def test_two_sheets_with_tables_are_refused(tmp_path: Path) -> None:
+    with pandas.ExcelWriter(tmp_path / "t.xlsx") as book:
+        for name in ("clay", "grass"):
+            as_numbers().to_excel(book, sheet_name=name, index=False)
+    with pytest.raises(TableError, match=r"2 sheets hold tables of impacts: clay, grass; expected one"):
+        load_table(tmp_path / "t.xlsx")
+
+
+@pytest.mark.parametrize(("ending", "package"), [("xlsx", "openpyxl"), ("ods", "odfpy")])
+def test_a_missing_package_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str, package: str
+) -> None:
+    save(as_numbers(), tmp_path / f"t.{ending}")
+    for name in [name for name in sys.modules if name.partition(".")[0] in ("openpyxl", "odf")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "odf" if ending == "ods" else package, None)
+    with pytest.raises(TableError, match=rf"not installed: install it \(pip install {package}\)"):
+        load_table(tmp_path / f"t.{ending}")
+
+
+@pytest.mark.parametrize("ending", ["xlsx", "ods"])
+@pytest.mark.parametrize("kept", [0.0, 0.4, 0.9, 1.0])
+def test_a_damaged_workbook_is_refused_in_words(tmp_path: Path, ending: str, kept: float) -> None:
+    place = tmp_path / f"t.{ending}"
+    save(as_numbers(), place)
+    whole = place.read_bytes()
+    place.write_bytes(whole[: int(kept * len(whole))] if kept < 1.0 else b"x" * 300 + whole[300:])
+    with pytest.raises(TableError, match=r"not a workbook|the file is empty"):
+        load_table(place)
+
+
+def test_a_header_behind_a_comment_mark_as_numpy_writes_it(tmp_path: Path) -> None:
+    np.savetxt(tmp_path / "t.txt", [[10.0, 6.0, 7.0, 4.0], [11.0, 7.0, 8.0, 5.0]], header="v_x1 v_y1 v_x2 v_y2")
+    table = load_table(tmp_path / "t.txt")
+    np.testing.assert_array_equal(table.impacts.v_y1, [6.0, 7.0])
+    assert said(table, "header was read from the comment in line 1")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("v_y1;v_y2\n1,234;0\n1,500;1,004\n", "which may be 1.234 or 1234"),
+        ("v_y1;v_y2\n5,1;4.2\n6,1;4,3\n", "beside numbers with points"),
+        ("v_y1;v_y2\n1.005,1;4,2\n6,1;4,3\n", "signs between thousands"),
+        ("v_y1;v_y2\n5,1,2;4,2\n6,1;4,3\n", "expected a number"),
+        ('v_y1,v_y2\n"5,125","4,250"\n6,4.3\n', "beside numbers with points|which may be"),
+        ("v_y1,v_y2\n5,1,4,2\n6,1,4,3\n", "decimal commas between commas"),
+        ("v_y1,v_y2\n5 ± ,4\n6,4\n", "expected a number"),
+        ("v_y1,v_y2\n5 ± -1,4\n6,4\n", "expected a number"),
+        ("v_y1,v_y2\n± 1,4\n6,4\n", "expected a number"),
+        ("v_y1,v_y2\n5 ± 0,4\n6 ± 1,4\n", "a positive standard deviation"),
+        ("v_y1,v_y2\n5 ± 1 ± 2,4\n6 ± 1,4\n", "expected a"),
+        ("v_y1,v_y1_sd,v_y2\n5 ± 1,1,4\n6 ± 1,1,4\n", "v_y1_sd is a column too"),
+        ("v_y1,v_y2\n5 ± 1,4\n6,4\n", "empty cell; expected a standard deviation"),
+        ("v_y1,v_y2\nm/s,furlongs\n5,4\n6,5\n", "unit '[furlongs]', which is unknown"),
+        ("v_y1 [m/s],v_y2\nkm/h,m/s\n5,4\n6,5\n", "expected one unit a column"),
+        ("5,4\nv_y1,v_y2\n6,5\n7,6\n", "2 numbers above the header"),
+        ("v_y1 [1/s],v_y2\n6,5\n7,6\n", "measures|means two things"),
+        ("drop_height [cm],rebound_height [cm]\n254,-1\n254,140\n", "a positive height"),
+        ("drop_height,rebound_height\n254,140\n254,140\n", "1 mm to 50 m"),
+        ("drop_height [cm],v_y1,rebound_height [cm]\n254,5,140\n254,5,140\n", "which makes 7.058 m/s"),
+        ("v_y1,V_Y1,v_y2\n5,5,4\n5,5,4\n", "another column is 'v_y1' already"),
+    ],
+)
+def test_what_is_nonsense_or_may_be_two_things_is_refused(tmp_path: Path, text: str, words: str) -> None:
+    words = words.replace("[", r"\[").replace("]", r"\]")
+    with pytest.raises(TableError, match=words):
+        read(tmp_path, text)
+
+
+def test_what_was_assumed_is_told(tmp_path: Path) -> None:
+    text = "Test 3\nNo.;V_1 [mph];theta_1;v_2 [mph];theta_2\n1;38,1;18;28,0 ± 0,3;20\n1;39,2;19;28,5 ± 0,3;21\n"
+    table = read(tmp_path, text.encode("utf-16"))
+    for words in (
+        "read as UTF-16",
+        "divided by semicolons",
+        "above the header: 'Test 3'",
+        "decimal commas",
+        "'No.' is read as id",
+        "'V_1' is read as v_1",
+        "behind ± in v_2 is taken as one standard deviation",
+        "made unique: '1 (2)'",
+    ):
+        assert said(table, words), words
+    assert table.ids == ("1", "1 (2)")
+
+
+def test_repeated_and_empty_ids_are_made_unique(tmp_path: Path) -> None:
+    table = read(tmp_path, "id,v_y1,v_y2\na,5,4\na,5,4\n,5,4\na (2),5,4\na,5,4\n")
+    assert table.ids == ("a", "a (3)", "row 3", "a (2)", "a (4)")
+    assert [notice.row for notice in table.notices] == [2, 3, 5]
+
+
+def test_empty_rows_and_a_repeated_header_are_passed_over(tmp_path: Path) -> None:
+    table = read(tmp_path, "v_y1,v_y2\n5,4\n,\n6,5,,\nv_y1,v_y2\n7,6\n")
+    np.testing.assert_array_equal(table.impacts.v_y1, [5.0, 6.0, 7.0])
+    assert said(table, "1 empty row was") and said(table, "again in line 5")
+
+
+def test_a_letter_of_windows_is_read_and_told(tmp_path: Path) -> None:
+    table = read(tmp_path, "surface,v_1,theta_1 [°],v_2\nrasé,8,30,4\nrasé,8,31,5\n".encode("cp1252"))
+    assert table.labels["surface"] == ("rasé", "rasé") and table.units["theta_1"] == "deg"
+    assert said(table, "read as Windows-1252, first '°' in line 1")
+
+
+def test_drop_heights_are_the_speeds_of_free_fall(tmp_path: Path) -> None:
+    """Against motion computed step by step, and sds against random draws."""
+    table = read(tmp_path, "drop_height [in],rebound_height [cm],rebound_height_sd [mm]\n100,140,5\n100 ± 0.5,138,5\n"
+                 .replace("100,140", "100 ± 0.5,140"))  # fmt: skip
+    speed, height, step = 0.0, 2.54, 1e-5
+    while height > 0.0:
+        height -= speed * step + 0.5 * 9.80665 * step**2
+        speed += 9.80665 * step
+    np.testing.assert_allclose(table.impacts.v_y1, speed, rtol=1e-4)
+    measured = table.measurement("v_y2")
+    assert measured is not None and measured.sd is not None and table.impacts.cor is not None
+    np.testing.assert_allclose(table.impacts.cor, np.sqrt([1.40 / 2.54, 1.38 / 2.54]), rtol=1e-14)
+    rng = np.random.default_rng(3)
+    drawn = np.sqrt(2 * 9.80665 * (1.40 + 0.005 * rng.standard_normal(400_000)))
+    assert measured.sd[0] == pytest.approx(drawn.std(), rel=0.01)
+    assert table.incident_sd["v_y1"][0] == pytest.approx(0.5 * 0.0127 / 2.54 * speed, rel=1e-3)
+    assert said(table, "g = 9.80665 m/s^2, without air drag") and set(table.units) == {
+        "v_y1", "v_y2", "v_y1_sd", "v_y2_sd",
+    }  # fmt: skip
+
+
+def test_a_measured_speed_counts_before_a_height(tmp_path: Path) -> None:
+    table = read(tmp_path, "drop_height,v_y1,v_y2\n2.54,6.9,5\n2.54,6.91,5\n")
+    np.testing.assert_array_equal(table.impacts.v_y1, [6.9, 6.91])
+    assert said(table, "drop_height is not used: v_y1 is")
+
+
+FOREIGN = "Vin (mph);angle_in;Vout [km/h];angle_out;speed\n38;20;42;23;1\n40;22;43;25;1\n"
+COLUMNS = {"v_1": "Vin", "theta_1": "angle_in", "v_2": "Vout", "theta_2": "angle_out"}
+
+
+def test_names_of_ones_own_by_option_scene_and_python(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ours = read(tmp_path, "v_1 [mph],theta_1,v_2 [km/h],theta_2,speed\n38,20,42,23,1\n40,22,43,25,1\n", "ours.csv")
+    assert_same(read(tmp_path, FOREIGN, columns=COLUMNS), ours)
+    place = tmp_path / "t.csv"
+    option = ", ".join(f"{name}={their}" for name, their in COLUMNS.items())
+    assert main(["datasets", "check", str(place), "--columns", option]) == 0
+    (tmp_path / "t.toml").write_text("[columns]\n" + "".join(f'{a} = "{b}"\n' for a, b in COLUMNS.items()))
+    assert_same(load_table(place), ours)
+    # What a caller says goes before the scene.
+    turned = load_table(place, columns={"theta_1": "angle_out", "theta_2": "angle_in"})
+    np.testing.assert_array_equal(np.degrees(np.arctan2(turned.impacts.v_y1, turned.impacts.v_x1)).round(9), [23, 25])
+    assert load_table(place).columns == COLUMNS
+    capsys.readouterr()
+
+
+def test_units_may_be_said_beside_a_table(tmp_path: Path) -> None:
+    text = "Vin,angle_in,v_2\n38,20,42\n40,22,43\n"
+    ours = read(tmp_path, "v_1 [mph],theta_1,v_2 [km/h]\n38,20,42\n40,22,43\n", "ours.csv")
+    by_name = read(tmp_path, text, columns={"v_1": "Vin [mph]", "theta_1": "angle_in", "v_2": "v_2 [km/h]"})
+    names = {"v_1": "Vin", "theta_1": "angle_in"}
+    assert_same(by_name, ours)
+    assert_same(read(tmp_path, text, columns=names, units={"v_1": "mph", "v_2": "km/h"}), ours)
+    assert_same(read(tmp_path, text, columns=names, units={"Vin": "MPH", "v_2": "km/h"}), ours)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ({"columns": {"speed_in": "Vin"}}, r"'speed_in' is none of fitball's columns .* did you mean v_1\?"),
+        ({"columns": {"v_1": "Vin", "v_2": "vin"}}, "is to be two columns"),
+        ({"columns": {"v_1": " "}}, "read no name for v_1"),
+        ({"units": {"Vi": "mph"}}, "'Vi' is no column"),
+        ({"columns": {"v_1": "Vin [mph]"}, "units": {"v_1": "mph"}}, "expected it once"),
+    ],
+)
+def test_names_that_cannot_be_used(tmp_path: Path, words: dict[str, object], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        read(tmp_path, FOREIGN, **words)
+
+
+def test_a_name_that_is_not_in_the_table_is_a_fault(tmp_path: Path) -> None:
+    with pytest.raises(TableError, match="there is no column 'V_in', which is to be v_1"):
+        read(tmp_path, FOREIGN, columns={**COLUMNS, "v_1": "V_in"})
+    with pytest.raises(TableError, match=r"the header says '\[mph\]'.*'\[km/h\]'"):
+        read(tmp_path, FOREIGN, columns={**COLUMNS, "v_1": "Vin [km/h]"})
+
+
+def test_a_foreign_table_is_told_which_option_to_pass(tmp_path: Path) -> None:
+    with pytest.raises(TableError) as caught:
+        read(tmp_path, FOREIGN)
+    option = ", ".join(f"{name}={their}" for name, their in COLUMNS.items())
+    assert f'pass --columns "{option}"' in str(caught.value)
+    assert "'speed' may be v_1 or v_2" in str(caught.value)
+
+
+ENDS = {
+    "1": "in inc incident incoming before impact pre initial i 1",
+    "2": "out outgoing rebound after post final exit r f 2",
+}
+
+
+def names_of(end: str) -> list[str]:
+    quantities = ("v", "theta", "omega", "speed", "angle", "spin", "vx", "v_y", "velocity")
+    forms = ("{q}_{w}", "{w}_{q}", "{q}{t}", "{w} {q}", "{q}.{w}", "{t}{q}")
+    return [f.format(q=q, w=w, t=w.title()) for q in quantities for w in ENDS[end].split() for f in forms]
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_a_guess_never_swaps_incidence_and_rebound(end: str) -> None:
+    found = 0
+    for name in names_of(end):
+        guess = guess_of(name)
+        assert end_of(name) in (None, end), name
+        if guess is not None:
+            assert all(item.removesuffix("_sd").endswith(end) for item in guess.names), name
+            found += 1
+    assert found > 0.9 * len(names_of(end))
+
+
+@pytest.mark.parametrize("name", ["theta_in", "speed_in", "spin_before", "theta_ni", "tetha_1", "omga_1", "v_incid"])
+def test_a_suggestion_never_swaps_incidence_and_rebound(tmp_path: Path, name: str) -> None:
+    with pytest.raises(TableError) as caught:
+        read(tmp_path, f"{name},v_2\n5,4\n6,5\n")
+    hint = str(caught.value).partition("did you mean")[2].partition("?")[0]
+    hint += str(caught.value).partition('--columns "')[2].partition("=")[0]
+    assert not hint.rstrip("' ").endswith("2"), str(caught.value)
+
+
+def test_few_rows_the_other_way_along_the_court_are_told(tmp_path: Path) -> None:
+    rows = "".join(f"17,{angle},11,30\n" for angle in (20, 21, 145, 22, 23, 24, 25))
+    table = read(tmp_path, f"v_1,theta_1,v_2,theta_2\n{rows}")
+    (notice,) = table.notices
+    assert (notice.row, notice.columns) == (3, ("theta_1",)) and "145 deg" in notice.message
+    both = "".join(f"{v},6,{0.7 * v},4\n" for v in (-5, 5, -6, 6))
+    assert read(tmp_path, f"v_x1,v_y1,v_x2,v_y2\n{both}").notices == ()
+
+
+def test_a_column_negative_in_every_row_is_one_line_with_what_to_do(tmp_path: Path) -> None:
+    rows = "12,-5,9,4\n" * 5000
+    with pytest.raises(TableError) as caught:
+        read(tmp_path, f"v_x1,v_y1,v_x2,v_y2\n{rows}")
+    lines = [line for line in str(caught.value).splitlines() if "v_y1'" in line]
+    assert len(lines) == 1
+    assert "5,000 rows (first: row 1, line 2)" in lines[0] and "pass --flip v_y1" in lines[0]
+
+
+def test_the_way_of_a_frame_to_a_fit(tmp_path: Path) -> None:
+    """A DataFrame with names of its own is calibrated as the file is, and the notes say what was assumed."""
+    frame = pandas.DataFrame({"Vin": [4.0, 6.0, 8.0, 10.0], "v_y2": [3.2, 4.7, 6.1, 7.5]})
+    fit = fitball.calibrate(frame, "grip-slip", columns={"v_y1": "Vin"}, point_only=True, cores=1)
+    place = tmp_path / "t.csv"
+    place.write_text("v_y1,v_y2\n4,3.2\n6,4.7\n8,6.1\n10,7.5\n")
+    other = fitball.calibrate(place, "grip-slip", point_only=True, cores=1)
+    assert fit.point.values == other.point.values
+    assert any("there is no scene file" in note for note in fit.notes)
+
+
+def test_a_scene_names_columns_by_texts(tmp_path: Path) -> None:
+    (tmp_path / "t.toml").write_text("[columns]\nv_1 = 3\n")
+    with pytest.raises(SceneError, match=r"columns\.v_1 = 3: expected a text in quotes"):
+        read(tmp_path, FOREIGN)
