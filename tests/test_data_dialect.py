@@ -247,7 +247,7 @@ def test_a_header_behind_a_comment_mark_as_numpy_writes_it(tmp_path: Path) -> No
         ("v_y1,v_y2\n5 ± 0,4\n6 ± 1,4\n", "a positive standard deviation"),
         ("v_y1,v_y2\n5 ± 1 ± 2,4\n6 ± 1,4\n", "expected a"),
         ("v_y1,v_y1_sd,v_y2\n5 ± 1,1,4\n6 ± 1,1,4\n", "v_y1_sd is a column too"),
-        ("v_y1,v_y2\n5 ± 1,4\n6,4\n", "empty cell; expected a standard deviation"),
+        ("v_y1,v_y2\n5 ± 1,4\n6,4\n", "no standard deviation beside v_y1"),
         ("v_y1,v_y2\nm/s,furlongs\n5,4\n6,5\n", "unit '[furlongs]', which is unknown"),
         ("v_y1 [m/s],v_y2\nkm/h,m/s\n5,4\n6,5\n", "expected one unit a column"),
         ("5,4\nv_y1,v_y2\n6,5\n7,6\n", "2 numbers above the header"),

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.columns import REBOUND, SD_SUFFIX
+from fitball.data.dialect.cells import RawRow
 from fitball.data.number_column import NumberColumn
 from fitball.data.propagation import Uncertain
-from fitball.data.dialect.cells import RawRow
 from fitball.data.redundancy import independent
 from fitball.data.table import Notice, summed_up
 from fitball.data.velocity import velocity
