@@ -20,11 +20,13 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitballError, ParameterError
 from fitball.export.certificate import certificate
+from fitball.inference.prediction.court_pace import court_pace
 from fitball.inference.prediction.measured_pace import measured_pace
 from fitball.inference.problem.build import Choices
 from fitball.inference.problem.priors import parse_prior
 from fitball.inference.results.drop_test import BallRebound
 from fitball.inference.results.pace_rating import CourtPace, Spread, adjusted
+from fitball.inference.results.results import PointFit, Posterior
 from fitball.models.registry import parameter_spec
 from fitball.report.fit.pace_rows import court_lines, place_rows, warmth_words
 from fitball.report.saved.restore import restore
@@ -113,20 +115,31 @@ def test_friction_is_fitted_to_each_place_unless_it_is_asked_not_to(court, tmp_p
     assert pose(many, Choices(model="grip-slip")).pooling == ()
 
 
-@pytest.mark.slow
-def test_a_court_is_the_mean_of_its_places_by_the_model_too(court, tmp_path, without_figures):
-    fit = fitball.calibrate(court, model="grip-slip", point_only=True, cores=1)
-    pace = fit.court_pace
-    points = [rating.rating.point for rating in pace.ratings]
-    assert (pace.court.places, pace.court.column) == (5, "location")
-    assert pace.court.rating.point == pytest.approx(np.mean(points))
-    assert pace.court.between.point == pytest.approx(np.std(points, ddof=1))
-    assert pace.court.rating.point == pytest.approx(41.5, abs=0.5)
-    folder = fit.save(tmp_path / "fit")
-    text = (folder / "report.html").read_text(encoding="utf-8")
-    assert "Places on the court, as measured" in text
-    page = certificate(fitball.load_fit(folder))
-    assert "<h1>Court pace</h1>" in page and "mean of 5 places (location)" in page
+def test_a_court_is_the_mean_of_its_places_by_the_model_too(court):
+    """Draws of the pooled problem, each place's rating written out: all places slide at the test impact."""
+    problem = pose(court, Choices(model="grip-slip"))
+    source = np.random.default_rng(4)
+    best = {parameter.name: parameter.fixed for parameter in problem.parameters}
+    best |= {"mu": 0.6, "mu_spread": 0.1, "cor_10": 0.80, "cor_slope": 0.0, "e_x": 0.1}
+    best |= {f"mu_place[{name}]": np.log(mu / 0.6) / 0.1 for name, mu in MU.items()}
+    best |= {name: 0.1 for name in problem.free_names if name not in best or best[name] is None}
+    values = np.tile([best[name] for name in problem.free_names], (500, 1))
+    warm = problem.free_names.index("cor_10")
+    values[:, warm] += 0.01 * source.standard_normal(500)
+    posterior = Posterior(problem.free_names, values[None, :, None], np.zeros((1, 500, 1)), values[:1])
+    found = court_pace(problem, PointFit(best, 0, 0, {}, None, (), ()), posterior, source)
+    assert [rating.rating.point for rating in found.ratings] == pytest.approx(
+        [101.5 - 100 * mu for mu in MU.values()]
+    )
+    assert (found.court.places, found.court.column) == (5, "location")
+    # A common restitution moves all places alike: 1.5 points of each 0.01, and nothing between them.
+    mean, between = found.court.rating, found.court.between
+    assert mean.point == pytest.approx(41.5)
+    assert (mean.q975 - mean.q025) / 3.92 == pytest.approx(1.5, rel=0.12)
+    assert between.median == pytest.approx(np.std([100 * mu for mu in MU.values()], ddof=1))
+    assert between.q975 - between.q025 < 1e-6
+    assert found.measured.impacts == 15
+    assert court_lines(found)[1].startswith("ITF court pace of the court by the model: 41.5")
 
 
 @pytest.mark.parametrize("row", published_priors(), ids=lambda row: f"{row.parameter}-{row.key}")
@@ -211,6 +224,14 @@ def test_priors_are_listed(capsys):
     assert main(["datasets", "priors", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
     assert len(rows) == len(published_priors()) and all(row["source"] and row["note"] for row in rows)
+
+
+def test_a_certificate_of_a_court(drops, court):
+    saved = fitball.load_fit(drops / "fit")
+    pace = CourtPace((), "", temperature=31.0, measured=measured(load_table(court), ball_temperature=31.0))
+    page = certificate(replace(saved, file=msgspec.structs.replace(saved.file, drop_test=None, court_pace=pace)))
+    for words in ("<h1>Court pace</h1>", "mean of 5 places (location)", "+3.6 points", "<td>A</td>"):
+        assert words in page
 
 
 @pytest.mark.slow
