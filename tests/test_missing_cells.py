@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from samples import GRIP_SLIP, coordinates_of, leave_out_figures, problem_of, same_values, synthetic
+from samples import GRIP_SLIP, coordinates_of, drop_table, leave_out_figures, problem_of, same_values, synthetic
 from scipy import stats
 
 import fitball
 from fitball.data.balances import scene_balances
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
+from fitball.data.table import Measurement
 from fitball.errors import FitError, ResultFolderError
 from fitball.inference.adequacy.looks import distributions, links
 from fitball.inference.adequacy.misfits import largest_misfits
@@ -27,6 +28,7 @@ from fitball.inference.likelihood.residuals import Weighting, default_noise, res
 from fitball.inference.likelihood.sensitivities import residual_slopes
 from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.prediction.drop_test import drop_test
 from fitball.inference.prediction.new_impacts import observed_observables
 from fitball.inference.problem.subsample import part_of, thinned_rows, withheld
 from fitball.report.saved.data_file import data_part, read_data, write_data
@@ -384,3 +386,19 @@ def test_balances_say_what_an_impact_lacks():
         assert (balances.e_x.reasons[k] == "") == (along and spin)
         if along and up and not spin:
             assert balances.offset.reasons[k] == "omega_2 not measured" and balances.mu_bar.reasons[k] == ""
+
+
+def test_a_drop_test_with_gaps_is_one_of_the_drops_that_were_measured():
+    whole = drop_table(np.random.default_rng(1))
+    values = whole.measurements[0].values.copy()
+    values[[2, 5]] = np.nan
+    time = np.full(9, np.nan)
+    time[[2, 5]] = 5e-3
+    gappy = replace(
+        whole, measurements=(replace(whole.measurements[0], values=values), Measurement("contact_time", time))
+    )
+    problem = problem_of(gappy, "brody")
+    point = maximum_posterior(problem, problem.to_values(problem.prior.centre[None, :]))
+    told = drop_test(problem, point, None, np.random.default_rng(1))
+    assert told is not None
+    assert sum(speed.drops for speed in told.speeds) == 7

@@ -54,7 +54,9 @@ def drop_test(
 ) -> DropTest | None:
     """The drop test of a table; None where balls were not dropped or their rebound was not measured."""
     table = problem.table
-    measured = table.impacts.cor
+    # Where some rebounds are missing the impacts have no restitution as an input of a model.
+    rebound = table.measurement("v_y2")
+    measured = table.impacts.cor if rebound is None else rebound.values / table.impacts.v_y1
     if problem.model.tangential or np.any(table.impacts.v_x1 != 0.0) or measured is None:
         return None
     scene = problem.scene
