@@ -255,6 +255,8 @@ def test_a_header_behind_a_comment_mark_as_numpy_writes_it(tmp_path: Path) -> No
         ("drop_height [cm],rebound_height [cm]\n254,-1\n254,140\n", "a positive height"),
         ("drop_height,rebound_height\n254,140\n254,140\n", "1 mm to 50 m"),
         ("drop_height [cm],v_y1,rebound_height [cm]\n254,5,140\n254,5,140\n", "which makes 7.058 m/s"),
+        ("id,v_y1,v_y2\n1,5,4\nMittelwert,5,4\n", "'Mittelwert', as a row below a table that sums it up"),
+        (",v_y1,v_y2\n1,5,4\n2,6,5\nStd. dev.,0.7,0.6\n", "'Std. dev.', as a row below a table"),
         ("v_y1,V_Y1,v_y2\n5,5,4\n5,5,4\n", "another column is 'v_y1' already"),
     ],
 )
@@ -272,8 +274,7 @@ def test_what_was_assumed_is_told(tmp_path: Path) -> None:
         "divided by semicolons",
         "above the header: 'Test 3'",
         "decimal commas",
-        "'No.' is read as id",
-        "'V_1' is read as v_1",
+        "other spellings: 'No.' as id, 'V_1' as v_1",
         "behind ± in v_2 is taken as one standard deviation",
         "made unique: '1 (2)'",
     ):

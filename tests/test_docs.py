@@ -19,7 +19,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 import fitball
-from fitball.data.columns import LABELS, MEASURED
+from fitball.data.columns import HEIGHTS, LABELS, MEASURED
 from fitball.data.scene_file import KEYS
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
 from fitball.inference.adequacy import describe
@@ -177,7 +177,7 @@ def test_numbers_that_decide_are_those_of_the_code():
 
 
 def test_columns_units_and_keys_of_a_scene():
-    assert column(FORMATS, "column", "meaning") == {*MEASURED, *LABELS}
+    assert column(FORMATS, "column", "meaning") == {*MEASURED, *HEIGHTS, *LABELS}
     units = {row[0]: tuple(re.findall(r"`([^`]+)`", row[1])) for row in
              table(FORMATS, "dimension", "units", "without a bracket")}  # fmt: skip
     assert units == {item.value: symbols(item) for item in Dimension}

@@ -30,7 +30,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     """Add the verb to the command line."""
     parser = add_verb(subparsers, "calibrate", run, help=HELP, epilog=EXAMPLE)
     parser.add_argument(
-        "data", nargs="+", metavar="DATA", help="a table (CSV or Parquet), or the name of a bundled one"
+        "data", nargs="+", metavar="DATA", help="a table (CSV, workbook, Parquet), or the name of a bundled one"
     )
     parser.add_argument("--model", metavar="NAME", help="{ranked}")
     parser.add_argument(

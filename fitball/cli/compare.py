@@ -27,7 +27,7 @@ did not converge."""
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb to the command line."""
     parser = add_verb(subparsers, "compare", run, help=HELP, epilog=EXAMPLE)
-    parser.add_argument("data", metavar="DATA", help="a table (CSV or Parquet), or the name of a bundled one")
+    parser.add_argument("data", metavar="DATA", help="a table (CSV, workbook, Parquet), or the name of a bundled one")
     parser.add_argument("--models", metavar="A,B,...", help="models to compare (default: those that can differ here)")
     parser.add_argument("--config", metavar="FILE.toml", help="scene file (default: the .toml beside DATA)")
     add_reading(parser)

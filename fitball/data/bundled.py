@@ -61,7 +61,7 @@ def resolve_table(source: str | os.PathLike[str]) -> Path:
         if name in names:
             return bundled_folder() / name
     if os.path.isdir(path):  # noqa: PTH112
-        raise TableError(wanted, [Fault("is a folder; expected a CSV or Parquet file")])
+        raise TableError(wanted, [Fault("is a folder; expected a file that holds a table")])
     hint = suggestion(wanted.removesuffix(".csv"), [name.removesuffix(".csv") for name in names])
     near = f"; {hint}" if hint.startswith("did") else ""
     message = f"no such file, and no bundled table of that name{near} (bundled: {', '.join(names)})"

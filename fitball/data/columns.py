@@ -157,6 +157,7 @@ def _meant(
     asked = [naming.ours(cell, name) for cell, (name, _) in zip(cells, parsed, strict=True)]
     taken = {*filter(None, asked), *(name for name, _ in parsed)}
     exact_id = "id" in taken
+    spelled: list[str] = []
     found = []
     for index, ((name, unit), named) in enumerate(zip(parsed, asked, strict=True)):
         ours = named if named is not None else _same(name)
@@ -167,9 +168,11 @@ def _meant(
         elif ours is None and name:
             ours = _misspelt(name, taken, line, faults)
         elif ours is not None and ours != name:
-            notes.append(f"column '{name}' is read as {ours}")
+            spelled.append(f"'{name}' as {ours}")
         taken.add(ours or name)
         found.append(_Named(index, name, ours, unit))
+    if spelled:
+        notes.append(f"columns read under other spellings: {', '.join(spelled)}")
     return found
 
 

@@ -79,7 +79,7 @@ def _plain(raw: RawTable, header: Header, faults: list[Fault], notes: list[str])
     """The table with plain numbers; a column `<name>_sd` for each whose cells state their deviations."""
     names = {column.index: name for name, column in header.numbers.items()}
     rows, added = split_deviations(plain_numbers(raw.rows, tuple(names), notes), tuple(names))
-    numbers = dict(header.numbers)
+    numbers, taken = dict(header.numbers), list[str]()
     for place, index in added.items():
         name, sd = names[place], names[place] + SD_SUFFIX
         if name.endswith(SD_SUFFIX) or sd in numbers:
@@ -87,5 +87,7 @@ def _plain(raw: RawTable, header: Header, faults: list[Fault], notes: list[str])
             faults.append(Fault(message, line=raw.header_line, column=name))
             continue
         numbers[sd] = Column(index, sd, numbers[name].unit)
-        notes.append(f"what stands behind ± in {name} is taken as one standard deviation")
+        taken.append(name)
+    if taken:
+        notes.append(f"what stands behind ± in {', '.join(taken)} is taken as one standard deviation")
     return replace(raw, rows=rows), replace(header, numbers=numbers)

@@ -15,6 +15,12 @@ _REACH = 60
 _LEAST = 0.5
 _NUMBER = re.compile(r"[+\-\u2212\u2013]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
 _BLANKS = ("", "-", "--", "—", "1", "[-]", "(-)", "[]", "()")
+# How rows begin that sum up a table, in English, German and French.
+_SUMMARY = re.compile(
+    r"(?:mean|average|avg|median|std\.? ?dev\.?|stdev|std|sd|sum|total|min|max|minimum|maximum|count|n|"
+    r"mittel(?:wert)?|durchschnitt|standardabweichung|summe|moyenne|[ée]cart[ -]type)[.:]?",
+    re.IGNORECASE,
+)
 _SHOWN = 60
 
 
@@ -55,19 +61,25 @@ def laid_out(
         told.append("the units were read from the row beneath the header")
     width = _width(header, rest)
     header = header[:width]
-    rows, empty = [], 0
+    rows, empty, again = [], 0, list[str]()
     for number, (place, cells) in enumerate(rest, start=1):
         fitted = _fitted(cells, width)
         if not any(cells):
             empty += 1
         elif cells == records[found.place][1]:
-            told.append(f"the header stands again {_where(place, number)} and was passed over")
+            again.append(_where(place, number))
+        elif (word := _summary(cells)) is not None:
+            message = f"begins with '{word}', as a row below a table that sums it up; expected impacts: delete it"
+            faults.append(Fault(message, row=number, line=place))
         elif len(fitted) != width:
             hint = "; decimal commas between commas? write decimal points" if len(fitted) > width else ""
             message = f"read {len(fitted)} cells, expected {width} as in the header{hint}"
             faults.append(Fault(message, row=number, line=place))
         else:
             rows.append(RawRow(number, place, fitted))
+    if again:
+        more = f" and {len(again) - 1} more times" if len(again) > 1 else ""
+        told.append(f"the header stands again {again[0]}{more} and was passed over")
     if empty:
         told.append(f"{empty} empty row{'s were' if empty > 1 else ' was'} passed over")
     return RawTable(header, line, tuple(rows), data, tuple(faults), tuple(told))
@@ -75,6 +87,12 @@ def laid_out(
 
 def _where(line: int | None, number: int) -> str:
     return f"in row {number}" if line is None else f"in line {line}"
+
+
+def _summary(cells: Sequence[str]) -> str | None:
+    """The word with which a row sums up those above it; None for a row of its own."""
+    first = next((cell for cell in cells if cell), "")
+    return first if _SUMMARY.fullmatch(first) else None
 
 
 def _width(header: tuple[str, ...], rest: Sequence[Record]) -> int:

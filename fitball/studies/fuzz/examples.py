@@ -45,6 +45,14 @@ TABLES = (
     "38.1,0.5,18.2,0.4,28.0,20.1,4.9\n40.2,0.5,22.9,0.4,29.1,25.0,4.7\n42.0,0.5,35.1,0.4,30.2,37.4,4.5\n",
     "id,v_y1,v_y2\na,4,3.21\nb,6,4.68\nc,8,6.13\nd,10,7.48\n",
 )
+# The first of them as a lab may have it: semicolons, decimal commas, a title, a row of units, deviations; heights.
+DIALECTS = (
+    "Bounce test;;;;;;\nNo.;V_1;theta_1;omega_1;v_2;theta_2;surface\n;km/h;°;U/min;km/h;°;\n"
+    "1;61,2 ± 0,5;16,1 ± 0,3;-51;38,0;21,5;clay\n2;60,8 ± 0,5;16,0 ± 0,3;-48;38,5;21,0;clay\n"
+    "2;61,9 ± 0,5;16,9 ± 0,3;0;39,1;;hard\n",
+    "ball\tdrop_height (cm)\trebound_height (cm)\tcontact_time (ms)\na\t254\t140,5\t5,1\nb\t254\t\t5,0\n"
+    "c\t254\t138,25\t4,9\n",
+)
 IMPACTS = (
     "v=38 mph, theta=18 deg, spin=950 rpm top",
     "v=38±1 mph, theta=18±0.5 deg, spin=950±50 rpm top",

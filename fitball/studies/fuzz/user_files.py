@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import datetime
+import io
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fitball.data.bundled import bundled_folder
 from fitball.inference.problem.noise import KINDS
-from fitball.studies.fuzz.examples import IMPACTS, PRIORS, SCENE, TABLES
+from fitball.studies.fuzz.examples import DIALECTS, IMPACTS, PRIORS, SCENE, TABLES
 from fitball.studies.fuzz.harness import Target
 from fitball.studies.fuzz.mutators import damage_file, damaged
 from fitball.studies.fuzz.structured import damage_table, damage_toml
@@ -47,6 +50,48 @@ def _build_tables(folder: Path) -> None:
 def _damage_table(folder: Path, rng: np.random.Generator) -> str:
     (folder / f"table{rng.integers(len(TABLES))}.csv").rename(folder / TABLE)
     return damage_table(folder / TABLE, rng)
+
+
+def _build_dialects(folder: Path) -> None:
+    for k, text in enumerate(DIALECTS):
+        (folder / f"table{k}.csv").write_text(text, encoding=("utf-8", "utf-16")[k])
+
+
+def _damage_dialect(folder: Path, rng: np.random.Generator) -> str:
+    k = int(rng.integers(len(DIALECTS)))
+    place = (folder / f"table{k}.csv").rename(folder / TABLE)
+    if rng.integers(8) == 0:
+        return damage_file(place, rng)
+    text = damaged(DIALECTS[k], rng)
+    coding = ("utf-8", "cp1252", "utf-16", "utf-16-le", "utf-8-sig")[rng.integers(5)]
+    place.write_bytes(text.encode(coding, "replace" if coding == "cp1252" else "surrogatepass"))
+    return f"{place.name}: its text, as {coding}"
+
+
+def _build_workbook(folder: Path) -> None:
+    import pandas
+
+    for k, text in enumerate(TABLES):
+        place = folder / f"table{k}.xlsx"
+        pandas.read_csv(io.StringIO(text), comment="#").to_excel(place, index=False, engine="openpyxl")
+
+
+def _damage_workbook(folder: Path, rng: np.random.Generator) -> str:
+    """Its bytes, or, half of the time, a cell."""
+    import pandas
+
+    place = (folder / f"table{rng.integers(len(TABLES))}.xlsx").rename(folder / "impacts.xlsx")
+    if rng.integers(2) == 0:
+        return damage_file(place, rng)
+    frame = pandas.read_excel(place, header=None, dtype=object, engine="openpyxl")
+    odd: tuple[Any, ...] = (
+        None, 1e308, -1e300, True, "text\ttabbed", "a" * 10_000, 10**18, "#DIV/0!", "1,234", "21 ± 1", "=1+1",
+        pandas.Timestamp("2026-01-01"), datetime.time(3, 4),
+    )  # fmt: skip
+    at = [int(rng.integers(size)) for size in frame.shape]
+    frame.iat[at[0], at[1]] = odd[rng.integers(len(odd))]
+    frame.to_excel(place, index=False, header=False, engine="openpyxl")
+    return f"{place.name}: row {at[0] + 1}, column {at[1] + 1} = {str(frame.iat[at[0], at[1]])[:40]}"
 
 
 def _build_parquet(folder: Path) -> None:
@@ -111,6 +156,11 @@ def hand_written() -> tuple[Target, ...]:
         Target(
             "parquet", _build_parquet, _damage_parquet,
             tuple(tuple(word.replace(".csv", ".parquet") for word in command) for command in SHOWN),
+        ),
+        Target("dialect", _build_dialects, _damage_dialect, (*SHOWN, _GRIP_SLIP), few=40),
+        Target(
+            "workbook", _build_workbook, _damage_workbook,
+            tuple(tuple(word.replace(".csv", ".xlsx") for word in command) for command in SHOWN),
         ),
         Target("scene", _build_scene, lambda folder, rng: damage_toml(folder / "impacts.toml", rng),
                (*SHOWN, _GRIP_SLIP), few=40),
