@@ -9,6 +9,7 @@ import pytest
 from samples import drop_table, linear_problem, problem_of
 from scipy.integrate import solve_ivp
 from scipy.stats import norm
+from scipy.stats import t as student
 
 from fitball.data.ball_types import BALL_TYPES
 from fitball.data.read import load_table
@@ -180,6 +181,11 @@ def test_balls_are_told_apart_from_noise_and_count_as_a_sample():
     assert found.balls[worst].passes == min(ball.passes for ball in found.balls)
     passing = found.rebound.passing["type-2"]
     assert passing.drop <= passing.ball <= passing.mean
+    # The next of twelve normal numbers follows Student's t.
+    next_ball = student(11, means.mean(), means.std(ddof=1) * np.sqrt(1 + 1 / 12))
+    low, high = next_ball.cdf(np.sqrt(np.array([1.35, 1.47]) / 2.54))
+    assert passing.ball == pytest.approx(high - low, abs=0.06)
+    assert passing.mean > 0.99
     assert rows_of(found).balls[0].label == "b0"
 
 
