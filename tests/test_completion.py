@@ -34,6 +34,7 @@ CASES = {
     "fitball calibrate x.csv --model brody --closure ": "cor=line|cor=saturating",
     "fitball calibrate x.csv --fix mu": "mu=",
     "fitball calibrate x.csv --prior spin": "spin_sd=",
+    "fitball calibrate x.csv --prior mu=literature:cl": "clay ",
     "fitball calibrate x.csv --config ": "deeper/|fits/|mine.toml",
     "fitball calibrate x.csv --seed ": "",
     "fitball compare x.csv --models brody,two-mass+torsion=f": "free ",
@@ -65,7 +66,10 @@ def test_bash_completes(place):
     assert dict(zip(CASES, answers, strict=True)) == {line: answer.rstrip() for line, answer in CASES.items()}
 
 
-@pytest.mark.parametrize("words", ["calibrate x.csv --fix ", "plot fits/mine ", "compare x.csv --models brody,", ""])
+@pytest.mark.parametrize(
+    "words",
+    ["calibrate x.csv --fix ", "calibrate x.csv --prior mu=", "plot fits/mine ", "compare x.csv --models brody,", ""],
+)
 def test_completing_loads_nothing_heavy(words):
     line = f"fitball {words}"
     code = (

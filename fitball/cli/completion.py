@@ -153,6 +153,16 @@ def _parameters(prefix: str, _parsed: argparse.Namespace) -> Iterable[str]:
     return () if "=" in prefix else [f"{name}=" for name in (*SPECS, *known_names.NOISE_PARAMETERS)]
 
 
+def _priors(prefix: str, parsed: argparse.Namespace) -> Iterable[str]:
+    """Parameters, and behind one those priors of it that the literature has."""
+    from fitball.data.literature import PREFIX, published_priors
+
+    name, equals, _value = prefix.partition("=")
+    if not equals:
+        return _parameters(prefix, parsed)
+    return [f"{name}={PREFIX}{prior.key}" for prior in published_priors() if prior.parameter == name]
+
+
 def _pooled(_prefix: str, _parsed: argparse.Namespace) -> Iterable[str]:
     from fitball.models.specs import SPECS
 
@@ -179,7 +189,7 @@ OFFERS: Mapping[str, Offer] = {
     "models": _models,
     "closure": _closures,
     "fix": _parameters,
-    "prior": _parameters,
+    "prior": _priors,
     "values": _parameters,
     "pool": _pooled,
     "offsets": _among(*known_names.LABELS),

@@ -35,5 +35,5 @@ NOISE_PARAMETERS = (
 )  # fmt: skip
 NOISES = ("normal", "student-t")
 VELOCITY_NOISES = ("tied", "separate")
-LABELS = ("surface", "ball", "group")
+LABELS = ("surface", "ball", "group", "location")
 EXAMPLES = (*(f"fig{number}" for number in range(8, 29)), "list")
