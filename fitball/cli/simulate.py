@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 FORMATS = ("png", "svg", "pdf")
 DEFAULT_FOLDER = Path("fits") / "simulations"
-DESCRIPTION = """Follow one impact through time: compression, velocities, both spins, forces, slip and grip; as a film too (--animate).
-Or map the regimes of contact over angle and spin (--map).
+DESCRIPTION = """Follow one impact through time: compression, velocities, both spins, forces, slip and grip; as a film
+too (--animate). Or map the regimes of contact over angle and spin (--map).
 
 Parameters come from a fit (--fit), from a model with round defaults near the fits to Wang's balls (--model, --set),
 or from a figure of Jafri's thesis (--example). Courses are exact, from the closed forms of the model."""
