@@ -61,7 +61,7 @@ def make(made: Path, page: str, text: str, code: str, shell: Shell) -> None:
 
 
 class SharedFits:
-    """A shell in which a bundled table is fitted once, however many pages fit it with the same words."""
+    """A shell in which a bundled table is fitted or compared once, however many pages do it with the same words."""
 
     def __init__(self, made: Path, shell: Shell = posix_shell) -> None:
         self._place, self._shell = made / "shared", shell
@@ -71,8 +71,9 @@ class SharedFits:
     def __call__(self, code: str, folder: Path) -> tuple[int, str]:
         """Run, or take what was run. See `snippets.Shell`."""
         words = code.split()
-        bundled = len(words) == 3 and (ROOT / "datasets" / words[2]).is_file() and not (folder / words[2]).exists()
-        if words[:2] != ["fitball", "calibrate"] or not bundled:
+        known = words[:2] == ["fitball", "calibrate"] and len(words) == 3
+        known = known or (words[:2] == ["fitball", "compare"] and words[3:] == ["--quick"])
+        if not known or not (ROOT / "datasets" / words[2]).is_file() or (folder / words[2]).exists():
             return self._shell(code, folder)
         key = " ".join(words)
         place = self._place / hashlib.sha256(key.encode()).hexdigest()[:12]

@@ -6,7 +6,8 @@ fence is only shown. Further words:
 
 - `silent`: what it prints is not shown;
 - `parts=1,4-6`: of what it prints these paragraphs only, counted from 1;
-- `status=2`: the exit code it must have.
+- `status=2`: the exit code it must have;
+- `needs=node`: it is run only where that program is on the path, and only shown elsewhere.
 
 `<!-- figure: FILE | WORDS -->` stands for a picture that the snippets before it have drawn.
 """
@@ -42,6 +43,7 @@ class Snippet:
     silent: bool = False
     parts: tuple[int, ...] = ()
     status: int = 0
+    needs: str = ""
 
     @property
     def runs(self) -> bool:
@@ -85,7 +87,7 @@ Shell = Callable[[str, Path], tuple[int, str]]
 def _parsed(info: str, code: str) -> Snippet:
     language, *words = info.split()
     parts: list[int] = []
-    status, file, silent = 0, None, False
+    status, file, silent, needs = 0, None, False, ""
     for word in words:
         key, given, value = word.partition("=")
         if key == "parts" and given:
@@ -94,13 +96,15 @@ def _parsed(info: str, code: str) -> Snippet:
                 parts += range(int(first), int(last or first) + 1)
         elif key == "status" and given:
             status = int(value)
+        elif key == "needs" and given:
+            needs = value
         elif word == "silent":
             silent = True
         elif language not in RUN and not given and file is None:
             file = word
         else:
             raise SnippetError(f"the fence {info!r} has a word that means nothing: {word}")
-    return Snippet(language, code, file, silent, tuple(parts), status)
+    return Snippet(language, code, file, silent, tuple(parts), status, needs)
 
 
 def snippets(text: str) -> list[Snippet]:
@@ -134,6 +138,8 @@ def run_page(text: str, folder: Path, shell: Shell = posix_shell) -> list[Outcom
     for item in snippets(text):
         if item.file is not None:
             (folder / item.file).write_text(item.code, encoding="utf-8")
+        elif item.needs and shutil.which(item.needs) is None:
+            outcomes.append(Outcome())
         elif item.language == "bash":
             status, printed = shell(item.code, folder)
             if status != item.status:

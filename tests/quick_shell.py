@@ -53,7 +53,7 @@ def make_quick(patch) -> None:
     patch.setattr(fitball, "calibrate", lambda *a, **k: calibrate(*a, **{"max_steps": STEPS, "cores": 1} | k), False)
     patch.setattr(api, "run", lambda *a, **k: run(*a, **k | {"assumptions": False}))
     patch.setattr(point_fit, "STARTS", 3)
-    patch.setattr(examine, "PROFILED", 10)
+    patch.setattr(examine, "PROFILED", 6)
     patch.setattr(cross_validation, "SINGLY", 1)
     patch.setattr(cross_validation, "FOLDS", 2)
 
