@@ -16,12 +16,14 @@ from __future__ import annotations
 
 import ast
 import contextlib
+import importlib
 import io
 import os
 import re
 import shutil
 import subprocess
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -133,9 +135,33 @@ def run_page(text: str, folder: Path, shell: Shell = posix_shell) -> list[Outcom
     """
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
+    with _on_the_path(folder):
+        outcomes = _run_all(snippets(text), folder, shell)
+    for file, _ in figures(text):
+        if not (folder / file).is_file():
+            raise SnippetError(f"no snippet has made {file}")
+    return outcomes
+
+
+@contextlib.contextmanager
+def _on_the_path(folder: Path) -> Iterator[None]:
+    """Modules of the folder can be imported, as in a notebook, and are forgotten afterwards."""
+    before = list(sys.path)
+    sys.path.insert(0, str(folder))
+    importlib.invalidate_caches()
+    try:
+        yield
+    finally:
+        sys.path[:] = before
+        for name, module in list(sys.modules.items()):
+            if Path(getattr(module, "__file__", None) or "/").is_relative_to(folder):
+                del sys.modules[name]
+
+
+def _run_all(items: list[Snippet], folder: Path, shell: Shell) -> list[Outcome]:
     names: dict[str, Any] = {"__name__": "__main__"}
     outcomes = []
-    for item in snippets(text):
+    for item in items:
         if item.file is not None:
             (folder / item.file).write_text(item.code, encoding="utf-8")
         elif item.needs and shutil.which(item.needs) is None:
@@ -147,9 +173,6 @@ def run_page(text: str, folder: Path, shell: Shell = posix_shell) -> list[Outcom
             outcomes.append(Outcome(item.shown(printed)))
         elif item.language == "python":
             outcomes.append(_run_python(item, folder, names, len(outcomes)))
-    for file, _ in figures(text):
-        if not (folder / file).is_file():
-            raise SnippetError(f"no snippet has made {file}")
     return outcomes
 
 
