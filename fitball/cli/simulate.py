@@ -22,7 +22,9 @@ DESCRIPTION = """Follow one impact through time: compression, velocities, both s
 too (--animate). Or map the regimes of contact over angle and spin (--map).
 
 Parameters come from a fit (--fit), from a model with round defaults near the fits to Wang's balls (--model, --set),
-or from a figure of Jafri's thesis (--example). Courses are exact, from the closed forms of the model."""
+or from a figure of Jafri's thesis (--example). Courses are exact, from the closed forms of the model.
+
+--html writes a page with sliders instead, which computes the bounce in the browser: one file, no network."""
 EXAMPLE = """examples:
   fitball simulate --impact "v=38 mph, theta=18 deg, spin=950 rpm top"
   fitball simulate --impact "v=17, theta=42, spin=100" --fit fits/wang_all/two-mass
@@ -31,7 +33,8 @@ EXAMPLE = """examples:
   fitball simulate --map "v=30" --set mu=0.7
   fitball simulate --map --fit fits/wang_all/two-mass --contours omega_2
   fitball simulate --example fig27
-  fitball simulate --example list"""
+  fitball simulate --example list
+  fitball simulate --html --fit fits/wang_all/two-mass --out lecture.html"""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -65,6 +68,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--contours", metavar="NAME", help="of --map: v_x2, v_y2, v_2, theta_2 (default), omega_2 or contact_time"
     )
+    parser.add_argument(
+        "--html", action="store_true",
+        help="a page with sliders instead, of --fit or --model, begun at --impact (--out: a folder or FILE.html)",
+    )  # fmt: skip
     parser.add_argument("--example", metavar="NAME", help="fig8 to fig28 of Jafri (2004), or list")
     parser.add_argument(
         "--draws", type=count, default=200, metavar="N", help="posterior draws of --fit (default 200)"
@@ -98,6 +105,10 @@ def run(args: argparse.Namespace) -> int:
 
         print(list_text())
         return 0
+    if args.html:
+        from fitball.cli.simulate_page import write_page
+
+        return write_page(args, _values(args.values))
     from fitball.report.form.atomic_write import refuse_existing
     from fitball.report.form.folders import clear_folder
     from fitball.report.history.folder import CSV_NAME, FIGURE_STEM, JSON_NAME
@@ -129,7 +140,12 @@ def _check_together(args: argparse.Namespace) -> None:
         raise ParameterError(f"--map is about many impacts: leave out {', '.join(idle)}")
     if args.map is None and args.contours is not None:
         raise ParameterError("--contours belongs to --map")
-    if args.example is None and args.impact is None and args.map is None:
+    if args.html:
+        names = ("example", "map", "animate", "csv")
+        mixed = [f"--{name}" for name in names if getattr(args, name) is not None] + ["--json"] * args.json
+        if mixed:
+            raise ParameterError(f"--html writes a page and nothing else: leave out {', '.join(mixed)}")
+    elif args.example is None and args.impact is None and args.map is None:
         raise ParameterError(
             'simulate needs an impact, such as --impact "v=17, theta=18, spin=100", --map, or --example NAME'
         )

@@ -50,12 +50,17 @@ def _parameters(ending: str, make: Callable[[SavedFit], str]) -> TextFormat:
 
 def saved_port(saved: SavedFit) -> Port:
     """The port of a saved fit."""
+    return make_port(saved.fitted, saved.golden, origin_of(saved))
+
+
+def origin_of(saved: SavedFit) -> str:
+    """Which fit a port is of, in a line."""
     table = saved.content["table"]
     origin = f"table {table['file']} ({table['impacts']} impacts), point estimate, fit {saved.status}"
     pooled = sorted({item["parameter"] for item in saved.content["levels"]})
     if pooled:
         origin += f", {', '.join(pooled)} at the value common to all levels"
-    return make_port(saved.fitted, saved.golden, origin)
+    return origin
 
 
 def _port(make: Callable[[Port, str], Mapping[str, str]]) -> TextFormat:

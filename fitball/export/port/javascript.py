@@ -64,6 +64,7 @@ class JavaScript(Dialect):
 NAMES = (
     "rebound", "solve", "selfTest", "regimeName", "MODEL", "ROW", "RADIUS", "V_Y1_LOW", "V_Y1_HIGH",
     "CALIBRATED_V_Y1_LOW", "CALIBRATED_V_Y1_HIGH", "BEYOND_SPEEDS", "BEYOND_RESTITUTION", "WITHOUT_TWIST", "REASONS",
+    "COR_LOW", "COR_HIGH",
 )  # fmt: skip
 
 
