@@ -27,7 +27,7 @@ COPIED = ("fitball", "datasets", "tests", "scripts", "fits", "pyproject.toml", "
 # Test files that run compiled kernels, whose lines no tracer sees.
 KERNEL_TESTS = (
     "small_and_flat", "certificates", "kernel_invariants", "kernel_oracle", "jacobian", "history", "hard_cases",
-    "thesis_model", "force_likelihood", "export_ports",
+    "thesis_model", "force_likelihood", "export_ports", "export_languages",
 )  # fmt: skip
 COMPARED = {
     ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,

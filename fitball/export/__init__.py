@@ -1,5 +1,6 @@
-"""A saved fit in the forms that other programs read: parameter sets, tables, engine settings, netCDF, source code.
+"""A saved fit in the forms that other programs read: parameter sets, tables, engine settings, netCDF, source code,
+a page with sliders.
 
-Offers: `TEXT_FORMATS`.
+Offers: `TEXT_FORMATS`, `interactive_page`.
 May import: report, inference, models, data.
 """

@@ -74,6 +74,34 @@ def _content(saved: SavedFit, engine: EngineFit) -> dict[str, Any]:
         "at_point": _settings(engine.at_point),
         "over_range": _settings(engine.over_range),
         "mujoco": mujoco(engine),
+        "engines": _engines(engine),
+    }
+
+
+def _engines(engine: EngineFit) -> dict[str, Any]:
+    """What the page says under "How to set them", by the engines' own names; friction null where a drop test knows
+    none.
+    """
+    e, mu = engine.at_point.e, engine.at_point.mu
+    multiply = {"frictionCombine": "Multiply", "bounceCombine": "Multiply"}
+    return {
+        "unity": {
+            "ball": {"bounciness": e, "dynamicFriction": mu, "staticFriction": mu, **multiply},
+            "court": {"bounciness": 1.0, "dynamicFriction": 1.0, "staticFriction": 1.0, **multiply},
+        },
+        "godot": {
+            "ball": {"bounce": e, "friction": mu, "rough": False, "absorbent": False},
+            "court": {
+                "bounce": 0.0,
+                "friction": 1.0 if mu is None else max(1.0, mu),
+                "rough": False,
+                "absorbent": False,
+            },
+        },
+        "bullet": {
+            "ball": {"restitution": e, "friction": mu, "rollingFriction": 0.0, "spinningFriction": 0.0},
+            "court": {"restitution": 1.0, "friction": 1.0},
+        },
     }
 
 
