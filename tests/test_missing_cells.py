@@ -214,6 +214,13 @@ def test_derivatives_and_counts_are_of_the_cells_that_are_there():
     assert criteria(problem, [dict(zip(problem.free_names, values[0], strict=True))]).measurements == count
     full = problem_of(WANG, "grip-slip")
     assert coverage(problem) < coverage(full)
+    shown = [k for k, item in enumerate(problem.free) if not item.name.endswith("_sd")]
+    slopes = (exact * problem.prior.width)[:, shown]
+    at_noise = dict(zip(problem.free_names, values[0], strict=True)).items() & weighting.noise.items()
+    assert len(at_noise) == 3
+    np.testing.assert_allclose(
+        fisher_information(problem, at[0], scene=False)[np.ix_(shown, shown)], slopes.T @ slopes, rtol=1e-9
+    )
     # Each cell tells something of its own noise: twice the squared slope of its logarithm.
     information = fisher_information(problem, at[0], scene=False)
     k = problem.free_names.index("spin_sd")
