@@ -21,6 +21,7 @@ from fitball.inference.results.drop_test import (
     drag,
     fall_speed,
     fall_speed_in_air,
+    launch_speed_in_air,
     rise_height,
     rise_height_in_air,
     share_within,
@@ -139,11 +140,29 @@ def test_air_is_that_of_an_integrated_fall():
     assert rise.y_events[0][0][0] == pytest.approx(float(rise_height_in_air(np.array(5.0), k)), rel=1e-7)
     assert fall_speed(2.54) == pytest.approx(V0, rel=1e-6)
     assert float(rise_height(np.array(V0))) == pytest.approx(2.54, rel=1e-6)
+    up = float(rise_height_in_air(np.array(5.0), k))
+    assert launch_speed_in_air(up, k) == pytest.approx(5.0)
     # Without air the two agree.
     assert fall_speed_in_air(2.54, 1e-9) == pytest.approx(V0, rel=1e-6)
     found, _ = told(dropped([V0] * 6, [0.745] * 6))
     assert found.rebound.with_air.median == pytest.approx(0.933 * found.rebound.height.median, rel=0.01)
     assert found.rebound.passing_with_air < 0.1 < found.rebound.passing["type-2"].mean
+
+
+def test_heights_are_known_as_such(tmp_path):
+    """A table of heights: the rebound is theirs, whatever the air does, and restitution is a little more with it."""
+    place = tmp_path / "heights.csv"
+    place.write_text("drop_height [cm],rebound_height [cm]\n" + "254,141\n254,140\n254,142\n" * 2, encoding="utf-8")
+    found, _ = told(load_table(place), mean=np.sqrt(141 / 254))
+    assert found.from_heights
+    k = drag(Ball())
+    assert found.rebound.height.median == pytest.approx(1.41, abs=1e-3)
+    share = launch_speed_in_air(1.41, k) / fall_speed_in_air(2.54, k) / np.sqrt(141 / 254) - 1
+    assert found.rebound.air_share == pytest.approx(share, rel=1e-3)
+    assert 0.03 < share < 0.04
+    said = drop_remarks(found)
+    assert any("heights say" in line and f"{100 * share:.1f} % larger" in line for line in said)
+    assert not told(dropped([V0] * 6, [0.745] * 6))[0].from_heights
 
 
 def test_stated_errors_and_temperature_are_told():

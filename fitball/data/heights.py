@@ -21,9 +21,13 @@ from fitball.errors import Fault
 
 # Standard gravity [m/s^2].
 GRAVITY = 9.80665
-# Deceleration of a tennis ball by air over its speed squared [1/m], rho C_D pi R^2 / (2 M) with C_D = 0.55 (R. Mehta,
-# F. Alam and A. Subic, Sports Technol. 1 (2008) 7, have 0.5 to 0.6): only to tell how much is left out.
-DRAG = 1.2 * 0.55 * np.pi * 0.033**2 / (2.0 * 0.0577)
+# Dry air at 20 degrees Celsius and 1013 hPa [kg/m^3].
+AIR_DENSITY = 1.204
+# New tennis balls in free flight, 0.507 +- 0.024 (R. Cross and C. Lindsey, Sports Engineering 17 (2014) 89; wind
+# tunnels have 0.6 and more: R. Mehta, F. Alam and A. Subic, Sports Technol. 1 (2008) 7).
+DRAG_COEFFICIENT = 0.507
+# Deceleration of a tennis ball by air over its speed squared [1/m]: only to tell how much is left out.
+DRAG = AIR_DENSITY * DRAG_COEFFICIENT * np.pi * 0.033**2 / (2.0 * 0.0577)
 SPEED_OF: Mapping[str, str] = dict(zip(HEIGHTS, ("v_y1", "v_y2"), strict=True))
 
 

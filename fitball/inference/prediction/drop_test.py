@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.ball_types import BALL_TYPES, DEFAULT_TYPE, DROP_HEIGHT
+from fitball.data.columns import HEIGHTS
 from fitball.inference.prediction.extrapolation import calibrated_range
 from fitball.inference.prediction.one_way import OneWay, one_way
 from fitball.inference.prediction.posterior_predictive import with_noise
@@ -23,6 +24,7 @@ from fitball.inference.results.drop_test import (
     drag,
     fall_speed,
     fall_speed_in_air,
+    launch_speed_in_air,
     rise_height,
     rise_height_in_air,
     share_within,
@@ -80,6 +82,7 @@ def drop_test(
         ball_type=kind,
         type_stated=scene.ball_type is not None,
         balls_counted=found is not None,
+        from_heights=any(set(notice.columns) == set(HEIGHTS) for notice in table.notices),
         variation=variation,
         balls=() if found is None else _each(found, problem, known, kind),
         shared_error=_shared_error(problem, known, measured[known]),
@@ -90,7 +93,7 @@ def drop_test(
 
 def _none(problem: Problem, kind: str, why: str) -> DropTest:
     stated = problem.scene.ball_type is not None
-    return DropTest((), None, kind, stated, False, None, (), None, problem.scene.ball_temperature, why)
+    return DropTest((), None, kind, stated, False, False, None, (), None, problem.scene.ball_temperature, why)
 
 
 def _settings(speeds: FloatArray) -> list[NDArray[np.int64]]:
@@ -210,6 +213,7 @@ def _rebound(
         passing=passing,
         with_air=spread_of(air, float(rise_height_in_air(np.array(law.point(slower) * slower), k))),
         passing_with_air=None if air is None else share_within(air, kind),
+        air_share=launch_speed_in_air(height, k) / slower / at - 1.0,
         beyond=float(reach[0]) if abs(reach[0]) > SAME * speed else 0.0,
     )
 

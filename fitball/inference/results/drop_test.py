@@ -16,16 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.data.ball_types import BALL_TYPES
+from fitball.data.heights import AIR_DENSITY, DRAG_COEFFICIENT, GRAVITY
 from fitball.inference.results.pace_rating import Spread
 from fitball.inference.results.variation import Variation
 from fitball.values import Ball, FloatArray
-
-# Standard gravity [m/s^2], and dry air at 20 degrees Celsius and 1013 hPa [kg/m^3].
-GRAVITY = 9.80665
-AIR_DENSITY = 1.204
-# New tennis balls in free flight, 0.507 +- 0.024 (Cross and Lindsey 2014, "Measurements of drag and lift on tennis
-# balls in flight", Sports Engineering 17, 89-96).
-DRAG_COEFFICIENT = 0.507
 
 
 @dataclass(frozen=True)
@@ -58,7 +52,8 @@ class Passing:
 class StandardRebound:
     """The rebound from 254 cm [m]: of the mean ball, `height`, and of one more measured drop, `drop`; `passing` is by
     type. `with_air` is the height if the speeds were measured at the floor, `passing_with_air` that of the stated
-    type. `beyond` is by how much the landing speed [m/s] lies above (positive) or below the tested ones.
+    type; if they were made from heights, restitutions are larger by `air_share` of themselves. `beyond` is by how
+    much the landing speed [m/s] lies above (positive) or below the tested ones.
     """
 
     speed: float
@@ -67,6 +62,7 @@ class StandardRebound:
     passing: Mapping[str, Passing]
     with_air: Spread
     passing_with_air: float | None
+    air_share: float
     beyond: float
 
 
@@ -86,7 +82,8 @@ class DropTest:
     none.
 
     `balls_counted` says that the restitutions take balls as a sample of their make, not impacts as independent.
-    `shared_error` is by how much a restitution is off if the stated sd of `v_y1` is one error of all drops.
+    `from_heights` says that both speeds were made from heights, with `v = sqrt(2 g h)`. `shared_error` is by how much
+    a restitution is off if the stated sd of `v_y1` is one error of all drops.
     """
 
     speeds: tuple[TestedSpeed, ...]
@@ -94,6 +91,7 @@ class DropTest:
     ball_type: str
     type_stated: bool
     balls_counted: bool
+    from_heights: bool
     variation: Variation | None
     balls: tuple[BallRebound, ...]
     shared_error: float | None
@@ -114,6 +112,11 @@ def rise_height(speed: FloatArray) -> FloatArray:
 def drag(ball: Ball) -> float:
     """Deceleration by air over the square of the speed [1/m]."""
     return AIR_DENSITY * DRAG_COEFFICIENT * float(np.pi) * ball.radius**2 / (2.0 * ball.mass)
+
+
+def launch_speed_in_air(height: float, k: float) -> float:
+    """Speed [m/s] from which a ball rises to a height [m] with drag `k` [1/m]."""
+    return float(np.sqrt(GRAVITY / k * np.expm1(2.0 * k * height)))
 
 
 def fall_speed_in_air(height: float, k: float) -> float:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fitball.data.ball_types import BALL_TYPES, DROP_HEIGHT, SOURCE, TEST_TEMPERATURE
-from fitball.inference.results.drop_test import DRAG_COEFFICIENT, DropTest, Passing, StandardRebound, TestedSpeed
+from fitball.data.heights import DRAG_COEFFICIENT
+from fitball.inference.results.drop_test import DropTest, Passing, StandardRebound, TestedSpeed
 from fitball.inference.results.pace_rating import Spread
 from fitball.report.fit.pace_rows import percent
 from fitball.report.form.rounding import decimals, fixed, interval, significant
@@ -136,13 +137,7 @@ def drop_remarks(test: DropTest) -> tuple[str, ...]:
     if rebound is None:
         return ()
     lines = [*_reach(test, rebound), *_ball_remarks(test)]
-    chance = rebound.passing_with_air
-    passes = "" if chance is None else f"; it passes with probability {percent(chance)}"
-    lines.append(
-        "v = sqrt(2 g h) leaves out the air. Rebound heights that were turned into speeds by it come out as they "
-        f"were measured. If the speeds were measured at the floor, air drag (c_d = {DRAG_COEFFICIENT}) makes the "
-        f"rebound from 254 cm {valued(rebound.with_air, CM, 'cm')}{passes}."
-    )
+    lines.append(_air(test, rebound))
     if test.shared_error:
         lines.append(
             "The stated error of v_y1 counts as another one in each drop. If it is the same in all (one height, one "
@@ -151,6 +146,23 @@ def drop_remarks(test: DropTest) -> tuple[str, ...]:
     lines.append(_warmth(test))
     lines.append(f"Limits: {SOURCE}.")
     return tuple(lines)
+
+
+def _air(test: DropTest, rebound: StandardRebound) -> str:
+    """What v = sqrt(2 g h) leaves out."""
+    if test.from_heights:
+        return (
+            "Speeds are those of the heights without air, v = sqrt(2 g h): the rebound from 254 cm is what the "
+            f"heights say; the restitution of the impact alone, with air drag (c_d = {DRAG_COEFFICIENT}), is some "
+            f"{100.0 * rebound.air_share:.1f} % larger."
+        )
+    chance = rebound.passing_with_air
+    passes = "" if chance is None else f"; it passes with probability {percent(chance)}"
+    return (
+        "v = sqrt(2 g h) leaves out the air. Rebound heights that were turned into speeds by it come out as they "
+        f"were measured. If the speeds were measured at the floor, air drag (c_d = {DRAG_COEFFICIENT}) makes the "
+        f"rebound from 254 cm {valued(rebound.with_air, CM, 'cm')}{passes}."
+    )
 
 
 def _reach(test: DropTest, rebound: StandardRebound) -> list[str]:
