@@ -143,7 +143,8 @@ def test_the_map_of_a_fit_has_its_impacts_and_its_posterior(grip_slip_folder, tm
         (["--map", "theta=-10..80"], "between 0 and 180"),
         (["--map", "--impact", "v=17, theta=18"], "leave out --impact"),
         (["--map", "--contours", "omega2"], "did you mean 'omega_2'"),
-        (["--map", "--contours", "contact_time", "--model", "brody"], "model brody has none"),
+        (["--map", "--contours", "contact_time", "--model", "grip-slip"], "model grip-slip has none"),
+        (["--map", "--model", "thesis+damping=given"], "model thesis needs a value of c_y"),
         (["--impact", "v=17, theta=18", "--contours", "v_x2"], "--contours belongs to --map"),
     ],
 )

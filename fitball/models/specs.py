@@ -165,6 +165,7 @@ _ALL = (
         "normal(0, 0.5)",
         "tangential coefficient of restitution at the contact point while gripping",
         r"$e_x$",
+        typical=0.1,
     ),
     ParameterSpec(
         "offset",
@@ -174,6 +175,7 @@ _ALL = (
         "normal(0, 0.005)",
         "distance of the normal force ahead of the centre",
         r"$D$",
+        typical=2.4e-3,
     ),
     ParameterSpec(
         "ball_mass", "kg", 1.0e-6, 20.0, "normal(0.0576, 0.001)", "mass of the ball", r"$M$", possible=POSITIVE

@@ -106,12 +106,20 @@ def simulate_fit(fitted: FittedModel, impact: Impacts, draws: int = DRAWS) -> Si
 
 
 def chosen_parameters(model: Model, changed: Mapping[str, float]) -> dict[str, float]:
-    """Typical values of the model's parameters with some changed. Raises ParameterError for an unknown name."""
+    """Typical values of the model's parameters with some changed.
+
+    Raises ParameterError for an unknown name, and for a parameter that has no typical value and is given none.
+    """
     allowed = (*model.parameter_names, *BALL_PARAMETERS)
     for name in changed:
         if name not in allowed:
             raise ParameterError(f"unknown parameter '{name}' of model {model.name}: {suggestion(name, allowed)}")
     typical = {spec.name: spec.typical for spec in model.parameters if spec.typical is not None}
+    missing = [name for name in model.parameter_names if name not in typical and name not in changed]
+    if missing:
+        raise ParameterError(
+            f"model {model.name} needs a value of {', '.join(missing)}, for which there is no default"
+        )
     return {**typical, **changed}
 
 

@@ -19,6 +19,8 @@ from fitball.report.form.display_units import output_scale
 PUBLISHED_MARK = "x"
 # Longest name of a model beside the axis; longer ones break before their closures.
 NAME_WIDTH = 20
+# Width of an entry of the legend [in].
+LEGEND_ENTRY = 2.4
 
 
 def compare_figure(comparison: Comparison) -> Figure:
@@ -40,7 +42,8 @@ def compare_figure(comparison: Comparison) -> Figure:
         if comparison.published:
             axis.axhline(len(comparison.models) - 0.5, color="0.5", linewidth=0.8)
     handles, names = axes[1].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside lower center", ncols=min(3, len(names)), frameon=False)
+    columns = max(1, int(figure.get_figwidth() / LEGEND_ENTRY))
+    figure.legend(handles, names, loc="outside lower center", ncols=min(columns, len(names)), frameon=False)
     figure.suptitle(f"Models on {comparison.table.name}: predictions of impacts left out")
     return figure
 

@@ -112,7 +112,7 @@ def map_figure(
     axes[0].set_ylabel("spin [rad/s]: back (below 0), top (above)")
     right = axes[-1].secondary_yaxis("right", functions=(_to_rpm, _from_rpm))
     right.set_ylabel("spin [rpm]")
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize=8.5)
+    figure.legend(handles=handles, loc="outside lower center", ncols=1 + panels, frameon=False, fontsize=8.5)
     figure.suptitle(f"{title}: regimes of contact at {found.window.speed:.4g} m/s", fontsize=12)
     return figure
 
