@@ -11,49 +11,88 @@ from typing import TYPE_CHECKING, Any
 from fitball.version import __version__
 
 if TYPE_CHECKING:
-    from fitball.api import calibrate, load_fit
+    from fitball.api import (
+        Checked,
+        Comparison,
+        Course,
+        Fit,
+        calibrate,
+        check,
+        compare,
+        export,
+        load_fit,
+        plot,
+        predict,
+        simulate,
+    )
     from fitball.data.read import load_table
     from fitball.data.scene import Scene, load_scene
     from fitball.data.table import ImpactTable
     from fitball.errors import FitballError
-    from fitball.inference.results.results import Fit
+    from fitball.inference.results.results import Estimate, Posterior, RunStatus, Verdict
     from fitball.models.registry import model
     from fitball.models.types import Rebound, regime_name
     from fitball.values import Ball, Impacts, impacts
 
 _HOMES = {
     "Ball": "fitball.values",
-    "Fit": "fitball.inference.results.results",
+    "Checked": "fitball.api",
+    "Comparison": "fitball.api",
+    "Course": "fitball.api",
+    "Estimate": "fitball.inference.results.results",
+    "Fit": "fitball.api",
     "FitballError": "fitball.errors",
     "ImpactTable": "fitball.data.table",
     "Impacts": "fitball.values",
+    "Posterior": "fitball.inference.results.results",
     "Rebound": "fitball.models.types",
+    "RunStatus": "fitball.inference.results.results",
     "Scene": "fitball.data.scene",
+    "Verdict": "fitball.inference.results.results",
     "calibrate": "fitball.api",
+    "check": "fitball.api",
+    "compare": "fitball.api",
+    "export": "fitball.api",
     "impacts": "fitball.values",
     "load_fit": "fitball.api",
     "load_scene": "fitball.data.scene",
     "load_table": "fitball.data.read",
     "model": "fitball.models.registry",
+    "plot": "fitball.api",
+    "predict": "fitball.api",
     "regime_name": "fitball.models.types",
+    "simulate": "fitball.api",
 }
 
 __all__ = [
     "Ball",
+    "Checked",
+    "Comparison",
+    "Course",
+    "Estimate",
     "Fit",
     "FitballError",
     "ImpactTable",
     "Impacts",
+    "Posterior",
     "Rebound",
+    "RunStatus",
     "Scene",
+    "Verdict",
     "__version__",
     "calibrate",
+    "check",
+    "compare",
+    "export",
     "impacts",
     "load_fit",
     "load_scene",
     "load_table",
     "model",
+    "plot",
+    "predict",
     "regime_name",
+    "simulate",
 ]
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 
 from fitball.visible import folded, kind_of, one_line
+from fitball.wording import option, spoken
 
 
 class FitballError(Exception):
@@ -55,7 +56,11 @@ def enough_memory() -> Iterator[None]:
     except MemoryError as error:
         raise MemoryShortageError(
             f"the memory of this machine does not suffice ({str(error) or 'nothing left'}): fit fewer rows or models "
-            "at once, with fewer --cores and --walkers, or calibrate with --point-only, which needs least"
+            "at once, "
+            + spoken(
+                "with fewer --cores and --walkers, or calibrate with --point-only, which needs least",
+                "with fewer cores and walkers, or calibrate with point_only=True, which needs least",
+            )
         ) from None
 
 
@@ -138,7 +143,7 @@ class ReadingError(FitballError):
         self.readings = tuple(readings)
         super().__init__(
             _bulleted(f"{one_line(source)}: another reading explains it much better than its header:", self.readings)
-            + "\n  if it is right as it stands, pass --as-read (in Python as_read=True); nothing was changed"
+            + f"\n  if it is right as it stands, pass {option('as_read')}; nothing was changed"
         )
 
 

@@ -6,7 +6,8 @@ strangers to each other and both need them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +23,24 @@ WANG_RADIUS = 0.03302
 WANG_INERTIA_RATIO = 0.56
 # Beyond any ball, and far from where products of masses and lengths overflow or vanish.
 SMALLEST, LARGEST = 1e-30, 1e6
+
+
+def same(one: object, other: object) -> bool:
+    """Whether two frozen values are equal through and through: arrays number by number, NaN to NaN."""
+    if is_dataclass(one) and not isinstance(one, type):
+        if type(one) is not type(other):
+            return False
+        return all(same(getattr(one, item.name), getattr(other, item.name)) for item in fields(one) if item.compare)
+    if isinstance(one, np.ndarray):
+        kind = one.dtype.kind
+        return isinstance(other, np.ndarray) and np.array_equal(one, other, equal_nan=kind in "fc")
+    if isinstance(one, Mapping):
+        if not isinstance(other, Mapping) or one.keys() != other.keys():
+            return False
+        return all(same(value, other[key]) for key, value in one.items())
+    if isinstance(one, tuple | list):
+        return isinstance(other, type(one)) and len(one) == len(other) and all(map(same, one, other))
+    return bool(one == other)
 
 
 @dataclass(frozen=True)
@@ -55,7 +74,7 @@ class Ball:
         return self.inertia / (self.mass * self.radius**2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Impacts:
     """Incident states, one entry per impact, all of shape (impacts,).
 
@@ -91,6 +110,12 @@ class Impacts:
 
     def __len__(self) -> int:
         return int(self.v_x1.shape[0])
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other) if isinstance(other, Impacts) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash((self.v_x1.tobytes(), self.v_y1.tobytes(), self.omega_1.tobytes()))
 
     def take(self, rows: NDArray[np.int64]) -> Impacts:
         """The impacts with these row numbers."""
@@ -144,6 +169,9 @@ def impacts(v_x1: ArrayLike, v_y1: ArrayLike, omega_1: ArrayLike = 0.0, cor: Arr
     """Make impacts from numbers or arrays in SI units (m/s, m/s, rad/s); single numbers are broadcast.
 
     Raises ParameterError as `Impacts` does, and when the shapes cannot be broadcast to one length.
+
+    >>> len(fitball.impacts(v_x1=15.0, v_y1=[6.0, 8.0]))
+    2
     """
     given = [v_x1, v_y1, omega_1] + ([cor] if cor is not None else [])
     try:

@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, settings
 from samples import leave_out_figures
 
 import fitball
-from fitball.api import Calibration
+from fitball.api import Fit
 from fitball.data.read import load_table
 from fitball.inference.problem.priors import parse_prior
 from fitball.models.model import Model
@@ -130,25 +130,25 @@ def small_fit(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def grip_slip_fit() -> Calibration:
+def grip_slip_fit() -> Fit:
     """A converged fit of an algebraic model to Wang's 21 impacts."""
     return fitball.calibrate("wang_all.csv", model="grip-slip", seed=4, cores=2)
 
 
 @pytest.fixture(scope="session")
-def grip_slip_folder(grip_slip_fit: Calibration, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def grip_slip_folder(grip_slip_fit: Fit, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Its result folder."""
     return grip_slip_fit.save(tmp_path_factory.mktemp("results") / "wang_all" / "grip-slip")
 
 
 @pytest.fixture(scope="session")
-def point_fit() -> Calibration:
+def point_fit() -> Fit:
     """A point fit of the default model."""
     return fitball.calibrate("wang_zero_spin.csv", point_only=True, cores=2)
 
 
 @pytest.fixture(scope="session")
-def point_page(point_fit: Calibration, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def point_page(point_fit: Fit, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Its page."""
     return point_fit.save(tmp_path_factory.mktemp("point")) / "report.html"
 

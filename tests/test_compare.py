@@ -17,6 +17,7 @@ from fitball.errors import FitError, ModelError
 from fitball.inference.calibrate import run
 from fitball.inference.comparison.candidates import build_candidates, default_names, parse_name
 from fitball.inference.comparison.compare import compare
+from fitball.inference.comparison.published_sets import published_sets
 from fitball.inference.effort import Effort
 from fitball.inference.likelihood.residuals import Weighting
 from fitball.inference.point.lmfit_minimiser import Minimiser
@@ -29,7 +30,6 @@ from fitball.report.compare.rows import json_content
 from fitball.report.compare.words import words
 from fitball.report.form.json_text import json_text
 from fitball.studies.thesis import ranking
-from fitball.studies.thesis.published_sets import published_sets
 
 
 def synthetic_table(model, seed, **truth):

@@ -178,7 +178,7 @@ def test_a_drop_test_has_no_court_pace(drop_page, grip_slip_fit):
     content = json.loads((drop_page.parent / "fit.json").read_text(encoding="utf-8"))
     assert content["court_pace"] is None
     assert "Court pace" not in drop_page.read_text(encoding="utf-8")
-    assert pace_lines(replace(grip_slip_fit, court_pace=None)) == ()
+    assert pace_lines(replace(grip_slip_fit.result, court_pace=None)) == ()
 
 
 def test_a_model_that_needs_the_measured_restitution_says_so(grip_slip_fit):
@@ -213,7 +213,7 @@ def test_it_is_saved_shown_and_optional(grip_slip_fit, grip_slip_folder, tmp_pat
 
 def test_draws_without_a_rebound_are_told_and_most_of_them_give_no_rating(grip_slip_fit):
     """Restitutions above 1 in some of the draws: intervals of the rest, or none."""
-    fit = grip_slip_fit
+    fit = grip_slip_fit.result
     column = fit.posterior.names.index("cor_10")
     for failing, rated in ((0.3, True), (0.7, False)):
         values = fit.posterior.values.copy()

@@ -358,7 +358,7 @@ def test_a_unit_that_may_have_been_meant(tmp_path, text, words):
 )
 def test_what_is_far_from_any_ball_is_asked_about(tmp_path, text, words):
     message = refused(tmp_path, text)
-    assert words in message and "pass --as-read (in Python as_read=True)" in message
+    assert words in message and "pass as_read=True" in message
     taken = load_scene(tmp_path / "t.csv", as_read=True)
     assert any(
         "taken as stated, on request (as_read): " in sentence and words[:20] in sentence for sentence in taken.assumed

@@ -335,19 +335,23 @@ def test_intervals_are_as_long_as_those_of_the_whole_chain(grip_slip_fit):
     # Of a normal quantity 0.015 and 0.048; the largest of many is three times as far.
     assert error[PREDICTING] < 0.025 < 0.035 < error[400]
     named = fit.predict(new)
-    mine = np.array([named[f"{name}_q975"] - named[f"{name}_q025"] for name in ("v_x2", "v_y2", "omega_2")])
+    units = {"v_x2": "m/s", "v_y2": "m/s", "omega_2": "rad/s"}
+    mine = np.array(
+        [named[f"{name}_mean_q975 [{unit}]"] - named[f"{name}_mean_q025 [{unit}]"] for name, unit in units.items()]
+    )
     np.testing.assert_allclose(mine, whole, rtol=0.08)
 
 
 def test_draws_that_predict_are_read_beside_fit_json(grip_slip_fit, grip_slip_folder, tmp_path):
     new = fitball.impacts(np.linspace(8.0, 20.0, 600), 8.0, 10.0)
     saved = fitball.load_fit(grip_slip_folder)
-    before, after = grip_slip_fit.predict(new), saved.predict(new)
+    before, after = grip_slip_fit.predicting.predict(new), saved.predicting.predict(new)
     assert saved.predicting.draws.shape[0] == PREDICTING
     assert before.keys() == after.keys() and all(len(array) == 600 for array in after.values())
     assert all(before[name].tobytes() == after[name].tobytes() for name in before)
     # Impacts are predicted some at a time: the same as each alone.
-    assert saved.predict(fitball.impacts(new.v_x1[599], 8.0, 10.0))["v_x2_q025"] == after["v_x2_q025"][599]
+    alone = saved.predicting.predict(fitball.impacts(new.v_x1[599], 8.0, 10.0))
+    assert alone["v_x2_q025"] == after["v_x2_q025"][599]
     # The file itself holds a few, and says so where the others are missing.
     shutil.copy(grip_slip_folder / "fit.json", tmp_path / "fit.json")
     alone = fitball.load_fit(tmp_path)

@@ -191,7 +191,7 @@ def test_every_verb_asks_and_names_both_that_explain_as_much(spins, tmp_path, ca
         assert "pass --flip v_x1,v_x2 if that is meant" in said
         assert "--as-read" in said
     assert not (tmp_path / "fit").exists()
-    with pytest.raises(ReadingError, match="--flip omega_1,omega_2") as caught:
+    with pytest.raises(ReadingError, match=r"pass flip=\['omega_1', 'omega_2'\] if") as caught:
         fitball.calibrate(spins, model="grip-slip", point_only=True)
     first = caught.value.readings[0].split()
     before, after = float(first[first.index("from") + 1]), float(first[first.index("to") + 1])
@@ -284,7 +284,7 @@ def test_flips_that_are_none(spins, capsys):
 @pytest.mark.parametrize(
     ("kind", "remedy"),
     [
-        ("v_y towards the court", "pass --flip v_y1"),
+        ("v_y towards the court", "pass flip='v_y1'"),
         ("rpm", "write in the header 'omega_1 \\[rpm\\]' and 'omega_2 \\[rpm\\]'"),
         ("ends", "exchange in the header the names v_x1 and v_x2"),
         ("rebound mph", "write in the header 'v_x2 \\[mph\\]' and 'v_y2 \\[mph\\]'"),
@@ -319,7 +319,8 @@ def test_two_flips_are_one_option():
     columns, ball = misread.table("wide", 0)
     said = doubt(misread.negated("omega_1", "omega_2")(misread.from_normal("theta_1", "theta_2")(columns)), ball)
     assert (
-        said is not None and "pass --flip omega_1,omega_2,theta_1,theta_2 if that is meant" in said.lines(Scene())[0]
+        said is not None
+        and "pass flip=['omega_1', 'omega_2', 'theta_1', 'theta_2'] if that is meant" in said.lines(Scene())[0]
     )
 
 

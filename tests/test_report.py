@@ -69,10 +69,7 @@ def test_fit_json_follows_its_schema(fit, two_mass, point_fit):
 def test_a_saved_fit_predicts_the_same_bytes(fit, folder):
     saved = fitball.load_fit(folder / "fit.json")
     new = fitball.impacts([10.0, 20.0], [5.0, 12.0], [-50.0, 200.0])
-    before, after = fit.predict(new), saved.predict(new)
-    assert before.keys() == after.keys()
-    for name in before:
-        assert before[name].tobytes() == after[name].tobytes()
+    pd.testing.assert_frame_equal(fit.predict(new), saved.predict(new), check_exact=True)
     assert saved.parameters["mu"].median == fit.parameters["mu"].median
     assert saved.status == fit.status
     assert fitball.load_fit(folder).verdict == fit.verdict
@@ -118,7 +115,7 @@ def test_the_same_fit_gives_the_same_files(fit, folder, tmp_path):
 
 
 def test_folder_is_refused_or_replaced(fit, folder, tmp_path):
-    with pytest.raises(ResultFolderError, match="--overwrite"):
+    with pytest.raises(ResultFolderError, match="overwrite=True"):
         prepare_folder(folder, overwrite=False, resume=False)
     prepare_folder(folder, overwrite=False, resume=True)
     file = tmp_path / "file"

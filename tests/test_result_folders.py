@@ -233,7 +233,7 @@ def test_an_array_longer_than_its_file_is_not_read(copy):
         del file["prior/mu"]
         file["prior"].create_dataset("mu", shape=(1, 10**12), dtype="f8", chunks=(1, 1000))
     with pytest.raises(ResultFolderError, match="more than the file has room for"):
-        fitball.load_fit(copy).posterior()
+        fitball.load_fit(copy).saved.posterior()
 
 
 def test_a_label_with_a_slash_ends_in_no_other_group(tmp_path):
@@ -244,7 +244,7 @@ def test_a_label_with_a_slash_ends_in_no_other_group(tmp_path):
     problem = build_problem(table, Scene(), Choices(model="brody", pool={"mu": "surface"}))
     fit = run(problem, Effort(max_steps=100, cores=1, ensembles=2))
     write_numbers(fit, tmp_path)
-    saved = fitball.load_fit(tmp_path)
+    saved = fitball.load_fit(tmp_path).saved
     assert "mu_place[hard/clay]" in saved.free_names
     assert saved.posterior().values.tobytes() == fit.posterior.values.tobytes()
     assert main(["export", str(tmp_path), "--to", "netcdf"]) == 0

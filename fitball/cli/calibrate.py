@@ -121,7 +121,7 @@ def run(args: argparse.Namespace) -> int:
     if args.resume and not begun.resumes:
         print(f"note: {folder} holds no chain to resume: starting anew", file=sys.stderr)
     try:
-        fit = begun.fit(progress)
+        fit = begun.fit(progress).result
         progress("figures and files", None)
         write_all(fit, folder, args.command)
     except (KeyboardInterrupt, SamplingInterrupted):

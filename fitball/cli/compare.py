@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
-from dataclasses import replace
 from pathlib import Path
 
 from fitball.cli.options import add_reading, add_verb, tell_notes, whole
@@ -47,50 +45,40 @@ def run(args: argparse.Namespace) -> int:
     """Fit and score every model, write the folder, print the tables; 1 where a posterior did not converge."""
     progress = args.progress
     progress("loading", None)
-    from fitball.data.scene import load_scene
-    from fitball.data.trusted import trusted_table
-    from fitball.inference.comparison.candidates import build_candidates, default_names
-    from fitball.inference.comparison.compare import ESS, MAX_STEPS, compare
-    from fitball.inference.effort import Effort
+    from fitball.api.comparing import contest
     from fitball.inference.results.results import RunStatus
     from fitball.report.compare.folder import JSON_NAME, write_all
-    from fitball.report.compare.rows import json_content
     from fitball.report.compare.text import render
-    from fitball.report.compare.words import words
     from fitball.report.form.folders import clear_folder
     from fitball.report.form.json_text import json_text
-    from fitball.studies.thesis.published_sets import published_sets
 
-    scene = load_scene(args.data, args.config, args.as_read)
-    table, doubts = trusted_table([args.data], scene, args.flip, args.as_read, args.columns)
-    effort = Effort(
+    asked = contest(
+        args.data,
+        None if args.models is None else model_names(args.models),
+        config=args.config,
+        quick=args.quick,
+        flip=args.flip,
+        columns=args.columns,
+        as_read=args.as_read,
         seed=args.seed,
-        max_steps=MAX_STEPS if args.max_steps is None else args.max_steps,
-        cores=(os.cpu_count() or 1) if args.cores is None else args.cores,
-        ess=ESS,
+        max_steps=args.max_steps,
+        cores=args.cores,
     )
-    names, said = default_names(table, args.quick) if args.models is None else (model_names(args.models), [])
-    candidates = build_candidates(table, scene, names)
-    candidates = replace(candidates, notes=(*doubts, *candidates.notes))
-    for candidate in candidates.candidates:
-        effort.settings(candidate.problem)
-    folder = Path(args.out) if args.out else Path("fits") / table.name / "compare"
+    folder = Path(args.out) if args.out else Path("fits") / asked.table.name / "compare"
     clear_folder(folder, JSON_NAME, overwrite=args.overwrite)
     if not args.quiet:
         progress.finish()
-        tell_notes([*table.remarks, *doubts, *scene.assumed, *said])
-    published = published_sets(table)
-    comparison = compare(table, candidates, effort, args.quick, published, lambda stage: progress(stage, None))
+        tell_notes(asked.said)
+    comparison = asked.compare(lambda stage: progress(stage, None))
     progress("figures and files", None)
-    text = words(comparison)
-    write_all(comparison, text, folder, args.command)
+    write_all(comparison.result, comparison.words, folder, args.command)
     progress.finish()
     if args.json:
-        print(json_text(json_content(comparison, text)), end="")
+        print(json_text(comparison.json()), end="")
     elif args.quiet:
         print(folder)
     else:
-        print(render(comparison, text, folder))
+        print(render(comparison.result, comparison.words, folder))
     if comparison.status is RunStatus.INTERRUPTED:
         return 130
     return 0 if comparison.status is RunStatus.CONVERGED else 1

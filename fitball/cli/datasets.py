@@ -9,7 +9,6 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from fitball.cli.options import add_columns, add_flip, add_reading, add_verb
-from fitball.errors import FitballError, ReadingError, SceneError, TableError
 from fitball.visible import one_line
 
 if TYPE_CHECKING:
@@ -154,74 +153,22 @@ def _show(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> int:
-    from fitball.data.force_place import find_force
-    from fitball.data.read import load_table
-    from fitball.data.scene import Scene, load_scene
-    from fitball.data.trusted import trusted_table
+    from fitball.api import check
 
-    errors: list[FitballError] = []
-    table: ImpactTable | None = None
-    scene: Scene | None = None
-    remarks: tuple[str, ...] = ()
-    try:
-        try:
-            scene = load_scene(args.data, args.config, args.as_read)
-        except SceneError as error:
-            # The table is still looked at, as one of tennis balls.
-            errors.append(error)
-        table = load_table(args.data, scene=scene or Scene(), flip=args.flip, columns=args.columns)
-        if scene is not None:
-            remarks = trusted_table(table, scene, as_read=args.as_read)[1]
-            records, found = find_force([args.data], table, scene, args.force)
-            remarks += found
-            remarks += () if records is None else (f"{records.source}: {len(records.records)} force records",)
-    except FitballError as error:
-        errors.append(error)
-    notices = table.notices if table is not None else ()
+    found = check(
+        args.data, config=args.config, force=args.force, flip=args.flip, columns=args.columns, as_read=args.as_read
+    )
     if args.json:
-        _print_json(
-            {
-                "source": args.data,
-                "ok": not errors,
-                "faults": [fault for error in errors for fault in _faults(error)],
-                "notices": [
-                    *(
-                        {"message": notice.message, "row": notice.row, "columns": notice.columns}
-                        for notice in notices
-                    ),
-                    *({"message": text, "row": None, "columns": ()} for text in remarks),
-                ],
-            }
-        )
-    else:
-        for fault in errors:
+        notices = [
+            {"message": notice.message, "row": notice.row, "columns": notice.columns} for notice in found.notices
+        ]
+        _print_json({"source": args.data, "ok": found.ok, "faults": found.faults, "notices": notices})
+    elif args.quiet:
+        for fault in found.errors:
             print(fault)
-        if table is not None and not args.quiet:
-            print(f"{table.source}: {len(table)} impacts{', no fault' if not errors else ''}")
-            for line in (*table.remarks, *remarks):
-                print(f"  - {one_line(line)}")
-    return 2 if errors else 0
-
-
-def _faults(error: FitballError) -> list[dict[str, Any]]:
-    if isinstance(error, TableError):
-        return [
-            {
-                "file": error.source,
-                "message": fault.message,
-                "row": fault.row,
-                "line": fault.line,
-                "column": fault.column,
-            }
-            for fault in error.faults
-        ] + [_fault(error.source, f"what may be meant: {hint}") for hint in error.hints]
-    if isinstance(error, ReadingError):
-        return [_fault(error.source, reading) for reading in error.readings]
-    return [_fault(None, str(error))]
-
-
-def _fault(file: str | None, message: str) -> dict[str, Any]:
-    return {"file": file, "message": message, "row": None, "line": None, "column": None}
+    else:
+        print(found)
+    return 0 if found.ok else 2
 
 
 def _columns(table: ImpactTable) -> dict[str, Any]:

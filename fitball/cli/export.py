@@ -4,25 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from fitball.cli.options import add_verb, tell_notes
 from fitball.errors import ParameterError, suggestion
+from fitball.export.names import FORMAT_NAMES, OWNERS
 
-if TYPE_CHECKING:
-    from fitball.report.saved.saved_fit import SavedFit
-
-FORMAT_NAMES = (
-    "python", "c", "javascript", "csharp", "gdscript", "golden", "lookup", "engine", "json", "toml", "csv", "latex",
-    "markdown", "netcdf", "certificate",
-)  # fmt: skip
-# Options that some formats alone have.
-OWNERS = {
-    "prefix": ("c", "javascript", "csharp"), "inputs_only": ("golden",), "range": ("lookup",), "at": ("engine",),
-    "engine_inertia": ("engine",), "json": ("engine", "lookup"),
-}  # fmt: skip
 EXAMPLE = """formats:
   python     a module that needs only math: rebound(v_x1, v_y1, omega_1), with a self-test
   c          a C99 header with the same, self-test under FITBALL_SELF_TEST
@@ -82,69 +69,19 @@ def run(args: argparse.Namespace) -> int:
     """Write the fit in the form asked for, or print it."""
     if args.to not in FORMAT_NAMES:
         raise ParameterError(f"unknown format '{args.to}': {suggestion(args.to, FORMAT_NAMES)}")
-    _refuse_idle(args)
-    from fitball.export.formats import TEXT_FORMATS, Options
-    from fitball.report.saved.saved_fit import read_fit
+    from fitball.api import load_fit
 
-    saved = read_fit(Path(args.fit))
-    if args.to == "netcdf":
-        return _netcdf(args, saved)
-    chosen = TEXT_FORMATS[args.to]
-    given = {name: getattr(args, name) for name in OWNERS if name != "json" and getattr(args, name) is not None}
-    texts = chosen.make(saved, Options(**given))
-    note = chosen.note(texts)
-    if args.json:
-        texts = {".json": texts[".json"]}
+    fit = load_fit(args.fit)
+    made = fit.exported(args.to, {name: getattr(args, name) for name in OWNERS})
     if args.out == "-":
-        sys.stdout.write(next(iter(texts.values())))
+        if made.tree is not None:
+            raise ParameterError("--out -: netCDF is no text; name a file")
+        sys.stdout.write(next(iter(made.texts.values())))
         return 0
-    places = _places(args, saved.place.parent, chosen.stem, texts)
-    _write(places, texts, args.overwrite)
-    if note:
-        tell_notes([note])
-    return 0
-
-
-def _refuse_idle(args: argparse.Namespace) -> None:
-    """Raise ParameterError for an option that the format does not have."""
-    for name, owners in OWNERS.items():
-        if getattr(args, name) not in (None, False) and args.to not in owners:
-            listed = " and ".join(filter(None, (", ".join(owners[:-1]), owners[-1])))
-            raise ParameterError(f"--{name.replace('_', '-')} belongs to --to {listed}, not to --to {args.to}")
-
-
-def _places(args: argparse.Namespace, folder: Path, stem: str, texts: Mapping[str, str]) -> dict[str, Path]:
-    """Where each text goes, by its ending; with several, the endings follow the stem of what was named."""
-    if args.out is None:
-        return {ending: folder / f"{stem}{ending}" for ending in texts}
-    named = Path(args.out)
-    if named.is_dir():
-        return {ending: named / f"{stem}{ending}" for ending in texts}
-    if len(texts) == 1:
-        return dict.fromkeys(texts, named)
-    return {ending: named.with_suffix(ending) for ending in texts}
-
-
-def _write(places: Mapping[str, Path], texts: Mapping[str, str], overwrite: bool) -> None:
-    from fitball.report.form.atomic_write import refuse_existing, write_text
-
-    for place in places.values():
-        refuse_existing(place, overwrite)
-    for ending, place in places.items():
-        write_text(place, texts[ending])
+    path = Path(args.fit)
+    beside = path if path.is_dir() else path.parent
+    for place in made.write(beside if args.out is None else Path(args.out), args.overwrite):
         print(place)
-
-
-def _netcdf(args: argparse.Namespace, saved: SavedFit) -> int:
-    from fitball.export.arviz_file import write_arviz
-    from fitball.report.form.atomic_write import refuse_existing
-
-    if args.out == "-":
-        raise ParameterError("--out -: netCDF is no text; name a file")
-    (place,) = _places(args, saved.place.parent, "arviz", {".nc": ""}).values()
-    refuse_existing(place, args.overwrite)
-    note = write_arviz(saved, place)
-    if note:
-        tell_notes([note])
-    print(place)
+    if made.note:
+        tell_notes([made.note])
     return 0

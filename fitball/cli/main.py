@@ -32,6 +32,7 @@ from fitball.cli.visible_stream import visible_streams
 from fitball.errors import FitballError, enough_memory
 from fitball.version import __version__
 from fitball.visible import one_line
+from fitball.wording import speaking_to_command_line
 
 DESCRIPTION = "fitball: what the bounce of a tennis ball says about the ball and the court."
 EPILOG = """examples:
@@ -77,7 +78,7 @@ def make_parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
-    with visible_streams():
+    with visible_streams(), speaking_to_command_line():
         return _main(argv)
 
 

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from fitball.cli.options import add_verb
 from fitball.errors import ParameterError, ResultFolderError, suggestion
 from fitball.report.figures.names import FIGURES
-
-if TYPE_CHECKING:
-    from fitball.report.saved.restore import Restored
 
 KIND_LINES = "\n".join(f"  {name:10}  {text.summary}" for name, text in FIGURES.items())
 FORMATS = ("png", "svg", "pdf")
@@ -51,15 +46,15 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError(f"unknown figure '{args.kind}': {suggestion(args.kind, (*FIGURES, 'all'))}")
     if args.format not in FORMATS:
         raise ParameterError(f"unknown format '{args.format}': {suggestion(args.format, FORMATS)}")
-    from fitball.report.figures.kinds import draw, drawable_kinds
+    from fitball.api import load_fit
+    from fitball.api.plotting import lacks_profiles
     from fitball.report.figures.save import save_figure
-    from fitball.report.saved.restore import restore
 
     path = Path(args.fit)
-    fit = restore(path)
-    if args.kind == "profiles":
-        fit = _with_profiles(fit, args.quiet)
-    kinds = [args.kind] if args.kind != "all" else drawable_kinds(fit)
+    fit = load_fit(path)
+    if args.kind == "profiles" and not args.quiet and lacks_profiles(fit.result):
+        print("note: the file holds no profiles: computing them", file=sys.stderr)
+    kinds = [args.kind] if args.kind != "all" else list(fit.plot)
     left_out = [name for name in FIGURES if args.kind == "all" and name not in (*kinds, "force")]
     if left_out and not args.quiet:
         print(f"note: left out {', '.join(left_out)}: this fit has not what they show", file=sys.stderr)
@@ -70,22 +65,6 @@ def run(args: argparse.Namespace) -> int:
         raise ResultFolderError(f"{folder}: cannot be made: {error.strerror}; name another with --out") from None
     for name in kinds:
         place = folder / f"{name}.{args.format}"
-        save_figure(draw(name, fit), place, args.format)
+        save_figure(fit.plot(name), place, args.format)
         print(place)
     return 0
-
-
-def _with_profiles(fit: Restored, quiet: bool) -> Restored:
-    """The fit with its profiles, computed now where the file holds none and does not say why."""
-    from dataclasses import replace
-
-    from fitball.inference.identifiability.examine import with_profiles
-    from fitball.inference.results.evidence import LEFT_OUT
-    from fitball.report.figures.kinds import has_profiles
-
-    if has_profiles(fit) or fit.identifiability.profiles_missing not in ("", LEFT_OUT):
-        return fit
-    if not quiet:
-        print("note: the file holds no profiles: computing them", file=sys.stderr)
-    shared = replace(fit.problem, threads=os.cpu_count() or 1)
-    return replace(fit, identifiability=with_profiles(shared, fit.point, fit.identifiability))

@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     try:
         with place as name:
             folder = Path(name)
-            fit = begin(problem, effort, folder).fit(progress)
+            fit = begin(problem, effort, folder).fit(progress).result
             progress("comparison", None)
             (write_numbers if args.out is None else write_all)(fit, folder)
             repetition = compared(problem, original, read_kept(folder))

@@ -12,9 +12,8 @@ from fitball.errors import ParameterError, suggestion
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from fitball.inference.prediction.simulate import Simulation
+    from fitball.api import Course
     from fitball.models.model import Model
-    from fitball.values import Impacts
 
 FORMATS = ("png", "svg", "pdf")
 DEFAULT_FOLDER = Path("fits") / "simulations"
@@ -117,15 +116,15 @@ def run(args: argparse.Namespace) -> int:
         from fitball.report.history.film import check_film
 
         check_film(Path(args.animate))
-    solved, name, content, text, title, panels = _example(args) if args.example else _one(args)
+    course, extra, text, name = _example(args) if args.example else _one(args)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER / name
-    if args.animate is not None and len(solved) > 1:
-        raise ParameterError(f"--animate shows one bounce; example {name} has {len(solved)}")
+    if args.animate is not None and len(course.simulations) > 1:
+        raise ParameterError(f"--animate shows one bounce; example {name} has {len(course.simulations)}")
     for written in (args.csv, args.animate):
         if written is not None:
             refuse_existing(Path(written), args.overwrite)
     clear_folder(folder, JSON_NAME, CSV_NAME, f"{FIGURE_STEM}.*", overwrite=args.overwrite)
-    _write(args, folder, solved, content, text, title, panels)
+    _write(args, folder, course, extra, text)
     return 0
 
 
@@ -153,80 +152,43 @@ def _check_together(args: argparse.Namespace) -> None:
         raise ParameterError("--fit brings its own model and parameters: leave out --model and --set")
 
 
-_Made = tuple["tuple[Simulation, ...]", str, "dict[str, Any]", str, str, "tuple[str, ...]"]
-
-
-def _one(args: argparse.Namespace) -> _Made:
-    """The impact that was asked for."""
+def _one(args: argparse.Namespace) -> tuple[Course, dict[str, Any], str, str]:
+    """The impact that was asked for: its course, what its file says besides, its text, and a name for its folder."""
+    from fitball.api import simulate
     from fitball.data.impact_text import parse_impact
-    from fitball.report.history.text import render_all
 
     impact = parse_impact(args.impact)
-    simulation, source, notes = _from_fit(args, impact) if args.fit is not None else _from_values(args, impact)
+    if args.fit is not None:
+        course = simulate(impact, fit=args.fit, draws=args.draws)
+    else:
+        course = simulate(impact, model=args.model, values=_values(args.values))
     if not args.quiet:
-        tell_notes(notes)
+        tell_notes(course.notes)
     v_x, v_y, omega = (float(item[0]) for item in (impact.v_x1, impact.v_y1, impact.omega_1))
-    title = f"{simulation.model.name}: {v_x:.2f} m/s along, {v_y:.2f} m/s towards the court, {omega:.0f} rad/s"
-    name = f"{source}_{v_x:.4g}_{v_y:.4g}_{omega:.4g}"
-    return (simulation,), name, {"notes": notes}, render_all((simulation,)), title, ()
-
-
-def _from_fit(args: argparse.Namespace, impact: Impacts) -> tuple[Simulation, str, list[str]]:
-    """Point estimate and bands of a fit, and what one should know of it."""
-    from fitball.api import load_fit
-    from fitball.inference.prediction.new_impacts import predict_new
-    from fitball.inference.prediction.simulate import simulate_fit
-    from fitball.inference.results.results import RunStatus, Verdict
-    from fitball.report.predict.text import remarks_on
-
-    saved = load_fit(args.fit)
-    simulation = simulate_fit(saved.fitted, impact, args.draws)
-    notes = remarks_on(predict_new(saved.fitted, impact), 0)
-    if saved.status is RunStatus.POINT_ONLY:
-        notes.append("a point fit has no posterior: courses at the point estimate, without bands")
-    if saved.status is RunStatus.NOT_CONVERGED:
-        notes.append("the sampler of this fit did not converge: bands may change")
-    stiffness = saved.parameters.get("k_y")
-    rests = {Verdict.FIXED: "the value it was held at", Verdict.PRIOR_DOMINATED: "its prior"}
-    if stiffness is not None and stiffness.verdict in rests:
-        notes.append(f"times, compression and forces rest on k_y, and in this fit k_y on {rests[stiffness.verdict]}")
-    return simulation, f"fit_{simulation.model.name}", notes
-
-
-def _from_values(args: argparse.Namespace, impact: Impacts) -> tuple[Simulation, str, list[str]]:
-    """A model at its defaults, some of them set."""
-    from fitball.inference.prediction.simulate import simulate
-
-    chosen, parameters, notes = chosen_model(args)
-    return simulate(chosen, parameters, impact), chosen.name, notes
+    name = f"{course.source}_{v_x:.4g}_{v_y:.4g}_{omega:.4g}"
+    return course, {"notes": list(course.notes)}, course.report(), name
 
 
 def chosen_model(args: argparse.Namespace) -> tuple[Model, dict[str, float], list[str]]:
     """The model of `--model` at its defaults, those of `--set` changed, and a note that says which were not."""
-    from fitball.inference.comparison.candidates import parse_name
-    from fitball.inference.prediction.simulate import chosen_parameters
-    from fitball.models.registry import DEFAULT_MODEL, model
+    from fitball.api.simulating import model_at
 
-    name, closures = parse_name(args.model if args.model is not None else DEFAULT_MODEL)
-    chosen = model(name, ball=None, tangential=True, **closures)
-    changed = _values(args.values)
-    parameters = chosen_parameters(chosen, changed)
-    rest = ", ".join(f"{item} = {parameters[item]:g}" for item in chosen.parameter_names if item not in changed)
-    return chosen, parameters, [f"defaults near the fits to Wang's balls: {rest}"] if rest else []
+    return model_at(args.model, _values(args.values))
 
 
-def _example(args: argparse.Namespace) -> _Made:
-    """A figure of the thesis."""
-    from fitball.report.history.text import render_all
+def _example(args: argparse.Namespace) -> tuple[Course, dict[str, Any], str, str]:
+    """A figure of the thesis, as `_one`."""
+    from fitball.api import Course
     from fitball.studies.thesis.example_claims import find_example, findings, run_example
     from fitball.studies.thesis.example_report import example_json, example_text
 
     example = find_example(args.example)
     solved = run_example(example)
     results = findings(example, solved)
-    text = example_text(example, results) + "\n\n" + render_all(solved)
     title = f"{example.name}, solved exactly: {example.title}"
-    return solved, example.name, {"example": example_json(example, results)}, text, title, example.panels
+    course = Course(solved, example.name, title, panels=example.panels)
+    text = example_text(example, results) + "\n\n" + course.report()
+    return course, {"example": example_json(example, results)}, text, example.name
 
 
 def _values(texts: Sequence[str]) -> dict[str, float]:
@@ -245,33 +207,24 @@ def _values(texts: Sequence[str]) -> dict[str, float]:
     return values
 
 
-def _write(
-    args: argparse.Namespace,
-    folder: Path,
-    solved: tuple[Simulation, ...],
-    extra: dict[str, Any],
-    text: str,
-    title: str,
-    panels: tuple[str, ...],
-) -> None:
+def _write(args: argparse.Namespace, folder: Path, course: Course, extra: dict[str, Any], text: str) -> None:
     """Figure and files, then what was asked for on stdout."""
     from fitball.report.form.atomic_write import write_text
     from fitball.report.form.csv import csv_text
     from fitball.report.form.json_text import json_text
-    from fitball.report.history.figure import history_figure
     from fitball.report.history.folder import write_all
     from fitball.report.history.rows import history_rows, simulation_json
 
-    content = {**extra, "simulations": [simulation_json(simulation) for simulation in solved]}
-    table = csv_text(history_rows(solved))
-    places = write_all(folder, content, table, history_figure(solved, title, panels), args.format)
+    content = {**extra, "simulations": [simulation_json(simulation) for simulation in course.simulations]}
+    table = csv_text(history_rows(course.simulations))
+    places = write_all(folder, content, table, course.plot(), args.format)
     if args.csv is not None:
         write_text(Path(args.csv), table)
         places = (*places, Path(args.csv))
     if args.animate is not None:
         from fitball.report.history.film import write_film
 
-        write_film(solved[0], title, Path(args.animate))
+        write_film(course.simulations[0], course.title, Path(args.animate))
         places = (*places, Path(args.animate))
     if args.json:
         print(json_text(content), end="")

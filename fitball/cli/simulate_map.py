@@ -64,7 +64,7 @@ def _from_fit(path: str) -> tuple[FittedModel, str, Impacts | None, str]:
     """A fit, and the impacts it was made from."""
     from fitball.api import load_fit
 
-    saved = load_fit(path)
+    saved = load_fit(path).saved
     return (
         saved.fitted,
         f"{saved.fitted.model.name} fitted to {saved.file.table.name}",

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, TextIO
 from fitball.cli.options import count, whole
 from fitball.cli.visible_stream import own_stream, visible_streams
 from fitball.errors import FitballError, ParameterError, suggestion
+from fitball.wording import speaking_to_command_line
 
 if TYPE_CHECKING:
     from fitball.studies.sbc.summary import ModelFinding
@@ -108,7 +109,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Draw, fit, rank, or damage files; 1 where something does not hold."""
     args = make_parser().parse_args(argv)
     try:
-        with visible_streams():
+        with visible_streams(), speaking_to_command_line():
             return _fuzz(args) if args.fuzz is not None else _trust(args) if args.trust else _run(args)
     except FitballError as error:
         print(f"fitball: {error}", file=sys.stderr)

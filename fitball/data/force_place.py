@@ -12,6 +12,7 @@ from fitball.data.force_file import ForceFile, load_force
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.errors import SceneError, TableError
+from fitball.wording import option
 
 LEFT_OUT = "none"
 
@@ -40,7 +41,8 @@ def find_force(
         return load_force(only, table), (f"force records found beside the table: {only.name}",)
     if beside:
         files = ", ".join(place.name for place in beside)
-        return None, (f"{files} not used: name one file for tables fitted together with --force (id = table:id)",)
+        named = option("force", "FILE")
+        return None, (f"{files} not used: name one file for tables fitted together with {named} (id = table:id)",)
     if scene.force_sd is not None or scene.force_start_sd is not None:
         raise SceneError(f"{scene.source}: [force] describes records, but there are none: name them by file = ...")
     return None, ()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from hashlib import sha256
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,13 +14,10 @@ from fitball.data.reading.flip import check_flips
 from fitball.data.redundancy import independent
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable, Measurement, Notice
-from fitball.data.written import name_of
+from fitball.data.written import Source, framed, name_of
 from fitball.errors import Fault, TableError
 from fitball.observables import OBSERVABLES, VELOCITIES
 from fitball.values import FloatArray, Impacts
-
-if TYPE_CHECKING:
-    import pandas
 
 ORIGIN = "table"
 
@@ -40,14 +36,22 @@ def load_tables(
 
 
 def read_each(
-    sources: Sequence[str | os.PathLike[str] | pandas.DataFrame],
+    sources: Sequence[ImpactTable | Source],
     scene: Scene | None = None,
     flip: Sequence[str] = (),
     columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> list[ImpactTable]:
-    """The tables of `load_tables` one by one. Raises as `load_table` does, ParameterError as `load_tables`."""
-    check_flips(flip, [name_of(source) for source in sources])
-    return [load_table(source, scene=scene, flip=flip, columns=columns) for source in sources]
+    """The tables of `load_tables` one by one, those that were read already as they are. Raises as `load_table` does,
+    ParameterError as `load_tables`.
+    """
+    check_flips(flip, [name_of(framed(source)) for source in sources if not isinstance(source, ImpactTable)])
+    return [
+        source
+        if isinstance(source, ImpactTable)
+        else load_table(source, scene=scene, flip=flip, columns=columns, units=units)
+        for source in sources
+    ]
 
 
 def joined(tables: Sequence[ImpactTable]) -> ImpactTable:

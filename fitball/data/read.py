@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,28 +26,27 @@ from fitball.data.redundancy import check_redundant, independent
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable, Measurement, Notice
 from fitball.data.velocity import velocity
-from fitball.data.written import PATHS, Written, written_table
+from fitball.data.written import PATHS, Source, Written, framed, written_table
 from fitball.errors import Fault, TableError
 from fitball.observables import OBSERVABLES, VELOCITIES
 from fitball.values import FloatArray, Impacts
-
-if TYPE_CHECKING:
-    import pandas
 
 LEAST_IMPACTS = 2
 LONGEST_LABEL = 200
 
 
 def load_table(
-    source: str | os.PathLike[str] | pandas.DataFrame,
+    source: Source,
     *,
     rebound: bool = True,
     scene: Scene | None = None,
     flip: Sequence[str] = (),
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
+    name: str | None = None,
 ) -> ImpactTable:
-    """Read an impact table: a file (CSV and its like, a workbook, Parquet), a bundled one by name, or a DataFrame.
+    """Read an impact table: a file (CSV and its like, a workbook, Parquet), a bundled one by name, a DataFrame, or
+    columns by name. It is called `name` (default: as the file).
 
     A path that exists wins over a bundled name. Units convert here, once, to m/s, rad/s, rad and s. With
     `rebound=False` the rebound columns may be missing and one row is enough: impacts to predict, not to fit.
@@ -61,10 +58,16 @@ def load_table(
     with every fault of the file: its row, line, column, what was read and what was expected, and what may be meant
     where another reading has none; SceneError for a scene beside it that cannot be used; ParameterError for a column
     that cannot be flipped, or for names in `columns` and `units` that are no columns.
+
+    >>> given = {"v_1": [38.0, 40.0], "theta_1": [18.0, 25.0], "v_x2": [11.0, 10.5], "v_y2": [4.0, 5.0]}
+    >>> fitball.load_table(given, units={"v_1": "mph"}, name="mine")
+    <ImpactTable mine: 2 impacts, incident v_x1, v_y1, measured v_x2, v_y2>
     """
+    flip = (flip,) if isinstance(flip, str) else flip
     known = scene or load_scene(source if isinstance(source, PATHS) else None, as_read=True)
     asked = with_units({**known.columns, **(columns or {})}, units or {}, (*NUMBERS, *LABELS))
-    text = written_table(source, naming(asked, (*NUMBERS, *LABELS)))
+    text = written_table(framed(source), naming(asked, (*NUMBERS, *LABELS)))
+    text = text if name is None else replace(text, name=name)
     raw, header = text.raw, text.header
     faults, notices = list(text.faults), list(text.notices)
     least = LEAST_IMPACTS if rebound else 1

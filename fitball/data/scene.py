@@ -15,6 +15,7 @@ from fitball.data.scene_limits import density_fault, meant_inertia, range_fault,
 from fitball.errors import ParameterError, SceneError, fault_list, suggestion
 from fitball.observables import NOISE_OF, SHARED_SD
 from fitball.values import WANG_INERTIA_RATIO, WANG_MASS, WANG_RADIUS, Ball
+from fitball.wording import option
 
 NOMINAL_VELOCITY_SD = 0.25
 NOMINAL_SPIN_SD = 10.0
@@ -101,6 +102,9 @@ def load_scene(
 
     Raises SceneError with every fault of the file and, unless `as_read`, as `likely_scene` does; TableError when the
     table does not exist.
+
+    >>> fitball.load_scene("wang_zero_spin").surface
+    'acrylic'
     """
     if config is not None:
         return likely_scene(_make_scene(read_scene_file(Path(config))), as_read)
@@ -122,7 +126,7 @@ def likely_scene(scene: Scene, as_read: bool = False) -> Scene:
         taken = tuple(f"taken as stated, on request (as_read): {doubt}" for doubt in doubts)
         return replace(scene, assumed=(*scene.assumed, *taken))
     message = fault_list(scene.source or "scene", len(doubts), doubts)
-    raise SceneError(f"{message}\n  if the scene is right as it stands, pass --as-read (in Python as_read=True)")
+    raise SceneError(f"{message}\n  if the scene is right as it stands, pass {option('as_read')}")
 
 
 def _doubts(scene: Scene) -> list[str]:

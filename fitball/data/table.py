@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from html import escape
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.frozen import FrozenMapping
-from fitball.observables import OBSERVABLES
-from fitball.values import FloatArray, Impacts
+from fitball.observables import OBSERVABLES, SI_UNITS
+from fitball.values import FloatArray, Impacts, same
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # Notices of one kind that are told one by one.
 NOTICES_TOLD = 3
@@ -71,9 +76,9 @@ def summed_up(notices: Iterable[Notice]) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False, eq=False)
 class ImpactTable:
-    """A table of measured impacts.
+    """A table of measured impacts; two are equal when all they hold is.
 
     `measurements` are independent and enter a likelihood, each once; `redundant` repeat them in other
     words (speed and angle beside components) and were only checked. `impacts` holds zeros where the
@@ -103,6 +108,42 @@ class ImpactTable:
 
     def __len__(self) -> int:
         return len(self.impacts)
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other) if isinstance(other, ImpactTable) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.digest))
+
+    def __repr__(self) -> str:
+        measured = ", ".join(item.name for item in self.measurements) or "nothing"
+        labels = f"; labels {', '.join(self.labels)}" if self.labels else ""
+        head = f"{self.name}: {len(self):,} impact{'s' if len(self) != 1 else ''}"
+        return f"<ImpactTable {head}, incident {', '.join(self.incident_columns)}, measured {measured}{labels}>"
+
+    def _repr_html_(self) -> str:
+        """The table as a notebook shows it."""
+        return f"<p>{escape(repr(self)[1:-1])}</p>{self.to_frame().to_html(max_rows=10, notebook=True)}"
+
+    def to_frame(self) -> pd.DataFrame:
+        """The table as a data frame, indexed by id, its columns as in files: `v_x1 [m/s]`, SI, angles in radians.
+
+        `load_table` reads it again; what was only checked (`redundant`) and correlations between stated sds of the
+        incident state are not in it.
+
+        >>> fitball.load_table("wang_zero_spin").to_frame().shape
+        (7, 8)
+        """
+        import pandas as pd
+
+        columns = {name: getattr(self.impacts, name) for name in self.incident_columns}
+        columns |= {f"{name}_sd": sd for name, sd in self.incident_sd.items()}
+        for item in self.measurements:
+            columns[item.name] = item.values
+            if item.sd is not None:
+                columns[f"{item.name}_sd"] = item.sd
+        named = {f"{name} [{SI_UNITS[name.removesuffix('_sd')]}]": values for name, values in columns.items()}
+        return pd.DataFrame(named | dict(self.labels), index=pd.Index(self.ids, name="id"))
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -2,42 +2,36 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from fitball.data.join import joined, read_each
 from fitball.data.reading.doubt import doubt_of_table
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
+from fitball.data.written import Source
 from fitball.errors import ParameterError, ReadingError
-
-if TYPE_CHECKING:
-    import pandas
 
 
 def trusted_table(
-    data: ImpactTable | Sequence[str | os.PathLike[str] | pandas.DataFrame],
+    data: Sequence[ImpactTable | Source],
     scene: Scene,
     flip: Sequence[str] = (),
     as_read: bool = False,
     columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> tuple[ImpactTable, tuple[str, ...]]:
-    """A table, or the one joined from files, and what is to be said of how it was read.
+    """A table, or the one joined from several, and what is to be said of how it was read.
 
     Each table is looked at by itself, as one of the scene's ball. With `as_read` one that another reading explains
     much better is taken all the same, and a sentence tells. Raises ReadingError for it otherwise, ParameterError for
     a table that was read already and is to be flipped or to have other names (`columns`), and as `load_tables` does.
     """
-    if isinstance(data, ImpactTable):
-        for what, given in (("flip", flip), ("columns", columns)):
-            if given:
-                raise ParameterError(
-                    f"{what}: this table was read already; say so where it is read, load_table(file, {what}=...)"
-                )
-        tables = [data]
-    else:
-        tables = read_each(data, scene, flip, columns)
+    for what, given in (("flip", flip), ("columns", columns), ("units", units)):
+        if given and any(isinstance(item, ImpactTable) for item in data):
+            raise ParameterError(
+                f"{what}: this table was read already; say so where it is read, load_table(file, {what}=...)"
+            )
+    tables = read_each(data, scene, flip, columns, units)
     notes = []
     for table in tables:
         doubt = doubt_of_table(table, scene.ball)

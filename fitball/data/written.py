@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from fitball.data.bundled import resolve_table
 from fitball.data.columns import SD_SUFFIX, Column, Header, read_header, vocabulary
@@ -14,10 +15,13 @@ from fitball.data.dialect.files import frame_table, read_raw
 from fitball.data.dialect.numbers import plain_numbers, split_deviations
 from fitball.data.naming import Naming
 from fitball.data.table import Notice
-from fitball.errors import Fault
+from fitball.errors import Fault, ParameterError
 
 if TYPE_CHECKING:
     import pandas
+
+# What a table may be read from: a path or bundled name, a DataFrame, or columns by name.
+Source: TypeAlias = "str | os.PathLike[str] | pandas.DataFrame | Mapping[str, Sequence[Any]]"
 
 # What a DataFrame is called in reports and messages, unless its `attrs["name"]` says.
 FRAME = "DataFrame"
@@ -39,6 +43,23 @@ class Written:
     header: Header
     faults: tuple[Fault, ...]
     notices: tuple[Notice, ...]
+
+
+def in_memory(source: object) -> bool:
+    """Whether a source is a DataFrame or a mapping of columns, and no file."""
+    return isinstance(source, Mapping) or hasattr(source, "iloc")
+
+
+def framed(source: Any) -> str | os.PathLike[str] | pandas.DataFrame:
+    """A source, columns by name as a DataFrame. Raises ParameterError for columns of unequal length."""
+    if not isinstance(source, Mapping):
+        return source  # type: ignore[no-any-return]
+    import pandas
+
+    try:
+        return pandas.DataFrame(source)
+    except ValueError as error:
+        raise ParameterError(f"these columns make no table: {error}") from None
 
 
 def name_of(source: str | os.PathLike[str] | pandas.DataFrame) -> str:

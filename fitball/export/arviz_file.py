@@ -1,68 +1,119 @@
-"""Draws and data of a saved fit for ArviZ, built from what the fit saved."""
+"""Draws and data of a fit for ArviZ, in its layout: groups of an xarray DataTree."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
-from fitball.errors import ResultFolderError
-from fitball.inference.results.results import Posterior, RunStatus
+from fitball.data.table import ImpactTable
+from fitball.errors import ParameterError, ResultFolderError
+from fitball.inference.prediction.replicated import replicated
+from fitball.inference.results.results import Estimate, Fit, Posterior, RunStatus
 from fitball.observables import SI_UNITS
-from fitball.report.form.atomic_write import write_whole
 from fitball.report.saved.data_file import DATA_NAME, INCIDENT
 from fitball.report.saved.posterior_file import variable
 from fitball.report.saved.saved_fit import POSTERIOR_NAME, SavedFit
+from fitball.values import FloatArray
 from fitball.version import __version__
+from fitball.wording import option
+
+# Draws of each chain, and numbers of a group at most: draws times impacts, of which there may be thousands.
+DRAWS = 1000
+ENTRIES = 10_000_000
+# The streams of random numbers of a run are three; that of replicated tables is apart from them.
+STREAM = 4
 
 
-def arviz_tree(saved: SavedFit) -> tuple[xr.DataTree, str]:
-    """Groups `posterior`, `sample_stats`, `prior` (those two with all draws only), `observed_data`, `constant_data`
-    (incident states), and a note: empty when all draws and measurements were there.
+def whole_tree(fit: Fit, draws: int | None = None) -> xr.DataTree:
+    """Groups `posterior`, `sample_stats`, `log_likelihood`, `posterior_predictive`, `prior`, `observed_data` and
+    `constant_data` (incident states).
 
-    All draws are in `posterior.nc` beside `fit.json`; where that is missing, the thinned ones of `fit.json` make one
-    chain. Measurements are in `data.nc`. Raises ResultFolderError for a point fit, and for either file when it is
-    damaged or of another fit.
+    A chain is an ensemble of walkers; of its `draws` each is taken at random from one of as many equal stretches, by
+    default DRAWS, of a long table so many that a group holds ENTRIES numbers. Raises ResultFolderError for a point
+    fit, ParameterError for draws that there are not.
+    """
+    if fit.posterior is None:
+        raise _no_draws()
+    posterior, problem = fit.posterior, fit.problem
+    ensembles, steps, walkers, _ = posterior.values.shape
+    held = steps * walkers
+    count = min(DRAWS, held, max(1, ENTRIES // (ensembles * len(problem.impacts)))) if draws is None else draws
+    if not 1 <= count <= held:
+        raise ParameterError(f"draws = {draws}: expected 1 to {held} of each chain")
+    values, scores = _chains(posterior, count)
+    made = replicated(problem, values.reshape(-1, values.shape[-1]), np.random.default_rng([STREAM, fit.seed]))
+    ids, shape = list(problem.table.ids), (ensembles, count, len(problem.impacts))
+    groups = _sampled(fit.parameters, posterior, values, scores)
+    groups["log_likelihood"] = _by_impact({"impact_log_likelihood": made.log_likelihood}, shape, ids)
+    groups["posterior_predictive"] = _by_impact(made.measurements, shape, ids)
+    return _tree(groups | _measured(problem.table), problem.model.name, fit.status)
+
+
+def partial_tree(saved: SavedFit) -> tuple[xr.DataTree, str]:
+    """What can be had of a `fit.json` that not all files of its folder lie beside, and a note on what is missing.
+
+    Without `posterior.nc` the draws of `fit.json` make one chain. Raises ResultFolderError for a point fit, and for a
+    file that is damaged or of another fit.
     """
     if saved.status is RunStatus.POINT_ONLY or saved.fitted.draws.shape[0] == 0:
-        raise ResultFolderError(f"{saved.place}: a point fit has no draws to export; calibrate without --point-only")
-    place, data = (saved.place.with_name(name) for name in (POSTERIOR_NAME, DATA_NAME))
-    notes = [] if data.exists() else [f"{data} is missing: the file holds no measurements"]
-    groups = _measured(saved) if data.exists() else {}
-    if place.exists():
-        posterior = saved.posterior()
-        assert posterior is not None
-        groups = _all_draws(saved, posterior) | groups
-    else:
+        raise _no_draws()
+    places = {name: saved.beside(name) for name in (POSTERIOR_NAME, DATA_NAME)}
+    notes = [] if places[DATA_NAME].exists() else [f"{places[DATA_NAME]} is missing: the file holds no measurements"]
+    posterior = saved.posterior() if places[POSTERIOR_NAME].exists() else None
+    if posterior is None:
         count = saved.fitted.draws.shape[0]
-        notes.append(f"{place} is missing: the file holds the {count} draws of fit.json as one chain, out of order")
-        free = [name for name in saved.fitted.names if _is_free(saved, name)]
-        columns = [saved.fitted.names.index(name) for name in free]
-        groups = {"posterior": _draws(saved, free, saved.fitted.draws[None][:, :, columns])} | groups
-    tree = xr.DataTree.from_dict(groups)
-    tree.attrs = {
-        "created_by": f"fitball {__version__}",
-        "model": saved.fitted.model_name,
-        "status": str(saved.status),
+        notes.append(
+            f"{places[POSTERIOR_NAME]} is missing: the file holds the {count} draws of fit.json as one chain, out of "
+            "order"
+        )
+        columns = [saved.fitted.names.index(name) for name in saved.free_names]
+        groups = {"posterior": _draws(saved.parameters, saved.free_names, saved.fitted.draws[None][:, :, columns])}
+    else:
+        held = posterior.values.shape[1] * posterior.values.shape[2]
+        groups = _sampled(saved.parameters, posterior, *_chains(posterior, min(DRAWS, held)))
+    measured = _measured(saved.measured()[0]) if places[DATA_NAME].exists() else {}
+    return _tree(groups | measured, saved.fitted.model_name, saved.status), "; ".join(notes)
+
+
+def _no_draws() -> ResultFolderError:
+    return ResultFolderError(f"a point fit has no draws to export; calibrate without {option('point_only')}")
+
+
+def _tree(groups: Mapping[str, xr.Dataset], model: str, status: RunStatus) -> xr.DataTree:
+    tree = xr.DataTree.from_dict(dict(groups))
+    tree.attrs = {"created_by": f"fitball {__version__}", "model": model, "status": str(status)}
+    return tree
+
+
+def _chains(posterior: Posterior, count: int) -> tuple[FloatArray, FloatArray]:
+    """Draws (ensembles, count, free) and their log density (ensembles, count), in the order of the steps."""
+    ensembles, steps, walkers, free = posterior.values.shape
+    edges = np.arange(count + 1) * (steps * walkers) // count
+    picked: NDArray[np.int64] = np.random.default_rng([steps * walkers, count]).integers(
+        edges[:-1], edges[1:], (ensembles, count)
+    )
+    values = posterior.values.reshape(ensembles, steps * walkers, free)
+    scores = posterior.log_posterior.reshape(ensembles, steps * walkers)
+    return np.take_along_axis(values, picked[:, :, None], axis=1), np.take_along_axis(scores, picked, axis=1)
+
+
+def _sampled(
+    known: Mapping[str, Estimate], posterior: Posterior, values: FloatArray, scores: FloatArray
+) -> dict[str, xr.Dataset]:
+    draws = _draws(known, posterior.names, values)
+    coords = {"chain": draws["chain"], "draw": draws["draw"]}
+    return {
+        "posterior": draws,
+        "sample_stats": xr.Dataset({"lp": (("chain", "draw"), scores)}, coords=coords),
+        "prior": _draws(known, posterior.names, posterior.prior_draws[None]),
     }
-    return tree, "; ".join(notes)
 
 
-def write_arviz(saved: SavedFit, path: Path) -> str:
-    """Write the file whole; returns the note. Raises ResultFolderError as `arviz_tree` does."""
-    tree, note = arviz_tree(saved)
-    write_whole(path, lambda place: tree.to_netcdf(place, engine="h5netcdf"))
-    return note
-
-
-def _is_free(saved: SavedFit, name: str) -> bool:
-    return name in saved.parameters and saved.parameters[name].sd is not None
-
-
-def _draws(saved: SavedFit, names: list[str], chains: np.ndarray) -> xr.Dataset:
+def _draws(known: Mapping[str, Estimate], names: tuple[str, ...], chains: FloatArray) -> xr.Dataset:
     """`chains` (chains, draws, names) as a dataset with units and meanings."""
-    known = saved.parameters
     return xr.Dataset(
         {
             variable(name): (
@@ -76,29 +127,25 @@ def _draws(saved: SavedFit, names: list[str], chains: np.ndarray) -> xr.Dataset:
     )
 
 
-def _all_draws(saved: SavedFit, posterior: Posterior) -> dict[str, xr.Dataset]:
-    ensembles, steps, walkers, size = posterior.values.shape
-    chains = posterior.values.transpose(0, 2, 1, 3).reshape(ensembles * walkers, steps, size)
-    scores = posterior.log_posterior.transpose(0, 2, 1).reshape(ensembles * walkers, steps)
-    names = list(posterior.names)
-    draws = _draws(saved, names, chains).assign_coords(ensemble=("chain", np.repeat(np.arange(ensembles), walkers)))
-    coords = {"chain": draws["chain"], "draw": draws["draw"]}
-    return {
-        "posterior": draws,
-        "sample_stats": xr.Dataset({"lp": (("chain", "draw"), scores)}, coords=coords),
-        "prior": _draws(saved, names, posterior.prior_draws[None]),
-    }
+def _by_impact(columns: Mapping[str, FloatArray], shape: tuple[int, int, int], ids: list[str]) -> xr.Dataset:
+    """Columns (draws, impacts) as (chain, draw, impact)."""
+    return xr.Dataset(
+        {
+            name: (("chain", "draw", "impact"), values.reshape(shape), {"units": SI_UNITS.get(name, "")})
+            for name, values in columns.items()
+        },
+        coords={"chain": np.arange(shape[0]), "draw": np.arange(shape[1]), "impact": ids},
+    )
 
 
-def _measured(saved: SavedFit) -> dict[str, xr.Dataset]:
+def _measured(table: ImpactTable) -> dict[str, xr.Dataset]:
     """Rebounds and incident states, as the fit took them."""
-    data, _force = saved.measured()
-    rebounds = {measurement.name: measurement.values for measurement in data.measurements}
-    incident = {name: getattr(data.impacts, name) for name in INCIDENT}
+    rebounds = {measurement.name: measurement.values for measurement in table.measurements}
+    incident = {name: getattr(table.impacts, name) for name in INCIDENT}
     return {
         group: xr.Dataset(
             {name: ("impact", column, {"units": SI_UNITS[name]}) for name, column in columns.items()},
-            coords={"impact": list(data.ids)},
+            coords={"impact": list(table.ids)},
         )
         for group, columns in (("observed_data", rebounds), ("constant_data", incident))
     }

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 from fitball.inference.results.drop_test import DropTest
 from fitball.inference.results.pace_rating import CourtPace
-from fitball.inference.results.results import Verdict
+from fitball.inference.results.results import Estimate, Verdict
 from fitball.report.fit.drop_rows import drop_lead, drop_remarks, drop_table
 from fitball.report.fit.pace_rows import court_lines, pace_remarks, place_rows, surface_rows
 from fitball.report.form.display_units import handy
 from fitball.report.form.rounding import decimals, fixed, interval, significant
 from fitball.report.form.template import render_template
-from fitball.report.saved.saved_fit import SavedFit, SavedParameter
+from fitball.report.saved.saved_fit import SavedFit
 
 # Rows of a table that one page has room for, in two halves; and lines of remarks.
 MOST_ROWS, MOST_PLACES, MOST_REMARKS = 24, 12, 9
@@ -138,7 +138,7 @@ def _of_parameters(saved: SavedFit) -> _Content:
     return _Content(f"Fit of model {saved.file.model.name}", (saved.verdict,), parts, ())
 
 
-def _parameter(item: SavedParameter) -> tuple[str, ...]:
+def _parameter(item: Estimate) -> tuple[str, ...]:
     scale = handy(item.name, item.unit)
     if item.median is None or item.sd is None or item.q025 is None or item.q975 is None:
         return item.name, scale.unit, significant(item.point * scale.factor, 4), "-"

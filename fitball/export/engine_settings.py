@@ -135,7 +135,7 @@ def _page(saved: SavedFit, engine: EngineFit) -> str:
     lines += [
         "What is lost: such a ball has one restitution for every speed, no tangential rebound (no twist of the",
         "cover, no shift of the normal force), and the engine's moment of inertia. Where an engine lets it be set, "
-        f"give it the ball's own: `--engine-inertia {saved.fitted.ball.inertia_ratio:.3g}`.",
+        f"give it the ball's own: `engine_inertia = {saved.fitted.ball.inertia_ratio:.3g}`.",
         "",
         "| output | fitted ball | engine | error there | RMS error over the range | RMS, best over the range |",
         "|---|---|---|---|---|---|",

@@ -20,6 +20,7 @@ from fitball.export.port.port import Port, make_port
 from fitball.export.port.python import python_port
 from fitball.report.form.json_text import json_text
 from fitball.report.saved.saved_fit import SavedFit
+from fitball.wording import option
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ def _port(make: Callable[[Port, str], Mapping[str, str]]) -> TextFormat:
     def texts(saved: SavedFit, options: Options) -> Mapping[str, str]:
         prefix = options.prefix
         if not (prefix.isidentifier() and prefix.isascii() and prefix.strip("_")):
-            raise ParameterError(f"--prefix {prefix}: expected the beginning of a name, such as clay_")
+            raise ParameterError(f"{option('prefix', prefix)}: expected the beginning of a name, such as clay_")
         return make(saved_port(saved), prefix)
 
     return TextFormat("bounce", texts)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.adequacy import Answer
-from fitball.inference.results.results import RunStatus, Verdict
+from fitball.inference.results.results import Estimate, RunStatus, Verdict
 from fitball.models.registry import parameter_spec
 from fitball.report.form.display_units import handy
 from fitball.report.form.rounding import decimals, fixed, interval, significant
-from fitball.report.saved.saved_fit import SavedFit, SavedParameter
+from fitball.report.saved.saved_fit import SavedFit
 
 _ESCAPES = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
@@ -50,7 +50,7 @@ def paper_rows(saved: SavedFit) -> tuple[PaperRow, ...]:
     return tuple(_row(parameter) for parameter in saved.parameters.values())
 
 
-def _row(parameter: SavedParameter) -> PaperRow:
+def _row(parameter: Estimate) -> PaperRow:
     scale = handy(parameter.name, parameter.unit)
     spec = parameter_spec(parameter.name) or NOISE_SPECS.get(parameter.name)
     label = spec.label if spec is not None else ""

@@ -8,11 +8,11 @@ import tomli_w
 
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.quantiles import ESSENTIALS
-from fitball.inference.results.results import Verdict
+from fitball.inference.results.results import Estimate, Verdict
 from fitball.models.registry import parameter_spec
 from fitball.report.form.csv import csv_text
 from fitball.report.form.display_units import THESIS
-from fitball.report.saved.saved_fit import SavedFit, SavedParameter
+from fitball.report.saved.saved_fit import SavedFit
 from fitball.version import __version__
 
 SCHEMA_VERSION = 1
@@ -58,7 +58,7 @@ def role(name: str) -> str:
     return "noise" if name in NOISE_SPECS else "model" if parameter_spec(name) is not None else "group"
 
 
-def _parameter(parameter: SavedParameter) -> dict[str, Any]:
+def _parameter(parameter: Estimate) -> dict[str, Any]:
     content: dict[str, Any] = {
         "role": role(parameter.name),
         "unit": parameter.unit,

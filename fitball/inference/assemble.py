@@ -172,7 +172,6 @@ def _estimate(
     return Estimate(
         name=parameter.name,
         unit=parameter.spec.unit,
-        label=parameter.spec.label,
         meaning=parameter.spec.meaning,
         prior=parameter.prior.text,
         point=point.values[parameter.name],

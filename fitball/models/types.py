@@ -162,7 +162,12 @@ def unpack_regime(code: int) -> tuple[Phase, ...]:
 
 
 def regime_name(code: int) -> str:
-    """A packed phase sequence in words, such as `slide-grip-slide back`."""
+    """A packed phase sequence in words, such as `slide-grip-slide back`.
+
+    >>> ball = {"mu": 0.5, "e_x": 0.1, "offset": 0.003, "cor_10": 0.75, "cor_slope": -0.014}
+    >>> fitball.regime_name(fitball.model("grip-slip").rebound(ball, fitball.impacts(15.0, 6.0)).regime[0])
+    'slide'
+    """
     return "-".join(PHASE_SYMBOL[phase] for phase in unpack_regime(int(code)))
 
 

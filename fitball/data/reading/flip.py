@@ -1,4 +1,4 @@
-"""Columns counted the other way round, on request: what `--flip` does."""
+"""Columns counted the other way round, on request: what the option `flip` does."""
 
 from __future__ import annotations
 

@@ -17,6 +17,7 @@ from fitball.data.columns import MEASURED, SD_SUFFIX
 from fitball.data.reading.flip import ANGLES, flipped
 from fitball.data.reading.motion import Columns
 from fitball.data.units import UNITS, Dimension
+from fitball.wording import option
 
 # Units that people measure balls in; a table in others says so.
 _USUAL: Mapping[Dimension, tuple[str, ...]] = {
@@ -24,24 +25,30 @@ _USUAL: Mapping[Dimension, tuple[str, ...]] = {
     Dimension.SPIN: ("rad/s", "rpm", "rev/s", "deg/s"),
     Dimension.ANGLE: ("deg", "rad"),
 }
-_FLIP = "pass --flip "
 _SIGNED = ("omega_1", "omega_2", "v_x1", "v_x2")
 
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Another reading: `words` ("with omega_1 and omega_2 negated"), `remedy` (what to do if that is meant), and how
-    it changes the columns; `parts` counts how many things it takes to be wrong. What `needs_spin` changes one end
-    alone, which a table without spins cannot tell from a ball of its own kind; what `scales` is another unit, which
-    spins cannot tell from another radius.
+    """Another reading: `words` ("with omega_1 and omega_2 negated"), what to do if that is meant (columns to `flip`,
+    and what `edit` says), and how it changes the columns; `parts` counts how many things it takes to be wrong. What
+    `needs_spin` changes one end alone, which a table without spins cannot tell from a ball of its own kind; what
+    `scales` is another unit, which spins cannot tell from another radius.
     """
 
     words: str
-    remedy: str
+    edit: str
     apply: Callable[[Columns], Columns]
     parts: int = 1
     needs_spin: bool = False
     scales: bool = False
+    flips: tuple[str, ...] = ()
+
+    @property
+    def remedy(self) -> str:
+        """What to do if that is meant."""
+        flip = f"pass {option('flip', *self.flips)}" if self.flips else ""
+        return "; and ".join(filter(None, (flip, self.edit)))
 
 
 def hypotheses(columns: Columns, units: Mapping[str, str]) -> tuple[Hypothesis, ...]:
@@ -68,19 +75,13 @@ def both(one: Hypothesis, other: Hypothesis) -> Hypothesis:
     """The two together."""
     return Hypothesis(
         f"{one.words} and {other.words.removeprefix('with ')}",
-        _and(one.remedy, other.remedy),
+        "; and ".join(filter(None, (one.edit, other.edit))),
         lambda columns: other.apply(one.apply(columns)),
         one.parts + other.parts,
         one.needs_spin or other.needs_spin,
         one.scales or other.scales,
+        (*one.flips, *other.flips),
     )
-
-
-def _and(one: str, other: str) -> str:
-    """What to do about both; two flips are one."""
-    if one.startswith(_FLIP) and other.startswith(_FLIP):
-        return f"{one},{other.removeprefix(_FLIP)}"
-    return f"{one}; and {other}"
 
 
 def listed(names: Sequence[str]) -> str:
@@ -91,11 +92,12 @@ def listed(names: Sequence[str]) -> str:
 def _flip(names: tuple[str, ...], words: str, parts: int) -> Hypothesis:
     return Hypothesis(
         f"with {listed(names)} {words}",
-        _FLIP + ",".join(names),
+        "",
         lambda columns: {
             name: flipped(name, values) if name in names else values for name, values in columns.items()
         },
         parts,
+        flips=names,
     )
 
 

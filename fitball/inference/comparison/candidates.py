@@ -97,7 +97,7 @@ def build_candidates(table: ImpactTable, scene: Scene, names: Sequence[str]) -> 
             notes.append(f"{text} is {twin.name} on this table and is not fitted again")
     if len(candidates) < 2:
         raise FitError(
-            f"a comparison needs at least two different models; there is {len(candidates)}: name more (--models)"
+            f"a comparison needs at least two different models; there is {len(candidates)}: name more (models)"
         )
     columns, said = _common_columns(candidates)
     if not columns:

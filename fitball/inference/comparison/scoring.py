@@ -18,8 +18,9 @@ from fitball.inference.comparison.cross_validation import FOLLOWED, Fold, leave_
 from fitball.inference.comparison.information_criteria import criteria
 from fitball.inference.comparison.psis_loo import leave_one_out
 from fitball.inference.comparison.results import ModelScore
-from fitball.inference.comparison.workers import die_on_interrupt, interrupts_held
+from fitball.inference.comparison.workers import begin_worker, interrupts_held
 from fitball.inference.effort import Effort
+from fitball.wording import on_command_line
 
 # Ensembles of an exact refit: enough to see that they agree.
 REFIT_ENSEMBLES = 2
@@ -60,7 +61,8 @@ def scored(tasks: Sequence[Task], cores: int, report: Callable[[str], None]) -> 
     report(f"{count} models in {workers} processes")
     # A fresh interpreter each: a forked one would inherit threads in unknown states.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=die_on_interrupt) as pool:
+    listens = (on_command_line(),)
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=begin_worker, initargs=listens) as pool:
         try:
             shares = [replace(task, effort=replace(task.effort, cores=1)) for task in tasks]
             with interrupts_held():
@@ -72,7 +74,7 @@ def scored(tasks: Sequence[Task], cores: int, report: Callable[[str], None]) -> 
         except BrokenProcessPool:
             raise FitError(
                 "a process of the comparison ended before its model was done, perhaps for want of memory: "
-                "use fewer --cores"
+                "use fewer cores"
             ) from None
         finally:
             pool.shutdown(wait=False, cancel_futures=True)

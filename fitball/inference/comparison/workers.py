@@ -10,6 +10,8 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import TypeVar
 
+from fitball.wording import listen
+
 Made = TypeVar("Made")
 
 
@@ -26,6 +28,12 @@ def interrupts_held() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def begin_worker(command_line: bool) -> None:
+    """Messages are as the parent's, see `wording`; and as `die_on_interrupt`."""
+    listen(command_line)
+    die_on_interrupt()
 
 
 def die_on_interrupt() -> None:

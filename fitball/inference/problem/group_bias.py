@@ -14,6 +14,7 @@ from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.pooling import labels_of
 from fitball.models.specs import EVERYTHING, ParameterSpec
 from fitball.values import FloatArray
+from fitball.wording import option
 
 # A bias of twice the noise is expected: more would have been noticed by who measured.
 EXPECTED = 2.0
@@ -71,7 +72,7 @@ def _expected_noise(observable: Observable, nominal: Mapping[str, float]) -> flo
 
 def build_group_bias(table: ImpactTable, column: str) -> GroupBias:
     """Offsets over a label column. Raises FitError when there is none, or only one label."""
-    asked = f"--offsets {column}"
+    asked = option("offsets", column)
     labels = labels_of(table, column, asked)
     distinct = tuple(dict.fromkeys(labels))
     if len(distinct) < 2:

@@ -74,7 +74,7 @@ def noise_by_column(
             "a value or prior of it is given"
             if SHARED_SD in named
             else f"{least} row{'s' * (least != 1)} cannot tell two apart that differ by a factor of {FACTOR:g}, "
-            f"{enough} could (--velocity-noise separate fits {each} all the same)"
+            f"{enough} could (velocity noise '{SEPARATE}' fits {each} all the same)"
         )
         notes.append(f"{' and '.join(rest)} share one noise, {SHARED_SD}: {why}")
     chosen = dict(NOISE_OF)

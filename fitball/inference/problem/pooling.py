@@ -17,6 +17,7 @@ from fitball.data.table import ImpactTable
 from fitball.errors import FitError, ParameterError, suggestion
 from fitball.models.specs import BALL_PARAMETERS, EVERYTHING, POSITIVE, ParameterSpec
 from fitball.values import FloatArray
+from fitball.wording import spoken
 
 # Spread of a logarithm, and of a value as a share of its prior's median, that is still expected (half-normal prior).
 EXPECTED_SPREAD = 0.3
@@ -104,7 +105,7 @@ def build_pooling(
     """
     pooled = []
     for name, column in pool.items():
-        asked = f"--pool {name}={column}"
+        asked = spoken(f"--pool {name}={column}", f"pool={{{name!r}: {column!r}}}")
         if name not in names or name in BALL_PARAMETERS:
             raise ParameterError(f"{asked}: unknown parameter '{name}' of the model: {suggestion(name, names)}")
         labels = labels_of(table, column, asked)

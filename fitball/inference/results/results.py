@@ -54,7 +54,8 @@ class LeastSquares:
     """Weighted least squares: no prior but the bounds, noise at its stated or nominal size.
 
     `values` holds every parameter by name in SI; `stderr` a number, or None with the cause in
-    `missing`. `rms` is the root mean square residual of each observable, in its unit.
+    `missing`. `rms` is the root mean square residual of each observable, in its unit. Of a fit that was read back
+    nothing is known of the search: no `starts`, `optima` or `evaluations`.
     """
 
     values: Mapping[str, float]
@@ -97,7 +98,6 @@ class Estimate:
 
     name: str
     unit: str
-    label: str
     meaning: str
     prior: str
     point: float

@@ -21,6 +21,7 @@ import numpy as np
 from fitball.data.hdf5_arrays import array, finite, group, opened
 from fitball.errors import ResultFolderError
 from fitball.values import FloatArray
+from fitball.wording import option
 
 GROUP = "ensemble_{}"
 
@@ -88,12 +89,12 @@ class ChainFile:
         Raises ResultFolderError when there is none, when it is damaged, or when it belongs to another problem.
         """
         if not self.path.exists():
-            raise ResultFolderError(f"{self.path}: no chain to resume; run without --resume")
+            raise ResultFolderError(f"{self.path}: no chain to resume; run without {option('resume')}")
         fingerprint, kept, groups = read_chains(self.path)
         if fingerprint != self.fingerprint:
             raise ResultFolderError(
                 f"{self.path}: this chain was sampled from another problem (table, scene, model, priors, seed or "
-                "version of fitball differ); use --overwrite to start anew, or another --out"
+                f"version of fitball differ); use {option('overwrite')} to start anew, or another folder"
             )
         expected = (ensembles, walkers, len(names))
         read = (len(groups), *groups[0].chain.shape[1:])
@@ -101,7 +102,7 @@ class ChainFile:
             raise ResultFolderError(
                 f"{self.path}: damaged: read {read} ensembles, walkers and parameters with SHA-256 {digest(groups)}, "
                 f"expected {expected} with {kept[:64] or 'a digest, which older fitballs did not write'}; use "
-                "--overwrite to start anew"
+                f"{option('overwrite')} to start anew"
             )
         return groups
 

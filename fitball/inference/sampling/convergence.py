@@ -11,6 +11,7 @@ from arviz_stats.base.array import array_stats
 from fitball.errors import FitError
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT
 from fitball.values import FloatArray
+from fitball.wording import spoken
 
 # Quantiles whose effective sample size is the "tail" one.
 TAILS = (0.05, 0.95)
@@ -59,7 +60,8 @@ def convergence(names: tuple[str, ...], coordinates: FloatArray) -> Convergence:
         column = np.ascontiguousarray(chains[:, :, k])
         if np.ptp(column) <= 0.0:
             raise FitError(
-                f"the sampler never moved {name}: all its draws are the same; loosen its prior, or --fix it"
+                f"the sampler never moved {name}: all its draws are the same; loosen its prior, or fix it "
+                + spoken(f"(--fix {name}=VALUE)", f"(fix={{{name!r}: ...}})")
             )
         bulk[name] = float(array_stats.ess(column, chain_axis=0, draw_axis=1, method="bulk"))
         tail[name] = float(array_stats.ess(column, chain_axis=0, draw_axis=1, method="tail", prob=TAILS))

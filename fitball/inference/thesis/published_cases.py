@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,3 +137,8 @@ def spin_predictions(
 def _incident_spin(spin: str) -> FloatArray:
     """The thesis takes the small spins of the zero-spin impacts as zero."""
     return np.zeros(7) if spin == "zero" else measured(spin)["omega_1"]
+
+
+def set_name(row: Mapping[Any, Any]) -> str:
+    """A set of Appendix C as people name it."""
+    return f"{row['case']}: M1/M = {row['mass_ratio']}, k_y = {row['k_y [lb/in]']}"

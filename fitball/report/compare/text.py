@@ -45,7 +45,7 @@ PUBLISHED = (
 )
 
 
-def render(comparison: Comparison, words: str, folder: Path) -> str:
+def render(comparison: Comparison, words: str, folder: Path | None = None) -> str:
     """The end of a comparison as a person reads it."""
     top = heading(comparison)
     parts = [top, "=" * len(top), "", *columns(score_table(comparison)), "", *textwrap.wrap(LEGEND, WIDTH), ""]
@@ -71,7 +71,7 @@ def render(comparison: Comparison, words: str, folder: Path) -> str:
         "",
         *textwrap.wrap(words, WIDTH, break_on_hyphens=False),
         "",
-        f"Time: {comparison.seconds:.0f} s. Results: {folder}",
+        f"Time: {comparison.seconds:.0f} s." + ("" if folder is None else f" Results: {folder}"),
     ]
     return "\n".join(parts)
 

@@ -9,6 +9,7 @@ from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import Identifiability
 from fitball.inference.results.results import PointFit, Posterior, Predictive
+from fitball.wording import option
 
 
 class Sampled(Protocol):
@@ -24,7 +25,7 @@ class Sampled(Protocol):
 
 
 class Drawable(Protocol):
-    """A fit as figures see it; `inference.results.Fit` and `restore.Restored` are such."""
+    """A fit as figures see it; `inference.results.Fit` is such."""
 
     @property
     def problem(self) -> Problem:
@@ -54,7 +55,7 @@ class Drawable(Protocol):
 def drawn(fit: Drawable) -> Posterior:
     """The draws of a fit. Raises ResultFolderError for a point fit."""
     if fit.posterior is None:
-        raise ResultFolderError("this figure needs a posterior; run calibrate without --point-only")
+        raise ResultFolderError(f"this figure needs a posterior; run calibrate without {option('point_only')}")
     return fit.posterior
 
 

@@ -14,6 +14,7 @@ from fitball.report.figures.force import force_figure
 from fitball.report.figures.predictive import predictive_figure, residual_figure, trace_figure
 from fitball.report.figures.profiles import profiles_figure
 from fitball.report.figures.regimes import regimes_figure
+from fitball.wording import option
 
 
 def has_profiles(fit: Drawable) -> bool:
@@ -22,12 +23,12 @@ def has_profiles(fit: Drawable) -> bool:
 
 
 def _no_posterior(fit: Drawable) -> str:
-    return "" if fit.posterior is not None else "it needs a posterior; run calibrate without --point-only"
+    return "" if fit.posterior is not None else f"it needs a posterior; run calibrate without {option('point_only')}"
 
 
 def _no_regimes(fit: Drawable) -> str:
     if fit.predictive is None:
-        return "the probability of regimes needs a posterior; run calibrate without --point-only"
+        return f"the probability of regimes needs a posterior; run calibrate without {option('point_only')}"
     return "" if fit.problem.table.has_tangential else "no motion along the court was measured: there are no regimes"
 
 

@@ -16,6 +16,7 @@ from scipy.special import ndtri
 from fitball.observables import OBSERVABLES
 from fitball.report.figures.arrays import axis_label, group_of, incidence, measured_points, residual_data, trace_data
 from fitball.report.figures.drawable import Drawable, drawn, parameter
+from fitball.report.figures.shown import ShownFigure
 from fitball.report.form.display_units import handy, output_scale
 
 # Colour-blind safe (Okabe and Ito).
@@ -38,7 +39,7 @@ def _drawn(fit: Drawable) -> str:
 
 def new_figure(width: float, height: float, layout: Literal["constrained"] | None = "constrained") -> Figure:
     """An empty figure on the raster canvas, without any global state."""
-    figure = Figure(figsize=(width, height), layout=layout)
+    figure = ShownFigure(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
     return figure
 

@@ -10,6 +10,7 @@ from fitball.inference.results.results import Fit, Verdict
 from fitball.observables import OBSERVABLES
 from fitball.report.form.display_units import output_scale
 from fitball.report.form.rounding import significant
+from fitball.wording import option, spoken
 
 # The order in which kinds of checks are shown, of each and each column the surest; the file has them all.
 KINDS = (
@@ -69,9 +70,9 @@ def remarks(fit: Fit) -> tuple[str, ...]:
     kinds = {check.kind for check in found.checks if check.found}
     if "group" in kinds and fit.problem.group_bias is None:
         column = next(check.over for check in found.checks if check.found and check.kind == "group")
-        lines.append(f"If that group was measured differently: --offsets {column} fits a bias of each.")
+        lines.append(f"If that group was measured differently: {option('offsets', column)} fits a bias of each.")
     if kinds & {"outlier", "tails"} and not fit.problem.noise.parameters:
-        lines.append("Outliers count for less with --noise student-t.")
+        lines.append(f"Outliers count for less with {option('noise', 'student-t')}.")
     if "linked" in kinds and fit.problem.incident is None and found.answer is not Answer.FAILS:
         lines.append(
             "Columns deviate together where the incident state was not what the table says: state its errors "
@@ -79,8 +80,10 @@ def remarks(fit: Fit) -> tuple[str, ...]:
         )
     if found.answer is Answer.FAILS:
         lines.append(
-            "Look for a sign, a unit or a column that was read wrongly (fitball datasets check), for another ball or "
-            "surface among the impacts, and at other models (fitball compare)."
+            "Look for a sign, a unit or a column that was read wrongly "
+            + spoken("(fitball datasets check)", "(fitball.check)")
+            + ", for another ball or surface among the impacts, and at other models "
+            + spoken("(fitball compare).", "(fitball.compare).")
         )
     return tuple(lines)
 

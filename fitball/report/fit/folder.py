@@ -20,6 +20,7 @@ from fitball.report.saved.fit_text import fit_text
 from fitball.report.saved.posterior_file import write_netcdf
 from fitball.report.saved.run_file import RUN_NAME, run_text
 from fitball.report.saved.saved_fit import FIT_NAME, POSTERIOR_NAME
+from fitball.wording import spoken
 
 CHAIN_NAME = "posterior.h5"
 
@@ -37,8 +38,11 @@ def prepare_folder(folder: Path, *, overwrite: bool, resume: bool) -> None:
         return
     if not overwrite:
         raise ResultFolderError(
-            f"{folder}: holds {' and '.join(older)} of an older run; use --resume to go on with it, --overwrite to "
-            "replace it, or --out to write elsewhere"
+            f"{folder}: holds {' and '.join(older)} of an older run; use "
+            + spoken(
+                "--resume to go on with it, --overwrite to replace it, or --out to write elsewhere",
+                "overwrite=True to replace it, or name another folder",
+            )
         )
     for name in older:
         remove(folder / name)

@@ -26,6 +26,7 @@ from fitball.report.fit.summary import (
 )
 from fitball.report.form.template import render_template
 from fitball.report.saved.fit_text import package_versions
+from fitball.wording import speaking_to_command_line
 
 # Impacts listed one by one; the files beside the page hold them all.
 MOST_ROWS = 300
@@ -51,7 +52,14 @@ SECTIONS = {
 
 
 def page(fit: Fit, figures: Mapping[str, Sequence[PageFigure]], command: str | None = None) -> str:
-    """The page as text; `command` is the line that made the fit, None where none did."""
+    """The page as text; `command` is the line that made the fit, None where none did. It names options as the command
+    line does, whoever writes it: the same fit gives the same page.
+    """
+    with speaking_to_command_line():
+        return _page(fit, figures, command)
+
+
+def _page(fit: Fit, figures: Mapping[str, Sequence[PageFigure]], command: str | None) -> str:
     problem = fit.problem
     pace, cases, remarks = pace_table(fit), case_table(fit), notes(fit)
     assumed = assumption_table(fit)

@@ -11,6 +11,7 @@ from fitball.report.form.display_units import THESIS, Scale, handy, output_scale
 from fitball.report.form.rounding import decimals, fixed, interval, significant
 from fitball.report.form.sentences import listed
 from fitball.values import FloatArray
+from fitball.wording import spoken
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,12 @@ def _row(estimate: Estimate, scale: Scale) -> ParameterRow:
 
 def parameter_rows(fit: Fit) -> tuple[ParameterRow, ...]:
     """Every parameter in handy multiples of SI; priors are quoted in SI itself."""
-    return tuple(_row(estimate, handy(estimate.name, estimate.unit)) for estimate in fit.estimates)
+    return tuple(map(parameter_row, fit.estimates))
+
+
+def parameter_row(estimate: Estimate) -> ParameterRow:
+    """One parameter in handy multiples of SI."""
+    return _row(estimate, handy(estimate.name, estimate.unit))
 
 
 @dataclass(frozen=True)
@@ -207,11 +213,10 @@ def diagnosis_lines(fit: Fit, *, budget: bool = True) -> tuple[str, ...]:
         for name, value in squares.rms.items()
     )
     lines = [
-        f"Least squares: chi-square {squares.chi_square:.1f} for {squares.degrees_of_freedom} degrees of freedom, "
-        f"best of {squares.starts} starts ({len(squares.optima)} distinct optima); "
-        f"root mean square residuals: {rms}.",
-        f"Maximum a posteriori: log posterior {fit.point.log_posterior:.2f}, "
-        f"{len(fit.point.optima)} optimum{'s' if len(fit.point.optima) != 1 else ''} worth an ensemble.",
+        f"Least squares: chi-square {squares.chi_square:.1f} for {squares.degrees_of_freedom} degrees of freedom"
+        + (f", best of {squares.starts} starts ({len(squares.optima)} distinct optima)" if squares.starts else "")
+        + f"; root mean square residuals: {rms}.",
+        f"Maximum a posteriori: log posterior {fit.point.log_posterior:.2f}{_optima(fit)}.",
     ]
     diagnostics = fit.diagnostics
     if diagnostics is not None:
@@ -228,8 +233,15 @@ def diagnosis_lines(fit: Fit, *, budget: bool = True) -> tuple[str, ...]:
         names = [name for name, why in squares.missing.items() if why == cause]
         lines.append(f"No standard error of {listed(names)} by least squares: {cause}.")
     if fit.status is RunStatus.NOT_CONVERGED:
-        lines.append("NOT CONVERGED: intervals and verdicts may change. Use --resume with more --max-steps.")
+        again = spoken("Use --resume with more --max-steps.", "Fit again with a larger max_steps.")
+        lines.append(f"NOT CONVERGED: intervals and verdicts may change. {again}")
     return tuple(lines)
+
+
+def _optima(fit: Fit) -> str:
+    """What the search found, in words; nothing where a fit was read back, which does not know."""
+    count = len(fit.point.optima)
+    return f", {count} optimum{'s' if count != 1 else ''} worth an ensemble" if fit.least_squares.starts else ""
 
 
 def thinning(diagnostics: Diagnostics) -> str:

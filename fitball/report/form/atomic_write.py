@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fitball.errors import ResultFolderError
+from fitball.wording import option
 
 # Files of a result folder: what is derived from them never takes their place.
 OWN_FILES = ("fit.json", "data.nc", "posterior.nc", "posterior.h5")
@@ -48,6 +49,8 @@ def refuse_existing(place: Path, overwrite: bool) -> None:
     if place.name in OWN_FILES:
         raise ResultFolderError(f"{place}: this name belongs to the result of a calibration; choose another")
     if place.exists() and not overwrite:
-        raise ResultFolderError(f"{place}: exists already; choose another name, or allow it with --overwrite")
+        raise ResultFolderError(
+            f"{place}: exists already; choose another name, or allow it with {option('overwrite')}"
+        )
     if not place.parent.is_dir():
         raise ResultFolderError(f"{place}: there is no folder {place.parent}; make it first")

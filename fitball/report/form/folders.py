@@ -7,6 +7,7 @@ from pathlib import Path
 
 from fitball.errors import ResultFolderError
 from fitball.report.form.atomic_write import remove
+from fitball.wording import option
 
 
 def clear_folder(folder: Path, record: str, *others: str, overwrite: bool) -> None:
@@ -20,7 +21,8 @@ def clear_folder(folder: Path, record: str, *others: str, overwrite: bool) -> No
         return
     if not overwrite:
         raise ResultFolderError(
-            f"{folder}: holds {record} of an older run; use --overwrite to replace it, or --out to write elsewhere"
+            f"{folder}: holds {record} of an older run; use {option('overwrite')} to replace it, or write to another "
+            "folder"
         )
     for pattern in (record, *others):
         for place in folder.glob(pattern):
@@ -30,10 +32,10 @@ def clear_folder(folder: Path, record: str, *others: str, overwrite: bool) -> No
 def make_folder(folder: Path) -> None:
     """Make a folder that can be written. Raises ResultFolderError."""
     if folder.exists() and not folder.is_dir():
-        raise ResultFolderError(f"{folder}: is a file; name a folder with --out")
+        raise ResultFolderError(f"{folder}: is a file; name a folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ResultFolderError(f"{folder}: cannot be made: {error.strerror}; name another with --out") from None
+        raise ResultFolderError(f"{folder}: cannot be made: {error.strerror}; name another") from None
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise ResultFolderError(f"{folder}: not writable; name another with --out")
+        raise ResultFolderError(f"{folder}: not writable; name another")

@@ -44,7 +44,7 @@ class GrowingCsv:
             if not text.startswith(self._head):
                 raise ResultFolderError(
                     f"{self.path}: holds {self.what} of another run (seed, model, priors, table or version differ); "
-                    "remove it, or name another folder with --out"
+                    "remove it, or name another folder"
                 )
             whole = text[: text.rindex("\n") + 1]
             if whole != text:

@@ -14,6 +14,7 @@ from fitball.report.form.display_units import output_scale
 from fitball.report.form.rounding import decimals, fixed, interval, significant
 from fitball.report.form.text_table import MOST_LINES, WIDTH, columns, more
 from fitball.report.predict.rows import RANGE_UNITS
+from fitball.wording import spoken
 
 # Up to so many impacts each has a table of its own; more stand one per line.
 IN_FULL = 4
@@ -37,8 +38,12 @@ def render_prediction(prediction: NewPrediction, ids: Sequence[str]) -> str:
         ]
         lines += [line for name, text in remarks[:REMARKS] for line in _wrapped(f"{name}: {text}")]
         if len(remarks) > REMARKS:
-            lines.append(f"  and {len(remarks) - REMARKS} more: see --out or --json")
+            lines.append(f"  and {len(remarks) - REMARKS} more: {_all()}")
     return "\n".join(lines)
+
+
+def _all() -> str:
+    return spoken("see --out or --json", "see the data frame")
 
 
 def _wrapped(text: str) -> list[str]:
@@ -160,7 +165,7 @@ def _in_brief(prediction: NewPrediction, ids: Sequence[str]) -> list[str]:
         speed = np.hypot(impacts.v_x1[k], impacts.v_y1[k])
         cells = [name + mark, f"{speed:.1f}", f"{angle:.1f}", f"{impacts.omega_1[k]:.0f}"]
         rows.append([*cells, *(_brief_cell(item, k) for item in shown)])
-    lines = [*columns([heads, *rows]), *more(len(ids), "see --out or --json")]
+    lines = [*columns([heads, *rows]), *more(len(ids), _all())]
     if prediction.draws:
         lines += [
             "",

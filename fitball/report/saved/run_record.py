@@ -31,6 +31,7 @@ from fitball.report.saved.run_file import (
 )
 from fitball.report.saved.saved_fit import FIT_NAME
 from fitball.report.saved.structure import damaged, place_of, read_toml, refuse_foreign, structured
+from fitball.wording import option
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,15 @@ class RunRecord:
     def folder(self) -> Path:
         """The result folder."""
         return self.place.parent
+
+    def place_of(self, named: NamedTable) -> Path:
+        """Where a file lay that the run was made from. Raises ResultFolderError."""
+        if named.bundled:
+            return bundled_folder().resolve() / named.file
+        try:
+            return (self.folder / named.file).resolve()
+        except (OSError, ValueError, RuntimeError) as error:
+            raise damaged(self.place, f"table.files: {named.file[:200]!r} names no file: {error}") from None
 
     def problem(self, table: ImpactTable, force: ForceRecords | None) -> Problem:
         """The problem of the run, from the table it was made from and its force records.
@@ -145,11 +155,11 @@ def find_tables(record: RunRecord, given: Sequence[str] = ()) -> tuple[Path, ...
     if given and len(given) != len(record.tables):
         count = len(record.tables)
         raise ResultFolderError(
-            f"{record.place}: made from {count} table{'s' if count > 1 else ''}, --data names {len(given)}; "
+            f"{record.place}: made from {count} table{'s' if count > 1 else ''}, but {len(given)} named; "
             "name each of them, in the order of the fit"
         )
     return tuple(
-        _found(Path(given[k]) if given else _place(record, named), named, "the table", "--data")
+        _found(Path(given[k]) if given else record.place_of(named), named, "the table", "data")
         for k, named in enumerate(record.tables)
     )
 
@@ -158,12 +168,12 @@ def find_records(record: RunRecord, given: str | None = None) -> Path | None:
     """The file of the run's force records, None where it had none; as `find_tables`."""
     if record.force is None:
         if given is not None:
-            raise ResultFolderError(f"{record.place}: made without force records, --force names {given}")
+            raise ResultFolderError(f"{record.place}: made without force records, but {given} named")
         return None
-    return _found(Path(given) if given else _place(record, record.force), record.force, "the force record", "--force")
+    return _found(Path(given) if given else record.place_of(record.force), record.force, "the force record", "force")
 
 
-def _found(place: Path, named: NamedTable, what: str, option: str) -> Path:
+def _found(place: Path, named: NamedTable, what: str, name: str) -> Path:
     """`place`, where it holds what `named` says; ResultFolderError otherwise."""
     try:
         there = place.is_file()
@@ -171,25 +181,16 @@ def _found(place: Path, named: NamedTable, what: str, option: str) -> Path:
         raise ResultFolderError(f"{str(place)[:200]}: cannot be opened: {error.strerror}") from None
     if not there:
         raise ResultFolderError(
-            f"{place}: {what} of this fit is not there; put it back, or say with {option} where it is "
+            f"{place}: {what} of this fit is not there; put it back, or say with {option(name, 'FILE')} where it is "
             f"(SHA-256 {named.sha256})"
         )
     digest = sha256(place.read_bytes()).hexdigest()
     if digest != named.sha256:
         raise ResultFolderError(
             f"{place}: changed since the fit: its SHA-256 is {digest}, the fit was made from {named.sha256}; "
-            f"put the old file back, name it with {option}, or calibrate anew"
+            f"put the old file back, name it with {option(name, 'FILE')}, or calibrate anew"
         )
     return place
-
-
-def _place(record: RunRecord, named: NamedTable) -> Path:
-    if named.bundled:
-        return bundled_folder() / named.file
-    try:
-        return (record.folder / named.file).resolve()
-    except (OSError, ValueError, RuntimeError) as error:
-        raise damaged(record.place, f"table.files: {named.file[:200]!r} names no file: {error}") from None
 
 
 def record_problem(record: RunRecord, tables: Sequence[Path], records: Path | None = None) -> Problem:

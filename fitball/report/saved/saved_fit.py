@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,16 +13,25 @@ import numpy as np
 
 from fitball.data.table import ImpactTable
 from fitball.errors import ResultFolderError
-from fitball.inference.prediction.new_impacts import NewPrediction, predict_new
 from fitball.inference.problem.force_records import ForceRecords
-from fitball.inference.problem.observables import Observable
 from fitball.inference.results.fitted_model import FittedModel
-from fitball.inference.results.results import Golden, Posterior, RunStatus, Verdict, predicting, thinned
+from fitball.inference.results.results import (
+    Estimate,
+    Fit,
+    Golden,
+    Posterior,
+    RunStatus,
+    Verdict,
+    predicting,
+    thinned,
+)
 from fitball.models.types import OUTPUTS, Rebound
 from fitball.report.saved.data_file import DATA_NAME, read_data
 from fitball.report.saved.fit_consistency import checked, outside
 from fitball.report.saved.fit_file import KIND, SCHEMA_VERSION, FitFile, FittedPart, GoldenPart, ParameterPart
+from fitball.report.saved.fit_text import fit_text
 from fitball.report.saved.posterior_file import read_netcdf
+from fitball.report.saved.run_file import RUN_NAME
 from fitball.report.saved.structure import Content, damaged, place_of, read_json, refuse_foreign, structured
 from fitball.values import FloatArray, Impacts
 
@@ -29,31 +39,37 @@ FIT_NAME = "fit.json"
 POSTERIOR_NAME = "posterior.nc"
 
 
-class SavedParameter(ParameterPart, frozen=True, kw_only=True):
-    """A parameter as read back; absent numbers are None."""
-
-    name: str
-
-
 @dataclass(frozen=True)
 class SavedFit:
-    """A fit read back from `fit.json`: `file` is all of it, checked, `content` the same as plain values; `place` is
-    where it lies.
+    """A fit as `fit.json` has it: `file` is all of it, checked, `content` the same as plain values; `place` is where
+    it lies, None where it was never saved.
     """
 
     status: RunStatus
     verdict: str
-    parameters: Mapping[str, SavedParameter]
+    parameters: Mapping[str, Estimate]
     fitted: FittedModel
     golden: Golden
     file: FitFile
     content: Content
-    place: Path
+    place: Path | None
 
     @property
     def free_names(self) -> tuple[str, ...]:
         """The parameters that were fitted, in order."""
         return tuple(name for name, parameter in self.parameters.items() if parameter.verdict is not Verdict.FIXED)
+
+    def beside(self, name: str) -> Path:
+        """The file called `name` beside `fit.json`. Raises ResultFolderError for a fit that was never saved."""
+        if self.place is None:
+            raise ResultFolderError(f"{name}: this fit was not saved")
+        return self.place.with_name(name)
+
+    @property
+    def complete(self) -> bool:
+        """Whether all files that a fit is restored from lie beside it."""
+        needed = [DATA_NAME, RUN_NAME, *([] if self.file.diagnostics is None else [POSTERIOR_NAME])]
+        return self.place is not None and all(self.beside(name).exists() for name in needed)
 
     def posterior(self, *, agreeing: bool = True) -> Posterior | None:
         """All draws, from `posterior.nc` beside `fit.json`; None for a point fit.
@@ -62,9 +78,10 @@ class SavedFit:
         different runs, which is refused if the draws must be `agreeing`. Raises ResultFolderError for that, and for
         a file that is missing, damaged or foreign.
         """
-        diagnostics, place = self.file.diagnostics, self.place.with_name(POSTERIOR_NAME)
+        diagnostics = self.file.diagnostics
         if diagnostics is None:
             return None
+        place = self.beside(POSTERIOR_NAME)
         shape = (diagnostics.ensembles, diagnostics.kept, diagnostics.walkers)
         posterior = read_netcdf(place, self.free_names, shape)
         for k, name in enumerate(posterior.names):
@@ -81,7 +98,7 @@ class SavedFit:
 
     def measured(self) -> tuple[ImpactTable, ForceRecords | None]:
         """The measurements, from `data.nc` beside `fit.json`. Raises ResultFolderError as `read_data` does."""
-        return read_data(self.file.table, self.file.data, self.place.with_name(DATA_NAME))
+        return read_data(self.file.table, self.file.data, self.beside(DATA_NAME))
 
     @property
     def impacts(self) -> Impacts:
@@ -90,28 +107,6 @@ class SavedFit:
         """
         known = self.fitted.impacts
         return known if len(known) == self.file.table.impacts else self.measured()[0].impacts
-
-    def predict_interval(
-        self,
-        impacts: Impacts,
-        observed: Sequence[Observable] = (),
-        *,
-        seed: int = 1,
-        incident_covariance: FloatArray | None = None,
-    ) -> NewPrediction:
-        """See `new_impacts.predict_new`, with draws of the posterior saved beside `fit.json`.
-
-        Raises ResultFolderError as `posterior` does.
-        """
-        return predict_new(self.predicting, impacts, observed, seed, incident_covariance)
-
-    def predict(self, impacts: Impacts) -> Mapping[str, FloatArray]:
-        """See `FittedModel.predict`: the same numbers as from the fit that was saved.
-
-        Raises ResultFolderError as `posterior` does; without `posterior.nc`, `fitted.predict` makes do with the few
-        draws of `fit.json`.
-        """
-        return self.predicting.predict(impacts)
 
     @cached_property
     def predicting(self) -> FittedModel:
@@ -131,19 +126,31 @@ def read_fit(path: Path) -> SavedFit:
     wrong = checked(file)
     if wrong is not None:
         raise damaged(place, wrong)
+    return _saved(file, content, place)
+
+
+def as_saved(fit: Fit) -> SavedFit:
+    """A fit just made as it would be read back."""
+    content = json.loads(fit_text(fit))
+    return _saved(structured(Path(FIT_NAME), content, FitFile), content, None)
+
+
+def _saved(file: FitFile, content: Content, place: Path | None) -> SavedFit:
     return SavedFit(
         status=file.status,
         verdict=file.verdict,
-        parameters={
-            name: SavedParameter(name=name, **msgspec.structs.asdict(parameter))
-            for name, parameter in file.parameters.items()
-        },
+        parameters={name: _estimate(name, parameter) for name, parameter in file.parameters.items()},
         fitted=_fitted(file, file.fitted),
         golden=_golden(file.golden),
         file=file,
         content=content,
         place=place,
     )
+
+
+def _estimate(name: str, part: ParameterPart) -> Estimate:
+    known = {field: value for field, value in msgspec.structs.asdict(part).items() if field != "thesis_units"}
+    return Estimate(name=name, **known)
 
 
 def _fitted(file: FitFile, part: FittedPart) -> FittedModel:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,7 +11,7 @@ import pandas as pd
 from fitball.data.thesis_tables import thesis_table
 from fitball.data.wang import SPINS, measured
 from fitball.inference.thesis.inputs import case_parameters, printed_model
-from fitball.inference.thesis.published_cases import spin_predictions
+from fitball.inference.thesis.published_cases import set_name, spin_predictions
 from fitball.models.model import Model
 from fitball.models.registry import model
 from fitball.studies.thesis import appendix_c
@@ -87,11 +86,6 @@ def rank(sets: Mapping[str, Mapping[str, FloatArray]], seed: int = 1) -> Ranking
         ]
     )  # fmt: skip
     return Ranking(sets, scores, certainty)
-
-
-def set_name(row: Mapping[Any, Any]) -> str:
-    """A set of Appendix C as people name it."""
-    return f"{row['case']}: M1/M = {row['mass_ratio']}, k_y = {row['k_y [lb/in]']}"
 
 
 def printed_sets(rows: pd.DataFrame) -> dict[str, dict[str, FloatArray]]:

@@ -9,8 +9,7 @@ from fitball.data.thesis_tables import thesis_table
 from fitball.data.wang import SPINS
 from fitball.inference.comparison.results import FixedPrediction
 from fitball.inference.prediction.outputs import measured_outputs, output_errors
-from fitball.inference.thesis.published_cases import case_errors, wang_rows
-from fitball.studies.thesis.ranking import set_name
+from fitball.inference.thesis.published_cases import case_errors, set_name, wang_rows
 from fitball.values import FloatArray
 
 TABLE_9 = (

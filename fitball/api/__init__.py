@@ -1,0 +1,31 @@
+"""Everything a caller of Python can do, each once: the verbs of the command line call the same functions.
+
+Offers: `calibrate`, `load_fit`, `Fit`, `predict`, `compare`, `Comparison`, `simulate`, `Course`, `export`, `plot`,
+`check`.
+May import: export, report, inference, models, data.
+"""
+
+from fitball.api.calibrating import Run, begin, calibrate, load_fit, pose
+from fitball.api.checking import Checked, check
+from fitball.api.comparing import Comparison, compare
+from fitball.api.fit import Fit
+from fitball.api.simulating import Course
+from fitball.api.verbs import export, plot, predict, simulate
+
+__all__ = [
+    "Checked",
+    "Comparison",
+    "Course",
+    "Fit",
+    "Run",
+    "begin",
+    "calibrate",
+    "check",
+    "compare",
+    "export",
+    "load_fit",
+    "plot",
+    "pose",
+    "predict",
+    "simulate",
+]

@@ -1,0 +1,197 @@
+"""The road from table to fit: `calibrate` and `load_fit`, and its steps for the command line."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from fitball.api.asked import checked_choices, flips, sources_of
+from fitball.api.fit import Fit
+from fitball.api.progress import Report, Wanted, reporting, silent
+from fitball.data.force_place import find_force
+from fitball.data.scene import Scene, likely_scene, load_scene
+from fitball.data.table import ImpactTable
+from fitball.data.trusted import trusted_table
+from fitball.inference.calibrate import fingerprint, run
+from fitball.inference.effort import MAX_STEPS, Effort
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.problem.force_records import build_records
+from fitball.inference.problem.problem import Problem
+from fitball.inference.sampling.chain_file import ChainFile
+from fitball.inference.sampling.ensembles import SamplingInterrupted
+from fitball.report.fit.folder import CHAIN_NAME, prepare_folder
+from fitball.report.saved.saved_fit import read_fit
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PathLike = str | os.PathLike[str]
+# A table: read already, a path or bundled name, a data frame, or columns by name.
+Table: TypeAlias = "ImpactTable | PathLike | pd.DataFrame | Mapping[str, Sequence[Any]]"
+
+
+@dataclass(frozen=True)
+class Run:
+    """A calibration that may begin: `chain` is where its walkers are kept (None: nowhere), `resumes` whether it goes
+    on with those.
+    """
+
+    problem: Problem
+    effort: Effort
+    chain: ChainFile | None = None
+    resumes: bool = False
+
+    def fit(self, report: Report = silent) -> Fit:
+        """Fit. Raises as `inference.calibrate.run` does, on Ctrl-C with the chain kept."""
+        return Fit(run(self.problem, self.effort, self.chain, self.resumes, report, assumptions=True))
+
+
+def read(
+    data: Table | Sequence[Table],
+    *,
+    scene: Scene | None = None,
+    config: PathLike | None = None,
+    flip: str | Sequence[str] = (),
+    columns: Mapping[str, str] | None = None,
+    as_read: bool = False,
+    units: Mapping[str, str] | None = None,
+) -> tuple[ImpactTable, Scene, tuple[str, ...], tuple[str, ...]]:
+    """A table, or one joined of several, with its scene, what is to be said of it, and the files it was read from.
+
+    The scene is `scene`, or the file `config`, or the TOML file beside the first table. Raises as reading and
+    `trusted_table` do.
+    """
+    sources, files = sources_of(data)
+    if scene is None:
+        known = load_scene(files[0] if files else None, config, as_read)
+    else:
+        known = likely_scene(scene, as_read)
+    table, doubts = trusted_table(sources, known, flips(flip), as_read, columns, units)
+    if len(sources) > 1 and scene is None and known.source is not None:
+        doubts = (*doubts, f"the scene of {config or (files[0] if files else 'no file')} is taken for all tables")
+    return table, known, doubts, files
+
+
+def pose(
+    data: Table | Sequence[Table],
+    choices: Choices,
+    *,
+    scene: Scene | None = None,
+    config: PathLike | None = None,
+    force: PathLike | None = None,
+    flip: str | Sequence[str] = (),
+    columns: Mapping[str, str] | None = None,
+    as_read: bool = False,
+    units: Mapping[str, str] | None = None,
+) -> Problem:
+    """The problem of a table, or of tables that are fitted together.
+
+    For the scene see `read`, for `force`, `flip`, `columns`, `as_read` and `units` see `calibrate`. Raises as
+    reading, `trusted_table` and `build_problem` do.
+    """
+    checked_choices(choices)
+    table, known, doubts, files = read(
+        data, scene=scene, config=config, flip=flip, columns=columns, as_read=as_read, units=units
+    )
+    records, said = find_force(files, table, known, None if force is None else os.fspath(force))
+    averaged = None if records is None else build_records(records, known.force_start_sd)
+    problem = build_problem(table, known, choices, averaged)
+    return replace(problem, notes=(*doubts, *said, *problem.notes))
+
+
+def begin(problem: Problem, effort: Effort, folder: Path, *, overwrite: bool = False, resume: bool = False) -> Run:
+    """A run whose chain is kept in a result folder, which is made. With `resume` it goes on with the chain there, if
+    there is one.
+
+    Raises ParameterError before anything is touched, ResultFolderError as `folder.prepare_folder` does.
+    """
+    mark = fingerprint(problem, effort)
+    prepare_folder(folder, overwrite=overwrite, resume=resume)
+    chain = None if effort.point_only else ChainFile(folder / CHAIN_NAME, mark)
+    return Run(problem, effort, chain, resume and chain is not None and chain.path.exists())
+
+
+def calibrate(
+    table: Table | Sequence[Table],
+    model: str | None = None,
+    *,
+    scene: Scene | None = None,
+    config: PathLike | None = None,
+    units: Mapping[str, str] | None = None,
+    closures: Mapping[str, str] | None = None,
+    priors: Mapping[str, str] | None = None,
+    fix: Mapping[str, float] | None = None,
+    noise: str | None = None,
+    pool: Mapping[str, str] | None = None,
+    offsets: str | None = None,
+    incident_errors: bool = True,
+    velocity_noise: str | None = None,
+    force: PathLike | None = None,
+    flip: str | Sequence[str] = (),
+    columns: Mapping[str, str] | None = None,
+    as_read: bool = False,
+    seed: int = 1,
+    point_only: bool = False,
+    walkers: int | None = None,
+    max_steps: int = MAX_STEPS,
+    cores: int | None = None,
+    progress: Wanted = None,
+) -> Fit:
+    """Fit `model` (default: the scene's) to a table: a data frame, a path or bundled name, an `ImpactTable`, or to
+    several of them together.
+
+    Columns are named as in files (`v_1 [mph]`); those that state no unit are in m/s, rad/s, degrees and s unless
+    `units` says otherwise (`{"v_1": "mph"}`); `columns` gives names that are not ours by our name
+    (`{"v_1": "Vin [mph]"}`). The scene is `scene`, or the file `config`, or the TOML file beside the
+    table. `priors` are texts such as `normal(0.55, 0.05)`, `fix` holds values in SI. `noise` is "normal" or
+    "student-t"; `pool` maps parameters to the label column over whose levels they differ (pooled in part), `offsets`
+    names the label column whose groups may be biased; without `incident_errors` the incident state counts as exact;
+    `velocity_noise` is "tied" or "separate" (default: as the table can tell). `force` is a file of force-time records
+    (see `data.force_file`), by default what the scene names or what lies beside the table, "none" for none. `flip`
+    names columns that count the other way round than fitball does: spins and velocities of the other sign, angles
+    measured from the normal (`TABLE:COLUMN` for one of several tables). A table that another reading explains much
+    better, and a scene that is unlike any ball's, are refused unless `as_read`.
+
+    `point_only` leaves out the posterior. `progress` is True, False, a function that is told stage and progress, or
+    None: a bar in a notebook or terminal. The same seed gives the same fit. Raises subclasses of FitballError for
+    everything a caller can mend, KeyboardInterrupt when it is interrupted.
+
+    >>> fit = fitball.calibrate("wang_zero_spin.csv", model="grip-slip", point_only=True)
+    >>> round(fit.parameters["mu"].point, 2)
+    0.56
+    """
+    choices = Choices(
+        model, closures or {}, priors or {}, fix or {}, noise, pool or {}, offsets, incident_errors, velocity_noise
+    )
+    effort = Effort(
+        seed=seed,
+        point_only=point_only,
+        walkers=walkers,
+        max_steps=max_steps,
+        cores=(os.cpu_count() or 1) if cores is None else cores,
+    )
+    asked = pose(
+        table, choices, scene=scene, config=config, force=force, flip=flip, columns=columns, as_read=as_read,
+        units=units,
+    )  # fmt: skip
+    try:
+        with reporting(progress) as report:
+            return Run(asked, effort).fit(report)
+    except SamplingInterrupted:
+        # A loop over many tables that goes on after errors must not go on after this.
+        raise KeyboardInterrupt from None
+
+
+def load_fit(path: PathLike) -> Fit:
+    """Read a fit back from its folder, or its `fit.json`; the other files of the folder are read when asked for.
+
+    Raises ResultFolderError for what is missing, damaged or foreign.
+
+    >>> fit = fitball.load_fit(folder)
+    >>> fit.status
+    <RunStatus.NOT_CONVERGED: 'not converged'>
+    """
+    return Fit(read_fit(Path(path)))

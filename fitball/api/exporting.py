@@ -1,0 +1,87 @@
+"""A fit in other forms, by name: texts, or files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fitball.errors import ParameterError, suggestion
+from fitball.export.formats import TEXT_FORMATS, Options
+from fitball.export.names import FORMAT_NAMES, OWNERS
+from fitball.report.form.atomic_write import refuse_existing, write_text, write_whole
+from fitball.report.saved.saved_fit import SavedFit
+from fitball.wording import spoken
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+NETCDF = "netcdf"
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A fit in another form: `stem` of its files by default, `texts` by ending, a `note` on what one should know at
+    once; `tree` is what has no text.
+    """
+
+    stem: str
+    texts: Mapping[str, str]
+    note: str = ""
+    tree: xr.DataTree | None = None
+
+    def places(self, out: Path) -> dict[str, Path]:
+        """Where each ending goes: in a folder under the name of the form, else as named; of several, the endings
+        follow the stem of what was named.
+        """
+        endings = [*self.texts] if self.tree is None else [".nc"]
+        if out.is_dir():
+            return {ending: out / f"{self.stem}{ending}" for ending in endings}
+        if len(endings) == 1:
+            return dict.fromkeys(endings, out)
+        return {ending: out.with_suffix(ending) for ending in endings}
+
+    def write(self, out: Path, overwrite: bool = False) -> tuple[Path, ...]:
+        """Write the files, each whole or not at all. Raises ResultFolderError, for files that exist too unless they
+        may be replaced.
+        """
+        places = self.places(out)
+        for place in places.values():
+            refuse_existing(place, overwrite)
+        for ending, place in places.items():
+            if self.tree is None:
+                write_text(place, self.texts[ending])
+            else:
+                write_whole(place, self._write_tree)
+        return tuple(places.values())
+
+    def _write_tree(self, place: Path) -> None:
+        assert self.tree is not None
+        self.tree.to_netcdf(place, engine="h5netcdf")
+
+
+def exported(
+    saved: SavedFit, to: str, options: Mapping[str, Any], tree: Callable[[], tuple[xr.DataTree, str]]
+) -> Exported:
+    """A fit in the form called `to`; `tree` makes what netCDF holds, with a note. Raises ParameterError for an
+    unknown form, or an option that it does not have.
+    """
+    if to not in FORMAT_NAMES:
+        raise ParameterError(f"unknown format '{to}': {suggestion(to, FORMAT_NAMES)}")
+    given = {name: value for name, value in options.items() if value not in (None, False)}
+    for name in given:
+        if name not in OWNERS:
+            raise ParameterError(f"unknown option '{name}': {suggestion(name, OWNERS)}")
+        if to not in OWNERS[name]:
+            owners = " and ".join(filter(None, (", ".join(OWNERS[name][:-1]), OWNERS[name][-1])))
+            flag = f"--{name.replace('_', '-')} belongs to --to {owners}, not to --to {to}"
+            raise ParameterError(spoken(flag, f"{name} belongs to the format {owners}, not to {to}"))
+    if to == NETCDF:
+        whole, note = tree()
+        return Exported("arviz", {}, note, whole)
+    chosen = TEXT_FORMATS[to]
+    json_alone = given.pop("json", False)
+    texts = chosen.make(saved, Options(**given))
+    note = chosen.note(texts)
+    return Exported(chosen.stem, {".json": texts[".json"]} if json_alone else texts, note)

@@ -1,0 +1,186 @@
+"""A fit for a caller of Python: one type, whether it was just made or read back from its folder."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fitball.api.exporting import Exported, exported
+from fitball.api.found import Found
+from fitball.api.plotting import Plots
+from fitball.api.predicting import foretell
+from fitball.api.simulating import Course, course_of_fit
+from fitball.errors import ParameterError, ResultFolderError
+from fitball.inference.prediction.new_impacts import NewPrediction, predict_new
+from fitball.inference.problem.observables import Observable
+from fitball.inference.results.fitted_model import FittedModel
+from fitball.report.fit.folder import prepare_folder, write_all
+from fitball.report.fit.short import html_text, report_text, short_text, summary_columns
+from fitball.values import FloatArray, Impacts, same
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+
+class Fit(Found):
+    """What a calibration found; `calibrate` makes one and `load_fit` reads one back, with all that its folder holds.
+
+    Numbers are in SI, angles in radians. Two fits are equal when they say the same to the last digit: measurements,
+    model, priors, numbers and draws. Of a fit that was read back, `fit.json` is in memory, and the other files are
+    read when something in them is first asked for; ResultFolderError says if one is missing, damaged or foreign.
+
+    >>> fit
+    <Fit of grip-slip to wang_zero_spin: 7 impacts, 7 free parameters, not converged>
+      ...
+    """
+
+    def __repr__(self) -> str:
+        return short_text(self.saved)
+
+    def _repr_html_(self) -> str:
+        """A short table, as a notebook shows it."""
+        return html_text(self.saved)
+
+    def report(self) -> str:
+        """The fit as text, in the manner of lmfit: outcome, statistics, parameters, correlations, notes.
+
+        >>> print(fit.report())
+        [[Fit]]
+            grip-slip on wang_zero_spin: 7 impacts, 21 measurements, 7 free parameters
+        ...
+        """
+        return report_text(self.saved)
+
+    def summary(self) -> pd.DataFrame:
+        """One row a parameter, in SI: unit, median, sd, quantiles, point estimate, prior, verdict, sampling.
+
+        >>> fit.summary().loc["mu", ["unit", "verdict"]].tolist()
+        ['', 'identified']
+        """
+        import pandas as pd
+
+        columns = summary_columns(self.saved)
+        return pd.DataFrame(columns, index=pd.Index(self.parameters, name="parameter"))
+
+    def draws(self) -> pd.DataFrame:
+        """All draws of the free parameters in SI, one row a draw. Raises ResultFolderError for a point fit."""
+        import pandas as pd
+
+        posterior = self.posterior
+        if posterior is None:
+            raise ResultFolderError("a point fit has no draws; fit again without point_only=True")
+        return pd.DataFrame(posterior.draws, columns=list(posterior.names))
+
+    @property
+    def plot(self) -> Plots:
+        """Figures by name: `fit.plot.corner()`, `fit.plot("corner")`; `dir(fit.plot)` lists them."""
+        return Plots(lambda: self.result)
+
+    def predict(
+        self,
+        data: Any,
+        *,
+        units: Mapping[str, str] | None = None,
+        flip: str | Sequence[str] = (),
+        columns: Mapping[str, str] | None = None,
+        exact_incidence: bool = False,
+        seed: int = 1,
+    ) -> pd.DataFrame:
+        """Rebounds of new impacts with intervals: a row an impact, indexed as `data` is, columns with their units.
+
+        `data` is a data frame, a path or bundled name, an `ImpactTable`, `Impacts`, or texts such as `"v=38 mph,
+        theta=18 deg, spin=950 rpm top"`; for `units`, `flip` and `columns` see `calibrate`. `v_x2_mean_q025 [m/s]`
+        and its like are quantiles of the rebound itself, `v_x2_data_q025 [m/s]` of a new measurement of it. Where sds of the
+        incident state are stated both contain it, unless `exact_incidence`. Rebound columns of `data` come back as
+        `v_x2_measured` with residuals. What one should know of it is in `.attrs["notes"]`.
+
+        >>> fit.predict("v=17, theta=25, spin=100")["v_x2_median [m/s]"].round(1).tolist()
+        [9.9]
+        """
+        return foretell(self.saved, self.predicting, data, units, flip, exact_incidence, seed, columns).frame()
+
+    def predict_interval(
+        self,
+        impacts: Impacts,
+        observed: Sequence[Observable] = (),
+        *,
+        seed: int = 1,
+        incident_covariance: FloatArray | None = None,
+    ) -> NewPrediction:
+        """The same as arrays; see `inference.prediction.new_impacts.predict_new`."""
+        return predict_new(self.predicting, impacts, observed, seed, incident_covariance)
+
+    @cached_property
+    def predicting(self) -> FittedModel:
+        """The fitted model with the draws that predictions are made from."""
+        return self._made.predicting if self._made is not None else self.saved.predicting
+
+    def simulate(self, impact: Impacts | str, *, draws: int = 200) -> Course:
+        """One impact through time, with bands from `draws` of the posterior; see `fitball.simulate`."""
+        return course_of_fit(self.saved, impact, draws)
+
+    def export(
+        self, to: str, out: str | os.PathLike[str] | None = None, *, overwrite: bool = False, **options: Any
+    ) -> Mapping[str, str] | tuple[Path, ...]:
+        """The fit in another form; see `fitball.export`."""
+        made = self.exported(to, options)
+        if out is not None:
+            return made.write(Path(out), overwrite)
+        if made.tree is not None:
+            raise ParameterError(f"to={to!r} is no text: name a file, or use to_inferencedata()")
+        return made.texts
+
+    def exported(self, to: str, options: Mapping[str, Any]) -> Exported:
+        """The same, not yet written, with what one should know of it."""
+
+        def tree() -> tuple[xr.DataTree, str]:
+            from fitball.export.arviz_file import partial_tree
+
+            alone = self._read is not None and not self._read.complete
+            return partial_tree(self.saved) if alone else (self.to_inferencedata(), "")
+
+        return exported(self.saved, to, options, tree)
+
+    def to_inferencedata(self, draws: int | None = None) -> xr.DataTree:
+        """Draws and data for ArviZ: groups posterior, sample_stats, log_likelihood, posterior_predictive, prior,
+        observed_data and constant_data, as `arviz_base` makes them (a DataTree), in four chains of `draws` each.
+
+        By default a thousand, fewer for long tables (see `export.arviz_file`). `log_likelihood` is that of whole
+        impacts, which is what can be left out. Raises ResultFolderError for a point fit.
+
+        >>> fit.to_inferencedata(draws=100)["posterior"].sizes["chain"]
+        4
+        """
+        from fitball.export.arviz_file import whole_tree
+
+        return whole_tree(self.result, draws)
+
+    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+        """Write the result folder: `fit.json`, measurements, draws, tables, figures and `report.html`.
+
+        Raises ResultFolderError for a folder that cannot be written, or that holds an older result unless it may
+        `overwrite` that.
+        """
+        path, result = Path(folder), self.result
+        prepare_folder(path, overwrite=overwrite, resume=False)
+        write_all(result, path)
+        return path
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Fit):
+            return NotImplemented
+        if self is other:
+            return True
+        return self.saved.content == other.saved.content and same(self.posterior, other.posterior)
+
+    def __hash__(self) -> int:
+        return hash((self.verdict, self.seed, tuple(self.parameters)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All of it, so that it can be unpickled where its folder is not; of a lone `fit.json` that alone."""
+        alone = self._read is not None and not self._read.complete
+        return {"_made": None if alone else self.result, "_read": self._read}

@@ -1,0 +1,178 @@
+"""Rebounds of new impacts from a fit: whatever tells of impacts goes in, a data frame comes out."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fitball.api.asked import flips
+from fitball.data.impact_text import parse_uncertain_impact
+from fitball.data.read import load_table
+from fitball.data.scene import Scene, load_scene
+from fitball.data.table import ImpactTable
+from fitball.data.written import framed, in_memory
+from fitball.errors import ParameterError
+from fitball.inference.prediction.holdout_scores import ObservableScore, scores
+from fitball.inference.prediction.new_impacts import NewPrediction, observed_observables, predict_new
+from fitball.inference.prediction.over_assumptions import with_assumptions
+from fitball.inference.results.fitted_model import FittedModel
+from fitball.inference.results.results import RunStatus, Verdict
+from fitball.observables import OBSERVABLES
+from fitball.report.predict.rows import prediction_csv_rows
+from fitball.report.saved.fit_file import TablePart
+from fitball.report.saved.saved_fit import SavedFit
+from fitball.values import Ball, FloatArray, Impacts
+from fitball.wording import option
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+DRAWN = "the incident state is uncertain: it is drawn anew for each draw of the parameters"
+IGNORED = "the stated uncertainty of the incident state is not used"
+NO_LINE = (
+    "a line of restitution ends somewhere; fit with the closure cor = saturating for one that holds at every speed"
+)
+POINT_ONLY = "a point fit has no posterior: values at the point estimate, without intervals"
+
+
+@dataclass(frozen=True)
+class New:
+    """Impacts to predict, their names, the table they come from, the covariance of their states where it is stated,
+    and the index of the data frame they came in.
+    """
+
+    impacts: Impacts
+    ids: tuple[str, ...]
+    table: ImpactTable | None = None
+    covariance: FloatArray | None = None
+    index: Any = None
+
+
+@dataclass(frozen=True)
+class Foretold:
+    """A prediction with what measurements of the same impacts say of it, and what one should know."""
+
+    new: New
+    prediction: NewPrediction
+    scores: tuple[ObservableScore, ...]
+    notes: tuple[str, ...]
+
+    def frame(self) -> pd.DataFrame:
+        """One row an impact."""
+        import pandas as pd
+
+        made = pd.DataFrame(prediction_csv_rows(self.prediction, self.new.ids))
+        index = self.new.index
+        made = made.set_index("id") if index is None else made.drop(columns="id").set_index(index)
+        made.attrs = {"notes": list(self.notes), "scores": [asdict(score) for score in self.scores]}
+        return made
+
+
+def new_impacts(
+    data: Any,
+    ball: Ball,
+    units: Mapping[str, str] | None,
+    flip: Sequence[str],
+    columns: Mapping[str, str] | None,
+) -> New:
+    """What a caller hands over as impacts to predict; see `Fit.predict`. Raises as reading does, ParameterError for
+    what is none.
+    """
+    if isinstance(data, Impacts):
+        return New(data, _numbered(len(data)))
+    if isinstance(data, ImpactTable):
+        return New(data.impacts, data.ids, data, data.incident_covariance)
+    if in_memory(data):
+        frame: Any = framed(data)
+        table = load_table(frame, rebound=False, scene=Scene(ball=ball), flip=flip, columns=columns, units=units)
+        return New(table.impacts, table.ids, table, table.incident_covariance, frame.index)
+    if isinstance(data, str) and "=" in data:
+        return _written([data])
+    if isinstance(data, str | os.PathLike):
+        # The table's own scene says how its columns are called, the fit what ball it is.
+        scene = Scene(ball=ball, columns=load_scene(data, as_read=True).columns)
+        table = load_table(data, rebound=False, scene=scene, flip=flip, columns=columns, units=units)
+        return New(table.impacts, table.ids, table, table.incident_covariance)
+    if isinstance(data, Sequence) and data and all(isinstance(item, str) for item in data):
+        return _written(data)
+    raise ParameterError(
+        f"read impacts of type {type(data).__name__}, expected a data frame, a path, the name of a bundled table, "
+        "Impacts, columns by name, or texts such as 'v=17, theta=18, spin=100'"
+    )
+
+
+def _numbered(count: int) -> tuple[str, ...]:
+    return tuple(f"impact {k}" for k in range(1, count + 1))
+
+
+def _written(texts: Sequence[str]) -> New:
+    parsed = [parse_uncertain_impact(text) for text in texts]
+    joined = [np.concatenate([getattr(item, name) for item, _ in parsed]) for name in ("v_x1", "v_y1", "omega_1")]
+    covariance = None
+    if any(item is not None for _, item in parsed):
+        covariance = np.concatenate([np.zeros((1, 3, 3)) if item is None else item for _, item in parsed])
+    return New(Impacts(*joined), _numbered(len(parsed)), covariance=covariance)
+
+
+def foretell(
+    saved: SavedFit,
+    fitted: FittedModel,
+    data: Any,
+    units: Mapping[str, str] | None = None,
+    flip: str | Sequence[str] = (),
+    exact_incidence: bool = False,
+    seed: int = 1,
+    columns: Mapping[str, str] | None = None,
+) -> Foretold:
+    """Predict impacts from `fitted`, the model of `saved` with the draws to use. Raises as `new_impacts` and
+    `predict_new` do.
+    """
+    if seed < 0:
+        raise ParameterError(f"seed = {seed}: expected a number not below 0")
+    new = new_impacts(data, fitted.ball, units, flips(flip), columns)
+    stated, table = new.covariance is not None, new.table
+    covariance = None if exact_incidence else new.covariance
+    observables, unused = observed_observables(fitted, table) if table is not None else ((), ())
+    prediction = predict_new(fitted, new.impacts, observables, seed, covariance)
+    prediction = with_assumptions(prediction, fitted, saved.file.assumptions)
+    notes = [*(() if table is None else (*table.remarks, *_other_flips(saved.file.table, table))), *unused]
+    if saved.status is RunStatus.POINT_ONLY:
+        notes.append(POINT_ONLY)
+    if stated:
+        notes.append(IGNORED if saved.status is RunStatus.POINT_ONLY or exact_incidence else DRAWN)
+    notes += _cautions(saved, fitted, prediction)
+    return Foretold(new, prediction, scores(prediction), tuple(notes))
+
+
+def _cautions(saved: SavedFit, fitted: FittedModel, prediction: NewPrediction) -> list[str]:
+    """What the fit itself leaves open."""
+    notes = []
+    if saved.status is RunStatus.NOT_CONVERGED:
+        notes.append("the sampler of this fit did not converge: intervals may change")
+    unknown = [output.name for output in prediction.outputs if output.rebound is not None and output.measured is None]
+    # A contact time is seldom measured: nobody misses its noise.
+    silent = [name for name in unknown if not OBSERVABLES[name].timed]
+    if silent:
+        notes.append(f"the fit knows no noise of {', '.join(silent)}: no interval of a new measurement")
+    stiffness = saved.parameters.get("k_y")
+    if stiffness is not None and stiffness.verdict is Verdict.FIXED:
+        notes.append("k_y was held at its value in this fit: contact times rest on that value alone")
+    # Another law of restitution would have an answer.
+    if fitted.model.options.get("cor") == "line" and np.any(prediction.unsolved > 0.0):
+        notes.append(NO_LINE)
+    return notes
+
+
+def _other_flips(fitted: TablePart, table: ImpactTable) -> tuple[str, ...]:
+    """What to say where the fit counted columns the other way round and these impacts do not, or the reverse."""
+    flipped = [", ".join(sorted({name.rpartition(":")[2] for name in item.flipped})) for item in (fitted, table)]
+    if flipped[0] == flipped[1]:
+        return ()
+    made, here = (names or "no column" for names in flipped)
+    return (
+        f"the fit was made with {made} flipped, these impacts are read with {here} flipped ({option('flip', '...')})",
+    )
