@@ -18,10 +18,10 @@ from synthetic_drop import COR, write_case
 import fitball
 from fitball.api import Fit, begin, pose
 from fitball.cli.main import main
-from fitball.export.formats import TEXT_FORMATS
-from fitball.export.golden_table import golden_table
-from fitball.export.port.port import make_port
-from fitball.export.port.python import python_port
+from fitball.exports.formats import TEXT_FORMATS
+from fitball.exports.golden_table import golden_table
+from fitball.exports.port.port import make_port
+from fitball.exports.port.python import python_port
 from fitball.inference.calibrate import fingerprint
 from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices

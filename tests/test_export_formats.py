@@ -20,9 +20,9 @@ import xarray as xr
 import fitball
 from fitball.cli.export import FORMAT_NAMES
 from fitball.cli.main import main
-from fitball.export.formats import TEXT_FORMATS
-from fitball.export.paper_table import latex_table, markdown_table, paper_rows
-from fitball.export.parameter_set import parameter_content, toml_text
+from fitball.exports.formats import TEXT_FORMATS
+from fitball.exports.paper_table import latex_table, markdown_table, paper_rows
+from fitball.exports.parameter_set import parameter_content, toml_text
 from fitball.report.form.rounding import decimals, fixed
 from fitball.report.saved.fit_text import fit_text
 
@@ -49,7 +49,7 @@ def point_only(small_fit, tmp_path):
 
 
 def schema():
-    place = files("fitball.export") / "parameters.schema.json"
+    place = files("fitball.exports") / "parameters.schema.json"
     return json.loads(place.read_text(encoding="utf-8"))
 
 

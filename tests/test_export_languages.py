@@ -13,9 +13,9 @@ import pytest
 from test_export_ports import differences, fitted, port_of, python_module, random_cases  # noqa: F401 - a fixture
 from test_total_bounce import ball_of
 
-from fitball.export.port.csharp import csharp_port
-from fitball.export.port.gdscript import gdscript_port
-from fitball.export.port.javascript import javascript_script, javascript_texts
+from fitball.exports.port.csharp import csharp_port
+from fitball.exports.port.gdscript import gdscript_port
+from fitball.exports.port.javascript import javascript_script, javascript_texts
 from fitball.inference.prediction.valid_range import total_rebound, valid_range
 from fitball.models.types import regime_name
 from fitball.values import Ball, Impacts

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitball.export.port.c import c_port
-from fitball.export.port.port import make_port
-from fitball.export.port.python import python_port
+from fitball.exports.port.c import c_port
+from fitball.exports.port.port import make_port
+from fitball.exports.port.python import python_port
 from fitball.inference.prediction.golden import golden
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.registry import model

@@ -15,7 +15,7 @@ import fitball
 from fitball.cli.main import main
 from fitball.data.grid_text import parse_grid
 from fitball.errors import ModelError, ParameterError
-from fitball.export.engine_settings import mujoco
+from fitball.exports.engine_settings import mujoco
 from fitball.inference.prediction.engine_fit import fit_engine, middle_impact
 from fitball.inference.prediction.lookup import default_axes, make_lookup
 from fitball.inference.results.fitted_model import FittedModel

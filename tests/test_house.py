@@ -80,7 +80,7 @@ def test_wheel_carries_tables_scenes_schemas_and_template(tmp_path):
         "fitball/_datasets/wang_all.toml",
         "fitball/data/scene.schema.json",
         "fitball/report/fit.schema.json",
-        "fitball/export/parameters.schema.json",
+        "fitball/exports/parameters.schema.json",
         "fitball/report/templates/report.html.j2",
         "fitball/py.typed",
     ):

@@ -19,7 +19,7 @@ from fitball.data.literature import published_priors, with_published
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitballError, ParameterError
-from fitball.export.certificate import certificate
+from fitball.exports.certificate import certificate
 from fitball.inference.prediction.court_pace import court_pace
 from fitball.inference.prediction.measured_pace import measured_pace
 from fitball.inference.problem.build import Choices

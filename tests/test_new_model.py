@@ -129,7 +129,7 @@ def test_export_writes_it_in_python_and_in_c(folder, tmp_path):
 def test_export_tells_its_own_parameters(folder, tmp_path):
     assert main(["export", str(folder), "--to", "json", "--out", str(tmp_path / "toy.json")]) == 0
     content = json.loads((tmp_path / "toy.json").read_text("utf-8"))
-    schema = json.loads((files("fitball.export") / "parameters.schema.json").read_text("utf-8"))
+    schema = json.loads((files("fitball.exports") / "parameters.schema.json").read_text("utf-8"))
     jsonschema.validate(content, schema)
     exported = content["parameters"]
     assert {name for name, item in exported.items() if item["role"] == "model"} == {"e_y", "e_x", "drag"}

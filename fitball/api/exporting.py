@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fitball.errors import ParameterError, suggestion
-from fitball.export.formats import TEXT_FORMATS, Options
-from fitball.export.names import FORMAT_NAMES, OWNERS
+from fitball.exports.formats import TEXT_FORMATS, Options
+from fitball.exports.names import FORMAT_NAMES, OWNERS
 from fitball.report.form.atomic_write import refuse_existing, write_text, write_whole
 from fitball.report.saved.saved_fit import SavedFit
 from fitball.wording import spoken

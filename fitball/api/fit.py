@@ -138,7 +138,7 @@ class Fit(Found):
         """The same, not yet written, with what one should know of it."""
 
         def tree() -> tuple[xr.DataTree, str]:
-            from fitball.export.arviz_file import partial_tree
+            from fitball.exports.arviz_file import partial_tree
 
             alone = self._read is not None and not self._read.complete
             return partial_tree(self.saved) if alone else (self.to_inferencedata(), "")
@@ -155,7 +155,7 @@ class Fit(Found):
         >>> fit.to_inferencedata(draws=100)["posterior"].sizes["chain"]
         4
         """
-        from fitball.export.arviz_file import whole_tree
+        from fitball.exports.arviz_file import whole_tree
 
         return whole_tree(self.result, draws)
 

@@ -176,7 +176,7 @@ def _kinds(_prefix: str, _parsed: argparse.Namespace) -> Iterable[str]:
 
 
 def _formats(_prefix: str, _parsed: argparse.Namespace) -> Iterable[str]:
-    from fitball.export.names import FORMAT_NAMES
+    from fitball.exports.names import FORMAT_NAMES
 
     return FORMAT_NAMES
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fitball.cli.options import add_verb, tell_notes
 from fitball.errors import ParameterError, suggestion
-from fitball.export.names import FORMAT_NAMES, OWNERS
+from fitball.exports.names import FORMAT_NAMES, OWNERS
 
 EXAMPLE = """formats:
   python     a module that needs only math: rebound(v_x1, v_y1, omega_1), with a self-test

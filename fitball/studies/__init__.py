@@ -2,5 +2,5 @@
 does speed cost, does a run repeat, can a damaged file bring a command down. A room for each; no one imports another.
 
 Offers: `thesis` (rederive), `sbc` (scripts/validate), `bench`, `repeat` and `fuzz`.
-May import: api, export, report, inference, models, data.
+May import: api, exports, report, inference, models, data.
 """

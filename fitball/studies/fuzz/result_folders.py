@@ -10,7 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from fitball.export.formats import TEXT_FORMATS
+from fitball.exports.formats import TEXT_FORMATS
 from fitball.studies.fuzz.harness import Target
 from fitball.studies.fuzz.mutators import TEXTS, Random, damage_file, damage_text_file
 from fitball.studies.fuzz.with_fit import FIT, MakeFit

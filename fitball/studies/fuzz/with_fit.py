@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from fitball.export.formats import TEXT_FORMATS, Options
+from fitball.exports.formats import TEXT_FORMATS, Options
 from fitball.report.saved.saved_fit import read_fit
 from fitball.studies.fuzz.examples import GRIDS, IMPACTS, POINTS, TABLES
 from fitball.studies.fuzz.harness import Target

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from fitball.export.port.dialect import Dialect
-from fitball.export.port.kernel_source import Constant
-from fitball.export.port.kinds import Struct, Type
-from fitball.export.port.port import Port
-from fitball.export.port.render import translated_port
+from fitball.exports.port.dialect import Dialect
+from fitball.exports.port.kernel_source import Constant
+from fitball.exports.port.kinds import Struct, Type
+from fitball.exports.port.port import Port
+from fitball.exports.port.render import translated_port
 
 _FUNCTIONS = ("exp", "log", "sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh", "atan2")
 _TYPES = {"d": "float", "i": "int", "b": "bool"}

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from fitball.export.port.kernel_source import Constant
-from fitball.export.port.kinds import STRIDE, Struct, Type
+from fitball.exports.port.kernel_source import Constant
+from fitball.exports.port.kinds import STRIDE, Struct, Type
 
 
 class Dialect:

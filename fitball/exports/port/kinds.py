@@ -6,7 +6,7 @@ import ast
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from fitball.export.port.kernel_source import UnportableError
+from fitball.exports.port.kernel_source import UnportableError
 
 
 @dataclass(frozen=True)

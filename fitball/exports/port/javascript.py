@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from fitball.export.port.dialect import Dialect
-from fitball.export.port.kinds import Struct, Type
-from fitball.export.port.port import Port
-from fitball.export.port.render import camel_case, translated_port
+from fitball.exports.port.dialect import Dialect
+from fitball.exports.port.kinds import Struct, Type
+from fitball.exports.port.port import Port
+from fitball.exports.port.render import camel_case, translated_port
 
 _FUNCTIONS = ("exp", "log", "log1p", "sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh", "atan2")
 _TAKEN = """

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
-from fitball.export.port.specialise import specialised
+from fitball.exports.port.specialise import specialised
 from fitball.models.kernels import dual
 
 # What kernels may call besides each other and `math`.

@@ -6,9 +6,9 @@ import ast
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from fitball.export.port.dialect import Dialect
-from fitball.export.port.kernel_source import Constant, UnportableError
-from fitball.export.port.kinds import Struct, Structs, Type, joined
+from fitball.exports.port.dialect import Dialect
+from fitball.exports.port.kernel_source import Constant, UnportableError
+from fitball.exports.port.kinds import Struct, Structs, Type, joined
 
 _ARITHMETIC: Mapping[type[ast.operator], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 _BITS: Mapping[type[ast.operator], str] = {ast.BitOr: "|", ast.BitAnd: "&", ast.LShift: "<<"}

@@ -6,18 +6,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from fitball.errors import ParameterError
-from fitball.export.certificate import certificate
-from fitball.export.engine_settings import engine_texts
-from fitball.export.golden_table import golden_table
-from fitball.export.lookup_table import lookup_note, lookup_texts
-from fitball.export.paper_table import latex_table, markdown_table
-from fitball.export.parameter_set import parameter_content, parameter_table, toml_text
-from fitball.export.port.c import c_port
-from fitball.export.port.csharp import csharp_port
-from fitball.export.port.gdscript import gdscript_port
-from fitball.export.port.javascript import javascript_texts
-from fitball.export.port.port import Port, make_port
-from fitball.export.port.python import python_port
+from fitball.exports.certificate import certificate
+from fitball.exports.engine_settings import engine_texts
+from fitball.exports.golden_table import golden_table
+from fitball.exports.lookup_table import lookup_note, lookup_texts
+from fitball.exports.paper_table import latex_table, markdown_table
+from fitball.exports.parameter_set import parameter_content, parameter_table, toml_text
+from fitball.exports.port.c import c_port
+from fitball.exports.port.csharp import csharp_port
+from fitball.exports.port.gdscript import gdscript_port
+from fitball.exports.port.javascript import javascript_texts
+from fitball.exports.port.port import Port, make_port
+from fitball.exports.port.python import python_port
 from fitball.report.form.json_text import json_text
 from fitball.report.saved.saved_fit import SavedFit
 from fitball.wording import option

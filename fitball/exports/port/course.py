@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.export.port.face import OK
+from fitball.exports.port.face import OK
 from fitball.models.kernels.bounce import TANGENTIAL, TORSION, TORSION_RIGID, contact_of, vertical_motion
 from fitball.models.kernels.bounce_history import impulse_at, rigid_phase, vertical_at
 from fitball.models.kernels.phases import FREE, SLIDE_BACKWARD, SLIDE_FORWARD

@@ -6,9 +6,9 @@ import ast
 import builtins
 from collections.abc import Iterable
 
-from fitball.export.port.kernel_source import UnportableError, free_names
-from fitball.export.port.port import Port
-from fitball.export.port.render import rendered
+from fitball.exports.port.kernel_source import UnportableError, free_names
+from fitball.exports.port.port import Port
+from fitball.exports.port.render import rendered
 
 
 def python_port(port: Port) -> str:

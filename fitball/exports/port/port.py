@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from fitball.export.port.face import BAD_INPUT, fitted_impulse, fitted_thesis, fitted_two_mass, total_bounce
-from fitball.export.port.kernel_source import Constant, KernelSource, kernel_source
+from fitball.exports.port.face import BAD_INPUT, fitted_impulse, fitted_thesis, fitted_two_mass, total_bounce
+from fitball.exports.port.kernel_source import Constant, KernelSource, kernel_source
 from fitball.inference.prediction.valid_range import GRAZING, TINY, ValidRange, restitution_range, valid_range
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Golden

@@ -8,8 +8,8 @@ import ast
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from fitball.export.port.dialect import Dialect
-from fitball.export.port.expressions import (
+from fitball.exports.port.dialect import Dialect
+from fitball.exports.port.expressions import (
     Program,
     Scope,
     Signature,
@@ -18,8 +18,8 @@ from fitball.export.port.expressions import (
     fitted,
     refused,
 )
-from fitball.export.port.kernel_source import KernelSource, UnportableError, local_names
-from fitball.export.port.kinds import Structs, Type, annotated, joined, structs_of
+from fitball.exports.port.kernel_source import KernelSource, UnportableError, local_names
+from fitball.exports.port.kinds import Structs, Type, annotated, joined, structs_of
 
 
 def program_of(source: KernelSource, dialect: Dialect) -> Program:

@@ -10,12 +10,12 @@ from textwrap import wrap
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from fitball.export.port.dialect import Dialect
-from fitball.export.port.expressions import Program
-from fitball.export.port.face import BEYOND_RESTITUTION, BEYOND_SPEEDS, WITHOUT_TWIST
-from fitball.export.port.kinds import STRIDE, holds_complex
-from fitball.export.port.port import SELF_TEST_TOLERANCE, SERIES_SIZE, Port, range_sentences, status_reasons
-from fitball.export.port.statements import program_of, translated
+from fitball.exports.port.dialect import Dialect
+from fitball.exports.port.expressions import Program
+from fitball.exports.port.face import BEYOND_RESTITUTION, BEYOND_SPEEDS, WITHOUT_TWIST
+from fitball.exports.port.kinds import STRIDE, holds_complex
+from fitball.exports.port.port import SELF_TEST_TOLERANCE, SERIES_SIZE, Port, range_sentences, status_reasons
+from fitball.exports.port.statements import program_of, translated
 from fitball.models.kernels.events import MAX_DEPTH
 from fitball.models.types import PHASE_BITS, PHASE_SYMBOL
 
@@ -92,7 +92,7 @@ def camel_case(prefix: str) -> str:
 @cache
 def _environment() -> Environment:
     return Environment(
-        loader=PackageLoader("fitball.export.port"),
+        loader=PackageLoader("fitball.exports.port"),
         # Source text, not HTML; what it says of the fit is made harmless where a port is made.
         autoescape=False,
         undefined=StrictUndefined,
