@@ -16,10 +16,10 @@ from test_report_browser import complaints
 from test_total_bounce import ball_of
 
 from fitball.cli.main import main
-from fitball.export.interactive import RPM, interactive_page, preset, round_impact
-from fitball.export.port.course import total_moment
-from fitball.export.port.javascript import javascript_script
-from fitball.export.port.port import make_port
+from fitball.exports.interactive import RPM, interactive_page, preset, round_impact
+from fitball.exports.port.course import total_moment
+from fitball.exports.port.javascript import javascript_script
+from fitball.exports.port.port import make_port
 from fitball.inference.prediction.golden import golden
 from fitball.inference.prediction.valid_range import total_rebound, valid_range
 from fitball.models.types import regime_name

@@ -16,7 +16,7 @@ def write_page(args: argparse.Namespace, values: Mapping[str, float]) -> int:
     """Write the page of the fit or model that was asked for; `values` are those of --set. Raises ParameterError."""
     from fitball.cli.simulate import DEFAULT_FOLDER
     from fitball.data.impact_text import parse_impact
-    from fitball.export.interactive import interactive_page, round_impact
+    from fitball.exports.interactive import interactive_page, round_impact
     from fitball.report.form.atomic_write import refuse_existing, write_text
 
     fitted, intro, origin, name = _page_of_fit(args.fit) if args.fit is not None else _page_of_values(args, values)
@@ -34,9 +34,9 @@ def write_page(args: argparse.Namespace, values: Mapping[str, float]) -> int:
 def _page_of_fit(place: str) -> tuple[FittedModel, str, str, str]:
     """The fitted model, a sentence and a phrase about it, its name."""
     from fitball.api import load_fit
-    from fitball.export.formats import origin_of
+    from fitball.exports.formats import origin_of
 
-    saved = load_fit(place)
+    saved = load_fit(place).saved
     table, model = saved.content["table"], saved.fitted.model_name
     return (
         saved.fitted,
@@ -48,7 +48,7 @@ def _page_of_fit(place: str) -> tuple[FittedModel, str, str, str]:
 
 def _page_of_values(args: argparse.Namespace, values: Mapping[str, float]) -> tuple[FittedModel, str, str, str]:
     """The same of a model at its defaults, some of them set."""
-    from fitball.export.interactive import preset
+    from fitball.exports.interactive import preset
     from fitball.inference.comparison.candidates import parse_name
     from fitball.models.registry import DEFAULT_MODEL
 

@@ -12,16 +12,16 @@ from markupsafe import Markup
 
 from fitball.data.read import load_table
 from fitball.errors import ParameterError
-from fitball.export.port.course import total_moment
-from fitball.export.port.javascript import javascript_script
-from fitball.export.port.port import Port, make_port, range_sentences
+from fitball.exports.port.course import total_moment
+from fitball.exports.port.javascript import javascript_script
+from fitball.exports.port.port import Port, make_port, range_sentences
 from fitball.inference.prediction.engine_fit import middle_impact
 from fitball.inference.prediction.golden import golden
 from fitball.inference.prediction.simulate import chosen_parameters
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.registry import model
 from fitball.models.types import PHASE_SYMBOL
-from fitball.report.fit.html import render_template
+from fitball.report.form.template import render_template
 from fitball.values import Impacts
 
 # Ends and steps of the sliders [m/s, deg, rpm]: from a ball let fall to the fastest serve.
@@ -41,7 +41,7 @@ def interactive_page(fitted: FittedModel, impact: Impacts, intro: str, origin: s
     port = make_port(fitted, golden(fitted, fitted.impacts), origin, (total_moment,) if followed else ())
     more = ("total_moment", "newScratch", "CODES", "RIGID") if followed else ()
     return render_template(
-        "fitball.export",
+        "fitball.exports",
         "interactive.html.j2",
         port=port,
         intro=intro,
