@@ -244,6 +244,12 @@ def test_residuals_of_gaps_are_looked_at_where_they_are():
         gap = item.observed - item.predict(point.rebound)[0]
         np.testing.assert_allclose(fit.measured[fit.rows(column)], gap / point.values[item.noise])
     assert fit.freedom.sum() == pytest.approx(fit.measured.size - fit.leverage.sum())
+    few = replace(GAPPY.measurements[0], values=np.where(np.arange(21) < 8, GAPPY.measurements[0].values, np.nan))
+    rare = problem_of(
+        replace(GAPPY, measurements=(few, *GAPPY.measurements[1:])), "grip-slip", velocity_noise="separate"
+    )
+    other = refit(rare, maximum_posterior(rare, values_of(rare)))
+    assert [other.noises[other.noise_of(k)] for k in range(3)] == ["v_x_sd", "v_y_sd", "spin_sd"]
     for misfit in largest_misfits(problem, point, fit):
         row, name = WANG.ids.index(misfit.id), misfit.column
         assert misfit.measured == WANG.measurement(name).values[row]
