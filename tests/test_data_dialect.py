@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -410,6 +411,19 @@ def test_a_guess_never_swaps_incidence_and_rebound(end: str) -> None:
     assert found > 0.9 * len(names_of(end))
 
 
+@pytest.mark.parametrize("name", ["v_72", "v_23", "v_", "V_2+", "theta_", "theta_22", "teta_2"])
+def test_a_slip_in_a_name_is_a_fault_and_no_column_of_ones_own(tmp_path: Path, name: str) -> None:
+    known, ours = ("v_2", "theta_2")[:: 1 if "t" in name else -1]
+    message = f"column '{name}': unknown column; did you mean '{ours}'"
+    with pytest.raises(TableError, match=re.escape(message)):
+        read(tmp_path, f"v_1,theta_1,{known},{name}\n17,21,11,11\n17,21,11,11\n")
+
+
+def test_a_slip_that_does_not_say_which_end_is_offered_both(tmp_path: Path) -> None:
+    with pytest.raises(TableError, match=r"did you mean 'omega_1' or 'omega_2'\?.*--columns"):
+        read(tmp_path, "v_1,theta_1,v_2,omega_\n17,21,11,11\n17,21,11,11\n")
+
+
 @pytest.mark.parametrize("name", ["theta_in", "speed_in", "spin_before", "theta_ni", "tetha_1", "omga_1", "v_incid"])
 def test_a_suggestion_never_swaps_incidence_and_rebound(tmp_path: Path, name: str) -> None:
     with pytest.raises(TableError) as caught:
@@ -424,6 +438,7 @@ def test_few_rows_the_other_way_along_the_court_are_told(tmp_path: Path) -> None
     table = read(tmp_path, f"v_1,theta_1,v_2,theta_2\n{rows}")
     (notice,) = table.notices
     assert (notice.row, notice.columns) == (3, ("theta_1",)) and "145 deg" in notice.message
+    assert "155 deg" in str(read(tmp_path, "v_1,theta_1,v_2\n17,155,11\n17,21,11\n17,22,11\n").notices[0])
     both = "".join(f"{v},6,{0.7 * v},4\n" for v in (-5, 5, -6, 6))
     assert read(tmp_path, f"v_x1,v_y1,v_x2,v_y2\n{both}").notices == ()
 

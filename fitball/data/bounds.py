@@ -138,8 +138,9 @@ def _known(columns: Mapping[str, NumberColumn], scene: Scene) -> dict[str, Uncer
         elif name == "omega_2":
             sd = np.full_like(values, scene.nominal_spin_sd)
         elif name == "theta_2" and "v_2" in columns:
-            # The noise across the flight.
-            sd = velocity_sd / np.abs(columns["v_2"].values)
+            # The noise across the flight; none is finite of a ball that stands, which is a fault of its own.
+            with np.errstate(divide="ignore"):
+                sd = velocity_sd / np.abs(columns["v_2"].values)
         elif name.endswith("2"):
             sd = np.full_like(values, velocity_sd)
         quantities[name] = Uncertain.measured(name, values, sd)

@@ -21,7 +21,7 @@ BoolArray = NDArray[np.bool_]
 # Angles and the normal rebound speed are printed negative by tables that count along one fixed axis.
 _SIGN_IS_CONVENTION = ("v_y2", "theta_2", "theta_1")
 _UPWARD = ": it is negative in every row, as if counted upward; if so pass --flip v_y1"
-# Share of the others up to which rows are few enough to be slips.
+# Share of the others up to which rows are few enough to be slips; one row is, beside two.
 FEW = 0.2
 _POSITIVE = {
     "v_y1": "a positive speed towards the court",
@@ -92,7 +92,7 @@ def check_directions(columns: Mapping[str, NumberColumn], rows: tuple[RawRow, ..
         return
     backward, forward = signs < 0.0, signs > 0.0
     few, many = (backward, forward) if backward.sum() <= forward.sum() else (forward, backward)
-    if not few.any() or few.sum() > FEW * many.sum():
+    if not few.any() or many.sum() < 2 or few.sum() > max(1.0, FEW * float(many.sum())):
         return
     kind = f"the ball comes the other way along the court than in {int(many.sum())} other rows: misprinted?"
     notices += [

@@ -186,11 +186,16 @@ def _unit(name: str, text: str | None, line: int | None, faults: list[Fault]) ->
 
 def _misspelt(name: str, taken: Iterable[str], line: int | None, faults: list[Fault]) -> str | None:
     """The known column that an unknown name misspells, with a fault; None for a column of the user's own."""
-    if guess_of(name) is not None:
+    guess = guess_of(name)
+    if guess is not None and guess.sure:
         return None
     near = _nearest(name, taken)
-    if near is not None:
-        message = f"unknown column; did you mean '{near}'? Rename it (a column of your own needs another name)"
+    if len(near) > 1:
+        message = f"unknown column; did you mean '{near[0]}' or '{near[1]}'? Rename it, or say which with --columns"
+        faults.append(Fault(message, line=line, column=name))
+        return None
+    if near:
+        message = f"unknown column; did you mean '{near[0]}'? Rename it (a column of your own needs another name)"
         faults.append(Fault(message, line=line, column=name))
     elif name.endswith(SD_SUFFIX):
         message = (
@@ -198,16 +203,20 @@ def _misspelt(name: str, taken: Iterable[str], line: int | None, faults: list[Fa
             f"known: {', '.join(MEASURED)}"
         )
         faults.append(Fault(message, line=line, column=name))
-    return near
+    return near[0] if near else None
 
 
-def _nearest(name: str, taken: Iterable[str]) -> str | None:
-    """The known name, not `taken` yet and of the same end of the bounce, that `name` misspells.
+def _nearest(name: str, taken: Iterable[str]) -> list[str]:
+    """The known name, not `taken` yet, that `name` misspells, or none. Where `name` does not say which end of the
+    bounce it means, and both are free, both.
 
     A name that merely looks similar is one only while the name it resembles is absent, since `theta_3` beside
     `theta_1` is a column of its own.
     """
     gone, end = set(taken), end_of(name)
-    free = [item for item in NUMBERS if item not in gone and end_of(item) == end]
+    free = [item for item in NUMBERS if item not in gone and (end is None or end_of(item) in (None, end))]
     near = get_close_matches(name.lower(), free, n=1, cutoff=_NEAR)
-    return near[0] if near else None
+    if not near or end is not None:
+        return near
+    pairs = str.maketrans("12", "21")
+    return sorted({*near, *(other for other in free if other == near[0].translate(pairs))})

@@ -62,7 +62,9 @@ def _guessed(name: str, present: Collection[str]) -> tuple[str, ...]:
 def _with_guess(name: str, present: Collection[str]) -> str:
     """An extra column, and how to use it where its name says what it probably is."""
     meant = _guessed(name, present)
-    return f'{name} (if it is {meant[0]}: --columns "{meant[0]}={name}")' if len(meant) == 1 else name
+    if not meant:
+        return name
+    return f'{name} (if it is {" or ".join(meant)}: --columns "{meant[0]}={name}")'
 
 
 def _what_is_meant(extras: Collection[str], present: Collection[str]) -> str:

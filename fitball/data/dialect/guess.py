@@ -68,6 +68,8 @@ def end_of(name: str) -> str | None:
 def guess_of(name: str) -> Guess | None:
     """What `name` may mean, None where it is no name of an impact's quantity."""
     told = _told(name)
+    if any(told.count(word) > 1 for word in told if word != ("filler", "")):
+        return None
     by_kind = {kind: {value for other, value in told if other == kind} for kind, _ in told}
     quantities, directions = by_kind.get("quantity", set()), by_kind.get("direction", set())
     ends = by_kind.get("end", set())
