@@ -8,7 +8,7 @@ import shutil
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from snippets import Outcome, Shell, figures, posix_shell, run_page, snippets
+from snippets import Outcome, Shell, figures, files, posix_shell, run_page, snippets
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -32,7 +32,7 @@ def code_mark() -> str:
 
 def page_mark(text: str) -> str:
     """Digest of what a page runs and expects to be drawn; its prose may change."""
-    return hashlib.sha256(repr((snippets(text), figures(text))).encode()).hexdigest()
+    return hashlib.sha256(repr((snippets(text), figures(text), files(text))).encode()).hexdigest()
 
 
 def outcomes_of(made: Path, page: str) -> list[Outcome] | None:

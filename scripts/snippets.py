@@ -9,7 +9,8 @@ fence is only shown. Further words:
 - `status=2`: the exit code it must have;
 - `needs=node`: it is run only where that program is on the path, and only shown elsewhere.
 
-`<!-- figure: FILE | WORDS -->` stands for a picture that the snippets before it have drawn.
+`<!-- figure: FILE | WORDS -->` stands for a picture that the snippets before it have drawn,
+`<!-- file: FILE | WORDS -->` for a link to a file that they have written.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from typing import Any
 
 FENCE = re.compile(r"^(?P<marks>```+)(?P<info>[a-z]\w*[^\n`]*)\n(?P<code>.*?)^(?P=marks)$", re.DOTALL | re.MULTILINE)
 FIGURE = re.compile(r"^<!-- figure: (?P<file>\S+) \| (?P<words>[^\n]*) -->$", re.MULTILINE)
+FILE = re.compile(r"^<!-- file: (?P<file>\S+) \| (?P<words>[^\n]*) -->$", re.MULTILINE)
 RUN = ("bash", "python")
 # Of the terminal that a page shows.
 COLUMNS = "88"
@@ -119,6 +121,11 @@ def figures(text: str) -> list[tuple[str, str]]:
     return [(found["file"], found["words"]) for found in FIGURE.finditer(text)]
 
 
+def files(text: str) -> list[str]:
+    """Every file of its snippets that a page links to."""
+    return [found["file"] for found in FILE.finditer(text)]
+
+
 def posix_shell(code: str, folder: Path) -> tuple[int, str]:
     """Run by `sh`, which stops at the first command that fails. What is told is stdout, of a failure stderr too."""
     done = subprocess.run(
@@ -137,7 +144,7 @@ def run_page(text: str, folder: Path, shell: Shell = posix_shell) -> list[Outcom
     folder.mkdir(parents=True)
     with _on_the_path(folder):
         outcomes = _run_all(snippets(text), folder, shell)
-    for file, _ in figures(text):
+    for file in (*(file for file, _ in figures(text)), *files(text)):
         if not (folder / file).is_file():
             raise SnippetError(f"no snippet has made {file}")
     return outcomes
@@ -215,8 +222,10 @@ def _drawn(value: Any) -> list[Any]:
     return []
 
 
-def woven(text: str, outcomes: list[Outcome], place: str) -> str:
-    """The page as Sphinx reads it, with what its snippets gave; `place` leads from the page to their folder."""
+def woven(text: str, outcomes: list[Outcome], place: str, beside: str = "") -> str:
+    """The page as Sphinx reads it, with what its snippets gave; `place` leads from the page to their folder, `beside`
+    to where files that are linked to will lie.
+    """
     left = iter(outcomes)
 
     def fence(found: re.Match[str]) -> str:
@@ -230,7 +239,11 @@ def woven(text: str, outcomes: list[Outcome], place: str) -> str:
     def figure(found: re.Match[str]) -> str:
         return f"```{{figure}} {place}/{found['file']}\n:alt: {found['words']}\n\n{found['words']}\n```"
 
-    return FIGURE.sub(figure, FENCE.sub(fence, text))
+    def link(found: re.Match[str]) -> str:
+        target = f"{beside}/{Path(found['file']).name}"
+        return f'```{{raw}} html\n<p><a class="reference" href="{target}">{found["words"]}</a></p>\n```'
+
+    return FILE.sub(link, FIGURE.sub(figure, FENCE.sub(fence, text)))
 
 
 def _block(language: str, code: str, *options: str) -> str:

@@ -16,15 +16,16 @@ from fitball.cli.main import main
 from fitball.inference.comparison import cross_validation
 from fitball.inference.identifiability import examine
 from fitball.inference.point import point_fit
+from fitball.report.history import film
 
 # What is added to a line of each verb; the road is the same, only shorter. One fit is sampled, that of the table
-# which most pages share; the pictures of a posterior that the others then lack are blank as all are.
+# which most pages share; pictures that a fit lacks for it are blank as all are.
 SHORTER = {
     "calibrate": ("--point-only", "--cores", "1"),
     "compare": ("--models", "brody,grip-slip", "--max-steps", "100", "--cores", "1"),
 }
 SAMPLED = "wang_all.csv"
-OF_A_POSTERIOR = ("corner.png", "trace.png")
+NOT_DRAWN = ("corner.png", "trace.png", "profiles.png")
 STEPS = 100
 # One white pixel.
 PNG = bytes.fromhex(
@@ -52,6 +53,7 @@ def make_quick(patch) -> None:
     patch.setattr(matplotlib.figure.Figure, "savefig", blank)
     patch.setattr(fitball, "calibrate", lambda *a, **k: calibrate(*a, **{"max_steps": STEPS, "cores": 1} | k), False)
     patch.setattr(api, "run", lambda *a, **k: run(*a, **k | {"assumptions": False}))
+    patch.setattr(film, "DPI", 8)
     patch.setattr(point_fit, "STARTS", 3)
     patch.setattr(examine, "PROFILED", 6)
     patch.setattr(cross_validation, "SINGLY", 1)
@@ -89,8 +91,13 @@ def _fitball(words: list[str], folder: Path) -> tuple[int, str]:
     # Too few steps to converge is what was asked for.
     if shorter and status == 1 and "converge" in told.lower():
         status = 0
-    if "--point-only" in shorter:
-        for found in folder.rglob("fit.json"):
-            for name in OF_A_POSTERIOR:
-                (found.parent / name).write_bytes(PNG)
+    if shorter:
+        _fill(folder)
     return status, told if status else out.getvalue()
+
+
+def _fill(folder: Path) -> None:
+    for found in folder.rglob("fit.json"):
+        for name in NOT_DRAWN:
+            if not (found.parent / name).exists():
+                (found.parent / name).write_bytes(PNG)

@@ -11,7 +11,7 @@ import pytest
 from headless import Browser, find_browser
 from made import SharedFits, is_current, make, outcomes_of, pages
 from quick_shell import make_quick, quick_shell
-from snippets import Outcome, SnippetError, run_page, snippets, woven
+from snippets import Outcome, SnippetError, figures, run_page, snippets, woven
 
 import fitball
 
@@ -220,3 +220,10 @@ def test_snippets_share_a_folder_and_a_namespace_and_are_woven_in(tmp_path):
         and "hidden" not in page.replace("print('hidden')", "")
     )
     assert not Path("a.csv").exists()
+
+
+def test_the_gallery_shows_every_kind_of_figure():
+    from fitball.report.figures.names import FIGURES
+
+    shown = {Path(file).stem for file, _ in figures(PAGES["gallery"])}
+    assert shown >= {*FIGURES, "history", "regime_map", "bounce", "compare"}

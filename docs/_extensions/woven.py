@@ -1,14 +1,20 @@
-"""Pages read by Sphinx with what their snippets gave: outputs, tables, pictures, from the folder `made`."""
+"""Pages read by Sphinx with what their snippets gave: outputs, tables, pictures, files, from the folder `made`."""
 
 from __future__ import annotations
 
 import os
+import shutil
 from pathlib import Path
 
 from made import outcomes_of
-from snippets import figures, snippets, woven
+from snippets import figures, files, snippets, woven
 from sphinx.application import Sphinx
 from sphinx.errors import ExtensionError
+
+
+def _beside(page: str) -> str:
+    """Name of the folder beside a built page in which the files lie that it links to."""
+    return f"{Path(page).name}-files"
 
 
 def _weave(app: Sphinx, page: str, source: list[str]) -> None:
@@ -20,11 +26,22 @@ def _weave(app: Sphinx, page: str, source: list[str]) -> None:
     if outcomes is None and any(item.runs for item in snippets(text)):
         raise ExtensionError(f"the snippets of {page} have not been run: build with scripts/docs")
     folder = os.path.relpath(made / page, (Path(app.srcdir) / page).parent)
-    source[0] = woven(text, outcomes or [], Path(folder).as_posix())
+    source[0] = woven(text, outcomes or [], Path(folder).as_posix(), _beside(page))
+
+
+def _copy(app: Sphinx, failed: Exception | None) -> None:
+    if failed is not None:
+        return
+    for page in app.env.found_docs:
+        for file in files(Path(app.env.doc2path(page)).read_text(encoding="utf-8")):
+            target = Path(app.outdir) / Path(page).parent / _beside(page) / Path(file).name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(Path(app.config.made) / page / file, target)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register the setting `made`, and the weaving."""
+    """Register the setting `made`, the weaving, and the copying of files that pages link to."""
     app.add_config_value("made", "", "env", str)
     app.connect("source-read", _weave)
+    app.connect("build-finished", _copy)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
