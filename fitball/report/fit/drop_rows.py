@@ -9,7 +9,7 @@ from fitball.data.heights import DRAG_COEFFICIENT
 from fitball.inference.results.drop_test import DropTest, Passing, StandardRebound, TestedSpeed
 from fitball.inference.results.pace_rating import Spread
 from fitball.report.fit.pace_rows import percent
-from fitball.report.form.rounding import decimals, fixed, interval, significant
+from fitball.report.form.rounding import decimals, digits, fixed, interval, significant
 
 CM = 100.0
 # Balls told one by one on a page.
@@ -127,7 +127,7 @@ def passing_words(test: DropTest, rebound: StandardRebound) -> str:
     if passing.ball is not None:
         parts.append(f"another ball of the same make with {percent(passing.ball)}")
     if passing.drop is not None:
-        parts.append(f"one more measured drop lies within with {percent(passing.drop)}")
+        parts.append(f"one more measured drop lies within them with {percent(passing.drop)}")
     return f"{head}: {', '.join(parts)}."
 
 
@@ -254,7 +254,7 @@ def _speed_row(item: TestedSpeed) -> SpeedRow:
         interval_68=middle,
         interval_95=ends,
         measured=f"{item.measured:.4f}",
-        scatter=significant(item.scatter, 2),
+        scatter="-" if item.scatter is None else digits(item.scatter, 2),
     )
 
 
