@@ -382,8 +382,7 @@ def test_a_name_that_is_not_in_the_table_is_a_fault(tmp_path: Path) -> None:
 def test_a_foreign_table_is_told_which_option_to_pass(tmp_path: Path) -> None:
     with pytest.raises(TableError) as caught:
         read(tmp_path, FOREIGN)
-    option = ", ".join(f"{name}={their}" for name, their in COLUMNS.items())
-    assert f'pass --columns "{option}"' in str(caught.value)
+    assert f"pass columns={COLUMNS}" in str(caught.value)
     assert "'speed' may be v_1 or v_2" in str(caught.value)
 
 
@@ -429,7 +428,7 @@ def test_a_suggestion_never_swaps_incidence_and_rebound(tmp_path: Path, name: st
     with pytest.raises(TableError) as caught:
         read(tmp_path, f"{name},v_2\n5,4\n6,5\n")
     hint = str(caught.value).partition("did you mean")[2].partition("?")[0]
-    hint += str(caught.value).partition('--columns "')[2].partition("=")[0]
+    hint += str(caught.value).partition("columns={")[2].partition(":")[0]
     assert not hint.rstrip("' ").endswith("2"), str(caught.value)
 
 
@@ -449,7 +448,7 @@ def test_a_column_negative_in_every_row_is_one_line_with_what_to_do(tmp_path: Pa
         read(tmp_path, f"v_x1,v_y1,v_x2,v_y2\n{rows}")
     lines = [line for line in str(caught.value).splitlines() if "v_y1'" in line]
     assert len(lines) == 1
-    assert "5,000 rows (first: row 1, line 2)" in lines[0] and "pass --flip v_y1" in lines[0]
+    assert "5,000 rows (first: row 1, line 2)" in lines[0] and "pass flip='v_y1'" in lines[0]
 
 
 def test_the_way_of_a_frame_to_a_fit(tmp_path: Path) -> None:

@@ -185,8 +185,8 @@ def compare(
 ) -> Comparison:
     """Compare models on a table by predictions of impacts left out, as the verb `compare` does.
 
-    `models` are names such as `two-mass+torsion=free` (default: those that can differ on this table, with `quick`
-    the main ones); for the table and `scene`, `config`, `units`, `flip`, `columns`, `as_read`, `progress` see `calibrate`.
+    `models` are names such as `two-mass+torsion=free` (default: those that can differ on this table, with `quick` the
+    main ones); for the table and its options (`scene`, `units`, `flip`, ...) see `calibrate`.
     `cores` models are fitted at once, each in a process: a script needs `if __name__ == "__main__":` around its calls
     unless that is 1. Raises subclasses of FitballError.
 

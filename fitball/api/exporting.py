@@ -75,8 +75,12 @@ def exported(
             raise ParameterError(f"unknown option '{name}': {suggestion(name, OWNERS)}")
         if to not in OWNERS[name]:
             owners = " and ".join(filter(None, (", ".join(OWNERS[name][:-1]), OWNERS[name][-1])))
-            flag = f"--{name.replace('_', '-')} belongs to --to {owners}, not to --to {to}"
-            raise ParameterError(spoken(flag, f"{name} belongs to the format {owners}, not to {to}"))
+            raise ParameterError(
+                spoken(
+                    f"--{name.replace('_', '-')} belongs to --to {owners}, not to --to {to}",
+                    f"{name} belongs to the format {owners}, not to {to}",
+                )
+            )
     if to == NETCDF:
         whole, note = tree()
         return Exported("arviz", {}, note, whole)

@@ -15,12 +15,13 @@ from fitball.data.number_column import NumberColumn
 from fitball.data.table import Notice
 from fitball.errors import Fault
 from fitball.observables import OBSERVABLES
+from fitball.wording import option
 
 BoolArray = NDArray[np.bool_]
 
 # Angles and the normal rebound speed are printed negative by tables that count along one fixed axis.
 _SIGN_IS_CONVENTION = ("v_y2", "theta_2", "theta_1")
-_UPWARD = ": it is negative in every row, as if counted upward; if so pass --flip v_y1"
+_UPWARD = ": it is negative in every row, as if counted upward; if so pass "
 # Share of the others up to which rows are few enough to be slips; one row is, beside two.
 FEW = 0.2
 _POSITIVE = {
@@ -68,7 +69,7 @@ def check_ranges(columns: Mapping[str, NumberColumn], rows: tuple[RawRow, ...], 
         expected = "a positive standard deviation" if name.endswith(SD_SUFFIX) else _POSITIVE.get(name)
         if expected:
             bad = column.values <= 0.0
-            hint = _UPWARD if name == "v_y1" and bool((column.values < 0.0).all()) else ""
+            hint = _UPWARD + option("flip", "v_y1") if name == "v_y1" and bool((column.values < 0.0).all()) else ""
             _report(column, bad, f"expected {expected}{hint}", rows, faults)
         if name in _ANGLES:
             outside = (column.values <= 0.0) | (column.values >= pi)

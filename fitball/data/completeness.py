@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 
 from fitball.data.columns import NUMBERS, REBOUND, SD_SUFFIX, Header
 from fitball.data.dialect.guess import guess_of
@@ -10,6 +10,7 @@ from fitball.data.redundancy import independent
 from fitball.data.table import Notice
 from fitball.errors import Fault
 from fitball.observables import OBSERVABLES
+from fitball.wording import spoken
 
 _INCIDENT_FORMS = "v_x1 and v_y1, or v_1 and theta_1, or v_y1 alone for a drop test"
 
@@ -64,7 +65,14 @@ def _with_guess(name: str, present: Collection[str]) -> str:
     meant = _guessed(name, present)
     if not meant:
         return name
-    return f'{name} (if it is {" or ".join(meant)}: --columns "{meant[0]}={name}")'
+    return f"{name} (if it is {' or '.join(meant)}: {_named({meant[0]: name})})"
+
+
+def _named(columns: Mapping[str, str]) -> str:
+    """How a caller says names of columns."""
+    return spoken(
+        f'--columns "{", ".join(f"{ours}={name}" for ours, name in columns.items())}"', f"columns={columns}"
+    )
 
 
 def _what_is_meant(extras: Collection[str], present: Collection[str]) -> str:
@@ -76,10 +84,11 @@ def _what_is_meant(extras: Collection[str], present: Collection[str]) -> str:
         if len(meant) == 1 and meant[0] not in sure:
             sure[meant[0]] = name
         elif len(meant) > 1:
-            said.append(f"; '{name}' may be {' or '.join(meant)}: say which with --columns")
+            said.append(
+                f"; '{name}' may be {' or '.join(meant)}: say which with {spoken('--columns', 'columns={...}')}"
+            )
     if sure:
-        option = ", ".join(f"{ours}={name}" for ours, name in sure.items())
-        said.insert(0, f'; if these are meant pass --columns "{option}" (in Python columns={{...}})')
+        said.insert(0, f"; if these are meant pass {_named(sure)}")
     return "".join(said)
 
 

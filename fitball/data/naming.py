@@ -40,9 +40,7 @@ class Naming:
         """The unit of a column as text, where `written` is that of the header; a fault where the two differ."""
         stated = self.units.get(ours)
         if stated is not None and written is not None and unit_of(stated) != unit_of(written):
-            message = (
-                f"the header says '[{written}]' and --columns (in Python columns) '[{stated}]'; expected one unit"
-            )
+            message = f"the header says '[{written}]' and the names that were given '[{stated}]'; expected one unit"
             faults.append(Fault(message, line=line, column=self.theirs[ours]))
         return written if stated is None else stated
 
@@ -50,7 +48,7 @@ class Naming:
         """A fault for each name that the header has not, unless our own is `present`; `read` are the header's."""
         found = {name.casefold() for name in read}
         return [
-            Fault(f"there is no column '{their}', which is to be {ours} (--columns); columns read: {', '.join(read)}",
+            Fault(f"there is no column '{their}', which is to be {ours} as was asked; columns read: {', '.join(read)}",
                   line=line)
             for ours, their in self.theirs.items()
             if their.casefold() not in found and ours not in present

@@ -81,7 +81,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     pool = {**scene.pool, **choices.pool}
     if "mu" not in pool and "mu" not in fixed and "mu" in chosen.parameter_names and _names_places(table):
         pool["mu"] = LOCATION
-        notes.append("the table names locations: --pool mu=none fits one friction to all of them")
+        notes.append("the table names locations: pool mu = none fits one friction to all of them")
     pool = {key: column for key, column in pool.items() if column != NOT_POOLED}
     levels, offsets, extra = _structure(table, scene, choices, chosen, observables, wanted, kind, pool)
     parameters = build_parameters(names, chosen.specs, wanted, fixed, ball_names, extra, published)

@@ -23,6 +23,7 @@ from fitball.report.form.atomic_write import write_whole
 from fitball.report.history.figure import SHADES
 from fitball.report.history.motion import IN_FLIGHT, Motion, motion, phase_of
 from fitball.values import FloatArray
+from fitball.wording import option
 
 ENDINGS = (".gif", ".mp4")
 FRAMES_PER_SECOND = 20
@@ -45,10 +46,10 @@ def check_film(place: Path) -> None:
     """Raise ParameterError where no such film can be made: another ending, or MP4 without ffmpeg."""
     ending = place.suffix.lower()
     if ending not in ENDINGS:
-        raise ParameterError(f"--animate {place}: expected a name that ends in .gif or .mp4")
+        raise ParameterError(f"{option('animate', str(place))}: expected a name that ends in .gif or .mp4")
     if ending == ".mp4" and not FFMpegWriter.isAvailable():
         raise ParameterError(
-            f"--animate {place}: MP4 needs ffmpeg, which is not on the PATH here; install it, or name "
+            f"{option('animate', str(place))}: MP4 needs ffmpeg, which is not on the PATH here; install it, or name "
             f"{place.with_suffix('.gif')}"
         )
 
