@@ -15,7 +15,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from arviz_stats.base.array import array_stats
-from samples import same_values
 from scipy.stats import norm
 
 import fitball
@@ -141,8 +140,8 @@ def test_all_that_a_fit_holds_has_a_name_whether_made_or_read(made, folder):
     again = fitball.load_fit(folder)
     for field in fields(made.result):
         assert hasattr(made, field.name) and hasattr(again, field.name), field.name
-    for name in ("estimates", "posterior", "predictive", "covariance", "correlation", "error_budget", "levels"):
-        same_values(getattr(again, name), getattr(made, name))
+    for name in ("estimates", "posterior", "covariance", "correlation"):
+        assert same(getattr(again, name), getattr(made, name)), name
     assert again.diagnostics.ess_bulk == made.diagnostics.ess_bulk
     assert again.least_squares.values == made.least_squares.values and again.least_squares.starts == 0
 

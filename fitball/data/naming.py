@@ -48,7 +48,7 @@ class Naming:
         """A fault for each name that the header has not, unless our own is `present`; `read` are the header's."""
         found = {name.casefold() for name in read}
         return [
-            Fault(f"there is no column '{their}', which is to be {ours} as was asked; columns read: {', '.join(read)}",
+            Fault(f"there is no column '{their}', which is to be {ours} as asked; columns read: {', '.join(read)}",
                   line=line)
             for ours, their in self.theirs.items()
             if their.casefold() not in found and ours not in present
