@@ -106,7 +106,8 @@ def model_at(name: str | None, values: Mapping[str, float]) -> tuple[Model, dict
     plain, closures = parse_name(name if name is not None else DEFAULT_MODEL)
     chosen = model(plain, ball=None, tangential=True, **closures)
     parameters = chosen_parameters(chosen, values)
-    rest = ", ".join(f"{item} = {parameters[item]:g}" for item in chosen.parameter_names if item not in values)
+    # A model without a history has parameters without a typical value; it is refused when it is followed.
+    rest = ", ".join(f"{item} = {value:g}" for item, value in parameters.items() if item not in values)
     return chosen, parameters, [f"defaults near the fits to Wang's balls: {rest}"] if rest else []
 
 
