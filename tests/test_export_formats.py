@@ -289,8 +289,7 @@ def test_every_format_of_a_point_fit(point_only):
     assert {path.name for path in point_only.iterdir()} == {
         "fit.json", "bounce.py", "bounce.h", "bounce.js", "bounce.mjs", "bounce.cs", "bounce.gd",
         "golden.csv", "lookup.csv", "lookup.json", "engine.md", "engine.json",
-        "parameters.json", "parameters.toml", "parameters.csv", "parameters.tex", "parameters.md",
-        "certificate.html",
+        "parameters.json", "parameters.toml", "parameters.csv", "parameters.tex", "parameters.md", "certificate.html",
     }  # fmt: skip
 
 
