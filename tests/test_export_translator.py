@@ -161,3 +161,23 @@ _STRANGE = object()
 
 def _strange(x: float) -> float:
     return x if _STRANGE else 0.0
+
+
+def test_integers_divide_as_real_numbers_in_every_language():
+    source = "def kernel(n: int, m: int) -> float:\n    return n / m\n"
+    wanted = {
+        "C99": "(double)n / (double)m", "C#": "(double)n / (double)m", "GDScript": "float(n) / float(m)",
+        "JavaScript": "n / m",
+    }  # fmt: skip
+    for dialect in DIALECTS:
+        assert wanted[dialect.language] in in_language(source, dialect)
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="no node here: the translation is made but not run")
+def test_twenty_phases_are_packed_in_javascript_too():
+    """Sixty bits: its own operators see 32, its numbers hold 53."""
+    source = "def pack(n: int) -> int:\n    all = 0\n    for k in range(n):\n"
+    source += "        all = all | (5 << (3 * k))\n    return all\n"
+    script = in_language(source, JavaScript()) + "\nconsole.log(String(pack(20)))"
+    done = subprocess.run(["node", "-e", script], capture_output=True, text=True, check=True)
+    assert int(done.stdout) == sum(5 << (3 * k) for k in range(20))
