@@ -48,7 +48,7 @@ def site(runner, tmp_path_factory):
         run(page)
     out = tmp_path_factory.mktemp("site")
     with warnings.catch_warnings():
-        # Of themes and extensions about coming versions of Sphinx; what is wrong with a page is an error of the build.
+        # Of extensions about coming versions of Sphinx; what is wrong with a page is an error of the build.
         warnings.simplefilter("ignore", DeprecationWarning)
         warnings.simplefilter("ignore", PendingDeprecationWarning)
         assert build(made, out, made / "sphinx") == 0
