@@ -31,6 +31,7 @@ from fitball.report.figures.save import STAMPS
 from fitball.report.fit.alt_texts import WORDS
 from fitball.report.fit.html import SECTIONS
 from fitball.report.form.display_units import handy
+from fitball.report.form.palette import FAINT
 from fitball.report.saved.structure import plain, structured
 
 
@@ -89,7 +90,8 @@ def test_a_point_fit_shows_what_it_has(point_folder, tmp_path, capsys):
     assert (point_folder / "profiles.png").exists()
     assert main(["plot", str(point_folder), "all", "--out", str(tmp_path)]) == 0
     captured = capsys.readouterr()
-    assert sorted(item.name for item in tmp_path.iterdir()) == ["predictive.png", "profiles.png", "residuals.png"]
+    drawn = {item.stem for item in tmp_path.iterdir()}
+    assert drawn == {"sketch", "predictive", "curves", "profiles", "residuals"}
     assert "left out regimes, corner, trace" in captured.err
     for kind in ("corner", "trace", "regimes"):
         assert main(["plot", str(point_folder), kind]) == 2
@@ -211,7 +213,7 @@ def test_panels_show_the_profiles_in_handy_units(fit):
     evidence, panel = point.identifiability.evidence["k_y"], panels["k_y"]
     np.testing.assert_allclose(panel.values, evidence.profile.values * handy("k_y", "N/m").factor)
     np.testing.assert_allclose(panel.log_likelihood, -evidence.profile.drop)
-    assert panel.label.endswith("[kN/m]")
+    assert panel.axis.label.endswith("[kN/m]")
     # The curve crosses the level where the interval ends.
     for end in evidence.profile.interval_95:
         assert np.interp(1e-3 * end, *panel.curve) == pytest.approx(-1.9207, abs=0.01)
@@ -233,6 +235,6 @@ def test_bars_are_the_probabilities(fit):
     for name, share in fit.predictive.regimes[1].items():
         if name in named:
             assert named[name] == pytest.approx(share)
-    assert regime_colours(["slide", OTHERS])[1] == "0.7"
+    assert regime_colours(["slide", OTHERS])[1] == FAINT
     assert regime_colours(["slide"]) == regime_colours(["slide", "hold"])[:1]
     assert len(set(regime_colours(["slide", "hold", "grip-hold", "slide-grip"]))) == 4

@@ -33,7 +33,8 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import thinned_problem
 from fitball.inference.results.results import Posterior
 from fitball.inference.sampling.prior_draws import prior_draws
-from fitball.report.figures import predictive as figures
+from fitball.report.figures import canvas
+from fitball.report.figures.kinds import draw
 from fitball.report.fit.embedded_figures import page_figures
 from fitball.report.fit.html import page
 from fitball.report.fit.terminal import render
@@ -211,17 +212,21 @@ def test_text_and_files_do_not_grow_with_rows(long_fits, tmp_path):
 
 
 def test_figures_draw_some_of_many_impacts(long_fits, monkeypatch):
-    monkeypatch.setattr(figures, "MOST_POINTS", 50)
-    for draw, words in (
-        (figures.residual_figure, "residuals"),
-        (figures.predictive_figure, "measured and predicted"),
-    ):
-        figure = draw(long_fits[1])
-        drawn = [len(line.get_xdata()) for axis in figure.axes for line in axis.get_lines()]
-        assert max(drawn) == 50
-        assert figure.get_suptitle().startswith("grip-slip on wang_all: " + words)
-        assert "(50 of 1,240 impacts)" in figure.get_suptitle()
-    assert figures.shown_rows(20).tolist() == list(range(20))
+    monkeypatch.setattr(canvas, "MOST_POINTS", 50)
+    for kind in ("residuals", "predictive", "curves"):
+        figure = draw(kind, long_fits[1])
+        drawn = [line for axis in figure.axes for line in axis.get_lines() if line.get_linestyle() == "None"]
+        # Tables repeat 21 impacts; means over bins are fewer than dots.
+        assert {len(line.get_xdata()) for line in drawn if len(line.get_xdata()) > 25} == {50}
+        assert figure.get_suptitle().startswith("grip-slip on wang_all")
+    # All impacts are in the densities of residuals.
+    densities = [
+        mesh for axis in draw("residuals", long_fits[1]).axes for mesh in axis.collections if mesh.get_rasterized()
+    ]
+    assert len(densities) == 15
+    for mesh in densities:
+        assert np.sum(mesh.get_array() ** 2) == pytest.approx(1240)
+    assert canvas.shown_rows(np.arange(20)).tolist() == list(range(20))
 
 
 def test_a_long_fit_is_read_back_whole(long_fits, tmp_path, capsys):

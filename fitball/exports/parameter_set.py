@@ -5,14 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import tomli_w
+from msgspec import UNSET
 
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Estimate, Verdict
 from fitball.models.registry import parameter_spec
 from fitball.report.form.csv import csv_text
-from fitball.report.form.display_units import THESIS
-from fitball.report.saved.saved_fit import SavedFit
+from fitball.report.form.display_units import THESIS, Scale
+from fitball.report.saved.saved_fit import SavedFit, SavedParameter
 from fitball.version import __version__
 
 SCHEMA_VERSION = 1
@@ -70,11 +71,16 @@ def _parameter(parameter: Estimate) -> dict[str, Any]:
     if parameter.given:
         content["given"] = list(parameter.given)
     content |= {name: getattr(parameter, name) for name in NUMBERS if getattr(parameter, name) is not None}
-    scale = THESIS.get(parameter.name)
+    scale = _thesis_scale(parameter)
     if scale is not None:
         numbers = {name: content[name] * scale.factor for name in NUMBERS if name in content}
         content["thesis"] = {"unit": scale.unit} | numbers
     return content
+
+
+def _thesis_scale(parameter: SavedParameter) -> Scale | None:
+    """The thesis's unit of a parameter that was fitted to the thesis's data."""
+    return None if parameter.thesis_units is UNSET else THESIS[parameter.name]
 
 
 def toml_text(saved: SavedFit) -> str:
@@ -84,15 +90,18 @@ def toml_text(saved: SavedFit) -> str:
 
 
 def parameter_table(saved: SavedFit) -> str:
-    """CSV: one row per parameter, in SI and, where the thesis has a unit of its own, in that."""
+    """CSV: one row per parameter, in SI; where the data are the thesis's also in its units."""
     rows: list[dict[str, object]] = []
+    theirs = any(_thesis_scale(parameter) is not None for parameter in saved.parameters.values())
     for parameter in saved.parameters.values():
-        scale = THESIS.get(parameter.name)
         row: dict[str, object] = {"parameter": parameter.name, "role": role(parameter.name), "unit": parameter.unit}
         row |= {name: getattr(parameter, name) for name in NUMBERS}
-        row |= {"verdict": parameter.verdict_words, "thesis_unit": None if scale is None else scale.unit}
-        for name in NUMBERS:
-            value = getattr(parameter, name)
-            row[f"thesis_{name}"] = None if scale is None or value is None else value * scale.factor
+        row["verdict"] = parameter.verdict_words
+        if theirs:
+            scale = _thesis_scale(parameter)
+            row["thesis_unit"] = None if scale is None else scale.unit
+            for name in NUMBERS:
+                value = getattr(parameter, name)
+                row[f"thesis_{name}"] = None if scale is None or value is None else value * scale.factor
         rows.append(row)
     return csv_text(rows)

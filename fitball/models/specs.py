@@ -15,9 +15,11 @@ from dataclasses import dataclass
 class ParameterSpec:
     """A model parameter: `unit` (SI, empty when dimensionless), closed bounds, default prior, meaning.
 
-    `label` is its symbol in figures (mathtext). `typical` is a round number near the fits to Wang's 21 impacts, for
-    those who only want to see a bounce. Where `open_above` the model has no answer at the upper bound itself.
-    `possible` is what physics leaves where that is more than the bounds: a bound within it only ends a search.
+    `label` is its symbol in figures and on pages (mathtext). `shown` is another unit in which people read it, with
+    the factor from SI; where `logarithmic` its axis is so in every figure. `typical` is a round number near the fits
+    to Wang's 21 impacts, for those who only want to see a bounce. Where `open_above` the model has no answer at the
+    upper bound itself. `possible` is what physics leaves where that is more than the bounds: a bound within it only
+    ends a search.
     """
 
     name: str
@@ -30,6 +32,8 @@ class ParameterSpec:
     typical: float | None = None
     open_above: bool = False
     possible: tuple[float, float] | None = None
+    shown: tuple[str, float] | None = None
+    logarithmic: bool = False
 
     @property
     def beyond(self) -> tuple[float, float]:
@@ -61,6 +65,8 @@ _ALL = (
         r"$K_y$",
         typical=2.0e4,
         possible=POSITIVE,
+        shown=("kN/m", 1e-3),
+        logarithmic=True,
     ),
     ParameterSpec(
         "k_theta",
@@ -72,6 +78,7 @@ _ALL = (
         r"$K_\theta$",
         typical=20.0,
         possible=POSITIVE,
+        logarithmic=True,
     ),
     ParameterSpec(
         "mu",
@@ -93,6 +100,7 @@ _ALL = (
         "distance of the normal force ahead of the centre at 10 m/s",
         r"$\varepsilon_{10}$",
         typical=2.4e-3,
+        shown=("mm", 1e3),
     ),
     ParameterSpec(
         "eps_slope",
@@ -104,6 +112,7 @@ _ALL = (
         r"$\varepsilon'$",
         typical=0.0,
         possible=EVERYTHING,
+        shown=("mm/(m/s)", 1e3),
     ),
     ParameterSpec(
         "cor_10",
@@ -125,6 +134,7 @@ _ALL = (
         r"$\mathrm{COR}'$",
         typical=-0.0158,
         possible=EVERYTHING,
+        shown=("1e-3 s/m", 1e3),
     ),
     ParameterSpec(
         "zeta_theta",
@@ -136,6 +146,7 @@ _ALL = (
         r"$\zeta_\theta$",
         typical=0.5,
         possible=POSITIVE,
+        logarithmic=True,
     ),
     ParameterSpec(
         "inertia_split",
@@ -156,6 +167,7 @@ _ALL = (
         "vertical damping between core and shell",
         r"$C_y$",
         possible=POSITIVE,
+        logarithmic=True,
     ),
     ParameterSpec(
         "e_x",
@@ -174,11 +186,20 @@ _ALL = (
         0.033,
         "normal(0, 0.005)",
         "distance of the normal force ahead of the centre",
-        r"$D$",
+        r"$\varepsilon$",
+        shown=("mm", 1e3),
         typical=2.4e-3,
     ),
     ParameterSpec(
-        "ball_mass", "kg", 1.0e-6, 20.0, "normal(0.0576, 0.001)", "mass of the ball", r"$M$", possible=POSITIVE
+        "ball_mass",
+        "kg",
+        1.0e-6,
+        20.0,
+        "normal(0.0576, 0.001)",
+        "mass of the ball",
+        r"$M$",
+        possible=POSITIVE,
+        shown=("g", 1e3),
     ),
     ParameterSpec(
         "ball_radius",
@@ -189,6 +210,7 @@ _ALL = (
         "outer radius of the ball",
         r"$R$",
         possible=POSITIVE,
+        shown=("mm", 1e3),
     ),
     ParameterSpec(
         "inertia_ratio",

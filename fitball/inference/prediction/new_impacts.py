@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from fitball.data.table import ImpactTable
 from fitball.errors import ModelError
+from fitball.inference.prediction.curves import bands
 from fitball.inference.prediction.extrapolation import CalibratedRange, calibrated_range
-from fitball.inference.prediction.posterior_predictive import bands, regime_shares, with_noise
+from fitball.inference.prediction.posterior_predictive import regime_shares, with_noise
 from fitball.inference.prediction.uncertain_incidence import Shares, drawn_rebound, shares
 from fitball.inference.problem.measurement_noise import derived, noise_in
 from fitball.inference.problem.noise import NoiseKind

@@ -8,23 +8,20 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitball.inference.likelihood.incident_marginal import incident_sds
+from fitball.inference.prediction.curves import CURVE_DRAWS, curves
 from fitball.inference.problem.batches import cells
 from fitball.inference.problem.noise import NoiseKind
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import part_of
 from fitball.inference.results.quantiles import BAND_LEVELS
-from fitball.inference.results.results import Curve, ObservablePrediction, PointFit, Posterior, Predictive, thinned
+from fitball.inference.results.results import ObservablePrediction, PointFit, Posterior, Predictive, thinned
 from fitball.models.types import Rebound, regime_name
-from fitball.observables import OBSERVABLES
-from fitball.values import FloatArray, Impacts
+from fitball.values import FloatArray
 
 DRAWS = 1500
-CURVE_DRAWS = 600
-CURVE_POINTS = 61
 
 
 def predictive_generator(seed: int) -> np.random.Generator:
@@ -113,45 +110,3 @@ def regime_shares(rebound: Rebound) -> tuple[Mapping[str, float], ...]:
         counts = Counter(solved.tolist()).most_common()
         shares.append({regime_name(int(code)): count / solved.size for code, count in counts})
     return tuple(shares)
-
-
-def curves(problem: Problem, values: FloatArray) -> dict[str, Curve]:
-    """Noise-free predictions along incidence angle for each group of at least two impacts.
-
-    Between measured impacts speed, angle and spin are interpolated; a drop test is drawn along its speed.
-    """
-    labels = problem.groups
-    names = np.array(labels or [""] * len(problem.table))
-    groups = sorted(set(labels)) if labels else [""]
-    result = {}
-    for group in groups:
-        rows = np.flatnonzero(names == group)
-        if rows.size >= 2:
-            result[group] = _curve(problem, values, rows)
-    return result
-
-
-def _curve(problem: Problem, values: FloatArray, rows: NDArray[np.int64]) -> Curve:
-    v_x1, v_y1 = problem.impacts.v_x1[rows], problem.impacts.v_y1[rows]
-    theta, speed = np.arctan2(v_y1, v_x1), np.hypot(v_x1, v_y1)
-    along = theta if problem.table.has_tangential else v_y1
-    order = np.argsort(along, kind="stable")
-    grid = np.linspace(along.min(), along.max(), CURVE_POINTS)
-
-    def between(column: FloatArray) -> FloatArray:
-        return np.interp(grid, along[order], column[order])
-
-    angle, fast = between(theta), between(speed)
-    cor = None if problem.impacts.cor is None else between(problem.impacts.cor[rows])
-    impacts = Impacts(fast * np.cos(angle), fast * np.sin(angle), between(problem.impacts.omega_1[rows]), cor)
-    alike = all(np.unique(pooling.index[rows]).size == 1 for pooling in problem.pooling)
-    rebound = problem.rebound(values, impacts, int(rows[0]) if alike else None)
-    return Curve(angle, impacts, {name: bands(column.predict(rebound)) for name, column in OBSERVABLES.items()})
-
-
-def bands(array: FloatArray) -> FloatArray:
-    """Quantiles (5, points); draws that the model cannot evaluate there are left out, NaN where none is left."""
-    result = np.full((len(BAND_LEVELS), array.shape[1]), np.nan)
-    known = ~np.all(np.isnan(array), axis=0)
-    result[:, known] = np.nanquantile(array[:, known], BAND_LEVELS, axis=0)
-    return result

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
-from scipy.special import gammaln
+from scipy.special import gammaln, ndtri
 
 from fitball.errors import ParameterError, suggestion
 from fitball.inference.problem.priors import Prior
@@ -25,6 +25,8 @@ LOG_TAU = math.log(2.0 * math.pi)
 GRID = 401
 # Step of differences, in standard deviations: their errors, curvature and rounding, are some 1e-10 of a slope.
 DIFFERENCE = 1e-5
+# Draws that tell a quantile.
+REACH_DRAWS = 20_000
 
 
 class NoiseKind(ABC):
@@ -44,6 +46,11 @@ class NoiseKind(ABC):
     @abstractmethod
     def information(self, sizes: Sizes) -> FloatArray:
         """What one deviation tells of its centre (Fisher), () or (draws,); 1 is that of a normal one."""
+
+    def reach(self, share: float, sizes: Mapping[str, float]) -> float:
+        """The deviation within which lies `share` of all, by draws; for kinds that do not know it exactly."""
+        columns = {name: np.full(REACH_DRAWS, value) for name, value in sizes.items()}
+        return float(np.quantile(np.abs(self.draw(np.random.default_rng(0), (REACH_DRAWS, 1), columns)), share))
 
     def residual(self, z: FloatArray, sizes: Sizes) -> FloatArray:
         """A residual whose square is minus twice the log density but for a constant: what least squares minimise.
@@ -96,6 +103,10 @@ class NormalNoise(NoiseKind):
         """See `NoiseKind`."""
         return np.ones(())
 
+    def reach(self, share: float, sizes: Mapping[str, float]) -> float:  # noqa: ARG002
+        """See `NoiseKind`."""
+        return float(ndtri(0.5 + 0.5 * share))
+
     def residual(self, z: FloatArray, sizes: Sizes) -> FloatArray:  # noqa: ARG002
         """See `NoiseKind`."""
         return z
@@ -121,6 +132,7 @@ class StudentNoise(NoiseKind):
         ParameterSpec(
             "degrees_of_freedom", "", 2.0, 100.0, "lognormal(8, 0.8)",
             "degrees of freedom of the noise: few allow outliers", r"$\nu$",
+            logarithmic=True,
         ),
     )  # fmt: skip
 

@@ -15,7 +15,10 @@ from fitball.observables import OBSERVABLES, SHARED_NOISE, SHARED_SD, ColumnNois
 def _spec(noise: ColumnNoise, unit: str) -> ParameterSpec:
     prior = f"lognormal({noise.typical}, 0.7)"
     words = f"noise of {noise.of}"
-    return ParameterSpec(noise.name, unit, noise.lower, noise.upper, prior, words, noise.symbol, possible=POSITIVE)
+    shown = next((column.shown for column in OBSERVABLES.values() if column.noise is noise), None)
+    return ParameterSpec(
+        noise.name, unit, noise.lower, noise.upper, prior, words, noise.symbol, possible=POSITIVE, shown=shown
+    )
 
 
 # Noise of the measurement, one standard deviation, common to all rows that state none of their own.
@@ -32,6 +35,7 @@ _FORCE_SPECS: Mapping[str, ParameterSpec] = {
     "force_misfit": ParameterSpec(
         "force_misfit", "", 1e-4, 3.0, "lognormal(0.03, 1.0)",
         "slow misfit of the model's force to a record, as a share of its peak", r"$\delta_F$",
+        shown=("%", 1e2),
     ),
 }  # fmt: skip
 NOISE_SPECS: Mapping[str, ParameterSpec] = {

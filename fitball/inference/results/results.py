@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitball.data.balances import Balances
 from fitball.inference.problem.problem import Problem
@@ -194,12 +195,19 @@ class ObservablePrediction:
 
 @dataclass(frozen=True)
 class Curve:
-    """Noise-free predictions along incidence angle for one group: `theta_1` [rad] (points,), the impacts
-    interpolated between those measured, and per output name in SI (NaN where the model has none) rows
-    of quantiles (2.5, 16, 50, 84, 97.5 %) of shape (5, points).
+    """Noise-free predictions at one speed and spin over incidence angle; of a drop test over speed.
+
+    `label` is the surface, ball or table that it is on where these differ. `speed` [m/s] (None for a drop test) and
+    `spin` [rad/s] are what `impacts` (points,) have in common, `along` (points,) is their angle [rad] or speed [m/s].
+    `rows` are the impacts of the table near that speed and spin. `outputs` holds by name in SI (NaN where the model
+    has none) quantiles (2.5, 16, 50, 84, 97.5 %) of shape (5, points).
     """
 
-    theta_1: FloatArray
+    label: str
+    speed: float | None
+    spin: float
+    rows: NDArray[np.int64]
+    along: FloatArray
     impacts: Impacts
     outputs: Mapping[str, FloatArray]
 
@@ -207,15 +215,14 @@ class Curve:
 @dataclass(frozen=True)
 class Predictive:
     """Predictions of every observable, the regime sequences of each impact with their posterior probability, and a
-    band over incidence angle for figures.
+    few curves for figures.
 
-    `regimes[i]` maps a sequence in words to its probability at impact i. `curves` maps a group label ("" when
-    the table has no groups) to predictions along that group's incidence angles.
+    `regimes[i]` maps a sequence in words to its probability at impact i.
     """
 
     observables: tuple[ObservablePrediction, ...]
     regimes: tuple[Mapping[str, float], ...]
-    curves: Mapping[str, Curve]
+    curves: tuple[Curve, ...]
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -46,9 +47,14 @@ class CaseComparison:
     fitted_rms: Mapping[str, float]
 
 
+@cache
+def _wang() -> ImpactTable:
+    return load_table(bundled_folder() / "wang_all.csv")
+
+
 def wang_rows(table: ImpactTable) -> NDArray[np.int64] | None:
     """For each impact of the table its row among Wang's 21, or None when it holds any other impact, or more."""
-    wang = load_table(bundled_folder() / "wang_all.csv")
+    wang = _wang()
     if len(table) > len(wang):
         return None
     mine, theirs = (

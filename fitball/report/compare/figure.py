@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
 
 from fitball.inference.comparison.results import Comparison
-from fitball.observables import OBSERVABLES
 from fitball.report.compare.rows import published_rms, schemes, scored_outputs
-from fitball.report.figures.arrays import axis_label
-from fitball.report.figures.predictive import COLOURS, MARKERS, new_figure
+from fitball.report.figures.canvas import log_scale, new_figure
+from fitball.report.figures.measured import output_label
 from fitball.report.form.display_units import output_scale
+from fitball.report.form.palette import GUIDE, MODEL, series_style
 
 PUBLISHED_MARK = "x"
 # Longest name of a model beside the axis; longer ones break before their closures.
@@ -53,7 +50,7 @@ def _draw_differences(axis: Axes, comparison: Comparison) -> None:
     gaps = [comparison.elpd_difference(scored.name, best) for scored in comparison.models]
     axis.axvline(0.0, color="0.3", linewidth=0.8)
     axis.errorbar(
-        [gap.value for gap in gaps], np.arange(len(gaps)), xerr=[gap.se for gap in gaps], fmt="o", color=COLOURS[0],
+        [gap.value for gap in gaps], np.arange(len(gaps)), xerr=[gap.se for gap in gaps], fmt="o", color=MODEL,
         capsize=3, markersize=5, linewidth=1.2,
     )  # fmt: skip
     axis.set_xlabel("elpd less that of\nthe best, with se")
@@ -63,34 +60,20 @@ def _draw_errors(axis: Axes, comparison: Comparison, output: str) -> None:
     scale = output_scale(output)
     for k, way in enumerate(schemes(comparison)):
         rms = [scored.out_of_sample(way).get(output, np.nan) for scored in comparison.models]
+        colour, marker = series_style(k)
         axis.plot(
-            np.array(rms) * scale.factor, np.arange(len(rms)), MARKERS[k], color=COLOURS[k % len(COLOURS)],
-            markersize=6 if k == 0 else 4.5, markerfacecolor=COLOURS[k % len(COLOURS)] if k == 0 else "none",
+            np.array(rms) * scale.factor, np.arange(len(rms)), marker, color=colour,
+            markersize=6 if k == 0 else 4.5, markerfacecolor=colour if k == 0 else "none",
             label=f"left out: {way}",
         )  # fmt: skip
     if comparison.published:
         rms = [published_rms(published).get(output, np.nan) for published in comparison.published]
         rows = len(comparison.models) + np.arange(len(rms))
-        axis.plot(np.array(rms) * scale.factor, rows, PUBLISHED_MARK, color="0.3", markersize=6, label="as published")
+        axis.plot(np.array(rms) * scale.factor, rows, PUBLISHED_MARK, color=GUIDE, markersize=6, label="as published")
     axis.set_xscale("log")
-    axis.xaxis.set_major_locator(FixedLocator(_ticks(*axis.get_xlim())))
-    axis.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axis.xaxis.set_minor_formatter(NullFormatter())
+    log_scale(axis, *axis.get_xlim())
     axis.tick_params(axis="x", labelsize=8)
-    symbol = OBSERVABLES[output].symbol
-    axis.set_xlabel(f"rms error of\n{axis_label(symbol, scale.unit)}")
-
-
-def _ticks(low: float, high: float) -> list[float]:
-    """Round numbers between two positive ones: 1, 2, 5 of every decade, or more of them where that leaves few."""
-    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    for digits in ((1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)):
-        inside = [
-            digit * 10.0**decade for decade in decades for digit in digits if low <= digit * 10.0**decade <= high
-        ]
-        if len(inside) >= 2:
-            return inside
-    return [low, high]
+    axis.set_xlabel(f"rms error of\n{output_label(output)}")
 
 
 def broken(name: str) -> str:

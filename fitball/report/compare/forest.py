@@ -13,9 +13,11 @@ from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.assumptions import Quantity, Summary
 from fitball.models.registry import parameter_spec
 from fitball.report.compare.figure import broken
-from fitball.report.figures.arrays import axis_label
-from fitball.report.figures.predictive import COLOURS, new_figure
+from fitball.report.figures.canvas import log_scale, new_figure
+from fitball.report.figures.measured import axis_label
+from fitball.report.figures.parameter_axis import ParameterAxis, parameter_axis
 from fitball.report.form.display_units import handy
+from fitball.report.form.palette import FAINT, MODEL
 
 STACKED = "stacked mixture"
 PANELS, TICKS = 4, 4
@@ -81,14 +83,21 @@ def _draw(panel: Axes, name: str, quantity: Quantity, bars: Sequence[Bar], count
         factor = handy(name, quantity.unit).factor
         panel.axvspan(quantity.span.low * factor, quantity.span.high * factor, color="0.92", linewidth=0)
     for bar in bars:
-        colour = COLOURS[1] if bar.row == count else COLOURS[0] if bar.as_good else "0.65"
+        colour = MODEL if bar.as_good else FAINT
         panel.plot([bar.low, bar.high], [bar.row, bar.row], color=colour, linewidth=1.0)
         panel.plot([bar.median - bar.sd, bar.median + bar.sd], [bar.row, bar.row], color=colour, linewidth=3.0)
-        panel.plot(bar.median, bar.row, "o", color=colour, markersize=4.5)
+        panel.plot(bar.median, bar.row, "D" if bar.row == count else "o", color=colour, markersize=4.5)
     panel.axhline(count - 0.5, color="0.5", linewidth=0.8)
     panel.grid(alpha=0.3, axis="x")
     panel.tick_params(axis="x", labelsize=8)
-    panel.xaxis.set_major_locator(MaxNLocator(TICKS))
-    spec, unit = parameter_spec(name), handy(name, quantity.unit).unit
-    # The pace of one of several surfaces keeps its name.
-    panel.set_xlabel(axis_label(name if spec is None else spec.label, unit), fontsize=9)
+    spec = parameter_spec(name)
+    if spec is None:
+        # The pace of one of several surfaces keeps its name.
+        shown = ParameterAxis(axis_label(name, handy(name, quantity.unit).unit), 1.0, False)
+    else:
+        shown = parameter_axis(spec)
+    if shown.logarithmic:
+        log_scale(panel, *shown.margins(min(bar.low for bar in bars), max(bar.high for bar in bars)))
+    else:
+        panel.xaxis.set_major_locator(MaxNLocator(TICKS))
+    panel.set_xlabel(shown.label, fontsize=9)

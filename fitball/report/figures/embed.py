@@ -6,11 +6,14 @@ import base64
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote
 
 from matplotlib.figure import Figure
 
 from fitball.report.figures.save import DPI, save_figure
 
+# What may stand in a quoted attribute as it is, beside letters and digits.
+PLAIN = " :;,=()/!*+-._~@$?[]{}|'\n"
 MEDIA = {"svg": "image/svg+xml", "png": "image/png"}
 
 
@@ -34,5 +37,9 @@ def embed(figure: Figure, caption: str, alt: str, form: str = "svg", dpi: int = 
 
 
 def data_uri(content: bytes, form: str) -> str:
-    """The content of an svg or png file as a URI."""
+    """The content of an svg or png file as a URI; text stays text, a quarter shorter than in base 64."""
+    if form == "svg":
+        text = quote(content.decode("utf-8").replace('"', "'"), safe=PLAIN)
+        # Names of XML look like addresses: a page that asks for none should show none.
+        return f"data:{MEDIA[form]},{text.replace('http:', 'http%3A')}"
     return f"data:{MEDIA[form]};base64,{base64.b64encode(content).decode('ascii')}"

@@ -9,11 +9,15 @@ from matplotlib.figure import Figure
 
 from fitball.errors import ResultFolderError
 from fitball.report.figures.corner import corner_figure
+from fitball.report.figures.curves import curves_figure
 from fitball.report.figures.drawable import Drawable
 from fitball.report.figures.force import force_figure
-from fitball.report.figures.predictive import predictive_figure, residual_figure, trace_figure
+from fitball.report.figures.predictive import predictive_figure
 from fitball.report.figures.profiles import profiles_figure
 from fitball.report.figures.regimes import regimes_figure
+from fitball.report.figures.residuals import residuals_figure
+from fitball.report.figures.sketch import sketch_figure
+from fitball.report.figures.trace import trace_figure
 from fitball.wording import option
 
 
@@ -50,8 +54,10 @@ class Kind:
 
 # The figures of `names.FIGURES`.
 KINDS: Mapping[str, Kind] = {
+    "sketch": Kind(sketch_figure),
     "predictive": Kind(predictive_figure),
-    "residuals": Kind(residual_figure),
+    "curves": Kind(curves_figure),
+    "residuals": Kind(residuals_figure),
     "force": Kind(force_figure, _no_force),
     "regimes": Kind(regimes_figure, _no_regimes),
     "profiles": Kind(profiles_figure, _no_profiles),

@@ -20,14 +20,26 @@ class FigureText:
 
 # In the order of the page.
 FIGURES: Mapping[str, FigureText] = {
+    "sketch": FigureText(
+        "the ball of the model, with the symbols of its parameters",
+        "The ball as the model has it, with the symbols of its parameters and the signs of the state.",
+        "parameters",
+    ),
     "predictive": FigureText(
-        "measured rebounds against the posterior prediction",
-        "Measured rebounds with error bars and, where there is a posterior, its prediction.",
+        "measured against predicted rebounds, with intervals",
+        "Measured against predicted, beside the line where both are equal. Bars at each prediction: 95 % of what the "
+        "parameters leave open (dark), and of a new measurement, with noise (light).",
+        "predictions",
+    ),
+    "curves": FigureText(
+        "rebound over incidence angle at stated speeds and spins",
+        "The model at one speed and spin in each column, with the impacts near it (both within a tenth of the speed, "
+        "the spin by its surface speed); all others stand back.",
         "predictions",
     ),
     "residuals": FigureText(
-        "standardised residuals",
-        "Standardised residuals, impact by impact and against normal quantiles.",
+        "standardised residuals against every incident quantity and group",
+        "Standardised residuals against every incident quantity, by group, and against normal quantiles.",
         "predictions",
     ),
     "force": FigureText(

@@ -7,13 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.inference.results.evidence import Profile
-from fitball.report.figures.arrays import axis_label
 from fitball.report.figures.drawable import Drawable, parameter
-from fitball.report.form.display_units import handy
+from fitball.report.figures.parameter_axis import ParameterAxis, parameter_axis
 from fitball.values import FloatArray
 
-# Ratio of the ends of an axis from which it is logarithmic, for parameters whose prior is.
-DECADES = 3.0
 # Lowest log likelihood shown, a little below the 95 % level at -1.92.
 LOWEST = -2.6
 CURVE_POINTS = 201
@@ -26,13 +23,13 @@ class ProfilePanel:
     part of the axis shown, and the posterior's 95 % interval.
     """
 
-    label: str
+    name: str
+    axis: ParameterAxis
     values: FloatArray
     log_likelihood: FloatArray
     curve: FloatArray
     curve_alone: FloatArray
     span: tuple[float, float]
-    logarithmic: bool
     posterior: tuple[float, float] | None
 
 
@@ -47,25 +44,24 @@ def profile_panels(fit: Drawable) -> tuple[ProfilePanel, ...]:
 
 def _panel(fit: Drawable, name: str, profile: Profile, alone: Profile | None) -> ProfilePanel:
     item = parameter(fit, name)
-    scale = handy(name, item.spec.unit)
+    axis = parameter_axis(item.spec)
     within = None
     ends = [float(profile.values[0]), float(profile.values[-1])]
     posterior = fit.posterior
     if posterior is not None:
-        low, high = np.quantile(posterior.draws[:, posterior.names.index(name)], (0.025, 0.975)) * scale.factor
+        low, high = np.quantile(posterior.draws[:, posterior.names.index(name)], (0.025, 0.975)) * axis.factor
         within = (float(low), float(high))
-    low, high = (end * scale.factor for end in ends)
+    low, high = (end * axis.factor for end in ends)
     if within is not None:
         low, high = min(low, within[0]), max(high, within[1])
-    logarithmic = item.prior.log and high > DECADES * low > 0.0
     return ProfilePanel(
-        label=axis_label(item.spec.label, scale.unit),
-        values=profile.values * scale.factor,
+        name=name,
+        axis=axis,
+        values=profile.values * axis.factor,
         log_likelihood=-profile.drop,
-        curve=_curve(profile, item.prior.log, scale.factor),
-        curve_alone=np.empty((2, 0)) if alone is None else _curve(alone, item.prior.log, scale.factor),
-        span=_margins(low, high, logarithmic),
-        logarithmic=logarithmic,
+        curve=_curve(profile, item.prior.log, axis.factor),
+        curve_alone=np.empty((2, 0)) if alone is None else _curve(alone, item.prior.log, axis.factor),
+        span=axis.margins(low, high),
         posterior=within,
     )
 
@@ -76,11 +72,3 @@ def _curve(profile: Profile, logarithmic: bool, factor: float) -> FloatArray:
     dense = np.union1d(np.linspace(along[0], along[-1], CURVE_POINTS), along)
     root = np.interp(dense, along, np.sqrt(profile.drop))
     return np.stack([(np.exp(dense) if logarithmic else dense) * factor, -(root**2)])
-
-
-def _margins(low: float, high: float, logarithmic: bool) -> tuple[float, float]:
-    """A twentieth more on either side."""
-    if logarithmic:
-        room = (high / low) ** 0.05
-        return low / room, high * room
-    return low - 0.05 * (high - low), high + 0.05 * (high - low)

@@ -9,9 +9,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fitball.inference.results.results import Predictive
-from fitball.report.figures.arrays import group_of
+from fitball.report.figures.canvas import new_figure
 from fitball.report.figures.drawable import Drawable
-from fitball.report.figures.predictive import COLOURS, new_figure
+from fitball.report.figures.measured import group_of
+from fitball.report.form.palette import FAINT, REGIMES
 from fitball.values import FloatArray
 
 # Bars that one picture can show.
@@ -48,7 +49,7 @@ def regime_bars(fit: Drawable, predictive: Predictive) -> RegimeBars:
             peaks[name] = max(peaks.get(name, 0.0), share)
     named = [name for name in sorted(peaks, key=lambda name: (-peaks[name], name)) if peaks[name] >= RARE]
     # Beyond the colours there are, the rest shares one.
-    named = named[: len(COLOURS) - 1] if len(named) > len(COLOURS) - 1 else named
+    named = named[: len(REGIMES) - 1] if len(named) > len(REGIMES) - 1 else named
     columns = [[predictive.regimes[k].get(name, 0.0) for k in order] for name in named]
     shares = np.array(columns).T.reshape(len(order), len(named))
     rest = 1.0 - shares.sum(axis=1)
@@ -65,13 +66,13 @@ def regime_bars(fit: Drawable, predictive: Predictive) -> RegimeBars:
 
 def regime_colours(regimes: Sequence[str]) -> list[str]:
     """A colour for each sequence; the usual ones keep theirs from figure to figure."""
-    spare = [colour for k, colour in enumerate(COLOURS) if k >= len(USUAL) or USUAL[k] not in regimes]
+    spare = [colour for k, colour in enumerate(REGIMES) if k >= len(USUAL) or USUAL[k] not in regimes]
     colours = []
     for name in regimes:
         if name == OTHERS:
-            colours.append("0.7")
+            colours.append(FAINT)
         else:
-            colours.append(COLOURS[USUAL.index(name)] if name in USUAL else spare.pop(0))
+            colours.append(REGIMES[USUAL.index(name)] if name in USUAL else spare.pop(0))
     return colours
 
 

@@ -7,11 +7,12 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from fitball.inference.prediction.outputs import root_mean_square
 from fitball.inference.results.results import Fit
-from fitball.report.figures.arrays import residual_data
+from fitball.report.figures.curve_arrays import curve_columns
 from fitball.report.figures.force_arrays import force_panels
 from fitball.report.figures.kinds import drawable_kinds
+from fitball.report.figures.predictive_arrays import agreements
+from fitball.report.figures.residual_arrays import incident_quantities, residual_data
 from fitball.report.fit.evidence_rows import evidence_rows
 from fitball.report.fit.summary import parameter_rows
 from fitball.report.form.display_units import output_scale
@@ -27,20 +28,34 @@ def alt_texts(fit: Fit) -> dict[str, str]:
     return {name: WORDS[name](fit) for name in drawable_kinds(fit)}
 
 
+def _sketch(fit: Fit) -> str:
+    specs = fit.problem.model.specs
+    what = "a core within a shell, joined by springs and dampers" if "mass_ratio" in specs else "one body"
+    meanings = "; ".join(f"{name}: {spec.meaning}" for name, spec in specs.items())
+    return f"Sketch of the ball on the court: {what}. Topspin and speeds towards the right are positive. {meanings}."
+
+
 def _predictive(fit: Fit) -> str:
+    parts = [
+        f"{item.name}: {np.count_nonzero(item.inside)} of {item.inside.size} measurements within the 95 % range of a "
+        f"new one, root mean square difference {item.rms:.2g} {output_scale(item.name).unit}"
+        for item in agreements(fit)
+    ]
+    what = "posterior median" if fit.predictive is not None else "point estimate"
+    return f"Measured rebounds against the {what}. " + "; ".join(parts) + "."
+
+
+def _curves(fit: Fit) -> str:
     along = "incidence angle" if fit.problem.table.has_tangential else "vertical speed"
-    if fit.predictive is None:
-        parts = [f"{name}: root mean square difference {_size(name, value)}" for name, value in fit.point.rms.items()]
-        return f"Measured rebounds and the point estimate along {along}. " + "; ".join(parts) + "."
     parts = []
-    for prediction in fit.predictive.observables:
-        inside = np.sum((prediction.observed >= prediction.data_q025) & (prediction.observed <= prediction.data_q975))
-        off, count = root_mean_square(prediction.observed - prediction.median), np.isfinite(prediction.observed).sum()
-        parts.append(
-            f"{prediction.name}: {inside} of {count} measurements within the 95 % range of a "
-            f"new one, root mean square difference {_size(prediction.name, off)}"
-        )
-    return f"Measured rebounds and posterior bands along {along}. " + "; ".join(parts) + "."
+    for column in curve_columns(fit):
+        ends = [
+            f"{name} from {band[len(band) // 2, 0]:.3g} to {band[len(band) // 2, -1]:.3g} {output_scale(name).unit}"
+            for name, band in column.bands.items()
+        ]
+        where = f"at {column.title}" if column.title else "over all"
+        parts.append(f"{where}, near {column.rows.size} impacts, {', '.join(ends)}")
+    return f"Predicted rebounds along {along}: " + "; ".join(parts) + "."
 
 
 def _force(fit: Fit) -> str:
@@ -58,13 +73,14 @@ def _force(fit: Fit) -> str:
 def _residuals(fit: Fit) -> str:
     parts = []
     for item in residual_data(fit):
-        worst = int(np.nanargmax(np.abs(item.values)))
-        beyond, count = int(np.sum(np.abs(item.values) > 2.0)), np.isfinite(item.values).sum()
+        worst = int(np.argmax(np.abs(item.values)))
+        beyond = int(np.sum(np.abs(item.values) > 2.0))
         parts.append(
-            f"{item.name}: {beyond} of {count} beyond 2 sd, the largest {item.values[worst]:+.1f} sd at "
-            f"impact {fit.problem.table.ids[worst]}"
+            f"{item.name}: {beyond} of {item.values.size} beyond 2 sd, the largest {item.values[worst]:+.1f} sd at "
+            f"impact {fit.problem.table.ids[item.rows[worst]]}"
         )
-    return "Standardised residuals, measured minus predicted. " + "; ".join(parts) + "."
+    against = ", ".join(incident_quantities(fit)) or "normal quantiles"
+    return f"Standardised residuals, measured minus predicted, against {against}. " + "; ".join(parts) + "."
 
 
 def _profiles(fit: Fit) -> str:
@@ -116,16 +132,13 @@ def _regimes(fit: Fit) -> str:
     return f"Most probable sequence of slip and grip of {len(first)} impacts: {parts}; {sure}."
 
 
-def _size(name: str, value: float) -> str:
-    scale = output_scale(name)
-    return f"{value * scale.factor:.2g} {scale.unit}"
-
-
 # Of every figure in `names.FIGURES`.
 WORDS: Mapping[str, Callable[[Fit], str]] = {
     "corner": _corner,
     "trace": _trace,
+    "sketch": _sketch,
     "predictive": _predictive,
+    "curves": _curves,
     "residuals": _residuals,
     "profiles": _profiles,
     "regimes": _regimes,

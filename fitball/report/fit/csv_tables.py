@@ -8,12 +8,14 @@ import numpy as np
 
 from fitball.inference.results.quantiles import SUMMARY
 from fitball.inference.results.results import Fit, Predictive
+from fitball.inference.thesis.published_cases import wang_rows
 from fitball.report.form.display_units import THESIS
 
 
 def summary_rows(fit: Fit) -> list[dict[str, object]]:
-    """One row per parameter, SI at full precision, with the factor to the thesis's unit."""
+    """One row per parameter, SI at full precision; where the data are the thesis's with the factor to its unit."""
     rows: list[dict[str, object]] = []
+    theirs = wang_rows(fit.problem.table) is not None
     for estimate in fit.estimates:
         scale = THESIS.get(estimate.name)
         rows.append(
@@ -31,10 +33,13 @@ def summary_rows(fit: Fit) -> list[dict[str, object]]:
                 "ess_bulk": estimate.ess_bulk,
                 "ess_tail": estimate.ess_tail,
                 "r_hat": estimate.r_hat,
+            }
+        )
+        if theirs:
+            rows[-1] |= {
                 "thesis_unit": None if scale is None else scale.unit,
                 "thesis_factor": None if scale is None else scale.factor,
             }
-        )
     return rows
 
 

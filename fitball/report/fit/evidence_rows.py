@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from markupsafe import Markup
+
 from fitball.inference.results.evidence import InformationEvidence, Profile
 from fitball.inference.results.results import Fit
 from fitball.report.form.display_units import Scale, handy
+from fitball.report.form.palette import verdict_mark
 from fitball.report.form.rounding import decimals, fixed, significant
+from fitball.report.form.symbols import symbol_html
 
 # Ratio of the ends of an interval from which each has digits of its own.
 WIDE = 20.0
@@ -26,6 +30,8 @@ class LookRow:
     power: str
     active_impacts: str
     verdict: str
+    mark: str
+    symbol: Markup
 
 
 @dataclass(frozen=True)
@@ -69,6 +75,8 @@ def evidence_rows(fit: Fit) -> EvidenceTable:
                 if evidence.active_impacts is None
                 else f"{evidence.active_impacts.acting} of {evidence.active_impacts.of}",
                 verdict=estimate.verdict_words,
+                mark=verdict_mark(estimate.verdict),
+                symbol=symbol_html(estimate.label),
             )
         )
         if evidence.disagreement:

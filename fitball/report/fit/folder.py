@@ -69,6 +69,6 @@ def write_all(fit: Fit, folder: Path, command: str | None = None) -> None:
     write_csv(folder / "predictions.csv", prediction_rows(fit))
     write_csv(folder / "balances.csv", fit.balances.rows())
     write_text(folder / RUN_NAME, run_text(fit, folder))
-    shown = page_figures(figures, alt_texts(fit), len(fit.problem.table))
+    shown = page_figures(figures, alt_texts(fit), len(fit.problem.table), folder)
     write_text(folder / "report.html", page(fit, shown, command))
     write_text(folder / FIT_NAME, fit_text(fit))

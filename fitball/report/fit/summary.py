@@ -5,18 +5,26 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from markupsafe import Markup
 
 from fitball.inference.results.results import Diagnostics, ErrorBudget, Estimate, Fit, LevelEstimate, RunStatus
+from fitball.inference.thesis.published_cases import wang_rows
 from fitball.report.form.display_units import THESIS, Scale, handy, output_scale
+from fitball.report.form.palette import verdict_mark
 from fitball.report.form.rounding import decimals, fixed, interval, significant
 from fitball.report.form.sentences import listed
+from fitball.report.form.symbols import symbol_html
 from fitball.values import FloatArray
 from fitball.wording import spoken
+
+NO_SYMBOL = Markup("")
 
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """One parameter as text, in one system of units; intervals are empty without a posterior."""
+    """One parameter as text, in one system of units; intervals are empty without a posterior. `mark` is the verdict
+    as style sheets name it, `symbol` that of figures as HTML.
+    """
 
     name: str
     unit: str
@@ -29,6 +37,9 @@ class ParameterRow:
     contraction: str
     verdict: str
     reason: str
+    mark: str = ""
+    symbol: Markup = NO_SYMBOL
+    meaning: str = ""
 
 
 @dataclass(frozen=True)
@@ -79,6 +90,9 @@ def _row(estimate: Estimate, scale: Scale) -> ParameterRow:
         contraction="-" if contraction is None else f"{contraction:.2f}",
         verdict=estimate.verdict_words,
         reason=estimate.reason,
+        mark=verdict_mark(estimate.verdict),
+        symbol=symbol_html(estimate.label),
+        meaning=estimate.meaning,
         **_rounded(estimate, scale),
     )
 
@@ -117,7 +131,11 @@ def level_rows(fit: Fit) -> tuple[LevelRow, ...]:
 
 
 def thesis_rows(fit: Fit) -> tuple[ParameterRow, ...]:
-    """The parameters that the thesis quotes in units of its own, in those, with `C1`, `C2` of its Eq. (51)."""
+    """The parameters that the thesis quotes in units of its own, in those, with `C1`, `C2` of its Eq. (51); none
+    where the data are not the thesis's.
+    """
+    if wang_rows(fit.problem.table) is None:
+        return ()
     rows = [_row(estimate, THESIS[estimate.name]) for estimate in fit.estimates if estimate.name in THESIS]
     renamed = [replace(row, name="C1 = eps_slope") if row.name == "eps_slope" else row for row in rows]
     return (*renamed, *_offset_at_zero(fit))

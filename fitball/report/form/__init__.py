@@ -1,6 +1,6 @@
-"""Shapes that all reports share: rounding, units for reading, text tables, CSV, folders, files written whole or not
-at all.
+"""Shapes that all reports share: rounding, units for reading, symbols, colours, text tables, CSV, folders, files
+written whole or not at all.
 
-Offers: `columns`, `csv_text`, `json_text`, `write_text`, `fixed`, `handy`.
-May import: data.
+Offers: `columns`, `csv_text`, `json_text`, `write_text`, `fixed`, `handy`, `symbol_html`, `style_rules`.
+May import: data, models, inference.problem, inference.results.
 """

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.models.specs import SPECS
 from fitball.observables import OBSERVABLES
 
 INCH = 0.0254
@@ -20,26 +22,12 @@ class Scale:
     factor: float
 
 
-# Multiples of SI that keep typical values between 0.1 and 1000.
-_MULTIPLES: Mapping[str, Scale] = {
-    "k_y": Scale("kN/m", 1e-3),
-    "force_misfit": Scale("%", 1e2),
-    "eps_10": Scale("mm", 1e3),
-    "eps_slope": Scale("mm/(m/s)", 1e3),
-    "cor_slope": Scale("1e-3 s/m", 1e3),
-    "offset": Scale("mm", 1e3),
-    "ball_mass": Scale("g", 1e3),
-    "ball_radius": Scale("mm", 1e3),
-}
-# The noise of a column reads in the unit of the column.
+# Other units than SI in which people read parameters and columns of a rebound, by name.
 HANDY: Mapping[str, Scale] = {
-    **_MULTIPLES,
-    **{
-        name: Scale(*item.shown)
-        for item in OBSERVABLES.values()
-        if item.shown is not None
-        for name in (item.name, item.noise.name)
-    },
+    item.name: Scale(*item.shown)
+    for registry in (SPECS, NOISE_SPECS, OBSERVABLES)
+    for item in registry.values()
+    if item.shown is not None
 }
 
 # Jafri (2004), Appendix B: inch, pound force, second; speeds in metres per second.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
+from fitball.report.form.palette import style_rules
 from fitball.version import __version__
 
 
@@ -16,4 +17,4 @@ def render_template(package: str, template: str, **context: object) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template(template).render(version=__version__, **context)
+    return environment.get_template(template).render(version=__version__, colours=style_rules(), **context)

@@ -15,17 +15,12 @@ from matplotlib.patches import Patch
 from fitball.inference.prediction.simulate import Simulation
 from fitball.models.history import History
 from fitball.models.types import PHASE_SYMBOL, Phase
-from fitball.report.figures.predictive import COLOURS, new_figure
+from fitball.report.figures.canvas import new_figure
+from fitball.report.form.palette import PHASES, SERIES
 from fitball.values import FloatArray
 
 # Pale, so that lines of any colour stand out.
-SHADES: Mapping[Phase, str] = {
-    Phase.SLIDE_FORWARD: "#FBE3D2",
-    Phase.SLIDE_BACKWARD: "#F5D0DF",
-    Phase.GRIP: "#D5EDE2",
-    Phase.HOLD: "#DCE3F5",
-    Phase.FREE: "#E8E8E8",
-}
+SHADES: Mapping[Phase, str] = dict(zip(Phase, PHASES, strict=True))
 ALL_PANELS = ("y", "v_y", "v_x", "slip", "normal_force", "friction_force")
 VERTICAL_PANELS = ("y", "v_y", "normal_force")
 LABELS: Mapping[str, str] = {
@@ -66,7 +61,7 @@ def history_figure(
     for axis, panel in zip(axes, shown, strict=False):
         if alone:
             _shade(axis, simulations[0].history)
-        for colour, simulation in zip(COLOURS, simulations, strict=False):
+        for colour, simulation in zip(SERIES, simulations, strict=False):
             DRAWN[panel](axis, simulation, colour, alone)
         axis.set_ylabel(LABELS[panel])
         axis.set_xlim(0.0, 1.0)
@@ -141,16 +136,14 @@ def _velocities(axis: Axes, simulation: Simulation, colour: str, alone: bool) ->
         _line(axis, simulation, "v_x", colour, alone)
         axis.plot(simulation.shares, history.radius * history.omega_2, color=colour, linestyle="--", linewidth=1.2)
         return
-    _line(axis, simulation, "v_x", COLOURS[0], alone, label="$v_x$")
-    _line(
-        axis, simulation, "omega_2", COLOURS[1], alone, history.radius, label=r"$R\,\omega_2$ shell", linestyle="--"
-    )
+    _line(axis, simulation, "v_x", SERIES[0], alone, label="$v_x$")
+    _line(axis, simulation, "omega_2", SERIES[1], alone, history.radius, label=r"$R\,\omega_2$ shell", linestyle="--")
     _line(axis, simulation, "omega_1", "0.25", alone, history.radius, label=r"$R\,\omega_1$ core", linestyle="-.")
     # What jumps at landing and at release shows as a gap between mark and line.
     for share, motion in ((0.0, history.landing.before), (1.0, history.release.after)):
         for value, colour_of, mark in (
-            (motion.v_x, COLOURS[0], "o"),
-            (history.radius * motion.omega_2, COLOURS[1], "s"),
+            (motion.v_x, SERIES[0], "o"),
+            (history.radius * motion.omega_2, SERIES[1], "s"),
         ):
             axis.plot(
                 share, value, mark, color=colour_of, markersize=5, markerfacecolor="white", clip_on=False, zorder=5
@@ -174,7 +167,7 @@ def _friction(axis: Axes, simulation: Simulation, colour: str, alone: bool) -> N
 def _forces(axis: Axes, simulation: Simulation, colour: str, alone: bool) -> None:
     """Both forces in one panel, as the thesis draws them."""
     _line(axis, simulation, "normal_force", colour, alone, label="normal force $F$")
-    other = COLOURS[1] if alone else colour
+    other = SERIES[1] if alone else colour
     _line(axis, simulation, "friction_force", other, alone, label="friction $F_x$", linestyle="--")
     if alone:
         axis.legend(loc="best", fontsize=8, frameon=True, framealpha=0.7)
@@ -211,7 +204,7 @@ def _legend(figure: Figure, simulations: Sequence[Simulation], caption: Sequence
     else:
         handles = [
             Line2D([], [], color=colour, linewidth=1.5, label=simulation.label)
-            for colour, simulation in zip(COLOURS, simulations, strict=False)
+            for colour, simulation in zip(SERIES, simulations, strict=False)
         ]
         if "v_x" in shown:
             handles.append(Line2D([], [], color="0.3", linestyle="--", linewidth=1.2, label=r"surface $R\,\omega_2$"))

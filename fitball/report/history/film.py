@@ -18,7 +18,8 @@ from PIL import Image
 from fitball.errors import ParameterError
 from fitball.inference.prediction.simulate import Simulation
 from fitball.models.types import PHASE_SYMBOL
-from fitball.report.figures.predictive import COLOURS, new_figure
+from fitball.report.figures.canvas import new_figure
+from fitball.report.form.palette import SERIES
 from fitball.report.form.atomic_write import write_whole
 from fitball.report.history.figure import SHADES
 from fitball.report.history.motion import IN_FLIGHT, Motion, motion, phase_of
@@ -38,7 +39,7 @@ SHELL, CORE, REACH = 0.86, 0.40, 0.42
 SPRINGS, TURNS, WIDTH = 6, 5, 0.05
 # Length of the arrow of the greatest force, in radii.
 ARROW = 1.2
-NORMAL, FRICTION = COLOURS[0], COLOURS[1]
+NORMAL, FRICTION = SERIES[0], SERIES[1]
 RPM = 30.0 / np.pi
 
 
@@ -98,8 +99,8 @@ class Film:
         self.springs = [Line2D([], [], color="0.45", linewidth=1.0, zorder=2) for _ in range(SPRINGS)]
         self.core = Circle((0.0, 0.0), CORE * radius, facecolor="0.75", edgecolor="0.2", zorder=3)
         # Marks by which one sees them turn.
-        self.on_shell = Line2D([], [], color=COLOURS[2], linewidth=3.5, solid_capstyle="butt", zorder=3)
-        self.on_core = Line2D([], [], color=COLOURS[2], linewidth=3.0, zorder=4)
+        self.on_shell = Line2D([], [], color=SERIES[2], linewidth=3.5, solid_capstyle="butt", zorder=3)
+        self.on_core = Line2D([], [], color=SERIES[2], linewidth=3.0, zorder=4)
         self.arrows = [
             FancyArrowPatch((0, 0), (0, 0), color=colour, linewidth=2.2, arrowstyle="-|>", mutation_scale=12,
                             shrinkA=0.0, shrinkB=0.0, zorder=5)
@@ -231,7 +232,7 @@ def _palette(pictures: Sequence[Image.Image]) -> Image.Image:
     """Colours for all frames: those of a few instants, and those that mean something, however little they cover."""
     sample = [pictures[k] for k in np.linspace(0, len(pictures) - 1, 5).astype(int)]
     width, height = sample[0].size
-    named = [*COLOURS, *SHADES.values(), RUBBER]
+    named = [*SERIES, *SHADES.values(), RUBBER]
     together = Image.new("RGB", (width, height * len(sample) + SWATCH * len(named)))
     for k, picture in enumerate(sample):
         together.paste(picture, (0, k * height))

@@ -19,7 +19,8 @@ from scipy.ndimage import distance_transform_edt
 from fitball.inference.prediction.regime_map import NONE, RegimeMap, Sure
 from fitball.models.types import STATUS_REASON, Status, regime_name
 from fitball.observables import OBSERVABLES
-from fitball.report.figures.predictive import COLOURS, new_figure
+from fitball.report.figures.canvas import new_figure
+from fitball.report.form.palette import REGIMES
 from fitball.report.figures.regimes import OTHERS, regime_colours
 from fitball.report.form.display_units import output_scale
 from fitball.values import FloatArray, Impacts
@@ -62,7 +63,7 @@ def areas(found: RegimeMap) -> Areas:
     """Sequences by area, the largest first; the rare ones as one, what has no solution last."""
     shares = {name or NO_SOLUTION: share for name, share in found.areas.items()}
     unsolved = shares.pop(NO_SOLUTION, 0.0)
-    named = [name for name, share in shares.items() if share >= LEAST_AREA][: len(COLOURS)]
+    named = [name for name, share in shares.items() if share >= LEAST_AREA][: len(REGIMES)]
     rest = sum(share for name, share in shares.items() if name not in named)
     names = [*named, *([OTHERS] if rest > 0.0 else [])]
     colours = [_pale(colour) for colour in regime_colours(names)]

@@ -14,6 +14,7 @@ import numpy as np
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.quantiles import SUMMARY
 from fitball.inference.results.results import Estimate, Fit, Golden
+from fitball.inference.thesis.published_cases import wang_rows
 from fitball.report.form.display_units import THESIS
 from fitball.report.form.json_text import json_text
 from fitball.report.saved import fit_file as parts
@@ -29,6 +30,7 @@ def fit_file(fit: Fit) -> parts.FitFile:
     """The content of `fit.json`, all numbers in SI at full precision."""
     problem = fit.problem
     table = problem.table
+    theirs = wang_rows(table) is not None
     return parts.FitFile(
         schema_version=parts.SCHEMA_VERSION,
         kind=parts.KIND,
@@ -39,7 +41,7 @@ def fit_file(fit: Fit) -> parts.FitFile:
         ball=part(parts.BallPart, problem.model.ball),
         table=parts.TablePart(table.name, Path(table.source).name, table.digest, len(table), table.flipped),
         notes=(*table.remarks, *fit.notes),
-        parameters={estimate.name: _parameter(estimate) for estimate in fit.estimates},
+        parameters={estimate.name: _parameter(estimate, theirs) for estimate in fit.estimates},
         covariance=_matrix(problem.free_names, fit.covariance),
         correlation=_matrix(problem.free_names, fit.correlation),
         noise={name: fit.point.values[name] for name in fit.point.values if name in NOISE_SPECS},
@@ -74,8 +76,9 @@ def fit_text(fit: Fit) -> str:
     return json_text(plain(fit_file(fit)))
 
 
-def _parameter(estimate: Estimate) -> parts.ParameterPart:
-    scale = THESIS.get(estimate.name)
+def _parameter(estimate: Estimate, theirs: bool) -> parts.ParameterPart:
+    """A parameter, and where the data are the thesis's (`theirs`) its numbers in the unit of the thesis."""
+    scale = THESIS.get(estimate.name) if theirs else None
     if scale is None:
         return part(parts.ParameterPart, estimate, thesis_units=msgspec.UNSET)
     numbers = {name: getattr(estimate, name) for name in ("point", *SUMMARY)}

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from fitball.report.figures.predictive import COLOURS, new_figure
+from fitball.report.figures.canvas import new_figure
+from fitball.report.form.palette import GUIDE, SERIES
 from fitball.studies.bench.measure import Bench
 
 # Errors below this are drawn at it: zero has no logarithm.
@@ -26,8 +27,8 @@ def figure(bench: Bench) -> Figure:
                 continue
             panel.loglog(
                 rows["largest error"].clip(lower=FLOOR), rows["microseconds"], f"{MARKS[k % len(MARKS)]}-",
-                color=COLOURS[k % len(COLOURS)] if k < len(COLOURS) else "0.4", markersize=6, linewidth=1,
-                markerfacecolor=COLOURS[k % len(COLOURS)] if k < 3 else "none", label=solver,
+                color=SERIES[k % len(SERIES)] if k < len(SERIES) else GUIDE, markersize=6, linewidth=1,
+                markerfacecolor=SERIES[k % len(SERIES)] if k < 3 else "none", label=solver,
             )  # fmt: skip
         panel.set_title(name, fontsize=11)
         panel.grid(alpha=0.3)

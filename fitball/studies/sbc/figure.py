@@ -9,7 +9,8 @@ from scipy.stats import binom
 
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.models.registry import parameter_spec
-from fitball.report.figures.predictive import COLOURS, new_figure
+from fitball.report.figures.canvas import new_figure
+from fitball.report.form.palette import MODEL, POOR
 from fitball.studies.sbc.summary import VALUES, ModelFinding, QuantityFinding
 from fitball.studies.sbc.uniformity import NullDistribution, bins_for, empirical, null_distribution
 
@@ -56,7 +57,7 @@ def _histogram(axis: Axes, quantity: QuantityFinding) -> None:
     low, high = (float(binom.ppf(level, quantity.ranks.size, 1.0 / bins)) for level in (0.025, 0.975))
     axis.axhspan(low, high, color="0.85", linewidth=0)
     axis.axhline(quantity.ranks.size / bins, color="0.5", linewidth=0.8)
-    axis.stairs(counts, np.linspace(0.0, 1.0, bins + 1), fill=True, color=COLOURS[0], alpha=0.7)
+    axis.stairs(counts, np.linspace(0.0, 1.0, bins + 1), fill=True, color=MODEL, alpha=0.7)
     axis.set_ylim(0.0, 1.15 * max(float(counts.max()), high))
     axis.set_ylabel("replicates", fontsize=9)
     axis.set_title(_symbol(quantity.name) + ("" if quantity.holds else ": NOT uniform"), fontsize=10)
@@ -68,6 +69,6 @@ def _difference(axis: Axes, quantity: QuantityFinding, null: NullDistribution) -
     axis.fill_between(place, low - place, high - place, color="0.85", linewidth=0)
     axis.axhline(0.0, color="0.5", linewidth=0.8)
     distribution = empirical(quantity.ranks[None, :], VALUES)[0] / quantity.ranks.size
-    axis.plot(place, distribution - place, color=COLOURS[0] if quantity.holds else COLOURS[1], linewidth=1.2)
+    axis.plot(place, distribution - place, color=MODEL if quantity.holds else POOR.light, linewidth=1.2)
     axis.set_title(f"{_symbol(quantity.name)}: p = {quantity.ecdf_p:.2g}", fontsize=10)
     axis.set_ylabel("difference", fontsize=9)

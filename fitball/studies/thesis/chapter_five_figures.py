@@ -12,8 +12,10 @@ from matplotlib.lines import Line2D
 from fitball.data.thesis_tables import fraction, thesis_table
 from fitball.data.wang import SPINS, measured
 from fitball.inference.thesis.inputs import C1, C2, INCH, STIFFNESS, TORSION, case_parameters, printed_model
+from fitball.models.specs import SPECS
 from fitball.models.thesis.model import ThesisCourse
-from fitball.report.figures.predictive import COLOURS, MARKERS, new_figure
+from fitball.report.figures.canvas import log_scale, new_figure
+from fitball.report.form.palette import MARKERS, SERIES
 from fitball.studies.thesis.appendix_d import CASE_IN_APPENDIX_C, percentage_errors
 from fitball.studies.thesis.chapter_five import ChapterFive
 from fitball.studies.thesis.printed_tables import INPUT_HEADS, USED_IN_EXAMPLE_2, examples, figures_36_to_44
@@ -69,7 +71,7 @@ def glance_figure(fits: Mapping[str, Recalibration]) -> Figure:
     left, middle, right = figure.subplots(1, 3)
     speeds = np.linspace(4.0, 17.0, 60)
     rng = np.random.default_rng(0)
-    for colour, (name, item) in zip(COLOURS, fits.items(), strict=False):
+    for colour, (name, item) in zip(SERIES, fits.items(), strict=False):
         draws = rng.choice(item.column("k_y").size, 1500, replace=False)
         k_theta = item.column("k_theta")[draws] / TORSION
         for axis, across in (
@@ -86,15 +88,12 @@ def glance_figure(fits: Mapping[str, Recalibration]) -> Figure:
             cases, place = ", ".join(rows["case"].astype(str)), (fraction(str(value)), rows[K_THETA].iloc[0])
             axis.plot(*place, "kx", markersize=8, markeredgewidth=1.6)
             axis.annotate(cases, place, textcoords="offset points", xytext=(0, 7), ha="center", fontsize=9)
-    for axis, label in ((left, "$k_y$ [lb/in]"), (middle, "$M_1/M$")):
-        axis.set_yscale("log")
-        axis.set_ylim(20, 2500)
-        axis.set_ylabel(r"$k_\theta$ [lb in/rad]")
+    for axis, label in ((left, f"{SPECS['k_y'].label} [lb/in]"), (middle, SPECS["mass_ratio"].label)):
+        log_scale(axis, 20.0, 2500.0, "y")
+        axis.set_ylabel(f"{SPECS['k_theta'].label} [lb in/rad]")
         axis.set_xlabel(label)
         axis.grid(alpha=0.3)
-    left.set_xscale("log")
-    left.set_xticks([50, 70, 100, 150, 200], ["50", "70", "100", "150", "200"])
-    left.minorticks_off()
+    log_scale(left, *left.get_xlim())
     first = next(iter(fits.values())).fit
     balance = first.balances.offset
     groups = first.problem.table.labels["group"]
@@ -127,7 +126,7 @@ def chapter_v_figure() -> Figure:
         for row, (output, (name, unit)) in enumerate(NAMES.items()):
             axis: Axes = grid[row][column]
             for case in CASE_IN_APPENDIX_C:
-                colour = COLOURS[case - 1]
+                colour = SERIES[case - 1]
                 mine = points[(points["spin"] == spin) & (points["case"] == case)]
                 axis.plot(
                     mine["theta_1 [deg]"],
@@ -175,11 +174,11 @@ def transition_figure() -> Figure:
     used = recomputed[recomputed["inputs"] == "used"][INPUT_HEADS].to_numpy()
     for axis, inputs, row in zip(figure.subplots(1, 2), used, printed, strict=True):
         share, course = _example(*inputs)
-        axis.plot(share, course.v_x, color=COLOURS[0], label="$V_x$ of the centre")
-        axis.plot(share, course.surface, color=COLOURS[1], linestyle="--", label=r"$R\,\omega_2$ of the surface")
-        axis.plot(1.0, row["v_x2 [m/s]"], "o", color=COLOURS[0], markerfacecolor="none", clip_on=False)
+        axis.plot(share, course.v_x, color=SERIES[0], label="$V_x$ of the centre")
+        axis.plot(share, course.surface, color=SERIES[1], linestyle="--", label=r"$R\,\omega_2$ of the surface")
+        axis.plot(1.0, row["v_x2 [m/s]"], "o", color=SERIES[0], markerfacecolor="none", clip_on=False)
         axis.plot(
-            1.0, row["omega_2 [rad/s]"] * 1.3 * INCH, "s", color=COLOURS[1], markerfacecolor="none", clip_on=False
+            1.0, row["omega_2 [rad/s]"] * 1.3 * INCH, "s", color=SERIES[1], markerfacecolor="none", clip_on=False
         )
         if row["transition"]:
             axis.axvline(float(row["transition"]), color="0.3", linestyle=":", linewidth=1.0)
@@ -198,7 +197,7 @@ def offset_figure() -> Figure:
     """Effect of the offset on rolling."""
     figure = new_figure(6.5, 4.2)
     axis = figure.subplots()
-    for colour, offset in zip(COLOURS, (0.0, 0.25, 0.5), strict=False):
+    for colour, offset in zip(SERIES, (0.0, 0.25, 0.5), strict=False):
         share, course = _example(*USED_IN_EXAMPLE_2, eps_10=offset * INCH, eps_slope=0.0)
         rolling = share * course.contact_time >= course.transition
         axis.plot(share[rolling], course.omega_2[rolling], color=colour, label=f"offset {offset:g} in")
@@ -234,7 +233,7 @@ def error_figure(chapter: ChapterFive) -> Figure:
         for row, (output, (name, _unit)) in enumerate(NAMES.items()):
             axis: Axes = grid[row][column]
             for k, (label, errors) in enumerate(bars.items()):
-                colour = "black" if k == 3 else COLOURS[k]
+                colour = "black" if k == 3 else SERIES[k]
                 axis.bar(np.arange(7) + 0.2 * (k - 1.5), errors[output], 0.2, color=colour, label=label)
             axis.axhline(0.0, color="0.3", linewidth=0.8)
             axis.set_xticks(np.arange(7), [f"{value:.0f}" for value in angle])

@@ -1,0 +1,152 @@
+"""An empty figure with panels in a grid, and what all figures draw alike: groups, log axes, legends."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
+from numpy.typing import NDArray
+
+from fitball.report.figures.shown import ShownFigure
+from fitball.report.form.palette import MEASURED, series_style
+
+# Impacts that a figure draws one by one: more are a blot, and cost more memory than the fit.
+MOST_POINTS = 4000
+# Digits of a decade that may stand at a log axis, from few to many.
+DIGITS = (
+    (1.0,), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 5.0, 7.0), tuple(0.5 * k for k in range(2, 20)),
+    tuple(0.1 * k for k in range(10, 100)), tuple(0.02 * k for k in range(50, 500)),
+)  # fmt: skip
+LEAST_TICKS, MOST_TICKS, MOST_UNNAMED = 3, 5, 40
+# Groups named in a legend.
+MOST_NAMED = 12
+
+
+def new_figure(width: float, height: float, layout: Literal["constrained"] | None = "constrained") -> Figure:
+    """An empty figure on the raster canvas, without any global state."""
+    figure = ShownFigure(figsize=(width, height), layout=layout)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Inches left of, right of, above and below a grid of panels, and between its columns and rows."""
+
+    left: float = 0.75
+    right: float = 0.15
+    top: float = 0.55
+    bottom: float = 0.95
+    across: float = 0.15
+    down: float = 0.15
+
+
+def panels(
+    rows: int, columns: int, cell: tuple[float, float], margins: Margins, widths: Sequence[float] = ()
+) -> tuple[Figure, NDArray[Any]]:
+    """A figure with axes (rows, columns), each `cell` inches wide and high; `widths` are shares of the columns.
+
+    Places are set once: letting a layout engine search for them takes longer than all drawing.
+    """
+    width = cell[0] * columns + margins.across * (columns - 1)
+    height = cell[1] * rows + margins.down * (rows - 1)
+    whole = (width + margins.left + margins.right, height + margins.top + margins.bottom)
+    figure = new_figure(*whole, layout=None)
+    axes = figure.subplots(
+        rows, columns, squeeze=False, width_ratios=list(widths) or None,
+        gridspec_kw={
+            "left": margins.left / whole[0], "right": 1.0 - margins.right / whole[0],
+            "bottom": margins.bottom / whole[1], "top": 1.0 - margins.top / whole[1],
+            "wspace": margins.across / cell[0], "hspace": margins.down / cell[1],
+        },
+    )  # fmt: skip
+    return figure, axes
+
+
+def heading(figure: Figure, text: str) -> None:
+    """A title a little below the upper edge."""
+    figure.suptitle(text, y=1.0 - 0.08 / figure.get_figheight(), va="top", fontsize=12)
+
+
+def legend_room(count: int, columns: int) -> float:
+    """Inches below the panels for labels of the axis and a legend of so many entries."""
+    return 0.62 + 0.19 * -(-count // min(columns, count))
+
+
+def legend_below(figure: Figure, handles: Sequence[Any], labels: Sequence[str], columns: int = 4) -> None:
+    """A legend at the lower edge."""
+    figure.legend(
+        handles, labels, loc="lower center", bbox_to_anchor=(0.5, 0.03 / figure.get_figheight()), frameon=False,
+        ncols=min(columns, max(1, len(labels))), fontsize=9,
+    )  # fmt: skip
+
+
+def shown_rows(rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Of `rows` those that a figure draws, evenly spread; all of them if it can."""
+    count = len(rows)
+    places = np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(np.int64)
+    return np.asarray(rows[np.unique(places)])
+
+
+def group_styles(groups: Sequence[str]) -> Mapping[str, tuple[str, str]]:
+    """Colour and marker of each group; impacts without groups are all `MEASURED` dots."""
+    names = sorted(set(groups))
+    return {"": (MEASURED, "o")} if names == [""] else {name: series_style(k) for k, name in enumerate(names)}
+
+
+def log_ticks(low: float, high: float) -> tuple[list[float], list[float]]:
+    """Round numbers between two positive ones, three to five, and finer ones between which nothing is written."""
+    found = [_within(low, high, digits) for digits in DIGITS]
+    k = next((k for k, ticks in enumerate(found) if len(ticks) >= LEAST_TICKS), len(found) - 1)
+    named = found[k]
+    while len(named) > MOST_TICKS:
+        named = named[::2]
+    finer = found[max(k, 1) + 1 :]
+    unnamed = next((ticks for ticks in finer if len(ticks) > 2 * len(named)), found[-1])
+    return named, _apart(unnamed, named, (high / low) ** (1.0 / MOST_UNNAMED))
+
+
+def _apart(ticks: Sequence[float], named: Sequence[float], ratio: float) -> list[float]:
+    """Those of `ticks` that keep a distance from each other and from those `named`."""
+    kept: list[float] = []
+    for tick in ticks:
+        if all(max(tick / other, other / tick) >= ratio for other in (*kept[-1:], *named)):
+            kept.append(tick)
+    return kept
+
+
+def _within(low: float, high: float, digits: Sequence[float]) -> list[float]:
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    return [
+        float(f"{digit * 10.0**decade:.6g}")
+        for decade in decades
+        for digit in digits
+        if low <= digit * 10.0**decade <= high
+    ]
+
+
+def log_scale(axis: Axes, low: float, high: float, which: Literal["x", "y"] = "x") -> None:
+    """Make an axis from `low` to `high` logarithmic and let it look so: unevenly spaced ticks, few of them named."""
+    named, unnamed = log_ticks(low, high)
+    if which == "x":
+        axis.set_xscale("log")
+    else:
+        axis.set_yscale("log")
+    side = axis.xaxis if which == "x" else axis.yaxis
+    side.set_major_locator(FixedLocator(named))
+    side.set_minor_locator(FixedLocator(unnamed))
+    side.set_major_formatter(StrMethodFormatter("{x:g}"))
+    side.set_minor_formatter(NullFormatter())
+    (axis.set_xlim if which == "x" else axis.set_ylim)(low, high)
+
+
+def counted(count: int) -> str:
+    """Which impacts a figure shows, for its title; nothing when it shows all."""
+    return f" ({MOST_POINTS:,} of {count:,} impacts)" if count > MOST_POINTS else ""

@@ -1,0 +1,100 @@
+"""What was measured, as figures draw it: outputs with noise, by impact, where there is a measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.inference.problem.observables import Observable
+from fitball.inference.results.results import ObservablePrediction
+from fitball.observables import OBSERVABLES
+from fitball.report.figures.drawable import Drawable
+from fitball.report.form.display_units import output_scale
+from fitball.values import FloatArray
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Measured values of one output and the sd of their noise, in the unit in which people read it, at the impacts
+    `rows` of the table.
+    """
+
+    rows: NDArray[np.int64]
+    values: FloatArray
+    sd: FloatArray
+
+
+def axis_label(symbol: str, unit: str) -> str:
+    """A symbol with its unit in brackets."""
+    return f"{symbol} [{unit}]" if unit else symbol
+
+
+def output_label(name: str) -> str:
+    """Symbol and unit of a column of a rebound."""
+    return axis_label(OBSERVABLES[name].symbol, output_scale(name).unit)
+
+
+def group_of(fit: Drawable) -> tuple[str, ...]:
+    """The group of each impact, empty where the table has none."""
+    labels = fit.problem.groups
+    return labels if labels is not None else ("",) * len(fit.problem.table)
+
+
+def prediction_of(fit: Drawable, observable: Observable) -> ObservablePrediction | None:
+    """What the posterior says of a column; None for a point fit."""
+    if fit.predictive is None:
+        return None
+    return next(item for item in fit.predictive.observables if item.name == observable.name)
+
+
+def measured_rows(observable: Observable) -> NDArray[np.int64]:
+    """Impacts of the table at which the column was measured, one for each of its entries that is a number."""
+    entries = np.flatnonzero(np.isfinite(observable.observed))
+    return entries if observable.rows is None else np.asarray(observable.rows[entries])
+
+
+def measured_part(observable: Observable, array: FloatArray) -> FloatArray:
+    """Of an array (..., entries) of the column, or (..., impacts) of the table, what belongs to `measured_rows`."""
+    entries = np.flatnonzero(np.isfinite(observable.observed))
+    if observable.rows is not None and array.shape[-1] != observable.observed.size:
+        return np.asarray(array[..., observable.rows[entries]])
+    return np.asarray(array[..., entries])
+
+
+def noise_sd(fit: Drawable, observable: Observable) -> FloatArray:
+    """Standard deviation of the noise at `measured_rows`: the posterior's median, or at the point estimate."""
+    prediction = prediction_of(fit, observable)
+    if prediction is not None:
+        return measured_part(observable, prediction.sd)
+    spread = observable.sds(fit.point.values, fit.point.rebound)
+    return measured_part(observable, np.broadcast_to(spread, (1, observable.observed.size))[0])
+
+
+def measured_outputs(fit: Drawable) -> Mapping[str, Measured]:
+    """Outputs as measured; speed and angle follow from components, with their noise, where they were not."""
+    raw = {
+        item.name: Measured(measured_rows(item), measured_part(item, item.observed), noise_sd(fit, item))
+        for item in fit.problem.observables
+    }
+    if {"v_x2", "v_y2"} <= raw.keys():
+        raw = {**_from_components(raw["v_x2"], raw["v_y2"]), **raw}
+    scales = {name: output_scale(name).factor for name in raw}
+    return {
+        name: Measured(raw[name].rows, raw[name].values * scales[name], raw[name].sd * scales[name])
+        for name in OBSERVABLES
+        if name in raw
+    }
+
+
+def _from_components(along: Measured, up: Measured) -> dict[str, Measured]:
+    """Speed and angle, with the noise of the components along and across the flight."""
+    rows, mine, other = np.intersect1d(along.rows, up.rows, return_indices=True)
+    v_x, v_y, x_sd, y_sd = along.values[mine], up.values[other], along.sd[mine], up.sd[other]
+    speed = np.hypot(v_x, v_y)
+    return {
+        "v_2": Measured(rows, speed, np.hypot(x_sd * v_x, y_sd * v_y) / speed),
+        "theta_2": Measured(rows, np.arctan2(v_y, v_x), np.hypot(x_sd * v_y, y_sd * v_x) / speed**2),
+    }
