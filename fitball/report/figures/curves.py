@@ -36,7 +36,7 @@ def curves_figure(fit: Drawable) -> Figure:
     columns = curve_columns(fit)
     points = measured_outputs(fit)
     wide = CELL if len(columns) > 1 else (5.0, 1.9)
-    figure, axes = panels(len(points), len(columns), wide, Margins(top=0.85, bottom=1.3))
+    figure, axes = panels(len(points), len(columns), wide, Margins(top=0.7, bottom=1.15 if len(columns) > 1 else 1.6))
     place, groups = impacts_along(fit), np.array(group_of(fit))
     for k, column in enumerate(columns):
         for axis, (name, item) in zip(axes[:, k], points.items(), strict=True):

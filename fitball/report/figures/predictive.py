@@ -17,6 +17,7 @@ from fitball.report.figures.canvas import (
     group_styles,
     heading,
     legend_below,
+    legend_room,
     panels,
     shown_rows,
 )
@@ -39,7 +40,9 @@ def predictive_figure(fit: Drawable) -> Figure:
     rows = -(-len(items) // columns)
     groups = group_of(fit)
     styles = group_styles(groups)
-    figure, axes = panels(rows, columns, CELL, Margins(left=0.75, across=0.8, down=0.85, top=0.7, bottom=1.25))
+    entries = min(len(styles), MOST_NAMED) + 1 + (fit.predictive is not None)
+    room = legend_room(entries, columns)
+    figure, axes = panels(rows, columns, CELL, Margins(across=0.8, down=0.85, top=0.65 if columns > 1 else 0.85, bottom=room))
     for axis, item in zip(axes.ravel(), items, strict=False):
         _draw(axis, item, groups, styles)
     for axis in axes.ravel()[len(items) :]:
@@ -55,7 +58,7 @@ def predictive_figure(fit: Drawable) -> Figure:
         labels.append("95 %: the model, by its parameters")
     handles.append(Line2D([], [], color=NOISE, linewidth=4, solid_capstyle="butt"))
     labels.append("95 %: a new measurement, with noise")
-    legend_below(figure, handles, labels, 1 if columns == 1 else columns)
+    legend_below(figure, handles, labels, columns)
     title = f"{fit.problem.model.name} on {fit.problem.table.name}:"
     words = f"measured against predicted{counted(len(groups))}"
     heading(figure, f"{title} {words}" if columns > 1 else f"{title}\n{words}")
@@ -74,7 +77,7 @@ def _draw(axis: Axes, item: Agreement, groups: tuple[str, ...], styles: Styles) 
             continue
         if many:
             places, sides = interval_band(item, interval)
-            axis.fill_between(places, *sides, color=colour, alpha=0.55, linewidth=0, zorder=4)
+            axis.fill_between(places, *sides, color=colour, alpha=0.9, linewidth=0, zorder=2)
         else:
             axis.vlines(item.predicted, *interval, color=colour, linewidth=width, zorder=2)
     label = np.array(groups)[item.rows]
@@ -83,7 +86,7 @@ def _draw(axis: Axes, item: Agreement, groups: tuple[str, ...], styles: Styles) 
         mine = drawn[label[drawn] == group]
         axis.plot(
             item.predicted[mine], item.measured[mine], marker, color=colour, markersize=2.0 if many else 4.5,
-            alpha=0.35 if many else 1.0, markeredgewidth=0.0 if many else 0.5,
+            alpha=0.2 if many else 1.0, markeredgewidth=0.0 if many else 0.5,
             markeredgecolor="white", zorder=3,
         )  # fmt: skip
     axis.set_xlim(*ends)
