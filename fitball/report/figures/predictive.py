@@ -42,7 +42,9 @@ def predictive_figure(fit: Drawable) -> Figure:
     styles = group_styles(groups)
     entries = min(len(styles), MOST_NAMED) + 1 + (fit.predictive is not None)
     room = legend_room(entries, columns)
-    figure, axes = panels(rows, columns, CELL, Margins(across=0.8, down=0.85, top=0.65 if columns > 1 else 0.85, bottom=room))
+    figure, axes = panels(
+        rows, columns, CELL, Margins(across=0.8, down=0.85, top=0.65 if columns > 1 else 0.85, bottom=room)
+    )
     for axis, item in zip(axes.ravel(), items, strict=False):
         _draw(axis, item, groups, styles)
     for axis in axes.ravel()[len(items) :]:

@@ -28,7 +28,11 @@ def page_figures(
             continue
         figure = figures[name]
         form = "png" if text.raster or impacts > MOST_VECTOR else "svg"
-        shown = embed(figure, text.caption, alt[name]) if form == "svg" else _from_file(folder / f"{name}.png", text, alt[name])
+        shown = (
+            embed(figure, text.caption, alt[name])
+            if form == "svg"
+            else _from_file(folder / f"{name}.png", text, alt[name])
+        )
         sections[text.section].append(shown)
     return sections
 

@@ -19,8 +19,8 @@ from fitball.errors import ParameterError
 from fitball.inference.prediction.simulate import Simulation
 from fitball.models.types import PHASE_SYMBOL
 from fitball.report.figures.canvas import new_figure
-from fitball.report.form.palette import SERIES
 from fitball.report.form.atomic_write import write_whole
+from fitball.report.form.palette import SERIES
 from fitball.report.history.figure import SHADES
 from fitball.report.history.motion import IN_FLIGHT, Motion, motion, phase_of
 from fitball.values import FloatArray

@@ -20,9 +20,9 @@ from fitball.inference.prediction.regime_map import NONE, RegimeMap, Sure
 from fitball.models.types import STATUS_REASON, Status, regime_name
 from fitball.observables import OBSERVABLES
 from fitball.report.figures.canvas import new_figure
-from fitball.report.form.palette import REGIMES
 from fitball.report.figures.regimes import OTHERS, regime_colours
 from fitball.report.form.display_units import output_scale
+from fitball.report.form.palette import REGIMES
 from fitball.values import FloatArray, Impacts
 
 # Areas below this share of the map share a colour, as do those for which there is none left.
