@@ -58,11 +58,13 @@ def _rounded(value: float, tolerance: float) -> float:
     return round(round(value / step) * step, 12)
 
 
-def _near(problem: Problem, rows: NDArray[np.int64], speed: float, spin: float) -> NDArray[np.int64]:
+def _near(
+    problem: Problem, rows: NDArray[np.int64], speed: float, spin: float, share: float = NEAR
+) -> NDArray[np.int64]:
     impacts, radius = problem.impacts, problem.model.ball.radius
     apart = np.abs(np.hypot(impacts.v_x1[rows], impacts.v_y1[rows]) - speed)
     turning = radius * np.abs(impacts.omega_1[rows] - spin)
-    return rows[np.maximum(apart, turning) <= NEAR * speed]
+    return rows[np.maximum(apart, turning) <= share * speed]
 
 
 def _crowds(
@@ -73,11 +75,13 @@ def _crowds(
     chosen: list[tuple[str, tuple[float, float, NDArray[np.int64]]]] = []
     while left and len(chosen) < MOST_CURVES:
         best = max(((label, _crowd(problem, rows)) for label, rows in left.items()), key=lambda item: item[1][2].size)
-        label, (_speed, _spin, near) = best
+        label, (speed, spin, near) = best
         if chosen and near.size < FEWEST:
             break
         chosen.append(best)
-        rest = np.setdiff1d(left.pop(label), near)
+        # What lies a little further off would make another curve like this one.
+        rows = left.pop(label)
+        rest = np.setdiff1d(rows, _near(problem, rows, speed, spin, 2.0 * NEAR))
         # Of several surfaces each has one curve.
         if len(levels) == 1 and rest.size:
             left[label] = rest

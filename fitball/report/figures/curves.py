@@ -108,7 +108,7 @@ def _same_height(row: NDArray[Any], item: Measured, bands: list[FloatArray]) -> 
 def _legend(figure: Figure, fit: Drawable, groups: NDArray[np.str_]) -> None:
     styles = group_styles(tuple(groups))
     handles: list[Any] = [Line2D([], [], color=MODEL, linewidth=1.4)]
-    labels = ["model (dotted: beyond the impacts near)"]
+    labels = ["model (dotted: beyond the impacts near)" if fit.problem.table.has_tangential else "model"]
     if fit.predictive is not None:
         handles.append(Patch(color=MODEL, alpha=0.3, linewidth=0))
         labels.append("its 68 and 95 % bands, without noise")

@@ -14,7 +14,7 @@ from fitball.values import FloatArray
 
 WITHIN = 1.959963984540054
 # A quantity whose values lie as near to each other as this share of the largest does not differ.
-ALIKE = 1e-6
+ALIKE = 1e-3
 
 
 @dataclass(frozen=True)
