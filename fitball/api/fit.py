@@ -94,8 +94,8 @@ class Fit(Found):
 
         `data` is a data frame, a path or bundled name, an `ImpactTable`, `Impacts`, or texts such as `"v=38 mph,
         theta=18 deg, spin=950 rpm top"`; for `units`, `flip` and `columns` see `calibrate`. `v_x2_mean_q025 [m/s]`
-        and its like are quantiles of the rebound itself, `v_x2_data_q025 [m/s]` of a new measurement. Where the sds of
-        the incident state are stated both contain it, unless `exact_incidence`. Rebound columns of `data` come back as
+        and the like are quantiles of the rebound itself, `v_x2_data_q025 [m/s]` of a measurement. Where sds of the
+        incident state are stated both contain it, unless `exact_incidence`. Rebound columns of `data` come back as
         `v_x2_measured` with residuals. What one should know of it is in `.attrs["notes"]`.
 
         >>> fit.predict("v=17, theta=25, spin=100")["v_x2_median [m/s]"].round(1).tolist()

@@ -13,7 +13,7 @@ from fitball.inference.results.results import Estimate, Verdict
 from fitball.models.registry import parameter_spec
 from fitball.report.form.csv import csv_text
 from fitball.report.form.display_units import THESIS, Scale
-from fitball.report.saved.saved_fit import SavedFit, SavedParameter
+from fitball.report.saved.saved_fit import SavedFit
 from fitball.version import __version__
 
 SCHEMA_VERSION = 1
@@ -32,7 +32,9 @@ def parameter_content(saved: SavedFit) -> dict[str, Any]:
         "model": {"name": saved.fitted.model_name, "closures": dict(saved.fitted.options)},
         "ball": dict(content["ball"]),
         "table": dict(content["table"]),
-        "parameters": {name: _parameter(parameter) for name, parameter in saved.parameters.items()},
+        "parameters": {
+            name: _parameter(parameter, _thesis_scale(saved, name)) for name, parameter in saved.parameters.items()
+        },
     }
     if content["levels"]:
         parameter_set["levels"] = _levels(content["levels"])
@@ -59,7 +61,7 @@ def role(name: str) -> str:
     return "noise" if name in NOISE_SPECS else "model" if parameter_spec(name) is not None else "group"
 
 
-def _parameter(parameter: Estimate) -> dict[str, Any]:
+def _parameter(parameter: Estimate, scale: Scale | None) -> dict[str, Any]:
     content: dict[str, Any] = {
         "role": role(parameter.name),
         "unit": parameter.unit,
@@ -71,16 +73,15 @@ def _parameter(parameter: Estimate) -> dict[str, Any]:
     if parameter.given:
         content["given"] = list(parameter.given)
     content |= {name: getattr(parameter, name) for name in NUMBERS if getattr(parameter, name) is not None}
-    scale = _thesis_scale(parameter)
     if scale is not None:
         numbers = {name: content[name] * scale.factor for name in NUMBERS if name in content}
         content["thesis"] = {"unit": scale.unit} | numbers
     return content
 
 
-def _thesis_scale(parameter: SavedParameter) -> Scale | None:
+def _thesis_scale(saved: SavedFit, name: str) -> Scale | None:
     """The thesis's unit of a parameter that was fitted to the thesis's data."""
-    return None if parameter.thesis_units is UNSET else THESIS[parameter.name]
+    return None if saved.file.parameters[name].thesis_units is UNSET else THESIS[name]
 
 
 def toml_text(saved: SavedFit) -> str:
@@ -92,13 +93,13 @@ def toml_text(saved: SavedFit) -> str:
 def parameter_table(saved: SavedFit) -> str:
     """CSV: one row per parameter, in SI; where the data are the thesis's also in its units."""
     rows: list[dict[str, object]] = []
-    theirs = any(_thesis_scale(parameter) is not None for parameter in saved.parameters.values())
+    theirs = any(_thesis_scale(saved, name) is not None for name in saved.parameters)
     for parameter in saved.parameters.values():
         row: dict[str, object] = {"parameter": parameter.name, "role": role(parameter.name), "unit": parameter.unit}
         row |= {name: getattr(parameter, name) for name in NUMBERS}
         row["verdict"] = parameter.verdict_words
         if theirs:
-            scale = _thesis_scale(parameter)
+            scale = _thesis_scale(saved, parameter.name)
             row["thesis_unit"] = None if scale is None else scale.unit
             for name in NUMBERS:
                 value = getattr(parameter, name)

@@ -8,10 +8,10 @@ from markupsafe import Markup
 
 from fitball.inference.results.evidence import InformationEvidence, Profile
 from fitball.inference.results.results import Fit
+from fitball.report.fit.summary import parameter_symbols
 from fitball.report.form.display_units import Scale, handy
 from fitball.report.form.palette import verdict_mark
 from fitball.report.form.rounding import decimals, fixed, significant
-from fitball.report.form.symbols import symbol_html
 
 # Ratio of the ends of an interval from which each has digits of its own.
 WIDE = 20.0
@@ -53,6 +53,7 @@ def evidence_rows(fit: Fit) -> EvidenceTable:
     remarks = list(fit.identifiability.eigendirections.sentences)
     if fit.identifiability.profiles_missing:
         remarks.append(f"there are no profiles: {fit.identifiability.profiles_missing}")
+    symbols = parameter_symbols(fit)
     for name, evidence in fit.identifiability.evidence.items():
         estimate = fit.parameters[name]
         scale = handy(name, estimate.unit)
@@ -76,7 +77,7 @@ def evidence_rows(fit: Fit) -> EvidenceTable:
                 else f"{evidence.active_impacts.acting} of {evidence.active_impacts.of}",
                 verdict=estimate.verdict_words,
                 mark=verdict_mark(estimate.verdict),
-                symbol=symbol_html(estimate.label),
+                symbol=symbols[name],
             )
         )
         if evidence.disagreement:

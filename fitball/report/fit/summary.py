@@ -91,7 +91,7 @@ def _row(estimate: Estimate, scale: Scale) -> ParameterRow:
         verdict=estimate.verdict_words,
         reason=estimate.reason,
         mark=verdict_mark(estimate.verdict),
-        symbol=symbol_html(estimate.label),
+        symbol=NO_SYMBOL,
         meaning=estimate.meaning,
         **_rounded(estimate, scale),
     )
@@ -99,7 +99,13 @@ def _row(estimate: Estimate, scale: Scale) -> ParameterRow:
 
 def parameter_rows(fit: Fit) -> tuple[ParameterRow, ...]:
     """Every parameter in handy multiples of SI; priors are quoted in SI itself."""
-    return tuple(map(parameter_row, fit.estimates))
+    symbols = parameter_symbols(fit)
+    return tuple(replace(parameter_row(item), symbol=symbols[item.name]) for item in fit.estimates)
+
+
+def parameter_symbols(fit: Fit) -> dict[str, Markup]:
+    """The symbol of every parameter, as on figures."""
+    return {item.name: symbol_html(item.spec.label) for item in fit.problem.parameters}
 
 
 def parameter_row(estimate: Estimate) -> ParameterRow:
