@@ -95,14 +95,14 @@ TABLES = {
     "misspelt column": (None, GOOD.replace("omega_2", "omgea_2"), ["omgea_2", "omega_2"]),
     "unknown unit": (None, GOOD.replace("omega_1 [rpm]", "omega_1 [rpn]"), ["omega_1", "rpn"]),
     "text in a number": (None, GOOD.replace("8.9", "fast"), ["row 2", "v_x2", "fast"]),
-    "NaN": (None, GOOD.replace("8.9", "nan"), ["row 2", "v_x2", "nan"]),
+    "infinite": (None, GOOD.replace("8.9", "inf"), ["row 2", "v_x2", "inf"]),
     "negative v_y1": (None, GOOD.replace(",7.5,", ",-7.5,"), ["row 2", "v_y1", "-7.5"]),
     "rebound faster": (None, GOOD.replace(",11.5,", ",31.5,"), ["row 1"]),
     "COR above 1": (None, GOOD.replace(",6.0,", ",10.9,"), ["row 2", "v_y2"]),
     "one row": (None, "\n".join(GOOD.splitlines()[:2]) + "\n", ["one", "2"]),
     "no rebound": (None, "v_x1,v_y1,omega_1\n15,5,0\n14,6,0\n", ["rebound"]),
     "empty": (None, "", ["empty"]),
-    "semicolons": (None, GOOD.replace(",", ";").replace(".", ","), [";"]),
+    "two decimal signs": (None, GOOD.replace(",", ";").replace("16.0;5.0", "16.0;5,0"), ["row 1", "v_y1", "5,0"]),
     "duplicate header": (None, GOOD.replace("v_x2 [m/s]", "v_x1 [km/h]"), ["v_x1"]),
 }
 
@@ -121,18 +121,12 @@ def test_a_bad_table_ends_with_two_and_words(here, capsys, case):
 
 
 def test_all_faults_at_once(here, capsys):
-    text = GOOD.replace("8.9", "fast").replace(",10.0,7.6", ",-10.0,7.6").replace("1900", "nan")
+    text = GOOD.replace("8.9", "fast").replace(",10.0,7.6", ",-10.0,7.6").replace("1900", "1900?")
     (here / "bad.csv").write_text(text, encoding="utf-8")
     assert main(["calibrate", "bad.csv"]) == 2
     err = capsys.readouterr().err
     assert "row 2" in err
     assert "row 4" in err
-
-
-def test_wrong_encoding(here, capsys):
-    (here / "bad.csv").write_bytes(GOOD.replace("a,16", "ä,16").encode("latin-1"))
-    assert main(["calibrate", "bad.csv"]) == 2
-    assert "UTF-8" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -175,7 +169,8 @@ def test_unknown_scene_key(here, capsys):
 def test_unknown_table_and_verb(here, capsys):
     assert main(["calibrate", "wang_zero_spn.csv"]) == 2
     assert "wang_zero_spin" in capsys.readouterr().err
-    assert main(["calibrat"]) == 2
+    with pytest.raises(SystemExit):
+        main(["calibrat"])
     assert "did you mean 'calibrate'" in capsys.readouterr().err
 
 

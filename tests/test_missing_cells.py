@@ -30,6 +30,7 @@ from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.prediction.drop_test import drop_test
 from fitball.inference.prediction.new_impacts import observed_observables
+from fitball.inference.prediction.replicated import replicated
 from fitball.inference.problem.subsample import part_of, thinned_rows, withheld
 from fitball.report.saved.data_file import data_part, read_data, write_data
 from fitball.report.saved.fit_text import fit_text
@@ -417,3 +418,18 @@ def test_a_drop_test_with_gaps_is_one_of_the_drops_that_were_measured():
     # Five speeds were dropped from, at three of them the rebound was measured.
     assert [row.speed for row in told.speeds] == pytest.approx(whole.impacts.v_y1[[0, 2, 4]])
     assert [row.measured for row in told.speeds] == pytest.approx((values / whole.impacts.v_y1)[[0, 2, 4]])
+
+
+@pytest.mark.parametrize("table", [GAPPY, stating(GAPPY)], ids=["fitted noise", "stated sds"])
+def test_draws_tell_of_each_impact_what_was_measured_there(table):
+    """One log likelihood an impact, of the cells that it has; new measurements in the shape of the table."""
+    problem = problem_of(table, "grip-slip")
+    values = problem.prior.draw(np.random.default_rng(2), 400)
+    values = values[np.isfinite(log_posterior(problem, problem.to_coordinates(values)))][:20]
+    made = replicated(problem, values, np.random.default_rng(3))
+    names = [item.name for item in problem.observables]
+    assert np.allclose(made.log_likelihood, pointwise(problem, values, names)[0], rtol=1e-12)
+    assert np.allclose(made.log_likelihood.sum(axis=1), log_likelihood(problem, values), rtol=1e-12)
+    for item in table.measurements:
+        known = np.ones(len(table), dtype=bool) if item.sd is None else np.isfinite(item.sd)
+        assert np.array_equal(np.isfinite(made.measurements[item.name]).all(axis=0), known)

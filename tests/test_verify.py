@@ -172,7 +172,10 @@ def test_bad_files_are_explained(golden, verify):
         (golden.iloc[:5], "no row 'golden-6'"),
         (golden.assign(id=["golden-1"] * 12), "comes twice"),
         (golden.assign(contact_time=0.005), "has no contact time to compare with"),
-        (golden.assign(**{"v_x2 [m/s]": ["fast"] * 12}), "row 1 (line 2), column 'v_x2': read 'fast'"),
+        (
+            golden.assign(**{"v_x2 [m/s]": ["fast"] * 12}),
+            "12 rows (first: row 1, line 2), column 'v_x2': read 'fast'",
+        ),
         (golden.assign(**{"omega_1 [rad/s]": -golden["omega_1 [rad/s]"]}), "is the port fed with this fit's?"),
         (golden.rename(columns={"v_x2 [m/s]": "v_x2 [rpm]"}), "measures spin"),
         (golden.iloc[:0], "no rows"),
