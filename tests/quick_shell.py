@@ -11,7 +11,7 @@ import matplotlib.figure
 from snippets import posix_shell
 
 import fitball
-from fitball import api
+from fitball.api import calibrating
 from fitball.cli.main import main
 from fitball.inference.comparison import cross_validation
 from fitball.inference.identifiability import examine
@@ -49,10 +49,10 @@ def make_quick(patch) -> None:
     """Let figures stay blank, and searches be short: few starts and steps, no second looks, profiles of short tables
     alone, few folds. Other tests look at all of these.
     """
-    calibrate, run = fitball.calibrate, api.run
+    calibrate, run = fitball.calibrate, calibrating.run
     patch.setattr(matplotlib.figure.Figure, "savefig", blank)
     patch.setattr(fitball, "calibrate", lambda *a, **k: calibrate(*a, **{"max_steps": STEPS, "cores": 1} | k), False)
-    patch.setattr(api, "run", lambda *a, **k: run(*a, **k | {"assumptions": False}))
+    patch.setattr(calibrating, "run", lambda *a, **k: run(*a, **k | {"assumptions": False}))
     patch.setattr(film, "DPI", 8)
     patch.setattr(point_fit, "STARTS", 3)
     patch.setattr(examine, "PROFILED", 6)
