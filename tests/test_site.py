@@ -163,7 +163,9 @@ def test_every_public_name_and_verb_is_documented(site):
 def test_formulas_are_drawn_by_the_browser_alone(site):
     text = (site / "inference.html").read_text(encoding="utf-8")
     assert text.count("<math") > 100 and "MathJax" not in text
-    assert not re.search(r"<mtext>\\\w+", text)
+    assert not re.search(r"<m\w+[^>]*>\\\w+", text)
+    # Browsers draw no other alphabet by this attribute.
+    assert not re.search('mathvariant="(?!normal|monospace)', text) and "ℒ" in text
 
 
 @pytest.fixture(scope="module")
