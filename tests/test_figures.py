@@ -62,6 +62,12 @@ TRUTH = {
 }
 
 
+@pytest.fixture
+def grip_slip_fit(grip_slip_fit):
+    """The frozen values of the shared fit, which figures are made from."""
+    return grip_slip_fit.result
+
+
 def table_of(tmp_path, rows, name="mixed"):
     """A table of rows (v_1, theta_1 [deg], omega_1) with the rebounds of grip-slip, and noise of a fixed seed."""
     speed, angle, spin = np.array(rows, dtype=float).T

@@ -223,7 +223,6 @@ def test_the_verb_writes_the_page(small_fit, tmp_path, capsys):
         (["--out", str(place)], "--overwrite"),
         (["--example", "fig8"], "leave out --example"),
         (["--json"], "leave out --json"),
-        (["--model", "grip-slip"], "has no default of"),
         (["--impact", "v=30, theta=16", "--set", "mu=0.5", "--fit", str(small_fit)], "leave out --model and --set"),
         (["--set", "mew=0.5"], "unknown parameter 'mew'"),
     ):

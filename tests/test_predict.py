@@ -236,7 +236,7 @@ def test_measured_restitution_needs_its_column():
         "two-mass", {"cor": "measured"}, BALL, True, ("mass_ratio",), np.array([0.9]), np.empty((0, 1)),
         fitball.impacts(10.0, 10.0),
     )  # fmt: skip
-    with pytest.raises(ModelError, match="column v_y2"):
+    with pytest.raises(ModelError, match="v_y2 of every impact"):
         predict_new(fitted, fitball.impacts(10.0, 10.0))
 
 

@@ -165,7 +165,7 @@ def test_formulas_are_drawn_by_the_browser_alone(site):
     assert text.count("<math") > 100 and "MathJax" not in text
     assert not re.search(r"<m\w+[^>]*>\\\w+", text)
     # Browsers draw no other alphabet by this attribute.
-    assert not re.search('mathvariant="(?!normal|monospace)', text) and "ℒ" in text
+    assert not re.search('mathvariant="(?!normal|monospace)', text) and "ℒ" in text  # noqa: RUF001
 
 
 @pytest.fixture(scope="module")
