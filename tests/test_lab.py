@@ -227,7 +227,7 @@ def test_priors_are_listed(capsys):
 
 
 def test_a_certificate_of_a_court(drops, court):
-    saved = fitball.load_fit(drops / "fit")
+    saved = fitball.load_fit(drops / "fit").saved
     pace = CourtPace((), "", temperature=31.0, measured=measured(load_table(court), ball_temperature=31.0))
     page = certificate(replace(saved, file=msgspec.structs.replace(saved.file, drop_test=None, court_pace=pace)))
     for words in ("<h1>Court pace</h1>", "mean of 5 places (location)", "+3.6 points", "<td>A</td>"):
@@ -238,7 +238,7 @@ def test_a_certificate_of_a_court(drops, court):
 @pytest.mark.skipif(find_browser() is None, reason="no browser")
 def test_a_full_certificate_prints_on_one_page(drops, tmp_path):
     """Two dozen balls, every remark, a long verdict: still one sheet of A4."""
-    saved = fitball.load_fit(drops / "fit")
+    saved = fitball.load_fit(drops / "fit").saved
     rebound = Spread(1.4, 1.4, 1.38, 1.39, 1.41, 1.42)
     balls = tuple(BallRebound(f"ball number {k}", 4, rebound, 0.6) for k in range(30))
     test = replace(saved.file.drop_test, balls=balls, shared_error=0.01)

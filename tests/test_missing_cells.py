@@ -433,5 +433,5 @@ def test_draws_tell_of_each_impact_what_was_measured_there(table):
         made.log_likelihood.sum(axis=1), log_likelihood(problem, values, problem.rebound(values)), rtol=1e-12
     )
     for item in table.measurements:
-        known = np.ones(len(table), dtype=bool) if item.sd is None else np.isfinite(item.sd)
+        known = np.ones(len(table), dtype=bool) if item.sd is None else item.measured
         assert np.array_equal(np.isfinite(made.measurements[item.name]).all(axis=0), known)

@@ -15,6 +15,7 @@ from fitball.data.naming import Naming
 from fitball.data.units import UNITS, Dimension, Unit, parse_unit, unit_of
 from fitball.errors import Fault, UnitError
 from fitball.observables import OBSERVABLES
+from fitball.wording import spoken
 
 INCIDENT: Mapping[str, Dimension] = {
     "v_x1": Dimension.SPEED,
@@ -191,7 +192,8 @@ def _misspelt(name: str, taken: Iterable[str], line: int | None, faults: list[Fa
         return None
     near = _nearest(name, taken)
     if len(near) > 1:
-        message = f"unknown column; did you mean '{near[0]}' or '{near[1]}'? Rename it, or say which with --columns"
+        how = spoken("--columns", "columns=")
+        message = f"unknown column; did you mean '{near[0]}' or '{near[1]}'? Rename it, or say which by {how}"
         faults.append(Fault(message, line=line, column=name))
         return None
     if near:
