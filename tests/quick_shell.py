@@ -55,7 +55,7 @@ def make_quick(patch) -> None:
     patch.setattr(calibrating, "run", lambda *a, **k: run(*a, **k | {"assumptions": False}))
     patch.setattr(film, "DPI", 8)
     patch.setattr(point_fit, "STARTS", 3)
-    patch.setattr(examine, "PROFILED", 6)
+    patch.setattr(examine, "PROFILED", 4)
     patch.setattr(cross_validation, "SINGLY", 1)
     patch.setattr(cross_validation, "FOLDS", 2)
 
