@@ -59,7 +59,7 @@ def pooled(folder):
 
 def write(problem, effort, folder):
     """What `repeat` needs of a result folder."""
-    fit = begin(problem, effort, folder).fit()
+    fit = begin(problem, effort, folder).fit().result
     write_numbers(fit, folder)
     (folder / "run.toml").write_text(run_text(fit, folder), encoding="utf-8")
 
