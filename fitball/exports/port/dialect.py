@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
@@ -9,7 +10,7 @@ from fitball.exports.port.kernel_source import Constant
 from fitball.exports.port.kinds import STRIDE, Struct, Type
 
 
-class Dialect:
+class Dialect(ABC):
     """A language of the C family; a subclass says what is otherwise.
 
     Texts go in and out; types are those of `kinds`. `math` maps functions of Python's `math` to what they are called,
@@ -83,9 +84,9 @@ class Dialect:
         """A conditional expression."""
         return f"({test} ? {one} : {other})"
 
+    @abstractmethod
     def whole(self, text: str) -> str:
         """A real number cut to an integer."""
-        raise NotImplementedError
 
     def absolute(self, text: str) -> str:
         """The magnitude of a real number."""
@@ -99,9 +100,9 @@ class Dialect:
         """The `real` or `imag` part of a complex number."""
         return f"{text}.{which}"
 
+    @abstractmethod
     def make(self, kind: Type, texts: Sequence[str]) -> str:
         """A struct or tuple of these."""
-        raise NotImplementedError
 
     def item(self, text: str, place: int) -> str:
         """An item of a tuple."""
@@ -115,13 +116,13 @@ class Dialect:
         """An element of an array of two dimensions, laid out by rows."""
         return f"{text}[{STRIDE} * {row} + {column}]"
 
+    @abstractmethod
     def held(self, kind: Type, name: str, text: str) -> str:
         """A new variable that is not changed."""
-        raise NotImplementedError
 
+    @abstractmethod
     def local(self, kind: Type, name: str) -> str:
         """A variable at the top of a function, set to something harmless."""
-        raise NotImplementedError
 
     def condition(self, word: str, test: str) -> str:
         """The head of an `if` or `while`."""
@@ -137,9 +138,9 @@ class Dialect:
         """Lines whose variables are seen by nobody else."""
         return ["{", *(f"    {line}" for line in lines), "}"]
 
+    @abstractmethod
     def define(self, comment: str, result: Type, name: str, taken: Sequence[tuple[Type, str]]) -> list[str]:
         """The lines that begin a function, its comment first."""
-        raise NotImplementedError
 
     def unread(self, name: str) -> list[str]:  # noqa: ARG002
         """What to say of a parameter that is not read."""
