@@ -16,6 +16,7 @@ from fitball.cli.main import main
 from fitball.inference.comparison import cross_validation
 from fitball.inference.identifiability import examine
 from fitball.inference.point import point_fit
+from fitball.report.figures import save
 from fitball.report.history import film
 
 # What is added to a line of each verb; the road is the same, only shorter. One fit is sampled, that of the table
@@ -51,6 +52,7 @@ def make_quick(patch) -> None:
     """
     calibrate, run = fitball.calibrate, calibrating.run
     patch.setattr(matplotlib.figure.Figure, "savefig", blank)
+    patch.setattr(save, "rendered", lambda _figure, form, _dpi: BLANK[form])
     patch.setattr(fitball, "calibrate", lambda *a, **k: calibrate(*a, **{"max_steps": STEPS, "cores": 1} | k), False)
     patch.setattr(calibrating, "run", lambda *a, **k: run(*a, **k | {"assumptions": False}))
     patch.setattr(film, "DPI", 8)

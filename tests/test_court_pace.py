@@ -13,7 +13,6 @@ from fitball.data.read import load_table
 from fitball.inference.prediction.court_pace import DRAWS, court_pace
 from fitball.inference.results.pace_rating import apparent_friction, itf_impact, pace_categories, pace_rating
 from fitball.inference.results.results import thinned
-from fitball.report.fit.embedded_figures import page_figures
 from fitball.report.fit.headline import headline
 from fitball.report.fit.html import page
 from fitball.report.fit.pace_rows import pace_lines, pace_table
@@ -144,7 +143,7 @@ def test_every_surface_has_its_own_rating(two_surfaces):
     said = headline(fit)
     assert said.endswith("; mu differs between 2 surfaces and is told for each of them.")
     assert "mu_place" not in said
-    assert "mu[clay]" in page(fit, page_figures({}, {}, 0))
+    assert "mu[clay]" in page(fit, {})
 
 
 def test_extrapolation_is_flagged_with_its_distance(two_surfaces, grip_slip_fit):

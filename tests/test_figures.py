@@ -30,7 +30,6 @@ from fitball.report.figures.parameter_axis import parameter_axis
 from fitball.report.figures.predictive_arrays import agreements, interval_band
 from fitball.report.figures.residual_arrays import incident_quantities, residual_data, trend
 from fitball.report.figures.sketch import ball_sketch
-from fitball.report.fit.embedded_figures import page_figures
 from fitball.report.fit.html import page
 from fitball.report.fit.summary import parameter_rows, thesis_rows
 from fitball.report.form.palette import (
@@ -372,7 +371,7 @@ def test_every_symbol_is_one_parameters_and_reads_on_a_page():
 def test_the_table_of_parameters_says_what_they_mean(point_fit):
     rows = {row.name: row for row in parameter_rows(point_fit)}
     assert rows["mu"].symbol == "\u03bc" and rows["mu"].meaning == SPECS["mu"].meaning
-    text = page(point_fit, page_figures({}, {}, 0))
+    text = page(point_fit, {})
     assert '<td class="meaning">vertical stiffness between core and shell</td>' in text
     assert "K<sub>y</sub>" in text
 
@@ -400,7 +399,7 @@ def test_a_drop_test_has_no_spin_and_one_curve(tmp_path):
     assert list(incident_quantities(fit)) == ["v_y1"]
     # Thesis units stand only beside the thesis's data.
     assert thesis_rows(fit) == ()
-    assert "In the units of the thesis" not in page(fit, page_figures({}, {}, 0))
+    assert "In the units of the thesis" not in page(fit, {})
 
 
 def test_a_table_of_speeds_alone_has_its_panel(tmp_path):
@@ -451,7 +450,7 @@ def test_every_verdict_has_a_colour_that_can_be_read(grip_slip_fit):
         replace(item, verdict=Verdict.GIVEN, given=("offset=contact",)) if item.name == "mu" else item
         for item in grip_slip_fit.estimates
     ]
-    text = page(replace(grip_slip_fit, estimates=tuple(given)), page_figures({}, {}, 0))
+    text = page(replace(grip_slip_fit, estimates=tuple(given)), {})
     used = set(re.findall(r'class="(?:text )?v-([^"]*)"', text))
     assert "given" in used
     assert used <= {verdict_mark(verdict) for verdict in Verdict}

@@ -35,7 +35,6 @@ from fitball.inference.results.results import Posterior
 from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.report.figures import canvas
 from fitball.report.figures.kinds import draw
-from fitball.report.fit.embedded_figures import page_figures
 from fitball.report.fit.html import page
 from fitball.report.fit.terminal import render
 from fitball.report.saved.data_file import data_part, read_data, write_data
@@ -205,7 +204,7 @@ def test_text_and_files_do_not_grow_with_rows(long_fits, tmp_path):
     lines = [render(fit, tmp_path).splitlines() for fit in long_fits]
     assert abs(len(lines[0]) - len(lines[1])) <= 4 and len(lines[1]) < 160
     assert "... and 1,200 more: predictions.csv" in lines[1] and "... and 1,200 more: balances.csv" in lines[1]
-    for text in (fit_text, lambda fit: page(fit, page_figures({}, {}, 0))):
+    for text in (fit_text, lambda fit: page(fit, {})):
         short, long = (len(text(fit)) for fit in long_fits)
         assert long < 1.05 * short
     assert all(len(fit.fitted.impacts) <= SPANNING for fit in long_fits)

@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
+import base64
 import re
+import shutil
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import fitball
 from fitball.data.read import load_table
 from fitball.inference.prediction.outputs import root_mean_square
 from fitball.inference.results.results import BudgetLine, ErrorBudget
 from fitball.inference.thesis.published_cases import case_errors, compare_cases
+from fitball.report.figures.canvas import new_figure
+from fitball.report.figures.names import DPI, FIGURES
 from fitball.report.figures.save import save_figure
-from fitball.report.fit.alt_texts import alt_texts
+from fitball.report.fit.alt_texts import alt_text
 from fitball.report.fit.budget_rows import budget_table
-from fitball.report.fit.embedded_figures import MOST_VECTOR, page_figures
+from fitball.report.fit.folder import write_all
 from fitball.report.fit.headline import headline
 from fitball.report.fit.html import page
 from fitball.report.fit.published_rows import case_table
+from fitball.report.form.palette import MODEL
 from fitball.report.form.rounding import digits
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -124,31 +130,44 @@ def test_the_reader_is_told_in_order(text, grip_slip_fit):
         assert item.name in said
 
 
-def test_a_page_is_small_and_mostly_vector(text):
-    assert len(text.encode()) < 1_700_000
-    assert text.count("data:image/svg+xml") == 6
-    assert text.count("data:image/png") == 2
+def test_a_page_is_small_and_shows_the_files_beside_it(text, grip_slip_folder):
+    assert len(text.encode()) < 1_000_000
+    written = {place.stem: place.read_bytes() for place in grip_slip_folder.glob("*.png")}
+    assert set(written) == set(FIGURES) - {"force"}
+    shown = [base64.b64decode(item) for item in re.findall(r'src="data:image/png;base64,([^"]*)"', text)]
+    assert sorted(shown) == sorted(written.values())
 
 
-def test_many_points_are_drawn_as_pixels(tmp_path):
-    from matplotlib.figure import Figure
+def test_without_figures_there_are_none_and_older_ones_go(grip_slip_fit, grip_slip_folder, tmp_path):
+    place = shutil.copytree(grip_slip_folder, tmp_path / "fit")
+    (place / "mine.png").write_bytes(b"not ours")
+    write_all(grip_slip_fit, place, figures=False)
+    assert [item.name for item in place.glob("*.png")] == ["mine.png"]
+    bare = (place / "report.html").read_text(encoding="utf-8")
+    assert "<img" not in bare and faults(bare) == []
 
-    save_figure(Figure(), tmp_path / "residuals.png")
-    for impacts, form in ((MOST_VECTOR, "svg+xml,"), (MOST_VECTOR + 1, "png;base64,")):
-        found = page_figures({"residuals": Figure()}, {"residuals": "a"}, impacts, tmp_path)["predictions"][0]
-        assert found.source.startswith(f"data:image/{form}")
-        assert not set(found.source) & set('"<>&')
+
+def test_a_figure_has_few_colours_of_its_own(tmp_path):
+    figure = new_figure(2.0, 1.0, layout=None)
+    figure.add_axes((0.0, 0.0, 0.5, 1.0)).set_facecolor(MODEL)
+    content = save_figure(figure, tmp_path / "some.png")
+    assert content == (tmp_path / "some.png").read_bytes()
+    picture = Image.open(tmp_path / "some.png")
+    assert picture.size == (2 * DPI, DPI) and picture.info["dpi"] == pytest.approx((DPI, DPI), abs=0.02)
+    assert picture.mode == "P"
+    pixels = picture.convert("RGB")
+    assert pixels.getpixel((80, 75)) == tuple(bytes.fromhex(MODEL[1:])) and pixels.getpixel((200, 75)) == (255,) * 3
 
 
 def test_long_tables_are_cut_and_say_so(grip_slip_fit, monkeypatch):
     monkeypatch.setattr("fitball.report.fit.html.MOST_ROWS", 5)
-    cut = page(grip_slip_fit, page_figures({}, {}, 0))
+    cut = page(grip_slip_fit, {})
     assert cut.count("16 more impacts stand in") == 2
     assert faults(cut) == []
 
 
 def test_alt_texts_carry_the_numbers(grip_slip_fit):
-    found = alt_texts(grip_slip_fit)
+    found = {name: alt_text(name, grip_slip_fit) for name in ("corner", "residuals", "regimes", "trace")}
     mu = grip_slip_fit.parameters["mu"]
     assert f"mu {mu.median:.3f} [{mu.q025:.3f}, {mu.q975:.3f}]" in found["corner"]
     residual = {item.name: (item.observed - item.median) / item.sd for item in grip_slip_fit.predictive.observables}
@@ -230,7 +249,7 @@ def test_the_page_says_how_to_repeat_it(grip_slip_fit, text):
     assert f"numpy {np.__version__}" in text
     assert "made from Python" in text
     assert "fitball calibrate a &amp; b.csv --seed 3" in page(
-        grip_slip_fit, page_figures({}, {}, 0), "fitball calibrate a & b.csv --seed 3"
+        grip_slip_fit, {}, "fitball calibrate a & b.csv --seed 3"
     )
 
 
@@ -238,7 +257,9 @@ def test_the_command_line_is_that_of_the_run(tmp_path, monkeypatch):
     from fitball.cli.main import main
 
     told = []
-    monkeypatch.setattr("fitball.report.fit.folder.write_all", lambda fit, folder, command: told.append(command))
+    monkeypatch.setattr(
+        "fitball.report.fit.folder.write_all", lambda fit, folder, command, figures: told.append(command)
+    )
     out = tmp_path / "with space"
     words = ["calibrate", "wang_zero_spin.csv", "--model", "brody", "--point-only", "--out", str(out), "--quiet"]
     assert main(words) == 0

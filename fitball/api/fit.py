@@ -159,15 +159,16 @@ class Fit(Found):
 
         return whole_tree(self.result, draws)
 
-    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-        """Write the result folder: `fit.json`, measurements, draws, tables, figures and `report.html`.
+    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False, figures: bool = True) -> Path:
+        """Write the result folder: `fit.json`, measurements, draws, tables, figures (unless without) and
+        `report.html`.
 
         Raises ResultFolderError for a folder that cannot be written, or that holds an older result unless it may
         `overwrite` that.
         """
         path, result = Path(folder), self.result
         prepare_folder(path, overwrite=overwrite, resume=False)
-        write_all(result, path)
+        write_all(result, path, figures=figures)
         return path
 
     def __eq__(self, other: object) -> bool:

@@ -57,6 +57,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--point-only", action="store_true", help="no posterior: the best values only")
     parser.add_argument("--seed", type=whole, default=1, metavar="N", help="seed of all random numbers (default 1)")
     parser.add_argument("--out", metavar="DIR", help="result folder")
+    parser.add_argument("--no-figures", action="store_true", help="draw none: neither files nor on the page")
     parser.add_argument("--resume", action="store_true", help="go on with an interrupted or unconverged run")
     parser.add_argument("--overwrite", action="store_true", help="replace an older result in the folder")
     parser.add_argument("--max-steps", type=count, metavar="N", help="steps of each ensemble at most (default 20000)")
@@ -122,8 +123,8 @@ def run(args: argparse.Namespace) -> int:
         print(f"note: {folder} holds no chain to resume: starting anew", file=sys.stderr)
     try:
         fit = begun.fit(progress).result
-        progress("figures and files", None)
-        write_all(fit, folder, args.command)
+        progress("files" if args.no_figures else "figures and files", None)
+        write_all(fit, folder, args.command, figures=not args.no_figures)
     except (KeyboardInterrupt, SamplingInterrupted):
         progress.finish()
         kept = begun.chain is not None and begun.chain.path.exists()

@@ -30,11 +30,8 @@ def write_all(comparison: Comparison, words: str, folder: Path, command: str | N
     if shown(quantities):
         title = f"{comparison.table.name}: median, sd and 95 % interval under each model"
         figures["forest"] = forest_figure(quantities, models, title)
-    for name, figure in figures.items():
-        save_figure(figure, folder / PICTURES[name])
-        # Laid out once: the page draws it again as it stands.
-        figure.set_layout_engine("none")
-    write_text(folder / PAGE_NAME, compare_page(comparison, figures, command))
+    images = {name: save_figure(figure, folder / PICTURES[name]) for name, figure in figures.items()}
+    write_text(folder / PAGE_NAME, compare_page(comparison, images, command))
     write_text(folder / "compare.csv", csv_text(csv_rows(comparison)))
     write_text(folder / "compare.txt", render(comparison, words, folder) + "\n")
     write_text(folder / JSON_NAME, json_text(json_content(comparison, words)))

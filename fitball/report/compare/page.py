@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from fitball.inference.comparison.cross_validation import IMPACTS
 from fitball.inference.comparison.results import Comparison, ModelScore
@@ -73,8 +72,8 @@ class HeldOut:
     left: int
 
 
-def compare_page(comparison: Comparison, figures: Mapping[str, Figure], command: str | None = None) -> str:
-    """The page as text; `figures` are `ranking` and, where there is something to draw, `forest`, as they are saved;
+def compare_page(comparison: Comparison, images: Mapping[str, bytes], command: str | None = None) -> str:
+    """The page as text; `images` are the PNG files `ranking` and, where there is something to draw, `forest`;
     `command` is the line that made it, None where none did.
     """
     said, held_out, known = sentences(comparison), held_out_table(comparison), remarks(comparison)
@@ -82,13 +81,14 @@ def compare_page(comparison: Comparison, figures: Mapping[str, Figure], command:
     adequate, assumed = adequacy_lines(comparison), assumption_table(comparison)
     absent = {
         "adequacy": not adequate,
-        "parameters": not assumed and "forest" not in figures,
+        "parameters": not assumed and "forest" not in images,
         "predictions": held_out is None,
         "notes": not known,
     }
-    shown = {"ranking": embed(figures["ranking"], RANKING_CAPTION, _ranking_alt(comparison))}
-    if "forest" in figures:
-        shown["forest"] = embed(figures["forest"], FOREST_CAPTION, _forest_alt(comparison))
+    shown: dict[str, PageFigure | None] = {"forest": None}
+    shown["ranking"] = embed(images["ranking"], RANKING_CAPTION, _ranking_alt(comparison))
+    if "forest" in images:
+        shown["forest"] = embed(images["forest"], FOREST_CAPTION, _forest_alt(comparison))
     return render_template(
         "fitball.report",
         "compare.html.j2",
@@ -98,7 +98,7 @@ def compare_page(comparison: Comparison, figures: Mapping[str, Figure], command:
         points=said[1:],
         contents=[(name, title) for name, title in SECTIONS.items() if not absent.get(name, False)],
         sections=SECTIONS,
-        figures=_printable(shown),
+        figures=shown,
         scores=score_table(comparison),
         legend=LEGEND,
         adequacy=adequate,
@@ -117,10 +117,6 @@ def compare_page(comparison: Comparison, figures: Mapping[str, Figure], command:
         versions=", ".join(f"{name} {number}" for name, number in package_versions().items())
         + f"; {platform.system()} {platform.machine()}",
     )
-
-
-def _printable(figures: Mapping[str, PageFigure]) -> Mapping[str, PageFigure | None]:
-    return {"forest": None, **figures}
 
 
 def _over(rows: list[list[str]]) -> list[tuple[str, int]]:

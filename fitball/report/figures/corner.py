@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
+from contourpy import FillType, LineType, contour_generator
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator, NullLocator
+from matplotlib.path import Path
 
-from fitball.report.figures.canvas import log_scale, new_figure
 from fitball.report.figures.corner_arrays import CornerData, corner_data, pair_density
 from fitball.report.figures.drawable import Drawable
+from fitball.report.figures.sheet import Panel, Sheet, Side
 from fitball.report.form.palette import MEASURED, MODEL, PRIOR, pale
+from fitball.values import FloatArray
 
-PANEL, GAP = 1.55, 0.08
-# Inches of room for tick and axis labels.
-LABEL_MARGIN = 0.95
+# Inches: a panel, smaller where many would make a sheet too large to look at; between panels; for labels, and where
+# they stand in it.
+PANEL, WIDEST, LEAST, GAP, LABEL_MARGIN, LABELS = 1.55, 11.5, 0.75, 0.12, 0.95, 0.25
 # Between the contours and within the inner one: opaque, which draws faster than what shines through.
 SHADES = [pale(MODEL, 0.35), pale(MODEL, 0.7)]
 
@@ -26,79 +27,72 @@ def corner_figure(fit: Drawable) -> Figure:
     """All pairs of free parameters."""
     data = corner_data(fit)
     count = len(data.axes)
-    side = max(5.2, PANEL * count + LABEL_MARGIN + 0.1)
-    figure = new_figure(side, side, layout=None)
-    low, high = LABEL_MARGIN / side, 1.0 - 0.1 / side
-    grid = figure.add_gridspec(count, count, left=low, bottom=low, right=high, top=high, wspace=GAP, hspace=GAP)
-    for row in range(count):
-        for column in range(row + 1):
-            axis = figure.add_subplot(grid[row, column])
-            _scales(axis, data, column, row)
-            if row == column:
-                _draw_one(axis, data, row)
-            else:
-                _draw_pair(axis, data, column, row)
+    size = max(LEAST, min(PANEL, WIDEST / count - GAP))
+    whole = max(5.2, LABEL_MARGIN + count * (size + GAP))
+    sheet = Sheet(whole, whole)
+    across = [_side(data, k, LABEL_MARGIN + k * (size + GAP), size) for k in range(count)]
+    up = [_side(data, k, LABEL_MARGIN + (count - 1 - k) * (size + GAP), size) for k in range(count)]
+    tallest = [1.06 * max(float(data.posterior[k].max()), float(data.prior[k].max())) for k in range(count)]
+    diagonal = [Panel(across[k], Side(0.0, tallest[k], False, up[k].start, size)) for k in range(count)]
+    pairs = {(row, column): Panel(across[column], up[row]) for row in range(count) for column in range(row)}
+    _draw_diagonal(sheet, data, diagonal)
+    _draw_pairs(sheet, data, pairs)
+    left, lowest = [pairs[row, 0] for row in range(1, count)], [Panel(side, up[-1]) for side in across]
+    sheet.frames([*diagonal, *pairs.values()])
+    sheet.ticks(lowest, "x", rotation=45)
+    sheet.ticks(left, "y", rotation=45)
+    for k, axis in enumerate(data.axes):
+        sheet.text(across[k].start + 0.5 * size, LABELS, axis.label, 10, ha="center", va="center")
+        if k:
+            sheet.text(LABELS, up[k].start + 0.5 * size, axis.label, 10, ha="center", va="center", rotation=90)
+    _legend(sheet, f"{fit.problem.model.name} on {fit.problem.table.name}", count < 4)
+    return sheet.figure
+
+
+def _side(data: CornerData, k: int, start: float, size: float) -> Side:
+    edges = data.edges[k]
+    return Side(float(edges[0]), float(edges[-1]), data.axes[k].logarithmic, start, size)
+
+
+def _draw_diagonal(sheet: Sheet, data: CornerData, panels: list[Panel]) -> None:
+    outlines = [panel.steps(data.edges[k], data.posterior[k]) for k, panel in enumerate(panels)]
+    sheet.areas([Path(outline) for outline in outlines], SHADES[0], 1.0)
+    sheet.lines(outlines, MODEL, 1.0)
+    # The prior has no ends within the panel.
+    sheet.lines([panel.steps(data.edges[k], data.prior[k])[1:-1] for k, panel in enumerate(panels)], PRIOR, 1.3)
+    points = [panel.path(data.point[k], np.array([0.0, panel.up.high])) for k, panel in enumerate(panels)]
+    sheet.lines(points, MEASURED, 1.0, linestyles="--")
+
+
+def _draw_pairs(sheet: Sheet, data: CornerData, panels: dict[tuple[int, int], Panel]) -> None:
+    """Areas within the contours, and the contours; a flat density has none."""
+    areas: tuple[list[Path], list[Path]] = ([], [])
+    lines: list[FloatArray] = []
+    for (row, column), panel in panels.items():
+        density, levels = pair_density(data, column, row)
+        if not levels[0] < levels[1]:
+            continue
+        x, y = (side.place(data.middles(k)) for side, k in ((panel.across, column), (panel.up, row)))
+        # What it returns is of a type that depends on the arguments.
+        found: Any = contour_generator(x, y, density, fill_type=FillType.OuterCode, line_type=LineType.Separate)
+        for within, level in zip(areas, levels, strict=True):
+            within += map(Path, *found.filled(float(level), 1.01 * float(density.max())))
+            lines += found.lines(float(level))
+    for within, shade, order in zip(areas, SHADES, (1.0, 1.1), strict=True):
+        sheet.areas(within, shade, order)
+    sheet.lines(lines, MODEL, 0.9)
+    marks = np.array([panel.path(data.point[j], data.point[k]) for (k, j), panel in panels.items()])
+    if marks.size:
+        sheet.axes.plot(*marks.T, "+", color=MEASURED, markersize=7, scalex=False, scaley=False)
+
+
+def _legend(sheet: Sheet, title: str, small: bool) -> None:
     handles = [
         Line2D([], [], color=MODEL, label="posterior (contours: 39 and 86 % of it)"),
         Line2D([], [], color=PRIOR, label="prior"),
         Line2D([], [], color=MEASURED, linestyle="--", marker="+", label="point estimate"),
     ]
-    small = count < 4
-    figure.legend(
-        handles=handles, loc="upper right", bbox_to_anchor=(0.995, 1.0 - 0.3 / side), fontsize=8 if small else 11,
-        frameon=False, title=f"{fit.problem.model.name} on {fit.problem.table.name}",
-        title_fontsize=9 if small else 13, alignment="right",
+    sheet.figure.legend(
+        handles=handles, loc="upper right", bbox_to_anchor=(0.995, 1.0 - 0.3 / sheet.figure.get_figheight()),
+        fontsize=8 if small else 11, frameon=False, title=title, title_fontsize=9 if small else 13, alignment="right",
     )  # fmt: skip
-    return figure
-
-
-def _scales(axis: Axes, data: CornerData, column: int, row: int) -> None:
-    """Limits, and ticks at the lower and left edge alone: most of the time of a drawing is spent on ticks."""
-    last, first = row == len(data.axes) - 1, column == 0 and row > 0
-    _scale(axis, data, column, "x", last)
-    if row == column:
-        axis.set_yticks([])
-    else:
-        _scale(axis, data, row, "y", first)
-    axis.tick_params(which="both", labelsize=8, labelrotation=45)
-    if last:
-        axis.set_xlabel(data.axes[column].label, fontsize=11)
-        axis.xaxis.set_label_coords(0.5, -0.42)
-    if first:
-        axis.set_ylabel(data.axes[row].label, fontsize=11)
-        axis.yaxis.set_label_coords(-0.42, 0.5)
-
-
-def _scale(axis: Axes, data: CornerData, k: int, which: Literal["x", "y"], ticks: bool) -> None:
-    low, high = float(data.edges[k][0]), float(data.edges[k][-1])
-    side = axis.xaxis if which == "x" else axis.yaxis
-    if data.axes[k].logarithmic:
-        log_scale(axis, low, high, which)
-    else:
-        (axis.set_xlim if which == "x" else axis.set_ylim)(low, high)
-        side.set_major_locator(MaxNLocator(3, prune="lower"))
-    if not ticks:
-        side.set_major_locator(NullLocator())
-        side.set_minor_locator(NullLocator())
-
-
-def _draw_one(axis: Axes, data: CornerData, k: int) -> None:
-    axis.stairs(data.posterior[k], data.edges[k], color=SHADES[0], fill=True)
-    axis.stairs(data.posterior[k], data.edges[k], color=MODEL, linewidth=1.0)
-    axis.stairs(data.prior[k], data.edges[k], color=PRIOR, linewidth=1.3, baseline=None)
-    axis.axvline(data.point[k], color=MEASURED, linestyle="--", linewidth=1.0)
-    axis.set_ylim(0.0, 1.06 * max(float(data.posterior[k].max()), float(data.prior[k].max())))
-
-
-def _draw_pair(axis: Axes, data: CornerData, column: int, row: int) -> None:
-    density, levels = pair_density(data, column, row)
-    x, y = (_middles(data, k) for k in (column, row))
-    if levels[0] < levels[1]:
-        axis.contourf(x, y, density, [*levels, density.max() * 1.01], colors=SHADES)
-        axis.contour(x, y, density, levels, colors=[MODEL], linewidths=0.9)
-    axis.plot(data.point[column], data.point[row], "+", color=MEASURED, markersize=7)
-
-
-def _middles(data: CornerData, k: int) -> np.ndarray:
-    edges = data.edges[k]
-    return np.sqrt(edges[1:] * edges[:-1]) if data.axes[k].logarithmic else 0.5 * (edges[1:] + edges[:-1])

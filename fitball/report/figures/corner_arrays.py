@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from fitball.report.figures.drawable import Drawable, drawn, parameter
@@ -21,17 +22,21 @@ LEVELS = (0.393, 0.865)
 
 @dataclass(frozen=True)
 class CornerData:
-    """Draws (draws, parameters) and the point estimate in the units of their `axes`; the `edges` (bins + 1,) of each
-    axis, evenly spaced on it; and the densities (bins,) of posterior and prior per length of the axis: per value, or
-    on a logarithmic axis per natural logarithm.
+    """The point estimate in the units of its `axes`; the `edges` (bins + 1,) of each axis, evenly spaced on it; the
+    `bins` of some draws (parameters, draws), HISTOGRAM_BINS where one lies beyond; and the densities (bins,) of
+    posterior and prior per length of the axis: per value, or on a logarithmic axis per natural logarithm.
     """
 
     axes: tuple[ParameterAxis, ...]
-    draws: FloatArray
     point: FloatArray
     edges: tuple[FloatArray, ...]
+    bins: NDArray[np.int64]
     posterior: tuple[FloatArray, ...]
     prior: tuple[FloatArray, ...]
+
+    def middles(self, k: int) -> FloatArray:
+        """The middles of the bins of an axis (bins,)."""
+        return _middles(self.axes[k], self.edges[k])
 
 
 def corner_data(fit: Drawable) -> CornerData:
@@ -49,9 +54,10 @@ def corner_data(fit: Drawable) -> CornerData:
         axis.between(*axis.margins(float(low[k]), float(high[k]), 0.03), HISTOGRAM_BINS + 1)
         for k, axis in enumerate(axes)
     )
-    densities = tuple(_density(axis, draws[:, k], edges[k]) for k, axis in enumerate(axes))
+    bins = np.stack([_bins(axis, draws[:, k], edges[k]) for k, axis in enumerate(axes)])
+    densities = tuple(_density(axis, bins[k], edges[k]) for k, axis in enumerate(axes))
     prior = tuple(_prior_density(fit, posterior.names[k], axis, edges[k]) for k, axis in enumerate(axes))
-    return CornerData(axes, draws, point, edges, densities, prior)
+    return CornerData(axes, point, edges, bins, densities, prior)
 
 
 def _along(axis: ParameterAxis, values: FloatArray) -> FloatArray:
@@ -59,16 +65,27 @@ def _along(axis: ParameterAxis, values: FloatArray) -> FloatArray:
     return np.log(values) if axis.logarithmic else values
 
 
-def _density(axis: ParameterAxis, draws: FloatArray, edges: FloatArray) -> FloatArray:
-    counts = np.histogram(draws, edges)[0]
-    return np.asarray(counts / (draws.size * np.diff(_along(axis, edges))))
+def _middles(axis: ParameterAxis, edges: FloatArray) -> FloatArray:
+    return np.sqrt(edges[1:] * edges[:-1]) if axis.logarithmic else 0.5 * (edges[1:] + edges[:-1])
+
+
+def _bins(axis: ParameterAxis, draws: FloatArray, edges: FloatArray) -> NDArray[np.int64]:
+    """The bin of each draw: the edges are evenly spaced, so that nothing is searched."""
+    low, high = (float(_along(axis, edges[k])) for k in (0, -1))
+    share = (_along(axis, draws) - low) / (high - low)
+    return np.where((share >= 0.0) & (share < 1.0), (share * HISTOGRAM_BINS).astype(np.int64), HISTOGRAM_BINS)
+
+
+def _density(axis: ParameterAxis, bins: NDArray[np.int64], edges: FloatArray) -> FloatArray:
+    counts = np.bincount(bins, minlength=HISTOGRAM_BINS + 1)[:HISTOGRAM_BINS]
+    return np.asarray(counts / (bins.size * np.diff(_along(axis, edges))))
 
 
 def _prior_density(fit: Drawable, name: str, axis: ParameterAxis, edges: FloatArray) -> FloatArray:
     """Mean density of the prior itself between `edges`, (bins,)."""
     prior = next(item.prior for item in fit.problem.free if item.name == name)
     low, high = prior.quantile(np.array([0.0, 1.0])) * axis.factor
-    middle = np.sqrt(edges[1:] * edges[:-1]) if axis.logarithmic else 0.5 * (edges[1:] + edges[:-1])
+    middle = _middles(axis, edges)
     inside = (middle > low) & (middle < high)
     safe = np.where(inside, middle, 0.5 * (low + high)) / axis.factor
     density = np.exp(prior.log_density(prior.coordinate(safe)))
@@ -82,9 +99,10 @@ def pair_density(data: CornerData, across: int, up: int) -> tuple[FloatArray, Fl
     """Smoothed density of two parameters on their axes (bins, bins), rows upwards, and its values at the contours,
     lowest first.
     """
-    x, y = (_along(data.axes[k], data.draws[:, k]) for k in (across, up))
-    edges = [_along(data.axes[k], data.edges[k]) for k in (across, up)]
-    density = gaussian_filter(np.histogram2d(x, y, edges)[0].T, 1.0)
+    # One row and column more for the draws beyond, which are left out.
+    side = HISTOGRAM_BINS + 1
+    counts = np.bincount(data.bins[up] * side + data.bins[across], minlength=side * side).reshape(side, side)
+    density = gaussian_filter(counts[:-1, :-1].astype(np.float64), 1.0)
     order = np.sort(density.ravel())[::-1]
     shares = np.cumsum(order) / order.sum()
     return density, np.array([order[np.searchsorted(shares, level)] for level in LEVELS[::-1]])

@@ -3,18 +3,9 @@
 from __future__ import annotations
 
 import base64
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
-from urllib.parse import quote
 
-from matplotlib.figure import Figure
-
-from fitball.report.figures.save import DPI, save_figure
-
-# What may stand in a quoted attribute as it is, beside letters and digits.
-PLAIN = " :;,=()/!*+-._~@$?[]{}|'\n"
-MEDIA = {"svg": "image/svg+xml", "png": "image/png"}
+from fitball.report.figures.names import DPI
 
 
 @dataclass(frozen=True)
@@ -27,19 +18,8 @@ class PageFigure:
     width: float
 
 
-def embed(figure: Figure, caption: str, alt: str, form: str = "svg", dpi: int = DPI) -> PageFigure:
-    """The figure as it stands, as svg or png."""
-    with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder) / f"figure.{form}"
-        save_figure(figure, place, form, dpi)
-        content = place.read_bytes()
-    return PageFigure(data_uri(content, form), caption, alt, float(figure.get_figwidth()))
-
-
-def data_uri(content: bytes, form: str) -> str:
-    """The content of an svg or png file as a URI; text stays text, a quarter shorter than in base 64."""
-    if form == "svg":
-        text = quote(content.decode("utf-8").replace('"', "'"), safe=PLAIN)
-        # Names of XML look like addresses: a page that asks for none should show none.
-        return f"data:{MEDIA[form]},{text.replace('http:', 'http%3A')}"
-    return f"data:{MEDIA[form]};base64,{base64.b64encode(content).decode('ascii')}"
+def embed(png: bytes, caption: str, alt: str) -> PageFigure:
+    """The content of a PNG file of `DPI` as it is; its width is the first number of its header chunk."""
+    pixels = int.from_bytes(png[16:20], "big")
+    source = f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"
+    return PageFigure(source, caption, alt, pixels / DPI)

@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+# Dots an inch of figures as PNG files.
+DPI = 150
+
 
 @dataclass(frozen=True)
 class FigureText:
-    """A figure in words: a line of help, its `caption`, the section of the page it stands in (an id in
-    `html.SECTIONS`), and whether it is embedded as pixels since it has thousands of paths.
+    """A figure in words: a line of help, its `caption`, and the section of the page it stands in (an id in
+    `html.SECTIONS`).
     """
 
     summary: str
     caption: str
     section: str
-    raster: bool = False
 
 
 # In the order of the page.
@@ -63,12 +65,10 @@ FIGURES: Mapping[str, FigureText] = {
         "posterior of all pairs of parameters, with priors",
         "Posterior of all pairs of parameters, with the prior on the diagonal and the point estimate.",
         "evidence",
-        raster=True,
     ),
     "trace": FigureText(
         "walkers of every ensemble after warm-up",
         "Walkers of every ensemble after warm-up, and the marginals ensemble by ensemble.",
         "diagnosis",
-        raster=True,
     ),
 }

@@ -4,42 +4,51 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
 
-from fitball.report.figures.canvas import Margins, heading, legend_below, log_scale, panels
+from fitball.report.figures.canvas import heading, legend_below
 from fitball.report.figures.drawable import Drawable
-from fitball.report.figures.trace_arrays import trace_data
+from fitball.report.figures.sheet import Panel, Sheet, Side
+from fitball.report.figures.trace_arrays import TraceData, trace_data
 from fitball.report.form.palette import SERIES
+
+# Inches: panels of walkers and of marginals, their height, and the room around them.
+WIDE, NARROW, HIGH, LEFT, RIGHT, TOP, BOTTOM, ACROSS, DOWN = 7.4, 1.9, 0.9, 1.1, 0.15, 0.55, 0.9, 0.15, 0.12
 
 
 def trace_figure(fit: Drawable) -> Figure:
     """A row for each free parameter."""
     data = trace_data(fit)
-    figure, grid = panels(len(data), 2, (4.8, 1.25), Margins(left=1.0, bottom=0.85, down=0.12), widths=(4, 1))
+    height = BOTTOM + TOP + len(data) * (HIGH + DOWN)
+    sheet = Sheet(LEFT + WIDE + ACROSS + NARROW + RIGHT, height)
+    steps = Side(float(data[0].steps[0]), float(data[0].steps[-1]), False, LEFT, WIDE)
+    marginal = Side(0.0, 1.05, False, LEFT + WIDE + ACROSS, NARROW)
     colours = [SERIES[k % len(SERIES)] for k in range(len(data[0].values))]
-    for place, (row, item) in enumerate(zip(grid, data, strict=True)):
-        # Ensembles in turn, so that none hides the others; without smoothed edges the file is a third as large.
-        for walkers in item.values.swapaxes(0, 1):
-            for colour, walker in zip(colours, walkers, strict=True):
-                row[0].plot(item.steps, walker, color=colour, linewidth=0.5, antialiased=False)
-        for colour, (edges, heights) in zip(colours, item.marginals, strict=True):
-            row[1].stairs(heights, edges, orientation="horizontal", color=colour)
-        seen = [float(item.values.min()), float(item.values.max())]
-        seen += [float(edges[k]) for edges, _heights in item.marginals for k in (0, -1)]
-        for axis in row:
-            if item.axis.logarithmic:
-                log_scale(axis, *item.axis.margins(min(seen), max(seen)), "y")
-            else:
-                axis.set_ylim(*item.axis.margins(min(seen), max(seen)))
-                axis.yaxis.set_major_locator(MaxNLocator(4))
-            axis.tick_params(labelsize=8, labelbottom=place == len(data) - 1)
-        row[0].set_xlim(float(item.steps[0]), float(item.steps[-1]))
-        row[0].set_ylabel(item.axis.label, fontsize=9)
-        row[1].tick_params(which="both", labelleft=False, labelbottom=False)
-    grid[-1][0].set_xlabel("step")
-    grid[-1][1].set_xlabel("marginal")
-    figure.align_ylabels(grid[:, 0])
+    panels = []
+    for row, item in enumerate(data):
+        up = _up(item, height - TOP - (row + 1) * (HIGH + DOWN))
+        panels.append((Panel(steps, up), Panel(marginal, up)))
+        _draw(sheet, item, *panels[-1], colours)
+        sheet.text(0.2, up.start + 0.5 * HIGH, item.axis.label, 10, ha="center", va="center", rotation=90)
+    sheet.frames([panel for pair in panels for panel in pair])
+    sheet.ticks([pair[0] for pair in panels], "y", 4)
+    sheet.ticks([panels[-1][0]], "x", 8)
+    for side, words in ((steps, "step"), (marginal, "marginal")):
+        sheet.text(side.start + 0.5 * side.length, BOTTOM - 0.35, words, 10, ha="center", va="center")
     handles = [Line2D([], [], color=colour) for colour in colours]
-    legend_below(figure, handles, [f"ensemble {k + 1}" for k in range(len(colours))], 6)
-    heading(figure, f"{fit.problem.model.name} on {fit.problem.table.name}: walkers after warm-up")
-    return figure
+    legend_below(sheet.figure, handles, [f"ensemble {k + 1}" for k in range(len(colours))], 6)
+    heading(sheet.figure, f"{fit.problem.model.name} on {fit.problem.table.name}: walkers after warm-up")
+    return sheet.figure
+
+
+def _up(item: TraceData, start: float) -> Side:
+    """All that is seen of a parameter, with margins."""
+    seen = [float(item.values.min()), float(item.values.max())]
+    seen += [float(edges[k]) for edges, _heights in item.marginals for k in (0, -1)]
+    return Side(*item.axis.margins(min(seen), max(seen)), item.axis.logarithmic, start, HIGH)
+
+
+def _draw(sheet: Sheet, item: TraceData, left: Panel, right: Panel, colours: list[str]) -> None:
+    # Ensembles in turn, so that none hides the others; without smoothed edges the file is a third as large.
+    walkers = [left.path(item.steps, walker) for turn in item.values.swapaxes(0, 1) for walker in turn]
+    sheet.lines(walkers, colours * item.values.shape[1], 0.5, antialiaseds=False)
+    sheet.lines([right.steps(*marginal, lying=True) for marginal in item.marginals], colours, 1.2)

@@ -10,7 +10,6 @@ import numpy as np
 from fitball.inference.results.results import Fit
 from fitball.report.figures.curve_arrays import curve_columns
 from fitball.report.figures.force_arrays import force_panels
-from fitball.report.figures.kinds import drawable_kinds
 from fitball.report.figures.predictive_arrays import agreements
 from fitball.report.figures.residual_arrays import incident_quantities, residual_data
 from fitball.report.fit.evidence_rows import evidence_rows
@@ -23,9 +22,9 @@ NAMED = 3
 SURE = 0.95
 
 
-def alt_texts(fit: Fit) -> dict[str, str]:
-    """A text for every figure that this fit can show."""
-    return {name: WORDS[name](fit) for name in drawable_kinds(fit)}
+def alt_text(name: str, fit: Fit) -> str:
+    """The text for a figure that this fit can show."""
+    return WORDS[name](fit)
 
 
 def _sketch(fit: Fit) -> str:

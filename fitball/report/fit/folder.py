@@ -6,11 +6,8 @@ from pathlib import Path
 
 from fitball.errors import ResultFolderError
 from fitball.inference.results.results import Fit
-from fitball.report.figures.kinds import draw, drawable_kinds
-from fitball.report.figures.save import save_figure
-from fitball.report.fit.alt_texts import alt_texts
+from fitball.report.figures.names import FIGURES
 from fitball.report.fit.csv_tables import prediction_rows, regime_rows, summary_rows
-from fitball.report.fit.embedded_figures import page_figures
 from fitball.report.fit.html import page
 from fitball.report.form.atomic_write import remove, write_text
 from fitball.report.form.csv import write_csv
@@ -48,8 +45,9 @@ def prepare_folder(folder: Path, *, overwrite: bool, resume: bool) -> None:
         remove(folder / name)
 
 
-def write_all(fit: Fit, folder: Path, command: str | None = None) -> None:
-    """Write every file of a result, each whole or not at all; `command` is the line that asked for it.
+def write_all(fit: Fit, folder: Path, command: str | None = None, *, figures: bool = True) -> None:
+    """Write every file of a result, each whole or not at all; `command` is the line that asked for it. Figures of an
+    older result that this one has not, or is to be without, are removed.
 
     Raises ResultFolderError.
     """
@@ -59,16 +57,22 @@ def write_all(fit: Fit, folder: Path, command: str | None = None) -> None:
         write_netcdf(fit, posterior, folder / POSTERIOR_NAME)
     if fit.predictive is not None:
         write_csv(folder / "regimes.csv", regime_rows(fit, fit.predictive))
-    figures = {name: draw(name, fit) for name in drawable_kinds(fit)}
-    for name, figure in figures.items():
-        save_figure(figure, folder / f"{name}.png")
-        # Laid out once: the page draws it again as it stands.
-        figure.set_layout_engine("none")
+    images = write_figures(fit, folder) if figures else {}
+    for name in FIGURES.keys() - images.keys():
+        remove(folder / f"{name}.png")
     write_data(fit.problem, folder / DATA_NAME)
     write_csv(folder / "summary.csv", summary_rows(fit))
     write_csv(folder / "predictions.csv", prediction_rows(fit))
     write_csv(folder / "balances.csv", fit.balances.rows())
     write_text(folder / RUN_NAME, run_text(fit, folder))
-    shown = page_figures(figures, alt_texts(fit), len(fit.problem.table), folder)
-    write_text(folder / "report.html", page(fit, shown, command))
+    write_text(folder / "report.html", page(fit, images, command))
     write_text(folder / FIT_NAME, fit_text(fit))
+
+
+def write_figures(fit: Fit, folder: Path) -> dict[str, bytes]:
+    """Draw every figure that the fit can show; returns the files written by name. Raises ResultFolderError."""
+    # Whoever wants no figures does not load what draws them.
+    from fitball.report.figures.kinds import draw, drawable_kinds
+    from fitball.report.figures.save import save_figure
+
+    return {name: save_figure(draw(name, fit), folder / f"{name}.png") for name in drawable_kinds(fit)}

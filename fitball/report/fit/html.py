@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from fitball.inference.results.results import Fit, Verdict
-from fitball.report.figures.embed import PageFigure
+from fitball.report.figures.embed import PageFigure, embed
+from fitball.report.figures.names import FIGURES
 from fitball.report.fit.adequacy_rows import CHECK_HEADS, MISFIT_HEADS, NOISE_HEADS, adequacy_table
+from fitball.report.fit.alt_texts import alt_text
 from fitball.report.fit.assumption_rows import assumption_table
 from fitball.report.fit.balance_table import balance_table
 from fitball.report.fit.budget_rows import budget_table
@@ -51,15 +53,25 @@ SECTIONS = {
 }
 
 
-def page(fit: Fit, figures: Mapping[str, Sequence[PageFigure]], command: str | None = None) -> str:
-    """The page as text; `command` is the line that made the fit, None where none did. It names options as the command
-    line does, whoever writes it: the same fit gives the same page.
+def page(fit: Fit, images: Mapping[str, bytes], command: str | None = None) -> str:
+    """The page as text with the figures that there are as `images` (PNG files by name); `command` is the line that
+    made the fit, None where none did. It names options as the command line does, whoever writes it: the same fit
+    gives the same page.
     """
     with speaking_to_command_line():
-        return _page(fit, figures, command)
+        return _page(fit, images, command)
 
 
-def _page(fit: Fit, figures: Mapping[str, Sequence[PageFigure]], command: str | None) -> str:
+def page_figures(fit: Fit, images: Mapping[str, bytes]) -> dict[str, list[PageFigure]]:
+    """The figures of each section of the page."""
+    sections: dict[str, list[PageFigure]] = {text.section: [] for text in FIGURES.values()}
+    for name, text in FIGURES.items():
+        if name in images:
+            sections[text.section].append(embed(images[name], text.caption, alt_text(name, fit)))
+    return sections
+
+
+def _page(fit: Fit, images: Mapping[str, bytes], command: str | None) -> str:
     problem = fit.problem
     pace, cases, remarks = pace_table(fit), case_table(fit), notes(fit)
     assumed = assumption_table(fit)
@@ -103,7 +115,7 @@ def _page(fit: Fit, figures: Mapping[str, Sequence[PageFigure]], command: str | 
         notes=remarks,
         evidence=evidence_rows(fit),
         eigendirections=direction_rows(fit),
-        figures=figures,
+        figures=page_figures(fit, images),
         command=command,
         versions=", ".join(f"{name} {number}" for name, number in package_versions().items())
         + f"; {platform.system()} {platform.machine()}",

@@ -35,13 +35,18 @@ def remove(path: Path) -> None:
         raise ResultFolderError(f"{path}: cannot be removed: {error.strerror}; move it away") from None
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write UTF-8 text with plain newlines. Raises ResultFolderError."""
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file. Raises ResultFolderError."""
 
     def write(place: Path) -> None:
-        place.write_bytes(text.encode("utf-8"))
+        place.write_bytes(content)
 
     write_whole(path, write)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write UTF-8 text with plain newlines. Raises ResultFolderError."""
+    write_bytes(path, text.encode("utf-8"))
 
 
 def refuse_existing(place: Path, overwrite: bool) -> None:

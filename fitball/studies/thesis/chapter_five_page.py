@@ -12,8 +12,8 @@ import pandas as pd
 from fitball.data.scene import load_scene
 from fitball.data.thesis_tables import thesis_table
 from fitball.errors import ResultFolderError
+from fitball.report.figures.embed import embed
 from fitball.report.figures.save import save_figure
-from fitball.report.fit.embedded_figures import embedded
 from fitball.report.form.atomic_write import write_text
 from fitball.report.form.template import render_template
 from fitball.studies.thesis import appendix_c, appendix_d, printed_tables, ranking, recalibration
@@ -90,9 +90,7 @@ def write(chapter: ChapterFive, folder: Path) -> None:
         write_text(folder / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
     images: dict[str, bytes] = {}
     for name, draw in draw_all(chapter).items():
-        place = folder / f"{name}.png"
-        save_figure(draw(), place)
-        images[name] = place.read_bytes()
+        images[name] = save_figure(draw(), folder / f"{name}.png")
     write_text(folder / "report.html", page(chapter, frames, images))
 
 
@@ -103,7 +101,7 @@ def page(chapter: ChapterFive, frames: Mapping[str, pd.DataFrame], images: Mappi
         "fitball.studies",
         "chapter_five.html.j2",
         found=chapter,
-        figures=embedded(images, CAPTIONS),
+        figures={name: embed(images[name], said, said) for name, said in CAPTIONS.items() if name in images},
         tables={name: shown(frame) for name, frame in frames.items()},
         brief=shown(ranking.in_brief(chapter.rankings)),
         scene=scene,
