@@ -5,13 +5,16 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy.stats import norm, t
 
 import fitball
+from fitball.api.fit import Fit
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
+from fitball.errors import ParameterError
 from fitball.inference.prediction.curves import NEAR, curves
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.choices import Choices
@@ -314,6 +317,22 @@ def test_contours_hold_their_share_of_the_draws(grip_slip_fit):
     density, levels = pair_density(data, 0, 1)
     for level, share in zip(levels, LEVELS[::-1], strict=True):
         assert density[density >= level].sum() / density.sum() == pytest.approx(share, abs=0.03)
+
+
+def test_the_package_corner_draws_the_same_in_panels_of_its_own(grip_slip_fit):
+    fit = Fit(grip_slip_fit)
+    ours, theirs = corner_data(grip_slip_fit), fit.plot.corner(package="corner")
+    count = len(ours.axes)
+    panels = np.array(theirs.axes).reshape(count, count)
+    assert [axis.get_xlabel() for axis in panels[-1]] == [axis.label for axis in ours.axes]
+    for k, panel in enumerate(np.diag(panels)):
+        assert panel.get_xscale() == ("log" if ours.axes[k].logarithmic else "linear")
+        # Its line of truth is our point estimate, among the draws.
+        assert panel.lines[0].get_xdata()[0] == pytest.approx(ours.point[k])
+        assert panel.get_xlim()[0] < ours.point[k] < panel.get_xlim()[1]
+    assert plt.get_fignums() == []
+    with pytest.raises(ParameterError, match="expected 'fitball' or 'corner'"):
+        fit.plot.corner(package="korner")
 
 
 @pytest.mark.parametrize(

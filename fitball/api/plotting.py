@@ -36,6 +36,19 @@ class Plots:
         fit = self._fit()
         return draw(kind, profiled(fit) if kind == "profiles" else fit)
 
+    def corner(self, package: str = "fitball") -> Figure:
+        """All pairs of parameters, drawn at once in one Axes; with `package="corner"` by the package of that name, in
+        the same units, each pair in an Axes of its own. Raises ParameterError for another package, ResultFolderError
+        for a point fit.
+        """
+        if package == "fitball":
+            return self("corner")
+        if package != "corner":
+            raise ParameterError(f"package={package!r}: expected 'fitball' or 'corner'")
+        from fitball.report.figures.corner_package import package_corner_figure
+
+        return package_corner_figure(self._fit())
+
     def __getattr__(self, kind: str) -> Callable[[], Figure]:
         if kind not in FIGURES:
             raise AttributeError(f"there is no figure '{kind}': {suggestion(kind, FIGURES)}")

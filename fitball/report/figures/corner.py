@@ -41,10 +41,11 @@ def corner_figure(fit: Drawable) -> Figure:
     sheet.frames([*diagonal, *pairs.values()])
     sheet.ticks(lowest, "x", rotation=45)
     sheet.ticks(left, "y", rotation=45)
+    letters = min(10.0, 10.0 * size)
     for k, axis in enumerate(data.axes):
-        sheet.text(across[k].start + 0.5 * size, LABELS, axis.label, 10, ha="center", va="center")
+        sheet.text(across[k].start + 0.5 * size, LABELS, axis.label, letters, ha="center", va="center")
         if k:
-            sheet.text(LABELS, up[k].start + 0.5 * size, axis.label, 10, ha="center", va="center", rotation=90)
+            sheet.text(LABELS, up[k].start + 0.5 * size, axis.label, letters, ha="center", va="center", rotation=90)
     _legend(sheet, f"{fit.problem.model.name} on {fit.problem.table.name}", count < 4)
     return sheet.figure
 

@@ -41,12 +41,9 @@ class CornerData:
 
 def corner_data(fit: Drawable) -> CornerData:
     """Everything the corner plot shows."""
-    posterior = drawn(fit)
-    axes = tuple(parameter_axis(parameter(fit, name).spec) for name in posterior.names)
-    factors = np.array([axis.factor for axis in axes])
-    rows = np.linspace(0, posterior.draws.shape[0] - 1, min(CORNER_DRAWS, posterior.draws.shape[0])).astype(int)
-    draws = posterior.draws[rows] * factors
-    point = np.array([fit.point.values[name] for name in posterior.names]) * factors
+    axes, every, point = in_units(fit)
+    rows = np.linspace(0, every.shape[0] - 1, min(CORNER_DRAWS, every.shape[0])).astype(int)
+    draws = every[rows]
     ends = np.quantile(draws, SPAN, axis=0)
     # The point estimate is part of the picture even where it lies at the edge of the draws.
     low, high = np.minimum(ends[0], point), np.maximum(ends[1], point)
@@ -54,10 +51,20 @@ def corner_data(fit: Drawable) -> CornerData:
         axis.between(*axis.margins(float(low[k]), float(high[k]), 0.03), HISTOGRAM_BINS + 1)
         for k, axis in enumerate(axes)
     )
+    along = tuple(zip(axes, edges, strict=True))
     bins = np.stack([_bins(axis, draws[:, k], edges[k]) for k, axis in enumerate(axes)])
     densities = tuple(_density(axis, bins[k], edges[k]) for k, axis in enumerate(axes))
-    prior = tuple(_prior_density(fit, posterior.names[k], axis, edges[k]) for k, axis in enumerate(axes))
+    prior = tuple(_prior_density(fit, name, *on) for name, on in zip(drawn(fit).names, along, strict=True))
     return CornerData(axes, point, edges, bins, densities, prior)
+
+
+def in_units(fit: Drawable) -> tuple[tuple[ParameterAxis, ...], FloatArray, FloatArray]:
+    """The axis of each free parameter, all draws (draws, parameters) and the point estimate in their units."""
+    posterior = drawn(fit)
+    axes = tuple(parameter_axis(parameter(fit, name).spec) for name in posterior.names)
+    factors = np.array([axis.factor for axis in axes])
+    point = np.array([fit.point.values[name] for name in posterior.names])
+    return axes, posterior.draws * factors, point * factors
 
 
 def _along(axis: ParameterAxis, values: FloatArray) -> FloatArray:
