@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.inference.likelihood.compiled import compiled_densities, layout_of
 from fitball.inference.likelihood.force import force_log_likelihood
 from fitball.inference.likelihood.incident_marginal import marginal_terms
 from fitball.inference.problem.batches import batches
@@ -24,7 +25,7 @@ from fitball.values import FloatArray
 @dataclass(frozen=True)
 class Densities:
     """Of each draw (draws,): whether the model can evaluate every impact, the log density of what the scene knows,
-    and the log likelihood (NaN where it is not possible).
+    and the log likelihood (-inf or NaN where it is not possible).
     """
 
     possible: NDArray[np.bool_]
@@ -34,6 +35,10 @@ class Densities:
 
 def densities(problem: Problem, values: FloatArray, *, measured: bool = True) -> Densities:
     """What free values (draws, free) are worth; without `measured` the likelihood is left at zero."""
+    layout = layout_of(problem)
+    if layout is not None:
+        _, scene, likelihood = compiled_densities(problem, layout, values, from_coordinates=False, measured=measured)
+        return Densities(likelihood != -np.inf, scene, likelihood)
     parts = []
     for some in batches(problem, values.shape[0]):
         rebound = problem.rebound(values[some])
@@ -104,6 +109,10 @@ def log_posterior(problem: Problem, coordinates: FloatArray) -> FloatArray:
     """Log posterior density of coordinates (draws, free) up to a constant, (draws,); -inf where it is zero or the
     model has no answer.
     """
+    layout = layout_of(problem)
+    if layout is not None:
+        prior, scene, likelihood = compiled_densities(problem, layout, coordinates, from_coordinates=True)
+        return np.asarray(prior + (scene + likelihood))
     total = problem.prior.log_density(coordinates)
     inside = np.flatnonzero(np.isfinite(total))
     if inside.size == 0:

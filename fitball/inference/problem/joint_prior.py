@@ -23,12 +23,13 @@ class JointPrior:
         return [k for k, prior in enumerate(self.priors) if prior.log]
 
     @cached_property
-    def _limits(self) -> tuple[FloatArray, FloatArray]:
+    def limits(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper ends of the supports, each (priors,), in coordinates."""
         ends = np.array([prior.support for prior in self.priors])
-        return ends[:, 0], ends[:, 1]
+        return ends[:, 0].copy(), ends[:, 1].copy()
 
     @cached_property
-    def _shape(self) -> tuple[FloatArray, FloatArray, float]:
+    def shape(self) -> tuple[FloatArray, FloatArray, float]:
         """Centre and precision of each column (precision 0 where it is flat), and the joint constant."""
         centre = np.array([prior.a for prior in self.priors])
         precision = np.array([1.0 / prior.b if prior.normal else 0.0 for prior in self.priors])
@@ -57,8 +58,8 @@ class JointPrior:
 
     def log_density(self, coordinates: FloatArray) -> FloatArray:
         """Log density (draws,) with respect to coordinates; -inf outside the bounds."""
-        low, high = self._limits
-        centre, precision, constant = self._shape
+        low, high = self.limits
+        centre, precision, constant = self.shape
         z = (coordinates - centre) * precision
         density = -0.5 * np.einsum("ij,ij->i", z, z) - constant
         inside = np.all((coordinates >= low) & (coordinates <= high), axis=1)

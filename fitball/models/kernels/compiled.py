@@ -119,13 +119,13 @@ event.register("numba:compile", _Compilations())  # type: ignore[no-untyped-call
 
 
 def _depend_on_all_kernels(dispatcher: Any) -> None:
-    """Let the cache of one kernel expire when any of them changes.
+    """Let the cache of one kernel expire when it or any of those of the models changes.
 
     Numba stamps a cached function with its own file only, and so would go on running an old copy of a kernel it
     calls in another file. Where its cache is not built as expected it is left out: slow to start, never stale.
     """
     index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if hasattr(index, "_source_stamp"):
-        index._source_stamp = SOURCES
+        index._source_stamp = (*index._source_stamp, *SOURCES)
     else:
         dispatcher._cache = numba.core.caching.NullCache()
