@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import os
+import re
 import tomllib
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
+from fitball.data.dialect.frames import SHEET_MARK, WORKBOOKS
 from fitball.errors import Fault, TableError, suggestion
 
 # Force records of `<table>.csv` lie beside it as `<table>_force.csv`.
 FORCE_ENDING = "_force"
+_OF_BOOK = re.compile(
+    rf"(?P<book>.+?({'|'.join(map(re.escape, WORKBOOKS))})){SHEET_MARK}(?P<sheet>.+)", re.DOTALL | re.IGNORECASE
+)
 
 
 @dataclass(frozen=True)
@@ -46,17 +51,27 @@ def bundled_tables() -> tuple[BundledTable, ...]:
     return tuple(tables)
 
 
+def split_sheet(source: str | os.PathLike[str]) -> tuple[str, str | None]:
+    """A source without the sheet that it names, and that sheet: `book.xlsx#clay` is clay of `book.xlsx`."""
+    text = os.fspath(source)
+    named = _OF_BOOK.fullmatch(text)
+    # Unlike that of Path, this answers for a name too long for the system.
+    if named is None or os.path.isfile(text):  # noqa: PTH113
+        return text, None
+    return named["book"], named["sheet"]
+
+
 def resolve_table(source: str | os.PathLike[str]) -> Path:
-    """The file that `source`, a path or the name of a bundled table (`.csv` may be left out), means.
+    """The file that `source` means: a path, with a sheet or without, or the name of a bundled table (`.csv` may be
+    left out).
 
     A path that exists wins. Raises TableError when there is neither.
     """
-    path = Path(source)
-    # Unlike those of Path, these answer for a name too long for the system.
+    wanted, _sheet = split_sheet(source)
+    path = Path(wanted)
     if os.path.isfile(path):  # noqa: PTH113
         return path
     names = bundled_names()
-    wanted = str(source)
     for name in (wanted, f"{wanted}.csv"):
         if name in names:
             return bundled_folder() / name

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from fitball.data.bundled import resolve_table
+from fitball.data.bundled import resolve_table, split_sheet
 from fitball.data.columns import SD_SUFFIX, Column, Header, read_header, vocabulary
 from fitball.data.dialect.cells import RawTable
 from fitball.data.dialect.files import frame_table, read_raw
+from fitball.data.dialect.frames import SHEET_MARK
 from fitball.data.dialect.numbers import plain_numbers, split_deviations
 from fitball.data.naming import Naming
 from fitball.data.table import Notice
@@ -64,7 +65,10 @@ def framed(source: Any) -> str | os.PathLike[str] | pandas.DataFrame:
 
 def name_of(source: str | os.PathLike[str] | pandas.DataFrame) -> str:
     """What the table of a source is called. Raises TableError where there is no such file."""
-    return resolve_table(source).stem if isinstance(source, PATHS) else str(source.attrs.get("name", FRAME))
+    if not isinstance(source, PATHS):
+        return str(source.attrs.get("name", FRAME))
+    sheet = split_sheet(source)[1]
+    return resolve_table(source).stem + ("" if sheet is None else f"-{sheet}")
 
 
 def written_table(source: str | os.PathLike[str] | pandas.DataFrame, naming: Naming) -> Written:
@@ -76,8 +80,10 @@ def written_table(source: str | os.PathLike[str] | pandas.DataFrame, naming: Nam
     files: tuple[tuple[str, str], ...] = ()
     if isinstance(source, PATHS):
         path = resolve_table(source)
-        raw = read_raw(path, known)
-        place, files = str(path), ((str(path.resolve()), sha256(raw.data).hexdigest()),)
+        sheet = split_sheet(source)[1]
+        raw = read_raw(path, known, sheet)
+        of_it = "" if sheet is None else SHEET_MARK + sheet
+        place, files = f"{path}{of_it}", ((f"{path.resolve()}{of_it}", sha256(raw.data).hexdigest()),)
     else:
         place = name_of(source)
         raw = frame_table(place, source, known, source.to_csv().encode("utf-8", "backslashreplace"))

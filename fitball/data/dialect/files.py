@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 _COMMENTED = 2.0
 
 
-def read_raw(path: Path, vocabulary: Vocabulary) -> RawTable:
-    """The cells of a text file (CSV and its like), a workbook or a Parquet file.
+def read_raw(path: Path, vocabulary: Vocabulary, sheet: str | None = None) -> RawTable:
+    """The cells of a text file (CSV and its like), of a workbook (its `sheet`) or a Parquet file.
 
     Raises TableError when the file cannot be opened or taken apart at all; faults that leave the rest
     readable are returned in `faults`.
@@ -35,8 +35,6 @@ def read_raw(path: Path, vocabulary: Vocabulary) -> RawTable:
         raise refusal(
             source, "the name of this file or of its folder is no UTF-8, and result files name it: rename it"
         )
-    if suffix == ".xls":
-        raise refusal(source, "read a workbook of the old kind (.xls); expected .xlsx, .ods or CSV: save it as one")
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -47,7 +45,7 @@ def read_raw(path: Path, vocabulary: Vocabulary) -> RawTable:
     if suffix in PARQUET_SUFFIXES:
         return frame_table(source, parquet_frame(path, data), vocabulary, data)
     if suffix in WORKBOOKS:
-        records, notes = workbook_records(path, data, vocabulary)
+        records, notes = workbook_records(source, data, vocabulary, sheet)
         return laid_out(source, [record for record in records if any(record[1])], vocabulary, data, notes)
     text, notes = decode(source, data)
     return _text_table(source, text, vocabulary, data, notes)

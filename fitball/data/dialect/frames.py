@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import datetime
 import io
-import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from fitball.data.dialect.cells import Record, Vocabulary, refusal
 from fitball.data.dialect.layout import find_header
@@ -16,66 +15,53 @@ if TYPE_CHECKING:
     import pandas
 
 PARQUET_SUFFIXES = (".parquet", ".pq")
-# Package that reads a workbook, and the name that pandas has for it.
-WORKBOOKS: Mapping[str, tuple[str, Literal["openpyxl", "odf"]]] = {
-    ".xlsx": ("openpyxl", "openpyxl"),
-    ".xlsm": ("openpyxl", "openpyxl"),
-    ".ods": ("odfpy", "odf"),
-}
+WORKBOOKS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
+# What divides a workbook from the sheet that is meant: `book.xlsx#clay`.
+SHEET_MARK = "#"
 # How Excel shows a formula without a value, and a chart of missing points.
 _NOT_AVAILABLE = ("#N/A", "#NV")
 # Names by which a sheet is taken for a table of impacts.
 _NAMES = 1.5
 
 
-def workbook_records(path: Path, data: bytes, vocabulary: Vocabulary) -> tuple[list[Record], tuple[str, ...]]:
-    """The cells of the one sheet that holds a table, with the sheet's rows as lines, and a note where there are more.
+def workbook_records(
+    source: str, data: bytes, vocabulary: Vocabulary, wanted: str | None
+) -> tuple[list[Record], tuple[str, ...]]:
+    """The cells of a sheet, with the sheet's rows as lines, and a note where there are more sheets: the sheet called
+    `wanted`, else the one that holds a table.
 
-    Raises TableError where the package is missing, the file is damaged, or two sheets hold tables.
+    Raises TableError where the file is damaged, there is no such sheet, or two sheets hold tables and none is named.
     """
-    import pandas
+    import python_calamine
 
-    source, (package, engine) = str(path), WORKBOOKS[path.suffix.lower()]
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of styles and extensions that are no part of a table
-            sheets = pandas.read_excel(
-                io.BytesIO(data), sheet_name=None, header=None, dtype=object, na_filter=False, engine=engine
-            )
-    except ImportError:
-        raise refusal(
-            source,
-            f"reading {path.suffix} needs the package '{package}', which is not installed: "
-            f"install it (pip install {package}) or save the table as CSV",
-        ) from None
-    except MemoryError:
-        raise
-    except Exception as error:  # what the readers of archives and XML raise for a damaged file is without end
-        reason = f"{type(error).__name__}: {error}"[:200]
-        raise refusal(
-            source, f"not a workbook ({reason}); expected {path.suffix}, or CSV with the ending .csv"
-        ) from None
-    found = {str(name): _sheet(frame) for name, frame in sheets.items()}
+        with python_calamine.load_workbook(io.BytesIO(data)) as book:
+            named = {
+                sheet.name: book.get_sheet_by_name(sheet.name).to_python(skip_empty_area=False)
+                for sheet in book.sheets_metadata
+                if sheet.typ == python_calamine.SheetTypeEnum.WorkSheet
+            }
+    except (python_calamine.CalamineError, ValueError, OSError, OverflowError) as error:
+        message = f"not a workbook ({error}); expected {', '.join(WORKBOOKS)}, or CSV with the ending .csv"
+        raise refusal(source, message) from None
+    found: dict[str, list[Record]] = {
+        name: [(number, tuple(map(_text, row))) for number, row in enumerate(rows, start=1)]
+        for name, rows in named.items()
+    }
+    if wanted is not None:
+        if wanted not in found:
+            raise refusal(source, f"there is no sheet '{wanted}'; its sheets: {', '.join(found)}")
+        return found[wanted], ()
     filled = {name: records for name, records in found.items() if any(any(cells) for _, cells in records)}
     if not filled:
         raise refusal(source, "every sheet is empty; expected a header and at least two rows")
     tables = [name for name, records in filled.items() if find_header(records, vocabulary).worth >= _NAMES]
     if len(tables) > 1:
-        raise refusal(
-            source,
-            f"{len(tables)} sheets hold tables of impacts: {', '.join(tables[:8])}; expected one: save each as a "
-            "file of its own (several files can be fitted together)",
-        )
+        ways = ", ".join(f"'{source}{SHEET_MARK}{name}'" for name in tables[:8])
+        raise refusal(source, f"{len(tables)} sheets hold tables of impacts; name the one that is meant: {ways}")
     name = tables[0] if tables else next(iter(filled))
     note = (f"sheet '{name}' of {len(found)} was read",) if len(found) > 1 else ()
     return filled[name], note
-
-
-def _sheet(frame: pandas.DataFrame) -> list[Record]:
-    return [
-        (number, tuple(_text(cell) for cell in row))
-        for number, row in enumerate(frame.itertuples(index=False, name=None), start=1)
-    ]
 
 
 def parquet_frame(path: Path, data: bytes) -> pandas.DataFrame:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from fitball.data.bundled import bundled_folder
+from fitball.data.bundled import bundled_folder, split_sheet
 from fitball.data.force_file import load_force
 from fitball.data.frozen import FrozenMapping
 from fitball.data.join import load_tables
@@ -175,8 +175,9 @@ def find_records(record: RunRecord, given: str | None = None) -> Path | None:
 
 def _found(place: Path, named: NamedTable, what: str, name: str) -> Path:
     """`place`, where it holds what `named` says; ResultFolderError otherwise."""
+    file = Path(split_sheet(place)[0])
     try:
-        there = place.is_file()
+        there = file.is_file()
     except OSError as error:
         raise ResultFolderError(f"{str(place)[:200]}: cannot be opened: {error.strerror}") from None
     if not there:
@@ -184,7 +185,7 @@ def _found(place: Path, named: NamedTable, what: str, name: str) -> Path:
             f"{place}: {what} of this fit is not there; put it back, or say with {option(name, 'FILE')} where it is "
             f"(SHA-256 {named.sha256})"
         )
-    digest = sha256(place.read_bytes()).hexdigest()
+    digest = sha256(file.read_bytes()).hexdigest()
     if digest != named.sha256:
         raise ResultFolderError(
             f"{place}: changed since the fit: its SHA-256 is {digest}, the fit was made from {named.sha256}; "
