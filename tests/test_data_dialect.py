@@ -6,6 +6,7 @@ import re
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas
@@ -17,8 +18,12 @@ import fitball
 from fitball.cli.main import main
 from fitball.data.dialect.guess import end_of, guess_of
 from fitball.data.read import load_table
+from fitball.data.scene import load_scene
 from fitball.data.table import ImpactTable
 from fitball.errors import ParameterError, SceneError, TableError
+from fitball.inference.problem.build import build_problem
+from fitball.inference.problem.choices import Choices
+from fitball.report.saved.run_file import run_text
 from fitball.report.saved.run_record import find_tables, read_run, record_problem
 
 Rows = list[list[str]]
@@ -235,8 +240,12 @@ def test_of_two_sheets_with_tables_one_is_named(tmp_path: Path) -> None:
     assert len(load_table(f"{place}#grass #2")) == 2
     with pytest.raises(TableError, match="there is no sheet 'sand'; its sheets: clay, grass #2"):
         load_table(f"{place}#sand")
-    fit = fitball.calibrate(f"{place}#clay", model="brody", point_only=True, as_read=True)
-    record = read_run(fit.save(tmp_path / "kept"))
+    problem = build_problem(table, load_scene(None), Choices(model="brody"))
+    (tmp_path / "kept").mkdir()
+    (tmp_path / "kept" / "run.toml").write_text(
+        run_text(SimpleNamespace(problem=problem, seed=1, diagnostics=None), tmp_path / "kept")
+    )
+    record = read_run(tmp_path / "kept")
     assert find_tables(record) == (Path(f"{place}#clay").resolve(),)
     assert len(record_problem(record, find_tables(record)).table) == 3
 
@@ -410,6 +419,8 @@ def test_a_foreign_table_is_told_which_option_to_pass(tmp_path: Path) -> None:
         read(tmp_path, FOREIGN)
     assert f"pass columns={COLUMNS}" in str(caught.value)
     assert "'speed' may be v_1 or v_2" in str(caught.value)
+    with pytest.raises(TableError, match=r"say which: columns=\{'v_1': 'NAME'"):
+        read(tmp_path, "a,b,c\n5,4,3\n5,4,3\n")
 
 
 ENDS = {
@@ -492,3 +503,22 @@ def test_a_scene_names_columns_by_texts(tmp_path: Path) -> None:
     (tmp_path / "t.toml").write_text("[columns]\nv_1 = 3\n")
     with pytest.raises(SceneError, match=r"columns\.v_1 = 3: expected a text in quotes"):
         read(tmp_path, FOREIGN)
+
+
+def test_new_impacts_may_be_named_as_those_of_the_fit() -> None:
+    own = {"v_x1": "Vx in", "v_y1": "Vy in [m/s]", "v_x2": "Vx out", "v_y2": "Vy out"}
+    measured = pandas.DataFrame(
+        {
+            "Vx in": [15.0, 14, 13, 12],
+            "Vy in": [5.0, 7, 9, 10],
+            "Vx out": [10.0, 8.2, 7.1, 6],
+            "Vy out": [4.1, 5.5, 7, 7.7],
+        }
+    )
+    fit = fitball.calibrate(measured, columns=own, model="brody", point_only=True, as_read=True)
+    new = measured[["Vx in", "Vy in"]]
+    found = fit.predict(new)
+    assert "named as in the table of the fit: v_x1=Vx in, v_y1=Vy in [m/s]" in found.attrs["notes"][0]
+    plainly = fit.predict(new.set_axis(["v_x1", "v_y1"], axis="columns"))
+    pandas.testing.assert_frame_equal(found, plainly, check_names=False)
+    assert not any("named as in" in note for note in plainly.attrs["notes"])

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fitball.api.asked import flips
+from fitball.data.columns import split_cell
 from fitball.data.impact_text import parse_uncertain_impact
+from fitball.data.naming import naming
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable
-from fitball.data.written import framed, in_memory
+from fitball.data.written import framed, in_memory, written_table
 from fitball.errors import ParameterError
 from fitball.inference.prediction.holdout_scores import ObservableScore, scores
 from fitball.inference.prediction.new_impacts import NewPrediction, observed_observables, predict_new
@@ -133,19 +135,36 @@ def foretell(
     """
     if seed < 0:
         raise ParameterError(f"seed = {seed}: expected a number not below 0")
+    columns, assumed = _named_as_before(data, columns, saved.file.table.columns)
     new = new_impacts(data, fitted.ball, units, flips(flip), columns)
     stated, table = new.covariance is not None, new.table
     covariance = None if exact_incidence else new.covariance
     observables, unused = observed_observables(fitted, table) if table is not None else ((), ())
     prediction = predict_new(fitted, new.impacts, observables, seed, covariance)
     prediction = with_assumptions(prediction, fitted, saved.file.assumptions)
-    notes = [*(() if table is None else (*table.remarks, *_other_flips(saved.file.table, table))), *unused]
+    notes = [*assumed, *(() if table is None else (*table.remarks, *_other_flips(saved.file.table, table))), *unused]
     if saved.status is RunStatus.POINT_ONLY:
         notes.append(POINT_ONLY)
     if stated:
         notes.append(IGNORED if saved.status is RunStatus.POINT_ONLY or exact_incidence else DRAWN)
     notes += _cautions(saved, fitted, prediction)
     return Foretold(new, prediction, scores(prediction), tuple(notes))
+
+
+def _named_as_before(
+    data: Any, asked: Mapping[str, str] | None, fitted: Mapping[str, str]
+) -> tuple[Mapping[str, str] | None, tuple[str, ...]]:
+    """The names of columns, and a note: those `asked`, else those of the fit's own table that stand in this one."""
+    own = {ours: text for ours, text in fitted.items() if naming({ours: text}, (ours,)).theirs[ours] != ours}
+    read = in_memory(data) or isinstance(data, os.PathLike) or (isinstance(data, str) and "=" not in data)
+    if asked or not own or not read:
+        return asked, ()
+    known = naming(own, tuple(own))
+    cells = written_table(framed(data), known).raw.header
+    found = {known.ours(cell, split_cell(cell, None, [], known)[0]) for cell in cells}
+    taken = {ours: text for ours, text in own.items() if ours in found}
+    said = ", ".join(f"{ours}={text}" for ours, text in taken.items())
+    return taken, (f"columns are taken to be named as in the table of the fit: {said}",) if taken else ()
 
 
 def _cautions(saved: SavedFit, fitted: FittedModel, prediction: NewPrediction) -> list[str]:

@@ -89,6 +89,8 @@ def _what_is_meant(extras: Collection[str], present: Collection[str]) -> str:
             )
     if sure:
         said.insert(0, f"; if these are meant pass {_named(sure)}")
+    if extras and not said:
+        said.append(f"; if they have other names here, say which: {_named({'v_1': 'NAME', 'theta_1': 'NAME [deg]'})}")
     return "".join(said)
 
 

@@ -113,7 +113,9 @@ def noise_words(check: NoiseCheck) -> str:
     if check.stated and not check.unit:
         return f"{columns} scatter by {_number(check.ratio)} times the stated sds"
     word = "stated" if check.stated else "expected"
-    return f"{columns} scatter by {size} ({known} {word}, {_number(check.ratio)} times)"
+    # A share of the peak is no scatter of the column, which has its own.
+    what = f"{columns} scatter by" if check.unit else f"{check.noise} is"
+    return f"{what} {size} ({known} {word}, {_number(check.ratio)} times)"
 
 
 def based_on(

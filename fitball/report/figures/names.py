@@ -29,14 +29,14 @@ FIGURES: Mapping[str, FigureText] = {
     ),
     "predictive": FigureText(
         "measured against predicted rebounds, with intervals",
-        "Measured against predicted, beside the line where both are equal. Bars at each prediction: 95 % of what the "
-        "parameters leave open (dark), and of a new measurement, with noise (light).",
+        "Measured against predicted, beside the line where both are equal. Bars at each prediction: 95 % of a new "
+        "measurement, with noise (light), and, where there are draws, of what the parameters leave open (dark).",
         "predictions",
     ),
     "curves": FigureText(
         "rebound over incidence angle at stated speeds and spins",
-        "The model at one speed and spin in each column, with the impacts near it (both within a tenth of the speed, "
-        "the spin by its surface speed); all others stand back.",
+        "What the model makes of impacts at a stated speed and spin, with those near it (both within a tenth of the "
+        "speed, the spin by its surface speed); all others stand back. Of drops: over the speed.",
         "predictions",
     ),
     "residuals": FigureText(

@@ -31,9 +31,9 @@ class AdequacyTable:
     remarks: tuple[str, ...]
 
 
-NOISE_HEADS = ("noise", "columns", "fitted", "stated or expected", "ratio", "probability", "")
+NOISE_HEADS = ("noise", "columns", "residuals", "stated or expected", "ratio", "probability", "")
 CHECK_HEADS = ("pattern looked for", "seen", "usual below", "explains", "probability", "")
-MISFIT_HEADS = ("impact", "column", "measured", "predicted", "distance [sd]")
+MISFIT_HEADS = ("impact", "column", "measured", "point", "distance [sd]")
 
 
 def adequacy_table(fit: Fit) -> AdequacyTable:
@@ -53,7 +53,8 @@ def adequacy_lines(fit: Fit) -> list[str]:
     """What stands on a terminal below the answer: what it is based on in one sentence, the rates on the page."""
     found = _of(fit)
     far = ", ".join(
-        f"{row[0]} {row[1]} {row[2]} (predicted {row[3]}, {row[4]} sd)" for row in map(_misfit_row, found.misfits[:3])
+        f"{row[0]} {row[1]} {row[2]} ({row[3]} at the point, {row[4]} sd)"
+        for row in map(_misfit_row, found.misfits[:3])
     )
     based_on, end, _ = found.based_on.partition(". ")
     return [based_on + end.rstrip(), *remarks(fit), *([f"Largest misfits: {far}."] if far else [])]

@@ -238,7 +238,8 @@ def _speed(item: TestedSpeed) -> str:
 def _counted(item: TestedSpeed) -> str:
     spread = item.highest - item.lowest
     among = f" at {item.lowest:.2f} to {item.highest:.2f} m/s" if spread > 0.005 else ""
-    return f"{item.impacts} drop{'s' if item.impacts > 1 else ''}{among}, measured mean {item.measured:.4f}"
+    count, mean = ("drops", "mean ") if item.impacts > 1 else ("drop", "")
+    return f"{item.impacts} {count}{among}, measured {mean}{item.measured:.4f}"
 
 
 def _speed_row(item: TestedSpeed) -> SpeedRow:

@@ -54,13 +54,16 @@ class BallPart(Part, frozen=True):
 
 
 class TablePart(Part, frozen=True):
-    """The table that was fitted; flipped are columns that were counted the other way round on request."""
+    """The table that was fitted; flipped are columns that were counted the other way round on request, columns those
+    that were named, by our names.
+    """
 
     name: str
     file: str
     sha256: Digest
     impacts: Annotated[int, msgspec.Meta(ge=2)]
     flipped: Texts
+    columns: Mapping[str, str] = {}
 
 
 class ThesisNumbers(Part, frozen=True):

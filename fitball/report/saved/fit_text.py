@@ -39,7 +39,9 @@ def fit_file(fit: Fit) -> parts.FitFile:
         drop_test=fit.drop_test,
         model=parts.ModelPart(problem.model.name, problem.model.options),
         ball=part(parts.BallPart, problem.model.ball),
-        table=parts.TablePart(table.name, Path(table.source).name, table.digest, len(table), table.flipped),
+        table=parts.TablePart(
+            table.name, Path(table.source).name, table.digest, len(table), table.flipped, dict(table.columns)
+        ),
         notes=(*table.remarks, *fit.notes),
         parameters={estimate.name: _parameter(estimate, theirs) for estimate in fit.estimates},
         covariance=_matrix(problem.free_names, fit.covariance),
