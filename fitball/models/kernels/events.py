@@ -20,8 +20,9 @@ from fitball.models.kernels.oscillator import series_value, shift_swing, swing_a
 from fitball.models.kernels.quantities import Basis, Oscillator, Oscillators, Series, Stack, Swing
 from fitball.values import FloatArray
 
-# Layout of a function's coefficient array: its value (5, from 0), two derivatives, and bounds of the sixth.
-SLOPE, CURVE, BOUND, SIZE = 5, 9, 13, 15
+# Layout of a function's coefficient array: its value (5, from 0), two derivatives, and bounds of the sixth over the
+# envelopes, and over the fast poles of what is overdamped.
+SLOPE, CURVE, BOUND, FAST_BOUND, SIZE = 5, 9, 13, 15, 17
 # Halvings after which an undecided interval is narrower than the rounding of its ends.
 MAX_DEPTH = 56
 # The row behind the stack of `first_zero` holds how many halvings are left to the contact. A ball of the field needs
@@ -30,25 +31,35 @@ HALVINGS_LEFT, MAX_HALVINGS = MAX_DEPTH, 1.0e6
 NO_ZERO = -1.0
 # Decay over one step back beyond which the basis is computed afresh: undoing it amplifies rounding by its inverse.
 LARGEST_DECAY_UNDONE = 0.5
-AT_START: Basis[float] = Basis(Swing(1.0, 0.0, 1.0), Swing(1.0, 0.0, 1.0))
+AT_START: Basis[float] = Basis(Swing(1.0, 0.0, 1.0, 1.0), Swing(1.0, 0.0, 1.0, 1.0))
 
 
 @inner
-def sixth_derivative_bound(o: Oscillator[float], c: float, s: float, span: float) -> float:
-    """Bound of |d^6/dt^6 (c C + s S)| over its envelope, for times up to `span`."""
-    if o.damped_squared * span * span > 1.0:
+def sixth_derivative_bounds(o: Oscillator[float], c: float, s: float, span: float) -> tuple[float, float]:
+    """Bounds of |d^6/dt^6 (c C + s S)| for times up to `span`: of the share that dies like the swing's envelope, and
+    of that which dies like its fast exponential, both over these.
+    """
+    turn = o.damped_squared * span * span
+    if turn > 1.0:
         cube = o.natural_squared * o.natural_squared * o.natural_squared
-        return cube * math.sqrt(c * c + s * s / o.damped_squared)
+        return cube * math.sqrt(c * c + s * s / o.damped_squared), 0.0
+    if turn < -1.0:
+        # Two exponentials, each with its own pole: one envelope for both would keep the sixth power of the fast pole
+        # long after its share has died.
+        fast = o.decay + o.frequency
+        slow = o.natural_squared / fast
+        lead = s / o.frequency
+        return 0.5 * abs(c + lead) * slow**6, 0.5 * abs(c - lead) * fast**6
     for _ in range(6):
         c, s = s - o.decay * c, -o.damped_squared * c - o.decay * s
-    return abs(c) + abs(s) * span
+    return abs(c) + abs(s) * span, 0.0
 
 
 @inner
 def prepare_swing(c: FloatArray, place: int, o: Oscillator[float], span: float) -> None:
     """Fill in derivatives and bound of the share that one oscillator (0, 1) has in `c`."""
     first, second = c[1 + 2 * place], c[2 + 2 * place]
-    c[BOUND + place] = sixth_derivative_bound(o, first, second, span)
+    c[BOUND + place], c[FAST_BOUND + place] = sixth_derivative_bounds(o, first, second, span)
     first, second = second - o.decay * first, -o.damped_squared * first - o.decay * second
     c[SLOPE + 2 * place] = first
     c[SLOPE + 2 * place + 1] = second
@@ -89,7 +100,10 @@ def evaluate(
         c[0] + c[1] * p + c[2] * q + c[3] * r + c[4] * s,
         c[SLOPE] * p + c[SLOPE + 1] * q + c[SLOPE + 2] * r + c[SLOPE + 3] * s,
         c[CURVE] * p + c[CURVE + 1] * q + c[CURVE + 2] * r + c[CURVE + 3] * s,
-        c[BOUND] * torsion.envelope + c[BOUND + 1] * vertical.envelope,
+        c[BOUND] * torsion.envelope
+        + c[BOUND + 1] * vertical.envelope
+        + c[FAST_BOUND] * torsion.fast
+        + c[FAST_BOUND + 1] * vertical.fast,
     )
 
 

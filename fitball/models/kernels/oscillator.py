@@ -42,22 +42,23 @@ def swing_at(o: Oscillator[Number], t: Number) -> Swing[Number]:
     x = o.damped_squared * t * t
     if x.real > SMALL_PHASE:
         envelope = exp(-o.decay * t)
-        return Swing(envelope * cos(o.frequency * t), envelope * sin(o.frequency * t) / o.frequency, envelope)
+        sine = envelope * sin(o.frequency * t) / o.frequency
+        return Swing(envelope * cos(o.frequency * t), sine, envelope, 0.0 * envelope)
     if x.real < -SMALL_PHASE:
         # a - w by way of the product of the poles, because the difference cancels when overdamped.
         slow = exp(-o.natural_squared / (o.decay + o.frequency) * t)
         fast = exp(-(o.decay + o.frequency) * t)
-        return Swing(0.5 * (slow + fast), 0.5 * (slow - fast) / o.frequency, slow)
+        return Swing(0.5 * (slow + fast), 0.5 * (slow - fast) / o.frequency, slow, fast)
     envelope = exp(-o.decay * t)
     cosine = 1.0 - x * (1.0 / 2 - x * (1.0 / 24 - x * (1.0 / 720 - x * (1.0 / 40320))))
     sine = 1.0 - x * (1.0 / 6 - x * (1.0 / 120 - x * (1.0 / 5040 - x * (1.0 / 362880))))
-    # An overdamped pair in this branch grows by at most cosh(0.1) over its envelope.
-    return Swing(envelope * cosine, envelope * t * sine, envelope * 1.01)
+    # An overdamped pair in this branch grows by at most exp(0.1) over its envelope, and neither pole is far from it.
+    return Swing(envelope * cosine, envelope * t * sine, envelope * 1.11, envelope)
 
 
 @inner
 def shift_swing(o: Oscillator[float], swing: Swing[float], t: float) -> Swing[float]:
-    """The swing a short time `t` (of either sign) later, by the addition theorem; the envelope is left as it is.
+    """The swing a short time `t` (of either sign) later, by the addition theorem; the bounds are left as they are.
 
     Short series take the place of the three functions that `swing_at` would call.
     """
@@ -72,7 +73,10 @@ def shift_swing(o: Oscillator[float], swing: Swing[float], t: float) -> Swing[fl
         sine = 1.0 - x * (1.0 / 6 - x * (1.0 / 120 - x * (1.0 / 5040 - x * (1.0 / 362880))))
         c, s = decay * cosine, decay * t * sine
     return Swing(
-        swing.cosine * c - o.damped_squared * swing.sine * s, swing.sine * c + swing.cosine * s, swing.envelope
+        swing.cosine * c - o.damped_squared * swing.sine * s,
+        swing.sine * c + swing.cosine * s,
+        swing.envelope,
+        swing.fast,
     )
 
 

@@ -34,11 +34,15 @@ class Oscillators(NamedTuple, Generic[Number]):
 
 
 class Swing(NamedTuple, Generic[Number]):
-    """An oscillator's `C = exp(-a t) cos(w t)` and `S = exp(-a t) sin(w t)/w` [s] at a time, and a bound of `C`."""
+    """An oscillator's `C = exp(-a t) cos(w t)` and `S = exp(-a t) sin(w t)/w` [s] at a time, and a bound of `C`.
+
+    Overdamped, `envelope` and `fast` are the exponentials of the two poles, their mean is `C`; else `fast` is idle.
+    """
 
     cosine: Number
     sine: Number
     envelope: Number
+    fast: Number
 
 
 class Basis(NamedTuple, Generic[Number]):
