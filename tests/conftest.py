@@ -42,6 +42,11 @@ SLOW_FILES = (
 )  # fmt: skip
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """How often each kind of input is damaged."""
+    parser.addoption("--fuzz", type=int, metavar="N", help="damage each kind of input N times (see test_fuzz.py)")
+
+
 def _is_slow(path: Path) -> bool:
     return path.name.removeprefix("test_").removesuffix(".py") in SLOW_FILES
 

@@ -1,6 +1,5 @@
 """`scripts/validate`: does the calibration find what was put in? Simulation-based calibration, and its verdict;
-with `--trust`, whether what fits say of themselves is true; with `--fuzz`, whether damaged input ever meets anything
-but a clear refusal.
+with `--trust`, whether what fits say of themselves is true.
 
 Not a verb: it takes a quarter of an hour and checks the program, not a table. It is run as a module.
 """
@@ -16,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from fitball.cli.options import count, whole
+from fitball.cli.options import whole
 from fitball.cli.visible_stream import own_stream, visible_streams
 from fitball.errors import FitballError, ParameterError, suggestion
 from fitball.wording import speaking_to_command_line
@@ -76,19 +75,12 @@ def make_parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
-        "--fuzz",
-        type=count,
-        metavar="N",
-        help="instead: damage each kind of input N times, and run a command on each",
-    )
-    parser.add_argument(
         "--trust",
         action="store_true",
         help="instead: fit tables that the model made and tables that it did not, and count how often the fit "
         "describes them, and how often what it calls identified holds the truth",
     )
     parser.add_argument("--scenarios", metavar="A,B", help="of --trust: kinds of tables (default: all)")
-    parser.add_argument("--targets", metavar="A,B", help="of --fuzz: the kinds of input to damage (default: all)")
     parser.add_argument(
         "--replicates", type=whole, metavar="N", help="tables a model (default 300) or a kind of them (default 60)"
     )
@@ -106,11 +98,11 @@ def make_parser() -> argparse.ArgumentParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Draw, fit, rank, or damage files; 1 where something does not hold."""
+    """Draw, fit and rank, or count; 1 where something does not hold."""
     args = make_parser().parse_args(argv)
     try:
         with visible_streams(), speaking_to_command_line():
-            return _fuzz(args) if args.fuzz is not None else _trust(args) if args.trust else _run(args)
+            return _trust(args) if args.trust else _run(args)
     except FitballError as error:
         print(f"fitball: {error}", file=sys.stderr)
         return 2
@@ -180,32 +172,6 @@ def _trust(args: argparse.Namespace) -> int:
     write_text(folder / "trust.md", findings_text(found))
     print(json.dumps(content, indent=1) if args.json else findings_text(found) + f"\nResults: {folder}")
     return 0 if content["holds"] else 1
-
-
-def _fuzz(args: argparse.Namespace) -> int:
-    """Damage inputs of every kind. Returns 1 when a command broke the rule: exit 0 or 2, in bounds."""
-    from fitball.cli.main import main as fitball_main
-    from fitball.studies.fuzz.campaign import finding_text, run_target
-    from fitball.studies.fuzz.targets import all_targets
-
-    known = all_targets()
-    names = list(known) if args.targets is None else [name.strip() for name in args.targets.split(",")]
-    for name in names:
-        if name not in known:
-            raise ParameterError(f"--targets {args.targets}: unknown target '{name}': {suggestion(name, known)}")
-    folder = Path(args.out) if args.out else DEFAULT_FOLDER / "fuzz"
-    broken = 0
-    for name in names:
-        counter = Counter(name, args.fuzz, args.quiet, "cases")
-        found = run_target(known[name], args.seed, args.fuzz, folder, fitball_main, counter)
-        broken += len(found)
-        for finding in found:
-            print(finding_text(finding))
-        print(f"{name}: {args.fuzz} cases, {len(found)} broke the rule", flush=True)
-    print(f"{args.fuzz * len(names)} cases (seed {args.seed}), {broken} broke the rule")
-    if broken:
-        print(f"Their files: {folder / 'cases'}")
-    return 1 if broken else 0
 
 
 def _checked(args: argparse.Namespace, replicates: int) -> tuple[str, ...]:

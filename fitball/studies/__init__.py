@@ -1,6 +1,6 @@
 """Programs about fitball rather than about a table: is the thesis reproduced, are the posteriors calibrated, what
-does speed cost, does a run repeat, can a damaged file bring a command down. A room for each; no one imports another.
+does speed cost, does a run repeat. A room for each; no one imports another.
 
-Offers: `thesis` (rederive), `sbc` (scripts/validate), `bench`, `repeat` and `fuzz`.
+Offers: `thesis` (rederive), `sbc` (scripts/validate), `bench` and `repeat`.
 May import: api, exports, report, inference, models, data.
 """

@@ -6,13 +6,9 @@ import csv
 import io
 import json
 import re
-from pathlib import Path
 
-import numpy as np
+from fuzz.mutators import NUMBERS, TEXTS, damage_text_file, pick
 
-from fitball.studies.fuzz.mutators import NUMBERS, TEXTS, damage_text_file, pick
-
-Random = np.random.Generator
 # Values as TOML writes them; what stands behind an equals sign.
 _TOML_NUMBERS = (
     "1e308", "-1e308", "1e-308", "1e-12", "0.01", "1", "10", "1e3", "1e5", "1e20", "inf", "nan", "0", "-1",
@@ -22,7 +18,7 @@ _TOML_NUMBERS = (
 _TOML_VALUE = re.compile(r"(?<== )(\"[^\"]*\"|[0-9][0-9.e-]*)")
 
 
-def damage_table(path: Path, rng: Random) -> str:
+def damage_table(path, rng):
     """Damage a CSV file: half of the time cells, columns or a whole column's unit, else its text. Returns what."""
     if rng.integers(2) == 0:
         return damage_text_file(path, rng)
@@ -58,14 +54,14 @@ def damage_table(path: Path, rng: Random) -> str:
     return f"{path.name}: {', '.join(said)}"
 
 
-def _times(cell: str, factor: float) -> str:
+def _times(cell, factor):
     try:
         return f"{float(cell) * factor:.9g}"
     except ValueError:
         return cell
 
 
-def damage_toml(path: Path, rng: Random) -> str:
+def damage_toml(path, rng):
     """Damage a TOML file: half of the time values behind equals signs, else its text. Returns what."""
     if rng.integers(2) == 0:
         return damage_text_file(path, rng)

@@ -5,18 +5,16 @@ from __future__ import annotations
 import datetime
 import io
 import shutil
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
+import pandas
+from fuzz.examples import DIALECTS, IMPACTS, PRIORS, SCENE, TABLES
+from fuzz.harness import Target
+from fuzz.mutators import damage_file, damaged
+from fuzz.structured import damage_table, damage_toml
 
 from fitball.data.bundled import bundled_folder
 from fitball.inference.problem.noise import KINDS
-from fitball.studies.fuzz.examples import DIALECTS, IMPACTS, PRIORS, SCENE, TABLES
-from fitball.studies.fuzz.harness import Target
-from fitball.studies.fuzz.mutators import damage_file, damaged
-from fitball.studies.fuzz.structured import damage_table, damage_toml
 
 TABLE = "impacts.csv"
 SHOWN = (
@@ -42,22 +40,22 @@ OPTIONS = (
 )  # fmt: skip
 
 
-def _build_tables(folder: Path) -> None:
+def _build_tables(folder):
     for k, text in enumerate(TABLES):
         (folder / f"table{k}.csv").write_text(text, encoding="utf-8")
 
 
-def _damage_table(folder: Path, rng: np.random.Generator) -> str:
+def _damage_table(folder, rng):
     (folder / f"table{rng.integers(len(TABLES))}.csv").rename(folder / TABLE)
     return damage_table(folder / TABLE, rng)
 
 
-def _build_dialects(folder: Path) -> None:
+def _build_dialects(folder):
     for k, text in enumerate(DIALECTS):
         (folder / f"table{k}.csv").write_text(text, encoding=("utf-8", "utf-16")[k])
 
 
-def _damage_dialect(folder: Path, rng: np.random.Generator) -> str:
+def _damage_dialect(folder, rng):
     k = int(rng.integers(len(DIALECTS)))
     place = (folder / f"table{k}.csv").rename(folder / TABLE)
     if rng.integers(8) == 0:
@@ -68,23 +66,19 @@ def _damage_dialect(folder: Path, rng: np.random.Generator) -> str:
     return f"{place.name}: its text, as {coding}"
 
 
-def _build_workbook(folder: Path) -> None:
-    import pandas
-
+def _build_workbook(folder):
     for k, text in enumerate(TABLES):
         place = folder / f"table{k}.xlsx"
         pandas.read_csv(io.StringIO(text), comment="#").to_excel(place, index=False, engine="openpyxl")
 
 
-def _damage_workbook(folder: Path, rng: np.random.Generator) -> str:
+def _damage_workbook(folder, rng):
     """Its bytes, or, half of the time, a cell."""
-    import pandas
-
     place = (folder / f"table{rng.integers(len(TABLES))}.xlsx").rename(folder / "impacts.xlsx")
     if rng.integers(2) == 0:
         return damage_file(place, rng)
     frame = pandas.read_excel(place, header=None, dtype=object, engine="openpyxl")
-    odd: tuple[Any, ...] = (
+    odd = (
         None, 1e308, -1e300, True, "text\ttabbed", "a" * 10_000, 10**18, "#DIV/0!", "1,234", "21 ± 1", "=1+1",
         pandas.Timestamp("2026-01-01"), datetime.time(3, 4),
     )  # fmt: skip
@@ -94,9 +88,7 @@ def _damage_workbook(folder: Path, rng: np.random.Generator) -> str:
     return f"{place.name}: row {at[0] + 1}, column {at[1] + 1} = {str(frame.iat[at[0], at[1]])[:40]}"
 
 
-def _build_parquet(folder: Path) -> None:
-    import pandas
-
+def _build_parquet(folder):
     for k, text in enumerate(TABLES):
         place = folder / f"table{k}.csv"
         place.write_text(text, encoding="utf-8")
@@ -104,10 +96,8 @@ def _build_parquet(folder: Path) -> None:
         place.unlink()
 
 
-def _damage_parquet(folder: Path, rng: np.random.Generator) -> str:
+def _damage_parquet(folder, rng):
     """Its bytes, or, half of the time, a cell of the table it holds, or a column's type."""
-    import pandas
-
     place = folder / "impacts.parquet"
     (folder / f"table{rng.integers(len(TABLES))}.parquet").rename(place)
     if rng.integers(2) == 0:
@@ -115,7 +105,7 @@ def _damage_parquet(folder: Path, rng: np.random.Generator) -> str:
     frame = pandas.read_parquet(place)
     column = int(rng.integers(frame.shape[1]))
     name = str(frame.columns[column])
-    odd: tuple[object, ...] = (
+    odd = (
         None, float("nan"), float("inf"), 1e308, -1e300, True, b"\xff\x00", "text\x1b[2J", "a" * 100_000, 10**18,
         [1.0, 2.0], {"value": 1.0}, pandas.Timestamp("2026-01-01"), pandas.Timedelta("1s"), np.datetime64("NaT"),
     )  # fmt: skip
@@ -132,12 +122,12 @@ def _damage_parquet(folder: Path, rng: np.random.Generator) -> str:
     return f"{place.name}: {name} = {str(new)[:40]}"
 
 
-def _build_scene(folder: Path) -> None:
+def _build_scene(folder):
     shutil.copy(bundled_folder() / "wang_zero_spin.csv", folder / TABLE)
     (folder / "impacts.toml").write_text(SCENE, encoding="utf-8")
 
 
-def _build_force(folder: Path) -> None:
+def _build_force(folder):
     """The drop test with force records that comes with fitball, four impacts of it."""
     lines = (bundled_folder() / "synthetic_drop.csv").read_text(encoding="utf-8").splitlines(keepends=True)
     data = [line for line in lines if not line.startswith("#")]
@@ -149,8 +139,7 @@ def _build_force(folder: Path) -> None:
     (folder / "impacts_force.csv").write_text("".join([head, *kept]), encoding="utf-8")
 
 
-def hand_written() -> tuple[Target, ...]:
-    """The targets that need no fit."""
+def hand_written():
     return (
         Target("table", _build_tables, _damage_table, (*SHOWN, _GRIP_SLIP), few=40),
         Target(
@@ -171,21 +160,16 @@ def hand_written() -> tuple[Target, ...]:
     )  # fmt: skip
 
 
-def _build_table(folder: Path) -> None:
+def _build_table(folder):
     (folder / TABLE).write_text(TABLES[0], encoding="utf-8")
 
 
-def option_target(
-    name: str, build: Callable[[Path], None], texts: tuple[str, ...], *commands: tuple[str, ...], few: int = 20
-) -> Target:
+def option_target(name, build, texts, *commands, few=20):
     """The target of an option whose valid texts are `texts`; `{text}` in `commands` is the damaged one."""
 
-    def mutate(_folder: Path, rng: np.random.Generator) -> str:
-        return _as_argument(damaged(texts[rng.integers(len(texts))], rng))
+    def mutate(_folder, rng):
+        text = damaged(texts[rng.integers(len(texts))], rng)
+        # As a program receives it: no zero bytes, and undecodable bytes as the surrogates that stand for them.
+        return text.replace("\0", "").encode("utf-8", "surrogatepass").decode("utf-8", "surrogateescape")
 
     return Target(name, build, mutate, commands, few=few)
-
-
-def _as_argument(text: str) -> str:
-    """`text` as a program receives it: no zero bytes, and undecodable bytes as the surrogates that stand for them."""
-    return text.replace("\0", "").encode("utf-8", "surrogatepass").decode("utf-8", "surrogateescape")

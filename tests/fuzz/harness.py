@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import io
+import shlex
 import shutil
 import traceback
 import warnings
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,18 +17,17 @@ import numpy as np
 
 # More than this nobody reads; a terminal that scrolls for minutes hides what matters.
 MOST_CHARACTERS = 20_000
-Main = Callable[[Sequence[str]], int]
 
 
 @dataclass(frozen=True)
 class Target:
     """One kind of input to damage.
 
-    `build` writes a valid input into an empty folder, once a campaign. `mutate` damages a copy of that folder and
-    returns what it did; for an option's text, which lies in no file, it returns the damaged text. `commands` are
-    command lines of `fitball`, of which each case takes one at random; in their words `{folder}` stands for the copy
-    and `{text}` for what `mutate` returned. `exits` are the exit codes that may come: 1 is a check that failed.
-    `few` is the number of cases for a test that must be quick.
+    `build` writes a valid input into an empty folder. `mutate` damages a copy of that folder and returns what it did;
+    for an option's text, which lies in no file, it returns the damaged text. `commands` are command lines of
+    `fitball`, of which each case takes one at random; in their words `{folder}` stands for the copy and `{text}` for
+    what `mutate` returned. `exits` are the exit codes that may come: 1 is a check that failed. `few` is the number
+    of cases that the suite tries.
     """
 
     name: str
@@ -42,8 +42,6 @@ class Target:
 class Case:
     """A command line on a damaged input; `damage` says what `mutate` did."""
 
-    target: str
-    index: int
     damage: str
     words: tuple[str, ...]
 
@@ -61,24 +59,19 @@ class Ending:
     error: str = ""
 
 
-def make_case(target: Target, valid: Path, place: Path, seed: int, index: int) -> Case:
-    """Case `index` of a campaign, its files in the new folder `place`, made from those in `valid`.
-
-    The same seed and index give the same case, whichever cases ran before.
+def make_case(target, valid, place, index):
+    """Case `index`, its files in the new folder `place`, made from those in `valid`. The same index gives the same
+    case, whichever cases ran before.
     """
-    rng = np.random.default_rng([seed, zlib.crc32(target.name.encode()), index])
+    rng = np.random.default_rng([1, zlib.crc32(target.name.encode()), index])
     shutil.copytree(valid, place)
     damage = target.mutate(place, rng)
     command = target.commands[rng.integers(len(target.commands))]
-    words = tuple(word.replace("{folder}", str(place)).replace("{text}", damage) for word in command)
-    return Case(target.name, index, damage, words)
+    return Case(damage, tuple(word.replace("{folder}", str(place)).replace("{text}", damage) for word in command))
 
 
-def run_case(case: Case, main: Main) -> Ending:
-    """Run the command in this process, as a user's terminal would see it.
-
-    Streams are UTF-8 and as strict as Python makes them.
-    """
+def run_case(case, main):
+    """Run the command as a user's terminal would see it: streams are UTF-8 and as strict as Python makes them."""
     streams = [io.TextIOWrapper(io.BytesIO(), "utf-8", errors) for errors in ("strict", "backslashreplace")]
     error, code = "", None
     with (
@@ -94,26 +87,20 @@ def run_case(case: Case, main: Main) -> Ending:
         except Exception:
             error = traceback.format_exc()
     out, err = (_text(stream) for stream in streams)
-    warned = tuple(
-        f"{warning.filename}:{warning.lineno}: {warning.category.__name__}: {warning.message}" for warning in caught
-    )
+    warned = tuple(f"{item.filename}:{item.lineno}: {item.category.__name__}: {item.message}" for item in caught)
     return Ending(code, out, err, warned, error)
 
 
-def _text(stream: io.TextIOWrapper) -> str:
+def _text(stream):
     stream.flush()
-    raw = stream.detach()
-    assert isinstance(raw, io.BytesIO)
-    return raw.getvalue().decode()
+    return stream.detach().getvalue().decode()
 
 
-def complaints(target: Target, case: Case, ending: Ending) -> list[str]:
+def complaints(target, case, ending):
     """What is wrong with how a case ended; nothing when it ended well."""
     faults = []
     if ending.error:
-        lines = ending.error.strip().splitlines()
-        place = next((line.strip() for line in reversed(lines[:-1]) if "fitball" in line and "line" in line), "")
-        faults.append(f"exception: {lines[-1][:300]} ({place[-120:]})")
+        faults.append(f"exception: {ending.error.strip().splitlines()[-1][:300]}")
     elif ending.code not in target.exits:
         faults.append(f"exit {ending.code}")
     if ending.warned:
@@ -130,5 +117,24 @@ def complaints(target: Target, case: Case, ending: Ending) -> list[str]:
     return faults
 
 
-def _controls(character: str) -> bool:
+def _controls(character):
     return (character < " " and character not in "\n\t\r") or "\x7f" <= character <= "\x9f"
+
+
+def findings(target, valid, folder, main, cases):
+    """Run cases 0 to `cases` - 1 below `folder`; say of those that broke the rule what was damaged, the command and
+    the end of the traceback, in ASCII alone: a command may hold anything. Their files stay.
+    """
+    broken = []
+    for index in range(cases):
+        place = folder / str(index)
+        case = make_case(target, valid, place, index)
+        ending = run_case(case, main)
+        said = complaints(target, case, ending)
+        if said:
+            command = ascii(shlex.join(["fitball", *case.words])[:400])
+            head = f"{target.name} {index} ({case.damage[:80]!a}): {'; '.join(map(ascii, said))}"
+            broken.append("\n  ".join([head, command, *ending.error.strip().splitlines()[-6:]]))
+        else:
+            shutil.rmtree(place)
+    return broken

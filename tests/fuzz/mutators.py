@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
-Random = np.random.Generator
 # Where numbers are expected.
 NUMBERS = (
     "1e308", "-1e308", "1e-308", "5e-324", "1e999", "inf", "-inf", "nan", "NaN", "0", "-0.0", "-1", "1e5", "1e20",
@@ -28,12 +25,11 @@ _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_ .-]*")
 
 
-def pick(rng: Random, items: tuple[str, ...]) -> str:
-    """One of `items`."""
+def pick(rng, items):
     return items[rng.integers(len(items))]
 
 
-def _replace_match(text: str, rng: Random, pattern: re.Pattern[str], choices: tuple[str, ...]) -> str:
+def _replace_match(text, rng, pattern, choices):
     matches = list(pattern.finditer(text))
     if not matches:
         return text + pick(rng, choices)
@@ -41,11 +37,11 @@ def _replace_match(text: str, rng: Random, pattern: re.Pattern[str], choices: tu
     return text[: at.start()] + pick(rng, choices) + text[at.end() :]
 
 
-def _number(text: str, rng: Random) -> str:
+def _number(text, rng):
     return _replace_match(text, rng, _NUMBER, NUMBERS)
 
 
-def _scaled(text: str, rng: Random) -> str:
+def _scaled(text, rng):
     """A number as large or small as a wrong unit makes it."""
     matches = list(_NUMBER.finditer(text))
     if not matches:
@@ -54,30 +50,30 @@ def _scaled(text: str, rng: Random) -> str:
     return text[: at.start()] + f"{float(at[0]) * 10.0 ** int(rng.integers(-8, 9)):.6g}" + text[at.end() :]
 
 
-def _word(text: str, rng: Random) -> str:
+def _word(text, rng):
     return _replace_match(text, rng, _WORD, TEXTS)
 
 
-def _insert(text: str, rng: Random) -> str:
+def _insert(text, rng):
     at = int(rng.integers(len(text) + 1))
     return text[:at] + pick(rng, TEXTS) + text[at:]
 
 
-def _delete(text: str, rng: Random) -> str:
+def _delete(text, rng):
     first, last = sorted(int(rng.integers(len(text) + 1)) for _ in range(2))
     return text[:first] + text[min(last, first + 40) :]
 
 
-def _truncate(text: str, rng: Random) -> str:
+def _truncate(text, rng):
     return text[: int(rng.integers(len(text) + 1))]
 
 
-def _character(text: str, rng: Random) -> str:
+def _character(text, rng):
     at = int(rng.integers(len(text) + 1))
     return text[:at] + chr(int(rng.integers(0x180))) + text[at + 1 :]
 
 
-def _lines(text: str, rng: Random) -> str:
+def _lines(text, rng):
     """Two lines swapped, one left out, or one many times over."""
     lines = text.splitlines(keepends=True)
     if not lines:
@@ -92,19 +88,19 @@ def _lines(text: str, rng: Random) -> str:
     return "".join(lines)
 
 
-TEXT_WAYS: tuple[Callable[[str, Random], str], ...] = (
+TEXT_WAYS = (
     _number, _number, _scaled, _scaled, _word, _word, _insert, _delete, _truncate, _character, _lines,
 )  # fmt: skip
 
 
-def damaged(text: str, rng: Random) -> str:
+def damaged(text, rng):
     """`text`, damaged once, twice or, seldom, three times."""
     for _ in range(1 + int(rng.integers(2)) * int(rng.integers(1, 3))):
         text = TEXT_WAYS[rng.integers(len(TEXT_WAYS))](text, rng)
     return text
 
 
-def damage_text_file(path: Path, rng: Random) -> str:
+def damage_text_file(path, rng):
     """Damage a text file; one time in eight its bytes or the file itself. Returns what was done, in a few words."""
     if rng.integers(8) == 0:
         return damage_file(path, rng)
@@ -113,7 +109,7 @@ def damage_text_file(path: Path, rng: Random) -> str:
     return f"{path.name}: its text"
 
 
-def _bytes(data: bytes, rng: Random) -> bytes:
+def _bytes(data, rng):
     """Some bytes replaced."""
     content = np.frombuffer(data, dtype=np.uint8).copy()
     if content.size:
@@ -121,36 +117,32 @@ def _bytes(data: bytes, rng: Random) -> bytes:
     return content.tobytes()
 
 
-def _span(data: bytes, rng: Random) -> bytes:
+def _span(data, rng):
     """A span left out, doubled or zeroed."""
     first, last = sorted(int(rng.integers(len(data) + 1)) for _ in range(2))
     middle = (b"", data[first:last] * 2, bytes(last - first))[rng.integers(3)]
     return data[:first] + middle + data[last:]
 
 
-def _utf16(data: bytes, _rng: Random) -> bytes:
-    return data.decode("utf-8", "replace").encode("utf-16")
-
-
-BYTE_WAYS: dict[str, Callable[[bytes, Random], bytes]] = {
+BYTE_WAYS = {
     "bytes replaced": _bytes,
     "a span damaged": _span,
     "cut off": lambda data, rng: data[: int(rng.integers(len(data) + 1))],
     "emptied": lambda _data, _rng: b"",
-    "in UTF-16": _utf16,
+    "in UTF-16": lambda data, _rng: data.decode("utf-8", "replace").encode("utf-16"),
     "a byte order mark in front": lambda data, _rng: b"\xef\xbb\xbf" + data,
     "noise": lambda _data, rng: rng.bytes(int(rng.integers(1, 2000))),
 }
 
 
-def damage_bytes(path: Path, rng: Random) -> str:
+def damage_bytes(path, rng):
     """Damage a file's bytes. Returns what was done."""
     way = list(BYTE_WAYS)[rng.integers(len(BYTE_WAYS))]
     path.write_bytes(BYTE_WAYS[way](path.read_bytes(), rng))
     return f"{path.name}: {way}"
 
 
-def damage_file(path: Path, rng: Random) -> str:
+def damage_file(path, rng):
     """Damage a file's bytes, or put something else where the file was. Returns what was done."""
     way = int(rng.integers(12))
     if way > 3:

@@ -1,21 +1,27 @@
-"""Targets: files of a result folder, changed since by a person, a disk or another program."""
+"""Targets: files of a result folder, changed since by a person, a disk or another program; what is asked of a fit."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
+import shutil
 
 import h5py
 import numpy as np
+from fuzz.examples import GRIDS, IMPACTS, POINTS, TABLES
+from fuzz.harness import Target
+from fuzz.mutators import TEXTS, damage_file, damage_text_file
+from fuzz.structured import damage_table
+from fuzz.user_files import TABLE, option_target
+from samples import problem_of
 
-from fitball.exports.formats import TEXT_FORMATS
-from fitball.studies.fuzz.harness import Target
-from fitball.studies.fuzz.mutators import TEXTS, Random, damage_file, damage_text_file
-from fitball.studies.fuzz.with_fit import FIT, MakeFit
+from fitball.exports.formats import TEXT_FORMATS, Options
+from fitball.inference.calibrate import fingerprint, run
+from fitball.inference.effort import Effort
+from fitball.inference.sampling.chain_file import ChainFile
+from fitball.report.saved.saved_fit import read_fit
 
-ODD: tuple[Any, ...] = (
+FIT = "{folder}/fit"
+ODD = (
     None, True, 0, -1, 1, 3, 0.5, -1.5, 1e5, 1e308, -1e308, 5e-324, 10**30, "", "1.5", "nan", "mu", "a" * 100_000, [],
     {}, [1, 2, 3], [[1.0], [2.0, 3.0]], {"a": 1}, ["x", None], *TEXTS[2:8],
 )  # fmt: skip
@@ -32,12 +38,20 @@ RESUME = (
 )  # fmt: skip
 
 
-def result_folders(make_fit: MakeFit) -> tuple[Target, ...]:
-    """The targets; `make_fit` writes a result folder of a short fit into a folder that is not there yet."""
+def of_a_fit(fit):
+    """The targets that need the result folder of a short fit."""
 
-    def build(folder: Path) -> None:
-        make_fit(folder / "fit")
+    def build(folder):
+        shutil.copytree(fit, folder / "fit")
+        (folder / TABLE).write_text(TABLES[0], encoding="utf-8")
 
+    def build_port(folder):
+        build(folder)
+        texts = TEXT_FORMATS["golden"].make(read_fit(folder / "fit"), Options())
+        (folder / "port.csv").write_text(next(iter(texts.values())), encoding="utf-8")
+
+    verify = ("verify", "{folder}/port.csv", "--fit", FIT)
+    predict = ("predict", FIT, "{folder}/" + TABLE)
     read = (PREDICT, (*PREDICT, "--json"), *EXPORTS)
     return (
         Target("fit.json", build, _damage("fit.json", damage_json), read, few=100),
@@ -47,31 +61,30 @@ def result_folders(make_fit: MakeFit) -> tuple[Target, ...]:
         Target("run.toml", build, _damage("run.toml", damage_text_file), (REPEAT,), (0, 1, 2), few=8),
         Target("repeated fit.json", build, _damage("fit.json", damage_json), (REPEAT,), (0, 1, 2), few=8),
         Target("posterior.h5", short_chain, _damage("posterior.h5", damage_hdf5), (RESUME,), (0, 1, 2), few=3),
-    )
+        Target("port", build_port, lambda folder, rng: damage_table(folder / "port.csv", rng),
+               (verify, (*verify, "--json"), (*verify, "--quiet")), (0, 1, 2)),
+        Target("new impacts", build, lambda folder, rng: damage_table(folder / TABLE, rng),
+               (predict, (*predict, "--json"), (*predict, "--out", "{folder}/predicted.csv"))),
+        option_target("impact of a fit", build, IMPACTS, ("predict", FIT, "--impact", "{text}"),
+               ("predict", FIT, "--impact", "{text}", "--json")),
+        option_target("range", build, GRIDS, ("export", FIT, "--to", "lookup", "--range", "{text}")),
+        option_target("at", build, POINTS, ("export", FIT, "--to", "engine", "--at", "{text}")),
+    )  # fmt: skip
 
 
-def short_chain(folder: Path) -> None:
+def short_chain(folder):
     """Write the chain of a run that stopped after its steps and before its files."""
-    from fitball.data.join import load_tables
-    from fitball.data.scene import load_scene
-    from fitball.inference.calibrate import fingerprint, run
-    from fitball.inference.effort import Effort
-    from fitball.inference.problem.build import Choices, build_problem
-    from fitball.inference.sampling.chain_file import ChainFile
-
-    name = "wang_zero_spin.csv"
-    scene = load_scene(name)
-    problem = build_problem(load_tables([name], scene), scene, Choices(model="grip-slip"))
+    problem = problem_of("wang_zero_spin.csv", "grip-slip")
     effort = Effort(seed=4, cores=1, max_steps=100)
     (folder / "fit").mkdir()
     run(problem, effort, ChainFile(folder / "fit" / "posterior.h5", fingerprint(problem, effort)))
 
 
-def _damage(name: str, way: Callable[[Path, Random], str]) -> Callable[[Path, Random], str]:
+def _damage(name, way):
     return lambda folder, rng: way(folder / "fit" / name, rng)
 
 
-def damage_json(path: Path, rng: Random) -> str:
+def damage_json(path, rng):
     """Change, take away or add something anywhere in a JSON file; one time in five damage its text instead."""
     if rng.integers(5) == 0:
         return damage_text_file(path, rng)
@@ -81,7 +94,7 @@ def damage_json(path: Path, rng: Random) -> str:
     return f"{path.name}: {'; '.join(done)}"
 
 
-def _damage_tree(content: Any, rng: Random) -> str:
+def _damage_tree(content, rng):
     """Go down to a random place and damage what is there. Returns where, and what it is now."""
     node, where = content, []
     while True:
@@ -109,7 +122,7 @@ def _damage_tree(content: Any, rng: Random) -> str:
     return f"{'.'.join(where)} = {str(odd)[:30]!r}"
 
 
-def damage_hdf5(path: Path, rng: Random) -> str:
+def damage_hdf5(path, rng):
     """Change an array or an attribute of an HDF5 file; one time in three damage its bytes instead."""
     if rng.integers(3) == 0:
         return damage_file(path, rng)
@@ -124,15 +137,15 @@ def damage_hdf5(path: Path, rng: Random) -> str:
     return f"{path.name}: {name}: {way}"
 
 
-def _attribute(file: h5py.File, name: str, rng: Random) -> None:
+def _attribute(file, name, rng):
     attributes = file[name].attrs if rng.integers(2) and file[name].attrs else file.attrs
     if len(attributes):
         key = list(attributes)[rng.integers(len(attributes))]
         attributes[key] = ("odd", 7, 1e308, np.zeros((3, 2)), np.array([], dtype=int))[rng.integers(5)]
 
 
-def _entry(value: float) -> Callable[[h5py.File, str, Random], None]:
-    def change(file: h5py.File, name: str, rng: Random) -> None:
+def _entry(value):
+    def change(file, name, rng):
         array = file[name]
         if array.size and array.dtype.kind in "fiu":
             flat = array[()].astype(np.float64).ravel()
@@ -142,12 +155,12 @@ def _entry(value: float) -> Callable[[h5py.File, str, Random], None]:
     return change
 
 
-def _put(file: h5py.File, name: str, value: Any) -> None:
+def _put(file, name, value):
     del file[name]
     file[name] = value
 
 
-HDF5_WAYS: dict[str, Callable[[h5py.File, str, Random], None]] = {
+HDF5_WAYS = {
     "gone": lambda file, name, _rng: file.__delitem__(name),
     "an attribute": _attribute,
     "not a number": _entry(float("nan")),
