@@ -85,7 +85,8 @@ def _draw(panel: Axes, name: str, quantity: Quantity, bars: Sequence[Bar], count
     for bar in bars:
         colour = MODEL if bar.as_good else FAINT
         panel.plot([bar.low, bar.high], [bar.row, bar.row], color=colour, linewidth=1.0)
-        panel.plot([bar.median - bar.sd, bar.median + bar.sd], [bar.row, bar.row], color=colour, linewidth=3.0)
+        thick = max(bar.low, bar.median - bar.sd), min(bar.high, bar.median + bar.sd)
+        panel.plot(thick, [bar.row, bar.row], color=colour, linewidth=3.0)
         panel.plot(bar.median, bar.row, "D" if bar.row == count else "o", color=colour, markersize=4.5)
     panel.axhline(count - 0.5, color="0.5", linewidth=0.8)
     panel.grid(alpha=0.3, axis="x")

@@ -54,9 +54,9 @@ RANKING_CAPTION = (
     "difference. Right: root mean square errors on impacts left out, one panel an output."
 )
 FOREST_CAPTION = (
-    "Each quantity under each model, best model at the top: median, one standard deviation (thick) and 95 % "
-    "(thin); pale under models that the table surely scores below the best. Shaded: lowest to highest median over "
-    "those that are not pale. Below the line: the mixture of all by stacking weights."
+    "Each quantity under each model, best model at the top: median, 95 % interval (thin) and within it one standard "
+    "deviation (thick); pale under models that the table surely scores below the best. Shaded: lowest to highest "
+    "median over those that are not pale. Below the line: the mixture of all by stacking weights."
 )
 
 

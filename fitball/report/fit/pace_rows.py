@@ -132,7 +132,9 @@ def _court_words(court: CourtMean) -> str:
     parts = [f"{_middle(court.rating, places)}{within}, {_shares(likely, bool(within))}"]
     if court.places > 1:
         parts[0] += f"; mean of {court.places} places ({court.column})"
-        for words, spread in (("between places", court.between), ("within one", court.within)):
+        # Of a make of places where repeats tell it, else of those that were tested.
+        between = "between places" if court.elsewhere is not None else "of these places"
+        for words, spread in ((between, court.between), ("within one", court.within)):
             if spread is not None:
                 parts.append(f"sd {words} {_with_interval(spread)}")
         if court.elsewhere is not None:
