@@ -34,7 +34,7 @@ MARKED = re.compile(
 )
 KEPT = ROOT / "fits" / "readme"
 NUMBERS = KEPT / "numbers.json"
-PICTURE = "predictive.png"
+PICTURE = "curves.png"
 LADDER = ("thesis-exact", "two-mass", "grip-slip", "brody")
 PUBLISHED = "Table 9, case 1"
 TOLD_OF_THESIS = (

@@ -20,7 +20,8 @@ examples:
   fitball plot fits/wang_zero_spin/two-mass profiles
   fitball plot fits/wang_all/grip-slip/fit.json all --format pdf --out figures
 
-Nothing is fitted or sampled again."""
+Nothing is fitted or sampled again. A map of regimes over angle and spin:
+  fitball simulate --map --fit FIT"""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -43,7 +44,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace) -> int:
     """Draw what was asked for and print the places of the files."""
     if args.kind not in (*FIGURES, "all"):
-        raise ParameterError(f"unknown figure '{args.kind}': {suggestion(args.kind, (*FIGURES, 'all'))}")
+        map_of = f"; a map of regimes: fitball simulate --map --fit {args.fit}" if "map" in args.kind else ""
+        raise ParameterError(f"unknown figure '{args.kind}': {suggestion(args.kind, (*FIGURES, 'all'))}{map_of}")
     if args.format not in FORMATS:
         raise ParameterError(f"unknown format '{args.format}': {suggestion(args.format, FORMATS)}")
     from fitball.api import load_fit

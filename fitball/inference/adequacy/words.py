@@ -133,11 +133,10 @@ def based_on(
         "model makes, each refitted to first order"
         if checks
         else "no check of the residuals: too few rows",
-        f"{len(noise)} noise{'s' * (len(noise) != 1)} against "
-        + (
-            "what was stated" if stated == len(noise) else "what was expected" if not stated else "stated or expected"
-        ),
     ]
+    if noise:
+        known = "what was stated" if stated == len(noise) else "stated or expected" if stated else "what was expected"
+        parts.append(f"{len(noise)} noise{'s' * (len(noise) != 1)} against {known}")
     if not sampled:
         parts.append("no posterior, so that measurements are left out to first order only")
     elif max(observable.observed.size for observable in problem.observables) >= DISTRIBUTED:
