@@ -12,7 +12,7 @@ import fitball
 from fitball.data.read import load_table
 from fitball.inference.prediction.court_pace import DRAWS, court_pace
 from fitball.inference.results.pace_rating import apparent_friction, itf_impact, pace_categories, pace_rating
-from fitball.inference.results.results import thinned
+from fitball.inference.results.results import Verdict, thinned
 from fitball.report.fit.headline import headline
 from fitball.report.fit.html import page
 from fitball.report.fit.pace_rows import pace_lines, pace_table
@@ -227,3 +227,12 @@ def test_draws_without_a_rebound_are_told_and_most_of_them_give_no_rating(grip_s
         else:
             assert found.ratings == ()
             assert "of the draws cannot be evaluated at the test impact: the coefficient of rest" in found.missing
+
+
+def test_a_rating_that_rests_on_the_prior_of_friction_says_so(grip_slip_fit):
+    told = [
+        replace(item, verdict=Verdict.PRIOR_DOMINATED) if item.name == "mu" else item
+        for item in grip_slip_fit.estimates
+    ]
+    assert "the prior of mu" in pace_lines(replace(grip_slip_fit, estimates=tuple(told)))[0]
+    assert "prior of mu" not in pace_lines(grip_slip_fit)[0]

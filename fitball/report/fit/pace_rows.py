@@ -18,7 +18,7 @@ from fitball.inference.results.pace_rating import (
     Reach,
     Spread,
 )
-from fitball.inference.results.results import Fit
+from fitball.inference.results.results import Fit, Verdict
 from fitball.report.fit.adequacy_rows import conditional_words
 from fitball.report.form.rounding import decimals, fixed, interval
 
@@ -81,7 +81,7 @@ def pace_table(fit: Fit) -> PaceTable | None:
     if pace is None:
         return None
     rows = surface_rows(pace)
-    said = conditional_words(fit)
+    said = _rests(fit)
     remarks = ([f"The rating is {said}."] if said else []) + pace_remarks(pace)
     return PaceTable(
         rows, tuple(remarks), pace.missing, fit.posterior is not None, court_lines(pace), place_rows(pace)
@@ -96,7 +96,7 @@ def pace_lines(fit: Fit) -> tuple[str, ...]:
     whole = court_lines(pace)
     if pace.missing:
         return (*whole, f"ITF court pace rating by the model: none, {pace.missing}")
-    said = conditional_words(fit)
+    said = _rests(fit)
     rests = f"; {said}" if said else ""
     lines = [*whole]
     for rating in pace.ratings:
@@ -106,6 +106,14 @@ def pace_lines(fit: Fit) -> tuple[str, ...]:
         flag = f"; extrapolated: {row.reach}" if rating.reach.outside else ""
         lines.append(f"ITF court pace rating{name}: {row.rating}{within}, {row.category}{flag}{rests}")
     return tuple(lines)
+
+
+def _rests(fit: Fit) -> str:
+    """What to add to a rating; empty where the table tells what it is made of."""
+    friction = fit.parameters.get("mu")
+    if friction is not None and friction.verdict is Verdict.PRIOR_DOMINATED:
+        return "as uncertain as the prior of mu, of which the table tells nothing"
+    return conditional_words(fit)
 
 
 def court_lines(pace: CourtPace) -> tuple[str, ...]:
