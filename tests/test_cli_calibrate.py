@@ -186,20 +186,20 @@ def test_out_is_a_file(here, capsys):
     assert "is a file" in capsys.readouterr().err
 
 
-# Ctrl-C at the hundredth step of the first ensemble to get there, while others are at work.
+# Ctrl-C at the hundredth step.
 AT_STEP_100 = """
 import os, signal, sys
 from fitball.cli.main import main
-from fitball.inference.sampling.ensembles import Ensemble
+from fitball.inference.sampling import ensembles
 
-advance, sent = Ensemble.advance_to, []
+advance, sent = ensembles.advance, []
 
-def advance_or_interrupt(self, step, stop):
-    if self.steps >= 100 and not sent:
+def advance_or_interrupt(problem, walking, moves, step, stop):
+    if walking[0].steps >= 100 and not sent:
         sent.append(os.kill(os.getpid(), signal.SIGINT))
-    advance(self, step, stop)
+    advance(problem, walking, moves, step, stop)
 
-Ensemble.advance_to = advance_or_interrupt
+ensembles.advance = advance_or_interrupt
 sys.exit(main(sys.argv[1:]))
 """
 

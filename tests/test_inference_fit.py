@@ -21,8 +21,9 @@ from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.starts import STARTS, starting_points
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import RunStatus, Verdict
+from fitball.inference.sampling import ensembles as sampling
 from fitball.inference.sampling.chain_file import ChainFile, read_chains
-from fitball.inference.sampling.ensembles import Ensemble, SamplingInterrupted, Schedule, Settings, sample
+from fitball.inference.sampling.ensembles import SamplingInterrupted, Schedule, Settings, sample
 from fitball.models.types import Status
 
 
@@ -228,27 +229,30 @@ def test_an_interrupted_run_resumes_to_the_same_bytes(tmp_path, quick_fit, unint
     assert sampled_bytes(quick_fit, chain, resume=True) == uninterrupted
 
 
-@pytest.mark.parametrize(("calls", "steps"), [(1, [37, 0]), (2, [100, 37]), (3, [137, 100]), (6, [300, 237])])
-def test_ensembles_stopped_at_different_steps_resume_to_the_same_bytes(
-    tmp_path, quick_fit, uninterrupted, calls, steps, monkeypatch
-):
-    """As by Ctrl-C within a block: one ensemble has made 37 steps of it, the other all or none."""
-    advance, made = Ensemble.advance_to, []
+def test_a_run_stopped_within_a_block_resumes_to_the_same_bytes(tmp_path, quick_fit, uninterrupted, monkeypatch):
+    """As by Ctrl-C; also where ensembles of an older run had been stopped at different steps."""
+    advance, chains = sampling.advance, {}
+    for calls, steps in ((1, 37), (2, 137), (3, 237)):
+        made = []
 
-    def stopped(self, step, stop):
-        made.append(step)
-        if len(made) <= calls:
-            advance(self, step - 63 if len(made) == calls else step, stop)
-        if len(made) == calls:
-            raise KeyboardInterrupt
+        def stopped(problem, ensembles, moves, step, stop, made=made, calls=calls):
+            made.append(step)
+            advance(problem, ensembles, moves, step - 63 if len(made) == calls else step, stop)
+            if len(made) == calls:
+                raise KeyboardInterrupt
 
-    chain = ChainFile(tmp_path / "posterior.h5", "one")
-    with monkeypatch.context() as patch:
-        patch.setattr(Ensemble, "advance_to", stopped)
-        with pytest.raises(SamplingInterrupted):
-            sampled_bytes(quick_fit, chain)
-    assert [len(item.chain) for item in read_chains(chain.path)[2]] == steps
-    assert sampled_bytes(quick_fit, chain, resume=True) == uninterrupted
+        chain = ChainFile(tmp_path / f"{steps}.h5", "one")
+        with monkeypatch.context() as patch:
+            patch.setattr(sampling, "advance", stopped)
+            with pytest.raises(SamplingInterrupted):
+                sampled_bytes(quick_fit, chain)
+        chains[steps] = read_chains(chain.path)[2]
+        assert [len(item.chain) for item in chains[steps]] == [steps, steps]
+        assert sampled_bytes(quick_fit, chain, resume=True) == uninterrupted
+    problem = quick_fit.problem
+    mixed = ChainFile(tmp_path / "mixed.h5", "one")
+    mixed.write([chains[137][0], chains[37][1]], problem.free_names, [p.prior.log for p in problem.free])
+    assert sampled_bytes(quick_fit, mixed, resume=True) == uninterrupted
 
 
 def test_emcee_reads_the_chain(tmp_path, quick_fit):

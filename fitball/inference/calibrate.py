@@ -85,7 +85,7 @@ def run(
     with watch.stage("sampling"):
         optima = np.array([[optimum[name] for name in problem.free_names] for optimum in point.optima])
         sampled = sample(
-            problem,
+            shared,
             problem.to_coordinates(optima),
             settings,
             chain_file,

@@ -1,4 +1,4 @@
-"""One ensemble of walkers: an emcee sampler with its own random generator, and what is kept of its steps.
+"""Ensembles of walkers, advanced together by one emcee sampler, and what is kept of their steps.
 
 A chain of many parameters over many steps would fill memory and disk, and neighbouring steps of it say nearly the
 same: beyond a number of steps every second is kept, then every fourth and so on. Which ones follows from the number
@@ -8,7 +8,7 @@ of steps alone, so an interrupted run that goes on keeps the same.
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import emcee
@@ -18,41 +18,32 @@ from numpy.typing import NDArray
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.chain_file import EnsembleChain, Going
-from fitball.inference.sampling.moves import Moves, warm_up_moves
+from fitball.inference.sampling.moves import Moves
+from fitball.inference.sampling.together import Together
 from fitball.values import FloatArray
 
 
-class Ensemble:
-    """One emcee sampler with its own random generator, started around the optima or from a stored chain."""
+class _Sampler(emcee.EnsembleSampler):  # type: ignore[misc]
+    """emcee's sampler without a generator of its own to be copied at every step: those of the ensembles are asked."""
 
-    def __init__(self, problem: Problem, walkers: int, seeds: np.random.SeedSequence) -> None:
-        self.problem = problem
+    random_state = None
+
+
+class Ensemble:
+    """Walkers with their own random generator, started around the optima or from a stored chain."""
+
+    def __init__(self, walkers: int, dimension: int, seeds: np.random.SeedSequence) -> None:
         self.walkers = walkers
-        self.sampler = self._make(warm_up_moves(), emcee.backends.Backend())
         # emcee draws from a RandomState; it is seeded from the same tree as every other generator here.
-        legacy = np.random.RandomState(np.random.MT19937(seeds))
-        self.sampler.random_state = legacy.get_state()
+        self.stream = np.random.RandomState(np.random.MT19937(seeds))
         self.state: emcee.State | None = None
         self.steps = 0
-        # Of the steps made, those that are kept.
+        # Of the steps made, those that are kept, with what is kept of them.
         self.kept: NDArray[np.int64] = np.empty(0, dtype=np.int64)
         self.stride = 1
-
-    def _make(self, moves: Moves, backend: emcee.backends.Backend) -> emcee.EnsembleSampler:
-        return emcee.EnsembleSampler(
-            self.walkers,
-            self.problem.dimension,
-            partial(log_posterior, self.problem),
-            vectorize=True,
-            moves=moves,
-            backend=backend,
-        )
-
-    def use(self, moves: Moves) -> None:
-        """Go on with other moves, same chain, same random generator."""
-        random_state = self.sampler.random_state
-        self.sampler = self._make(moves, self.sampler.backend)
-        self.sampler.random_state = random_state
+        self.coordinates: FloatArray = np.empty((0, walkers, dimension))
+        self.log_posterior: FloatArray = np.empty((0, walkers))
+        self.accepted: FloatArray = np.zeros(walkers)
 
     def start(self, positions: FloatArray) -> None:
         """Begin at positions (walkers, free)."""
@@ -60,37 +51,28 @@ class Ensemble:
 
     def restore(self, stored: EnsembleChain, warm_up: int) -> None:
         """Go on from a stored chain."""
-        backend = self.sampler.backend
-        rows, walkers, dimension = stored.chain.shape
-        backend.reset(walkers, dimension)
-        backend.chain, backend.log_prob = stored.chain.copy(), stored.log_posterior.copy()
-        backend.accepted, backend.iteration = stored.accepted.copy(), rows
-        # Both keep it: emcee takes it from the state with the next step, which never comes where all have been made.
-        backend.random_state = self.sampler.random_state = stored.random_state
-        if not rows:
+        self.coordinates, self.log_posterior, self.accepted = stored.chain, stored.log_posterior, stored.accepted
+        self.stream.set_state(stored.random_state)
+        if not len(stored.chain):
             return
         now = stored.now
         self.steps, self.stride = now.steps, now.stride
         self.kept = kept_steps(now.steps, warm_up, now.stride)
-        self.state = emcee.State(now.coordinates, log_prob=now.log_posterior, random_state=stored.random_state)
+        self.state = emcee.State(now.coordinates.copy(), log_prob=now.log_posterior.copy())
 
     def move(self, walkers: NDArray[np.intp], positions: FloatArray, log_posterior: FloatArray) -> None:
         """Let `walkers` go on from other positions (walkers, free), whose density is known; no step of the chain."""
         self.state = emcee.State(self.state, copy=True)
         self.state.coords[walkers], self.state.log_prob[walkers] = positions, log_posterior
 
-    def advance_to(self, step: int, stop: threading.Event) -> None:
-        """Go on until `step` steps have been made, or until `stop` is set."""
-        steps = step - self.steps
-        if steps <= 0 or stop.is_set():
-            return
-        begun = self.steps
-        for state in self.sampler.sample(self.state, iterations=steps, skip_initial_state_check=True):
-            self.state = state
-            self.steps += 1
-            if stop.is_set():
-                break
-        self.kept = np.concatenate([self.kept, np.arange(begun, self.steps) + 1])
+    def append(self, coordinates: FloatArray, log_posterior: FloatArray, accepted: FloatArray) -> None:
+        """Steps that were made: (steps, walkers, free), (steps, walkers), and how many each walker accepted."""
+        self.coordinates = np.concatenate([self.coordinates, coordinates])
+        self.log_posterior = np.concatenate([self.log_posterior, log_posterior])
+        self.accepted = self.accepted + accepted
+        self.kept = np.concatenate([self.kept, self.steps + 1 + np.arange(len(coordinates))])
+        self.steps += len(coordinates)
+        self.state = emcee.State(coordinates[-1].copy(), log_prob=log_posterior[-1].copy())
 
     def thin(self, warm_up: int, most: int) -> None:
         """Of the steps after `warm_up` keep every second, fourth, ... so that they are no more than `most`."""
@@ -99,33 +81,50 @@ class Ensemble:
             return
         wanted = kept_steps(self.steps, warm_up, self.stride)
         rows = np.searchsorted(self.kept, wanted)
-        backend = self.sampler.backend
-        backend.chain, backend.log_prob = backend.chain[rows], backend.log_prob[rows]
-        backend.iteration, self.kept = len(rows), wanted
+        self.coordinates, self.log_posterior, self.kept = self.coordinates[rows], self.log_posterior[rows], wanted
 
     def chain(self, step: int) -> tuple[FloatArray, FloatArray]:
         """Coordinates (kept, walkers, free) and log posterior (kept, walkers) of the first `step` steps."""
         rows = int(np.searchsorted(self.kept, step, side="right"))
-        return self.sampler.get_chain()[:rows], self.sampler.get_log_prob()[:rows]
+        return self.coordinates[:rows], self.log_posterior[:rows]
 
     @property
     def acceptance(self) -> float:
         """Share of the proposals that were accepted."""
-        return float(np.mean(self.sampler.backend.accepted / self.steps))
+        return float(np.mean(self.accepted / self.steps))
 
     def stored(self, checks: Mapping[int, int]) -> EnsembleChain:
         """What the chain file keeps; `checks` as in `Going`."""
-        backend, state = self.sampler.backend, tuple(self.sampler.random_state)
-        if not self.steps:
-            # emcee has no chain to give before the first step.
-            shape = (0, self.walkers, self.problem.dimension)
-            return EnsembleChain(np.empty(shape), np.empty(shape[:2]), np.zeros(self.walkers), state)
-        chain, log_posterior = backend.get_chain().copy(), backend.get_log_prob().copy()
-        accepted = np.array(backend.accepted)
         going = None
         if self.stride > 1 and self.state is not None:
-            going = Going(self.steps, self.stride, self.state.coords.copy(), self.state.log_prob.copy(), dict(checks))
-        return EnsembleChain(chain, log_posterior, accepted, state, going)
+            going = Going(self.steps, self.stride, self.state.coords, self.state.log_prob, dict(checks))
+        random_state = tuple(self.stream.get_state(legacy=True))
+        return EnsembleChain(self.coordinates, self.log_posterior, self.accepted, random_state, going)
+
+
+def advance(problem: Problem, ensembles: Sequence[Ensemble], moves: Moves, step: int, stop: threading.Event) -> None:
+    """Let ensembles that have made as many steps as each other go on together until `step` steps have been made, or
+    until `stop` is set.
+    """
+    steps, size = step - ensembles[0].steps, ensembles[0].walkers
+    if steps <= 0 or stop.is_set():
+        return
+    together = Together(moves, [ensemble.stream for ensemble in ensembles])
+    sampler = _Sampler(
+        size * len(ensembles), problem.dimension, partial(log_posterior, problem), vectorize=True, moves=together
+    )
+    states = [ensemble.state for ensemble in ensembles if ensemble.state is not None]
+    coordinates = np.concatenate([state.coords for state in states])
+    known = None if states[0].log_prob is None else np.concatenate([state.log_prob for state in states])
+    for _ in sampler.sample(
+        emcee.State(coordinates, log_prob=known), iterations=steps, skip_initial_state_check=True
+    ):
+        if stop.is_set():
+            break
+    chain, scores, accepted = sampler.get_chain(), sampler.get_log_prob(), sampler.backend.accepted
+    for k, ensemble in enumerate(ensembles):
+        mine = slice(k * size, (k + 1) * size)
+        ensemble.append(chain[:, mine], scores[:, mine], accepted[mine])
 
 
 def stride_of(steps: int, warm_up: int, most: int) -> int:

@@ -2,8 +2,8 @@
 
 Ensembles warm up with moves that need no tuning; then an independence proposal fitted to the warm-up of all of
 them is added and frozen (see `moves`), walkers that the others have left behind go on from draws of their ensemble
-(see `stragglers`), and only the steps after that are used. Every ensemble has its own random generator, so the result
-does not depend on how many threads advance them, nor on interruptions.
+(see `stragglers`), and only the steps after that are used. Ensembles step together, so that densities come in large
+batches; every one has its own random generator, so the result depends neither on the others nor on interruptions.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +24,9 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT
 from fitball.inference.sampling.chain_file import ChainFile
 from fitball.inference.sampling.convergence import Convergence, convergence
-from fitball.inference.sampling.ensemble import Ensemble
+from fitball.inference.sampling.ensemble import Ensemble, advance
 from fitball.inference.sampling.level_coordinates import straight_coordinates
-from fitball.inference.sampling.moves import StudentProposal, production_moves
+from fitball.inference.sampling.moves import Moves, StudentProposal, production_moves, warm_up_moves
 from fitball.inference.sampling.stragglers import left_behind, relocation
 from fitball.values import FloatArray
 
@@ -153,7 +152,7 @@ def sample(
     """
     plan = settings.schedule
     roots = np.random.SeedSequence(settings.seed).spawn(2 * settings.ensembles + 1)
-    ensembles = [Ensemble(problem, settings.walkers, roots[k]) for k in range(settings.ensembles)]
+    ensembles = [Ensemble(settings.walkers, problem.dimension, roots[k]) for k in range(settings.ensembles)]
     checks: dict[int, int] = {}
     if resume and chain_file is not None:
         kept = chain_file.read(settings.ensembles, settings.walkers, problem.free_names)
@@ -167,20 +166,20 @@ def sample(
     check = min(plan.first_check, settings.max_steps)
     mixing: Convergence | None = None
     going = Run(problem, ensembles, settings, chain_file, report, checks)
-    going.advance_to(min(plan.warm_up, settings.max_steps), check, mixing)
+    moves = warm_up_moves()
+    going.advance_to(min(plan.warm_up, settings.max_steps), moves, check, mixing)
     moved = np.zeros((settings.ensembles, settings.walkers), dtype=bool)
     if settings.max_steps > plan.warm_up:
         moved, taught = _end_warm_up(ensembles, plan.warm_up, np.random.default_rng(roots[-1]))
         straight = straight_coordinates(problem, taught)
         proposal = StudentProposal.fit(straight.straighten(taught)[0])
-        for ensemble in ensembles:
-            ensemble.use(production_moves(proposal, straight))
+        moves = production_moves(proposal, straight)
     while True:
         if check in checks and check < settings.max_steps:
             # It was looked at before some of its steps were dropped, and did not suffice.
             check = min(checks[check], settings.max_steps)
             continue
-        going.advance_to(check, check, mixing)
+        going.advance_to(check, moves, check, mixing)
         chains = np.stack([ensemble.chain(check)[0] for ensemble in ensembles])
         warm_up = warm_up_length(check, plan.warm_up)
         first = int(np.searchsorted(ensembles[0].kept, warm_up, side="right"))
@@ -245,14 +244,18 @@ class Run:
         """Steps that every ensemble has made."""
         return min(ensemble.steps for ensemble in self.ensembles)
 
-    def advance_to(self, goal: int, check: int, mixing: Convergence | None) -> None:
+    def advance_to(self, goal: int, moves: Moves, check: int, mixing: Convergence | None) -> None:
         """Bring every ensemble to step `goal`, a block at a time; on Ctrl-C write what there is and stop."""
         stop = threading.Event()
-        with ThreadPoolExecutor(max_workers=self.settings.cores) as pool:
+        # Ctrl-C is heard by the main thread, which is not in the midst of a step then.
+        with ThreadPoolExecutor(max_workers=1) as pool:
             try:
                 while (step := self.step) < goal:
                     following = min(step - step % BLOCK + BLOCK, goal)
-                    list(pool.map(Ensemble.advance_to, self.ensembles, repeat(following), repeat(stop)))
+                    behind = [ensemble for ensemble in self.ensembles if ensemble.steps == step]
+                    # Those that an interrupted run left further on are waited for.
+                    following = min([following, *(other.steps for other in self.ensembles if other.steps > step)])
+                    pool.submit(advance, self.problem, behind, moves, following, stop).result()
                     self.thin()
                     self.report(Progress(following, check, mixing))
             except KeyboardInterrupt:

