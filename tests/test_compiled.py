@@ -50,3 +50,12 @@ def test_every_kind_of_array_is_served_by_one_kernel(wang_impacts, draw_priors):
     # What these call is in the cache, or was compiled here.
     for kernel in (bounce.bounce, two_mass.two_mass_contact, pieces.grip, pieces.slide):
         assert len(kernel.overloads) <= 1, kernel.py_func.__name__
+
+
+def test_what_only_kernels_call_is_linked_and_has_no_machine_code_of_its_own():
+    space = {"__name__": __name__, "inner": inner, "compiled": compiled}
+    exec("@inner\ndef third(x):\n    return x / 3.0\n\n@compiled\ndef ninth(x):\n    return third(third(x))\n", space)
+    assert space["ninth"](18.0) == 2.0
+    (apart,), (entry,) = space["third"].overloads.values(), space["ninth"].overloads.values()
+    assert apart.library.get_pointer_to_function(apart.fndesc.llvm_func_name) == 0
+    assert entry.library.get_pointer_to_function(entry.fndesc.llvm_func_name) != 0

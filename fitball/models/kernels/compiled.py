@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
@@ -10,6 +11,7 @@ import numba
 from numba.core import event
 
 from fitball.models.kernels import first_compile
+from fitball.models.kernels.link_only import LinkOnlyCompiler
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -26,7 +28,12 @@ SOURCES = _kernel_sources()
 
 # What a kernel that only kernels call can do without: ways in for the interpreter, which for states of nested tuples
 # are longer than the kernel. It takes a quarter off what a cold start compiles.
-INNER = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+INNER: dict[str, Any] = {
+    "_nrt": False,
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    "pipeline_class": LinkOnlyCompiler,
+}
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
@@ -36,7 +43,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     batch is never stopped by one impact; every kernel marks such an impact by its status. References to arrays
     are not counted: their owner is the allocating kernel above, and the counting took a fifth of the time.
     """
-    return cast("Callable[P, R]", _compile(function, {"_nrt": False}))
+    return cast("Callable[P, R]", _compile(function, {"_nrt": False, "no_cfunc_wrapper": True}))
 
 
 def inner(function: Callable[P, R]) -> Callable[P, R]:
@@ -51,10 +58,10 @@ def inlined(function: Callable[P, R]) -> Callable[P, R]:
 
 def compiled_allocating(function: Callable[P, R]) -> Callable[P, R]:
     """As `compiled`, for kernels that make arrays."""
-    return cast("Callable[P, R]", _compile(function, {}))
+    return cast("Callable[P, R]", _compile(function, {"no_cfunc_wrapper": True}))
 
 
-def _compile(function: Callable[..., Any], options: dict[str, bool]) -> Any:
+def _compile(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     njit: Any = numba.njit
     common = {"nogil": True, "error_model": "numpy"}
     try:
@@ -99,6 +106,7 @@ class _Compilations(event.Listener):
 
     def __init__(self) -> None:
         self.kernels: list[bool] = []
+        self.collected = False
 
     def on_start(self, event: Any) -> None:
         """A function is about to be compiled, perhaps for one that is being compiled."""
@@ -106,12 +114,17 @@ class _Compilations(event.Listener):
         ours = dispatcher.py_func.__module__.startswith("fitball.")
         self.kernels.append(ours and not any(self.kernels))
         if self.kernels[-1]:
+            # A compiler makes little but objects that stay: a seventh of its time went into looking through them.
+            self.collected = gc.isenabled()
+            gc.disable()
             folder = dispatcher.stats.cache_path
             first_compile.tell(first_compile.Compiling(dispatcher.py_func.__name__, folder))
 
     def on_end(self, event: Any) -> None:  # noqa: ARG002 - numba's face
         """It is compiled, or failed."""
         if self.kernels.pop():
+            if self.collected:
+                gc.enable()
             first_compile.tell(None)
 
 
