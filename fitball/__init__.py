@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         predict,
         simulate,
     )
+    from fitball.batch import Batch, calibrate_many
     from fitball.data.read import load_table
     from fitball.data.scene import Scene, load_scene
     from fitball.data.table import ImpactTable
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Ball": "fitball.values",
+    "Batch": "fitball.batch",
     "Checked": "fitball.api",
     "Comparison": "fitball.api",
     "Course": "fitball.api",
@@ -50,6 +52,7 @@ _HOMES = {
     "Scene": "fitball.data.scene",
     "Verdict": "fitball.inference.results.results",
     "calibrate": "fitball.api",
+    "calibrate_many": "fitball.batch",
     "check": "fitball.api",
     "compare": "fitball.api",
     "export": "fitball.api",
@@ -66,6 +69,7 @@ _HOMES = {
 
 __all__ = [
     "Ball",
+    "Batch",
     "Checked",
     "Comparison",
     "Course",
@@ -81,6 +85,7 @@ __all__ = [
     "Verdict",
     "__version__",
     "calibrate",
+    "calibrate_many",
     "check",
     "compare",
     "export",

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from fitball.cli import (
+    batch,
     bench,
     calibrate,
     compare,
@@ -54,6 +55,7 @@ VERBS: tuple[Verb, ...] = (
     predict,
     simulate,
     compare,
+    batch,
     export,
     verify,
     repeat,

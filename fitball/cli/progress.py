@@ -84,6 +84,11 @@ class ProgressLine:
         self.convergence = progress.convergence
         self._show(self._sampling(progress), stage, due=checked)
 
+    def count(self, stage: str, words: str) -> None:
+        """Show how far a stage is, in words."""
+        if not self.quiet:
+            self._show(words, stage)
+
     def finish(self) -> None:
         """Leave the line."""
         self._rewrite("")

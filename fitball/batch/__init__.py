@@ -1,0 +1,9 @@
+"""Many tables, each fitted by itself: tasks, what each found as one row, a table and a page of all.
+
+Offers: `calibrate_many`, `Batch`.
+May import: api, report, inference, data, scheduling.
+"""
+
+from fitball.batch.many import Batch, calibrate_many
+
+__all__ = ["Batch", "calibrate_many"]

@@ -1,0 +1,154 @@
+"""`calibrate_many`: many tables, each fitted by itself, for a caller of Python; the verb `batch` calls the same."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fitball.api import Fit, load_fit
+from fitball.api.asked import checked_choices, flips
+from fitball.api.calibrating import PathLike, Table
+from fitball.batch.plan import Plan
+from fitball.batch.run import Going, run_tasks
+from fitball.batch.task import tasks_of
+from fitball.errors import ParameterError, suggestion
+from fitball.inference.effort import MAX_STEPS, Effort
+from fitball.inference.problem.choices import Choices
+from fitball.report.batch.folder import write_results
+from fitball.report.batch.rows import FAILED, NAME, Row
+from fitball.scheduling.engine import engine
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FOLDER = Path("fits") / "batch"
+
+
+class Batch(Mapping[str, Fit]):
+    """What was found of many tables: `batch["name"]` is the fit of one, read from its folder when asked for;
+    `to_frame()` has a row a table, `failed` says why some could not be fitted.
+    """
+
+    def __init__(self, folder: Path, rows: Sequence[Row]) -> None:
+        self.folder = folder
+        self.rows = tuple(rows)
+
+    @property
+    def failed(self) -> Mapping[str, str]:
+        """Why a table could not be fitted, by its name."""
+        return {str(row[NAME]): str(row["reason"]) for row in self.rows if row["outcome"] == FAILED}
+
+    def to_frame(self) -> pd.DataFrame:
+        """A row a table: outcome, adequacy, labels, and each parameter's median (SI), sd, 95 % interval, verdict."""
+        import pandas as pd
+
+        return pd.DataFrame(self.rows).set_index(NAME)
+
+    def __getitem__(self, name: str) -> Fit:
+        """Raises KeyError with the reason for a table that failed."""
+        if name in self.failed:
+            raise KeyError(f"{name}: {self.failed[name]}")
+        if name not in list(self):
+            raise KeyError(f"{name}: {suggestion(name, list(self))}")
+        return load_fit(self.folder / name)
+
+    def __iter__(self) -> Iterator[str]:
+        return (str(row[NAME]) for row in self.rows if row["outcome"] != FAILED)
+
+    def __len__(self) -> int:
+        return sum(1 for _name in self)
+
+    def __repr__(self) -> str:
+        failed = f", {len(self.failed):,} failed" if self.failed else ""
+        return f"<Batch of {len(self.rows):,} tables{failed}, in {self.folder}>"
+
+    def _repr_html_(self) -> str:
+        """The rows as a notebook shows them."""
+        return f"<p>{escape(repr(self)[1:-1])}</p>{self.to_frame().to_html(max_rows=20, notebook=True)}"
+
+
+def calibrate_many(
+    tables: Mapping[str, Table] | Sequence[Table] | PathLike,
+    model: str | None = None,
+    *,
+    out: PathLike = FOLDER,
+    scheduler: str | None = None,
+    cores: int | None = None,
+    full: bool = False,
+    overwrite: bool = False,
+    config: PathLike | None = None,
+    units: Mapping[str, str] | None = None,
+    closures: Mapping[str, str] | None = None,
+    priors: Mapping[str, str] | None = None,
+    fix: Mapping[str, float] | None = None,
+    noise: str | None = None,
+    pool: Mapping[str, str] | None = None,
+    offsets: str | None = None,
+    incident_errors: bool = True,
+    velocity_noise: str | None = None,
+    flip: str | Sequence[str] = (),
+    columns: Mapping[str, str] | None = None,
+    as_read: bool = False,
+    seed: int = 1,
+    point_only: bool = False,
+    walkers: int | None = None,
+    max_steps: int = MAX_STEPS,
+    progress: Callable[[Going], None] | None = None,
+) -> Batch:
+    """Fit each of many tables by itself: named ones (`{"court 3": frame}`), paths, patterns (`"courts/*.csv"`),
+    folders.
+
+    Below the folder `out` every table has one of its own with `fit.json`, or with `full` all that `calibrate` writes;
+    beside them lie a table of all (CSV, Parquet where pyarrow is installed) and a page. Tables that are finished
+    there are not fitted again, so the same call goes on after an interruption; those of other data or settings are
+    refused unless `overwrite`. A table that cannot be fitted does not stop the others and says why. Tables run on
+    `cores` processes (default: all), or on the Dask cluster whose `scheduler` is at that address; results are the
+    same bytes. Each table is fitted as by `calibrate` with the same `seed`, for the other arguments see there.
+    `progress` is told how far all are.
+
+    Raises ParameterError, ResultFolderError; KeyboardInterrupt when it is interrupted.
+
+    >>> tables = {"still air": "wang_zero_spin", "no table": {"v_1": [17.0]}}
+    >>> many = folder.parent / "many"
+    >>> batch = fitball.calibrate_many(tables, "grip-slip", out=many, point_only=True, cores=1)
+    >>> batch.to_frame()["outcome"].tolist()
+    ['done', 'failed']
+    """
+    choices = Choices(
+        model, closures or {}, priors or {}, fix or {}, noise, pool or {}, offsets, incident_errors, velocity_noise
+    )
+    checked_choices(choices)
+    plan = Plan(
+        Path(out),
+        choices,
+        Effort(seed=seed, point_only=point_only, walkers=walkers, max_steps=max_steps, cores=1),
+        None if config is None else os.fspath(config),
+        flips(flip),
+        columns or {},
+        units or {},
+        as_read,
+        full,
+        overwrite,
+    )
+    return batch_of(tables, plan, cores, scheduler, (lambda _going: None) if progress is None else progress)
+
+
+def batch_of(
+    tables: Mapping[str, Table] | Sequence[Table] | PathLike,
+    plan: Plan,
+    cores: int | None,
+    scheduler: str | None,
+    report: Callable[[Going], None],
+    command: str | None = None,
+) -> Batch:
+    """The same for a plan; `command` is the line that asked for it."""
+    wanted = (os.cpu_count() or 1) if cores is None else cores
+    if wanted < 1:
+        raise ParameterError(f"cores = {wanted}: expected at least 1")
+    tasks = tasks_of(tables)
+    rows = run_tasks(tasks, plan, engine(min(wanted, len(tasks)), scheduler), report)
+    write_results(rows, plan.folder, command)
+    return Batch(plan.folder, rows)

@@ -1,0 +1,91 @@
+"""One table of a batch: read, fitted unless it was already, its files and its row written, the row last."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+from fitball.api.calibrating import Run, pose
+from fitball.batch.plan import Plan
+from fitball.batch.task import Task
+from fitball.errors import FitballError, ResultFolderError
+from fitball.inference.results.results import Fit
+from fitball.inference.sampling.ensembles import SamplingInterrupted
+from fitball.report.batch.rows import Row, failed_row, row_of
+from fitball.report.fit.folder import prepare_folder, write_all
+from fitball.report.form.atomic_write import remove, write_text
+from fitball.report.form.json_text import json_text
+from fitball.report.saved.fit_text import fit_text
+from fitball.report.saved.saved_fit import FIT_NAME
+from fitball.wording import listen, option
+
+ROW_NAME = "row.json"
+
+
+@dataclass(frozen=True)
+class Done:
+    """One table is done: its `row`, and whether that was `kept` from an earlier run."""
+
+    row: Row
+    kept: bool = False
+
+
+def fit_one(plan: Plan, task: Task) -> Done:
+    """The row of a table; where it could not be fitted, a row that says why. Raises nothing but KeyboardInterrupt:
+    one table does not stop the others.
+    """
+    listen(plan.command_line)
+    try:
+        # What one should know of a fit stands in its notes; warnings of two hundred tables are noise.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return _fitted(plan, task)
+    except FitballError as error:
+        return Done(failed_row(task.name, " ".join(str(error).split())))
+    except SamplingInterrupted:
+        raise KeyboardInterrupt from None
+    except Exception as error:
+        # A fault of ours in one table must not cost a night's work on the others; its row tells of it.
+        said = f"a fault of fitball, please report it: {type(error).__name__}: {error}"
+        return Done(failed_row(task.name, " ".join(said.split())))
+
+
+def _fitted(plan: Plan, task: Task) -> Done:
+    problem = pose(
+        task.table, plan.choices, config=plan.config, flip=plan.flip, columns=plan.columns, as_read=plan.as_read,
+        units=plan.units,
+    )  # fmt: skip
+    folder, mark = plan.folder / task.name, plan.mark(problem)
+    kept = kept_row(folder, mark)
+    if kept is not None:
+        return Done(kept, kept=True)
+    if (folder / ROW_NAME).exists() and not plan.overwrite:
+        raise ResultFolderError(
+            f"{folder}: holds a fit of another table or with other settings; use {option('overwrite')} to replace it"
+        )
+    prepare_folder(folder, overwrite=True, resume=False)
+    remove(folder / ROW_NAME)
+    fit = Run(problem, plan.effort).fit().result
+    row = row_of(task.name, fit)
+    _write(fit, folder, plan.full)
+    write_text(folder / ROW_NAME, json_text({"mark": mark, "row": row}))
+    return Done(row)
+
+
+def _write(fit: Fit, folder: Path, full: bool) -> None:
+    if full:
+        write_all(fit, folder)
+    else:
+        write_text(folder / FIT_NAME, fit_text(fit))
+
+
+def kept_row(folder: Path, mark: str) -> Row | None:
+    """The row of a finished table, if it is of the same data and settings; a damaged one counts as none."""
+    try:
+        content = json.loads((folder / ROW_NAME).read_text("utf-8"))
+        same = content["mark"] == mark and (folder / FIT_NAME).is_file()
+        return dict(content["row"]) if same else None
+    except (OSError, ValueError, LookupError, TypeError):
+        return None

@@ -1,0 +1,95 @@
+"""`fitball batch 'courts/*.csv'`: every table fitted by itself, one table and one page of all."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fitball.cli.fitting import add_fitting, choices_of, make_effort
+from fitball.cli.options import add_verb
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from fitball.batch.run import Going
+
+HELP = "fit many tables, each by itself: one table and one page of all, resumable"
+EXAMPLE = """examples:
+  fitball batch 'courts/*.csv'
+  fitball batch 'season/**/*.xlsx' --model grip-slip --out results/season
+  fitball batch courts --scheduler tcp://head:8786
+
+Results go to fits/batch/ unless --out names another folder: batch.csv with a row a table, batch.html, and a folder a
+table with fit.json (--full: all that calibrate writes). The same line goes on after an interruption. Exit code 1 if
+a table failed or a posterior did not converge."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the verb to the command line."""
+    parser = add_verb(subparsers, "batch", run, help=HELP, epilog=EXAMPLE)
+    parser.add_argument(
+        "data", nargs="+", metavar="DATA", help="tables, folders of tables, or patterns in quotes ('courts/*.csv')"
+    )
+    add_fitting(parser)
+    parser.add_argument(
+        "--full", action="store_true", help="all files of calibrate for each table, not fit.json alone"
+    )
+    parser.add_argument("--overwrite", action="store_true", help="replace results of other data or settings")
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="run on the Dask cluster there, e.g. tcp://head:8786 or scheduler.json"
+    )
+    parser.add_argument("--out", metavar="DIR", help="result folder (default: fits/batch)")
+    parser.add_argument("--quiet", action="store_true", help="no progress, no table: only errors and the folder")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Fit what is not fitted yet, write the files of all, print what was found."""
+    args.progress("loading", None)
+    from fitball.batch.many import FOLDER, batch_of
+    from fitball.batch.plan import Plan
+    from fitball.inference.results.results import RunStatus
+    from fitball.report.batch.rows import FAILED
+    from fitball.report.batch.series import all_series
+    from fitball.report.batch.text import render
+
+    folder = Path(args.out) if args.out else FOLDER
+    plan = Plan(
+        folder, choices_of(args), make_effort(args, 1), args.config, tuple(args.flip), args.columns, {}, args.as_read,
+        args.full, args.overwrite, command_line=True,
+    )  # fmt: skip
+    try:
+        batch = batch_of(args.data, plan, args.cores, args.scheduler, telling(args), args.command)
+    except KeyboardInterrupt:
+        args.progress.finish()
+        print(f"Interrupted. Finished tables are kept in {folder}; the same line goes on.", file=sys.stderr)
+        return 130
+    args.progress.finish()
+    print(folder if args.quiet else render(batch.rows, all_series(batch.rows), folder))
+    unsure = any(row["status"] == RunStatus.NOT_CONVERGED for row in batch.rows)
+    return 1 if unsure or any(row["outcome"] == FAILED for row in batch.rows) else 0
+
+
+def telling(args: argparse.Namespace) -> Callable[[Going], None]:
+    """Progress with the time left, from tables that were fitted in this run."""
+    begun = time.monotonic()
+
+    def tell(going: Going) -> None:
+        fitted = going.done - going.kept
+        words = f"{going.done:,} of {going.of:,} tables"
+        words += f", {going.failed:,} failed" if going.failed else ""
+        if fitted and going.done < going.of:
+            left = (time.monotonic() - begun) / fitted * (going.of - going.done)
+            words += f", about {duration(left)} left"
+        args.progress.count("tables", words)
+
+    return tell
+
+
+def duration(seconds: float) -> str:
+    """A time as people say it."""
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"

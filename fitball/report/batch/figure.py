@@ -1,0 +1,110 @@
+"""Parameters over tables: a panel each, every table a median with its 95 % interval."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
+
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.models.registry import parameter_spec
+from fitball.report.batch.series import Along, Series
+from fitball.report.batch.words import centre_of
+from fitball.report.figures.canvas import log_scale, new_figure
+from fitball.report.figures.parameter_axis import ParameterAxis, parameter_axis
+from fitball.report.form.palette import FAINT, GUIDE, MODEL, TREND
+from fitball.values import FloatArray
+
+WIDTH, HEIGHT = 9.0, 1.75
+# Tables whose names stand at the axis; of more every so many-th.
+MOST_NAMED = 24
+# Medians that a panel shows with intervals of full strength; of more they are thinner.
+MANY = 60
+
+
+def batch_figure(series: Sequence[Series], tables: Sequence[str], along: Along | None = None) -> Figure:
+    """A panel a quantity over the tables in their order, or along something."""
+    figure = new_figure(WIDTH, 0.9 + HEIGHT * len(series))
+    panels = figure.subplots(len(series), 1, sharex=True, squeeze=False)[:, 0]
+    for panel, one in zip(panels, series, strict=True):
+        _draw(panel, one, along)
+    if along is None:
+        _name_tables(panels[-1], tables)
+    else:
+        panels[-1].set_xlabel(along.name)
+        if along.first_day is not None:
+            panels[-1].xaxis.set_major_locator(MaxNLocator(8, integer=True))
+            panels[-1].xaxis.set_major_formatter(FuncFormatter(lambda value, _place: along.text(value)))
+    return figure
+
+
+def quantity_axis(series: Series) -> ParameterAxis:
+    """The axis of a quantity: as in every other figure for a parameter."""
+    spec = parameter_spec(series.quantity) or NOISE_SPECS.get(series.quantity)
+    if spec is not None:
+        return parameter_axis(spec)
+    return ParameterAxis(series.name, 1.0, False)
+
+
+def _draw(panel: Axes, series: Series, along: Along | None) -> None:
+    shown = quantity_axis(series)
+    places = np.array(series.rows, dtype=float) if along is None else along.values[list(series.rows)]
+    width = 1.6 if len(places) <= MANY else 0.7
+    outside = dict(series.outside)
+    for told in (False, True):
+        chosen = np.array(series.told) == told
+        panel.vlines(
+            places[chosen], series.low[chosen] * shown.factor, series.high[chosen] * shown.factor,
+            color=MODEL if told else FAINT, linewidth=width,
+        )  # fmt: skip
+        panel.plot(
+            places[chosen], series.median[chosen] * shown.factor, "o", color=MODEL if told else FAINT,
+            markersize=4.0 if len(places) <= MANY else 2.0,
+        )  # fmt: skip
+    rings = [k for k, row in enumerate(series.rows) if row in outside]
+    panel.plot(
+        places[rings], series.median[rings] * shown.factor, "o", markersize=11, markerfacecolor="none", color=TREND
+    )
+    _lines(panel, series, along, places, shown)
+    _limit(panel, series, shown)
+    panel.set_ylabel(shown.label, fontsize=9)
+    panel.tick_params(labelsize=8)
+    panel.grid(alpha=0.3, axis="y")
+
+
+def _limit(panel: Axes, series: Series, shown: ParameterAxis) -> None:
+    """Show the intervals of tables that tell the value, and the medians of all: priors may reach far."""
+    told = np.array(series.told) if any(series.told) else np.ones(len(series.told), dtype=bool)
+    low = min(np.min(series.low[told]), np.min(series.median)) * shown.factor
+    high = max(np.max(series.high[told]), np.max(series.median)) * shown.factor
+    if shown.logarithmic and low > 0.0:
+        log_scale(panel, *shown.margins(float(low), float(high)), "y")
+    elif high > low:
+        panel.set_ylim(*replace(shown, logarithmic=False).margins(float(low), float(high), 0.08))
+
+
+def _lines(panel: Axes, series: Series, along: Along | None, places: FloatArray, shown: ParameterAxis) -> None:
+    """The centre of all tables, or the line of a drift."""
+    line = next((line for item, line in series.drifts if item is along), None)
+    if line is not None:
+        told = np.array(series.told) & np.isfinite(places)
+        ends = np.linspace(np.min(places[told]), np.max(places[told]), 50)
+        heights = line.coefficients[0] + line.coefficients[1] * (ends - np.mean(places[told]))
+        heights = np.exp(heights) if series.logarithmic else heights
+        panel.plot(ends, heights * shown.factor, color=TREND, linewidth=1.5)
+    elif series.centre is not None:
+        middle = centre_of(series, series.centre)[1]
+        panel.axhline(middle * shown.factor, color=GUIDE, linewidth=0.8, linestyle="--")
+
+
+def _name_tables(panel: Axes, tables: Sequence[str]) -> None:
+    step = -(-len(tables) // MOST_NAMED)
+    places = list(range(0, len(tables), step))
+    panel.xaxis.set_major_locator(FixedLocator(places))
+    panel.set_xticklabels([tables[place] for place in places], rotation=90, fontsize=7)
+    panel.set_xlim(-0.7, len(tables) - 0.3)
+    panel.set_xlabel("table" if step == 1 else f"table (every {step}th named)")

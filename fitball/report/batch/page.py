@@ -1,0 +1,70 @@
+"""`batch.html`: many fits as one page that needs nothing but itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from fitball.report.batch.rows import DONE, NAME, Row
+from fitball.report.batch.series import Series
+from fitball.report.batch.words import CENTRE_HEADS, LEGEND, centre_rows, told
+from fitball.report.figures.embed import embed
+from fitball.report.form.display_units import handy
+from fitball.report.form.rounding import decimals, fixed
+from fitball.report.form.template import render_template
+
+# Tables listed one by one; batch.csv holds them all.
+MOST_ROWS = 300
+CAPTIONS = {
+    "parameters.png": "Each quantity over the tables: median and 95 % interval. Pale where a table does not tell the "
+    "value itself and the prior does; dashed the centre of the others; ringed what lies outside their bulk.",
+    "drift.png": "Quantities that drift: the line over what they drift along, with each table's median and interval.",
+}
+
+
+def batch_page(
+    rows: Sequence[Row], series: Sequence[Series], images: Mapping[str, bytes], command: str | None = None
+) -> str:
+    """The page as text; `images` are PNG files by the names of `CAPTIONS`; `command` is the line that made
+    it, None where none did.
+    """
+    said = told(rows, series)
+    return render_template(
+        "fitball.report",
+        "batch.html.j2",
+        said=said,
+        heading=f"{len(rows):,} tables, each fitted by itself",
+        figures=[
+            embed(images[name], CAPTIONS[name], f"{CAPTIONS[name]} {said.headline}")
+            for name in CAPTIONS
+            if name in images
+        ],
+        centre_heads=CENTRE_HEADS,
+        centres=centre_rows(series),
+        legend=LEGEND,
+        heads=("table", "impacts", "outcome", "describes", *(head(one) for one in series)),
+        tables=[cells(row, place, series) for place, row in enumerate(rows[:MOST_ROWS])],
+        left=max(0, len(rows) - MOST_ROWS),
+        command=command,
+    )
+
+
+def head(series: Series) -> str:
+    """Column head with the unit people read."""
+    unit = handy(series.quantity, series.unit).unit
+    return f"{series.name}{f' [{unit}]' if unit else ''}"
+
+
+def cells(row: Row, place: int, series: Sequence[Series]) -> tuple[str, ...]:
+    """One table as text: outcome, adequacy, each quantity with its sd."""
+    outcome = str(row["status"]) if row["outcome"] == DONE else "failed"
+    shown = [str(row[NAME]), str(row["impacts"] or "-"), outcome, str(row["adequacy"] or "-")]
+    for one in series:
+        if place not in one.rows:
+            shown.append("-")
+            continue
+        k = one.rows.index(place)
+        factor = handy(one.quantity, one.unit).factor
+        sd = float(one.sd[k]) * factor
+        places = decimals(sd)
+        shown.append(f"{fixed(float(one.median[k]) * factor, places)} ± {fixed(sd, places)}")
+    return tuple(shown)

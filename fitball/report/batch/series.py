@@ -1,0 +1,188 @@
+"""Columns of a batch as series: each parameter over the tables, along what the tables can be ordered by."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.inference.population.trend import Line, outliers, random_effects
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.results.results import Verdict
+from fitball.models.registry import parameter_spec
+from fitball.report.batch.rows import DONE, LABEL, NAME, Row
+from fitball.values import FloatArray
+
+PACE = "court_pace"
+TOLD = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.CONDITIONAL)
+# Chance that a line is called a drift where there is none.
+FALSE_DRIFT = 0.05
+# Half of a 95 % interval in standard deviations.
+REACH = 1.96
+
+
+@dataclass(frozen=True)
+class Along:
+    """What tables are set along: numbers or dates of one label column (`values` in its unit or in days, NaN where a
+    table has none), or only their order.
+    """
+
+    name: str
+    values: FloatArray
+    first_day: datetime.date | None = None
+    ordered: bool = False
+
+    def text(self, value: float) -> str:
+        """A value as it was written."""
+        if self.first_day is not None:
+            return (self.first_day + datetime.timedelta(days=value)).isoformat()
+        return f"{value:g}"
+
+
+@dataclass(frozen=True)
+class Series:
+    """One quantity over the tables: `names` of those that have it, at `rows`; (tables,) median, sd, ends of the 95 %
+    interval, SI; `told` where the table itself told the value, not its prior alone.
+
+    `centre` is about what value the `told` ones scatter and how much, `drifts` the line over each thing they can be
+    set along (only those that are surely not level), `outside` (row, distance in standard deviations). All three are
+    of natural logarithms where the quantity is `logarithmic`: one that is known to a factor.
+    """
+
+    quantity: str
+    unit: str
+    names: tuple[str, ...]
+    rows: tuple[int, ...]
+    median: FloatArray
+    sd: FloatArray
+    low: FloatArray
+    high: FloatArray
+    told: tuple[bool, ...]
+    logarithmic: bool
+    centre: Line | None
+    drifts: tuple[tuple[Along, Line], ...]
+    outside: tuple[tuple[int, float], ...]
+
+    @property
+    def name(self) -> str:
+        """The quantity as people call it."""
+        return (
+            "court pace"
+            if self.quantity == PACE
+            else self.quantity.replace("cor_at_", "COR at ").replace("_m/s", " m/s")
+        )
+
+
+def things_along(rows: Sequence[Row]) -> tuple[Along, ...]:
+    """The label columns that are numbers or dates (2026-11-22) in at least three tables, not all the same."""
+    found = []
+    for column in dict.fromkeys(key for row in rows for key in row if key.startswith(LABEL)):
+        along = _along(column.removeprefix(LABEL), [row.get(column) for row in rows])
+        if along is not None:
+            found.append(along)
+    return tuple(found)
+
+
+def _along(name: str, cells: Sequence[object]) -> Along | None:
+    texts = [None if cell is None else str(cell).strip() for cell in cells]
+    for read in (_numbers, _days):
+        made = read(name, texts)
+        if made is not None and len(np.unique(made.values[np.isfinite(made.values)])) > 2:
+            return made
+    return None
+
+
+def _numbers(name: str, texts: Sequence[str | None]) -> Along | None:
+    try:
+        values = np.array([np.nan if text is None else float(text) for text in texts])
+    except ValueError:
+        return None
+    return Along(name, values)
+
+
+def _days(name: str, texts: Sequence[str | None]) -> Along | None:
+    try:
+        days = [None if text is None else datetime.datetime.fromisoformat(text) for text in texts]
+    except ValueError:
+        return None
+    known = [day for day in days if day is not None]
+    if len({day.tzinfo is None for day in known}) != 1:
+        # None at all, or some with a time zone and some without: their order is not known.
+        return None
+    first = min(known)
+    start = datetime.datetime.combine(first.date(), datetime.time(), first.tzinfo)
+    values = [np.nan if day is None else (day - start).total_seconds() / 86400.0 for day in days]
+    return Along(name, np.array(values), first.date())
+
+
+def all_series(rows: Sequence[Row]) -> tuple[Series, ...]:
+    """Every quantity that a table of the batch has, in the order of their columns."""
+    done = [row for row in rows if row["outcome"] == DONE]
+    along = things_along(rows)
+    heads = [key.removesuffix("_q025") for row in done for key in row if key.endswith("_q025")]
+    return tuple(series for name in dict.fromkeys(heads) if (series := _series(name, rows, along)) is not None)
+
+
+def _series(name: str, rows: Sequence[Row], along: Sequence[Along]) -> Series | None:
+    head = next((key for row in rows for key in row if key == name or key.startswith(f"{name} [")), None)
+    if head is None:
+        return None
+    found = [(place, row) for place, row in enumerate(rows) if _number(row.get(head)) is not None]
+    ends = np.array([[_or_nan(row.get(f"{name}_{end}")) for end in ("q025", "q975")] for _, row in found]).T
+    if not found or np.all(np.isnan(ends)):
+        return None
+    median = np.array([_or_nan(row[head]) for _, row in found])
+    sd = np.array([_or_nan(row.get(f"{name}_sd")) for _, row in found])
+    sd = np.where(np.isnan(sd), (ends[1] - ends[0]) / (2.0 * REACH), sd)
+    told = np.array([_told(row.get(f"{name}_verdict")) for _, row in found])
+    places = np.array([place for place, _ in found])
+    scaled = _logarithmic(name) and bool(np.all(ends[0] > 0.0))
+    values = np.log(median) if scaled else median
+    errors = np.log(ends[1] / ends[0]) / (2.0 * REACH) if scaled else sd
+    counted = told & np.isfinite(errors)
+    centre = random_effects(values[counted], errors[counted]) if counted.any() else None
+    drifts = tuple(
+        (item, line) for item in along if (line := _drift(item, places, values, errors, counted)) is not None
+    )
+    outside: tuple[tuple[int, float], ...] = ()
+    if centre is not None:
+        distance, limit = outliers(values[counted], errors[counted])
+        beyond = np.abs(distance) > limit
+        outside = tuple(zip(places[counted][beyond].tolist(), distance[beyond].tolist(), strict=True))
+    return Series(
+        name, head.partition(" [")[2].removesuffix("]"), tuple(str(row[NAME]) for _, row in found),
+        tuple(map(int, places)), median, sd, ends[0], ends[1], tuple(map(bool, told)), scaled, centre, drifts,
+        outside,
+    )  # fmt: skip
+
+
+def _logarithmic(name: str) -> bool:
+    """Whether a quantity is known to a factor: sizes of noise, and parameters whose axis is logarithmic."""
+    spec = parameter_spec(name)
+    return name in NOISE_SPECS or (spec is not None and spec.logarithmic)
+
+
+def _drift(
+    along: Along, places: NDArray[np.int64], values: FloatArray, errors: FloatArray, counted: NDArray[np.bool_]
+) -> Line | None:
+    """The line along something, if it is surely not level."""
+    where = along.values[places]
+    used = counted & np.isfinite(where)
+    line = random_effects(values[used], errors[used], where[used]) if used.any() else None
+    return line if line is not None and line.p[1] < FALSE_DRIFT else None
+
+
+def _told(verdict: object) -> bool:
+    return verdict is None or str(verdict).startswith(tuple(map(str, TOLD)))
+
+
+def _number(cell: object) -> float | None:
+    return float(cell) if isinstance(cell, (int, float)) else None
+
+
+def _or_nan(cell: object) -> float:
+    number = _number(cell)
+    return np.nan if number is None else number

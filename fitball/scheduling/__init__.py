@@ -1,0 +1,5 @@
+"""Many tasks over processes: the one door to an engine that schedules them, joblib here or Dask elsewhere.
+
+Offers: `Engine`, `engine`.
+May import: nothing else.
+"""

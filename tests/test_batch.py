@@ -1,0 +1,266 @@
+"""Many tables, each fitted by itself: named, scheduled, kept, gone on with, and set side by side."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+import signal
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+from samples import HANG
+
+import fitball
+from fitball.batch.plan import Plan
+from fitball.batch.run import run_tasks
+from fitball.batch.task import tasks_of
+from fitball.cli.main import main
+from fitball.errors import FitballError
+from fitball.inference.effort import Effort
+from fitball.inference.problem.choices import Choices
+from fitball.report.batch.rows import HEAD, NAME
+from fitball.report.batch.series import all_series, things_along
+from fitball.report.batch.words import centre_rows, told
+from fitball.scheduling.engine import engine
+
+FILES = ("batch.csv", "batch.html", "batch.parquet")
+
+
+@pytest.fixture(scope="module")
+def courts(tmp_path_factory):
+    """Five tables of a day each, the fourth of them no table at all."""
+    folder = tmp_path_factory.mktemp("season") / "courts"
+    folder.mkdir()
+    frame = fitball.load_table("wang_zero_spin").to_frame()
+    rng = np.random.default_rng(3)
+    for k in range(5):
+        day = frame.copy()
+        day["v_x2 [m/s]"] += 0.1 * rng.standard_normal(len(day))
+        day["date"] = f"2026-05-{k + 1:02d}"
+        day.to_csv(folder / f"court_{k}.csv")
+    (folder / "court_3.csv").write_text("id,v_1 [m/s]\na,hello\n")
+    (folder / "court_0.toml").write_text("[measurement]\nvelocity_sd = 0.2\n")
+    return folder
+
+
+def quick(folder, **others):
+    """A plan of fits that take a moment."""
+    return Plan(folder, Choices(model="grip-slip"), Effort(cores=1, point_only=True), **others)
+
+
+@pytest.fixture(scope="module")
+def alone(courts, tmp_path_factory):
+    """The folder of a batch that one process did, and its rows."""
+    folder = tmp_path_factory.mktemp("alone") / "out"
+    batch = fitball.calibrate_many(courts, "grip-slip", out=folder, point_only=True, cores=1)
+    return folder, batch
+
+
+def contents(folder):
+    """Every file below a folder by its path."""
+    return {
+        place.relative_to(folder).as_posix(): place.read_bytes() for place in folder.rglob("*") if place.is_file()
+    }
+
+
+@pytest.mark.parametrize("given", ["", "/", "/*", "/*.csv", "/court_?.csv"])
+def test_folders_and_patterns_name_their_tables(courts, given):
+    found = tasks_of(f"{courts}{given}")
+    assert [task.name for task in found] == [f"court_{k}" for k in range(5)]
+
+
+def test_files_are_named_by_their_path_below_what_they_have_in_common(tmp_path):
+    for place in ("a/x.csv", "a/y.csv", "b/x.csv", "b/x.tsv"):
+        (tmp_path / place).parent.mkdir(exist_ok=True)
+        (tmp_path / place).touch()
+    assert [task.name for task in tasks_of(f"{tmp_path}/**/*")] == ["a/x", "a/y", "b/x.csv", "b/x.tsv"]
+    assert [task.name for task in tasks_of([f"{tmp_path}/a/x.csv"] * 2)] == ["x"]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("nothing/*.csv", "no file matches"), ([], "no table"), ([{"v_1": [1.0]}], "mapping"),
+        ({"../up": "x.csv"}, "a folder can have"), ({"/etc": "x.csv"}, "a folder can have"),
+    ],
+)  # fmt: skip
+def test_what_is_no_list_of_tables_is_refused(given, said):
+    with pytest.raises(FitballError, match=said):
+        tasks_of(given)
+
+
+def test_each_table_is_fitted_as_calibrate_does(courts, alone):
+    folder, batch = alone
+    fit = fitball.calibrate(courts / "court_1.csv", "grip-slip", point_only=True, cores=1)
+    assert batch["court_1"].parameters["mu"].point == fit.parameters["mu"].point
+    frame = batch.to_frame()
+    assert frame.loc["court_1", "mu"] == fit.parameters["mu"].point
+    assert frame.loc["court_1", "label:date"] == "2026-05-02"
+    assert list(batch) == ["court_0", "court_1", "court_2", "court_4"]
+    assert repr(batch) == f"<Batch of 5 tables, 1 failed, in {folder}>"
+    assert "court_4" in batch._repr_html_()
+
+
+def test_a_table_that_fails_says_why_and_stops_no_other(alone):
+    folder, batch = alone
+    assert batch.to_frame()["outcome"].tolist() == ["done"] * 3 + ["failed", "done"]
+    assert "hello" in batch.failed["court_3"]
+    with pytest.raises(KeyError, match="hello"):
+        batch["court_3"]
+    with pytest.raises(KeyError, match="did you mean 'court_1'"):
+        batch["cuort_1"]
+    page = (folder / "batch.html").read_text("utf-8")
+    assert "4 of 5 tables fitted; 1 failed" in page
+    assert "hello" in page
+
+
+def test_the_table_of_all_is_the_same_as_csv_and_parquet(alone):
+    folder, batch = alone
+    with (folder / "batch.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    frame = pd.read_parquet(folder / "batch.parquet")
+    assert [row[NAME] for row in rows] == frame[NAME].tolist() == [f"court_{k}" for k in range(5)]
+    assert float(rows[0]["mu"]) == frame["mu"][0] == batch.rows[0]["mu"]
+
+
+def test_a_fault_of_ours_in_one_table_is_a_row_too(courts, tmp_path, monkeypatch):
+    def broken(*_given):
+        raise ZeroDivisionError("one over nothing")
+
+    monkeypatch.setattr("fitball.batch.one.row_of", broken)
+    rows = run_tasks(tasks_of(f"{courts}/court_[03].csv"), quick(tmp_path / "out"), engine(1))
+    assert [row["outcome"] for row in rows] == ["failed", "failed"]
+    assert "ZeroDivisionError: one over nothing" in rows[0]["reason"]
+
+
+def test_a_cluster_gives_the_same_bytes_as_one_process(courts, alone, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster:
+        place = cluster.scheduler_address
+        fitball.calibrate_many(courts, "grip-slip", out=tmp_path / "two", point_only=True, scheduler=place)
+    assert contents(tmp_path / "two") == contents(alone[0])
+
+
+def test_what_is_finished_is_not_fitted_again_and_other_settings_are_refused(courts, alone, tmp_path, monkeypatch):
+    folder = tmp_path / "out"
+    shutil.copytree(alone[0], folder)
+    (folder / "court_2" / "row.json").write_text('{"mark": "half')
+    fitted = []
+
+    def note(fit, place, full):
+        fitted.append(place.name)
+        write(fit, place, full)
+
+    from fitball.batch import one
+
+    write = one._write
+    monkeypatch.setattr(one, "_write", note)
+    tasks = tasks_of(courts)
+    # A damaged record is no finished table; but it may be of other settings, so it needs a word.
+    assert "overwrite=True" in run_tasks(tasks, quick(folder), engine(1))[2]["reason"]
+    run_tasks(tasks, quick(folder, overwrite=True), engine(1))
+    assert fitted == ["court_2"]
+    assert {name: text for name, text in contents(folder).items() if "/" in name} == {
+        name: text for name, text in contents(alone[0]).items() if "/" in name
+    }
+    other = run_tasks(tasks, quick(folder, full=True), engine(1))
+    assert all("other settings" in row["reason"] for row in other if row["table"] != "court_3"), other
+
+
+def test_a_batch_that_was_killed_goes_on_with_two_processes_to_the_same_bytes(courts, alone, tmp_path, start):
+    words = ("-m", "fitball", "batch", str(courts), "--model", "grip-slip", "--point-only")
+    process = start(*words, "--cores", "1", cwd=tmp_path)
+    begun = time.monotonic()
+    while not list(tmp_path.glob("fits/batch/*/row.json")) and process.poll() is None:
+        assert time.monotonic() - begun < HANG
+        time.sleep(0.02)
+    process.send_signal(signal.SIGKILL)
+    process.wait(HANG)
+    kept = {place: place.stat().st_mtime_ns for place in tmp_path.glob("fits/batch/*/row.json")}
+    assert kept
+    again = start(*words, "--cores", "2", cwd=tmp_path)
+    again.communicate(timeout=HANG)
+    assert again.returncode == 1
+    assert {place: place.stat().st_mtime_ns for place in kept} == kept
+    found, expected = contents(tmp_path / "fits/batch"), contents(alone[0])
+    # The page says which line made it.
+    assert {name for name in found if found[name] != expected.get(name)} <= {"batch.html"}
+    assert set(found) == set(expected)
+
+
+def test_a_folder_of_other_things_is_left_alone(courts, tmp_path, capsys):
+    (tmp_path / "mine.txt").write_text("mine")
+    assert main(["batch", str(courts), "--out", str(tmp_path)]) == 2
+    assert "holds other files" in capsys.readouterr().err
+    assert contents(tmp_path) == {"mine.txt": b"mine"}
+
+
+@pytest.mark.parametrize(("given", "said"), [("localhost", "tcp://"), ("tcp://127.0.0.1:1", "no Dask scheduler")])
+def test_a_scheduler_that_is_none_is_refused(courts, tmp_path, capsys, monkeypatch, given, said):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("fitball.scheduling.cluster.PATIENCE", 0.5)
+    assert main(["batch", str(courts), "--out", str(tmp_path / "out"), "--scheduler", given]) == 2
+    assert said in capsys.readouterr().err
+
+
+def made_rows(values, column="date", cells=None):
+    """Rows as of tables that tell mu and spin_sd, with a label each."""
+    rows = []
+    for k, value in enumerate(values):
+        row = dict.fromkeys(HEAD) | {NAME: f"t{k}", "outcome": "done", "status": "converged", "adequacy": "describes"}
+        row |= {
+            "mu": value,
+            "mu_sd": 0.01,
+            "mu_q025": value - 0.02,
+            "mu_q975": value + 0.02,
+            "mu_verdict": "identified",
+        }
+        size = 10.0 * np.exp(0.1 * (-1) ** k)
+        row |= {"spin_sd [rad/s]": size, "spin_sd_sd": 2.0, "spin_sd_q025": size / 1.5, "spin_sd_q975": size * 1.5}
+        row["spin_sd_verdict"] = "identified"
+        row[f"label:{column}"] = f"2026-05-{k + 1:02d}" if cells is None else cells[k]
+        rows.append(row)
+    return rows
+
+
+def test_a_drift_is_told_in_the_unit_of_what_it_is_along():
+    wobble = 0.005 * (-1.0) ** np.arange(12)
+    series = all_series(made_rows(0.5 + 0.01 * np.arange(12) + wobble))
+    points = told(made_rows(np.zeros(12)), series).points
+    assert any(point.startswith("mu drifts along date: 0.0098 [") and "per day" in point for point in points), points
+    assert not any("spin_sd" in point for point in points)
+    level = told(made_rows(np.zeros(12)), all_series(made_rows(0.5 + wobble))).points
+    assert not any("drifts" in point for point in level)
+
+
+def test_an_outlier_is_named_and_values_that_the_prior_gave_are_not_counted():
+    values = 0.5 + 0.01 * np.sin(np.arange(20))
+    values[4] = 0.8
+    rows = made_rows(values)
+    assert any("mu lies outside the bulk in t4" in point for point in told(rows, all_series(rows)).points)
+    rows[4]["mu_verdict"] = "prior-dominated"
+    assert not any("mu lies" in point for point in told(rows, all_series(rows)).points)
+    assert centre_rows(all_series(rows))[0][2] == "19 of 20"
+
+
+@pytest.mark.parametrize(
+    ("cells", "found"),
+    [
+        (["1", "2", "3.5"], [0.0, 1.0, 2.5]), (["2026-01-01", "2026-01-02T12:00", "2026-02-01"], [0.0, 1.5, 31.0]),
+        (["a", "b", "c"], None), (["1", "1", "1"], None),
+        (["2026-01-01", "2026-01-02T12:00+02:00", "2026-02-01"], None),
+    ],
+)  # fmt: skip
+def test_labels_that_are_numbers_or_dates_order_the_tables(cells, found):
+    along = things_along(made_rows([0.5] * 3, "place", cells))
+    assert (found is None) == (along == ())
+    if found is not None:
+        assert along[0].values - along[0].values[0] == pytest.approx(found)
+
+
+def test_a_size_of_noise_is_centred_by_its_logarithm():
+    row = centre_rows(all_series(made_rows(np.full(12, 0.5) + 0.001 * np.arange(12))))[1]
+    assert row[:2] == ("spin_sd", "rad/s")
+    assert float(row[3]) == pytest.approx(10.0, abs=0.1)
