@@ -1,125 +1,286 @@
-"""The bench: its rivals solve the same bounce, its errors are errors, its files are whole."""
+"""The bench: its rivals solve the same bounce, its errors are errors, its files are whole, and it sees what slows."""
 
 from __future__ import annotations
 
 import json
+import math
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from fitball.cli.main import main
-from fitball.studies.bench import measure as bench
-from fitball.studies.bench.hard_cases import BASE
-from fitball.studies.bench.measure import Bench, Pace, batch_costs, errors, spread_draws, timed, work_precision
-from fitball.studies.bench.page import FIGURE, summary
-from fitball.studies.bench.rivals import adaptive, set_up, stepped
+from fitball.inference.likelihood.posterior import log_posterior
+from fitball.studies.bench import clock, measure, page, ratios, samplers, sampling
+from fitball.studies.bench.adaptive_steps import adaptive
+from fitball.studies.bench.clock import Pace, by_turns
+from fitball.studies.bench.contact_equations import set_up
+from fitball.studies.bench.costs import batch_costs
+from fitball.studies.bench.densities import OURS, SCRIPT, by_order_8, density_costs, plain_log_posterior
+from fitball.studies.bench.fixed_steps import fixed_steps
+from fitball.studies.bench.measure import Bench
+from fitball.studies.bench.precision import CAREFUL, FASTEST, LOCATED_8, errors, work_precision
+from fitball.studies.bench.ratios import RATIO, WORK
 from fitball.studies.bench.scenes import Scene, default_model
+from fitball.studies.bench.tables import base_values, posed, problems, spread_coordinates, spread_draws
 from fitball.values import impacts
 
-TINY = Pace(1e-3, (100, 400), (1e-6,), 210, 1)
+TINY = Pace(1, 1e-5)
+
+
+def scene_of(given):
+    chosen = default_model()
+    names = chosen.parameter_names
+    values = np.array([list(base_values().values())] * len(given))
+    found = chosen.evaluate(names, values[:1], given)
+    return Scene("Wang's 21", names, values, given, found.v_x2[0], found.omega_2[0])
 
 
 @pytest.fixture(scope="module")
 def scene():
-    chosen = default_model()
-    names = chosen.parameter_names
-    given = impacts([12.0, 9.0, 16.0, 5.0], [13.0, 15.0, 4.0, 16.0], [0.0, 100.0, 0.0, 145.0])
-    values = np.array([[BASE[name] for name in names]] * 4)
-    found = chosen.evaluate(names, values[:1], given)
-    return Scene("mixed", names, values, given, found.v_x2[0], found.omega_2[0])
+    return scene_of(impacts([12.0, 9.0, 16.0, 5.0], [13.0, 15.0, 4.0, 16.0], [0.0, 100.0, 0.0, 145.0]))
 
 
 def setups_of(scene):
-    ball = default_model().ball
-    named = dict(zip(scene.names, scene.values[0].tolist(), strict=True))
     given = scene.impacts
-    return np.array([set_up(ball, named, given.v_x1[k], given.v_y1[k], given.omega_1[k]) for k in range(len(given))])
+    states = zip(given.v_x1, given.v_y1, given.omega_1, strict=True)
+    return np.array([set_up(default_model().ball, base_values(), *map(float, state)) for state in states])
 
 
 @pytest.mark.parametrize("method", ["RK45", "DOP853", "LSODA"])
 def test_rivals_solve_the_same_bounce(scene, method):
     """Scipy's integrators, written without our closed forms, arrive where they do."""
-    for k, setup in enumerate(setups_of(scene)):
-        v_x2, omega_2 = adaptive(setup, method, 1e-9)
-        assert v_x2 == pytest.approx(scene.v_x2[k], rel=1e-6)
-        assert omega_2 == pytest.approx(scene.omega_2[k], rel=1e-6)
+    solved = np.array([adaptive(setup, method, 1e-9) for setup in setups_of(scene)])
+    assert errors(scene, solved).max() < 1e-6
 
 
-def test_fixed_steps_converge(scene):
-    setups, work, out = setups_of(scene), np.empty((5, 6)), np.empty((4, 2))
-    found = []
-    for steps in (50, 400, 100_000):
-        stepped(setups, steps, work, out)
-        found.append(errors(scene, (out[:, 0].copy(), out[:, 1].copy())))
-    # Without an event the order is four; events are noticed at steps only, so that short grips are missed.
-    assert found[1][2] < 4.0 * found[0][2] / 8.0**4
-    assert found[1].max() > 1e-4
-    assert found[2].max() < 1e-6
+def test_short_steps_do_not_step_over_a_grip(wang_impacts):
+    scene = scene_of(wang_impacts)
+    careless, careful = (
+        errors(scene, np.array([adaptive(setup, "DOP853", 1e-9, most) for setup in setups_of(scene)]))
+        for most in (math.inf, CAREFUL)
+    )
+    assert careful.max() < 1e-9
+    assert careless.max() > 1e-4
+
+
+@pytest.mark.parametrize(("order", "steps", "bound"), [(4, 200, 1e-9), (8, 20, 1e-11), (8, 80, 1e-13)])
+def test_located_events_keep_the_order(wang_impacts, order, steps, bound):
+    """Where the end of each phase is searched for, equal steps converge as on smooth problems."""
+    scene = scene_of(wang_impacts)
+    setups = setups_of(scene)
+    located = [errors(scene, fixed_steps(setups, order, n, located=True)).max() for n in (steps // 2, steps)]
+    between = errors(scene, fixed_steps(setups, order, steps, located=False)).max()
+    assert located[1] < bound
+    assert located[1] < located[0]
+    assert between > 1e-3
 
 
 def test_errors_are_relative_to_the_incident_surface_speed(scene):
     radius = default_model().ball.radius
-    wrong = (scene.v_x2 + 0.01, scene.omega_2.copy())
+    right = np.stack([scene.v_x2, scene.omega_2], axis=1)
     speed = np.hypot(scene.impacts.v_x1, scene.impacts.v_y1) + radius * np.abs(scene.impacts.omega_1)
-    np.testing.assert_allclose(errors(scene, wrong), 0.01 / speed)
-    wrong = (scene.v_x2.copy(), scene.omega_2 - 5.0)
-    np.testing.assert_allclose(errors(scene, wrong), 5.0 * radius / speed)
+    np.testing.assert_allclose(errors(scene, right + np.array([0.01, 0.0])), 0.01 / speed)
+    np.testing.assert_allclose(errors(scene, right - np.array([0.0, 5.0])), 5.0 * radius / speed)
 
 
-def test_work_precision_holds_every_solver(scene):
-    frame = pd.DataFrame(list(work_precision((scene,), TINY)))
-    assert {"closed form, batch", "closed form, one by one", "matrix exponentials", "RK4, compiled"} <= set(
-        frame["solver"]
-    )
-    assert sum(frame["solver"].str.startswith("solve_ivp")) == 4
-    closed = frame[frame["solver"].str.startswith("closed form")]
-    rivals = frame[frame["solver"].str.startswith(("RK4", "solve_ivp"))]
-    assert (closed["largest error"] < 1e-13).all()
-    assert rivals["largest error"].min() > 1e-9
+@pytest.fixture(scope="module")
+def precision(scene):
+    return work_precision((scene,), TINY)
+
+
+@pytest.fixture(scope="module")
+def densities():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("fitball.studies.bench.densities.WALKERS", 2)
+        return density_costs("zero", posed("wang_zero_spin"), TINY)
+
+
+def test_work_precision_holds_careless_and_careful_rivals(precision):
+    frame = precision
+    assert sum(solver.startswith("solve_ivp") for solver in frame["solver"].unique()) == 4
+    best = frame.groupby("solver")["largest error"].min()
+    assert (best[best.index.str.startswith("closed form")] < 1e-13).all()
+    assert best["RK4 compiled, events between steps"] > 1e-6
+    assert best[LOCATED_8] < 1e-13
     assert (frame["microseconds"] > 0.0).all()
 
 
-def test_timed_counts_calls(monkeypatch):
-    """On a clock that only the calls move: 2 ms each, once 5 ms."""
-    taken = [2e-3] * 8 + [5e-3] + [2e-3] * 100
+@pytest.mark.parametrize("name", [name for name, _ in problems()])
+def test_the_plain_log_posterior_is_the_same(name):
+    """By scipy's densities and integrated rebounds, for normal and Student noise, a contact time, missing cells."""
+    problem = dict(problems())[name]
+    at = spread_coordinates(problem, 2)
+    plain = [plain_log_posterior(problem, one, by_order_8) for one in at]
+    assert log_posterior(problem, at) == pytest.approx(plain, abs=1e-6)
+
+
+def test_densities_are_timed_beside_their_errors(densities):
+    frame = densities.set_index("log posterior")
+    assert frame.loc[[way for way in frame.index if way.startswith(OURS)], "largest error"].max() < 1e-10
+    assert frame.loc[SCRIPT, "microseconds"] > frame.loc[f"{OURS}, one at a time", "microseconds"]
+
+
+def test_rivals_take_turns(monkeypatch):
+    """On a clock that only the calls move: the least of the rounds counts, and no call before them."""
     now, calls = [0.0], []
+    taken = {"a": iter([9.0, 2.0, 2.0, 3.0, 1.5, 2.5]), "b": iter([9.0, 1.0, 0.9, 0.9, 0.9, 0.7, 0.7, 0.7])}
 
-    def action():
-        now[0] += taken[len(calls)]
-        calls.append(0)
+    def action(name):
+        now[0] += next(taken[name])
+        calls.append(name)
 
-    monkeypatch.setattr(bench.time, "perf_counter", lambda: now[0])
-    # One call to warm up, one to see how long it takes, then three times five in 0.03 s: the median knows no 5 ms.
-    assert timed(action, 0.0301, 3) == pytest.approx(2e-3, rel=1e-9)
-    assert len(calls) == 17
+    monkeypatch.setattr(clock.time, "process_time", lambda: now[0])
+    least = by_turns({name: lambda name=name: action(name) for name in "ab"}, Pace(2, 2.1))
+    assert "".join(calls) == "aabb" + "aabbb" + "aabbb"
+    assert least == pytest.approx({"a": 2.0, "b": 0.7})
 
 
 def test_batches_are_named_by_what_they_hold():
-    found = batch_costs(TINY, 2)
-    assert found["call"].iloc[-1] == "batch of 210, 2 threads"
+    found = batch_costs(210, TINY)
+    assert found["call"].iloc[-2] == "batch of 210"
     assert spread_draws(3, seed=5).tolist() == spread_draws(3, seed=5).tolist()
 
 
-def test_files_and_words(scene, tmp_path, monkeypatch, capsys):
-    frame = pd.DataFrame(list(work_precision((scene,), TINY)))
-    frame["scene"] = "Wang's 21"
-    small = pd.DataFrame([{"call": "x", "microseconds an impact": 1.5}])
-    made = Bench(frame, small, small, small, small, "a machine")
-    monkeypatch.setattr(bench, "measure", lambda pace, cores, report: made)
+def test_a_fresh_process_tells_its_time_and_memory():
+    told = clock.fresh_process("print('done')")
+    assert told.printed == ["done"]
+    assert told.seconds > 0.0
+    assert told.megabytes > 1.0 or math.isnan(told.megabytes)
+
+
+def test_effective_draws():
+    """Independent draws count whole, each of ten equal ones a tenth; burn-in does not."""
+    rng = np.random.default_rng(1)
+    free = rng.standard_normal((3000, 4, 2))
+    assert samplers.effective(free) == pytest.approx(0.67 * 12_000, rel=0.2)
+    assert samplers.effective(np.repeat(free[:300], 10, axis=0)) == pytest.approx(0.67 * 1200, rel=0.3)
+
+
+class Turns:
+    """A budget of so many looks instead of seconds."""
+
+    def __init__(self, turns):
+        self.turns, self.spent = turns, 1.0
+
+    @property
+    def left(self):
+        self.turns -= 1
+        return self.turns >= 0
+
+
+def test_a_rival_sampler_is_asked_for_its_draws():
+    problem = posed("wang_zero_spin")
+    target = samplers.Target(problem, spread_coordinates(problem, 3))
+    draws = samplers.emcee_stretch(target, Turns(2))
+    assert target.evaluations == pytest.approx(40 * (2 * samplers.BLOCK + 1), abs=80)
+    assert 0.0 < draws < target.evaluations
+    value, slopes = target.with_gradient(target.optima[0])
+    ahead = target.optima[0] + 1e-3 * problem.prior.width * np.eye(problem.dimension)[3]
+    rise = target.one(ahead) - value
+    assert rise == pytest.approx(slopes[3] * 1e-3 * problem.prior.width[3], rel=0.2)
+
+
+def test_a_table_of_samplers_says_what_is_known(monkeypatch):
+    """The script on solve_ivp costs what its densities cost; too few draws tell nothing; missing rivals are named."""
+    monkeypatch.setattr(sampling, "problems", lambda: [("zero", posed("wang_zero_spin"))])
+    monkeypatch.setattr(sampling, "_ours", lambda problem, optima: (OURS, "1", 2.0, 50_000, 1000.0))
+    fakes = [
+        samplers.Sampler(samplers.STRETCH, "emcee", lambda target, budget: 100.0),
+        samplers.Sampler("slow", "numpy", lambda target, budget: 3.0),
+        samplers.Sampler("absent", "no-such-package", lambda target, budget: 1e9),
+    ]
+    monkeypatch.setattr(sampling, "RIVALS", fakes)
+    monkeypatch.setattr(sampling, "point_fit", lambda problem, rng: (None, Point(problem)))
+    monkeypatch.setattr(sampling, "Target", lambda problem, optima: Asked())
+    densities = pd.DataFrame([{"table": "zero", "log posterior": SCRIPT, "microseconds": 5e5}])
+    frame = sampling.sampling_costs(1.0, densities, lambda _stage: None).set_index("sampler")
+    assert list(frame.index) == [OURS, samplers.STRETCH, sampling.NAIVE, "slow"]
+    assert frame.loc[OURS, "draws a CPU second"] == 500.0
+    assert frame.loc[sampling.NAIVE, "CPU seconds"] == 1000.0
+    assert frame.loc[sampling.NAIVE, "draws a CPU second"] == 0.1
+    assert math.isnan(frame.loc["slow", "draws a CPU second"])
+    assert sampling.missing() == ["no-such-package"]
+
+
+class Point:
+    def __init__(self, problem):
+        self.optima = [dict(zip(problem.free_names, np.ones(problem.dimension), strict=True))]
+
+
+class Asked:
+    evaluations = 2000
+
+
+def bench_of(precision, densities, missing):
+    kinds = pd.DataFrame([{"call": "x", "microseconds an impact": 1.5}])
+    sampled = [
+        {"table": table, "sampler": name, "draws a CPU second": 10.0 + k}
+        for table in ("one", "two") for k, name in enumerate((OURS, "other"))
+    ]  # fmt: skip
+    frames = {
+        "ratios": pd.DataFrame({WORK: ["a", "b"], "yardstick": "y", RATIO: [2.0, 3.0]}),
+        "precision": precision,
+        "densities": densities,
+        "samplers": pd.DataFrame(sampled), "batches": kinds, "growth": kinds, "processes": kinds,
+    }  # fmt: skip
+    return Bench(frames, "a machine", missing)
+
+
+def test_files_and_words(precision, densities, tmp_path, monkeypatch, capsys):
+    made = bench_of(precision, densities, ("dynesty", "pints"))
+    monkeypatch.setattr(measure, "measure", lambda extent, cores, report: made)
     out = tmp_path / "bench"
     assert main(["bench", "--quick", "--out", str(out), "--cores", "1"]) == 0
     printed = capsys.readouterr().out
-    assert "closed form, batch" in printed
+    assert FASTEST in printed
+    assert "not installed: dynesty, pints; pip install dynesty pints" in printed
     assert {item.name for item in out.iterdir()} == {
-        FIGURE, "summary.md", "precision.csv", "batches.csv", "growth.csv", "start_up.csv", "stages.csv",
+        page.FIGURE, page.SAMPLERS, "summary.md", *(f"{name}.csv" for name in made.frames),
     }  # fmt: skip
-    assert "\n".join(summary(made)) in (out / "summary.md").read_text(encoding="utf-8")
+    assert "\n".join(page.summary(made)) in (out / "summary.md").read_text(encoding="utf-8")
+    monkeypatch.setattr(page, "save_figure", lambda figure, path: None)
     assert main(["bench", "--quick", "--out", str(out), "--json", "--quiet"]) == 0
     assert json.loads(capsys.readouterr().out)["machine"] == "a machine"
     (tmp_path / "file").write_text("")
     assert main(["bench", "--quick", "--out", str(tmp_path / "file")]) == 2
     assert "--out" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "said"),
+    [
+        ("work,over the yardstick\na,2\nb,3\n", 0, "| b | 3 | 3 | 1 |"),
+        ("work,over the yardstick\na,1.3\nb,1.9\n", 1, "b: 1.58 times slower than kept"),
+        ("work,over the yardstick\na,200\nb,300\n", 0, "| 0.01 |"),
+        ("work,over the yardstick\na,2\nc,3\n", 2, "different work (b; c)"),
+        ("work,over the yardstick\na,2\nb,-3\n", 2, "expected 'work' and 'over the yardstick' with positive numbers"),
+        ("work,over the yardstick\na,2\nb,many\n", 2, "many"),
+        ("nothing\n1\n", 2, "read columns nothing"),
+        (None, 2, "fitball bench"),
+    ],
+)
+def test_what_became_slower_is_told(text, code, said, tmp_path, monkeypatch, capsys):
+    """Ratios 2 and 3 now; no clock is asked."""
+    now = pd.DataFrame({WORK: ["a", "b"], RATIO: [2.0, 3.0]})
+    monkeypatch.setattr(ratios, "ratios", lambda pace: now)
+    kept = tmp_path / "kept.csv"
+    if text is not None:
+        kept.write_text(text)
+    assert main(["bench", "--check", str(kept)]) == code
+    told = capsys.readouterr()
+    assert said in told.out + told.err
+    assert ("a: 1.54 times slower" in told.out) == (code == 1)
+
+
+def test_ratios_are_of_the_work_that_is_kept(monkeypatch):
+    """What a run measures is what the ratios in the repository are of."""
+    kept = ratios.read_ratios(ratios.Path(__file__).parent.parent / "fits" / "bench" / ratios.FILE)
+    monkeypatch.setattr(ratios, "by_turns", lambda actions, pace: dict.fromkeys(actions, 2.0))
+    monkeypatch.setattr(ratios, "fresh_process", lambda code: clock.Told([], 2.0, 1.0))
+    now = ratios.ratios(TINY)
+    assert (now[RATIO] == 1.0).all()
+    assert len(ratios.compared(kept, now)) == len(now)
 
 
 @pytest.mark.parametrize("verb", [["bench"], ["calibrate", "wang_all.csv"]])

@@ -40,7 +40,7 @@ from fitball.report.fit.terminal import render
 from fitball.report.saved.data_file import data_part, read_data, write_data
 from fitball.report.saved.fit_file import TablePart
 from fitball.report.saved.fit_text import fit_text
-from fitball.studies.bench.measure import enlarged, spread_draws
+from fitball.studies.bench.tables import enlarged, spread_draws
 
 
 def long_problem(rows, **choices):

@@ -18,7 +18,7 @@ from fitball.inference.point.lmfit_minimiser import Minimiser
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.starts import starting_points
 from fitball.inference.problem.build import Choices, build_problem
-from fitball.studies.bench.measure import enlarged
+from fitball.studies.bench.tables import enlarged
 
 
 def weighting(problem):

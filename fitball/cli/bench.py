@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fitball.cli.options import add_study, add_verb, stages
+
+if TYPE_CHECKING:
+    from fitball.studies.bench.clock import Pace
 
 DEFAULT_FOLDER = Path("fits") / "bench"
 
@@ -18,31 +23,54 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "bench",
         run,
         help="speed against error, and where time goes",
-        description="Measure time per impact against error for the closed form and for what one would write without "
-        "it, cold starts, the stages of a calibration, and growth with rows and draws. Writes CSV files, a figure "
+        description="Measure CPU time per impact and per log posterior against error, beside careless and careful "
+        "integrators; effective draws a CPU second beside other samplers, where these are installed "
+        "(pip install 'fitball[bench]'); growth with rows; time and memory of whole runs. Writes CSV files, figures "
         "and a summary.",
-        epilog="example:\n  fitball bench --quick\n",
+        epilog="examples:\n  fitball bench --quick\n  fitball bench --check\n",
     )
-    parser.add_argument("--quick", action="store_true", help="a minute instead of some")
+    parser.add_argument("--quick", action="store_true", help="a minute or two instead of many")
+    parser.add_argument(
+        "--check", nargs="?", const=DEFAULT_FOLDER / "ratios.csv", type=Path, metavar="FILE",
+        help=f"measure ratios only and compare them with kept ones (default: {DEFAULT_FOLDER / 'ratios.csv'}); exit "
+        "code 1 when something has become 1.5 times slower",
+    )  # fmt: skip
     add_study(parser, DEFAULT_FOLDER)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, write the folder, print the summary."""
+    """Measure, write the folder, print the summary; or compare ratios."""
     from fitball.studies.bench.measure import FULL, QUICK, measure
-    from fitball.studies.bench.page import summary, write
+    from fitball.studies.bench.page import missing_words, summary, write
 
-    report = stages(args.quiet)
+    extent = QUICK if args.quick else FULL
+    if args.check is not None:
+        return _check(args, extent.pace)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER
-    bench = measure(QUICK if args.quick else FULL, args.cores, report)
+    bench = measure(extent, args.cores, stages(args.quiet))
     write(bench, folder)
     if args.json:
-        frames = {
-            name: json.loads(getattr(bench, name).to_json(orient="records"))
-            for name in ("precision", "batches", "growth", "start_up", "stages")
-        }
+        frames = {name: json.loads(frame.to_json(orient="records")) for name, frame in bench.frames.items()}
         print(json.dumps({"machine": bench.machine, **frames}, indent=2))
+        print("\n".join(missing_words(bench)), file=sys.stderr)
     else:
         print("\n".join(summary(bench)))
         print(f"Results: {folder}")
     return 0
+
+
+def _check(args: argparse.Namespace, pace: Pace) -> int:
+    """Compare ratios with those kept; 1 when something has become slower."""
+    from fitball.studies.bench import ratios
+    from fitball.studies.bench.page import verdict
+
+    kept = ratios.read_ratios(args.check)
+    compared = ratios.compared(kept, ratios.ratios(pace))
+    if (compared["times"] > ratios.TOLERATED).any():
+        # What other programs on the machine took is not taken twice.
+        compared = ratios.least(compared, ratios.compared(kept, ratios.ratios(pace)))
+    lines, good = verdict(compared)
+    print(compared.to_json(orient="records", indent=2) if args.json else "\n".join(lines))
+    if not good and args.json:
+        print("\n".join(lines), file=sys.stderr)
+    return 0 if good else 1

@@ -1,5 +1,6 @@
-"""Speed against error: the kernels beside general solvers, and cases on which a search could fail.
+"""Speed against error: kernels, densities and sampling beside what one would take instead, ratios that tell when
+something has become slower, and cases on which a search could fail.
 
-Offers: `measure`, `hard_cases`.
+Offers: `measure`, `ratios`, `hard_cases`.
 May import: api, exports, report, inference, models, data.
 """

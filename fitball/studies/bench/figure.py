@@ -1,43 +1,72 @@
-"""The figure of `fitball bench`: speed against error."""
+"""Figures of `fitball bench`: speed against error, and effective draws a second."""
 
 from __future__ import annotations
 
+import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fitball.report.figures.canvas import new_figure
 from fitball.report.form.palette import GUIDE, SERIES
+from fitball.studies.bench.densities import OURS
 from fitball.studies.bench.measure import Bench
+from fitball.studies.bench.scenes import HARD
 
 # Errors below this are drawn at it: zero has no logarithm.
 FLOOR = 1e-17
-MARKS = ("D", "d", "*", "o", "s", "^", "v", "P")
+MARKS = "D*dos^vPX"
 
 
 def figure(bench: Bench) -> Figure:
-    """Time per impact against largest error, one panel per scene, one curve per solver."""
-    names = list(dict.fromkeys(bench.precision["scene"]))
-    made = new_figure(13.0, 7.4)
-    panels = made.subplots(2, 3, sharex=True, sharey=True).ravel()
-    solvers = list(dict.fromkeys(bench.precision["solver"]))
+    """Time per impact against largest error, one panel a scene, and time a log posterior, one curve a solver."""
+    precision, densities = bench.frames["precision"], bench.frames["densities"]
+    names = [name for name in dict.fromkeys(precision["scene"]) if name != HARD]
+    made = new_figure(13.0, 8.2)
+    panels = made.subplots(2, 3).ravel()
     for panel, name in zip(panels, names, strict=False):
-        mine = bench.precision[bench.precision["scene"] == name]
-        for k, solver in enumerate(solvers):
-            rows = mine[mine["solver"] == solver]
-            if rows.empty:
-                continue
-            panel.loglog(
-                rows["largest error"].clip(lower=FLOOR), rows["microseconds"], f"{MARKS[k % len(MARKS)]}-",
-                color=SERIES[k % len(SERIES)] if k < len(SERIES) else GUIDE, markersize=6, linewidth=1,
-                markerfacecolor=SERIES[k % len(SERIES)] if k < 3 else "none", label=solver,
-            )  # fmt: skip
+        _curves(panel, precision[precision["scene"] == name], "solver")
         panel.set_title(name, fontsize=11)
-        panel.grid(alpha=0.3)
-    for panel in panels[3:]:
         panel.set_xlabel("largest error / incident surface speed")
-    for panel in panels[::3]:
-        panel.set_ylabel("microseconds per impact")
-    handles, labels = panels[1].get_legend_handles_labels()
-    panels[-1].axis("off")
-    panels[-1].legend(handles, labels, loc="center", frameon=False)
-    made.suptitle(f"Speed against error ({bench.machine}, one thread)")
+        panel.set_ylabel("CPU microseconds an impact")
+    _curves(panels[4], densities, "log posterior")
+    panels[4].set_title("Log posterior of five tables", fontsize=11)
+    panels[4].set_xlabel("largest error of the log density")
+    panels[4].set_ylabel("CPU microseconds a density")
+    handles, labels = panels[0].get_legend_handles_labels()
+    panels[5].axis("off")
+    panels[5].legend(handles, labels, loc="center", frameon=False)
+    panels[4].legend(fontsize=8, frameon=False, loc="center left")
+    made.suptitle("Speed against error: lower left is better", fontsize=12)
+    return made
+
+
+def _curves(panel: Axes, rows: pd.DataFrame, by: str) -> None:
+    for k, (name, mine) in enumerate(rows.groupby(by, sort=False)):
+        ours = str(name).startswith(("closed form", OURS))
+        color, line = SERIES[k % len(SERIES)], "-" if by == "solver" else ""
+        panel.loglog(
+            mine["largest error"].clip(lower=FLOOR), mine["microseconds"], MARKS[k % len(MARKS)] + line,
+            color=color, markersize=8 if ours else 5, linewidth=1, label=str(name),
+            markerfacecolor=color if ours else "none",
+        )  # fmt: skip
+    panel.grid(alpha=0.3)
+
+
+def samplers_figure(bench: Bench) -> Figure:
+    """Effective draws a CPU second by sampler, one mark a table."""
+    frame = bench.frames["samplers"]
+    samplers = list(dict.fromkeys(frame["sampler"]))[::-1]
+    made = new_figure(8.5, 1.4 + 0.42 * len(samplers))
+    panel = made.subplots()
+    for k, (table, mine) in enumerate(frame.groupby("table", sort=False)):
+        panel.semilogx(
+            mine["draws a CPU second"], [samplers.index(name) for name in mine["sampler"]], MARKS[k % len(MARKS)],
+            color=SERIES[k % len(SERIES)], label=str(table), alpha=0.85,
+        )  # fmt: skip
+    panel.set_yticks(range(len(samplers)), samplers)
+    panel.set_ylim(-0.5, len(samplers) - 0.5)
+    panel.hlines(range(len(samplers)), *panel.get_xlim(), color=GUIDE, linewidth=0.5, alpha=0.5)
+    panel.set_xlabel("effective draws a CPU second")
+    panel.grid(alpha=0.3, axis="x")
+    panel.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return made

@@ -10,46 +10,73 @@ import pandas as pd
 from fitball.errors import ResultFolderError
 from fitball.report.figures.save import save_figure
 from fitball.report.form.atomic_write import write_text
-from fitball.studies.bench.figure import figure
+from fitball.studies.bench.figure import figure, samplers_figure
 from fitball.studies.bench.measure import Bench
+from fitball.studies.bench.precision import FASTEST
+from fitball.studies.bench.ratios import RATIO, TOLERATED, WORK
 
-FIGURE = "speed_against_error.png"
+FIGURE, SAMPLERS = "speed_against_error.png", "samplers.png"
+HEADS = {
+    "densities": "The log posterior: errors are of the log density, against one by textbook formulas",
+    "samplers": "Effective draws a CPU second (the least of bulk and tail over all parameters)",
+    "batches": "Batches",
+    "growth": "With rows",
+    "processes": "Fresh processes, one core",
+    "ratios": "What `--check` compares",
+}
 
 
 def write(bench: Bench, folder: Path) -> None:
-    """Write CSV files, figure and the table in words. Raises ResultFolderError."""
+    """Write CSV files, figures and the tables in words. Raises ResultFolderError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ResultFolderError(f"{folder}: cannot be made: {error.strerror}; name another with --out") from None
-    for name in ("precision", "batches", "growth", "start_up", "stages"):
-        frame: pd.DataFrame = getattr(bench, name)
+    for name, frame in bench.frames.items():
         write_text(folder / f"{name}.csv", frame.to_csv(index=False, float_format="%.4g", lineterminator="\n"))
     save_figure(figure(bench), folder / FIGURE)
+    save_figure(samplers_figure(bench), folder / SAMPLERS)
     write_text(folder / "summary.md", "\n".join(summary(bench)) + "\n")
 
 
 def summary(bench: Bench) -> list[str]:
     """The figures people ask for, as Markdown."""
-    lines = [f"Measured by `fitball bench` on {bench.machine}.", ""]
-    wang = bench.precision[bench.precision["scene"] == "Wang's 21"]
-    fastest = float(wang[wang["solver"] == "closed form, batch"]["microseconds"].iloc[0])
-    lines += ["| solver on Wang's 21 impacts | setting | us an impact | times slower | largest error |",
-              "|---|---|---|---|---|"]  # fmt: skip
-    for row in wang.to_dict("records"):
-        lines.append(
-            f"| {row['solver']} | {row['setting']} | {row['microseconds']:.3g} | "
-            f"{row['microseconds'] / fastest:.3g} | {row['largest error']:.1e} |"
-        )
-    lines += ["", "Largest error of the closed form by scene: " + ", ".join(
+    precision = bench.frames["precision"]
+    wang = precision[precision["scene"] == "Wang's 21"].drop(columns=["scene", "median error"])
+    fastest = float(wang[wang["solver"] == FASTEST]["microseconds"].iloc[0])
+    wang.insert(3, "times slower", wang["microseconds"] / fastest)
+    lines = [f"Measured by `fitball bench` on {bench.machine}; times are of CPU, the least of several rounds.", ""]
+    lines += [*_table(wang), "", "Largest error of the closed form by scene: " + ", ".join(
         f"{row['scene']} {row['largest error']:.1e}"
-        for row in bench.precision.to_dict("records") if row["solver"] == "closed form, one by one"
+        for row in precision.to_dict("records") if row["solver"] == "closed form, one by one"
     ) + ".", ""]  # fmt: skip
-    for frame in (bench.batches, bench.growth, bench.start_up, bench.stages):
-        lines += ["| " + " | ".join(frame.columns) + " |", "|" + "---|" * len(frame.columns)]
-        for values in frame.itertuples(index=False):
-            lines.append("| " + " | ".join(_text(value) for value in values) + " |")
-        lines.append("")
+    for name, head in HEADS.items():
+        lines += [f"{head}:", "", *_table(bench.frames[name]), ""]
+    return [*lines, *missing_words(bench)]
+
+
+def missing_words(bench: Bench) -> list[str]:
+    """What to do for rivals that are not installed; empty where all are."""
+    if not bench.missing:
+        return []
+    names = ", ".join(bench.missing)
+    return [f"Not measured, not installed: {names}; pip install {' '.join(bench.missing)} (or fitball[bench]).", ""]
+
+
+def verdict(compared: pd.DataFrame) -> tuple[list[str], bool]:
+    """Ratios now and then as Markdown, what has become slower in words, and whether nothing has."""
+    slower = compared[compared["times"] > TOLERATED]
+    lines = [*_table(compared), ""]
+    lines += [
+        f"{row[WORK]}: {row['times']:.2f} times slower than kept ({row['now']:.3g} {RATIO}, was {row['kept']:.3g})"
+        for row in slower.to_dict("records")
+    ]
+    return lines, slower.empty
+
+
+def _table(frame: pd.DataFrame) -> list[str]:
+    lines = ["| " + " | ".join(frame.columns) + " |", "|" + "---|" * len(frame.columns)]
+    lines += ["| " + " | ".join(map(_text, values)) + " |" for values in frame.itertuples(index=False)]
     return lines
 
 

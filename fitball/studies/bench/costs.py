@@ -1,0 +1,88 @@
+"""What grows: batches, rows; and what whole processes take, in time and in memory."""
+
+from __future__ import annotations
+
+import tempfile
+from functools import partial
+
+import pandas as pd
+
+from fitball.inference.likelihood.posterior import log_posterior
+from fitball.models.registry import DEFAULT_MODEL, model
+from fitball.studies.bench.clock import Action, Pace, by_turns, fresh_process
+from fitball.studies.bench.tables import base_values, posed, spread_coordinates, spread_draws
+from fitball.values import impacts
+
+ROWS = (7, 21, 210, 2100, 8000)
+FITTED = (21, 210, 2100, 8000)
+POINT_FIT = """
+import numpy as np
+from fitball.inference.point.point_fit import point_fit
+from fitball.studies.bench.tables import posed
+problem = posed("wang_all", {rows})
+begun = __import__("time").process_time()
+point_fit(problem, np.random.default_rng(1))
+print(__import__("time").process_time() - begun)
+"""
+REBOUND = "import fitball; fitball.model('two-mass').rebound({values}, fitball.impacts(14.0, 12.0, 100.0))"
+
+
+def batch_costs(many: int, pace: Pace) -> pd.DataFrame:
+    """CPU microseconds per impact: a public call, one draw of 21 impacts, and about `many` impacts in one call."""
+    chosen, wang, base = model(DEFAULT_MODEL), posed("wang_all").impacts, base_values()
+    names, draws = tuple(base), spread_draws(many // len(wang))
+    one = impacts(wang.v_x1[0], wang.v_y1[0], wang.omega_1[0])
+    total = len(draws) * len(wang)
+    calls: dict[str, tuple[int, Action]] = {
+        "public call, 1 impact": (1, partial(chosen.rebound, base, one)),
+        "public call, 21 impacts": (len(wang), partial(chosen.rebound, base, wang)),
+        "batch, 1 draw of 21": (len(wang), partial(chosen.evaluate, names, draws[:1], wang)),
+        f"batch of {total}": (total, partial(chosen.evaluate, names, draws, wang)),
+        f"batch of {total}, with derivatives": (total, partial(chosen.jacobian, names, draws, wang, names)),
+    }
+    spent = by_turns({name: action for name, (_, action) in calls.items()}, pace)
+    return pd.DataFrame(
+        [{"call": name, "microseconds an impact": 1e6 * spent[name] / count} for name, (count, _) in calls.items()]
+    )
+
+
+def growth_costs(most: int, pace: Pace) -> pd.DataFrame:
+    """With rows of the table, `most` at most: CPU time of 40 log posteriors in one call, and of a point fit in a
+    process of its own with the most memory that took.
+    """
+    rows = []
+    for count in (count for count in ROWS if count <= most):
+        problem = posed("wang_all", count)
+        at = spread_coordinates(problem, 40)
+        spent = by_turns({"density": partial(log_posterior, problem, at)}, pace)["density"] / len(at)
+        row: dict[str, object] = {"rows": count, "milliseconds a log posterior": 1e3 * spent,
+                                  "microseconds an impact": 1e6 * spent / count}  # fmt: skip
+        if count in FITTED:
+            told = fresh_process(POINT_FIT.format(rows=count))
+            row |= {"point fit [s]": float(told.printed[-1]), "most memory [MB]": told.megabytes}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def process_costs(full: bool) -> pd.DataFrame:
+    """CPU seconds and most memory of fresh processes, one core; in `full` with an empty compile cache too."""
+    rebound = REBOUND.format(values=base_values())
+    verb = "from fitball.cli.main import main; assert main({words}) == 0"
+    rows = []
+
+    def measured(label: str, code: str, **environment: str) -> None:
+        told = fresh_process(code, **environment)
+        rows.append({"process": label, "CPU seconds": told.seconds, "most memory [MB]": told.megabytes})
+
+    measured("python", "pass")
+    measured("fitball --version", "import fitball.cli.main")
+    measured("numpy, scipy.optimize, pandas", "import numpy, scipy.optimize, pandas")
+    measured("first rebound", rebound)
+    if full:
+        with tempfile.TemporaryDirectory() as cache:
+            measured("first rebound, empty compile cache", rebound, NUMBA_CACHE_DIR=cache)
+    for table in ("wang_zero_spin", "wang_all"):
+        with tempfile.TemporaryDirectory() as folder:
+            words = ["calibrate", f"{table}.csv", "--cores", "1", "--quiet", "--out", folder + "/fit"]
+            measured(f"fitball calibrate {table}", verb.format(words=words))
+    return pd.DataFrame(rows)
