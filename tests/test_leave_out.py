@@ -15,7 +15,7 @@ from fitball.errors import FitError
 from fitball.inference.calibrate import run
 from fitball.inference.comparison.cross_validation import IMPACTS, leave_out, make_folds
 from fitball.inference.comparison.information_criteria import criteria
-from fitball.inference.comparison.psis_loo import exact_elpd, leave_one_out, smoothed_elpd
+from fitball.inference.comparison.psis_loo import leave_one_out, refitted_elpd, smoothed_elpd
 from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import log_likelihood_terms, log_posterior
 from fitball.inference.point.point_fit import point_fit
@@ -93,23 +93,60 @@ def test_withholding_everything_is_refused():
         withheld(problem, np.arange(7))
 
 
-def test_exact_refit_and_importance_sampling_agree_where_k_is_good():
-    problem = problem_of("wang_zero_spin.csv", model="brody")
+def scored_by(problem, columns):
     effort = Effort(seed=2, ess=400.0)
     fit = run(problem, effort)
-    columns = ("v_x2", "v_y2", "omega_2")
     settings = replace(effort, seed=9, ensembles=2).settings(problem)
-    found = leave_one_out(problem, fit, fit.posterior, columns, settings, exact=False)
+    return fit, settings, leave_one_out(problem, fit, fit.posterior, columns, settings, exact=False)
+
+
+def test_refits_and_smoothed_importance_sampling_agree_where_k_is_good(monkeypatch):
+    problem = problem_of("wang_zero_spin.csv", model="brody")
+    columns = ("v_x2", "v_y2", "omega_2")
+    fit, settings, found = scored_by(problem, columns)
     assert not found.refitted
     # Which impacts are the steadiest, and how steady, is up to the draws.
     best = np.argsort(found.pareto_k)[:2].tolist()
     assert np.all(found.pareto_k[best] < 0.5)
-    for row in best:
-        exact, settled = exact_elpd(problem, fit.point.optima, row, columns, settings)
-        assert settled
-        assert exact == pytest.approx(found.elpd[row], abs=0.1)
     # Effective parameters: some, but no more than there are.
     assert 1.0 < found.p_loo < 5.0
+    # Were these not to be trusted: by proposals of their own, and where those fail by a chain.
+    monkeypatch.setattr("fitball.inference.comparison.psis_loo.K_TRUSTED", 0.5)
+    monkeypatch.setattr(
+        "fitball.inference.comparison.psis_loo.smoothed_elpd",
+        lambda *_args: (found.elpd.copy(), np.where(np.isin(np.arange(7), best), 0.9, 0.1)),
+    )
+    again = leave_one_out(problem, fit, fit.posterior, columns, settings, exact=True)
+    assert sorted(again.refitted) == sorted(best)
+    assert not again.unsettled
+    np.testing.assert_allclose(again.elpd[best], found.elpd[best], atol=0.1)
+    monkeypatch.setattr("fitball.inference.comparison.psis_loo.MEETING", np.inf)
+    row = again.refitted[0]
+    optimum = problem.to_coordinates(np.array([[fit.point.values[name] for name in problem.free_names]]))[0]
+    chain, settled = refitted_elpd(problem, fit.posterior.draws, optimum, row, columns, settings)
+    assert settled
+    assert chain == pytest.approx(found.elpd[row], abs=0.1)
+    assert chain != again.elpd[row]
+
+
+def test_an_influential_impact_is_scored_as_the_conjugate_normal_has_it():
+    """A far outlier of a drop test: its draws are none of those of the posterior that it took part in."""
+    table = drop_table(np.random.default_rng(6))
+    measured = table.measurement("v_y2")
+    values = measured.values.copy()
+    values[4] += 0.6
+    table = replace(table, measurements=(replace(measured, values=values),))
+    problem = linear_problem(table, velocity_sd=0.05)
+    fit, settings, found = scored_by(problem, ("v_y2",))
+    assert found.pareto_k[4] > 0.7
+    again = leave_one_out(problem, fit, fit.posterior, ("v_y2",), settings, exact=True)
+    x, y = design(table)
+    kept = np.arange(len(y)) != 4
+    covariance = 0.05**2 * np.linalg.inv(x[kept].T @ x[kept])
+    mean = x[4] @ np.linalg.lstsq(x[kept], y[kept], rcond=None)[0]
+    exact = norm.logpdf(y[4], mean, np.sqrt(0.05**2 + x[4] @ covariance @ x[4]))
+    assert 4 in again.refitted
+    assert again.elpd[4] == pytest.approx(exact, abs=0.3)
 
 
 # --- errors of left-out impacts

@@ -7,6 +7,7 @@ than the search for one maximum.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,9 +63,17 @@ def equal_draws(values: FloatArray) -> WeightedDraws:
     return WeightedDraws(values, np.full(len(values), -np.log(len(values))), float(len(values)))
 
 
-def importance_posterior(problem: Problem, optima: FloatArray, rng: np.random.Generator) -> WeightedDraws:
-    """Weighted draws of the posterior, begun about each of its `optima` (optima, free), in coordinates."""
-    fitted = [_about(problem, optimum) for optimum in optima]
+def importance_posterior(
+    problem: Problem,
+    optima: FloatArray,
+    rng: np.random.Generator,
+    beside: Sequence[StudentProposal] = (),
+    enough: float = ENOUGH,
+) -> WeightedDraws:
+    """Weighted draws of the posterior, worth `enough` independent ones if so many can be had, begun about each of its
+    `optima` (optima, free), in coordinates, and with the proposals `beside` these.
+    """
+    fitted = [*beside, *(_about(problem, optimum) for optimum in optima)]
     proposals: list[tuple[int, StudentProposal]] = []
     coordinates, score = np.empty((0, problem.dimension)), np.empty(0)
     for _ in range(ROUNDS):
@@ -79,7 +88,7 @@ def importance_posterior(problem: Problem, optima: FloatArray, rng: np.random.Ge
         ratios = score - logsumexp(drawn_from, axis=0)
         log_weights = ratios - logsumexp(ratios)
         effective = float(1.0 / np.sum(np.exp(2.0 * log_weights)))
-        if effective >= ENOUGH:
+        if effective >= enough:
             break
         following = _fitted(coordinates, log_weights)
         fitted = fitted if following is None else [following]

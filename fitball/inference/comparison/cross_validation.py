@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError
-from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.comparison.held_maxima import free_values, held_maxima
 from fitball.inference.point.starts import starting_points
 from fitball.inference.prediction.outputs import measured_outputs, output_errors, predicted_outputs
-from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import withheld
 from fitball.inference.results.results import PointFit
@@ -82,37 +81,45 @@ def make_folds(table: ImpactTable, rng: np.random.Generator) -> tuple[tuple[Fold
     return tuple(folds), notes
 
 
-def refit(
-    problem: Problem, optima: Sequence[Mapping[str, float]], rng: np.random.Generator | None = None
-) -> PointFit:
-    """The maximum of the posterior from known optima, with `rng` also from fresh starts. Raises FitError."""
-    starts = np.array([[optimum[name] for name in problem.free_names] for optimum in optima[:FOLLOWED]])
-    if rng is not None:
-        starts = np.concatenate([starts, starting_points(problem, rng, FRESH_STARTS)])
-    return maximum_posterior(
-        problem, starts, {name: value for name, value in optima[0].items() if name in NOISE_SPECS}
-    )
-
-
 def leave_out(
     problem: Problem, point: PointFit, folds: Sequence[Fold], given_columns: Sequence[str], rng: np.random.Generator
 ) -> tuple[tuple[Missed, ...], list[str]]:
     """Errors of the refits' predictions, one `Missed` a scheme, and a sentence for each fold without a fit."""
     measured = measured_outputs(problem.table)
     by_scheme: dict[str, list[tuple[Fold, dict[str, FloatArray]]]] = {}
-    notes = []
-    for fold in folds:
-        try:
-            held = withheld(problem, fold.rows)
-            large = fold.rows.size >= LARGE_SHARE * len(problem.impacts)
-            best = refit(held, point.optima, rng if large else None)
-        except FitError as error:
-            notes.append(f"without {fold.label}: {error}")
-            continue
-        errors = output_errors(measured, predicted_outputs(best.rebound, given_columns))
+    fitted, notes = _refitted(problem, point, folds, rng)
+    for fold, values in fitted:
+        errors = output_errors(measured, predicted_outputs(problem.rebound(values[None, :]), given_columns))
         mine = {name: column[fold.rows] for name, column in errors.items()}
         by_scheme.setdefault(fold.scheme, []).append((fold, mine))
     return tuple(_joined(scheme, parts) for scheme, parts in by_scheme.items()), notes
+
+
+def _refitted(
+    problem: Problem, point: PointFit, folds: Sequence[Fold], rng: np.random.Generator
+) -> tuple[list[tuple[Fold, FloatArray]], list[str]]:
+    """Free values (free,) of the refit without each fold, and a sentence for each fold without one."""
+    left, notes = [], []
+    for fold in folds:
+        try:
+            withheld(problem, fold.rows)
+            left.append(fold)
+        except FitError as error:
+            notes.append(f"without {fold.label}: {error}")
+    if not left:
+        return [], notes
+    known = free_values(problem, point.optima[:FOLLOWED])
+    large = [fold.rows.size >= LARGE_SHARE * len(problem.impacts) for fold in left]
+    many = np.concatenate([known, starting_points(problem, rng, FRESH_STARTS)]) if any(large) else known
+    starts = [many if share else known for share in large]
+    values, cost = held_maxima(problem, [fold.rows for fold in left], starts)
+    fitted = [(fold, values[k]) for k, fold in enumerate(left) if np.isfinite(cost[k])]
+    notes += [
+        f"without {fold.label}: model {problem.model.name}: no start led to parameters of finite posterior density"
+        for fold, lowest in zip(left, cost, strict=True)
+        if not np.isfinite(lowest)
+    ]
+    return fitted, notes
 
 
 def _joined(scheme: str, parts: Sequence[tuple[Fold, Mapping[str, FloatArray]]]) -> Missed:

@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitball.inference.likelihood.residuals import default_noise
-from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.problem.priors import Prior
+from fitball.inference.identifiability.gauss_newton import descend
+from fitball.inference.identifiability.profile_general import objective_of
+from fitball.inference.identifiability.profile_objective import Pains
+from fitball.inference.identifiability.profile_path import free_searches
 from fitball.inference.problem.problem import Problem
 
-# Where a normal prior is unbounded its flat stand-in ends this many standard deviations from the middle.
-FLAT_SDS = 12.0
+# A promised gain of log likelihood below which the maximum is found.
+SETTLED = 1e-7
 
 
 @dataclass(frozen=True)
@@ -44,28 +45,10 @@ class Criteria:
 def criteria(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Criteria:
     """Maximise the likelihood from `starts` (values by name), noise included, within the bounds of the parameters.
 
-    A start on the end of a logarithmic scale, where there is no way back, is passed over.
-
-    What the scene knows of the contact time is prior knowledge and does not enter. Raises FitError as
-    `maximum_posterior` does.
+    What the scene knows of the contact time is prior knowledge and does not enter.
     """
-    bare = replace(
-        problem,
-        contact_time=None,
-        parameters=tuple(replace(parameter, prior=_flat(parameter.prior)) for parameter in problem.parameters),
-    )
-    values = np.array([[start[name] for name in bare.free_names] for start in starts])
-    with np.errstate(divide="ignore"):
-        usable = np.all(np.isfinite(bare.to_coordinates(values)), axis=1)
-    best = maximum_posterior(bare, values[usable], {name: starts[0][name] for name in default_noise(bare)})
-    return Criteria(
-        best.log_likelihood, bare.dimension, sum(observable.observed.size for observable in bare.observables)
-    )
-
-
-def _flat(prior: Prior) -> Prior:
-    """A prior with the same coordinate, flat between the bounds, or within `FLAT_SDS` sds where there is none."""
-    low, high = prior.ends
-    if prior.normal:
-        low, high = max(low, prior.a - FLAT_SDS * prior.b), min(high, prior.a + FLAT_SDS * prior.b)
-    return replace(prior, normal=False, a=low, b=high)
+    objective = replace(objective_of(problem), pains=Pains(promised=SETTLED))
+    begun = objective.from_values(np.array([[start[name] for name in problem.free_names] for start in starts]))
+    reached = descend(objective, free_searches(objective, begun, scene=False))
+    measurements = sum(observable.observed.size for observable in problem.observables)
+    return Criteria(-float(reached.cost.min()), problem.dimension, measurements)

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from fitball.inference.comparison.cross_validation import refit
+from fitball.inference.assumptions.importance_posterior import ENOUGH, importance_posterior
+from fitball.inference.comparison.held_maxima import free_values, held_maxima
 from fitball.inference.likelihood.posterior import pointwise
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import withheld
-from fitball.inference.results.results import Fit, Posterior, thinned
+from fitball.inference.results.results import TARGET_ESS, Fit, Posterior, thinned
 from fitball.inference.sampling.ensembles import Settings, sample
-from fitball.inference.sampling.importance import smoothed_elpd
+from fitball.inference.sampling.importance import smoothed, smoothed_elpd
+from fitball.inference.sampling.moves import StudentProposal
 from fitball.values import FloatArray
 
 # Above this shape of the fitted Pareto tail the importance sampling estimate is not to be trusted (Vehtari, Simpson,
@@ -25,6 +27,9 @@ K_TRUSTED = 0.7
 DRAWS = 8000
 LEAST_DRAWS = 1000
 ENTRIES = 4_000_000
+# Effective draws of the posterior with an impact, among those drawn for the posterior without it, from which the
+# density of the impact is known to a tenth.
+MEETING = 100.0
 
 
 @dataclass(frozen=True)
@@ -63,27 +68,54 @@ def leave_one_out(
     whole, scored = pointwise(problem, values, columns)
     elpd, pareto_k = smoothed_elpd(whole, scored, _efficiency(fit, len(values)))
     average = logsumexp(scored, axis=0) - np.log(len(values))
-    refitted, unsettled = [], []
-    for row in np.flatnonzero(~(pareto_k <= K_TRUSTED)) if exact else []:
-        elpd[row], settled = exact_elpd(problem, fit.point.optima, int(row), columns, settings)
-        refitted.append(int(row))
+    refitted = np.flatnonzero(~(pareto_k <= K_TRUSTED)) if exact else np.empty(0, dtype=np.int64)
+    unsettled = []
+    for row, optimum in zip(refitted, _optima_without(problem, fit, refitted), strict=True):
+        elpd[row], settled = refitted_elpd(problem, values, optimum, int(row), columns, settings)
         if not settled:
             unsettled.append(int(row))
-    return LeaveOneOut(elpd, pareto_k, float(np.sum(average - elpd)), tuple(refitted), tuple(unsettled))
+    loss = float(np.sum(average - elpd))
+    return LeaveOneOut(elpd, pareto_k, loss, tuple(refitted.tolist()), tuple(unsettled))
+
+
+def _optima_without(problem: Problem, fit: Fit, rows: NDArray[np.int64]) -> FloatArray:
+    """Coordinates (rows, free) of the maximum of the posterior without each of some impacts."""
+    if not rows.size:
+        return np.empty((0, problem.dimension))
+    starts = free_values(problem, fit.point.optima)
+    values, _cost = held_maxima(problem, [rows[k : k + 1] for k in range(rows.size)], [starts] * rows.size)
+    return problem.to_coordinates(values)
+
+
+def refitted_elpd(
+    problem: Problem, values: FloatArray, optimum: FloatArray, row: int, columns: Sequence[str], settings: Settings
+) -> tuple[float, bool]:
+    """Log density of the `columns` of one impact under the posterior without it, and whether that settled.
+
+    Importance sampling anew, by proposals that are adapted to that posterior from the draws (draws, free) of the
+    whole and from its own maximum (free,), in coordinates; where its Pareto k is not to be trusted either, or its
+    draws hardly meet those of the whole, a chain.
+    """
+    held = withheld(problem, np.array([row]))
+    rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=(row,)))
+    whole = StudentProposal.fit(problem.to_coordinates(values))
+    drawn = importance_posterior(held, optimum[None, :], rng, () if whole is None else (whole,), TARGET_ESS)
+    if drawn.effective >= ENOUGH:
+        _whole, scored = pointwise(problem, drawn.values, columns)
+        weights, pareto_k = smoothed(drawn.log_weights, 1.0)
+        shares = weights + scored[:, row]
+        told = float(logsumexp(shares))
+        if pareto_k <= K_TRUSTED and 2.0 * told - logsumexp(2.0 * shares) >= np.log(MEETING):
+            return told, True
+    return exact_elpd(problem, optimum, row, columns, settings)
 
 
 def exact_elpd(
-    problem: Problem,
-    optima: Sequence[Mapping[str, float]],
-    row: int,
-    columns: Sequence[str],
-    settings: Settings,
+    problem: Problem, optimum: FloatArray, row: int, columns: Sequence[str], settings: Settings
 ) -> tuple[float, bool]:
-    """Log density of the `columns` of one impact under the posterior without it, and whether that chain converged."""
+    """As `refitted_elpd`, by a chain begun about the `optimum`; and whether that converged."""
     held = withheld(problem, np.array([row]))
-    point = refit(held, optima)
-    starts = np.array([[optimum[name] for name in problem.free_names] for optimum in point.optima])
-    sampled = sample(held, problem.to_coordinates(starts), settings, None, False, lambda _progress: None)
+    sampled = sample(held, optimum[None, :], settings, None, False, lambda _progress: None)
     draws = sampled.kept.reshape(-1, problem.dimension)
     chosen = draws[np.linspace(0, len(draws) - 1, min(DRAWS, len(draws))).astype(np.int64)]
     _whole, scored = pointwise(problem, problem.to_values(chosen), columns)

@@ -73,8 +73,8 @@ class GeneralObjective(ProfileObjective):
         costs = []
         for some in batches(self.problem, x.shape[0]):
             values = self.problem.to_values(self._coordinates(x[some]))
-            costs.append(self._negative(values, self.problem.rebound(values), given))
-        return np.concatenate(costs) + self._structure(x)
+            costs.append(self._negative(values, self.problem.rebound(values), given.take(some)))
+        return np.concatenate(costs) + self._held(x)[0]
 
     def _negative(self, values: FloatArray, rebound: Rebound, given: Conditions) -> FloatArray:
         total = -log_likelihood(self.problem, values, rebound)
@@ -88,7 +88,7 @@ class GeneralObjective(ProfileObjective):
         steps = self._steps(x)
         moves = np.concatenate([np.zeros((rows, 1, count)), steps[:, :, None] * np.eye(count)], axis=1)
         around = x[:, None, :] + moves
-        at = self._deviations(around.reshape(-1, count), given)
+        at = self._deviations(around.reshape(-1, count), given.take(np.repeat(np.arange(rows), count + 1)))
         cost, z, log_sd, time = (
             part.reshape(rows, count + 1, *part.shape[1:]) for part in (at.cost, at.z, at.log_sd, at.time)
         )
@@ -107,11 +107,7 @@ class GeneralObjective(ProfileObjective):
             _, slopes, _ = force_slopes(self.problem, self.problem.force, self._coordinates(x))
             slopes = slopes.reshape(rows, -1, count)
             curvature += slopes.transpose(0, 2, 1) @ slopes
-        return (
-            cost[:, 0] + self._structure(x),
-            gradient + x * self.structure_precision,
-            curvature + np.diag(self.structure_precision),
-        )
+        return self._with_held(x, cost[:, 0], gradient, curvature)
 
     def _steps(self, x: FloatArray) -> FloatArray:
         """Steps (rows, columns) of differences, away from bounds and walls that are near."""
@@ -142,13 +138,19 @@ class GeneralObjective(ProfileObjective):
         for some in batches(self.problem, x.shape[0]):
             values = self.problem.to_values(self._coordinates(x[some]))
             rebound = self.problem.rebound(values)
-            z, log_sd = self._standardised(values, rebound)
+            here = given.take(some)
+            z, log_sd = self._standardised(values, rebound, here)
             # A model without a time axis has none that counts.
             time = rebound.contact_time.mean(axis=1) if given.scene else np.zeros(values.shape[0])
-            parts.append((self._negative(values, rebound, given), z, log_sd, time))
+            parts.append((self._negative(values, rebound, here), z, log_sd, time))
         return _Deviations(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
-    def _standardised(self, values: FloatArray, rebound: Rebound) -> tuple[FloatArray, FloatArray]:
+    def _standardised(
+        self,
+        values: FloatArray,
+        rebound: Rebound,
+        given: Conditions,  # noqa: ARG002
+    ) -> tuple[FloatArray, FloatArray]:
         """Deviations and logarithms of their spreads, first order in errors of the incident state."""
         columns = self.problem.all_values(values)
         if self.problem.incident is not None:

@@ -223,8 +223,16 @@ class ProfileObjective:
             names |= {pooling.spread_name, *map(pooling.place_name, pooling.labels)}
         return np.array([item.prior.b**-2.0 if item.name in names else 0.0 for item in self.parameters])
 
-    def _structure(self, x: FloatArray) -> FloatArray:
-        return 0.5 * np.asarray(x**2 @ self.structure_precision)
+    def _held(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What holds columns beside the measurements: its cost (rows,), slopes and curvatures (rows, columns)."""
+        precision = np.broadcast_to(self.structure_precision, x.shape)
+        return 0.5 * np.sum(precision * x**2, axis=1), precision * x, precision
+
+    def _with_held(
+        self, x: FloatArray, cost: FloatArray, gradient: FloatArray, curvature: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        more, slopes, curvatures = self._held(x)
+        return cost + more, gradient + slopes, curvature + curvatures[:, :, None] * np.eye(x.shape[1])
 
     def cost(self, x: FloatArray, given: Conditions) -> FloatArray:
         """Negative log likelihood (rows,) of the measurements, and of the scene's contact time where it counts; inf
@@ -234,7 +242,7 @@ class ProfileObjective:
         for some in batches(self.problem, x.shape[0]):
             values = self.problem.to_values(self._coordinates(x[some]))
             costs.append(self._cost(self.problem.all_values(values), self.problem.rebound(values), given.take(some)))
-        return np.concatenate(costs) + self._structure(x)
+        return np.concatenate(costs) + self._held(x)[0]
 
     def _cost(self, columns: Columns, rebound: Rebound, given: Conditions) -> FloatArray:
         sizes = self._noise(columns, rebound, given)
@@ -258,11 +266,7 @@ class ProfileObjective:
         split = batches(self.problem, x.shape[0], cost=2 * self.problem.dimension + 1)
         parts = [self._linearised(x[some], given.take(some)) for some in split]
         cost, gradient, curvature = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return (
-            cost + self._structure(x),
-            gradient + x * self.structure_precision,
-            curvature + np.diag(self.structure_precision),
-        )
+        return self._with_held(x, cost, gradient, curvature)
 
     def _linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray, FloatArray]:
         coordinates = self._coordinates(x)
