@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fitball.inference.identifiability.gauss_newton import Searches, descend
 from fitball.inference.identifiability.profile_general import GeneralObjective
-from fitball.inference.identifiability.profile_objective import Conditions, Pains
+from fitball.inference.identifiability.profile_objective import Conditions
 from fitball.inference.likelihood.posterior import impact_terms, log_scene_density
 from fitball.inference.problem.problem import Problem
 from fitball.models.types import Rebound
@@ -88,7 +88,7 @@ def held_maxima(
     """Free values (folds, free) of the highest maximum without the rows `left` of each fold, searched from its own
     `starts`, free values (starts, free); and minus its log posterior, but for a constant, inf where none was found.
     """
-    objective = HeldPosterior(problem, pains=Pains(promised=SETTLED))
+    objective = HeldPosterior(problem, promised=SETTLED)
     fold = np.repeat(np.arange(len(left)), [len(some) for some in starts])
     counted = np.ones((len(left), len(problem.impacts)), dtype=bool)
     for k, rows in enumerate(left):

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from fitball.inference.identifiability.gauss_newton import descend
 from fitball.inference.identifiability.profile_general import objective_of
-from fitball.inference.identifiability.profile_objective import Pains
 from fitball.inference.identifiability.profile_path import free_searches
 from fitball.inference.problem.problem import Problem
 
@@ -47,7 +46,7 @@ def criteria(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Criteri
 
     What the scene knows of the contact time is prior knowledge and does not enter.
     """
-    objective = replace(objective_of(problem), pains=Pains(promised=SETTLED))
+    objective = objective_of(problem, SETTLED)
     begun = objective.from_values(np.array([[start[name] for name in problem.free_names] for start in starts]))
     reached = descend(objective, free_searches(objective, begun, scene=False))
     measurements = sum(observable.observed.size for observable in problem.observables)

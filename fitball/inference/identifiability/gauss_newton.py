@@ -61,7 +61,7 @@ def descend(objective: ProfileObjective, searches: Searches, goal: FloatArray | 
     gradient = np.zeros(x.shape)
     curvature = np.zeros((*x.shape, x.shape[1]))
     stale = np.ones(rows, dtype=bool)
-    running, promised = np.isfinite(cost), objective.pains.promised
+    running, promised = np.isfinite(cost), objective.promised
     for _ in range(MOST_ROUNDS):
         fresh = np.flatnonzero(running & stale)
         if fresh.size:

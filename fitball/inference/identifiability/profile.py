@@ -42,10 +42,10 @@ def profiles(
     """Profile the free parameters `names` (all of them, noise included, when None), starting from `optima`, each all
     parameters by name in SI. With `scene` the scene's contact time counts as a measurement.
 
-    Searches go outwards from the best optimum, each from its neighbour, until the drop passes 1.92 with a margin or a
-    bound is met, and from other optima that are nearly as high and lie beyond. Then every point is tried again from
-    both neighbours and from the other optima, so that the profile is that of the highest of several optima. A better
-    optimum met on the way begins it all anew.
+    Searches go outwards from the best optimum, each from where its neighbours point to, until the drop passes 1.92
+    with a margin or a bound is met, and from other optima that are nearly as high and lie beyond. Then every point is
+    tried again from the other optima, and one that stands out from its neighbours from these, so that the profile is
+    that of the highest of several optima. A better optimum met on the way begins it all anew.
     """
     objective = objective_of(problem)
     starts = objective.from_values(np.array([[optimum[name] for name in problem.free_names] for optimum in optima]))

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fitball.inference.identifiability.profile_objective import Conditions, Pains, ProfileObjective
+from fitball.inference.identifiability.profile_objective import Conditions, ProfileObjective
 from fitball.inference.likelihood.force import force_slopes
 from fitball.inference.likelihood.incident_marginal import measured_of, seen, standardised
 from fitball.inference.likelihood.posterior import log_likelihood, log_scene_density
@@ -25,17 +25,12 @@ from fitball.values import FloatArray
 
 # Step of differences in widths of the priors: it moves a minimum by half of itself, far less than any error.
 STEP = 1e-6
-# Each gradient takes as many evaluations as there are parameters, each of them with Jacobians of every impact.
-THRIFTY = Pains(aim=0.6, coarse=1.5, promised=1e-3, thrifty=True)
 
 
-def objective_of(problem: Problem) -> ProfileObjective:
-    """The surface on which a problem is profiled."""
+def objective_of(problem: Problem, promised: float = 1e-3) -> ProfileObjective:
+    """The surface on which a problem is profiled; see `ProfileObjective` for `promised`."""
     closed = problem.noise is NORMAL and problem.incident is None
-    if closed and problem.pooling:
-        # Spread and places of levels act by their product, along which searches settle slowly.
-        return ProfileObjective(problem, pains=THRIFTY)
-    return ProfileObjective(problem) if closed else GeneralObjective(problem, pains=THRIFTY)
+    return (ProfileObjective if closed else GeneralObjective)(problem, promised=promised)
 
 
 @dataclass(frozen=True)

@@ -47,28 +47,16 @@ class Conditions:
 
 
 @dataclass(frozen=True)
-class Pains:
-    """What is taken over profiles: `aim`, the change of the log likelihood that a step aims at, and `coarse`, what it
-    accepts; `promised`, the decrease below which a search has settled. `thrifty` searches begin where the last two
-    points of a path point to, and only points that stand out from their neighbours are tried again.
-    """
-
-    aim: float = 0.3
-    coarse: float = 0.9
-    promised: float = 2e-4
-    thrifty: bool = False
-
-
-@dataclass(frozen=True)
 class ProfileObjective:
     """The negative log likelihood of a problem and its derivatives, batched over rows.
 
-    Where `stretched`, bounds that only end a search lie one width of the prior further out, as far as physics goes.
+    Where `stretched`, bounds that only end a search lie one width of the prior further out, as far as physics goes. A
+    search has settled where it promises to lower the cost by less than `promised`.
     """
 
     problem: Problem
     stretched: bool = False
-    pains: Pains = Pains()
+    promised: float = 1e-3
 
     @cached_property
     def columns(self) -> list[int]:
@@ -182,9 +170,13 @@ class ProfileObjective:
         """Coordinates (rows, free) of the priors; noise, which the rebound does not see, at its prior's centre."""
         full = np.empty((x.shape[0], self.problem.dimension))
         full[:, self.columns] = np.where(self._as_value, np.log(np.where(self._as_value, x, 1.0)), x)
-        for k in self.noise_columns:
-            full[:, k] = self.problem.free[k].prior.coordinate(self.problem.free[k].prior.quantile(np.array([0.5])))
+        full[:, self.noise_columns] = self._typical_noise
         return full
+
+    @cached_property
+    def _typical_noise(self) -> FloatArray:
+        priors = [self.problem.free[k].prior for k in self.noise_columns]
+        return np.array([float(prior.coordinate(prior.quantile(np.array([0.5])))[0]) for prior in priors])
 
     def values(self, x: FloatArray, given: Conditions) -> FloatArray:
         """Free values (rows, free), the noise as held or at its best."""
@@ -241,11 +233,11 @@ class ProfileObjective:
         costs = []
         for some in batches(self.problem, x.shape[0]):
             values = self.problem.to_values(self._coordinates(x[some]))
-            costs.append(self._cost(self.problem.all_values(values), self.problem.rebound(values), given.take(some)))
+            columns, rebound, here = self.problem.all_values(values), self.problem.rebound(values), given.take(some)
+            costs.append(self._cost(columns, rebound, here, self._noise(columns, rebound, here)))
         return np.concatenate(costs) + self._held(x)[0]
 
-    def _cost(self, columns: Columns, rebound: Rebound, given: Conditions) -> FloatArray:
-        sizes = self._noise(columns, rebound, given)
+    def _cost(self, columns: Columns, rebound: Rebound, given: Conditions, sizes: Columns) -> FloatArray:
         total = np.zeros(rebound.v_x2.shape[0])
         for observable in self.problem.observables:
             spread = observable.sds(sizes, rebound)
@@ -297,4 +289,4 @@ class ProfileObjective:
             value, sd = self.problem.contact_time
             slope = slopes["contact_time"][..., self.columns].mean(axis=1, keepdims=True) * chain[:, None, :]
             gather((rebound.contact_time.mean(axis=1, keepdims=True) - value) / sd, slope / sd)
-        return self._cost(columns, rebound, given), gradient, curvature
+        return self._cost(columns, rebound, given, sizes), gradient, curvature

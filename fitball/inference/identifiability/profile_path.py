@@ -11,12 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitball.inference.identifiability.gauss_newton import Reached, Searches, descend
-from fitball.inference.identifiability.profile_objective import Conditions, Pains, ProfileObjective
+from fitball.inference.identifiability.profile_objective import Conditions, ProfileObjective
 from fitball.inference.identifiability.symmetric import inverse
 from fitball.values import FloatArray
 
 # Where a path ends: a 95 % interval ends at 1.92.
 DEPTH = 2.5
+# The change of the log likelihood that a step aims at, and what it accepts: between points the root of the drop is
+# close to a line.
+AIM, COARSE = 0.6, 1.5
 # A drop below this says nothing of how a profile goes on.
 FLAT = 0.03
 # Halvings of a step after which what cannot be evaluated counts as the end of what the model can do.
@@ -63,7 +66,6 @@ class _Path:
     step: float
     least: float
     points: list[Point]
-    pains: Pains
     halvings: int = 0
     running: bool = True
 
@@ -73,8 +75,8 @@ class _Path:
         return min(following, self.end) if self.direction > 0.0 else max(following, self.end)
 
     def start(self) -> FloatArray:
-        """Where the next search begins: at the last point, or where the last two point to."""
-        if not self.pains.thrifty or len(self.points) < 2:
+        """Where the next search begins: where the last two points point to."""
+        if len(self.points) < 2:
             return self.points[-1].x
         before, last = self.points[-2:]
         return last.x + (self.proposal() - last.at) / (last.at - before.at) * (last.x - before.x)
@@ -84,7 +86,7 @@ class _Path:
         last = self.points[-1]
         rise = point.cost - last.cost
         far = last.cost - lowest > DEPTH
-        if not np.isfinite(point.cost) or (rise > self.pains.coarse and not far and self.halvings < HALVINGS):
+        if not np.isfinite(point.cost) or (rise > COARSE and not far and self.halvings < HALVINGS):
             self.halvings += 1
             self.step = 0.5 * abs(point.at - last.at)
             self.running = self.halvings <= HALVINGS and self.step >= self.least
@@ -103,7 +105,7 @@ class _Path:
         if drop < FLAT:
             return 2.0 * last
         away = abs(point.at - self.points[0].at)
-        return min(max(away * (float(np.sqrt(1.0 + self.pains.aim / drop)) - 1.0), 0.25 * last), 2.0 * last)
+        return min(max(away * (float(np.sqrt(1.0 + AIM / drop)) - 1.0), 0.25 * last), 2.0 * last)
 
 
 def searches(
@@ -218,9 +220,9 @@ def _walk(
         for direction, end in ((-1.0, low), (1.0, high)):
             begin = replace(origin, bound=origin.at in (low, high))
             # On a parabola a drop of the aim.
-            first = float(np.sqrt(2.0 * objective.pains.aim)) * float(top.errors[k])
+            first = float(np.sqrt(2.0 * AIM)) * float(top.errors[k])
             least = CREEPING * float(objective.problem.prior.width[k])
-            paths.append(_Path(k, direction, end, first, least, [begin], objective.pains, running=origin.at != end))
+            paths.append(_Path(k, direction, end, first, least, [begin], running=origin.at != end))
     while running := [path for path in paths if path.running]:
         at = np.array([path.proposal() for path in running])
         x = np.array([path.start() for path in running])
@@ -238,9 +240,9 @@ def _point(reached: Reached, row: int, at: float, end: float) -> Point:
     return Point(at, reached.x[row], float(reached.cost[row]), bool(reached.settled[row]), abs(at - end) <= 0.0)
 
 
-def _to_try(objective: ProfileObjective, line: Sequence[Point], top: Top) -> Sequence[int]:
-    """Places of the points of a profile that a search from elsewhere may lower."""
-    if not objective.pains.thrifty or len(line) < 3:
+def _stand_out(line: Sequence[Point], top: Top) -> Sequence[int]:
+    """Places of the points of a profile that a search from their neighbours may lower."""
+    if len(line) < 3:
         return range(len(line))
     at = np.array([point.at for point in line])
     root = np.sqrt(np.maximum([point.cost - top.cost for point in line], 0.0))
@@ -260,14 +262,16 @@ def sweep(
     top: Top,
     scene: bool,
 ) -> tuple[dict[int, list[Point]], FloatArray | None, dict[int, set[int]]]:
-    """Try every point again from those of its neighbours that have `changed` and from `others`, other optima; what
-    was gained, where a better maximum was met, and which points changed now.
+    """Try every point again from `others`, other optima, and points that stand out from those of their neighbours
+    that have `changed`; what was gained, where a better maximum was met, and which points changed now.
     """
     owners: list[tuple[int, int]] = []
     starts: list[FloatArray] = []
     for column, line in points.items():
-        for k in _to_try(objective, line, top):
-            neighbours = [line[j].x for j in (k - 1, k + 1) if 0 <= j < len(line) and j in changed[column]]
+        out = _stand_out(line, top)
+        for k in range(len(line)):
+            beside = (k - 1, k + 1) if k in out else ()
+            neighbours = [line[j].x for j in beside if 0 <= j < len(line) and j in changed[column]]
             for x in (*neighbours, *others):
                 owners.append((column, k))
                 starts.append(x)
