@@ -11,12 +11,12 @@ from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
 from fitball.inference.identifiability.eigendirections import eigendirections
 from fitball.inference.identifiability.fisher import fisher_information, information_evidence, standard_errors
-from fitball.inference.identifiability.profile_objective import ProfileObjective
 from fitball.inference.identifiability.profile_path import best_top
 from fitball.inference.identifiability.symmetric import inverse
 from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.lmfit_minimiser import Minimum
 from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.surface import Surface
 from fitball.inference.results.evidence import Profiles
 from fitball.inference.results.results import Verdict
 from fitball.report.fit.summary import diagnosis_lines
@@ -83,7 +83,7 @@ def test_a_point_where_the_model_ends_is_reported_and_not_a_crash(at_end, monkey
 
 def test_a_profile_begins_with_finite_steps_where_there_is_no_derivative(at_end):
     problem, _ = at_end
-    objective = ProfileObjective(problem)
+    objective = Surface(problem)
     top, _ = best_top(objective, objective.from_values(row(problem, END)), False)
     assert np.all(top.errors > 0.0) and np.all(np.isfinite(top.errors))
 

@@ -14,14 +14,16 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Measurement
 from fitball.inference.identifiability import profile
-from fitball.inference.identifiability.gauss_newton import descend
 from fitball.inference.identifiability.profile import coverage, profiles
-from fitball.inference.identifiability.profile_objective import ProfileObjective
 from fitball.inference.identifiability.profile_path import best_top, profile_paths, searches, sweep
-from fitball.inference.identifiability.quadratic_program import constrained_step
-from fitball.inference.likelihood.posterior import log_likelihood
+from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
+from fitball.inference.point.gauss_newton import descend
+from fitball.inference.point.general_surface import GeneralSurface
 from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.quadratic_program import constrained_step
+from fitball.inference.point.surface import Conditions, Surface
 from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.problem.subsample import withheld
 from fitball.inference.results.evidence import End
 
 DROP_95 = 0.5 * chi2.ppf(0.95, 1)
@@ -276,7 +278,7 @@ def test_a_maximum_that_keeps_being_surpassed_ends_in_words(grip_slip, monkeypat
 
 def test_the_cost_is_the_negative_log_likelihood(grip_slip):
     problem = grip_slip
-    objective = ProfileObjective(problem)
+    objective = Surface(problem)
     values = np.array([[TRUTH[key] for key in problem.free_names]])
     x = objective.from_values(values)
     held = problem.to_coordinates(values)[:, objective.noise_columns]
@@ -287,12 +289,17 @@ def test_the_cost_is_the_negative_log_likelihood(grip_slip):
     assert objective.cost(x, given)[0] < cost[0]
 
 
-def test_gradients_are_those_of_the_cost(tmp_path):
-    """Polar measurements: the spread of an angle depends on the parameters, which adds to the gradient."""
+@pytest.mark.parametrize("penalised", [False, True])
+def test_gradients_are_those_of_the_cost(tmp_path, penalised):
+    """Polar measurements: the spread of an angle depends on the parameters, which adds to the gradient. As a
+    posterior without one impact noise is a column too.
+    """
     problem = polar_problem(tmp_path)
-    objective = ProfileObjective(problem)
+    objective = Surface(problem, penalised=penalised)
     x = objective.from_values(np.array([[TRUTH[key] for key in problem.free_names]]))
     given = searches(objective, [0], x[:, 0], x, True).given
+    if penalised:
+        given = replace(given, counted=np.array([[True, False, True, True]]))
     _, gradient, _ = objective.linearised(x, given)
     for k in range(x.shape[1]):
         step = np.zeros(x.shape[1])
@@ -301,8 +308,21 @@ def test_gradients_are_those_of_the_cost(tmp_path):
         assert gradient[0, k] == pytest.approx(slope, rel=1e-4, abs=1e-3)
 
 
+@pytest.mark.parametrize("kind", [Surface, GeneralSurface])
+def test_a_penalised_surface_is_the_posterior_without_what_is_left_out(two_mass, kind):
+    problem, rows = two_mass[0], np.array([1, 5])
+    surface = kind(problem, penalised=True)
+    values = np.array([[two_mass[1].values[name] for name in problem.free_names]]) * np.array([[1.0], [1.001]])
+    counted = np.ones((2, len(problem.impacts)), dtype=bool)
+    counted[:, rows] = False
+    given = Conditions(np.empty((2, 0)), True, counted)
+    cost = surface.cost(surface.from_values(values), given)
+    density = log_posterior(withheld(problem, rows), problem.to_coordinates(values))
+    assert density[1] - density[0] == pytest.approx(cost[0] - cost[1], abs=1e-8)
+
+
 def test_a_poor_point_is_mended_from_its_neighbours(grip_slip):
-    objective = ProfileObjective(grip_slip)
+    objective = Surface(grip_slip)
     x = objective.from_values(np.array([[TRUTH[key] for key in grip_slip.free_names]]))
     top, others = best_top(objective, x, True)
     points, better = profile_paths(objective, [0], top, others, True)
@@ -317,7 +337,7 @@ def test_a_poor_point_is_mended_from_its_neighbours(grip_slip):
 
 def test_a_start_outside_the_walls_is_led_inside(two_mass):
     problem, point = two_mass
-    objective = ProfileObjective(problem)
+    objective = Surface(problem)
     x = objective.from_values(np.array([[point.values[key] for key in problem.free_names]]))
     column = problem.free_names.index("mass_ratio")
     given = searches(objective, [column], np.array([0.7]), x, True)

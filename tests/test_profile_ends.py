@@ -17,8 +17,8 @@ from fitball.inference.identifiability import profile as profile_module
 from fitball.inference.identifiability.posterior_verdict import Judgement
 from fitball.inference.identifiability.profile import DROP_95, profiles
 from fitball.inference.identifiability.profile_ends import profile_contraction
-from fitball.inference.identifiability.profile_objective import ProfileObjective
 from fitball.inference.identifiability.verdict import combine, from_profile
+from fitball.inference.point.surface import Surface
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.evidence import End, Evidence, Profile
 from fitball.inference.results.results import Verdict
@@ -154,7 +154,7 @@ def test_a_noise_at_its_floor_leaves_no_profile_and_the_posterior_tells():
 # --- likelihoods written down
 
 
-class Written(ProfileObjective):
+class Written(Surface):
     """Half the squared length of residuals that a test writes down, over cor_10 and cor_slope."""
 
     residuals = staticmethod(lambda _x: (None, None))
@@ -181,7 +181,7 @@ def written(monkeypatch, residuals, *starts):
     """Profiles and verdicts of the coefficients of a line under written residuals; the noise is held."""
     problem = one_speed()
     kind = type("Here", (Written,), {"residuals": staticmethod(residuals)})
-    monkeypatch.setattr(profile_module, "objective_of", kind)
+    monkeypatch.setattr(profile_module, "surface_of", kind)
     found = profiles(problem, [{"cor_10": a, "cor_slope": b} for a, b in starts]).by_name
     said = {
         item.name: from_profile(problem, item, Evidence(found[item.name], None, None, None, None, None, "")).verdict

@@ -15,10 +15,10 @@ from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
 from fitball.inference.identifiability import profile as profile_module
 from fitball.inference.identifiability.profile import DROP_95, profiles
-from fitball.inference.identifiability.profile_general import GeneralObjective, objective_of
-from fitball.inference.identifiability.profile_objective import ProfileObjective
 from fitball.inference.identifiability.profile_path import free_searches
 from fitball.inference.likelihood.posterior import log_likelihood
+from fitball.inference.point.general_surface import GeneralSurface, surface_of
+from fitball.inference.point.surface import Surface
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import Verdict
 
@@ -103,9 +103,9 @@ def test_uncertain_incidence_is_profiled_with_the_spread_it_gives():
 
 def test_the_general_surface_is_that_of_exact_noise_where_both_are_known(monkeypatch):
     problem = synthetic(problem_of("wang_all.csv", "grip-slip"), GRIP_SLIP, 4)
-    assert type(objective_of(problem)) is ProfileObjective
+    assert type(surface_of(problem)) is Surface
     expected = profiles(problem, [GRIP_SLIP])
-    monkeypatch.setattr(profile_module, "objective_of", GeneralObjective)
+    monkeypatch.setattr(profile_module, "surface_of", GeneralSurface)
     found = profiles(problem, [GRIP_SLIP])
     assert found.log_likelihood == pytest.approx(expected.log_likelihood, abs=1e-3)
     for name in problem.free_names:
@@ -123,7 +123,7 @@ def test_the_general_cost_is_the_likelihood_with_mixtures_at_kinks():
     problem = problem_of(
         replace(table, incident_covariance=covariance, incident_sd={"v_x1": np.full(21, 0.3)}), "grip-slip"
     )
-    objective = objective_of(problem)
+    objective = surface_of(problem)
     values = np.array([[GRIP_SLIP[name] for name in problem.free_names]])
     found, given = objective.from_values(values), free_searches(objective, values, True).given
     cost, gradient, _ = objective.linearised(found, given)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.inference.identifiability.gauss_newton import descend
-from fitball.inference.identifiability.profile_general import objective_of
 from fitball.inference.identifiability.profile_path import free_searches
+from fitball.inference.point.gauss_newton import descend
+from fitball.inference.point.general_surface import surface_of
 from fitball.inference.problem.problem import Problem
 
 # A promised gain of log likelihood below which the maximum is found.
@@ -46,7 +46,7 @@ def criteria(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Criteri
 
     What the scene knows of the contact time is prior knowledge and does not enter.
     """
-    objective = objective_of(problem, SETTLED)
+    objective = surface_of(problem, SETTLED)
     begun = objective.from_values(np.array([[start[name] for name in problem.free_names] for start in starts]))
     reached = descend(objective, free_searches(objective, begun, scene=False))
     measurements = sum(observable.observed.size for observable in problem.observables)

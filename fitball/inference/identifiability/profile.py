@@ -17,9 +17,9 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from fitball.inference.identifiability.profile_ends import at_bounds, ended_by_range
-from fitball.inference.identifiability.profile_general import objective_of
-from fitball.inference.identifiability.profile_objective import ProfileObjective
 from fitball.inference.identifiability.profile_path import Point, Top, best_top, profile_paths, sweep
+from fitball.inference.point.general_surface import surface_of
+from fitball.inference.point.surface import Surface
 from fitball.inference.problem.parameters import NOISE_SPECS, SD_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import End, Interval, Profile, Profiles
@@ -47,7 +47,7 @@ def profiles(
     tried again from the other optima, and one that stands out from its neighbours from these, so that the profile is
     that of the highest of several optima. A better optimum met on the way begins it all anew.
     """
-    objective = objective_of(problem)
+    objective = surface_of(problem)
     starts = objective.from_values(np.array([[optimum[name] for name in problem.free_names] for optimum in optima]))
     columns = [k for k, name in enumerate(problem.free_names) if names is None or name in names]
     scene = scene and problem.contact_time is not None
@@ -92,7 +92,7 @@ def coverage(problem: Problem) -> float:
     return 1.0 - 2.0 * float(student.sf(math.sqrt(freedom * math.expm1(2.0 * DROP_95 / count)), freedom))
 
 
-def _noise_at_bound(objective: ProfileObjective, top: Top) -> str:
+def _noise_at_bound(objective: Surface, top: Top) -> str:
     """In words, that the likelihood has no maximum because a noise shrinks to nothing; empty when it does not."""
     at = np.zeros(objective.problem.dimension)
     at[objective.columns], at[objective.noise_columns] = top.x, top.noise
@@ -107,7 +107,7 @@ def _noise_at_bound(objective: ProfileObjective, top: Top) -> str:
 
 
 def _profile(
-    objective: ProfileObjective,
+    objective: Surface,
     column: int,
     points: list[Point],
     lowest: float,
@@ -152,7 +152,7 @@ def _profile(
     )
 
 
-def _drop(objective: ProfileObjective, column: int, ordered: Sequence[Point], lowest: float) -> FloatArray:
+def _drop(objective: Surface, column: int, ordered: Sequence[Point], lowest: float) -> FloatArray:
     """The drop at each point. How a level or a bias scatters is part of the model for all others, and its prior for
     itself: that is taken off again.
     """

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.identifiability.gauss_newton import descend
-from fitball.inference.identifiability.profile_objective import ProfileObjective
 from fitball.inference.identifiability.profile_path import Point, Top, free_searches, searches
+from fitball.inference.point.gauss_newton import descend
+from fitball.inference.point.surface import Surface
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.priors import Prior
 from fitball.inference.results.evidence import Profile
@@ -32,7 +32,7 @@ LEVELS = 4000
 
 
 def ended_by_range(
-    objective: ProfileObjective, paths: Mapping[int, Sequence[Point]], top: Top, lowest: float, scene: bool
+    objective: Surface, paths: Mapping[int, Sequence[Point]], top: Top, lowest: float, scene: bool
 ) -> dict[int, tuple[Names, Names]]:
     """For each profiled free parameter and side the other parameters whose ends of search are what makes the profile
     fall there; none where it falls by itself, or does not fall.
@@ -61,20 +61,20 @@ def ended_by_range(
     return {column: (sides[0], sides[1]) for column, sides in found.items()}
 
 
-def at_bounds(objective: ProfileObjective, column: int, point: Point) -> Names:
+def at_bounds(objective: Surface, column: int, point: Point) -> Names:
     """Names of other parameters that lie on a bound of their own at a point that ends a profile."""
     below, above = _resting(objective, column, point.x)
     return _names(objective, below | above)
 
 
-def _resting(objective: ProfileObjective, column: int, x: FloatArray) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _resting(objective: Surface, column: int, x: FloatArray) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Which columns but that of a free parameter, and of noise, lie on their lower, and on their upper bound."""
     low, high = objective.limits
     others = np.array([k != column and objective.problem.free[k].name not in NOISE_SPECS for k in objective.columns])
     return (x - low < NEAR * objective.width) & others, (high - x < NEAR * objective.width) & others
 
 
-def _names(objective: ProfileObjective, chosen: NDArray[np.bool_]) -> Names:
+def _names(objective: Surface, chosen: NDArray[np.bool_]) -> Names:
     return tuple(objective.problem.free[objective.columns[k]].name for k in np.flatnonzero(chosen))
 
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitball.inference.identifiability.gauss_newton import Reached, Searches, descend
-from fitball.inference.identifiability.profile_objective import Conditions, ProfileObjective
 from fitball.inference.identifiability.symmetric import inverse
+from fitball.inference.point.gauss_newton import Reached, Searches, descend
+from fitball.inference.point.surface import Conditions, Surface
 from fitball.values import FloatArray
 
 # Where a path ends: a 95 % interval ends at 1.92.
@@ -108,9 +108,7 @@ class _Path:
         return min(max(away * (float(np.sqrt(1.0 + AIM / drop)) - 1.0), 0.25 * last), 2.0 * last)
 
 
-def searches(
-    objective: ProfileObjective, columns: Sequence[int], at: FloatArray, x: FloatArray, scene: bool
-) -> Searches:
+def searches(objective: Surface, columns: Sequence[int], at: FloatArray, x: FloatArray, scene: bool) -> Searches:
     """Searches from `x` (rows, columns) that hold the free parameters `columns` (rows,) at `at` (rows,)."""
     x = x.copy()
     held = np.full(len(columns), -1)
@@ -124,13 +122,13 @@ def searches(
     return Searches(x, held, Conditions(noise, scene))
 
 
-def free_searches(objective: ProfileObjective, x: FloatArray, scene: bool) -> Searches:
+def free_searches(objective: Surface, x: FloatArray, scene: bool) -> Searches:
     """Searches that hold nothing."""
     noise = np.full((x.shape[0], len(objective.noise_columns)), np.nan)
     return Searches(x, np.full(x.shape[0], -1), Conditions(noise, scene))
 
 
-def best_top(objective: ProfileObjective, starts: FloatArray, scene: bool) -> tuple[Top, FloatArray]:
+def best_top(objective: Surface, starts: FloatArray, scene: bool) -> tuple[Top, FloatArray]:
     """The highest maximum reached from `starts` (rows, columns), and the other ones that may matter."""
     given = free_searches(objective, starts, scene)
     reached = descend(objective, given)
@@ -148,7 +146,7 @@ def best_top(objective: ProfileObjective, starts: FloatArray, scene: bool) -> tu
     return Top(top[0], float(reached.cost[best]), noise, _errors(objective, top, scene)), reached.x[others]
 
 
-def _errors(objective: ProfileObjective, x: FloatArray, scene: bool) -> FloatArray:
+def _errors(objective: Surface, x: FloatArray, scene: bool) -> FloatArray:
     """Standard errors (free,) to first order, at most the widths of the priors."""
     problem = objective.problem
     _, _, curvature = objective.linearised(x, free_searches(objective, x, scene).given)
@@ -166,7 +164,7 @@ def _errors(objective: ProfileObjective, x: FloatArray, scene: bool) -> FloatArr
 
 
 def profile_paths(
-    objective: ProfileObjective, columns: Sequence[int], top: Top, others: FloatArray, scene: bool
+    objective: Surface, columns: Sequence[int], top: Top, others: FloatArray, scene: bool
 ) -> tuple[dict[int, list[Point]], FloatArray | None]:
     """Points of the free parameters `columns` from the maximum outwards, and from those of the `others` (rows,
     columns), maxima that are nearly as high, that lie further out; or, when a better maximum is met, where.
@@ -194,9 +192,7 @@ def _within(points: Sequence[Point], at: float) -> bool:
     return min(point.at for point in points) <= at <= max(point.at for point in points)
 
 
-def _origins(
-    objective: ProfileObjective, columns: Sequence[int], x: FloatArray, scene: bool
-) -> list[tuple[int, Point]]:
+def _origins(objective: Surface, columns: Sequence[int], x: FloatArray, scene: bool) -> list[tuple[int, Point]]:
     """Where paths of `columns` begin at `x` (rows, columns)."""
     if x.shape[0] == 0:
         return []
@@ -211,7 +207,7 @@ def _origins(
 
 
 def _walk(
-    objective: ProfileObjective, origins: Sequence[tuple[int, Point]], top: Top, scene: bool
+    objective: Surface, origins: Sequence[tuple[int, Point]], top: Top, scene: bool
 ) -> tuple[list[_Path], FloatArray | None]:
     """Paths from `origins` to both sides until the drop is enough; or, when a better maximum is met, where."""
     paths = []
@@ -255,7 +251,7 @@ def _stand_out(line: Sequence[Point], top: Top) -> Sequence[int]:
 
 
 def sweep(
-    objective: ProfileObjective,
+    objective: Surface,
     points: dict[int, list[Point]],
     changed: dict[int, set[int]],
     others: FloatArray,

@@ -13,10 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
-from fitball.inference.identifiability.profile_objective import Conditions, ProfileObjective
 from fitball.inference.likelihood.force import force_slopes
 from fitball.inference.likelihood.incident_marginal import measured_of, seen, standardised
-from fitball.inference.likelihood.posterior import log_likelihood, log_scene_density
+from fitball.inference.likelihood.posterior import impact_terms, log_likelihood, log_scene_density
+from fitball.inference.point.surface import Conditions, Surface
 from fitball.inference.problem.batches import batches
 from fitball.inference.problem.noise import NORMAL
 from fitball.inference.problem.problem import Problem
@@ -27,10 +27,10 @@ from fitball.values import FloatArray
 STEP = 1e-6
 
 
-def objective_of(problem: Problem, promised: float = 1e-3) -> ProfileObjective:
-    """The surface on which a problem is profiled; see `ProfileObjective` for `promised`."""
+def surface_of(problem: Problem, promised: float = 1e-3, *, penalised: bool = False) -> Surface:
+    """The surface of a problem's likelihood, or posterior; see `Surface` for `promised` and `penalised`."""
     closed = problem.noise is NORMAL and problem.incident is None
-    return (ProfileObjective if closed else GeneralObjective)(problem, promised=promised)
+    return (Surface if closed else GeneralSurface)(problem, promised=promised, penalised=penalised)
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,8 @@ class _Deviations:
 
 
 @dataclass(frozen=True)
-class GeneralObjective(ProfileObjective):
+class GeneralSurface(Surface):
     """Like its base, with the noise among the columns."""
-
-    @cached_property
-    def columns(self) -> list[int]:
-        """All free parameters."""
-        return list(range(self.problem.dimension))
 
     @cached_property
     def noise_columns(self) -> list[int]:
@@ -64,7 +59,7 @@ class GeneralObjective(ProfileObjective):
         return self.problem.to_values(self._coordinates(x))
 
     def cost(self, x: FloatArray, given: Conditions) -> FloatArray:
-        """See `ProfileObjective`."""
+        """See `Surface`."""
         costs = []
         for some in batches(self.problem, x.shape[0]):
             values = self.problem.to_values(self._coordinates(x[some]))
@@ -72,13 +67,17 @@ class GeneralObjective(ProfileObjective):
         return np.concatenate(costs) + self._held(x)[0]
 
     def _negative(self, values: FloatArray, rebound: Rebound, given: Conditions) -> FloatArray:
-        total = -log_likelihood(self.problem, values, rebound)
+        if given.counted is None:
+            total = -log_likelihood(self.problem, values, rebound)
+        else:
+            terms = sum(impact_terms(self.problem, values, rebound).values())
+            total = -np.sum(np.where(given.counted, terms, 0.0), axis=1)
         if given.scene:
             total = total - log_scene_density(self.problem, rebound)
         return np.where(np.any(rebound.status, axis=1) | np.isnan(total), np.inf, total)
 
     def linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `ProfileObjective`."""
+        """See `Surface`."""
         rows, count = x.shape
         steps = self._steps(x)
         moves = np.concatenate([np.zeros((rows, 1, count)), steps[:, :, None] * np.eye(count)], axis=1)
@@ -134,18 +133,14 @@ class GeneralObjective(ProfileObjective):
             values = self.problem.to_values(self._coordinates(x[some]))
             rebound = self.problem.rebound(values)
             here = given.take(some)
-            z, log_sd = self._standardised(values, rebound, here)
+            counted = np.concatenate([here.measurements(item) for item in self.problem.observables], axis=1)
+            z, log_sd = (np.where(counted, part, 0.0) for part in self._standardised(values, rebound))
             # A model without a time axis has none that counts.
             time = rebound.contact_time.mean(axis=1) if given.scene else np.zeros(values.shape[0])
             parts.append((self._negative(values, rebound, here), z, log_sd, time))
         return _Deviations(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
-    def _standardised(
-        self,
-        values: FloatArray,
-        rebound: Rebound,
-        given: Conditions,  # noqa: ARG002
-    ) -> tuple[FloatArray, FloatArray]:
+    def _standardised(self, values: FloatArray, rebound: Rebound) -> tuple[FloatArray, FloatArray]:
         """Deviations and logarithms of their spreads, first order in errors of the incident state."""
         columns = self.problem.all_values(values)
         if self.problem.incident is not None:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.identifiability.profile_objective import Conditions, ProfileObjective
-from fitball.inference.identifiability.quadratic_program import constrained_step
+from fitball.inference.point.quadratic_program import constrained_step
+from fitball.inference.point.surface import Conditions, Surface
 from fitball.values import FloatArray
 
 MOST_ROUNDS = 60
@@ -47,7 +47,7 @@ class Reached:
     settled: NDArray[np.bool_]
 
 
-def descend(objective: ProfileObjective, searches: Searches, goal: FloatArray | None = None) -> Reached:
+def descend(objective: Surface, searches: Searches, goal: FloatArray | None = None) -> Reached:
     """Lower every row's cost as far as damped Gauss-Newton steps go, held columns as they are, bounds and walls kept.
 
     Starts outside the walls are first moved to the nearest point inside. With a `goal` (rows,), rows that advance too
@@ -96,7 +96,7 @@ def descend(objective: ProfileObjective, searches: Searches, goal: FloatArray | 
 
 
 def _steps(
-    objective: ProfileObjective,
+    objective: Surface,
     searches: Searches,
     x: FloatArray,
     gradient: FloatArray,
@@ -128,7 +128,7 @@ def _steps(
 
 
 def _within(
-    objective: ProfileObjective,
+    objective: Surface,
     x: FloatArray,
     free: NDArray[np.bool_],
     curvature: FloatArray,
@@ -148,7 +148,7 @@ def _within(
     return None if step is None else np.clip(x[free] + step, low[free], high[free]) - x[free]
 
 
-def feasible(objective: ProfileObjective, searches: Searches) -> FloatArray:
+def feasible(objective: Surface, searches: Searches) -> FloatArray:
     """The nearest points (rows, columns), in widths of the priors, within bounds and walls; a row for which there is
     none stays where it is, outside.
     """

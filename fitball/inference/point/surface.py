@@ -1,0 +1,189 @@
+"""The likelihood of a table as a surface over the parameters that are not noise, the noise at its best at every
+point; or its posterior, as one over all of them.
+
+The scene's contact time counts as one more measurement where that is asked for. No prior enters a likelihood; bounds,
+and what the model can evaluate, do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.inference.likelihood.force import force_cost, force_slopes
+from fitball.inference.likelihood.posterior import log_scene_density
+from fitball.inference.likelihood.sensitivities import deviation_slopes
+from fitball.inference.point.searched_columns import SearchedColumns
+from fitball.inference.problem.batches import batches
+from fitball.inference.problem.noise import LOG_TAU
+from fitball.inference.problem.observables import Observable
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.models.types import Rebound
+from fitball.values import FloatArray
+
+Columns = Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What holds in each row of a batch: `noise` (rows, noise parameters) holds the coordinates of noise parameters
+    that are held, NaN where the best one is taken; `scene` says whether the scene's contact time counts, `counted`
+    (rows, impacts) which impacts do, all of them where it is None.
+    """
+
+    noise: FloatArray
+    scene: bool
+    counted: NDArray[np.bool_] | None = None
+
+    def take(self, rows: NDArray[np.int64] | slice) -> Conditions:
+        """Those of some rows."""
+        return Conditions(self.noise[rows], self.scene, None if self.counted is None else self.counted[rows])
+
+    def measurements(self, observable: Observable) -> NDArray[np.bool_]:
+        """Which measurements of an observable count, broadcastable to (rows, measurements)."""
+        if self.counted is None:
+            return np.ones((1, observable.observed.size), dtype=bool)
+        return self.counted[:, observable.places(self.counted.shape[1])]
+
+
+@dataclass(frozen=True)
+class Surface(SearchedColumns):
+    """The negative log likelihood of a problem and its derivatives, batched over rows; where `penalised`, minus the
+    log posterior but for a constant. A search has settled where it promises to lower it by less than `promised`.
+    """
+
+    promised: float = 1e-3
+
+    def values(self, x: FloatArray, given: Conditions) -> FloatArray:
+        """Free values (rows, free), the noise as held or at its best."""
+        values = self.problem.to_values(self._coordinates(x))
+        sizes = self._noise(self.problem.all_values(values), self.problem.rebound(values), given)
+        for k in self.noise_columns:
+            values[:, k] = sizes[self.problem.free[k].name]
+        return values
+
+    def _noise(self, columns: Columns, rebound: Rebound, given: Conditions) -> dict[str, FloatArray]:
+        """Every noise parameter (rows,): fixed, held, or the root mean square of what it has to explain."""
+        sizes = {name: column for name, column in columns.items() if name in NOISE_SPECS}
+        for position, k in enumerate(self.noise_columns):
+            parameter = self.problem.free[k]
+            squares, count = np.zeros(given.noise.shape[0]), 0
+            for observable in self.problem.observables:
+                if observable.noise == parameter.name:
+                    z = self.problem.deviation(columns, observable, rebound) / observable.spread(1.0, rebound)
+                    squares, count = squares + np.sum(z * z, axis=1), count + observable.observed.size
+            best = np.clip(np.sqrt(squares / count), parameter.prior.lower, parameter.prior.upper)
+            held = given.noise[:, position]
+            sizes[parameter.name] = np.where(np.isnan(held), best, parameter.prior.value(np.nan_to_num(held)))
+        return sizes
+
+    @cached_property
+    def structure_precision(self) -> FloatArray:
+        """Of each column the precision of what is part of the model and no knowledge of a parameter: how levels and
+        biases of groups scatter about what they have in common, about zero; 0 for all others.
+        """
+        names = set() if self.problem.group_bias is None else self.problem.group_bias.names(self.problem.observables)
+        for pooling in self.problem.pooling:
+            names |= {pooling.spread_name, *map(pooling.place_name, pooling.labels)}
+        return np.array([item.prior.b**-2.0 if item.name in names else 0.0 for item in self.parameters])
+
+    def _held(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What holds columns beside the measurements: its cost (rows,), slopes and curvatures (rows, columns)."""
+        precision, centre = self._knowledge
+        chain = self._chain(x)
+        away = np.where(self._as_value, np.log(np.where(self._as_value, x, 1.0)), x) - centre
+        return 0.5 * np.sum(precision * away**2, axis=1), precision * away * chain, precision * chain**2
+
+    @cached_property
+    def _knowledge(self) -> tuple[FloatArray, FloatArray]:
+        """Precision and centre (columns,) of what is known of each column, in coordinates of the priors; a uniform
+        prior only bounds.
+        """
+        if not self.penalised:
+            return self.structure_precision, np.zeros(len(self.columns))
+        priors = [item.prior for item in self.parameters]
+        return np.array([item.b**-2.0 if item.normal else 0.0 for item in priors]), np.array([p.a for p in priors])
+
+    def _with_held(
+        self, x: FloatArray, cost: FloatArray, gradient: FloatArray, curvature: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        more, slopes, curvatures = self._held(x)
+        return cost + more, gradient + slopes, curvature + curvatures[:, :, None] * np.eye(x.shape[1])
+
+    def cost(self, x: FloatArray, given: Conditions) -> FloatArray:
+        """Negative log likelihood (rows,) of the measurements, and of the scene's contact time where it counts; inf
+        where the model has no answer.
+        """
+        costs = []
+        for some in batches(self.problem, x.shape[0]):
+            values = self.problem.to_values(self._coordinates(x[some]))
+            columns, rebound, here = self.problem.all_values(values), self.problem.rebound(values), given.take(some)
+            costs.append(self._cost(columns, rebound, here, self._noise(columns, rebound, here)))
+        return np.concatenate(costs) + self._held(x)[0]
+
+    def _cost(self, columns: Columns, rebound: Rebound, given: Conditions, sizes: Columns) -> FloatArray:
+        total = np.zeros(rebound.v_x2.shape[0])
+        for observable in self.problem.observables:
+            spread = observable.sds(sizes, rebound)
+            z = self.problem.deviation(columns, observable, rebound) / spread
+            terms = 0.5 * (z * z + LOG_TAU) + np.log(spread)
+            total = total + np.sum(np.where(given.measurements(observable), terms, 0.0), axis=1)
+        if self.problem.force is not None:
+            total = total + force_cost(self.problem, columns)
+        if given.scene:
+            total = total - log_scene_density(self.problem, rebound)
+        return np.where(np.any(rebound.status, axis=1), np.inf, total)
+
+    def linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Cost (rows,), its gradient (rows, columns), and its expected curvature (rows, columns, columns).
+
+        At the best noise the gradient is that for given noise, because the cost is level in the noise there. The
+        curvature is Gauss's and Newton's: products of first derivatives of the residuals.
+        """
+        split = batches(self.problem, x.shape[0], cost=2 * self.problem.dimension + 1)
+        parts = [self._linearised(x[some], given.take(some)) for some in split]
+        cost, gradient, curvature = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return self._with_held(x, cost, gradient, curvature)
+
+    def _linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray, FloatArray]:
+        coordinates = self._coordinates(x)
+        rebound, slopes = self.problem.differentiated(coordinates)
+        columns = self.problem.all_values(self.problem.to_values(coordinates))
+        sizes = self._noise(columns, rebound, given)
+        chain = self._chain(x)
+        rows, count = x.shape
+        gradient = np.zeros((rows, count))
+        curvature = np.zeros((rows, count, count))
+
+        def gather(z: FloatArray, slope: FloatArray) -> None:
+            nonlocal gradient, curvature
+            gradient = gradient + np.einsum("bm,bmk->bk", z, slope)
+            curvature = curvature + np.einsum("bmk,bml->bkl", slope, slope)
+
+        for observable in self.problem.observables:
+            z, slope, growth = deviation_slopes(self.problem, observable, columns, sizes, rebound, slopes)
+            counted = given.measurements(observable)
+            z = np.where(counted, z, 0.0)
+            gather(z, np.where(counted[..., None], slope[..., self.columns] * chain[:, None, :], 0.0))
+            if growth is not None:
+                turned = np.where(counted[..., None], growth[..., self.columns], 0.0)
+                gradient = gradient - turned.sum(axis=1) * chain
+            if self.penalised and observable.noise in self.problem.free_names:
+                k = self.problem.free_names.index(observable.noise)
+                rate = 1.0 if self.problem.free[k].prior.log else 1.0 / x[:, k]
+                number = counted.sum(axis=1)
+                gradient[:, k] += rate * (number - np.sum(z * z, axis=1))
+                curvature[:, k, k] += 2.0 * rate**2 * number
+        if self.problem.force is not None:
+            z, slope, _shares = force_slopes(self.problem, self.problem.force, coordinates)
+            slope = slope[..., self.columns].reshape(rows, -1, count) * chain[:, None, :]
+            gather(z.reshape(rows, -1), slope)
+        if given.scene and self.problem.contact_time is not None:
+            value, sd = self.problem.contact_time
+            slope = slopes["contact_time"][..., self.columns].mean(axis=1, keepdims=True) * chain[:, None, :]
+            gather((rebound.contact_time.mean(axis=1, keepdims=True) - value) / sd, slope / sd)
+        return self._cost(columns, rebound, given, sizes), gradient, curvature
