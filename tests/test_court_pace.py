@@ -234,5 +234,5 @@ def test_a_rating_that_rests_on_the_prior_of_friction_says_so(grip_slip_fit):
         replace(item, verdict=Verdict.PRIOR_DOMINATED) if item.name == "mu" else item
         for item in grip_slip_fit.estimates
     ]
-    assert "the prior of mu" in pace_lines(replace(grip_slip_fit, estimates=tuple(told)))[0]
-    assert "prior of mu" not in pace_lines(grip_slip_fit)[0]
+    assert "the prior of mu" in pace_lines(replace(grip_slip_fit.result, estimates=tuple(told)))[0]
+    assert "prior of mu" not in pace_lines(grip_slip_fit.result)[0]
