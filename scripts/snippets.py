@@ -240,7 +240,7 @@ def woven(text: str, outcomes: list[Outcome], place: str, beside: str = "") -> s
         return f"```{{figure}} {place}/{found['file']}\n:alt: {found['words']}\n\n{found['words']}\n```"
 
     def link(found: re.Match[str]) -> str:
-        target = f"{beside}/{Path(found['file']).name}"
+        target = f"{beside}/{found['file']}"
         return f'```{{raw}} html\n<p><a class="reference" href="{target}">{found["words"]}</a></p>\n```'
 
     return FILE.sub(link, FIGURE.sub(figure, FENCE.sub(fence, text)))

@@ -12,7 +12,7 @@ import pytest
 from headless import Browser, find_browser
 from made import SharedFits, is_current, make, outcomes_of, pages
 from quick_shell import make_quick, quick_shell
-from snippets import Outcome, SnippetError, figures, run_page, snippets, woven
+from snippets import Outcome, SnippetError, figures, files, run_page, snippets, woven
 
 import fitball
 
@@ -236,3 +236,10 @@ def test_the_gallery_shows_every_kind_of_figure():
 
     shown = {Path(file).stem for file, _ in figures(PAGES["gallery"])}
     assert shown >= {*FIGURES, "history", "regime_map", "bounce", "compare"}
+
+
+@pytest.mark.parametrize("page", [page for page, text in PAGES.items() if files(text)])
+def test_each_file_that_a_page_links_to_has_an_address_of_its_own(page):
+    marks = "".join(f"<!-- file: {file} | words -->\n" for file in files(PAGES[page]))
+    linked = re.findall(r'href="([^"]*)"', woven(marks, [], "made", "beside"))
+    assert len(set(linked)) == len(linked) == len(files(PAGES[page]))

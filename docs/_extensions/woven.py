@@ -34,7 +34,7 @@ def _copy(app: Sphinx, failed: Exception | None) -> None:
         return
     for page in app.env.found_docs:
         for file in files(Path(app.env.doc2path(page)).read_text(encoding="utf-8")):
-            target = Path(app.outdir) / Path(page).parent / _beside(page) / Path(file).name
+            target = Path(app.outdir) / Path(page).parent / _beside(page) / file
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(Path(app.config.made) / page / file, target)
 
