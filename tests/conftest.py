@@ -121,9 +121,15 @@ def draw_priors() -> Callable[[Model, np.random.Generator, int], FloatArray]:
 
 
 @pytest.fixture(scope="session")
-def small_fit(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a short fit of grip-slip: fit.json, posterior.nc, data.nc and run.toml, without figures."""
-    fit = fitball.calibrate("wang_zero_spin.csv", model="grip-slip", seed=4, cores=1, max_steps=100)
+def short_fit() -> Fit:
+    """A fit of grip-slip that is too short to converge."""
+    return fitball.calibrate("wang_zero_spin.csv", model="grip-slip", seed=4, cores=1, max_steps=100)
+
+
+@pytest.fixture(scope="session")
+def small_fit(short_fit: Fit, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its folder: fit.json, posterior.nc, data.nc and run.toml, without figures."""
+    fit = short_fit
     folder = tmp_path_factory.mktemp("small") / "fit"
     folder.mkdir()
     assert fit.posterior is not None

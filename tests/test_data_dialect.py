@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,14 +12,12 @@ import pandas
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from written import assert_same, read
 
-import fitball
-from fitball.cli.main import main
-from fitball.data.dialect.guess import end_of, guess_of
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.data.table import ImpactTable
-from fitball.errors import ParameterError, SceneError, TableError
+from fitball.errors import TableError
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.choices import Choices
 from fitball.report.saved.run_file import run_text
@@ -46,26 +43,6 @@ ROWS = [
 
 def plain(rows: Rows = ROWS, header: Sequence[str] = HEADER) -> str:
     return "".join(",".join(f'"{cell}"' if "," in cell else cell for cell in row) + "\n" for row in [header, *rows])
-
-
-def read(folder: Path, data: str | bytes, name: str = "t.csv", **words: object) -> ImpactTable:
-    place = folder / name
-    place.write_bytes(data if isinstance(data, bytes) else data.encode())
-    return load_table(place, **words)  # type: ignore[arg-type]
-
-
-def assert_same(one: ImpactTable, other: ImpactTable) -> None:
-    """Every number and label is the same, to the last bit."""
-    assert (one.ids, dict(one.labels), dict(one.units)) == (other.ids, dict(other.labels), dict(other.units))
-    assert one.incident_columns == other.incident_columns
-    for name in ("v_x1", "v_y1", "omega_1"):
-        np.testing.assert_array_equal(getattr(one.impacts, name), getattr(other.impacts, name))
-    assert [item.name for item in one.measurements] == [item.name for item in other.measurements]
-    for item, same in zip(one.measurements, other.measurements, strict=True):
-        np.testing.assert_array_equal(item.values, same.values)
-        assert (item.sd is None) == (same.sd is None)
-        if item.sd is not None:
-            np.testing.assert_array_equal(item.sd, same.sd)
 
 
 def said(table: ImpactTable, words: str) -> bool:
@@ -363,112 +340,6 @@ def test_a_measured_speed_counts_before_a_height(tmp_path: Path) -> None:
     assert said(table, "drop_height is not used: v_y1 is")
 
 
-FOREIGN = "Vin (mph);angle_in;Vout [km/h];angle_out;speed\n38;20;42;23;1\n40;22;43;25;1\n"
-COLUMNS = {"v_1": "Vin", "theta_1": "angle_in", "v_2": "Vout", "theta_2": "angle_out"}
-
-
-def test_names_of_ones_own_by_option_scene_and_python(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    ours = read(tmp_path, "v_1 [mph],theta_1,v_2 [km/h],theta_2,speed\n38,20,42,23,1\n40,22,43,25,1\n", "ours.csv")
-    assert_same(read(tmp_path, FOREIGN, columns=COLUMNS), ours)
-    place = tmp_path / "t.csv"
-    option = ", ".join(f"{name}={their}" for name, their in COLUMNS.items())
-    assert main(["datasets", "check", str(place), "--columns", option]) == 0
-    (tmp_path / "t.toml").write_text("[columns]\n" + "".join(f'{a} = "{b}"\n' for a, b in COLUMNS.items()))
-    assert_same(load_table(place), ours)
-    # What a caller says goes before the scene.
-    turned = load_table(place, columns={"theta_1": "angle_out", "theta_2": "angle_in"})
-    np.testing.assert_array_equal(np.degrees(np.arctan2(turned.impacts.v_y1, turned.impacts.v_x1)).round(9), [23, 25])
-    assert load_table(place).columns == COLUMNS
-    capsys.readouterr()
-
-
-def test_units_may_be_said_beside_a_table(tmp_path: Path) -> None:
-    text = "Vin,angle_in,v_2\n38,20,42\n40,22,43\n"
-    ours = read(tmp_path, "v_1 [mph],theta_1,v_2 [km/h]\n38,20,42\n40,22,43\n", "ours.csv")
-    by_name = read(tmp_path, text, columns={"v_1": "Vin [mph]", "theta_1": "angle_in", "v_2": "v_2 [km/h]"})
-    names = {"v_1": "Vin", "theta_1": "angle_in"}
-    assert_same(by_name, ours)
-    assert_same(read(tmp_path, text, columns=names, units={"v_1": "mph", "v_2": "km/h"}), ours)
-    assert_same(read(tmp_path, text, columns=names, units={"Vin": "MPH", "v_2": "km/h"}), ours)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ({"columns": {"speed_in": "Vin"}}, r"'speed_in' is none of fitball's columns .* did you mean v_1\?"),
-        ({"columns": {"v_1": "Vin", "v_2": "vin"}}, "is to be two columns"),
-        ({"columns": {"v_1": " "}}, "read no name for v_1"),
-        ({"units": {"Vi": "mph"}}, "'Vi' is no column"),
-        ({"columns": {"v_1": "Vin [mph]"}, "units": {"v_1": "mph"}}, "expected it once"),
-    ],
-)
-def test_names_that_cannot_be_used(tmp_path: Path, words: dict[str, object], message: str) -> None:
-    with pytest.raises(ParameterError, match=message):
-        read(tmp_path, FOREIGN, **words)
-
-
-def test_a_name_that_is_not_in_the_table_is_a_fault(tmp_path: Path) -> None:
-    with pytest.raises(TableError, match="there is no column 'V_in', which is to be v_1"):
-        read(tmp_path, FOREIGN, columns={**COLUMNS, "v_1": "V_in"})
-    with pytest.raises(TableError, match=r"the header says '\[mph\]'.*'\[km/h\]'"):
-        read(tmp_path, FOREIGN, columns={**COLUMNS, "v_1": "Vin [km/h]"})
-
-
-def test_a_foreign_table_is_told_which_option_to_pass(tmp_path: Path) -> None:
-    with pytest.raises(TableError) as caught:
-        read(tmp_path, FOREIGN)
-    assert f"pass columns={COLUMNS}" in str(caught.value)
-    assert "'speed' may be v_1 or v_2" in str(caught.value)
-    with pytest.raises(TableError, match=r"say which: columns=\{'v_1': 'NAME'"):
-        read(tmp_path, "a,b,c\n5,4,3\n5,4,3\n")
-
-
-ENDS = {
-    "1": "in inc incident incoming before impact pre initial i 1",
-    "2": "out outgoing rebound after post final exit r f 2",
-}
-
-
-def names_of(end: str) -> list[str]:
-    quantities = ("v", "theta", "omega", "speed", "angle", "spin", "vx", "v_y", "velocity")
-    forms = ("{q}_{w}", "{w}_{q}", "{q}{t}", "{w} {q}", "{q}.{w}", "{t}{q}")
-    return [f.format(q=q, w=w, t=w.title()) for q in quantities for w in ENDS[end].split() for f in forms]
-
-
-@pytest.mark.parametrize("end", ENDS)
-def test_a_guess_never_swaps_incidence_and_rebound(end: str) -> None:
-    found = 0
-    for name in names_of(end):
-        guess = guess_of(name)
-        assert end_of(name) in (None, end), name
-        if guess is not None:
-            assert all(item.removesuffix("_sd").endswith(end) for item in guess.names), name
-            found += 1
-    assert found > 0.9 * len(names_of(end))
-
-
-@pytest.mark.parametrize("name", ["v_72", "v_23", "v_", "V_2+", "theta_", "theta_22", "teta_2"])
-def test_a_slip_in_a_name_is_a_fault_and_no_column_of_ones_own(tmp_path: Path, name: str) -> None:
-    known, ours = ("v_2", "theta_2")[:: 1 if "t" in name else -1]
-    message = f"column '{name}': unknown column; did you mean '{ours}'"
-    with pytest.raises(TableError, match=re.escape(message)):
-        read(tmp_path, f"v_1,theta_1,{known},{name}\n17,21,11,11\n17,21,11,11\n")
-
-
-def test_a_slip_that_does_not_say_which_end_is_offered_both(tmp_path: Path) -> None:
-    with pytest.raises(TableError, match=r"did you mean 'omega_1' or 'omega_2'\?.*columns="):
-        read(tmp_path, "v_1,theta_1,v_2,omega_\n17,21,11,11\n17,21,11,11\n")
-
-
-@pytest.mark.parametrize("name", ["theta_in", "speed_in", "spin_before", "theta_ni", "tetha_1", "omga_1", "v_incid"])
-def test_a_suggestion_never_swaps_incidence_and_rebound(tmp_path: Path, name: str) -> None:
-    with pytest.raises(TableError) as caught:
-        read(tmp_path, f"{name},v_2\n5,4\n6,5\n")
-    hint = str(caught.value).partition("did you mean")[2].partition("?")[0]
-    hint += str(caught.value).partition("columns={")[2].partition(":")[0]
-    assert not hint.rstrip("' ").endswith("2"), str(caught.value)
-
-
 def test_few_rows_the_other_way_along_the_court_are_told(tmp_path: Path) -> None:
     rows = "".join(f"17,{angle},11,30\n" for angle in (20, 21, 145, 22, 23, 24, 25))
     table = read(tmp_path, f"v_1,theta_1,v_2,theta_2\n{rows}")
@@ -486,39 +357,3 @@ def test_a_column_negative_in_every_row_is_one_line_with_what_to_do(tmp_path: Pa
     lines = [line for line in str(caught.value).splitlines() if "column 'v_y1'" in line]
     assert len(lines) == 1
     assert "5,000 rows (first: row 1, line 2)" in lines[0] and "pass flip='v_y1'" in lines[0]
-
-
-def test_the_way_of_a_frame_to_a_fit(tmp_path: Path) -> None:
-    """A DataFrame with names of its own is calibrated as the file is, and the notes say what was assumed."""
-    frame = pandas.DataFrame({"Vin": [4.0, 6.0, 8.0, 10.0], "v_y2": [3.2, 4.7, 6.1, 7.5]})
-    fit = fitball.calibrate(frame, "grip-slip", columns={"v_y1": "Vin"}, point_only=True, cores=1)
-    place = tmp_path / "t.csv"
-    place.write_text("v_y1,v_y2\n4,3.2\n6,4.7\n8,6.1\n10,7.5\n")
-    other = fitball.calibrate(place, "grip-slip", point_only=True, cores=1)
-    assert fit.point.values == other.point.values
-    assert any("there is no scene file" in note for note in fit.notes)
-
-
-def test_a_scene_names_columns_by_texts(tmp_path: Path) -> None:
-    (tmp_path / "t.toml").write_text("[columns]\nv_1 = 3\n")
-    with pytest.raises(SceneError, match=r"columns\.v_1 = 3: expected a text in quotes"):
-        read(tmp_path, FOREIGN)
-
-
-def test_new_impacts_may_be_named_as_those_of_the_fit() -> None:
-    own = {"v_x1": "Vx in", "v_y1": "Vy in [m/s]", "v_x2": "Vx out", "v_y2": "Vy out"}
-    measured = pandas.DataFrame(
-        {
-            "Vx in": [15.0, 14, 13, 12],
-            "Vy in": [5.0, 7, 9, 10],
-            "Vx out": [10.0, 8.2, 7.1, 6],
-            "Vy out": [4.1, 5.5, 7, 7.7],
-        }
-    )
-    fit = fitball.calibrate(measured, columns=own, model="brody", point_only=True, as_read=True)
-    new = measured[["Vx in", "Vy in"]]
-    found = fit.predict(new)
-    assert "named as in the table of the fit: v_x1=Vx in, v_y1=Vy in [m/s]" in found.attrs["notes"][0]
-    plainly = fit.predict(new.set_axis(["v_x1", "v_y1"], axis="columns"))
-    pandas.testing.assert_frame_equal(found, plainly, check_names=False)
-    assert not any("named as in" in note for note in plainly.attrs["notes"])

@@ -19,36 +19,16 @@ from fitball.inference.prediction.curves import NEAR, curves
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.choices import Choices
 from fitball.inference.problem.noise import KINDS
-from fitball.inference.problem.parameters import NOISE_SPECS
-from fitball.inference.results.results import Verdict
 from fitball.models.registry import model
-from fitball.models.specs import SPECS
 from fitball.observables import OBSERVABLES
-from fitball.report.figures.canvas import group_styles, log_ticks
 from fitball.report.figures.corner_arrays import LEVELS, corner_data, pair_density
 from fitball.report.figures.curve_arrays import curve_columns
 from fitball.report.figures.kinds import draw
 from fitball.report.figures.measured import measured_outputs
-from fitball.report.figures.parameter_axis import parameter_axis
 from fitball.report.figures.predictive_arrays import agreements, interval_band
 from fitball.report.figures.residual_arrays import incident_quantities, residual_data, trend
-from fitball.report.figures.sketch import ball_sketch
 from fitball.report.fit.html import page
-from fitball.report.fit.summary import parameter_rows, thesis_rows
-from fitball.report.form.palette import (
-    MEASURED,
-    MODEL,
-    NOISE,
-    PRIOR,
-    SERIES,
-    TREND,
-    VERDICTS,
-    pale,
-    series_style,
-    style_rules,
-    verdict_mark,
-)  # fmt: skip
-from fitball.report.form.symbols import symbol_html
+from fitball.report.fit.summary import thesis_rows
 
 DROP = "v_y1,v_y2\n4,3.21\n6,4.68\n8,6.13\n10,7.48\n"
 TRUTH = {
@@ -335,77 +315,6 @@ def test_the_package_corner_draws_the_same_in_panels_of_its_own(grip_slip_fit):
         fit.plot.corner(package="korner")
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "named"),
-    [
-        (0.8, 1500.0, [1.0, 10.0, 100.0, 1000.0]),
-        (11.0, 33.0, [15.0, 20.0, 30.0]),
-        (2.0, 70.0, [2.0, 5.0, 10.0, 20.0, 50.0]),
-        (18.9, 20.3, [19.0, 19.4, 19.8, 20.2]),
-    ],
-)
-def test_log_ticks_are_round_few_and_unevenly_spaced(low, high, named):
-    found, unnamed = log_ticks(low, high)
-    assert found == pytest.approx(named)
-    assert all(low <= tick <= high for tick in unnamed)
-    assert not set(found) & set(unnamed)
-    assert len(found) < len(unnamed) < 60 or high / low < 1.2
-
-
-def test_a_scale_depends_on_the_parameter_alone():
-    logs = {name for name, spec in {**SPECS, **NOISE_SPECS}.items() if parameter_axis(spec).logarithmic}
-    assert logs == {"k_y", "k_theta", "c_y", "zeta_theta", "degrees_of_freedom"}
-    for name in logs:
-        assert {**SPECS, **NOISE_SPECS}[name].lower >= 0.0
-
-
-def test_profiles_and_walkers_have_the_same_logarithmic_axes(point_fit):
-    figure = draw("profiles", point_fit)
-    by_name = {axis.get_title(): axis for axis in figure.axes if axis.get_title()}
-    for name, axis in by_name.items():
-        spec = {**SPECS, **NOISE_SPECS}[name]
-        assert axis.get_xscale() == ("log" if spec.logarithmic else "linear")
-        assert axis.get_xlabel().startswith(spec.label)
-        if spec.logarithmic:
-            assert len(axis.xaxis.get_minorticklocs()) > len(axis.get_xticks())
-
-
-# --- symbols, sketch, colours
-
-
-def test_every_symbol_is_one_parameters_and_reads_on_a_page():
-    both = {**SPECS, **NOISE_SPECS}
-    shown = {name: symbol_html(spec.label) for name, spec in both.items()}
-    assert all(text and not re.search(r"[\\${}^_]", text) for text in shown.values())
-    twice = {text for text in shown.values() if list(shown.values()).count(text) > 1}
-    assert twice == set()
-    assert shown["k_theta"] == "K<sub>\u03b8</sub>" and shown["inertia_ratio"] == "I/MR<sup>2</sup>"
-    assert shown["v_x_sd"] == "\u03c3<sub>v<sub>x</sub></sub>" and shown["cor_slope"] == "COR\u2032"
-    assert all(spec.meaning for spec in both.values())
-    for wrong in (r"$\nonsense$", "$a}b$"):
-        with pytest.raises(ValueError, match=r"no such letter|brace too many"):
-            symbol_html(wrong)
-
-
-def test_the_table_of_parameters_says_what_they_mean(point_fit):
-    rows = {row.name: row for row in parameter_rows(point_fit)}
-    assert rows["mu"].symbol == "\u03bc" and rows["mu"].meaning == SPECS["mu"].meaning
-    text = page(point_fit, {})
-    assert '<td class="meaning">vertical stiffness between core and shell</td>' in text
-    assert "K<sub>y</sub>" in text
-
-
-@pytest.mark.parametrize("name", ["two-mass", "grip-slip", "brody"])
-def test_the_sketch_names_what_the_model_has(name):
-    specs = model(name).specs
-    words = " ".join(text.get_text() for text in ball_sketch(specs, name).axes[0].texts)
-    cored = name == "two-mass"
-    assert (SPECS["k_y"].label in words) is cored and ("core" in words) is cored
-    assert (SPECS["offset"].label in words) is (name != "brody")
-    assert (SPECS["e_x"].label in words) is (name == "grip-slip")
-    assert "topspin" in words and r"\mu" in words
-
-
 def test_a_drop_test_has_no_spin_and_one_curve(tmp_path):
     (tmp_path / "drop.csv").write_text(DROP, encoding="utf-8")
     fit = fitball.calibrate(tmp_path / "drop.csv", model="brody", point_only=True, cores=1)
@@ -430,49 +339,3 @@ def test_a_table_of_speeds_alone_has_its_panel(tmp_path):
     assert list(measured_outputs(fit)) == ["v_2"]
     shown = draw("curves", fit)
     assert [axis.get_ylabel() for axis in shown.axes if axis.get_ylabel()] == [f"{OBSERVABLES['v_2'].symbol} [m/s]"]
-
-
-def contrast(one, other):
-    """Ratio of luminances (WCAG 2.2)."""
-
-    def luminance(colour):
-        parts = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
-        return float(
-            np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4) @ [0.2126, 0.7152, 0.0722]
-        )
-
-    low, high = sorted((luminance(one), luminance(other)))
-    return (high + 0.05) / (low + 0.05)
-
-
-def test_every_colour_means_one_thing():
-    alone = [MEASURED, MODEL, NOISE, PRIOR, TREND, *SERIES]
-    assert len(set(alone)) == len(alone)
-    apart = [
-        sum(abs(int(one[k : k + 2], 16) - int(other[k : k + 2], 16)) for k in (1, 3, 5))
-        for one in alone
-        for other in alone
-        if one < other
-    ]
-    assert min(apart) > 60
-    assert len({series_style(k) for k in range(42)}) == 42
-    assert group_styles(("", "")) == {"": (MEASURED, "o")}
-    assert pale("#000000", 0.5) == "#808080"
-
-
-def test_every_verdict_has_a_colour_that_can_be_read(grip_slip_fit):
-    assert set(VERDICTS) == set(Verdict)
-    assert VERDICTS[Verdict.GIVEN] == VERDICTS[Verdict.CONDITIONAL] == VERDICTS[Verdict.ONE_SIDED]
-    for tone in VERDICTS.values():
-        assert contrast(tone.light, "#ffffff") > 4.5 and contrast(tone.dark, "#15181c") > 4.5
-    given = [
-        replace(item, verdict=Verdict.GIVEN, given=("offset=contact",)) if item.name == "mu" else item
-        for item in grip_slip_fit.estimates
-    ]
-    text = page(replace(grip_slip_fit, estimates=tuple(given)), {})
-    used = set(re.findall(r'class="(?:text )?v-([^"]*)"', text))
-    assert "given" in used
-    assert used <= {verdict_mark(verdict) for verdict in Verdict}
-    rules = style_rules()
-    assert all(f".v-{mark} {{ color: " in rules and rules.count(f".v-{mark} ") == 2 for mark in used)
-    assert "identified, given offset=contact</td>" in text

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import math
-import shutil
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
-from samples import save_without_figures
 
 import fitball
-from fitball.cli.main import main
 from fitball.data.impact_text import parse_impact
-from fitball.errors import ModelError, ParameterError, ResultFolderError
+from fitball.errors import ModelError, ParameterError
 from fitball.inference.prediction.extrapolation import calibrated_range, hull_distances
 from fitball.inference.prediction.holdout_scores import impacts_seen, scores
 from fitball.inference.prediction.new_impacts import BATCH, predict_new
 from fitball.inference.problem.observables import Observable
-from fitball.inference.results.fitted_model import PREDICTING, FittedModel
-from fitball.inference.results.results import thinned
+from fitball.inference.results.fitted_model import FittedModel
 from fitball.report.predict.rows import prediction_csv_rows, prediction_json
 from fitball.report.predict.text import remarks_on
-from fitball.report.saved.posterior_file import write_netcdf
 
 NAMES = ("mu", "e_x", "offset", "cor_10", "cor_slope", "velocity_sd", "spin_sd")
 BALL = fitball.Ball()
@@ -285,166 +278,3 @@ def test_a_bad_impact_is_quoted(text, words):
         parse_impact(text)
     assert words in str(caught.value)
     assert f"impact '{text}'" in str(caught.value)
-
-
-@pytest.fixture(scope="module")
-def fit():
-    return fitball.calibrate("wang_all.csv", model="grip-slip", seed=4, cores=2, max_steps=100)
-
-
-@pytest.fixture(scope="module")
-def folder(fit, tmp_path_factory):
-    return save_without_figures(fit, tmp_path_factory.mktemp("predict") / "fit")
-
-
-@pytest.fixture(scope="module")
-def point_folder(tmp_path_factory):
-    fit = fitball.calibrate("wang_all.csv", model="grip-slip", point_only=True)
-    return save_without_figures(fit, tmp_path_factory.mktemp("p") / "f")
-
-
-IMPACT = ["--impact", "v=38 mph, theta=18 deg, spin=950 rpm top"]
-
-
-def test_a_saved_fit_predicts_what_the_fit_predicts(fit, folder):
-    new = fitball.impacts([15.0, 10.0], [6.0, 12.0], [0.0, 100.0])
-    before, after = fit.predict_interval(new, seed=5), fitball.load_fit(folder).predict_interval(new, seed=5)
-    assert before.draws == after.draws == 4000
-    for a, b in zip(before.outputs, after.outputs, strict=True):
-        for name in ("point", "rebound", "measured"):
-            assert getattr(a, name).tobytes() == getattr(b, name).tobytes()
-
-
-def widths(fit, draws, new):
-    """Lengths of the 95 % intervals (outputs, impacts) from draws (draws, free)."""
-    found = fit.fitted.with_draws(fit.posterior.names, draws).predict(new)
-    return np.array([found[f"{name}_q975"] - found[f"{name}_q025"] for name in ("v_x2", "v_y2", "omega_2")])
-
-
-def test_intervals_are_as_long_as_those_of_the_whole_chain(grip_slip_fit):
-    """Over several choices of draws: those that predictions take, and the control, the few that fit.json holds."""
-    fit = grip_slip_fit
-    new = fitball.impacts(
-        [15.6, 14.5, 11.1, 9.0, 20.0], [4.8, 9.9, 13.8, 6.0, 10.0], [-5.0, 150.0, 20.0, -120.0, 0.0]
-    )
-    whole = widths(fit, fit.posterior.draws, new)
-    error = {}
-    for count in (PREDICTING, 400):
-        ratios = [widths(fit, thinned(fit.posterior, count + k), new) / whole for k in range(15)]
-        error[count] = np.sqrt(np.mean(np.square(np.array(ratios) - 1.0)))
-    # Of a normal quantity 0.015 and 0.048; the largest of many is three times as far.
-    assert error[PREDICTING] < 0.025 < 0.035 < error[400]
-    named = fit.predict(new)
-    units = {"v_x2": "m/s", "v_y2": "m/s", "omega_2": "rad/s"}
-    mine = np.array(
-        [named[f"{name}_mean_q975 [{unit}]"] - named[f"{name}_mean_q025 [{unit}]"] for name, unit in units.items()]
-    )
-    np.testing.assert_allclose(mine, whole, rtol=0.08)
-
-
-def test_draws_that_predict_are_read_beside_fit_json(grip_slip_fit, grip_slip_folder, tmp_path):
-    new = fitball.impacts(np.linspace(8.0, 20.0, 600), 8.0, 10.0)
-    saved = fitball.load_fit(grip_slip_folder)
-    before, after = grip_slip_fit.predicting.predict(new), saved.predicting.predict(new)
-    assert saved.predicting.draws.shape[0] == PREDICTING
-    assert before.keys() == after.keys() and all(len(array) == 600 for array in after.values())
-    assert all(before[name].tobytes() == after[name].tobytes() for name in before)
-    # Impacts are predicted some at a time: the same as each alone.
-    alone = saved.predicting.predict(fitball.impacts(new.v_x1[599], 8.0, 10.0))
-    assert alone["v_x2_q025"] == after["v_x2_q025"][599]
-    # The file itself holds a few, and says so where the others are missing.
-    shutil.copy(grip_slip_folder / "fit.json", tmp_path / "fit.json")
-    alone = fitball.load_fit(tmp_path)
-    assert (tmp_path / "fit.json").stat().st_size < 250_000
-    with pytest.raises(ResultFolderError, match=r"posterior\.nc"):
-        alone.predict(new)
-    assert alone.fitted.predict(new)["v_x2"].tobytes() == before["v_x2"].tobytes()
-
-
-def test_predict_prints_json_and_csv(folder, tmp_path, capsys):
-    assert main(["predict", str(folder), *IMPACT]) == 0
-    out, err = capsys.readouterr()
-    assert "16.99 m/s at 18.0 deg" in out
-    assert "99.5 rad/s topspin" in out
-    assert "did not converge" in err
-    assert "outside" not in out
-    (tmp_path / "new.csv").write_text(
-        "id,v_1 [mph],theta_1,omega_1 [rpm]\na,38,18,950\nb,60,60,0\n", encoding="utf-8"
-    )
-    place = tmp_path / "out.csv"
-    assert main(["predict", str(folder), str(tmp_path / "new.csv"), "--out", str(place), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    frame = pd.read_csv(place)
-    assert [item["outside"] for item in found["impacts"]] == [False, True]
-    assert found["impacts"][1]["beyond"]["v_y1"] == pytest.approx(60 * 0.44704 * math.sin(math.radians(60)) - 16.39)
-    assert found["impacts"][1]["extrapolated"] == ["COR"]
-    assert found["validation"] == []
-    first = found["impacts"][0]["outputs"]
-    assert frame["v_x2_median [m/s]"][0] == first["v_x2"]["median"]
-    assert frame["theta_2_data_q975 [deg]"][0] == pytest.approx(math.degrees(first["theta_2"]["data_q975"]))
-    assert frame["outside"].tolist() == ["no", "yes"]
-    assert main(["predict", str(folder), *IMPACT, "--quiet", "--out", str(place), "--overwrite"]) == 0
-    assert capsys.readouterr().out.strip() == str(place)
-
-
-def test_measured_columns_are_compared(folder, capsys):
-    assert main(["predict", str(folder), "wang_backspin.csv"]) == 0
-    out = capsys.readouterr().out
-    assert "no validation, 7 of 7 impacts are among those of the fit" in out
-    assert "within 95 %" in out
-    assert out.count("backspin-") >= 7
-
-
-def test_a_point_fit_has_no_intervals_and_says_so(point_folder, tmp_path, capsys):
-    place = tmp_path / "out.csv"
-    assert main(["predict", str(point_folder), "wang_zero_spin.csv", "--out", str(place)]) == 0
-    out, err = capsys.readouterr()
-    assert "no posterior" in err
-    assert "[" not in out.split("Measured against")[0].split("\n", 1)[1]
-    assert not [name for name in pd.read_csv(place).columns if "median" in name or "q025" in name]
-
-
-def test_draws_missing_damaged_or_of_another_fit_are_refused(folder, tmp_path, capsys):
-    copy = tmp_path / "copy"
-    shutil.copytree(folder, copy)
-    (copy / "posterior.nc").unlink()
-    assert main(["predict", str(copy), *IMPACT]) == 2
-    assert "posterior.nc: there is no such file" in capsys.readouterr().err
-    (copy / "posterior.nc").write_bytes(b"not a netCDF file")
-    assert main(["predict", str(copy), *IMPACT]) == 2
-    assert "damaged" in capsys.readouterr().err
-    other = fitball.calibrate("wang_all.csv", model="grip-slip", seed=5, cores=2, max_steps=100)
-    write_netcdf(other, other.posterior, copy / "posterior.nc")
-    with pytest.raises(ResultFolderError, match="of another fit"):
-        fitball.load_fit(copy).predict_interval(fitball.impacts(15.0, 6.0))
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ([], "either DATA or --impact"),
-        (["wang_all.csv", *IMPACT], "either DATA or --impact"),
-        (["--impact", "v=38 mhp, theta=18"], "did you mean 'mph'"),
-        (["nowhere.csv"], "no such file"),
-        (["bad.csv"], "row 1 (line 2), column 'v_y1': read -3"),
-        (["wang_all.csv", "--seed", "-1"], "seed = -1"),
-        (["wang_all.csv", "--out", "nowhere/x.csv"], "there is no folder"),
-    ],
-)
-def test_bad_input_ends_with_two_and_words(folder, tmp_path, monkeypatch, capsys, words, said):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "bad.csv").write_text("v_x1,v_y1\n10,-3\n", encoding="utf-8")
-    assert main(["predict", str(folder), *words]) == 2
-    out, err = capsys.readouterr()
-    assert said in err
-    assert "Traceback" not in err
-    assert not out
-    assert [item.name for item in tmp_path.iterdir()] == ["bad.csv"]
-
-
-def test_one_row_without_rebound_is_enough_to_predict_and_not_to_fit(folder, tmp_path, capsys):
-    (tmp_path / "one.csv").write_text("v_x1,v_y1\n10,8\n", encoding="utf-8")
-    assert main(["predict", str(folder), str(tmp_path / "one.csv")]) == 0
-    assert "v_x1 10.00" in capsys.readouterr().out
-    assert main(["calibrate", str(tmp_path / "one.csv")]) == 2
-    assert "no rebound column" in capsys.readouterr().err
