@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
-from samples import leave_out_figures
+from samples import leave_out_figures, save_without_figures, search_briefly
 
 import fitball
 from fitball.api import Fit
@@ -57,16 +57,23 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Every test of a slow file is slow."""
+    """Every test of a slow file is slow; slow files come first, so that no process waits for another's last file."""
     for item in items:
         if _is_slow(item.path):
             item.add_marker(pytest.mark.slow)
+    items.sort(key=lambda item: not _is_slow(item.path))
 
 
 @pytest.fixture
 def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Results are saved without their figures."""
     leave_out_figures(monkeypatch)
+
+
+@pytest.fixture
+def brief(monkeypatch: pytest.MonkeyPatch, without_figures: None) -> None:
+    """Fits are searched briefly, and saved without figures."""
+    search_briefly(monkeypatch)
 
 
 @pytest.fixture
@@ -148,8 +155,14 @@ def grip_slip_fit() -> Fit:
 
 @pytest.fixture(scope="session")
 def grip_slip_folder(grip_slip_fit: Fit, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Its result folder."""
-    return grip_slip_fit.save(tmp_path_factory.mktemp("results") / "wang_all" / "grip-slip")
+    """Its result folder, without figures."""
+    return save_without_figures(grip_slip_fit, tmp_path_factory.mktemp("results") / "wang_all" / "grip-slip")
+
+
+@pytest.fixture(scope="session")
+def grip_slip_page(grip_slip_fit: Fit, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its page, with figures."""
+    return grip_slip_fit.save(tmp_path_factory.mktemp("page")) / "report.html"
 
 
 @pytest.fixture(scope="session")

@@ -8,14 +8,12 @@ import shlex
 from pathlib import Path
 
 import matplotlib.figure
+from samples import search_briefly
 from snippets import posix_shell
 
 import fitball
-from fitball.api import calibrating
 from fitball.cli.main import main
 from fitball.inference.comparison import cross_validation
-from fitball.inference.identifiability import examine
-from fitball.inference.point import point_fit
 from fitball.report.figures import save
 from fitball.report.history import film
 
@@ -50,14 +48,12 @@ def make_quick(patch) -> None:
     """Let figures stay blank, and searches be short: few starts and steps, no second looks, profiles of short tables
     alone, few folds. Other tests look at all of these.
     """
-    calibrate, run = fitball.calibrate, calibrating.run
+    calibrate = fitball.calibrate
+    search_briefly(patch)
     patch.setattr(matplotlib.figure.Figure, "savefig", blank)
     patch.setattr(save, "rendered", lambda _figure, form, _dpi: BLANK[form])
     patch.setattr(fitball, "calibrate", lambda *a, **k: calibrate(*a, **{"max_steps": STEPS, "cores": 1} | k), False)
-    patch.setattr(calibrating, "run", lambda *a, **k: run(*a, **k | {"assumptions": False}))
     patch.setattr(film, "DPI", 8)
-    patch.setattr(point_fit, "STARTS", 3)
-    patch.setattr(examine, "PROFILED", 4)
     patch.setattr(cross_validation, "SINGLY", 1)
     patch.setattr(cross_validation, "FOLDS", 2)
 

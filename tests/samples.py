@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitball.api import pose
+from fitball.api import calibrating, pose
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable, Measurement
+from fitball.inference.identifiability import examine
+from fitball.inference.point import point_fit
 from fitball.inference.problem.build import Choices, build_problem
 
 # Seconds after which a process is taken to hang: no measure of how fast a machine is.
@@ -51,9 +53,19 @@ POLAR = (
 )
 
 
-def leave_out_figures(patch):
-    """Results are saved without their figures, half of the time a save takes: for tests that look at other files."""
-    patch.setattr("fitball.report.fit.folder.write_figures", lambda _fit, _folder: {})
+def search_briefly(patch):
+    """Fits are searched from few starts, and nothing is looked at twice: profiles of the shortest tables alone, no
+    other assumptions. For tests that look at what a fit is put into; others look at all of these.
+    """
+    run = calibrating.run
+    patch.setattr(calibrating, "run", lambda *a, **k: run(*a, **k | {"assumptions": False}))
+    patch.setattr(point_fit, "STARTS", 3)
+    patch.setattr(examine, "PROFILED", 4)
+
+
+def leave_out_figures(patch, but=()):
+    """Results are saved without their figures, most of the time a save takes: for tests that look at other files."""
+    patch.setattr("fitball.report.figures.kinds.drawable_kinds", lambda _fit: [*but])
 
 
 def save_without_figures(fit, folder):

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from samples import search_briefly
 from uncertainties import ufloat
 
 import fitball
@@ -28,12 +29,12 @@ from fitball.studies.thesis import (
 )
 from fitball.studies.thesis.chapter_five_page import write
 
-QUICK = Effort(seed=1, cores=2, max_steps=500)
-
 
 @pytest.fixture(scope="module")
 def found():
-    return chapter_five.derive(QUICK, lambda _stage: None)
+    with pytest.MonkeyPatch.context() as patch:
+        search_briefly(patch)
+        return chapter_five.derive(Effort(seed=1, cores=2, max_steps=300), lambda _stage: None)
 
 
 def test_every_count_is_the_pinned_one(found):

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from samples import drop_table, linear_problem, problem_of
+from samples import drop_table, linear_problem, problem_of, search_briefly
 
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
@@ -50,6 +50,7 @@ def synthetic_table(model, seed, **truth):
 @pytest.fixture
 def duel(monkeypatch):
     """A function that compares models by densities alone: the refits without some impacts have tests of their own."""
+    search_briefly(monkeypatch)
     monkeypatch.setattr("fitball.inference.comparison.compare.make_folds", lambda _table, _rng: ((), []))
     monkeypatch.setattr("fitball.inference.comparison.scoring.criteria", lambda _problem, _starts: None)
     return compared
@@ -103,8 +104,8 @@ def test_data_of_brody_do_not_pay_for_more_parameters(duel):
         assert below == pytest.approx(level, abs=0.02)
 
 
-def test_an_interrupted_comparison_keeps_what_is_done():
-    table, scene = drop_table(np.random.default_rng(1)), Scene()
+def test_an_interrupted_comparison_keeps_what_is_done(brief):
+    table, scene = drop_table(np.random.default_rng(1), count=4), Scene()
     candidates = build_candidates(table, scene, ("brody", "two-mass+cor=mean", "two-mass"))
     effort = Effort(seed=1, max_steps=100, ensembles=2, cores=1)
 
@@ -123,17 +124,16 @@ def test_an_interrupted_comparison_keeps_what_is_done():
         compare(table, candidates, effort, quick=True, report=stop("two-mass+cor=mean (2 of 3)"))
 
 
-def test_the_same_seed_gives_the_same_scores():
+def test_the_same_seed_gives_the_same_scores_on_any_number_of_cores():
     table, scene = drop_table(np.random.default_rng(1), count=4), Scene()
     candidates = build_candidates(table, scene, ("brody", "two-mass+cor=mean"))
-    one, two, other = (
-        compare(table, candidates, Effort(seed=seed, cores=cores, max_steps=100, ensembles=2))
-        for seed, cores in ((1, 1), (1, 2), (2, 1))
+    one, two = (
+        compare(table, candidates, Effort(seed=1, cores=cores, max_steps=100, ensembles=2), quick=True)
+        for cores in (1, 2)
     )
     for first, second in zip(one.models, two.models, strict=True):
         assert first.loo.elpd.tobytes() == second.loo.elpd.tobytes()
     assert one.pseudo_bma == two.pseudo_bma
-    assert one.models[0].loo.elpd.tobytes() != other.models[0].loo.elpd.tobytes()
 
 
 # --- the candidates
@@ -237,7 +237,7 @@ def test_published_sets_need_wangs_data():
 # --- words
 
 
-def test_a_pareto_k_without_a_number_is_null_in_json():
+def test_a_pareto_k_without_a_number_is_null_in_json(brief):
     table, scene = drop_table(np.random.default_rng(1)), Scene()
     candidates = build_candidates(table, scene, ("brody", "two-mass+cor=mean"))
     found = compare(table, candidates, Effort(seed=1, max_steps=100, ensembles=2, cores=1), quick=True)
@@ -250,7 +250,7 @@ def test_a_pareto_k_without_a_number_is_null_in_json():
     assert content["models"][0]["pareto_k"]["d0"] is None
 
 
-def test_words_of_a_duel(monkeypatch):
+def test_words_of_a_duel(monkeypatch, brief):
     """The paragraph on Wang's zero-spin impacts, from chains too short to converge: signs, units, counts."""
     table, scene = load_table("wang_zero_spin.csv"), load_scene("wang_zero_spin.csv")
     monkeypatch.setattr("fitball.inference.comparison.scoring.criteria", lambda _problem, _starts: None)

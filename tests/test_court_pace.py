@@ -7,6 +7,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
+from samples import search_briefly
 
 import fitball
 from fitball.data.read import load_table
@@ -17,6 +18,7 @@ from fitball.report.fit.headline import headline
 from fitball.report.fit.html import page
 from fitball.report.fit.pace_rows import pace_lines, pace_table
 from fitball.report.fit.terminal import render, render_json
+from fitball.report.saved.fit_text import fit_text
 
 # 30 m/s at 16 degrees, by a pocket calculator.
 V_X1, V_Y1 = 28.837851, 8.269121
@@ -48,7 +50,9 @@ def two_surfaces(tmp_path_factory):
     noise = np.random.default_rng(2).normal(0.0, 1.0, (16, 6)) * np.array([0.0, 0.0, 6.0, 0.1, 0.1, 4.0])
     rows = np.concatenate([sliding_rows(0.72, speed, normal), sliding_rows(0.45, speed, normal)]) + noise
     write_table(place, rows, ["clay"] * 8 + ["grass"] * 8)
-    return fitball.calibrate(place, model="grip-slip", pool={"mu": "surface"}, point_only=True, cores=1)
+    with pytest.MonkeyPatch.context() as patch:
+        search_briefly(patch)
+        return fitball.calibrate(place, model="grip-slip", pool={"mu": "surface"}, point_only=True, cores=1)
 
 
 def test_the_test_impact_is_the_itf_one():
@@ -103,7 +107,7 @@ def test_rating_is_that_of_the_model_at_the_test_impact(grip_slip_fit):
     assert found.friction.median == pytest.approx(fit.parameters["mu"].median, abs=0.002)
 
 
-def test_a_ball_that_grips_has_less_apparent_friction(tmp_path):
+def test_a_ball_that_grips_has_less_apparent_friction(brief):
     """With mu held high the test ball grips: its velocities do not show mu, and the page says so."""
     fit = fitball.calibrate("wang_all.csv", model="grip-slip", fix={"mu": 1.3}, point_only=True, cores=1)
     (found,) = fit.court_pace.ratings
@@ -173,14 +177,16 @@ def test_spin_of_the_test_is_within_what_the_itf_allows(tmp_path):
             assert reach.beyond["omega_1"] == pytest.approx(-40.0)
 
 
-def test_a_drop_test_has_no_court_pace(drop_page, grip_slip_fit):
-    content = json.loads((drop_page.parent / "fit.json").read_text(encoding="utf-8"))
-    assert content["court_pace"] is None
-    assert "Court pace" not in drop_page.read_text(encoding="utf-8")
+def test_a_drop_test_has_no_court_pace(tmp_path, grip_slip_fit, brief):
+    table = tmp_path / "drop.csv"
+    table.write_text("v_y1,v_y2\n4,3.21\n6,4.68\n8,6.13\n10,7.48\n", encoding="utf-8")
+    fit = fitball.calibrate(table, model="brody", point_only=True, cores=1)
+    assert json.loads(fit_text(fit))["court_pace"] is None
+    assert "Court pace" not in page(fit, {})
     assert pace_lines(replace(grip_slip_fit.result, court_pace=None)) == ()
 
 
-def test_a_model_that_needs_the_measured_restitution_says_so(grip_slip_fit):
+def test_a_model_that_needs_the_measured_restitution_says_so(brief):
     fit = fitball.calibrate(
         "wang_zero_spin.csv", model="thesis-exact", closures={"cor": "measured"}, point_only=True, cores=1
     )

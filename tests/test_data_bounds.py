@@ -50,7 +50,9 @@ def test_balls_that_are_no_tennis_balls(tmp_path: Path, rows: str, scene: str) -
         load_table(written(tennis, rows))
 
 
-def test_the_verbs_take_the_scene_they_are_given(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_verbs_take_the_scene_they_are_given(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], brief: None
+) -> None:
     table, scene = written(tmp_path, KHARAZ), tmp_path / "other.toml"
     scene.write_text(ALUMINA, encoding="utf-8")
     assert main(["datasets", "check", str(table)]) == 2
@@ -122,8 +124,8 @@ def simulated(rows: int, sd: float, seed: int = 5) -> np.ndarray:
     return np.stack([given.v_x1, given.v_y1, given.omega_1, *noisy], axis=1)
 
 
-def test_a_hundred_thousand_rows_of_the_model_itself_are_read(tmp_path: Path) -> None:
-    numbers = simulated(100_000, 0.3)
+def test_thirty_thousand_rows_of_the_model_itself_are_read(tmp_path: Path) -> None:
+    numbers = simulated(30_000, 0.3)
     # A speed that noise turns towards the court is refused by itself.
     numbers = numbers[numbers[:, 4] > 0.0]
     above = int(np.sum(numbers[:, 4] > numbers[:, 1]))
@@ -163,7 +165,7 @@ def test_wrong_units_are_refused(tmp_path: Path, column: int) -> None:
         load_table(tmp_path / "t.csv")
 
 
-def test_what_comes_after_survives_such_rows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_comes_after_survives_such_rows(tmp_path: Path, capsys: pytest.CaptureFixture[str], brief: None) -> None:
     numbers = simulated(30, 0.05)
     numbers[4, 4] = 1.03 * numbers[4, 1]
     place = tmp_path / "t.csv"

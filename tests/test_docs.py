@@ -188,7 +188,7 @@ def test_columns_units_and_keys_of_a_scene():
     assert column(FORMATS, "key", "holds") == keys
 
 
-def test_result_folder(tmp_path):
+def test_result_folder(tmp_path, brief):
     drop = tmp_path / "drop.csv"
     drop.write_text("v_y1,v_y2,group\n4,3.21,a\n6,4.68,a\n8,6.13,b\n10,7.48,b\n", encoding="utf-8")
     fit = fitball.calibrate(drop, max_steps=100, walkers=16, cores=1)

@@ -12,9 +12,9 @@ from fitball.inference.prediction.error_budget import error_budget
 from fitball.report.fit.summary import diagnosis_lines
 
 
-@pytest.fixture(scope="module")
-def fit():
-    return fitball.calibrate("wang_zero_spin.csv", seed=1, point_only=True)
+@pytest.fixture
+def fit(point_fit):
+    return point_fit
 
 
 def budget_of(fit, golden):
@@ -41,7 +41,7 @@ def test_an_error_of_the_kernel_is_seen(fit):
     assert budget.share == pytest.approx(1e-3 / fit.point.values["velocity_sd"], rel=1e-6)
 
 
-def test_algebraic_models_are_judged_by_rounding():
+def test_algebraic_models_are_judged_by_rounding(brief):
     fit = fitball.calibrate("wang_all.csv", model="grip-slip", seed=1, point_only=True)
     budget = fit.error_budget
     assert "rounded" in budget.reference

@@ -24,7 +24,6 @@ from fitball.exports.formats import TEXT_FORMATS
 from fitball.exports.paper_table import latex_table, markdown_table, paper_rows
 from fitball.exports.parameter_set import parameter_content, toml_text
 from fitball.report.form.rounding import decimals, fixed
-from fitball.report.saved.fit_text import fit_text
 
 
 @pytest.fixture(scope="module")
@@ -191,15 +190,6 @@ def test_latex_is_a_whole_table_rounded_as_the_rows_are(saved):
     assert not re.search(r"(?<!\\)[_%#&]", text.split(r"\caption")[1].split("\n")[0])
     assert r"$\mathrm{10^{-3}\,s/m}$" in text
     assert "did not converge" in text
-
-
-def test_a_unit_of_per_cent_does_not_comment_out_its_line(tmp_path):
-    """Force records bring a parameter in per cent."""
-    fit = fitball.calibrate("synthetic_drop", walkers=14, max_steps=100, cores=1)
-    (tmp_path / "fit.json").write_text(fit_text(fit), encoding="utf-8")
-    text = latex_table(fitball.load_fit(tmp_path).saved)
-    assert r"$\mathrm{\%}$" in text
-    assert not re.search(r"(?<!\\)%", text.removeprefix("% needs"))
 
 
 def test_a_number_the_prior_decides_is_marked(small_fit, tmp_path):

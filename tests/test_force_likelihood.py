@@ -237,18 +237,18 @@ def test_a_known_start_of_contact_holds(problem, tmp_path):
 
 
 def test_samples_do_not_count_as_measurements(tmp_path):
-    """Ten times the samples must not know sqrt(10) times as much; without a misfit they would."""
+    """Five times the samples must not know sqrt(5) times as much; without a misfit they would."""
     errors = {}
-    for step in (1e-4, 1e-5):
+    for step in (1e-4, 2e-5):
         folder = tmp_path / f"{step:g}"
         folder.mkdir()
         case = problem_of(write_case(folder, 5, step=step))
         for misfit in (0.03, 1e-4):
             errors[step, misfit] = error_of(case, values_of(case, force_misfit=misfit))
-    # From 50 samples in the contact to 500 the sensor's noise still sinks; after that nothing is left to gain.
-    assert errors[1e-4, 0.03] / errors[1e-5, 0.03] < 1.8
-    assert errors[1e-4, 1e-4] / errors[1e-5, 1e-4] > 2.5
-    assert errors[1e-5, 0.03] > 5.0 * errors[1e-5, 1e-4]
+    # From 50 samples in the contact to 250 the sensor's noise still sinks; after that nothing is left to gain.
+    assert errors[1e-4, 0.03] / errors[2e-5, 0.03] < 1.7
+    assert errors[1e-4, 1e-4] / errors[2e-5, 1e-4] > 2.1
+    assert errors[2e-5, 0.03] > 5.0 * errors[2e-5, 1e-4]
 
 
 def scored(case):
@@ -259,7 +259,10 @@ def scored(case):
         density = log_posterior(case, np.concatenate([at + steps, at - steps]))
         gradient = (density[: case.dimension] - density[case.dimension :]) / 2e-5
         information = fisher_information(case, at[0], scene=False) + np.eye(case.dimension)
-        at = at + np.clip(np.linalg.solve(information, gradient), -0.3, 0.3) * case.prior.width
+        move = np.linalg.solve(information, gradient)
+        at = at + np.clip(move, -0.3, 0.3) * case.prior.width
+        if np.abs(move).max() < 1e-3:
+            break
     assert np.abs(gradient).max() < 0.3 * np.sqrt(np.diag(information)).max()
     values = case.to_values(at)
     k = case.free_names.index("k_y")
@@ -269,12 +272,13 @@ def scored(case):
 def test_the_truth_is_covered(tmp_path):
     """Over seeds; the negative control takes every sample for independent, and is wrong by many errors."""
     right, wrong = [], []
-    for seed in range(12):
+    for seed in range(8):
         table = write_case(tmp_path, 100 + seed)
         right.append(scored(problem_of(table)))
-        wrong.append(scored(problem_of(table, fix={"force_misfit": 1e-4})))
-    # A mean square of twelve standard normal numbers lies below 1.5^2 with 99 %.
-    assert np.sqrt(np.mean(np.square(right))) < 1.5
+        if seed < 3:
+            wrong.append(scored(problem_of(table, fix={"force_misfit": 1e-4})))
+    # A mean square of eight standard normal numbers lies below 1.6^2 with 99 %.
+    assert np.sqrt(np.mean(np.square(right))) < 1.6
     assert np.sqrt(np.mean(np.square(wrong))) > 2.5
 
 

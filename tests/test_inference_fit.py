@@ -8,7 +8,7 @@ from functools import partial
 import emcee
 import numpy as np
 import pytest
-from samples import problem_of
+from samples import TWO_MASS, problem_of
 
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
@@ -107,14 +107,12 @@ def test_likelihood_is_the_normal_density_written_out():
     from scipy.stats import norm
 
     problem = problem_of("wang_zero_spin.csv")
-    point = maximum_posterior(problem, starts_of(problem))
-    values = np.array([[point.values[name] for name in problem.free_names]])
+    values = np.array([[TWO_MASS[name] for name in problem.free_names]])
     rebound = problem.rebound(values)
-    noise = point.values
     expected = 0.0
     for name, sd in (("v_x2", "velocity_sd"), ("v_y2", "velocity_sd"), ("omega_2", "spin_sd")):
         observed = problem.table.measurement(name).values
-        expected += norm.logpdf(observed, getattr(rebound, name)[0], noise[sd]).sum()
+        expected += norm.logpdf(observed, getattr(rebound, name)[0], TWO_MASS[sd]).sum()
     assert log_likelihood(problem, values, rebound)[0] == pytest.approx(expected, rel=1e-12)
     time = norm.logpdf(rebound.contact_time.mean(), 5.0e-3, 0.5e-3)
     assert log_scene_density(problem, rebound)[0] == pytest.approx(time, rel=1e-12)
@@ -125,9 +123,7 @@ def test_likelihood_is_the_normal_density_written_out():
 
 def test_impossible_parameters_have_no_density():
     problem = problem_of("wang_zero_spin.csv")
-    point = maximum_posterior(problem, starts_of(problem))
-    values = np.array([[point.values[name] for name in problem.free_names]])
-    values[0, problem.free_names.index("mass_ratio")] = 0.5
+    values = np.array([[(TWO_MASS | {"mass_ratio": 0.5})[name] for name in problem.free_names]])
     rebound = problem.rebound(values)
     assert Status.COR_EXCEEDS_MASS_RATIO in rebound.status
     assert log_posterior(problem, problem.to_coordinates(values))[0] == -np.inf
@@ -292,7 +288,7 @@ def synthetic(problem, values, seed, only=None):
 
 
 def test_verdicts_of_wang_zero_spin():
-    fit = run(problem_of("wang_zero_spin.csv"), Effort(seed=1, cores=2))
+    fit = run(problem_of("wang_zero_spin.csv"), Effort(seed=1, cores=2, max_steps=300))
     verdicts = {item.name: item.verdict for item in fit.estimates}
     assert verdicts["k_y"] is Verdict.PRIOR_DOMINATED
     assert "contact time" in fit.parameters["k_y"].reason
@@ -302,21 +298,6 @@ def test_verdicts_of_wang_zero_spin():
     # The posterior of a contact time known to 10 % is known to 10 %: k_y cannot be sharper than twice that.
     k_y = fit.parameters["k_y"]
     assert k_y.sd / k_y.median > 0.15
-
-
-def test_when_every_ball_grips_friction_is_bounded_from_below_only():
-    problem = problem_of("wang_zero_spin.csv", model="grip-slip")
-    problem = build_problem(problem.table, replace(problem.scene, mu=None), Choices(model="grip-slip"))
-    truth = {
-        "mu": 1.5, "e_x": 0.1, "offset": 2e-3, "cor_10": 0.76, "cor_slope": -0.013,
-        "velocity_sd": 0.05, "spin_sd": 2.0,
-    }  # fmt: skip
-    values = np.array([truth[name] for name in problem.free_names])
-    table = synthetic(problem, values, seed=8)
-    fit = run(build_problem(table, problem.scene, Choices(model="grip-slip")), Effort(seed=2, cores=2))
-    assert fit.parameters["mu"].verdict is Verdict.ONE_SIDED
-    assert "from below only" in fit.parameters["mu"].reason
-    assert fit.parameters["e_x"].verdict is Verdict.IDENTIFIED
 
 
 def test_a_parameter_that_acts_nowhere_is_prior_dominated():
@@ -338,7 +319,7 @@ def test_a_parameter_that_acts_nowhere_is_prior_dominated():
         labels={},
     )
     scene = replace(problem.scene, mu=(0.2, 0.05))
-    fit = run(build_problem(table, scene, Choices(model="grip-slip")), Effort(seed=2, cores=2))
+    fit = run(build_problem(table, scene, Choices(model="grip-slip")), Effort(seed=2, cores=2, max_steps=300))
     assert fit.parameters["e_x"].verdict in (Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED)
     assert fit.parameters["mu"].verdict is Verdict.IDENTIFIED
 
@@ -368,10 +349,10 @@ def coverage(problem, scale, replicates, effort, seed):
 
 
 def test_recovery_covers_and_a_wrong_sigma_does_not():
-    """Ten synthetic tables from the priors of `grip-slip` with known noise; five with its sigma a quarter of it."""
+    """Eight synthetic tables from the priors of `grip-slip` with known noise; four with its sigma a quarter of it."""
     scene = replace(Scene(ball=load_scene("wang_all.csv").ball), velocity_sd=0.25, spin_sd=10.0)
     problem = build_problem(load_table("wang_all.csv"), scene, Choices(model="grip-slip"))
-    effort = Effort(seed=3, cores=1, ensembles=2, max_steps=700)
-    # 50 intervals of 90 %: 75 % is three and a half standard deviations below.
-    assert coverage(problem, 1.0, 10, effort, 11) > 0.75
-    assert coverage(problem, 0.25, 5, effort, 11) < 0.65
+    effort = Effort(seed=3, cores=1, ensembles=2, max_steps=400)
+    # 40 intervals of 90 %: 75 % is three standard deviations below.
+    assert coverage(problem, 1.0, 8, effort, 11) > 0.75
+    assert coverage(problem, 0.25, 4, effort, 11) < 0.65

@@ -129,9 +129,7 @@ def test_closures_against_the_oracle(name, closures):
 
 
 FIFTY_DIGITS = {
-    "slide": HardCase("", SHALLOW, LINES),
     "slide-grip-slide back": HardCase("", FAST, LINES),
-    "grip-slide back": HardCase("", (8.0, 10.0, 240.0), LINES),
     "slide-grip-slide": HardCase("", (8.0, 10.0, 0.0), {**LINES, "k_theta": 80.0}, {"torsion": "free"}),
     "slide-hold-grip-slide back": HardCase("", STEEP, {**LINES, "eps_10": 1.2e-2, "mu": 0.22}, {"offset": "grip"}),
     "slide-free": HardCase("", SHALLOW, LINES, {"normal": "total", "release": "zero_displacement", "spin": "shell"}),
@@ -140,7 +138,7 @@ FIFTY_DIGITS = {
 
 @pytest.mark.parametrize("regime", FIFTY_DIGITS)
 def test_fifty_digits(regime):
-    """One direction in which every variable moves, in each kind of regime: agreement to 1e-9 and better."""
+    """One direction in which every variable moves, through every kind of phase: agreement to 1e-9 and better."""
     case = FIFTY_DIGITS[regime]
     chosen, names = case.model, case.model.parameter_names
     values = np.array([[case.parameters[key] for key in names]])

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from samples import GRIP_SLIP, coordinates_of, drop_table, leave_out_figures, problem_of, same_values, synthetic
+from samples import GRIP_SLIP, coordinates_of, drop_table, problem_of, same_values, synthetic
 from scipy import stats
 
 import fitball
@@ -360,8 +360,7 @@ def test_restitution_as_measured_needs_every_speed():
         problem_of(GAPPY, "two-mass", closures={"cor": "measured"})
 
 
-def test_a_gappy_table_goes_to_a_folder_and_back(tmp_path, monkeypatch):
-    leave_out_figures(monkeypatch)
+def test_a_gappy_table_goes_to_a_folder_and_back(tmp_path, brief):
     fit = fitball.calibrate(with_gaps(stating(WANG), 4), scene=Scene(), model="grip-slip", point_only=True, cores=1)
     folder = fit.save(tmp_path / "fit")
     table, _force = read_fit(folder).measured()

@@ -15,6 +15,7 @@ import jsonschema
 import numba
 import numpy as np
 import pytest
+from samples import leave_out_figures, search_briefly
 
 import fitball
 from fitball.cli.main import main
@@ -73,6 +74,8 @@ TOY = (
 @pytest.fixture(scope="module", autouse=True)
 def registered():
     with pytest.MonkeyPatch.context() as patched:
+        search_briefly(patched)
+        leave_out_figures(patched)
         patched.setitem(MODELS, "toy", Entry(ToyModel.composer(TOY, TOY[:1]), candidates=("toy",)))
         yield
 
@@ -139,18 +142,8 @@ def test_export_tells_its_own_parameters(folder, tmp_path):
 
 def test_compare_ranks_it(tmp_path):
     out = tmp_path / "compared"
-    words = [
-        "compare",
-        "wang_zero_spin.csv",
-        "--models",
-        "brody,toy",
-        "--quick",
-        "--max-steps",
-        "300",
-        "--cores",
-        "1",
-    ]
-    assert main([*words, "--quiet", "--out", str(out)]) in (0, 1)
+    words = ["compare", "wang_zero_spin.csv", "--models", "brody,toy", "--quick", "--max-steps", "100"]
+    assert main([*words, "--cores", "1", "--quiet", "--out", str(out)]) in (0, 1)
     found = json.loads((out / "compare.json").read_text("utf-8"))
     assert {item["name"] for item in found["models"]} == {"brody", "toy"}
 

@@ -69,7 +69,7 @@ def test_what_is_wrong_with_a_data_frame_is_told_by_row_and_column():
         fitball.load_table({"v_y1": [4.0, 6.0], "v_y2": [3.2]})
 
 
-def test_a_fit_to_a_data_frame_is_the_fit_to_its_file():
+def test_a_fit_to_a_data_frame_is_the_fit_to_its_file(brief):
     table = fitball.load_table("wang_zero_spin")
     scene = fitball.load_scene("wang_zero_spin")
     asked = {"model": "brody", "point_only": True, "cores": 1, "scene": scene}
@@ -79,7 +79,7 @@ def test_a_fit_to_a_data_frame_is_the_fit_to_its_file():
     assert one.table.name == "DataFrame" and one != other
 
 
-def test_tables_of_all_kinds_are_fitted_together(tmp_path):
+def test_tables_of_all_kinds_are_fitted_together(tmp_path, brief):
     frame = fitball.load_table("wang_topspin").to_frame()
     tables = ["wang_zero_spin", fitball.load_table(frame, name="mine")]
     fit = fitball.calibrate(tables, model="brody", point_only=True, cores=1)

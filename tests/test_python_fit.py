@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from arviz_stats.base.array import array_stats
+from samples import leave_out_figures
 from scipy.stats import norm
 
 import fitball
@@ -22,10 +23,16 @@ from fitball.report.figures.names import FIGURES
 from fitball.values import same
 
 
+def save_with_one_figure(fit, folder):
+    with pytest.MonkeyPatch.context() as patch:
+        leave_out_figures(patch, but=["residuals"])
+        return fit.save(folder)
+
+
 @pytest.fixture(scope="module")
 def folder(short_fit, tmp_path_factory):
-    """The short fit, saved."""
-    return short_fit.save(tmp_path_factory.mktemp("python") / "fit")
+    """The short fit, saved with a figure."""
+    return save_with_one_figure(short_fit, tmp_path_factory.mktemp("python") / "fit")
 
 
 @pytest.fixture(scope="module")
@@ -49,8 +56,9 @@ def test_a_fit_read_back_is_the_fit_and_saves_the_same_files(short_fit, folder, 
         assert one == other and one.report() == other.report() and repr(one) == repr(other)
         assert one.notes == other.notes and one.verdict == other.verdict and one.parameters == other.parameters
         pd.testing.assert_frame_equal(one.summary(), other.summary(), check_exact=True)
-    copy = again.save(tmp_path / "copy")
+    copy = save_with_one_figure(again, tmp_path / "copy")
     names = {path.name for path in folder.iterdir()}
+    assert "residuals.png" in names
     assert names == {path.name for path in copy.iterdir()}
     # The page tells of the search and of the reading of the table, which a folder does not keep.
     for name in names - {"report.html"}:

@@ -24,9 +24,9 @@ def browser(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def pages(grip_slip_folder, point_page, drop_page):
+def pages(grip_slip_page, point_page, drop_page):
     return {
-        "grip-slip": grip_slip_folder / "report.html",
+        "grip-slip": grip_slip_page,
         "point": point_page,
         "drop": drop_page,
         "chapter five": ROOT / "fits" / "chapter_five" / "report.html",

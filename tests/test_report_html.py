@@ -89,11 +89,13 @@ def faults(text):
 
 
 @pytest.fixture(scope="module")
-def text(grip_slip_folder):
-    return (grip_slip_folder / "report.html").read_text(encoding="utf-8")
+def text(grip_slip_page):
+    return grip_slip_page.read_text(encoding="utf-8")
 
 
-def test_pages_are_whole(text, point_page, drop_page):
+def test_pages_are_whole(text, grip_slip_fit, point_page, drop_page):
+    assert text.count("<img ") == 8
+    assert all(item.name in text and item.verdict in text for item in grip_slip_fit.estimates)
     for item in (text, point_page.read_text(encoding="utf-8"), drop_page.read_text(encoding="utf-8")):
         assert faults(item) == []
         assert not re.search(r"\b(nan|None|Undefined|inf)\b", re.sub(r"data:image/[^\"]*", "", item))
@@ -130,16 +132,16 @@ def test_the_reader_is_told_in_order(text, grip_slip_fit):
         assert item.name in said
 
 
-def test_a_page_is_small_and_shows_the_files_beside_it(text, grip_slip_folder):
+def test_a_page_is_small_and_shows_the_files_beside_it(text, grip_slip_page):
     assert len(text.encode()) < 1_000_000
-    written = {place.stem: place.read_bytes() for place in grip_slip_folder.glob("*.png")}
+    written = {place.stem: place.read_bytes() for place in grip_slip_page.parent.glob("*.png")}
     assert set(written) == set(FIGURES) - {"force"}
     shown = [base64.b64decode(item) for item in re.findall(r'src="data:image/png;base64,([^"]*)"', text)]
     assert sorted(shown) == sorted(written.values())
 
 
-def test_without_figures_there_are_none_and_older_ones_go(grip_slip_fit, grip_slip_folder, tmp_path):
-    place = shutil.copytree(grip_slip_folder, tmp_path / "fit")
+def test_without_figures_there_are_none_and_older_ones_go(grip_slip_fit, grip_slip_page, tmp_path):
+    place = shutil.copytree(grip_slip_page.parent, tmp_path / "fit")
     (place / "mine.png").write_bytes(b"not ours")
     write_all(grip_slip_fit, place, figures=False)
     assert [item.name for item in place.glob("*.png")] == ["mine.png"]

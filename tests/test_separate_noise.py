@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from samples import GRIP_SLIP, POLAR
+from samples import GRIP_SLIP, POLAR, search_briefly
 from scipy import stats
 
 import fitball
@@ -184,7 +184,7 @@ def test_the_scene_says_what_is_known_of_each(tmp_path):
     assert noises(SHORT, scene)[1] == {"v_x_sd": 0.01, "v_y_sd": 0.02, "spin_sd": 0.05}
 
 
-def test_the_command_line_and_what_reads_its_files(tmp_path, monkeypatch, capsys):
+def test_the_command_line_and_what_reads_its_files(tmp_path, monkeypatch, capsys, brief):
     """Exports know from fit.json alone which noise a column has."""
     monkeypatch.chdir(tmp_path)
     words = ["calibrate", "wang_zero_spin.csv", "--model", "grip-slip", "--point-only", "--quiet", "--out", "a"]
@@ -232,12 +232,14 @@ def test_speed_and_angle_have_noises_of_their_own(tmp_path):
 @pytest.fixture(scope="module")
 def fits():
     table = made(120, 5)
-    return {
-        kind: fitball.calibrate(
-            table, "grip-slip", scene=Scene(), velocity_noise=kind, seed=1, cores=1, max_steps=400
-        )
-        for kind in (None, "tied")
-    }
+    with pytest.MonkeyPatch.context() as patch:
+        search_briefly(patch)
+        return {
+            kind: fitball.calibrate(
+                table, "grip-slip", scene=Scene(), velocity_noise=kind, seed=1, cores=1, max_steps=300
+            )
+            for kind in (None, "tied")
+        }
 
 
 def test_both_noises_are_recovered(fits):
