@@ -66,7 +66,7 @@ def distance(one: Rebound, other: Rebound, at: Impacts) -> float:
     return float(np.max(np.abs(apart) / size))
 
 
-@pytest.mark.parametrize("seed", range(100, 116))
+@pytest.mark.parametrize("seed", range(100, 108))
 def test_agrees_with_fifty_digits(seed: int) -> None:
     [(closures, parameters, at)] = random_cases(seed, 1)
     double, exact = (
@@ -105,10 +105,9 @@ def test_grazing_the_friction_cone_is_seen() -> None:
     assert distance(double, exact, at) < 1e-11
 
 
-@pytest.mark.parametrize("digits", [30, 50])
-def test_digits_beyond_double_change_nothing(digits: int) -> None:
+def test_digits_beyond_double_change_nothing() -> None:
     at = impacts([15.0, 1.0], [10.0, 15.0], [100.0, 300.0])
-    few = oracle_rebound_mp(DEFAULT, BALL, PARAMETERS, at, digits=digits)
+    few = oracle_rebound_mp(DEFAULT, BALL, PARAMETERS, at, digits=30)
     many = oracle_rebound_mp(DEFAULT, BALL, PARAMETERS, at, digits=70)
     np.testing.assert_array_equal(few.v_x2, many.v_x2)
     np.testing.assert_array_equal(few.omega_2, many.omega_2)
@@ -119,7 +118,7 @@ def test_digits_beyond_double_change_nothing(digits: int) -> None:
 
 @pytest.mark.parametrize("normal", ["inner", "momentum", "total"])
 def test_angular_momentum_about_the_contact_point(normal: str) -> None:
-    for closures, parameters, at in random_cases(2, 40, normal=normal, offset="contact", spin="mean"):
+    for closures, parameters, at in random_cases(2, 25, normal=normal, offset="contact", spin="mean"):
         rebound = oracle_rebound(closures, BALL, parameters, at)
         v_y1, cor = float(at.v_y1[0]), float(rebound.v_y2[0] / at.v_y1[0])
         landing = (1 - parameters["mass_ratio"]) if normal == "momentum" else 0.0
@@ -149,7 +148,7 @@ def test_momentum_closure_gives_the_whole_balls_normal_impulse() -> None:
 
 
 def test_energy_never_rises() -> None:
-    for closures, parameters, at in random_cases(3, 100, spin="mean"):
+    for closures, parameters, at in random_cases(3, 40, spin="mean"):
         plain = parameters | {"eps_10": 0.0, "eps_slope": 0.0}
         rebound = oracle_rebound(closures, BALL, plain, at)
         before = BALL.mass * at.v_x1**2 + BALL.inertia * at.omega_1**2
@@ -158,7 +157,7 @@ def test_energy_never_rises() -> None:
 
 
 def test_mirror_symmetry() -> None:
-    for closures, parameters, at in random_cases(4, 60):
+    for closures, parameters, at in random_cases(4, 30):
         rebound = oracle_rebound(closures, BALL, parameters, at)
         turned = parameters | {"eps_10": -parameters["eps_10"], "eps_slope": -parameters["eps_slope"]}
         image = oracle_rebound(closures, BALL, turned, impacts(-at.v_x1, at.v_y1, -at.omega_1))
@@ -168,7 +167,7 @@ def test_mirror_symmetry() -> None:
 
 
 def test_velocities_scale_together() -> None:
-    for closures, parameters, at in random_cases(5, 60, cor="mean"):
+    for closures, parameters, at in random_cases(5, 30, cor="mean"):
         fixed = parameters | {"eps_slope": 0.0}
         one = oracle_rebound(closures, BALL, fixed, at)
         two = oracle_rebound(closures, BALL, fixed, impacts(2 * at.v_x1, 2 * at.v_y1, 2 * at.omega_1))
@@ -186,7 +185,7 @@ def test_only_the_ratio_of_stiffnesses_reaches_the_rebound() -> None:
 
 
 def test_without_friction_nothing_turns() -> None:
-    for closures, parameters, at in random_cases(7, 40):
+    for closures, parameters, at in random_cases(7, 20):
         smooth = parameters | {"mu": 0.0, "eps_10": 0.0, "eps_slope": 0.0}
         rebound = oracle_rebound(closures, BALL, smooth, at)
         assert rebound.v_x2[0] == pytest.approx(at.v_x1[0], rel=1e-14)
@@ -204,7 +203,7 @@ def test_without_friction_nothing_turns() -> None:
 def test_rebound_is_continuous_across_regimes(closures: Closures, changes: dict[str, float]) -> None:
     # Not so with `offset = grip`: a grip that grazes its cone may go on or turn into a hold, whose twist
     # accelerates by a finite amount less, so that the two part for good.
-    v_x1 = np.linspace(-15.0, 15.0, 601)
+    v_x1 = np.linspace(-15.0, 15.0, 301)
     rebound = oracle_rebound(closures, BALL, PARAMETERS | changes, impacts(v_x1, 12.0, 80.0))
     assert len(set(rebound.regime.tolist())) >= 5
     # No output changes faster than its input by more than the leverage of a ball on its rim.

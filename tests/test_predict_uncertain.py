@@ -8,7 +8,6 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
-from samples import save_without_figures
 from scipy.stats import norm
 from test_predict import LEVELS, bounce, fitted_grip_slip
 
@@ -164,17 +163,11 @@ def test_a_bad_standard_deviation_is_quoted(text):
     assert f"impact '{text}'" in str(caught.value)
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    made = fitball.calibrate("wang_all.csv", model="grip-slip", seed=4, cores=1, max_steps=100, walkers=16)
-    return save_without_figures(made, tmp_path_factory.mktemp("predict") / "fit")
-
-
-def test_at_the_command_line(folder, tmp_path, capsys):
+def test_at_the_command_line(small_fit, tmp_path, capsys):
     (tmp_path / "new.csv").write_text(TABLE, encoding="utf-8")
     (tmp_path / "exact.csv").write_text(EXACT, encoding="utf-8")
     place = tmp_path / "out.csv"
-    assert main(["predict", str(folder), str(tmp_path / "new.csv"), "--out", str(place)]) == 0
+    assert main(["predict", str(small_fit), str(tmp_path / "new.csv"), "--out", str(place)]) == 0
     out, err = capsys.readouterr()
     assert "one sd owed to" in out
     assert "incident state" in out
@@ -182,16 +175,18 @@ def test_at_the_command_line(folder, tmp_path, capsys):
     frame = pd.read_csv(place)
     assert (frame["v_x2_sd_incident [m/s]"] > 0.1).all()
     assert {"v_x2_sd_parameters [m/s]", "theta_2_sd_measurement [deg]"} <= set(frame.columns)
-    assert main(["predict", str(folder), str(tmp_path / "new.csv"), "--json", "--exact-incidence"]) == 0
+    assert main(["predict", str(small_fit), str(tmp_path / "new.csv"), "--json", "--exact-incidence"]) == 0
     told, plain = json.loads(capsys.readouterr().out), None
     assert "is not used" in " ".join(told.pop("notes"))
-    assert main(["predict", str(folder), str(tmp_path / "exact.csv"), "--json"]) == 0
+    assert main(["predict", str(small_fit), str(tmp_path / "exact.csv"), "--json"]) == 0
     text = capsys.readouterr().out
     plain = json.loads(text)
     plain.pop("notes")
     assert plain == told
     assert "sd_incident" not in text
-    assert main(["predict", str(folder), "--impact", "v=38±1 mph, theta=18", "--impact", "v=38 mph, theta=18"]) == 0
+    assert (
+        main(["predict", str(small_fit), "--impact", "v=38±1 mph, theta=18", "--impact", "v=38 mph, theta=18"]) == 0
+    )
     lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  v_x2 [m/s]")]
     assert len(lines) == 4
     assert float(lines[1].split()[-2]) > 0.1

@@ -10,7 +10,6 @@ from pathlib import Path
 import misread
 import numpy as np
 import pytest
-from samples import save_without_figures
 from snippets import snippets
 from test_data_bounds import ALUMINA, KHARAZ, written
 
@@ -202,7 +201,7 @@ def test_every_verb_asks_and_names_both_that_explain_as_much(spins, tmp_path, ca
     assert "another reading explains" in capsys.readouterr().out
 
 
-def test_a_flip_is_applied_told_kept_and_repeated(spins, tmp_path, capsys):
+def test_a_flip_is_applied_told_kept_and_repeated(spins, tmp_path, capsys, brief):
     flip = ["omega_1", "omega_2"]
     table = fitball.load_table(spins, flip=flip)
     np.testing.assert_array_equal(table.impacts.omega_1, -fitball.load_table(spins).impacts.omega_1)
@@ -211,7 +210,7 @@ def test_a_flip_is_applied_told_kept_and_repeated(spins, tmp_path, capsys):
     assert "omega_2 is counted with the other sign, on request (flip)" in capsys.readouterr().out
     fit = fitball.calibrate(spins, model="brody", point_only=True, cores=1, flip=flip)
     assert 0.4 < fit.point.values["mu"] < 0.75
-    save_without_figures(fit, tmp_path / "fit")
+    fit.save(tmp_path / "fit")
     kept = json.loads((tmp_path / "fit" / "fit.json").read_text("utf-8"))
     assert kept["table"]["flipped"] == flip
     assert any("omega_1 is counted with the other sign" in note for note in kept["notes"])
@@ -237,11 +236,11 @@ def test_no_chain_goes_on_with_other_signs(spins):
     assert fingerprint(turned, effort) != fingerprint(other, effort)
 
 
-def test_as_read_leaves_a_note_and_nobody_asks_again(spins, tmp_path, capsys):
+def test_as_read_leaves_a_note_and_nobody_asks_again(spins, tmp_path, capsys, brief):
     fit = fitball.calibrate(spins, model="brody", point_only=True, cores=1, as_read=True)
     (note,) = (note for note in fit.notes if "as_read" in note)
     assert "taken as its header says" in note and "with omega_1 and omega_2 negated" in note
-    save_without_figures(fit, tmp_path / "fit")
+    fit.save(tmp_path / "fit")
     record = read_run(tmp_path / "fit")
     assert note in record_problem(record, find_tables(record)).notes
     assert restore(tmp_path / "fit").problem.table.impacts.omega_1[0] == fit.problem.table.impacts.omega_1[0]

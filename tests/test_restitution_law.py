@@ -141,7 +141,7 @@ def test_a_constant_restitution_is_contained_in_it():
     np.testing.assert_allclose(one.v_y2, other.v_y2, rtol=1e-14)
 
 
-def test_a_fit_finds_the_law_that_made_a_table(tmp_path):
+def test_a_fit_finds_the_law_that_made_a_table(tmp_path, brief):
     """Forty drops from 1.5 to 35 m/s: the fit is as near to the truth as its noise, and the line cannot follow."""
     rng = np.random.default_rng(8)
     speeds = np.linspace(1.5, 35.0, 40)

@@ -11,6 +11,7 @@ import h5py
 import jsonschema
 import numpy as np
 import pytest
+from samples import problem_of
 
 import fitball
 from fitball.cli.main import main
@@ -236,7 +237,7 @@ def test_an_array_longer_than_its_file_is_not_read(copy):
         fitball.load_fit(copy).saved.posterior()
 
 
-def test_a_label_with_a_slash_ends_in_no_other_group(tmp_path):
+def test_a_label_with_a_slash_ends_in_no_other_group(tmp_path, brief):
     """Names of parameters hold the labels of a pooled column; HDF5 takes a slash for the way into a group."""
     table = load_tables(["wang_zero_spin.csv"])
     halves = tuple("hard/clay" if k < 4 else "grass" for k in range(len(table)))
@@ -317,7 +318,7 @@ def test_a_chain_that_is_cut_off_or_no_file_is_not_resumed(chain):
 
 
 def test_more_walkers_than_any_memory_holds():
-    problem = fitball.calibrate("wang_zero_spin.csv", model="brody", point_only=True, cores=1).problem
+    problem = problem_of("wang_zero_spin.csv", "brody")
     with pytest.raises(ParameterError, match="at most 20000 in all"):
         Effort(walkers=10**9).settings(problem)
     with pytest.raises(ParameterError, match="ball radius"):

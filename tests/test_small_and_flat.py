@@ -106,7 +106,9 @@ def test_distinct_optima_are_all_kept():
         (DROP, "two-mass,two-mass+cor=mean", "v_y2", ["v_y2"]),
     ],
 )
-def test_compare_without_spin_and_of_a_drop_test(tmp_path, monkeypatch, capsys, text, models, left_out, scored):
+def test_compare_without_spin_and_of_a_drop_test(
+    tmp_path, monkeypatch, capsys, brief, text, models, left_out, scored
+):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "table.csv").write_text(text, encoding="utf-8")
     words = ["compare", "table.csv", "--quick", "--cores", "1", "--max-steps", "100", "--models", models]

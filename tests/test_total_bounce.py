@@ -83,7 +83,7 @@ def _call(function, states, cor):
     return found
 
 
-def states_of_play(count=15_000):
+def states_of_play(count=5_000):
     """Speeds from 0 to 100 m/s in all directions with all spins: edges, a grid, and random ones."""
     rng = np.random.default_rng(12)
     speeds = np.concatenate(
