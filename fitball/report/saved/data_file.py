@@ -9,7 +9,6 @@ from typing import Any
 
 import h5py
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from fitball.data.columns import SD_SUFFIX
@@ -19,11 +18,10 @@ from fitball.errors import ParameterError, ResultFolderError
 from fitball.inference.problem.force_records import Averaged, ForceRecords
 from fitball.inference.problem.problem import Problem
 from fitball.observables import SI_UNITS
-from fitball.report.form.atomic_write import write_whole
 from fitball.report.saved.fit_file import DataPart, ForcePart, TablePart
+from fitball.report.saved.netcdf import Variable, write_groups
 from fitball.report.saved.structure import part
 from fitball.values import Impacts
-from fitball.version import __version__
 
 DATA_NAME = "data.nc"
 KIND = "fitball data"
@@ -93,16 +91,14 @@ def _packed(column: NDArray[Any]) -> bytes:
 
 def write_data(problem: Problem, path: Path) -> None:
     """Write `data.nc`, whole or not at all. Raises ResultFolderError."""
-    columns = data_columns(problem.table, problem.force)
-    variables = {}
-    for name, column in columns.items():
+    names = {f"{_LABEL}{k}": name for k, name in enumerate(problem.table.labels)}
+    variables = []
+    for name, column in data_columns(problem.table, problem.force).items():
         dims = ("record", "node") if name.startswith(_FORCE) else ("impact", "state", "other_state")
-        unit = SI_UNITS.get(name.removesuffix(SD_SUFFIX), "")
-        variables[name] = (dims[: column.ndim], column, {"units": unit} if unit else {})
-    for k, name in enumerate(problem.table.labels):
-        variables[f"{_LABEL}{k}"][2]["long_name"] = name
-    made = xr.Dataset(variables, attrs={"kind": KIND, "created_by": f"fitball {__version__}"})
-    write_whole(path, lambda place: made.to_netcdf(place, engine="h5netcdf"))
+        told = {"units": SI_UNITS.get(name.removesuffix(SD_SUFFIX), ""), "long_name": names.get(name, "")}
+        known = {key: word for key, word in told.items() if word}
+        variables.append(Variable(name, dims[: column.ndim], column, known))
+    write_groups(path, {"": variables}, kind=KIND)
 
 
 def read_columns(data: DataPart, impacts: int, place: Path) -> dict[str, NDArray[Any]]:

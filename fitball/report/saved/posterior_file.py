@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
 from fitball.data.hdf5_arrays import array, finite, group, opened
 from fitball.inference.results.results import Fit, Posterior
-from fitball.report.form.atomic_write import write_whole
-from fitball.version import __version__
+from fitball.report.saved.netcdf import Variable, write_groups
+from fitball.values import FloatArray
+
+CHAINS = ("chain", "draw")
 
 
 def variable(name: str) -> str:
@@ -23,41 +24,43 @@ def write_netcdf(fit: Fit, posterior: Posterior, path: Path) -> None:
     """Write groups posterior and sample_stats (chain = walker of an ensemble, draw = step), prior (all that was
     known before the table) and observed_data. Raises ResultFolderError.
     """
+    groups = {
+        "posterior": _draws(fit, posterior),
+        "sample_stats": [Variable("lp", CHAINS, _chains(posterior.log_posterior))],
+        "prior": _prior(posterior),
+        "observed_data": _observed(fit),
+    }
+    write_groups(path, groups, model=fit.problem.model.name)
+
+
+def _chains(values: FloatArray) -> FloatArray:
+    """(ensembles, steps, walkers) as (chains, draws)."""
+    ensembles, steps, walkers = values.shape
+    return values.transpose(0, 2, 1).reshape(ensembles * walkers, steps)
+
+
+def _draws(fit: Fit, posterior: Posterior) -> Iterator[Variable]:
     ensembles, steps, walkers, _ = posterior.values.shape
-    chains = posterior.values.transpose(0, 2, 1, 3).reshape(ensembles * walkers, steps, -1)
-    scores = posterior.log_posterior.transpose(0, 2, 1).reshape(ensembles * walkers, steps)
-    owner = np.repeat(np.arange(ensembles), walkers)
-    draws = xr.Dataset(
-        {
-            variable(name): (("chain", "draw"), chains[:, :, k], {"units": fit.parameters[name].unit})
-            for k, name in enumerate(posterior.names)
-        },
-        coords={"chain": np.arange(ensembles * walkers), "draw": np.arange(steps), "ensemble": ("chain", owner)},
-        attrs={"created_by": f"fitball {__version__}", "model": fit.problem.model.name},
-    )
-    prior = xr.Dataset(
-        {
-            variable(name): (("chain", "draw"), posterior.prior_draws[None, :, k])
-            for k, name in enumerate(posterior.names)
-        },
-        coords={"chain": [0], "draw": np.arange(len(posterior.prior_draws))},
-    )
-    data = xr.Dataset(
-        {
-            observable.name: ("impact", observable.everywhere(len(fit.problem.table)).observed)
-            for observable in fit.problem.observables
-        },
-        coords={"impact": list(fit.problem.table.ids)},
-    )
-    tree = xr.DataTree.from_dict(
-        {
-            "posterior": draws,
-            "sample_stats": xr.Dataset({"lp": (("chain", "draw"), scores)}),
-            "prior": prior,
-            "observed_data": data,
-        }
-    )
-    write_whole(path, lambda place: tree.to_netcdf(place, engine="h5netcdf"))
+    yield Variable("chain", ("chain",), np.arange(ensembles * walkers))
+    yield Variable("draw", ("draw",), np.arange(steps))
+    yield Variable("ensemble", ("chain",), np.repeat(np.arange(ensembles), walkers))
+    for k, name in enumerate(posterior.names):
+        told = {"units": fit.parameters[name].unit, "coordinates": "ensemble"}
+        yield Variable(variable(name), CHAINS, _chains(posterior.values[..., k]), told)
+
+
+def _prior(posterior: Posterior) -> Iterator[Variable]:
+    yield Variable("chain", ("chain",), np.arange(1))
+    yield Variable("draw", ("draw",), np.arange(len(posterior.prior_draws)))
+    for k, name in enumerate(posterior.names):
+        yield Variable(variable(name), CHAINS, posterior.prior_draws[None, :, k])
+
+
+def _observed(fit: Fit) -> Iterator[Variable]:
+    table = fit.problem.table
+    yield Variable("impact", ("impact",), np.array(table.ids, dtype=object))
+    for observable in fit.problem.observables:
+        yield Variable(observable.name, ("impact",), observable.everywhere(len(table)).observed)
 
 
 def read_netcdf(path: Path, names: Sequence[str], shape: tuple[int, int, int]) -> Posterior:
