@@ -20,14 +20,14 @@ from fitball.inference.results.results import BudgetLine, ErrorBudget
 from fitball.inference.thesis.published_cases import case_errors, compare_cases
 from fitball.report.figures.canvas import new_figure
 from fitball.report.figures.names import DPI, FIGURES
-from fitball.report.figures.save import save_figure
+from fitball.report.figures.save import PNG_COLOURS, few_colours, save_figure
 from fitball.report.fit.alt_texts import alt_text
 from fitball.report.fit.budget_rows import budget_table
 from fitball.report.fit.folder import write_all
 from fitball.report.fit.headline import headline
 from fitball.report.fit.html import page
 from fitball.report.fit.published_rows import case_table
-from fitball.report.form.palette import MODEL
+from fitball.report.form.palette import MEASURED, MODEL
 from fitball.report.form.rounding import digits
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -149,16 +149,31 @@ def test_without_figures_there_are_none_and_older_ones_go(grip_slip_fit, grip_sl
     assert "<img" not in bare and faults(bare) == []
 
 
-def test_a_figure_has_few_colours_of_its_own(tmp_path):
+def test_a_figure_keeps_the_colours_of_its_areas(tmp_path):
+    colours = [MODEL, MEASURED, "#f2f3f3", "#e4e6e7"]
     figure = new_figure(2.0, 1.0, layout=None)
-    figure.add_axes((0.0, 0.0, 0.5, 1.0)).set_facecolor(MODEL)
+    for k, colour in enumerate(colours):
+        figure.add_axes((0.2 * k, 0.0, 0.2, 1.0)).set_facecolor(colour)
     content = save_figure(figure, tmp_path / "some.png")
     assert content == (tmp_path / "some.png").read_bytes()
     picture = Image.open(tmp_path / "some.png")
     assert picture.size == (2 * DPI, DPI) and picture.info["dpi"] == pytest.approx((DPI, DPI), abs=0.02)
-    assert picture.mode == "P"
-    pixels = picture.convert("RGB")
-    assert pixels.getpixel((80, 75)) == tuple(bytes.fromhex(MODEL[1:])) and pixels.getpixel((200, 75)) == (255,) * 3
+    assert picture.mode == "P" and len(picture.getcolors()) <= PNG_COLOURS
+    pixels = np.asarray(picture.convert("RGB")).astype(int)
+    for k, colour in enumerate(colours):
+        # Pale bands, one on the other, stay apart from each other and from the paper.
+        assert np.abs(pixels[70, 30 + 60 * k] - list(bytes.fromhex(colour[1:]))).max() <= 3
+    assert pixels[70, 290].tolist() == [255, 255, 255]
+
+
+def test_what_has_more_colours_gets_the_nearest():
+    rng = np.random.default_rng(2)
+    pixels = np.full((200, 300, 4), 255, dtype=np.uint8)
+    pixels[:100, :, :3] = rng.integers(0, 256, (100, 300, 3))
+    pixels[100:150, :, :3] = (0, 114, 178)
+    shown = np.asarray(few_colours(pixels).convert("RGB")).astype(int)
+    assert np.abs(shown[100:150] - (0, 114, 178)).max() <= 3 and np.all(shown[150:] == 255)
+    assert np.median(np.abs(shown[:100] - pixels[:100, :, :3]).max(axis=-1)) < 40
 
 
 def test_long_tables_are_cut_and_say_so(grip_slip_fit, monkeypatch):

@@ -18,7 +18,7 @@ from fitball.values import FloatArray
 
 # Inches: a panel, smaller where many would make a sheet too large to look at; between panels; for labels, and where
 # they stand in it.
-PANEL, WIDEST, LEAST, GAP, LABEL_MARGIN, LABELS = 1.55, 11.5, 0.75, 0.12, 0.95, 0.25
+PANEL, WIDEST, LEAST, GAP, LABEL_MARGIN, LABELS = 1.55, 10.8, 0.75, 0.12, 0.95, 0.25
 # Between the contours and within the inner one: opaque, which draws faster than what shines through.
 SHADES = [pale(MODEL, 0.35), pale(MODEL, 0.7)]
 
@@ -41,7 +41,7 @@ def corner_figure(fit: Drawable) -> Figure:
     sheet.frames([*diagonal, *pairs.values()])
     sheet.ticks(lowest, "x", rotation=45)
     sheet.ticks(left, "y", rotation=45)
-    letters = min(10.0, 10.0 * size)
+    letters = 10.0 if count < 12 else 8.0
     for k, axis in enumerate(data.axes):
         sheet.text(across[k].start + 0.5 * size, LABELS, axis.label, letters, ha="center", va="center")
         if k:

@@ -16,6 +16,7 @@ from fitball.report.figures.canvas import (
     Margins,
     group_styles,
     heading,
+    inner,
     legend_below,
     panels,
     shown_rows,
@@ -44,12 +45,13 @@ def curves_figure(fit: Drawable) -> Figure:
             _draw_measured(axis, column, item, place, groups)
         axes[0, k].set_title(column.title, fontsize=10)
         axes[-1, k].set_xlabel(along_label(fit))
-    for place_down, (row, name) in enumerate(zip(axes, points, strict=True)):
+    for row, name in zip(axes, points, strict=True):
         row[0].set_ylabel(output_label(name))
         _same_height(row, points[name], [column.bands[name] for column in columns])
-        for axis in row:
-            axis.grid(alpha=0.3)
-            axis.tick_params(labelsize=8, labelleft=axis is row[0], labelbottom=place_down == len(axes) - 1)
+        row[0].tick_params(labelsize=8)
+    for axis in axes[-1]:
+        axis.tick_params(labelsize=8)
+    inner(axes)
     _legend(figure, fit, groups)
     heading(figure, _title(fit, len(columns)))
     return figure
@@ -102,7 +104,7 @@ def _same_height(row: NDArray[Any], item: Measured, bands: list[FloatArray]) -> 
     known = np.concatenate([part[np.isfinite(part)] for part in seen])
     for axis in row:
         axis.set_ylim(*_margins(known, 0.06))
-        axis.locator_params(axis="y", nbins=5)
+    row[0].locator_params(axis="y", nbins=5)
 
 
 def _legend(figure: Figure, fit: Drawable, groups: NDArray[np.str_]) -> None:

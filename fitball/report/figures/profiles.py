@@ -31,7 +31,9 @@ def profiles_figure(fit: Drawable) -> Figure:
     for axis, panel in zip(axes, shown, strict=False):
         _draw(axis, panel, words)
     for row in grid:
-        row[0].set_yticklabels(LEVEL_WORDS, fontsize=8)
+        row[0].set_yticks(LEVELS, LEVEL_WORDS, fontsize=8)
+        for axis in row[1:]:
+            axis.set_yticks([])
     figure.supylabel("log likelihood below its maximum", fontsize=10, x=0.1 / figure.get_figwidth(), ha="left")
     for axis in axes[len(shown) :]:
         axis.set_visible(False)
@@ -58,7 +60,6 @@ def _draw(axis: Axes, panel: ProfilePanel, words: str) -> None:
         axis.set_xlim(*panel.span)
         axis.locator_params(axis="x", nbins=4)
     axis.set_ylim(LOWEST, 0.15)
-    axis.set_yticks(LEVELS, [""] * len(LEVELS))
     axis.set_title(panel.name, fontsize=9, pad=3)
     axis.set_xlabel(panel.axis.label, labelpad=2)
     axis.tick_params(labelsize=8)

@@ -9,13 +9,16 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fitball.inference.results.results import Predictive
-from fitball.report.figures.canvas import new_figure
+from fitball.report.figures.canvas import heading, legend_below, new_figure
 from fitball.report.figures.drawable import Drawable
 from fitball.report.figures.measured import group_of
 from fitball.report.form.palette import FAINT, REGIMES
 from fitball.values import FloatArray
 
-# Bars that one picture can show.
+# Inches: the figure, one bar, what surrounds them in all, below them, and left of them besides their labels.
+WIDTH, ROW, ROUND, BELOW, LEFT = 8.5, 0.27, 1.6, 1.05, 0.5
+# Bars that one picture has room for at least, and can show at most.
+FEWEST = 6
 MOST_BARS = 40
 # Sequences with less than this at every impact are shown as one.
 RARE = 0.02
@@ -80,8 +83,9 @@ def regimes_figure(fit: Drawable) -> Figure:
     """One bar per impact, one colour per phase sequence."""
     assert fit.predictive is not None
     data = regime_bars(fit, fit.predictive)
-    figure = new_figure(8.5, 1.7 + 0.27 * len(data.labels))
-    axis = figure.subplots()
+    high = ROUND + ROW * max(FEWEST, len(data.labels))
+    figure = new_figure(WIDTH, high, layout=None)
+    axis = figure.add_axes((0.0, BELOW / high, 1.0, 1.0 - ROUND / high))
     places = np.arange(len(data.labels))
     left = np.zeros(len(data.labels))
     colours = regime_colours(data.regimes)
@@ -93,6 +97,10 @@ def regimes_figure(fit: Drawable) -> Figure:
     axis.set_xlim(0.0, 1.0)
     axis.set_xlabel("posterior probability of the phase sequence")
     axis.set_ylabel("impact, normal speed, incidence" if fit.problem.table.has_tangential else "impact, speed")
-    figure.legend(loc="outside lower center", ncols=min(3, len(data.regimes)), frameon=False, fontsize=9)
-    figure.suptitle(f"{fit.problem.model.name} on {fit.problem.table.name}: regimes", fontsize=12)
+    # Identifiers are the user's: as wide as they are.
+    widest = max(float(label.get_window_extent().width) for label in axis.get_yticklabels()) / figure.dpi
+    room = min(widest + LEFT, 0.6 * WIDTH)
+    axis.set_position((room / WIDTH, BELOW / high, 1.0 - (room + 0.2) / WIDTH, 1.0 - ROUND / high))
+    legend_below(figure, *axis.get_legend_handles_labels(), 3)
+    heading(figure, f"{fit.problem.model.name} on {fit.problem.table.name}: regimes")
     return figure

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -62,6 +63,8 @@ def residuals_figure(fit: Drawable) -> Figure:
         axis.set_xlabel(label)
     for axis in axes[:-1].ravel():
         axis.set_xticks([])
+    for axis in axes[-1]:
+        axis.tick_params(labelsize=8)
     _legend(figure, fit, styles)
     heading(
         figure,
@@ -72,12 +75,14 @@ def residuals_figure(fit: Drawable) -> Figure:
 
 
 def _guides(axis: Axes, reach: float, leftmost: bool) -> None:
-    for limit in (1.0, 2.0):
-        axis.axhspan(-limit, limit, color=GUIDE, alpha=0.09, linewidth=0, zorder=0)
+    bands = [[(0.0, -limit), (1.0, -limit), (1.0, limit), (0.0, limit)] for limit in (1.0, 2.0)]
+    style: dict[str, Any] = {"transform": axis.get_yaxis_transform(), "facecolors": GUIDE, "linewidths": 0}
+    axis.add_collection(PolyCollection(bands, alpha=0.09, zorder=0, **style), autolim=False)
     axis.axhline(0.0, color=GUIDE, linewidth=0.8, zorder=1)
     axis.set_ylim(-reach, reach)
-    axis.tick_params(labelsize=8)
-    if not leftmost:
+    if leftmost:
+        axis.tick_params(labelsize=8)
+    else:
         axis.set_yticks([])
 
 

@@ -11,6 +11,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from PIL import Image
 
 from fitball.report.figures.names import DPI
@@ -21,8 +22,8 @@ STAMPS: Mapping[str, dict[str, Any]] = {
     "svg": {"Date": None, "Creator": None},
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
 }
-# As many as a drawing with smoothed edges needs: a third of the bytes and of the time that all colours take.
-PNG_COLOURS = 96
+# As many as a drawing with smoothed edges needs: a third of the bytes that all colours take, and less time.
+PNG_COLOURS = 128
 
 
 def save_figure(figure: Figure, place: Path, form: str = "png", dpi: int = DPI) -> bytes:
@@ -43,16 +44,36 @@ def rendered(figure: Figure, form: str, dpi: int) -> bytes:
 
 
 def _png(figure: Figure, dpi: int) -> bytes:
-    """The figure in `PNG_COLOURS` colours at most: nearly white becomes white."""
     canvas: Any = FigureCanvasAgg(figure)
     before = figure.dpi
     figure.set_dpi(dpi)
     try:
         canvas.draw()
-        pixels = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+        picture = few_colours(np.asarray(canvas.buffer_rgba()))
     finally:
         figure.set_dpi(before)
     made = io.BytesIO()
-    few = pixels.quantize(PNG_COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-    few.save(made, "png", dpi=(dpi, dpi))
+    picture.save(made, "png", dpi=(dpi, dpi))
     return made.getvalue()
+
+
+def few_colours(pixels: NDArray[np.uint8]) -> Image.Image:
+    """A picture (height, width, 4) on opaque paper in its `PNG_COLOURS` most frequent colours, six bits of each
+    channel kept, and of colours that differ in the last of these one: areas keep theirs, smoothed edges the nearest.
+    """
+    packed = pixels.view("<u4")[..., 0]
+    code = ((packed >> 2) & 0x3F) | ((packed >> 4) & 0xFC0) | ((packed >> 6) & 0x3F000)
+    counts = np.bincount(code.ravel(), minlength=1 << 18)
+    seen = np.flatnonzero(counts)
+    seen = seen[np.argsort(-counts[seen], kind="stable")]
+    six = np.stack([seen & 0x3F, (seen >> 6) & 0x3F, seen >> 12], axis=1)
+    _, first = np.unique((six >> 1) @ (1, 1 << 5, 1 << 10), return_index=True)
+    colours = (six << 2) | (six >> 4)
+    palette = colours[np.sort(first)[:PNG_COLOURS]]
+    # Squares of distances, less what is the same for the whole palette.
+    nearest = np.argmin((palette**2).sum(axis=1) - 2 * colours @ palette.T, axis=1)
+    places = np.zeros(1 << 18, dtype=np.uint8)
+    places[seen] = nearest
+    picture = Image.fromarray(places[code])
+    picture.putpalette(palette.astype(np.uint8).tobytes())
+    return picture

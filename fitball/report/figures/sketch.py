@@ -6,6 +6,7 @@ from collections.abc import Collection
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle, FancyArrowPatch
 
@@ -36,8 +37,8 @@ def ball_sketch(names: Collection[str], title: str) -> Figure:
     axis.set_aspect("equal")
     axis.axis("off")
     axis.plot([-3.4, 3.4], [0.0, 0.0], color=MEASURED, linewidth=1.6)
-    for x in np.arange(-3.35, 3.4, 0.16):
-        axis.plot([x - 0.1, x], [-0.1, 0.0], color=FAINT, linewidth=0.8)
+    hatches = [[(x - 0.1, -0.1), (x, 0.0)] for x in np.arange(-3.35, 3.4, 0.16)]
+    axis.add_collection(LineCollection(hatches, colors=FAINT, linewidths=0.8), autolim=False)
     axis.text(-3.4, -0.27, "court", fontsize=9, color=GUIDE)
     tangential = "mu" in names
     _ball(axis, names)

@@ -12,7 +12,7 @@ from fitball.report.figures.trace_arrays import TraceData, trace_data
 from fitball.report.form.palette import SERIES
 
 # Inches: panels of walkers and of marginals, their height, and the room around them.
-WIDE, NARROW, HIGH, LEFT, RIGHT, TOP, BOTTOM, ACROSS, DOWN = 7.4, 1.9, 0.9, 1.1, 0.15, 0.55, 0.9, 0.15, 0.12
+WIDE, NARROW, HIGH, LEFT, RIGHT, TOP, BOTTOM, ACROSS, DOWN = 6.6, 1.7, 0.9, 1.1, 0.15, 0.55, 0.9, 0.15, 0.12
 
 
 def trace_figure(fit: Drawable) -> Figure:
@@ -31,7 +31,7 @@ def trace_figure(fit: Drawable) -> Figure:
         sheet.text(0.2, up.start + 0.5 * HIGH, item.axis.label, 10, ha="center", va="center", rotation=90)
     sheet.frames([panel for pair in panels for panel in pair])
     sheet.ticks([pair[0] for pair in panels], "y", 4)
-    sheet.ticks([panels[-1][0]], "x", 8)
+    sheet.ticks([panels[-1][0]], "x", 7)
     for side, words in ((steps, "step"), (marginal, "marginal")):
         sheet.text(side.start + 0.5 * side.length, BOTTOM - 0.35, words, 10, ha="center", va="center")
     handles = [Line2D([], [], color=colour) for colour in colours]

@@ -10,7 +10,7 @@ from fitball.report.figures.drawable import Drawable, drawn, parameter
 from fitball.report.figures.parameter_axis import ParameterAxis, parameter_axis
 from fitball.values import FloatArray
 
-TRACE_WALKERS = 4
+TRACE_WALKERS = 3
 TRACE_STEPS = 300
 MARGINAL_BINS, MARGINAL_SPAN = 40, (0.001, 0.999)
 
