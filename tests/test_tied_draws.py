@@ -139,6 +139,26 @@ def test_walkers_that_never_move_are_no_independent_draws(walkers):
     assert np.isfinite(list(standard_errors(chains[..., 0]).values())).all()
 
 
+@pytest.mark.parametrize("steps", [40, 41])
+def test_convergence_is_arvizs_for_walkers_that_sat(steps):
+    """Bulk and R-hat from one ranking; ArviZ ranks the draws for each of them."""
+    rng = np.random.default_rng(3)
+    chains = rng.standard_normal((3, steps, 6, 2)).cumsum(axis=1)
+    for step in range(1, steps):
+        sat = rng.random((3, 6)) < 0.7
+        chains[:, step][sat] = chains[:, step - 1][sat]
+    found = convergence(("a", "b"), chains)
+    owner = np.repeat(np.arange(3), 6)
+    for k, name in enumerate(("a", "b")):
+        column = chains[..., k].transpose(0, 2, 1).reshape(18, steps)
+        assert found.ess_bulk[name] == array_stats.ess(column, chain_axis=0, draw_axis=1, method="bulk")
+        assert found.ess_tail[name] == array_stats.ess(
+            column, chain_axis=0, draw_axis=1, method="tail", prob=(0.05, 0.95)
+        )
+        expected = array_stats.rhat_nested(column, superchain_ids=owner, chain_axis=0, draw_axis=1, method="rank")
+        assert found.r_hat[name] == expected
+
+
 def test_a_parameter_that_never_moves_is_refused_in_words():
     chains = np.concatenate([walk(np.random.default_rng(6), 0), np.full((2, 200, 10, 1), 0.5)], axis=-1)
     with pytest.raises(FitError, match="the sampler never moved k_y: all its draws are the same"):
