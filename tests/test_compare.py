@@ -25,11 +25,11 @@ from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.starts import starting_points
 from fitball.inference.prediction.outputs import root_mean_square
 from fitball.inference.results.results import RunStatus
-from fitball.inference.thesis.published_cases import chapter_five_predictions
 from fitball.report.compare.rows import json_content
 from fitball.report.compare.words import words
 from fitball.report.form.json_text import json_text
 from fitball.studies.thesis import ranking
+from fitball.studies.thesis.predictions import chapter_five_predictions
 
 
 def synthetic_table(model, seed, **truth):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,17 +15,16 @@ from numpy.typing import NDArray
 from fitball.data.bundled import bundled_folder
 from fitball.data.read import load_table
 from fitball.data.table import ImpactTable
-from fitball.data.thesis_tables import thesis_table
-from fitball.data.wang import SPINS, measured
+from fitball.data.thesis_tables import thesis_rows
 from fitball.inference.prediction.outputs import measured_outputs, output_errors, predicted_outputs, root_mean_square
-from fitball.inference.thesis.inputs import case_parameters, printed_model
-from fitball.models.model import Model
+from fitball.inference.thesis.inputs import case_parameters
 from fitball.models.types import Rebound
-from fitball.values import FloatArray, impacts
+from fitball.values import FloatArray
 
 # Half a unit in the last printed digit: what is nearer than this was copied from the same print.
 SAME = 5e-3
 NEEDED = ("v_x2", "v_y2", "omega_2")
+PREDICTIONS = Path(__file__).with_name("predictions.csv")
 COMPARED = (*NEEDED, "theta_2")
 
 
@@ -77,8 +78,8 @@ def case_errors(table: ImpactTable) -> dict[int, dict[str, FloatArray]]:
     if rows is None or not set(NEEDED) <= known.keys():
         return {}
     errors = {}
-    for case, by_spin in chapter_five_predictions().items():
-        predicted = {name: np.concatenate([by_spin[spin][name] for spin in SPINS])[rows] for name in NEEDED}
+    for case, by_output in predictions().items():
+        predicted = {name: column[rows] for name, column in by_output.items()}
         predicted["theta_2"] = np.arctan2(predicted["v_y2"], predicted["v_x2"])
         errors[case] = output_errors(known, predicted)
     return errors
@@ -89,16 +90,16 @@ def compare_cases(table: ImpactTable, rebound: Rebound, given_columns: tuple[str
     errors = case_errors(table)
     if not errors:
         return None
-    best, damping = thesis_table("table_9"), thesis_table("chapter_five_damping")
+    damping = thesis_rows("chapter_five_damping")
     cases = []
-    for row in best.to_dict("records"):
+    for row in thesis_rows("table_9"):
         case = int(row["case"])
-        mean = damping[damping["case"] == case]["cor"]
+        mean = [float(spin["cor"]) for spin in damping if spin["case"] == row["case"]]
         cases.append(
             PublishedCase(
                 case,
-                case_parameters(row["mass_ratio"], row["k_y [lb/in]"], row["i1_over_i"]),
-                (float(mean.min()), float(mean.max())),
+                case_parameters(row["mass_ratio"], float(row["k_y [lb/in]"]), float(row["i1_over_i"])),
+                (min(mean), max(mean)),
                 {name: root_mean_square(errors[case][name]) for name in COMPARED},
             )
         )
@@ -106,43 +107,18 @@ def compare_cases(table: ImpactTable, rebound: Rebound, given_columns: tuple[str
     return CaseComparison(tuple(cases), {name: root_mean_square(mine[name]) for name in COMPARED if name in mine})
 
 
-def chapter_five_predictions() -> dict[int, dict[str, dict[str, FloatArray]]]:
-    """`v_x2`, `v_y2`, `theta_2`, `omega_2` (7,) by case and spin, with Chapter V's own `c_y` and mean restitution."""
-    best, damping = thesis_table("table_9"), thesis_table("chapter_five_damping")
-    chosen = printed_model()
-    predictions: dict[int, dict[str, dict[str, FloatArray]]] = {}
-    for row in best.to_dict("records"):
-        case = int(row["case"])
-        predictions[case] = {}
-        for spin in SPINS:
-            printed = damping[(damping["case"] == case) & (damping["spin"] == spin)].iloc[0]
-            values = case_parameters(
-                row["mass_ratio"], row["k_y [lb/in]"], row["i1_over_i"], printed["c_y [lb s/in]"]
-            )
-            predictions[case][spin] = spin_predictions(chosen, values, spin, float(printed["cor"]))
-    return predictions
-
-
-def spin_predictions(
-    chosen: Model, values: Mapping[str, float], spin: str, cor: float | None = None
-) -> dict[str, FloatArray]:
-    """`v_x2`, `v_y2` [m/s], `theta_2` [deg], `omega_2` [rad/s] (7,) of Wang's impacts of one spin, from a model that
-    is told the restitution: `cor`, or each impact's own.
+@cache
+def predictions() -> Mapping[int, Mapping[str, FloatArray]]:
+    """`v_x2`, `v_y2` [m/s] and `omega_2` [rad/s] (21,) of Wang's impacts by case: what the thesis's computation gives
+    with Chapter V's damping and mean restitution. It stands in a file, so that no fit compiles that computation;
+    `fitball.studies.thesis.predictions` makes it.
     """
-    wang = measured(spin)
-    restitution = wang["v_y2"] / wang["v_y1"] if cor is None else cor
-    rebound = chosen.rebound(values, impacts(wang["v_x1"], wang["v_y1"], _incident_spin(spin), restitution))
+    with PREDICTIONS.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
     return {
-        "v_x2": rebound.v_x2,
-        "v_y2": rebound.v_y2,
-        "theta_2": np.degrees(np.arctan2(rebound.v_y2, rebound.v_x2)),
-        "omega_2": rebound.omega_2,
+        case: {name: np.array([float(row[name]) for row in rows if int(row["case"]) == case]) for name in NEEDED}
+        for case in sorted({int(row["case"]) for row in rows})
     }
-
-
-def _incident_spin(spin: str) -> FloatArray:
-    """The thesis takes the small spins of the zero-spin impacts as zero."""
-    return np.zeros(7) if spin == "zero" else measured(spin)["omega_1"]
 
 
 def set_name(row: Mapping[Any, Any]) -> str:

@@ -12,7 +12,6 @@ from uncertainties.core import Variable
 from fitball.data.thesis_tables import thesis_table
 from fitball.inference.effort import Effort
 from fitball.inference.thesis.inputs import INCH, INERTIA_OF
-from fitball.inference.thesis.published_cases import chapter_five_predictions
 from fitball.report.form.sentences import listed
 from fitball.studies.thesis import (
     appendix_c,
@@ -27,6 +26,7 @@ from fitball.studies.thesis import (
 from fitball.studies.thesis.appendix_d import CASE_IN_APPENDIX_C
 from fitball.studies.thesis.check import Check
 from fitball.studies.thesis.computation_slips import slip_table, slip_words
+from fitball.studies.thesis.predictions import chapter_five_predictions
 
 # What the recomputation gave when it was last looked at by a person; `Check.holds` compares against it.
 ROWS_WITHIN = {0.1: 110, 0.5: 118, 1.0: 127}

@@ -13,8 +13,8 @@ from uncertainties.core import Variable
 from fitball.data.thesis_tables import thesis_table
 from fitball.data.wang import SPINS, measured
 from fitball.inference.thesis.inputs import INCH, case_parameters, printed_model, relative_error
-from fitball.inference.thesis.published_cases import chapter_five_predictions
 from fitball.studies.thesis.appendix_d import CASE_IN_APPENDIX_C
+from fitball.studies.thesis.predictions import chapter_five_predictions
 from fitball.values import impacts
 
 TABLE_OF = {"zero": "table_2", "topspin": "table_4", "backspin": "table_6"}

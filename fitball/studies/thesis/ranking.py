@@ -11,10 +11,11 @@ import pandas as pd
 from fitball.data.thesis_tables import thesis_table
 from fitball.data.wang import SPINS, measured
 from fitball.inference.thesis.inputs import case_parameters, printed_model
-from fitball.inference.thesis.published_cases import set_name, spin_predictions
+from fitball.inference.thesis.published_cases import set_name
 from fitball.models.model import Model
 from fitball.models.registry import model
 from fitball.studies.thesis import appendix_c
+from fitball.studies.thesis.predictions import spin_predictions
 from fitball.values import FloatArray
 
 OUTPUTS = ("v_x2", "theta_2", "omega_2")
