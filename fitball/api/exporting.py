@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fitball.errors import ParameterError, suggestion
-from fitball.exports.formats import TEXT_FORMATS, Options
 from fitball.exports.names import FORMAT_NAMES, OWNERS
 from fitball.report.form.atomic_write import refuse_existing, write_text, write_whole
 from fitball.report.saved.saved_fit import SavedFit
@@ -84,6 +83,9 @@ def exported(
     if to == NETCDF:
         whole, note = tree()
         return Exported("arviz", {}, note, whole)
+    # Formats load what fits and verbs have no need of.
+    from fitball.exports.formats import TEXT_FORMATS, Options
+
     chosen = TEXT_FORMATS[to]
     json_alone = given.pop("json", False)
     texts = chosen.make(saved, Options(**given))

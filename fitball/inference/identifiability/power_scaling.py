@@ -8,7 +8,6 @@ Paananen, Buerkner and Vehtari 2023, Stat Comput 34, 57).
 from __future__ import annotations
 
 import numpy as np
-from arviz_stats.base.array import array_stats
 
 from fitball.inference.likelihood.posterior import densities
 from fitball.inference.problem.problem import Problem
@@ -57,6 +56,8 @@ def sensitivities(draws: FloatArray, log_density: FloatArray) -> FloatArray:
     (draws,); zero for a part that is the same at every draw, which no power changes, and for a column that is, which
     no weights move. Draws may be tied, as those of a walker are that sat.
     """
+    from arviz_stats.base.array import array_stats
+
     if np.ptp(log_density) <= 0.0:
         return np.zeros(draws.shape[1])
     efficiency = float(array_stats.ess(log_density[None, :], method="tail", prob=TAILS)) / log_density.size

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from arviz_stats.base.array import array_stats
 from scipy.special import logsumexp
 
 from fitball.values import FloatArray
@@ -19,6 +18,8 @@ def smoothed(log_ratios: FloatArray, efficiency: float) -> tuple[FloatArray, flo
     the ratios themselves and k is infinite, "not to be trusted"; it is -infinite where all ratios are equal, for
     those are exact. `efficiency` is the effective sample size over the number of draws.
     """
+    from arviz_stats.base.array import array_stats
+
     ratios = np.exp(log_ratios - log_ratios.max())
     if np.ptp(ratios) <= 0.0:
         return np.full(ratios.shape, -np.log(ratios.size)), -np.inf

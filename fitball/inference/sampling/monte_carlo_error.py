@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from arviz_stats.base.array import array_stats
 
 from fitball.inference.results.quantiles import QUANTILES, quantiles
 from fitball.values import FloatArray
@@ -21,6 +20,8 @@ def standard_errors(chains: FloatArray) -> dict[str, float]:
     From effective sample sizes, that of each quantile its own (Vehtari et al. 2021), walkers being the chains as in
     `diagnostics`.
     """
+    from arviz_stats.base.array import array_stats
+
     ensembles, steps, walkers = chains.shape
     column = np.ascontiguousarray(chains.transpose(0, 2, 1).reshape(ensembles * walkers, steps))
     errors = {"sd": float(array_stats.mcse(column, chain_axis=0, draw_axis=1, method="sd"))}

@@ -10,8 +10,6 @@ import math
 from itertools import pairwise
 from typing import Any
 
-import mpmath
-
 from fitball.models.oracle.phases import Matrix, Row, dot
 from fitball.models.oracle.setup import Arithmetic, Number
 
@@ -20,6 +18,8 @@ GUARD_DIGITS = 20
 
 def digits_arithmetic(digits: int) -> Arithmetic:
     """Arithmetic of `digits` decimal digits and some to spare, in a context of its own."""
+    import mpmath
+
     context: Any = mpmath.MPContext()
     context.dps = digits + GUARD_DIGITS
     return Arithmetic(
