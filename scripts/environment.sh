@@ -27,18 +27,31 @@ fingerprint() {
     cat "$root/pyproject.toml" "$root/requirements.lock" | cksum
 }
 
-build_environment() {
-    python=$(find_python) || exit 2
-    printf 'fitball: making %s (once; about a minute) ...\n' "$venv" >&2
-    rm -f "$venv/fitball.stamp"
+# The same pinned packages as pip's, in a tenth of the time. It fails where only pip knows the way to them: uv reads
+# none of pip's settings.
+make_with_uv() {
+    command -v uv >/dev/null 2>&1 || return
+    printf 'fitball: making %s with uv (once; some seconds) ...\n' "$venv" >&2
+    uv venv --quiet --clear --python "$python" "$venv" || return
+    set -- uv pip install --quiet --python "$venv/bin/python" --no-deps
+    "$@" --requirement "$root/requirements.lock" && "$@" --no-build-isolation --editable "$root"
+}
+
+make_with_pip() {
+    printf 'fitball: making %s with pip (once; about a minute) ...\n' "$venv" >&2
     "$python" -m venv --clear "$venv" ||
         fail "fitball: '$python -m venv' failed; on Debian and Ubuntu install the package python3-venv."
-    "$venv/bin/python" -m pip install --quiet --no-input --disable-pip-version-check --no-deps \
-        --requirement "$root/requirements.lock" ||
+    set -- "$venv/bin/python" -m pip install --quiet --no-input --disable-pip-version-check --no-deps
+    "$@" --requirement "$root/requirements.lock" ||
         fail "fitball: the pinned packages could not be installed; the lines above say why."
-    "$venv/bin/python" -m pip install --quiet --no-input --disable-pip-version-check --no-deps \
-        --no-build-isolation --editable "$root" ||
+    "$@" --no-build-isolation --editable "$root" ||
         fail "fitball: the project itself could not be installed; the lines above say why."
+}
+
+build_environment() {
+    python=$(find_python) || exit 2
+    rm -f "$venv/fitball.stamp"
+    make_with_uv || make_with_pip
     fingerprint >"$venv/fitball.stamp.new" && mv "$venv/fitball.stamp.new" "$venv/fitball.stamp"
 }
 
