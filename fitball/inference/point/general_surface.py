@@ -16,6 +16,7 @@ import numpy as np
 from fitball.inference.likelihood.force import force_slopes
 from fitball.inference.likelihood.incident_marginal import measured_of, seen, standardised
 from fitball.inference.likelihood.posterior import impact_terms, log_likelihood, log_scene_density
+from fitball.inference.likelihood.sensitivities import differentiable
 from fitball.inference.point.surface import Conditions, Surface
 from fitball.inference.problem.batches import batches
 from fitball.inference.problem.noise import NORMAL
@@ -25,6 +26,15 @@ from fitball.values import FloatArray
 
 # Step of differences in widths of the priors: it moves a minimum by half of itself, far less than any error.
 STEP = 1e-6
+# Rows up to which all starts of a search advance together.
+SEARCHED = 1000
+
+
+def smooth(problem: Problem) -> bool:
+    """Whether the surface of a problem has exact derivatives of all it knows, and no more rows than a surface is
+    searched over from every start.
+    """
+    return problem.noise is NORMAL and differentiable(problem) and len(problem.impacts) <= SEARCHED
 
 
 def surface_of(problem: Problem, promised: float = 1e-3, *, penalised: bool = False) -> Surface:

@@ -15,7 +15,9 @@ from fitball.inference.likelihood.residuals import (
     named_values,
     root_mean_squares,
 )
-from fitball.inference.point.lmfit_minimiser import Minimiser, minima
+from fitball.inference.point.gauss_newton import Searches, descend
+from fitball.inference.point.general_surface import smooth, surface_of
+from fitball.inference.point.lmfit_minimiser import SAME_OPTIMUM, Minimiser, minima
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import LeastSquares
@@ -23,6 +25,8 @@ from fitball.values import FloatArray
 
 # Share of a chi-square by which a minimum must be lower to be another one and not the same, settled differently.
 DEEPER = 1e-6
+# Minima that are told.
+KEPT = 5
 
 
 def least_squares(problem: Problem, starts: FloatArray) -> LeastSquares:
@@ -31,7 +35,8 @@ def least_squares(problem: Problem, starts: FloatArray) -> LeastSquares:
     Raises FitError when no start leads to parameters the model can evaluate.
     """
     weighting = Weighting(default_noise(problem), penalised=False)
-    distinct, evaluations = minima(problem, weighting, starts)
+    begun = _descended(problem, starts, weighting.noise) if smooth(problem) else starts
+    distinct, evaluations = minima(problem, weighting, begun)
     if not distinct:
         raise FitError(f"model {problem.model.name}: least squares found no parameters the model can evaluate")
     minimiser = Minimiser(problem, weighting)
@@ -48,10 +53,27 @@ def least_squares(problem: Problem, starts: FloatArray) -> LeastSquares:
         degrees_of_freedom=measured - len(minimiser.columns),
         rms=root_mean_squares(problem, values),
         starts=len(starts),
-        optima=tuple(named_values(problem, minimiser.values(minimum.at[None, :])[0]) for minimum in distinct[:5]),
-        optima_chi_square=tuple(minimum.chi_square for minimum in distinct[:5]),
+        optima=tuple(named_values(problem, minimiser.values(minimum.at[None, :])[0]) for minimum in distinct[:KEPT]),
+        optima_chi_square=tuple(minimum.chi_square for minimum in distinct[:KEPT]),
         evaluations=evaluations,
     )
+
+
+def _descended(problem: Problem, starts: FloatArray, noise: Mapping[str, float]) -> FloatArray:
+    """The lowest free values (found, free) that searches from `starts` (starts, free), advanced together at the given
+    noise, lead to: from these the minimiser has only to settle.
+    """
+    surface = surface_of(problem)
+    x = surface.from_values(starts)
+    held = [problem.free[k].prior.coordinate(np.array(noise[problem.free_names[k]])) for k in surface.noise_columns]
+    given = replace(surface.free(x), noise=np.tile(np.array(held, dtype=np.float64), (len(x), 1)))
+    reached = descend(surface, Searches(x, np.full(len(x), -1), given))
+    chosen: list[int] = []
+    for k in np.argsort(reached.cost, kind="stable"):
+        apart = np.max(np.abs(reached.x[chosen] - reached.x[k]) / surface.width, axis=1, initial=0.0)
+        if np.isfinite(reached.cost[k]) and len(chosen) < KEPT and np.all(apart > SAME_OPTIMUM):
+            chosen.append(int(k))
+    return surface.values(reached.x[chosen], given.take(np.array(chosen))) if chosen else starts
 
 
 def deeper(problem: Problem, known: LeastSquares, starts: Sequence[Mapping[str, float]]) -> LeastSquares:

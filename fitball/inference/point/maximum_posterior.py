@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from fitball.errors import FitError
 from fitball.inference.likelihood.force_noise import best_force_noise
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
 from fitball.inference.likelihood.residuals import Weighting, default_noise, named_values, root_mean_squares
+from fitball.inference.point.gauss_newton import Searches, descend
+from fitball.inference.point.general_surface import smooth, surface_of
 from fitball.inference.point.lmfit_minimiser import SAME_OPTIMUM, Minimiser, minima, simplex
 from fitball.inference.problem.parameters import NOISE_SPECS, SD_SPECS
 from fitball.inference.problem.problem import Problem
@@ -34,21 +36,29 @@ CLIMBED = 1000
 
 @dataclass(frozen=True)
 class Candidate:
-    """A maximum so far: its log posterior, all coordinates (free,), the fitted ones, and the noise."""
+    """A maximum so far: its log posterior, all coordinates (free,), the fitted ones, and the noise; `settled` where
+    the slopes promise no more.
+    """
 
     score: float
     coordinates: FloatArray
-    at: FloatArray
-    noise: Mapping[str, float]
+    at: FloatArray = field(default_factory=lambda: np.empty(0))
+    noise: Mapping[str, float] = field(default_factory=dict)
+    settled: bool = False
 
 
 def maximum_posterior(problem: Problem, starts: FloatArray, noise: Mapping[str, float] | None = None) -> PointFit:
     """The highest of the posterior's maxima reached from the starts, with the others worth knowing.
 
-    Levenberg-Marquardt on residuals and priors for given noise, in turn with the best noise for those residuals, then
-    a simplex on the posterior itself, which knows every bound. `noise` is the first guess. Raises FitError as
-    `least_squares` does.
+    Damped Gauss-Newton steps of all starts together, each begun with the noise that is best for it; where those do
+    not settle a simplex on the posterior itself, which knows every bound and kink. On surfaces that are not `smooth`
+    Levenberg-Marquardt for given noise, `noise` being the first guess, in turn with the best noise for those
+    residuals. Raises FitError as `least_squares` does.
     """
+    if smooth(problem):
+        likelihood = surface_of(problem)
+        x = likelihood.from_values(starts)
+        return _best_of(problem, _descended(problem, likelihood.values(x, likelihood.free(x))))
     noise = {**default_noise(problem), **(noise or {})}
     distinct, _ = minima(problem, Weighting(noise, penalised=True), starts)
     first = [_with_best_noise(problem, minimum.at, noise, rounds=1) for minimum in distinct]
@@ -87,12 +97,15 @@ def follow_maximum(problem: Problem, starts: FloatArray, noise: Mapping[str, flo
 
 def higher_maximum(problem: Problem, known: PointFit, starts: FloatArray) -> PointFit:
     """The highest maximum among those `known` and those that searches from `starts` (starts, free) reach, each
-    begun with the noise that is best there. It is nowhere below a start.
+    begun with its noise. It is nowhere below a start.
 
     Raises FitError as `least_squares` does.
     """
+    if smooth(problem):
+        optima = np.concatenate([_row(problem, optimum) for optimum in known.optima])
+        return _best_of(problem, _descended(problem, np.concatenate([optima, starts])))
     candidates = [
-        Candidate(score, problem.to_coordinates(_row(problem, optimum))[0], np.empty(0), {})
+        Candidate(score, problem.to_coordinates(_row(problem, optimum))[0])
         for optimum, score in zip(known.optima, known.optima_log_posterior, strict=True)
     ]
     for start in starts:
@@ -104,6 +117,19 @@ def higher_maximum(problem: Problem, known: PointFit, starts: FloatArray) -> Poi
         # A search may end at a wall, or where the regime changes, below where it began.
         candidates.append(reached if reached.score >= score else Candidate(score, coordinates[0], first.at, own))
     return _best_of(problem, candidates)
+
+
+def _descended(problem: Problem, starts: FloatArray) -> list[Candidate]:
+    """Where searches from free values (starts, free) end."""
+    surface = surface_of(problem, SETTLED, penalised=True)
+    x = surface.from_values(starts)
+    reached = descend(surface, Searches(x, np.full(len(x), -1), surface.free(x)))
+    coordinates = problem.to_coordinates(surface.values(reached.x, surface.free(x)))
+    scores = log_posterior(problem, coordinates)
+    return [
+        Candidate(float(score), at, settled=bool(settled))
+        for score, at, settled in zip(scores, coordinates, reached.settled, strict=True)
+    ]
 
 
 def _row(problem: Problem, optimum: Mapping[str, float]) -> FloatArray:
@@ -126,7 +152,8 @@ def _best_of(problem: Problem, reached: Sequence[Candidate]) -> PointFit:
     if not candidates:
         raise FitError(f"model {problem.model.name}: no start led to parameters of finite posterior density")
     top_point = candidates[0].coordinates
-    best = _climb(problem, top_point) if len(problem.impacts) <= CLIMBED else top_point
+    settled = candidates[0].settled or len(problem.impacts) > CLIMBED
+    best = top_point if settled else _climb(problem, top_point)
     others = [
         candidate.coordinates for candidate in candidates[1:] if candidate.score > candidates[0].score - WORTH_KEEPING
     ]

@@ -58,6 +58,11 @@ class Surface(SearchedColumns):
 
     promised: float = 1e-3
 
+    def free(self, x: FloatArray) -> Conditions:
+        """Conditions of rows `x` (rows, columns) that hold nothing, with the scene's contact time if there is one."""
+        noise = np.full((x.shape[0], len(self.noise_columns)), np.nan)
+        return Conditions(noise, self.problem.contact_time is not None)
+
     def values(self, x: FloatArray, given: Conditions) -> FloatArray:
         """Free values (rows, free), the noise as held or at its best."""
         values = self.problem.to_values(self._coordinates(x))
