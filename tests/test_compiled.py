@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fitball
-from fitball.models.kernels import bounce, bounce_jacobian, dual, pieces, two_mass
+from fitball.models.kernels import batch, bounce, bounce_jacobian, dual, pieces, two_mass
 from fitball.models.kernels.compiled import compiled, inner
 from fitball.values import Impacts
 
@@ -46,7 +46,7 @@ def test_every_kind_of_array_is_served_by_one_kernel(wang_impacts, draw_priors):
     for impacts in (wang_impacts, Impacts(*columns), Impacts(*strided), Impacts(*columns, np.full(21, 0.7))):
         chosen.evaluate(chosen.parameter_names, values, impacts)
         chosen.jacobian(chosen.parameter_names, values, impacts)
-    assert len(bounce.bounce_batch.signatures) == len(bounce_jacobian.jacobian_batch.signatures) == 1
+    assert len(batch.bounce_batch.signatures) == len(bounce_jacobian.jacobian_batch.signatures) == 1
     # What these call is in the cache, or was compiled here.
     for kernel in (bounce.bounce, two_mass.two_mass_contact, pieces.grip, pieces.slide):
         assert len(kernel.overloads) <= 1, kernel.py_func.__name__

@@ -156,7 +156,7 @@ def two_mass_history(
             Motion(v_x, v_y, omega, omega), landed, followed.landing, float(row[BALL_MASS]) * (landed.v_x - v_x)
         ),
         release=Jump(leaving, left, 0.0, 0.0),
-        spans=_spans(followed.phase_log, followed.vertical.t_force, contact_time),
+        spans=_spans(followed.phase_log, followed.vertical, contact_time),
         regime=int(rebound.regime[0]),
         peak_compression=peak_compression,
         peak_force=peak_force,
@@ -172,7 +172,7 @@ def _after_release(codes: NDArray[np.int64], leaving: Motion, rebound: Rebound) 
     return Motion(v_x2, -v_y2, leaving.omega_1 if keeps_twisting else omega_2, omega_2)
 
 
-def _spans(phase_log: FloatArray, t_force: float, contact_time: float) -> tuple[Span, ...]:
+def _spans(phase_log: FloatArray, vertical: VerticalMotion[float], contact_time: float) -> tuple[Span, ...]:
     """Phases with their times; what lasts no time is none, and pieces of one phase that a series cut are joined."""
     phases: list[tuple[Phase, float, float]] = []
     start = time = lasted = 0.0
@@ -183,8 +183,8 @@ def _spans(phase_log: FloatArray, t_force: float, contact_time: float) -> tuple[
             if lasted > 0.0:
                 phases.append((Phase(int(phase)), start, time))
             start, lasted = time, 0.0
-    if phases and contact_time > t_force:
-        phases.append((Phase.FREE, t_force, contact_time))
+    if phases and vertical.t_contact > vertical.t_force:
+        phases.append((Phase.FREE, vertical.t_force, contact_time))
     if phases:
         # The last piece ends with the contact, whatever the rounding of the sum says.
         phases[-1] = (*phases[-1][:2], contact_time)

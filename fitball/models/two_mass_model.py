@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from fitball.models.capabilities import KernelCall, LinearConstraint, Oracle
 from fitball.models.history import History, two_mass_history
 from fitball.models.jacobian import ReboundJacobian, seeds
-from fitball.models.kernels import bounce, bounce_jacobian, force
+from fitball.models.kernels import batch, bounce, bounce_jacobian, force
 from fitball.models.kernels.dual import NumberArray
 from fitball.models.model import (
     Model,
@@ -115,7 +115,7 @@ class TwoMassModel(Model):
         out = np.empty((4, draws, count))
         regime = np.empty((draws, count), dtype=np.int64)
         status = np.empty((draws, count), dtype=np.int8)
-        bounce.bounce_batch(self._rows(names, values), self.codes, *_incident(impacts), out, regime, status)
+        batch.bounce_batch(self._rows(names, values), self.codes, *_incident(impacts), out, regime, status)
         return Rebound(out[0], out[1], out[2], out[3], regime, status)
 
     def kernel_call(self, names: Sequence[str], values: FloatArray) -> KernelCall:
@@ -182,16 +182,11 @@ class TwoMassModel(Model):
         """See `Model.jacobian`; some 10 us an impact for all parameters."""
         draws, count = values.shape[0], len(impacts)
         chosen = tuple(names) if parameters is None else tuple(parameters)
-        out = np.empty((4, draws, count))
         slopes = np.empty((draws, count, 4, bounce_jacobian.INPUTS + len(chosen)))
-        regime = np.empty((draws, count), dtype=np.int64)
-        status = np.empty((draws, count), dtype=np.int8)
-        bounce_jacobian.jacobian_batch(
-            self._rows(names, values), seeds(self._rows, names, values, chosen), self.codes,
-            *_incident(impacts), out, slopes, regime, status,
-        )  # fmt: skip
+        gains = seeds(self._rows, names, values, chosen)
+        bounce_jacobian.jacobian_batch(self._rows(names, values), gains, self.codes, *_incident(impacts), slopes)
         return ReboundJacobian(
-            rebound=Rebound(out[0], out[1], out[2], out[3], regime, status),
+            rebound=self.evaluate(names, values, impacts),
             names=chosen,
             inputs=slopes[..., : bounce_jacobian.COR],
             parameters=slopes[..., bounce_jacobian.INPUTS :],

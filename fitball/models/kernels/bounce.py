@@ -1,4 +1,4 @@
-"""One bounce of any two-mass composition, and batches over draws and impacts, as kernels.
+"""One bounce of any two-mass composition, as kernels; batches of them in `batch`.
 
 A parameter set is a row whose columns are `COLUMNS`; closures are passed as integers so that one compiled kernel
 serves every composition. Here stand the lines `COR(v_y1)` (another law of it in `restitution`) and `eps(v_y1)`
@@ -13,15 +13,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.models.kernels.compiled import compiled, compiled_allocating, inlined, inner
+from fitball.models.kernels.compiled import compiled, inlined, inner
 from fitball.models.kernels.contact import vertical_contact
 from fitball.models.kernels.dual import Number, NumberArray, sqrt
 from fitball.models.kernels.oscillator import oscillator
-from fitball.models.kernels.phases import PIECE_SIZE
 from fitball.models.kernels.quantities import Bounce, Contact, Joint, Scratch, VerticalMotion
 from fitball.models.kernels.restitution import ANCHOR_SPEED, saturating_restitution
 from fitball.models.kernels.rigid import rigid_contact
-from fitball.models.kernels.two_mass import MAX_PHASES, make_scratch, two_mass_contact
+from fitball.models.kernels.two_mass import two_mass_contact
 from fitball.models.types import Status
 from fitball.values import FloatArray
 
@@ -184,34 +183,3 @@ def bounce(
     if status != OK:
         return unsolved(status, regime)
     return Bounce(OK, v_x2, v_y2, omega_2, vertical.t_contact, regime, pieces)
-
-
-@compiled_allocating
-def bounce_batch(
-    rows: FloatArray,
-    codes: NDArray[np.int64],
-    v_x1: FloatArray,
-    v_y1: FloatArray,
-    omega_1: FloatArray,
-    cor: FloatArray,
-    out: FloatArray,
-    regime: NDArray[np.int64],
-    status: NDArray[np.int8],
-) -> None:
-    """Fill `out` (4, draws, impacts) with v_x2, v_y2, omega_2, contact_time, and regimes and statuses.
-
-    The incident columns are (1, impacts), shared by all draws, or (draws, impacts).
-    """
-    scratch = make_scratch()
-    phase_log = np.empty((MAX_PHASES, PIECE_SIZE))
-    for i in range(rows.shape[0]):
-        row = rows[i]
-        own = i if v_x1.shape[0] > 1 else 0
-        for j in range(v_x1.shape[1]):
-            solved = bounce(row, codes, v_x1[own, j], v_y1[own, j], omega_1[own, j], cor[own, j], scratch, phase_log)
-            out[0, i, j] = solved.v_x2
-            out[1, i, j] = solved.v_y2
-            out[2, i, j] = solved.omega_2
-            out[3, i, j] = solved.contact_time
-            regime[i, j] = solved.regime
-            status[i, j] = solved.status

@@ -269,6 +269,8 @@ def bounce_history(
     courses, phases = np.zeros((COURSES, times.shape[0])), np.zeros(times.shape[0], dtype=np.int64)
     phase_log = np.zeros((MAX_PHASES, PIECE_SIZE))
     vertical, landing = vertical_courses(row, codes, v_y, cor, times, courses)
+    # A contact solved in lanes may last a rounding longer.
+    times = np.minimum(times, vertical.t_contact)
     if codes[TANGENTIAL] == 0:
         courses[[V_X, OMEGA_CORE, OMEGA_SHELL]] = [[v_x], [omega], [omega]]
         courses[SLIP] = v_x - row[BALL_RADIUS] * omega

@@ -78,12 +78,9 @@ def jacobian_batch(
     v_y1: FloatArray,
     omega_1: FloatArray,
     cor: FloatArray,
-    out: FloatArray,
     slopes: FloatArray,
-    regime: NDArray[np.int64],
-    status: NDArray[np.int8],
 ) -> None:
-    """Fill `out`, regimes and statuses as `bounce_batch` does, and `slopes` (draws, impacts, 4, INPUTS + parameters).
+    """Fill `slopes` (draws, impacts, 4, INPUTS + parameters): those of what `bounce_batch` gives of the same impacts.
 
     `seeds` (parameters, draws, columns): what each column of `rows` gains per unit of a parameter. Without a measured
     restitution among the inputs the slopes along it are zero; where the status is not OK all are NaN.
@@ -96,10 +93,6 @@ def jacobian_batch(
         for j in range(v_x1.shape[1]):
             v_x, v_y, omega, measured = v_x1[own, j], v_y1[own, j], omega_1[own, j], cor[own, j]
             solved = bounce(rows[i], codes, v_x, v_y, omega, measured, scratch, phase_log)
-            out[0, i, j], out[1, i, j], out[2, i, j] = solved.v_x2, solved.v_y2, solved.omega_2
-            out[3, i, j] = solved.contact_time
-            regime[i, j] = solved.regime
-            status[i, j] = solved.status
             for k in range(INPUTS + seeds.shape[0]):
                 if solved.status != OK:
                     slopes[i, j, :, k] = math.nan

@@ -48,10 +48,24 @@ _overload: Any = overload
 _overload(carry, jit_options={"error_model": "numpy"})(_carry_compiled)
 
 
+def choose(condition: bool, x: float, y: float) -> float:
+    """`x` where the condition holds, else `y`."""
+    return x if condition else y
+
+
+def _choose_compiled(condition: bool, x: float, y: float) -> Any:  # noqa: ARG001
+    """What `choose` compiles to; numba asks for the very same signature."""
+    kind: Any = condition
+    return choose if isinstance(kind, types.Boolean) else None
+
+
+_overload(choose, jit_options={"error_model": "numpy"})(_choose_compiled)
+
+
 @inner
 def magnitude(x: Number) -> Number:
     """`|x|`."""
-    return -x if x.real < 0.0 else x
+    return carry(abs(x.real), x, choose(x.real < 0.0, -1.0, 1.0))
 
 
 @inner

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 
 from fitball.models.kernels.compiled import compiled, inner
-from fitball.models.kernels.dual import Number
+from fitball.models.kernels.dual import Number, NumberArray, choose
 from fitball.models.kernels.oscillator import series_value, shift_swing, swing_at
 from fitball.models.kernels.quantities import Basis, Oscillator, Oscillators, Series, Stack, Swing
 from fitball.values import FloatArray
@@ -60,6 +60,13 @@ def prepare_swing(c: FloatArray, place: int, o: Oscillator[float], span: float) 
     """Fill in derivatives and bound of the share that one oscillator (0, 1) has in `c`."""
     first, second = c[1 + 2 * place], c[2 + 2 * place]
     c[BOUND + place], c[FAST_BOUND + place] = sixth_derivative_bounds(o, first, second, span)
+    swing_derivatives(c, place, o)
+
+
+@inner
+def swing_derivatives(c: NumberArray, place: int, o: Oscillator[Number]) -> None:
+    """Fill in the derivatives of the share that one oscillator (0, 1) has in `c`."""
+    first, second = c[1 + 2 * place], c[2 + 2 * place]
     first, second = second - o.decay * first, -o.damped_squared * first - o.decay * second
     c[SLOPE + 2 * place] = first
     c[SLOPE + 2 * place + 1] = second
@@ -94,6 +101,12 @@ def evaluate(
         h = series.length
         f, d, dd = series_value(c, series.terms, t / h)
         return f, d / h, dd / (h * h), series_bound
+    return evaluate_basis(c, basis)
+
+
+@inner
+def evaluate_basis(c: NumberArray, basis: Basis[Number]) -> tuple[Number, Number, Number, Number]:
+    """Value, slope, curvature where the basis is `basis`, and a bound of the sixth derivative from there on."""
     torsion, vertical = basis.torsion, basis.vertical
     p, q, r, s = torsion.cosine, torsion.sine, vertical.cosine, vertical.sine
     return (
@@ -109,8 +122,8 @@ def evaluate(
 
 @inner
 def bernstein(
-    f0: float, d0: float, s0: float, f1: float, d1: float, s1: float, h: float
-) -> tuple[float, float, float, float]:
+    f0: Number, d0: Number, s0: Number, f1: Number, d1: Number, s1: Number, h: Number
+) -> tuple[Number, Number, Number, Number]:
     """Inner Bernstein coefficients of the quintic through values, slopes and curvatures at both ends."""
     d0, d1 = 0.2 * h * d0, 0.2 * h * d1
     s0, s1 = 0.05 * h * h * s0, 0.05 * h * h * s1
@@ -147,8 +160,7 @@ def guess(b0: float, b1: float, b2: float, b3: float, b4: float, b5: float) -> f
     g0 = 1.0 / (5.0 * (b0 - b1) * fall)
     g1 = 1.0 / (5.0 * (b4 - b5) * fall)
     x = u * (g0 + u * (3.0 - 2.0 * g0 - g1 + u * (g0 + g1 - 2.0)))
-    if not 0.0 < x < 1.0:
-        x = u
+    x = choose(abs(x - 0.5) < 0.5, x, u)
     # One step of Halley on the quintic itself, by de Casteljau.
     y = 1.0 - x
     c0, c1, c2, c3, c4 = y * b0 + x * b1, y * b1 + x * b2, y * b2 + x * b3, y * b3 + x * b4, y * b4 + x * b5
@@ -158,7 +170,7 @@ def guess(b0: float, b1: float, b2: float, b3: float, b4: float, b5: float) -> f
     d = 5.0 * (y * (c1 - c0) + x * (c2 - c1))
     dd = 20.0 * (c2 - 2.0 * c1 + c0)
     better = x - f * d / (d * d - 0.5 * f * dd)
-    return better if 0.0 < better < 1.0 else x
+    return choose(abs(better - 0.5) < 0.5, better, x)
 
 
 @inner

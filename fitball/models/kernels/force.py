@@ -41,7 +41,7 @@ def force_batch(
     """Fill `out` (2, draws, impacts, times) with P and Q, NaN for an impact without answer.
 
     The times are `first` (draws, impacts) after landing and every `spacing` (impacts,) from there. `centroid` (draws,
-    impacts) is the mean time of the force after landing. `rows` and `codes` as in `bounce.bounce_batch`; the number
+    impacts) is the mean time of the force after landing. `rows` and `codes` as in `batch.bounce_batch`; the number
     of times may be zero.
     """
     for i in range(rows.shape[0]):

@@ -50,10 +50,17 @@ def swing_at(o: Oscillator[Number], t: Number) -> Swing[Number]:
         fast = exp(-(o.decay + o.frequency) * t)
         return Swing(0.5 * (slow + fast), 0.5 * (slow - fast) / o.frequency, slow, fast)
     envelope = exp(-o.decay * t)
-    cosine = 1.0 - x * (1.0 / 2 - x * (1.0 / 24 - x * (1.0 / 720 - x * (1.0 / 40320))))
-    sine = 1.0 - x * (1.0 / 6 - x * (1.0 / 120 - x * (1.0 / 5040 - x * (1.0 / 362880))))
+    cosine, sine = short_phase(x)
     # An overdamped pair in this branch grows by at most exp(0.1) over its envelope, and neither pole is far from it.
     return Swing(envelope * cosine, envelope * t * sine, envelope * 1.11, envelope)
+
+
+@inner
+def short_phase(x: Number) -> tuple[Number, Number]:
+    """`cos(wt)` and `sin(wt)/(wt)` for `x = w^2 t^2` of either sign within `SMALL_PHASE`."""
+    cosine = 1.0 - x * (1.0 / 2 - x * (1.0 / 24 - x * (1.0 / 720 - x * (1.0 / 40320))))
+    sine = 1.0 - x * (1.0 / 6 - x * (1.0 / 120 - x * (1.0 / 5040 - x * (1.0 / 362880))))
+    return cosine, sine
 
 
 @inner
@@ -62,16 +69,26 @@ def shift_swing(o: Oscillator[float], swing: Swing[float], t: float) -> Swing[fl
 
     Short series take the place of the three functions that `swing_at` would call.
     """
+    if abs(o.decay * t) > SMALL_DECAY or abs(o.damped_squared * t * t) > SMALL_PHASE:
+        step = swing_at(o, t)
+        return joined_swing(o, swing, step.cosine, step.sine)
+    c, s = short_swing(o, t)
+    return joined_swing(o, swing, c, s)
+
+
+@inner
+def short_swing(o: Oscillator[Number], t: Number) -> tuple[Number, Number]:
+    """`C` and `S` a time `t` from 0 that is within `SMALL_DECAY` and `SMALL_PHASE`."""
     u = o.decay * t
     x = o.damped_squared * t * t
-    if abs(u) > SMALL_DECAY or abs(x) > SMALL_PHASE:
-        step = swing_at(o, t)
-        c, s = step.cosine, step.sine
-    else:
-        decay = 1.0 - u * (1.0 - u * (1.0 / 2 - u * (1.0 / 6 - u * (1.0 / 24 - u * (1.0 / 120 - u * (1.0 / 720))))))
-        cosine = 1.0 - x * (1.0 / 2 - x * (1.0 / 24 - x * (1.0 / 720 - x * (1.0 / 40320))))
-        sine = 1.0 - x * (1.0 / 6 - x * (1.0 / 120 - x * (1.0 / 5040 - x * (1.0 / 362880))))
-        c, s = decay * cosine, decay * t * sine
+    decay = 1.0 - u * (1.0 - u * (1.0 / 2 - u * (1.0 / 6 - u * (1.0 / 24 - u * (1.0 / 120 - u * (1.0 / 720))))))
+    cosine, sine = short_phase(x)
+    return decay * cosine, decay * t * sine
+
+
+@inner
+def joined_swing(o: Oscillator[Number], swing: Swing[Number], c: Number, s: Number) -> Swing[Number]:
+    """The swing a step later of which `C` and `S` are `c` and `s`; the envelope is left as it is."""
     return Swing(
         swing.cosine * c - o.damped_squared * swing.sine * s,
         swing.sine * c + swing.cosine * s,
@@ -81,7 +98,7 @@ def shift_swing(o: Oscillator[float], swing: Swing[float], t: float) -> Swing[fl
 
 
 @inner
-def resultant(oscillators: Oscillators[float]) -> float:
+def resultant(oscillators: Oscillators[Number]) -> Number:
     """Product of the differences between the two pole pairs, free of cancellation [1/s^4]."""
     torsion, vertical = oscillators.torsion, oscillators.vertical
     gap = torsion.decay - vertical.decay

@@ -35,6 +35,7 @@ from fitball.models.kernels.quantities import (
     Oscillator,
     Oscillators,
     Series,
+    Swing,
     VerticalMotion,
     Weights,
 )
@@ -117,6 +118,14 @@ def twist_at(
     if series.terms > 0:
         angle, rate, _ = series_value(twist, series.terms, t / series.length)
         return angle, rate / series.length
+    return twist_in_basis(twist, oscillators, basis)
+
+
+@inner
+def twist_in_basis(
+    twist: NumberArray, oscillators: Oscillators[Number], basis: Basis[Number]
+) -> tuple[Number, Number]:
+    """Twist and its rate where the basis is `basis`."""
     torsion, vertical = oscillators.torsion, oscillators.vertical
     p, q, r, s = basis.torsion.cosine, basis.torsion.sine, basis.vertical.cosine, basis.vertical.sine
     angle = twist[0] * p + twist[1] * q + twist[2] * r + twist[3] * s
@@ -134,7 +143,12 @@ def vertical_after(
     spring: Oscillator[Number], terms: int, y: Number, y_rate: Number, elapsed: Number, basis: Basis[Number]
 ) -> tuple[Number, Number]:
     """Displacement and velocity of the core `elapsed` after they were `y`, `y_rate`; a series brings no basis."""
-    swing = swing_at(spring, elapsed) if terms > 0 else basis.vertical
+    return swung(spring, swing_at(spring, elapsed) if terms > 0 else basis.vertical, y, y_rate)
+
+
+@inner
+def swung(spring: Oscillator[Number], swing: Swing[Number], y: Number, y_rate: Number) -> tuple[Number, Number]:
+    """Displacement and velocity of the core a `swing` after they were `y`, `y_rate`."""
     c, s, a = swing.cosine, swing.sine, spring.decay
     return y * c + (y_rate + a * y) * s, y_rate * c - (a * y_rate + spring.natural_squared * y) * s
 
@@ -164,6 +178,17 @@ def compose(
             out[k] = value
         out[0] += weights.constant
         return prepare_series(out, n, length)
+    compose_basis(weights, load, oscillators, twist, out)
+    prepare_swing(out, 0, oscillators.torsion, length)
+    prepare_swing(out, 1, oscillators.vertical, length)
+    return 0.0
+
+
+@inner
+def compose_basis(
+    weights: Weights, load: Load[Number], oscillators: Oscillators[Number], twist: NumberArray, out: NumberArray
+) -> None:
+    """Write the coefficients of a contact function in the basis into `out`."""
     torsion, vertical = oscillators.torsion, oscillators.vertical
     out[0] = weights.constant + weights.impulse * load.momentum
     out[1] = weights.angle * twist[0] + weights.rate * (twist[1] - torsion.decay * twist[0])
@@ -176,15 +201,19 @@ def compose(
     out[4] += weights.force * (load.force_rate + vertical.decay * load.force) - weights.impulse * (
         vertical.decay * load.momentum - load.force
     )
-    prepare_swing(out, 0, torsion, length)
-    prepare_swing(out, 1, vertical, length)
-    return 0.0
 
 
 @inner
 def free_twist(torsion: Oscillator[Number], angle: Number, rate: Number, t: Number) -> tuple[Number, Number]:
     """Twist and its rate after `t` seconds without ground force."""
-    swing = swing_at(torsion, t)
+    return swung_freely(torsion, swing_at(torsion, t), angle, rate)
+
+
+@inner
+def swung_freely(
+    torsion: Oscillator[Number], swing: Swing[Number], angle: Number, rate: Number
+) -> tuple[Number, Number]:
+    """Twist and its rate a `swing` of the joint later without ground force."""
     c, s = swing.cosine, swing.sine
     lead = rate + torsion.decay * angle
     return angle * c + lead * s, rate * c - (torsion.damped_squared * angle + torsion.decay * lead) * s
