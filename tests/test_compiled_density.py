@@ -20,7 +20,7 @@ from fitball.inference.likelihood import compiled
 from fitball.inference.likelihood.compiled import layout_of, why_not_compiled
 from fitball.inference.likelihood.density_kernels import PART, log_densities
 from fitball.inference.likelihood.posterior import densities, log_posterior
-from fitball.models.kernels.bounce import bounce_batch
+from fitball.models.kernels.batch import bounce_batch
 
 SCENE = fitball.load_scene("wang_all.csv")
 WEIGHED = replace(SCENE, ball_sd={"mass": 0.002, "inertia_ratio": 0.02})

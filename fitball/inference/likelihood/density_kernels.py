@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fitball.inference.problem.layout import ANGLE, SPEED, Cells, KernelRow, Layout, Levels, Transform
 from fitball.models.kernels.algebraic import algebraic_batch
-from fitball.models.kernels.bounce import bounce_batch
+from fitball.models.kernels.batch import bounce_batch
 from fitball.models.kernels.compiled import compiled_allocating, inner
 from fitball.values import FloatArray
 
