@@ -70,7 +70,7 @@ def assemble(
             covariance = np.atleast_2d(np.cov(posterior.draws, rowvar=False))
             correlation = np.atleast_2d(np.corrcoef(posterior.draws, rowvar=False))
             prediction = predictive(problem, point, posterior, predictive_generator(effort.seed))
-            diagnostics = _diagnostics(sampled, effort)
+            diagnostics = diagnose(sampled, effort)
         regimes = () if prediction is None else prediction.regimes
         identifiability, judgements = examine(problem, point, profiled, posterior, correlation, regimes)
         estimates = tuple(
@@ -112,7 +112,8 @@ def assemble(
     )
 
 
-def _diagnostics(sampled: Sampled, effort: Effort) -> Diagnostics:
+def diagnose(sampled: Sampled, effort: Effort) -> Diagnostics:
+    """How well the chains agree."""
     ensembles, _, walkers, _ = sampled.chains.shape
     steps = sampled.steps
     convergence = sampled.convergence

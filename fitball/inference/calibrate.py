@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -20,11 +21,31 @@ from fitball.inference.results.assumptions import Assumptions
 from fitball.inference.results.evidence import Profiles
 from fitball.inference.results.results import Fit, LeastSquares, PointFit, Posterior
 from fitball.inference.sampling.chain_file import ChainFile
-from fitball.inference.sampling.ensembles import Progress, Settings, sample
+from fitball.inference.sampling.ensembles import Progress, Sampled, Settings, sample
 from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.inference.sampling.stragglers import left_behind_words
 from fitball.inference.second_search import search_again
 from fitball.version import __version__
+
+# Is told the stage and, while sampling, the progress.
+Tell: TypeAlias = Callable[[str, Progress | None], None]
+
+
+def silent(_stage: str, _progress: Progress | None) -> None:
+    """Tell nobody."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A sampled posterior: the best values, higher ones among the draws included, chains, draws, and what the search
+    has to tell.
+    """
+
+    squares: LeastSquares
+    point: PointFit
+    sampled: Sampled
+    posterior: Posterior
+    said: tuple[str, ...]
 
 
 def fingerprint(problem: Problem, effort: Effort) -> str:
@@ -60,7 +81,7 @@ def run(
     effort: Effort,
     chain_file: ChainFile | None = None,
     resume: bool = False,
-    report: Callable[[str, Progress | None], None] = lambda _stage, _progress: None,
+    report: Tell = silent,
     beside: Sequence[Mapping[str, float]] = (),
     *,
     assumptions: bool = False,
@@ -72,16 +93,47 @@ def run(
     MemoryShortageError and `sampling.Interrupted` on Ctrl-C with the chain kept.
     """
     settings = effort.settings(problem)
-    seeds = np.random.SeedSequence(effort.seed).spawn(3)
     watch = Stopwatch()
-    report("point fit", None)
-    with watch.stage("point fit"):
-        shared = replace(problem, threads=settings.cores)
-        squares, point = point_fit(shared, np.random.default_rng(seeds[0]), beside)
+    squares, point = search(problem, effort, watch, report, beside)
+    shared = replace(problem, threads=settings.cores)
     if effort.point_only:
         profiled = _profiles(problem, settings, squares, point, watch, report)
         found = _assumptions(shared, effort, point, None, watch, report) if assumptions else None
         return assemble(problem, effort, squares, point, profiled, None, None, watch, assumptions=found)
+    drawn = draw(problem, effort, squares, point, watch, report, chain_file, resume)
+    squares, point, posterior = drawn.squares, drawn.point, drawn.posterior
+    profiled = _profiles(problem, settings, squares, point, watch, report)
+    found = _assumptions(shared, effort, point, posterior, watch, report) if assumptions else None
+    return assemble(problem, effort, squares, point, profiled, drawn.sampled, posterior, watch, drawn.said, found)
+
+
+def search(
+    problem: Problem,
+    effort: Effort,
+    watch: Stopwatch,
+    report: Tell = silent,
+    beside: Sequence[Mapping[str, float]] = (),
+) -> tuple[LeastSquares, PointFit]:
+    """The first stage of `run`: the best values."""
+    report("point fit", None)
+    with watch.stage("point fit"):
+        shared = replace(problem, threads=effort.settings(problem).cores)
+        return point_fit(shared, _generator(effort, 0), beside)
+
+
+def draw(
+    problem: Problem,
+    effort: Effort,
+    squares: LeastSquares,
+    point: PointFit,
+    watch: Stopwatch,
+    report: Tell = silent,
+    chain_file: ChainFile | None = None,
+    resume: bool = False,
+) -> Drawn:
+    """The second stage of `run`: the posterior, sampled from the optima that `search` found."""
+    settings = effort.settings(problem)
+    shared = replace(problem, threads=settings.cores)
     with watch.stage("sampling"):
         optima = np.array([[optimum[name] for name in problem.free_names] for optimum in point.optima])
         sampled = sample(
@@ -99,13 +151,14 @@ def run(
             problem.free_names,
             problem.to_values(sampled.kept.reshape(-1, shape[-1])).reshape(shape),
             sampled.log_posterior[:, sampled.first :],
-            prior_draws(problem, np.random.default_rng(seeds[1])),
+            prior_draws(problem, _generator(effort, 1)),
         )
         squares, point, said = search_again(shared, squares, point, sampled)
-    profiled = _profiles(problem, settings, squares, point, watch, report)
-    found = _assumptions(shared, effort, point, posterior, watch, report) if assumptions else None
-    said = (*left_behind_words(sampled.moved), *said)
-    return assemble(problem, effort, squares, point, profiled, sampled, posterior, watch, said, found)
+    return Drawn(squares, point, sampled, posterior, (*left_behind_words(sampled.moved), *said))
+
+
+def _generator(effort: Effort, stage: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence(effort.seed).spawn(3)[stage])
 
 
 def _assumptions(
@@ -114,7 +167,7 @@ def _assumptions(
     point: PointFit,
     posterior: Posterior | None,
     watch: Stopwatch,
-    report: Callable[[str, Progress | None], None],
+    report: Tell,
 ) -> Assumptions:
     report("assumptions", None)
     with watch.stage("assumptions"):
@@ -127,7 +180,7 @@ def _profiles(
     squares: LeastSquares,
     point: PointFit,
     watch: Stopwatch,
-    report: Callable[[str, Progress | None], None],
+    report: Tell,
 ) -> tuple[Profiles, Profiles]:
     with watch.stage("profiles"):
         shared = replace(problem, threads=settings.cores)

@@ -220,12 +220,12 @@ def _verdicts(
     slips: pd.DataFrame,
 ) -> dict[str, str]:
     """What stands of `yield reasonable agreements` and `giving best results`, and of the computation behind it."""
-    fitted = fits["two-mass"].fit
-    offset = fitted.balances.offset
+    fitted = fits["two-mass"]
+    offset = fitted.offset
     placed = {name: item.placed for name, item in fits.items()}
     told = {"Table 9": verdicts.headline(rankings, placed), "Ranking": verdicts.ranking_verdict(rankings)}
     for case in CASE_IN_APPENDIX_C:
-        beside = verdicts.fit_words(by_chapter.pooled, case, "two-mass", fitted.least_squares.rms)
+        beside = verdicts.fit_words(by_chapter.pooled, case, "two-mass", fitted.drawn.squares.rms)
         told[f"Case {case}"] = f"{verdicts.case_verdict(case, rankings)} {beside}"
     told |= {f"Posterior of {name}": verdicts.posterior_verdict(items) for name, items in placed.items()}
     told["Offset"] = verdicts.offset_verdict(fitted.problem.impacts.v_y1, offset.values / INCH, offset.sd / INCH)

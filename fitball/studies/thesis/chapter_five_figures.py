@@ -94,8 +94,8 @@ def glance_figure(fits: Mapping[str, Recalibration]) -> Figure:
         axis.set_xlabel(label)
         axis.grid(alpha=0.3)
     log_scale(left, *left.get_xlim())
-    first = next(iter(fits.values())).fit
-    balance = first.balances.offset
+    first = next(iter(fits.values()))
+    balance = first.offset
     groups = first.problem.table.labels["group"]
     for marker, group in zip(MARKERS, sorted(set(groups)), strict=False):
         mine = np.array([label == group for label in groups])
@@ -211,9 +211,8 @@ def offset_figure() -> Figure:
 def error_figure(chapter: ChapterFive) -> Figure:
     """Percentage errors of the three cases and of the recalibrated default model, impact by impact."""
     printed = thesis_table("appendix_c")
-    fit = chapter.fits["two-mass"].fit
-    assert fit.predictive is not None
-    medians = {observable.name: observable.median for observable in fit.predictive.observables}
+    fit = chapter.fits["two-mass"]
+    medians = fit.medians()
     figure = new_figure(12.0, 9.0)
     grid = figure.subplots(3, 3, sharey="row")
     for column, spin in enumerate(SPINS):

@@ -5,19 +5,23 @@ own values lie in the posterior.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 from scipy.stats import gaussian_kde
 
+from fitball.data.balances import Balance, scene_balances
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.data.thesis_tables import fraction, thesis_table
-from fitball.inference.calibrate import run
-from fitball.inference.effort import Effort
+from fitball.inference.assemble import diagnose
+from fitball.inference.calibrate import Drawn, draw, search
+from fitball.inference.effort import Effort, Stopwatch
+from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
 from fitball.inference.problem.build import Choices, build_problem
-from fitball.inference.results.results import Fit
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.results import Diagnostics, RunStatus
 from fitball.inference.thesis.inputs import C1, C2, FRICTION, INCH, STIFFNESS, TORSION
 from fitball.models.types import STATUS_REASON, Status
 from fitball.values import FloatArray
@@ -46,15 +50,25 @@ class Placed:
 
 @dataclass(frozen=True)
 class Recalibration:
-    """A free fit, and where each case of Table 9 and Eq. (53) lie in its posterior."""
+    """A free fit, and where each case of Table 9 and Eq. (53) lie in its posterior: of a fit what is shown here, no
+    profiles, verdicts or budgets.
+    """
 
-    fit: Fit
-    placed: tuple[Placed, ...]
+    problem: Problem
+    drawn: Drawn
+    diagnostics: Diagnostics
+    seed: int
+    placed: tuple[Placed, ...] = ()
 
     @property
     def name(self) -> str:
         """The model."""
-        return self.fit.problem.model.name
+        return self.problem.model.name
+
+    @property
+    def offset(self) -> Balance:
+        """The model-free offset of each impact."""
+        return scene_balances(self.problem.table, self.problem.scene).offset
 
     @property
     def points(self) -> pd.DataFrame:
@@ -69,18 +83,25 @@ class Recalibration:
         excluded = ["; ".join(f"{name}: {why}" for name, why in place.excluded.items()) for place in self.placed]
         return frame.assign(**{"excluded by the model": excluded})
 
+    def medians(self) -> dict[str, FloatArray]:
+        """Medians of the predictive distribution by output, (21,)."""
+        generator = predictive_generator(self.seed)
+        foretold = predictive(self.problem, self.drawn.point, self.drawn.posterior, generator)
+        return {observable.name: observable.median for observable in foretold.observables}
+
     def column(self, name: str) -> FloatArray:
         """Posterior draws of one parameter, (draws,)."""
-        assert self.fit.posterior is not None
-        return np.asarray(self.fit.problem.all_values(self.fit.posterior.draws)[name], dtype=np.float64)
+        return np.asarray(self.problem.all_values(self.drawn.posterior.draws)[name], dtype=np.float64)
 
 
 def recalibrate(name: str, effort: Effort, report: Callable[[str], None]) -> Recalibration:
     """Fit one model of `MODELS` freely and place the thesis's values."""
     report(f"calibrating {name}")
     problem = build_problem(load_table(TABLE), load_scene(TABLE), Choices(model=name))
-    fit = run(problem, effort)
-    return Recalibration(fit, _place(Recalibration(fit, ()), np.random.default_rng(effort.seed)))
+    watch = Stopwatch()
+    drawn = draw(problem, effort, *search(problem, effort, watch), watch)
+    fitted = Recalibration(problem, drawn, diagnose(drawn.sampled, effort), effort.seed)
+    return replace(fitted, placed=_place(fitted, np.random.default_rng(effort.seed)))
 
 
 def offset_constants(recalibration: Recalibration) -> tuple[FloatArray, FloatArray]:
@@ -117,7 +138,7 @@ def _place(recalibration: Recalibration, rng: np.random.Generator) -> tuple[Plac
 
 def _refusal(recalibration: Recalibration, name: str, value: float) -> str:
     """Why the model has no solution for some impact with this value in any draw; empty where one draw has."""
-    chosen, problem = recalibration.fit.problem.model, recalibration.fit.problem
+    chosen, problem = recalibration.problem.model, recalibration.problem
     names = chosen.parameter_names
     columns = [recalibration.column(item)[::REFUSAL_STRIDE] for item in names]
     columns[names.index(name)] = np.full_like(columns[0], value)
@@ -166,10 +187,10 @@ def fit_table(fits: Mapping[str, Recalibration]) -> pd.DataFrame:
     """How well each free fit does, and whether its chain converged."""
     rows = []
     for name, recalibration in fits.items():
-        least, diagnosis = recalibration.fit.least_squares, recalibration.fit.diagnostics
-        assert diagnosis is not None
+        least, diagnosis = recalibration.drawn.squares, recalibration.diagnostics
+        status = RunStatus.CONVERGED if diagnosis.converged else RunStatus.NOT_CONVERGED
         rows.append(
-            {"model": name, "status": str(recalibration.fit.status), "chi-square": least.chi_square,
+            {"model": name, "status": str(status), "chi-square": least.chi_square,
              **{f"rms {key}": value for key, value in least.rms.items()},
              "min ESS": min(diagnosis.min_ess_bulk, diagnosis.min_ess_tail), "max R-hat": diagnosis.max_r_hat}
         )  # fmt: skip
@@ -178,8 +199,8 @@ def fit_table(fits: Mapping[str, Recalibration]) -> pd.DataFrame:
 
 def offset_table(fits: Mapping[str, Recalibration]) -> pd.DataFrame:
     """Each impact's model-free offset [in] with its sd beside Eq. (53) and the fitted lines."""
-    first = next(iter(fits.values())).fit
-    balance = first.balances.offset
+    first = next(iter(fits.values()))
+    balance = first.offset
     v_y1 = first.problem.impacts.v_y1
     frame = pd.DataFrame(
         {"impact": first.problem.table.ids, "v_y1 [m/s]": v_y1, "model-free [in]": balance.values / INCH,
