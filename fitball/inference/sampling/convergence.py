@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from arviz_stats.base.array import array_stats
 from scipy.special import ndtri
 
 from fitball.errors import FitError
@@ -53,6 +52,8 @@ def convergence(names: tuple[str, ...], coordinates: FloatArray) -> Convergence:
     2024), because walkers of one ensemble are not independent starts. Raises FitError for a parameter that never
     moved, for which none of these numbers exists.
     """
+    from arviz_stats.base.array import array_stats
+
     ensembles, steps, walkers, _ = coordinates.shape
     chains = coordinates.transpose(0, 2, 1, 3).reshape(ensembles * walkers, steps, -1)
     # R-hat and the size of the bulk are both those of normal scores, which ArviZ would make twice.
