@@ -60,11 +60,7 @@ def test_the_information_is_that_of_the_parameters_with_a_derivative(at_end):
 def test_a_point_where_the_model_ends_is_reported_and_not_a_crash(at_end, monkeypatch, tmp_path):
     problem, _ = at_end
     with monkeypatch.context() as patched:
-        # Searches stay where they begin: the fit is that at the end of the model.
-        patched.setattr(
-            "fitball.inference.point.lmfit_minimiser.Minimiser.run",
-            lambda self, at: Minimum(self_cost(self, at), at, self.at(at[None, :]).size),
-        )
+        stay(patched)
         patched.setattr("fitball.inference.point.maximum_posterior._climb", lambda _problem, start: start)
         squares = least_squares(problem, row(problem, END))
         point = maximum_posterior(problem, row(problem, END))
@@ -93,10 +89,7 @@ def test_no_standard_error_comes_from_a_step_out_of_the_model(tmp_path, monkeypa
     problem = hard_sphere(tmp_path, "grip-slip")
     wall = {"mu": 0.092, "e_x": 0.38, "offset": 0.0, "velocity_sd": 0.25, "spin_sd": 10.0}
     wall |= {"cor_10": 0.95, "cor_slope": (1.0 - 1e-9 - 0.95) / (SLOWEST - 10.0)}
-    monkeypatch.setattr(
-        "fitball.inference.point.lmfit_minimiser.Minimiser.run",
-        lambda self, at: Minimum(self_cost(self, at), at, self.at(at[None, :]).size),
-    )
+    stay(monkeypatch)
     found = least_squares(problem, row(problem, wall))
     for name in ("cor_10", "cor_slope"):
         assert found.stderr[name] is None
@@ -104,6 +97,16 @@ def test_no_standard_error_comes_from_a_step_out_of_the_model(tmp_path, monkeypa
     assert found.stderr["mu"] > 0.01
     inside = least_squares(problem, row(problem, wall | {"cor_slope": -0.005}))
     assert inside.stderr["cor_10"] > 0.01
+
+
+def stay(patch):
+    """Searches stay where they begin: the fit is that at the end of the model."""
+    patch.setattr(
+        "fitball.inference.point.lmfit_minimiser.Minimiser.run",
+        lambda self, at: Minimum(self_cost(self, at), at, self.at(at[None, :]).size),
+    )
+    for module in ("least_squares", "maximum_posterior"):
+        patch.setattr(f"fitball.inference.point.{module}.smooth", lambda _problem: False)
 
 
 def self_cost(minimiser, at):

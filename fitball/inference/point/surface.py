@@ -81,7 +81,10 @@ class Surface(SearchedColumns):
                 if observable.noise == parameter.name:
                     z = self.problem.deviation(columns, observable, rebound) / observable.spread(1.0, rebound)
                     squares, count = squares + np.sum(z * z, axis=1), count + observable.observed.size
-            best = np.clip(np.sqrt(squares / count), parameter.prior.lower, parameter.prior.upper)
+            # A noise that nothing shows any more stays where it is.
+            best = columns[parameter.name]
+            if count:
+                best = np.clip(np.sqrt(squares / count), parameter.prior.lower, parameter.prior.upper)
             held = given.noise[:, position]
             sizes[parameter.name] = np.where(np.isnan(held), best, parameter.prior.value(np.nan_to_num(held)))
         return sizes
