@@ -14,10 +14,9 @@ from fitball.inference.likelihood.posterior import log_posterior
 from fitball.studies.bench import clock, measure, page, ratios, samplers, sampling
 from fitball.studies.bench.adaptive_steps import adaptive
 from fitball.studies.bench.clock import Pace, by_turns
-from fitball.studies.bench.contact_equations import set_up
 from fitball.studies.bench.costs import batch_costs
-from fitball.studies.bench.densities import OURS, SCRIPT, by_order_8, density_costs, plain_log_posterior
-from fitball.studies.bench.fixed_steps import fixed_steps
+from fitball.studies.bench.densities import OURS, SCRIPT, by_order_8, by_solve_ivp, density_costs, plain_log_posterior
+from fitball.studies.bench.integrators import fixed_steps, set_up
 from fitball.studies.bench.measure import Bench
 from fitball.studies.bench.precision import CAREFUL, FASTEST, LOCATED_8, errors, work_precision
 from fitball.studies.bench.ratios import RATIO, WORK
@@ -64,6 +63,15 @@ def test_short_steps_do_not_step_over_a_grip(wang_impacts):
     assert careless.max() > 1e-4
 
 
+def test_a_short_first_step_sees_slip_that_soon_ends():
+    """On the simulated court a slip begins at zero and ends within a twentieth of the contact."""
+    problem = posed("synthetic_court")
+    at = spread_coordinates(problem, 1)
+    values = {name: float(column[0]) for name, column in problem.all_values(problem.to_values(at)).items()}
+    v_x2 = by_order_8(problem, values)[0]
+    assert np.abs(by_solve_ivp(problem, values, CAREFUL)[0] - v_x2).max() < 1e-7
+
+
 @pytest.mark.parametrize(("order", "steps", "bound"), [(4, 200, 1e-9), (8, 20, 1e-11), (8, 80, 1e-13)])
 def test_located_events_keep_the_order(wang_impacts, order, steps, bound):
     """Where the end of each phase is searched for, equal steps converge as on smooth problems."""
@@ -92,7 +100,7 @@ def precision(scene):
 @pytest.fixture(scope="module")
 def densities():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fitball.studies.bench.densities.WALKERS", 2)
+        patch.setattr("fitball.studies.bench.densities.JUDGED", 2)
         return density_costs("zero", posed("wang_zero_spin"), TINY)
 
 

@@ -12,8 +12,7 @@ import pandas as pd
 
 from fitball.studies.bench.adaptive_steps import Method, adaptive
 from fitball.studies.bench.clock import Pace, by_turns
-from fitball.studies.bench.contact_equations import set_up
-from fitball.studies.bench.fixed_steps import fixed_steps
+from fitball.studies.bench.integrators import fixed_steps, set_up
 from fitball.studies.bench.scenes import HARD, Scene, default_model
 from fitball.values import FloatArray, impacts
 

@@ -20,9 +20,8 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.ensembles import sample
 from fitball.models.registry import DEFAULT_MODEL, model
 from fitball.studies.bench.clock import Action, Pace, by_turns, fresh_process
-from fitball.studies.bench.contact_equations import set_up
 from fitball.studies.bench.costs import REBOUND
-from fitball.studies.bench.fixed_steps import fixed_steps
+from fitball.studies.bench.integrators import fixed_steps, set_up
 from fitball.studies.bench.tables import base_values, posed, spread_coordinates, spread_draws
 from fitball.values import FloatArray
 

@@ -25,8 +25,8 @@ from fitball.values import FloatArray
 BURN_IN, CHAINS, BLOCK = 0.33, 4, 50
 # Starts that tell PINTS a scale, and its draws before it adapts.
 SPREAD, UNADAPTED = 200, 200
-# Draws with which NUTS learns its step and metric.
-NUTS_WARM_UP = 150
+# Draws with which NUTS learns its step and metric, and those that each chain makes however long they take.
+NUTS_WARM_UP, FEWEST = 150, 12
 # Live points of nested sampling a parameter, and the evidence that may be left.
 LIVE, LEFT = 5, 0.5
 # Step of central differences, in widths of the priors.
@@ -185,7 +185,7 @@ def numpyro_nuts(target: Target, budget: Budget) -> float:
             go_on(state)
             budget.start()
         draws.append([])
-        while budget.spent < budget.seconds * (k + 1) / CHAINS:
+        while len(draws[k]) < FEWEST or budget.spent < budget.seconds * (k + 1) / CHAINS:
             state = go_on(state)
             draws[k].append(np.asarray(state.z))
     least = min(map(len, draws))
