@@ -98,7 +98,7 @@ def test_probability_to_pass_is_that_of_the_limits(mean, kind):
     assert found.rebound.passing[kind].ball is None
     assert "no type is stated" not in drop_lead(found)[-1]
     table = rows_of(found)
-    assert [row.words for row in table.types] == [item.words for item in BALL_TYPES.values()]
+    assert [row["ball"] for row in table.types] == [item.words for item in BALL_TYPES.values()]
 
 
 def test_limits_are_those_of_the_itf():
@@ -205,7 +205,7 @@ def test_balls_are_told_apart_from_noise_and_count_as_a_sample():
     low, high = next_ball.cdf(np.sqrt(np.array([1.35, 1.47]) / 2.54))
     assert passing.ball == pytest.approx(high - low, abs=0.06)
     assert passing.mean > 0.99
-    assert rows_of(found).balls[0].label == "b0"
+    assert rows_of(found).balls[0]["ball"] == "b0"
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,7 @@ def test_places_on_a_court_by_hand(court):
     assert found.court.categories["medium-fast"] > 0.95
     said = court_lines(CourtPace((), "", measured=found))[0]
     assert "mean of 5 places (location)" in said and "largest difference 12.0" in said
-    assert [row.label for row in place_rows(CourtPace((), "", measured=found))] == list(MU)
+    assert [row["place"] for row in place_rows(CourtPace((), "", measured=found))] == list(MU)
 
 
 def test_ball_temperature_brings_the_restitution_to_23_degrees(court):

@@ -4,16 +4,25 @@ fit, its interval, whether the model describes the measurements, and what it was
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fitball.inference.results.drop_test import DropTest
 from fitball.inference.results.pace_rating import CourtPace
-from fitball.inference.results.results import Estimate, Verdict
+from fitball.inference.results.results import Verdict
 from fitball.report.fit.drop_rows import drop_lead, drop_remarks, drop_table
-from fitball.report.fit.pace_rows import court_lines, pace_remarks, place_rows, surface_rows
-from fitball.report.form.display_units import handy
-from fitball.report.form.rounding import decimals, fixed, interval, significant
+from fitball.report.fit.pace_rows import (
+    category_words,
+    court_lines,
+    pace_remarks,
+    place_rows,
+    rating_words,
+    surface_rows,
+    surface_words,
+)
+from fitball.report.fit.summary import parameter_row
 from fitball.report.form.template import render_template
+from fitball.report.form.text_table import Row
 from fitball.report.saved.saved_fit import SavedFit
 
 # Rows of a table that one page has room for, in two halves; and lines of remarks.
@@ -22,15 +31,20 @@ MOST_ROWS, MOST_PLACES, MOST_REMARKS = 24, 12, 9
 
 @dataclass(frozen=True)
 class Part:
-    """A table of the page: `rows`, or two `halves` side by side where it is long and `narrow`; `more` is what it
-    leaves out.
+    """A table of the page: of its `listed` rows the columns of `heads`, in two `halves` side by side where they are
+    many and `narrow`; `more` is what it leaves out.
     """
 
     title: str
     heads: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    listed: Sequence[Row]
     more: str = ""
     narrow: bool = False
+
+    @property
+    def rows(self) -> tuple[tuple[str, ...], ...]:
+        """Rows of cells, a dash where there is none."""
+        return tuple(tuple(row.get(head, "-") for head in self.heads) for row in self.listed)
 
     @property
     def halves(self) -> tuple[tuple[tuple[str, ...], ...], ...]:
@@ -84,67 +98,47 @@ def _of_drops(test: DropTest) -> _Content:
     shown = drop_table(test)
     parts = []
     if shown.balls:
-        rows = tuple(
-            (row.label, row.impacts, row.height, row.interval_95, row.passes) for row in shown.balls[:MOST_ROWS]
-        )
-        heads = ("ball", "drops", "rebound [cm]", "95 %", "passes")
-        parts.append(
-            Part("Rebound from 254 cm, ball by ball", heads, rows, _left_out(len(test.balls), "balls"), True)
-        )
+        heads = ("ball", "drops", "rebound from 254 cm [cm]", "95 %", "passes")
+        left = _left_out(len(test.balls), "balls")
+        parts.append(Part("Rebound from 254 cm, ball by ball", heads, shown.balls[:MOST_ROWS], left, True))
     elif len(shown.speeds) > 1:
-        rows = tuple((row.speed, row.impacts, row.cor, row.interval_95, row.measured) for row in shown.speeds)
         heads = ("speed [m/s]", "drops", "COR", "95 %", "measured mean")
-        parts.append(Part("Restitution at the tested speeds", heads, rows))
+        parts.append(Part("Restitution at the tested speeds", heads, shown.speeds))
     return _Content("Drop test of tennis balls", drop_lead(test), tuple(parts), drop_remarks(test))
 
 
 def _of_court(pace: CourtPace) -> _Content:
-    parts, surfaces = [], surface_rows(pace)
-    places = place_rows(pace)
+    parts, places = [], place_rows(pace)
+    surfaces = [
+        row | {"category": category_words(item)} for row, item in zip(surface_rows(pace), pace.ratings, strict=True)
+    ]
     if places:
-        measured = tuple(
-            (row.label, row.impacts, row.mean, row.rating, row.interval_95, row.friction, row.restitution)
-            for row in places[:MOST_PLACES]
-        )
-        heads = ("place", "impacts", "mean rating", "beyond noise", "95 %", "mu", "restitution")
         left = _left_out(len(places), "places", MOST_PLACES)
-        parts.append(Part("Places on the court, as measured", heads, measured, left))
+        parts.append(Part("Places on the court, as measured", tuple(places[0]), places[:MOST_PLACES], left))
     # There is room for one long table, not for two.
     most = MOST_PLACES - len(places)
     if 0 < len(surfaces) <= most or not places:
-        rated = tuple(
-            (row.surface, row.impacts, row.rating, row.interval_95, row.category, row.friction)
-            for row in surfaces[:most]
-        )
         title = "What the fitted model would show the test (30 m/s, 16 degrees)"
-        rating_heads = ("surface or place", "impacts", "rating", "95 %", "category", "mu of the test")
-        parts.append(Part(title, rating_heads, rated, _left_out(len(surfaces), "surfaces", most)))
+        heads = ("surface", "impacts", "rating", "95 %", "category", "mu of the test")
+        parts.append(Part(title, heads, surfaces[:most], _left_out(len(surfaces), "surfaces", most)))
     result = court_lines(pace) or tuple(
-        f"ITF court pace rating{f' of {row.surface}' if len(surfaces) > 1 else ''} by the model: {row.rating} "
-        f"{row.interval_95} (95 %), {row.category}."
-        for row in surfaces[:4]
+        f"ITF court pace rating{f' of {surface_words(rating)}' if len(surfaces) > 1 else ''} by the model: "
+        f"{rating_words(rating)}."
+        for rating in pace.ratings[:4]
     )
     return _Content("Court pace", result, tuple(parts), tuple(pace_remarks(pace)))
 
 
 def _of_parameters(saved: SavedFit) -> _Content:
     told = [item for item in saved.parameters.values() if item.verdict in (Verdict.IDENTIFIED, Verdict.GIVEN)]
-    rows = tuple(_parameter(item) for item in told[:MOST_ROWS])
-    parts = (
-        (Part("Parameters that the table tells", ("parameter", "unit", "value", "95 %"), rows, "", True),)
-        if rows
-        else ()
-    )
+    rows = [parameter_row(item) for item in told[:MOST_ROWS]]
+    listed = [
+        {"parameter": row.name, "unit": row.unit, "value": row.median if row.median != "-" else row.point,
+         "95 %": row.interval_95}
+        for row in rows
+    ]  # fmt: skip
+    parts = (Part("Parameters that the table tells", tuple(listed[0]), listed, "", True),) if listed else ()
     return _Content(f"Fit of model {saved.file.model.name}", (saved.verdict,), parts, ())
-
-
-def _parameter(item: Estimate) -> tuple[str, ...]:
-    scale = handy(item.name, item.unit)
-    if item.median is None or item.sd is None or item.q025 is None or item.q975 is None:
-        return item.name, scale.unit, significant(item.point * scale.factor, 4), "-"
-    places = decimals(item.sd * scale.factor)
-    ends = interval(item.q025 * scale.factor, item.q975 * scale.factor, places)
-    return item.name, scale.unit, fixed(item.median * scale.factor, places), ends
 
 
 def _left_out(count: int, what: str, most: int = MOST_ROWS) -> str:

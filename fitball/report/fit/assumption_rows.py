@@ -9,33 +9,10 @@ from fitball.inference.results.results import Fit
 from fitball.report.form.display_units import Scale, handy
 from fitball.report.form.rounding import decimals, fixed, interval
 from fitball.report.form.sentences import listed
+from fitball.report.form.text_table import Row
 
 # Sds by which its median must move over the assumptions for a quantity to get a line of its own on a terminal.
 WORTH_A_LINE = 1.0
-
-
-@dataclass(frozen=True)
-class SpanRow:
-    """One quantity: within the fit itself, over assumptions that are as good, and what it is given."""
-
-    name: str
-    unit: str
-    own: str
-    over: str
-    interval_95: str
-    shift: str
-    by: str
-    given: str
-
-
-@dataclass(frozen=True)
-class AlternativeRow:
-    """One choice changed: its score less that of the fit, and whether it describes the table as well."""
-
-    name: str
-    instead_of: str
-    difference: str
-    verdict: str
 
 
 @dataclass(frozen=True)
@@ -43,8 +20,8 @@ class AssumptionTable:
     """All of it for a page; `missing` says why there is nothing."""
 
     sentence: str
-    spans: tuple[SpanRow, ...]
-    alternatives: tuple[AlternativeRow, ...]
+    spans: tuple[Row, ...]
+    alternatives: tuple[Row, ...]
     missing: str
 
 
@@ -55,7 +32,13 @@ def assumption_table(fit: Fit) -> AssumptionTable | None:
         return None
     spans = tuple(_row(name, unit, scale, item) for name, unit, scale, item in _spans(fit, found))
     rows = tuple(
-        AlternativeRow(item.name, item.instead_of, _difference(item), _verdict(item)) for item in found.alternatives
+        {
+            "changed to": item.name,
+            "from": item.instead_of,
+            "score less this fit's": _difference(item),
+            "describes the table": _verdict(item),
+        }
+        for item in found.alternatives
     )
     return AssumptionTable("" if found.missing else _sentence(found), spans, rows, found.missing)
 
@@ -75,10 +58,10 @@ def assumption_lines(fit: Fit) -> tuple[str, ...]:
             still.append(name)
             continue
         row = _row(name, unit, scale, item)
-        told, within = f"{row.over} {unit}".rstrip(), row.own.rpartition(" ")[2]
+        told, within = f"{row['over all as good']} {unit}".rstrip(), row["within this fit"].rpartition(" ")[2]
         lines.append(
-            f"{name}: {told} over assumptions that this table cannot tell apart; within one, +-{within} ({row.by} "
-            f"moves it by {row.shift} sd)"
+            f"{name}: {told} over assumptions that this table cannot tell apart; within one, +-{within} ({item.by} "
+            f"moves it by {fixed(item.shift, 1)} sd)"
         )
     if still:
         lines.append(f"{listed(still)}: by less than one sd")
@@ -96,19 +79,19 @@ def _spans(fit: Fit, found: Assumptions) -> list[tuple[str, str, Scale, Span]]:
     return rows
 
 
-def _row(name: str, unit: str, scale: Scale, item: Span) -> SpanRow:
+def _row(name: str, unit: str, scale: Scale, item: Span) -> Row:
     factor = scale.factor
     places = decimals(item.own.sd * factor)
-    return SpanRow(
-        name=name,
-        unit=unit,
-        own=f"{fixed(item.own.median * factor, places)} +- {fixed(item.own.sd * factor, places)}",
-        over=f"{fixed(item.low * factor, places)} to {fixed(item.high * factor, places)}",
-        interval_95=interval(item.q025 * factor, item.q975 * factor, places),
-        shift=fixed(item.shift, 1),
-        by=item.by,
-        given=", ".join(item.given),
-    )
+    return {
+        "parameter": name,
+        "unit": unit,
+        "within this fit": f"{fixed(item.own.median * factor, places)} +- {fixed(item.own.sd * factor, places)}",
+        "over all as good": f"{fixed(item.low * factor, places)} to {fixed(item.high * factor, places)}",
+        "95 % over all": interval(item.q025 * factor, item.q975 * factor, places),
+        "moved by [sd]": fixed(item.shift, 1),
+        "most by": item.by,
+        "holds only given": ", ".join(item.given),
+    }
 
 
 def _sentence(found: Assumptions) -> str:

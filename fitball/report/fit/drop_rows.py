@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 from fitball.data.ball_types import BALL_TYPES, DROP_HEIGHT, SOURCE, TEST_TEMPERATURE
 from fitball.data.heights import DRAG_COEFFICIENT
-from fitball.inference.results.drop_test import DropTest, Passing, StandardRebound, TestedSpeed
+from fitball.inference.results.drop_test import BallRebound, DropTest, StandardRebound, TestedSpeed
 from fitball.inference.results.pace_rating import Spread
 from fitball.report.fit.pace_rows import percent
 from fitball.report.form.rounding import decimals, digits, fixed, interval, significant
+from fitball.report.form.text_table import Row
 
 CM = 100.0
 # Balls told one by one on a page.
@@ -19,50 +20,14 @@ SURE = 0.95
 
 
 @dataclass(frozen=True)
-class SpeedRow:
-    """One tested speed: every number as text."""
-
-    speed: str
-    impacts: str
-    cor: str
-    interval_68: str
-    interval_95: str
-    measured: str
-    scatter: str
-
-
-@dataclass(frozen=True)
-class TypeRow:
-    """One type of ball: its limits, and the probabilities to lie within them."""
-
-    words: str
-    limits: str
-    mean: str
-    ball: str
-    drop: str
-
-
-@dataclass(frozen=True)
-class BallRow:
-    """One ball."""
-
-    label: str
-    impacts: str
-    height: str
-    interval_95: str
-    passes: str
-
-
-@dataclass(frozen=True)
 class DropTable:
     """All rows; `lead` are the sentences that come first, `missing` says why there are none."""
 
     lead: tuple[str, ...]
-    speeds: tuple[SpeedRow, ...]
-    types: tuple[TypeRow, ...]
-    balls: tuple[BallRow, ...]
+    speeds: tuple[Row, ...]
+    types: tuple[Row, ...]
+    balls: tuple[Row, ...]
     remarks: tuple[str, ...]
-    sampled: bool
     missing: str
 
 
@@ -70,22 +35,14 @@ def drop_table(test: DropTest) -> DropTable:
     """What there is to show of a drop test."""
     rebound = test.rebound
     if rebound is None:
-        return DropTable((), (), (), (), (), False, test.missing)
-    types = tuple(
-        TypeRow(BALL_TYPES[name].words, limits_words(name), *_chances(passing))
-        for name, passing in rebound.passing.items()
-    )
-    balls = tuple(
-        BallRow(ball.label, str(ball.impacts), *_valued(ball.height, CM), percent(ball.passes))
-        for ball in test.balls[:MOST_BALLS]
-    )
+        return DropTable((), (), (), (), (), test.missing)
+    sampled = rebound.height.median is not None
     return DropTable(
         lead=drop_lead(test),
         speeds=tuple(_speed_row(item) for item in test.speeds),
-        types=types if rebound.height.median is not None else (),
-        balls=balls,
+        types=tuple(_type_row(test, name) for name in rebound.passing) if sampled else (),
+        balls=tuple(_ball_row(ball) for ball in test.balls[:MOST_BALLS]),
         remarks=drop_remarks(test),
-        sampled=rebound.height.median is not None,
         missing="",
     )
 
@@ -242,25 +199,34 @@ def _counted(item: TestedSpeed) -> str:
     return f"{item.impacts} {count}{among}, measured {mean}{item.measured:.4f}"
 
 
-def _speed_row(item: TestedSpeed) -> SpeedRow:
+def _speed_row(item: TestedSpeed) -> Row:
     cor = item.cor
     value, ends = _valued(cor)
-    middle = "-"
+    intervals = {}
     if cor.q16 is not None and cor.q84 is not None and cor.q025 is not None and cor.q975 is not None:
-        middle = interval(cor.q16, cor.q84, decimals(0.25 * (cor.q975 - cor.q025)))
-    return SpeedRow(
-        speed=f"{item.speed:.2f}",
-        impacts=str(item.impacts),
-        cor=value,
-        interval_68=middle,
-        interval_95=ends,
-        measured=f"{item.measured:.4f}",
-        scatter="-" if item.scatter is None else digits(item.scatter, 2),
-    )
+        intervals = {"68 %": interval(cor.q16, cor.q84, decimals(0.25 * (cor.q975 - cor.q025))), "95 %": ends}
+    return {
+        "speed [m/s]": f"{item.speed:.2f}",
+        "drops": str(item.impacts),
+        "COR": value,
+        **intervals,
+        "measured mean": f"{item.measured:.4f}",
+        "sd of one drop": "-" if item.scatter is None else digits(item.scatter, 2),
+    }
 
 
-def _chances(passing: Passing) -> tuple[str, str, str]:
-    mean, ball, drop = (
-        "-" if value is None else percent(value) for value in (passing.mean, passing.ball, passing.drop)
-    )
-    return mean, ball, drop
+def _ball_row(ball: BallRebound) -> Row:
+    value, ends = _valued(ball.height, CM)
+    row = {"ball": ball.label, "drops": str(ball.impacts), "rebound from 254 cm [cm]": value}
+    return {**row, "95 %": ends, "passes": percent(ball.passes)}
+
+
+def _type_row(test: DropTest, name: str) -> Row:
+    """A type of ball: its limits, and the probabilities to lie within them."""
+    assert test.rebound is not None
+    passing = test.rebound.passing[name]
+    chances = {"mean": passing.mean, "another ball": passing.ball, "one more measured drop": passing.drop}
+    if not test.balls:
+        del chances["another ball"]
+    told = {head: "-" if value is None else percent(value) for head, value in chances.items()}
+    return {"ball": BALL_TYPES[name].words, "limits": limits_words(name), **told}

@@ -21,6 +21,7 @@ from fitball.inference.results.pace_rating import (
 from fitball.inference.results.results import Fit, Verdict
 from fitball.report.fit.adequacy_rows import conditional_words
 from fitball.report.form.rounding import decimals, fixed, interval
+from fitball.report.form.text_table import Row
 
 # Difference of two ratings below which nobody would see it in a rating rounded to a whole number.
 EQUAL = 0.05
@@ -31,48 +32,16 @@ QUANTITIES["omega_1"] = ("spin", 1.0, "rad/s")
 
 
 @dataclass(frozen=True)
-class PaceRow:
-    """One surface: every number as text."""
-
-    surface: str
-    impacts: str
-    rating: str
-    interval_68: str
-    interval_95: str
-    category: str
-    categories: str
-    friction: str
-    sliding: str
-    restitution: str
-    contact: str
-    reach: str
-
-
-@dataclass(frozen=True)
-class PlaceRow:
-    """One place of a court, as measured."""
-
-    label: str
-    impacts: str
-    mean: str
-    rating: str
-    interval_95: str
-    friction: str
-    restitution: str
-
-
-@dataclass(frozen=True)
 class PaceTable:
     """All surfaces, remarks, and why there is no rating (empty where there is one); what is told of the court as a
     whole, and its places as measured.
     """
 
-    rows: tuple[PaceRow, ...]
+    rows: tuple[Row, ...]
     remarks: tuple[str, ...]
     missing: str
-    sampled: bool
     court: tuple[str, ...]
-    places: tuple[PlaceRow, ...]
+    places: tuple[Row, ...]
 
 
 def pace_table(fit: Fit) -> PaceTable | None:
@@ -83,9 +52,7 @@ def pace_table(fit: Fit) -> PaceTable | None:
     rows = surface_rows(pace)
     said = _rests(fit)
     remarks = ([f"The rating is {said}."] if said else []) + pace_remarks(pace)
-    return PaceTable(
-        rows, tuple(remarks), pace.missing, fit.posterior is not None, court_lines(pace), place_rows(pace)
-    )
+    return PaceTable(rows, tuple(remarks), pace.missing, court_lines(pace), place_rows(pace))
 
 
 def pace_lines(fit: Fit) -> tuple[str, ...]:
@@ -100,11 +67,9 @@ def pace_lines(fit: Fit) -> tuple[str, ...]:
     rests = f"; {said}" if said else ""
     lines = [*whole]
     for rating in pace.ratings:
-        row = _row(rating)
-        name = f" of {row.surface}" if rating.labels else ""
-        within = f" {row.interval_95} (95 %)" if rating.rating.median is not None else ""
-        flag = f"; extrapolated: {row.reach}" if rating.reach.outside else ""
-        lines.append(f"ITF court pace rating{name}: {row.rating}{within}, {row.category}{flag}{rests}")
+        name = f" of {surface_words(rating)}" if rating.labels else ""
+        flag = f"; extrapolated: {reach_words(rating.reach)}" if rating.reach.outside else ""
+        lines.append(f"ITF court pace rating{name}: {rating_words(rating)}{flag}{rests}")
     return tuple(lines)
 
 
@@ -154,9 +119,9 @@ def _court_words(court: CourtMean) -> str:
     return ", ".join(parts)
 
 
-def place_rows(pace: CourtPace) -> tuple[PlaceRow, ...]:
+def place_rows(pace: CourtPace) -> tuple[Row, ...]:
     """The places of a court, as measured."""
-    rows = []
+    rows: list[Row] = []
     for place in () if pace.measured is None else pace.measured.places:
         spread = place.rating
         value, ends = "-", "-"
@@ -164,37 +129,61 @@ def place_rows(pace: CourtPace) -> tuple[PlaceRow, ...]:
             digits = _places(spread)
             value, ends = _middle(spread, digits), interval(spread.q025, spread.q975, digits)
         rows.append(
-            PlaceRow(
-                place.label, str(place.impacts), f"{place.mean:.1f}", value, ends,
-                f"{place.friction:.3f}", f"{place.restitution:.3f}",
-            )
-        )  # fmt: skip
+            {
+                "place": place.label,
+                "impacts": str(place.impacts),
+                "mean rating": f"{place.mean:.1f}",
+                "beyond noise": value,
+                "95 %": ends,
+                "mu": f"{place.friction:.3f}",
+                "restitution": f"{place.restitution:.3f}",
+            }
+        )
     return tuple(rows)
 
 
-def surface_rows(pace: CourtPace) -> tuple[PaceRow, ...]:
+def surface_rows(pace: CourtPace) -> tuple[Row, ...]:
     """Every surface, by the model."""
     return tuple(_row(rating) for rating in pace.ratings)
 
 
-def _row(rating: PaceRating) -> PaceRow:
+def _row(rating: PaceRating) -> Row:
     places = _places(rating.rating)
-    name, share = max(rating.categories.items(), key=lambda pair: pair[1])
     sampled = rating.rating.median is not None
-    return PaceRow(
-        surface=", ".join(rating.labels) if rating.labels else "all impacts",
-        impacts=str(rating.impacts),
-        rating=_middle(rating.rating, places),
-        interval_68=interval(rating.rating.q16, rating.rating.q84, places) if sampled else "-",
-        interval_95=interval(rating.rating.q025, rating.rating.q975, places) if sampled else "-",
-        category=f"{name} ({percent(share)})" if sampled else name,
-        categories=_shares(rating.categories, sampled),
-        friction=_with_interval(rating.friction),
-        sliding=_middle(rating.sliding_rating, places),
-        restitution=_with_interval(rating.restitution),
-        contact=_shares(rating.regimes, sampled),
-        reach=reach_words(rating.reach),
-    )
+    row = {
+        "surface": surface_words(rating),
+        "impacts": str(rating.impacts),
+        "rating": _middle(rating.rating, places),
+    }
+    if sampled:
+        row["68 %"] = interval(rating.rating.q16, rating.rating.q84, places)
+        row["95 %"] = interval(rating.rating.q025, rating.rating.q975, places)
+    return {
+        **row,
+        "category": _shares(rating.categories, sampled),
+        "mu of the test": _with_interval(rating.friction),
+        "by fitted mu": _middle(rating.sliding_rating, places),
+        "restitution": _with_interval(rating.restitution),
+        "contact there": _shares(rating.regimes, sampled),
+    }
+
+
+def rating_words(rating: PaceRating) -> str:
+    """A rating with its interval and its most probable category."""
+    row = _row(rating)
+    within = f" {row['95 %']} (95 %)" if "95 %" in row else ""
+    return f"{row['rating']}{within}, {category_words(rating)}"
+
+
+def category_words(rating: PaceRating) -> str:
+    """The most probable category, with its probability where there are draws."""
+    name, share = max(rating.categories.items(), key=lambda pair: pair[1])
+    return name if rating.rating.median is None else f"{name} ({percent(share)})"
+
+
+def surface_words(rating: PaceRating) -> str:
+    """What the rating is of."""
+    return ", ".join(rating.labels) if rating.labels else "all impacts"
 
 
 def pace_remarks(pace: CourtPace) -> list[str]:

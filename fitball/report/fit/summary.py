@@ -14,10 +14,13 @@ from fitball.report.form.palette import verdict_mark
 from fitball.report.form.rounding import decimals, fixed, interval, significant
 from fitball.report.form.sentences import listed
 from fitball.report.form.symbols import symbol_html
+from fitball.report.form.text_table import Row
 from fitball.values import FloatArray
 from fitball.wording import spoken
 
 NO_SYMBOL = Markup("")
+# Heads of the columns that show fields of a `ParameterRow`.
+NUMBERS = {"median": "median", "68 %": "interval_68", "95 %": "interval_95", "point": "point"}
 
 
 @dataclass(frozen=True)
@@ -113,27 +116,15 @@ def parameter_row(estimate: Estimate) -> ParameterRow:
     return _row(estimate, handy(estimate.name, estimate.unit))
 
 
-@dataclass(frozen=True)
-class LevelRow:
-    """One level of a parameter, rounded, as text."""
-
-    name: str
-    unit: str
-    impacts: str
-    median: str
-    sd: str
-    interval_68: str
-    interval_95: str
-    point: str
-
-
-def level_rows(fit: Fit) -> tuple[LevelRow, ...]:
+def level_rows(fit: Fit) -> tuple[Row, ...]:
     """What each surface, ball or table has of a parameter that differs between them; empty where none does."""
-    scales = [handy(level.parameter, level.unit) for level in fit.levels]
-    return tuple(
-        LevelRow(f"{level.parameter}[{level.label}]", scale.unit, str(level.impacts), **_rounded(level, scale))
-        for level, scale in zip(fit.levels, scales, strict=True)
-    )
+    rows = []
+    for level in fit.levels:
+        scale = handy(level.parameter, level.unit)
+        numbers = _rounded(level, scale)
+        named = {"level": f"{level.parameter}[{level.label}]", "unit": scale.unit, "impacts": str(level.impacts)}
+        rows.append(named | {head: numbers[field] for head, field in NUMBERS.items()})
+    return tuple(rows)
 
 
 def thesis_rows(fit: Fit) -> tuple[ParameterRow, ...]:

@@ -23,7 +23,7 @@ from fitball.report.fit.summary import (
     prediction_table,
     thesis_rows,
 )
-from fitball.report.form.text_table import MOST_LINES, WIDTH, columns, more
+from fitball.report.form.text_table import MOST_LINES, WIDTH, columns, listed_rows, more
 
 
 def _wrapped(text: str) -> list[str]:
@@ -60,12 +60,7 @@ def render(fit: Fit, folder: Path) -> str:
         parts.append("")
     levels = level_rows(fit)
     if levels:
-        names = ["level", "unit", "impacts", "median", "68 %", "95 %", "point"]
-        lines = [
-            [row.name, row.unit, row.impacts, row.median, row.interval_68, row.interval_95, row.point]
-            for row in levels
-        ]
-        parts += ["Level by level, pooled in part:", "", *columns([names, *lines], left=2), ""]
+        parts += ["Level by level, pooled in part:", "", *listed_rows(levels, left=2), ""]
     if fit.drop_test is not None and not fit.drop_test.missing:
         said = (line for item in drop_remarks(fit.drop_test) for line in _wrapped(item))
         parts += ["What the drop test rests on:", *said, ""]

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeAlias
 
 from fitball.visible import one_line
 
+# A row of a table as text, by the heads of its columns, in their order: what terminal, page and certificate show.
+Row: TypeAlias = dict[str, str]
 WIDTH = 100
 # Rows of a table that a person reads on a terminal.
 MOST_LINES = 40
@@ -25,6 +28,11 @@ def columns(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
         ]
         lines.append("  ".join(cells).rstrip())
     return lines
+
+
+def listed_rows(rows: Sequence[Row], left: int = 1) -> list[str]:
+    """Rows under their heads, as lines."""
+    return columns([list(rows[0]), *(list(row.values()) for row in rows)], left)
 
 
 def more(count: int, where: str) -> list[str]:
