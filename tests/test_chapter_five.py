@@ -182,7 +182,8 @@ def test_files_and_page(found, tmp_path):
     write(found, tmp_path / "out")
     names = {item.name for item in (tmp_path / "out").iterdir()}
     assert {"report.html", "glance.png", "chapter_v.png", "appendix_c.csv", "errata.csv"} <= names
-    text = html.unescape((tmp_path / "out" / "report.html").read_text(encoding="utf-8"))
+    # A page writes the sign that a terminal may lack.
+    text = html.unescape((tmp_path / "out" / "report.html").read_text(encoding="utf-8")).replace("\u00b1", "+-")
     for told in (*(check.finding for check in found.checks), *found.verdicts.values(), found.summary):
         assert told.replace("+-", "\u00b1") in text
     assert "friction 0.55 +- 0.05, contact time\n5.0 +- 0.5 ms" in text
