@@ -257,7 +257,7 @@ def test_all_faults_of_a_file_at_once(tmp_path: Path) -> None:
 
 def test_what_cannot_be_opened(tmp_path: Path) -> None:
     (tmp_path / "t.xls").write_bytes(b"PK")
-    with pytest.raises(TableError, match=r"a workbook of the old kind.*save it as one"):
+    with pytest.raises(TableError, match="not a workbook"):
         load_table(tmp_path / "t.xls")
     with pytest.raises(TableError, match="no such file"):
         load_table(tmp_path / "absent.csv")

@@ -98,8 +98,8 @@ class Fit(Found):
         incident state are stated both contain it, unless `exact_incidence`. Rebound columns of `data` come back as
         `v_x2_measured` with residuals. What one should know of it is in `.attrs["notes"]`.
 
-        >>> fit.predict("v=17, theta=25, spin=100")["v_x2_median [m/s]"].round(1).tolist()
-        [9.9]
+        >>> fit.predict("v=17, theta=25, spin=100")["v_x2_median [m/s]"].round().tolist()
+        [10.0]
         """
         return foretell(self.saved, self.predicting, data, units, flip, exact_incidence, seed, columns).frame()
 

@@ -19,7 +19,7 @@ from fitball.inference.likelihood.posterior import impact_terms, log_likelihood,
 from fitball.inference.likelihood.sensitivities import differentiable
 from fitball.inference.point.surface import Conditions, Surface
 from fitball.inference.problem.batches import batches
-from fitball.inference.problem.noise import NORMAL
+from fitball.inference.problem.noise import NormalNoise
 from fitball.inference.problem.problem import Problem
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
@@ -34,12 +34,12 @@ def smooth(problem: Problem) -> bool:
     """Whether the surface of a problem has exact derivatives of all it knows, and no more rows than a surface is
     searched over from every start.
     """
-    return problem.noise is NORMAL and differentiable(problem) and len(problem.impacts) <= SEARCHED
+    return isinstance(problem.noise, NormalNoise) and differentiable(problem) and len(problem.impacts) <= SEARCHED
 
 
 def surface_of(problem: Problem, promised: float = 1e-3, *, penalised: bool = False) -> Surface:
     """The surface of a problem's likelihood, or posterior; see `Surface` for `promised` and `penalised`."""
-    closed = problem.noise is NORMAL and problem.incident is None
+    closed = isinstance(problem.noise, NormalNoise) and problem.incident is None
     return (Surface if closed else GeneralSurface)(problem, promised=promised, penalised=penalised)
 
 
