@@ -111,10 +111,16 @@ class Problem:
         return tuple(constraint for constraint in constraints if not pooled & constraint.coefficients.keys())
 
     @cached_property
+    def grouped_by(self) -> str | None:
+        """The label column by which figures tell impacts apart, None when there is none."""
+        if "group" in self.table.labels:
+            return "group"
+        return self.pooling[0].column if self.pooling else None
+
+    @cached_property
     def groups(self) -> tuple[str, ...] | None:
-        """The label of each impact by which figures tell impacts apart, None when there is none."""
-        labels = self.table.labels.get("group")
-        return self.table.labels[self.pooling[0].column] if labels is None and self.pooling else labels
+        """The label of each impact in that column, None when there is none."""
+        return None if self.grouped_by is None else self.table.labels[self.grouped_by]
 
     def rebound(self, values: FloatArray, impacts: Impacts | None = None, like: int | None = None) -> Rebound:
         """Rebounds (draws, impacts) for free values (draws, free), of the table's impacts by default.

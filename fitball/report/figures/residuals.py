@@ -56,7 +56,7 @@ def residuals_figure(fit: Drawable) -> Figure:
         row[0].set_ylabel(f"{OBSERVABLES[item.name].symbol}: residual / sd")
     labels = [
         *(quantity.label for quantity in quantities.values()),
-        *(["group"] if grouped else []),
+        *([fit.problem.grouped_by or ""] if grouped else []),
         "normal quantile",
     ]
     for axis, label in zip(axes[-1], labels, strict=True):
