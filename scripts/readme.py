@@ -25,6 +25,7 @@ from fitball.inference.results.results import Verdict, verdict_words
 from fitball.models.specs import SPECS
 from fitball.report.form.display_units import handy
 from fitball.report.form.rounding import decimals, digits, fixed
+from fitball.studies.bench.precision import FASTEST
 from fitball.studies.thesis.appendix_d import CASE_IN_APPENDIX_C
 from fitball.version import __version__
 
@@ -49,6 +50,14 @@ TOLD_OF_THESIS = (
     *("Slips", "Damping c_y"),
 )
 FITS = ("all", "zero", "drop", "bare")
+# Errors at which the closed form is compared with what is fastest there, and how one would integrate carelessly.
+ERRORS = (1e-3, 1e-6, 1e-9, 1e-12)
+CARELESS = (
+    ("RK4 compiled, events between steps", "400 steps"),
+    ("solve_ivp RK45", "rtol 0.001"),
+    ("solve_ivp DOP853", "rtol 1e-09"),
+    ("solve_ivp DOP853, short steps", "rtol 1e-09"),
+)
 # Without a contact time it would be held.
 FREE_K_Y = "k_y=lognormal(2.0e4, 1.0)"
 
@@ -235,48 +244,80 @@ def _rate(row: Any, what: str) -> str:
     return f"{share} % [{low}, {high}] of {row[f'{what}_of']}"
 
 
+def _benched(name: str) -> pd.DataFrame:
+    """A table of the last full `fitball bench`."""
+    return pd.read_csv(ROOT / "fits" / "bench" / f"{name}.csv")
+
+
+def _bounce() -> tuple[pd.Series, pd.DataFrame]:
+    """The closed form and its rivals on Wang's impacts."""
+    precision = _benched("precision")
+    wang = precision[precision["scene"] == "Wang's 21"]
+    return wang[wang["solver"] == FASTEST].iloc[0], wang[~wang["solver"].str.startswith("closed form")]
+
+
+def _strongest(rivals: pd.DataFrame, error: float) -> pd.Series:
+    """Of all rivals at all settings the fastest whose largest error is at most this."""
+    good = rivals[rivals["largest error"] <= error]
+    return good.loc[good["microseconds"].idxmin()]
+
+
 def _speed_line() -> str:
-    wang, batches, _ = _benched()
-    closed = wang[wang["solver"] == "closed form, batch"].iloc[0]
-    runge = wang[(wang["solver"] == "RK4, compiled") & (wang["setting"] == "400 steps")].iloc[0]
-    large = batches[batches["call"].str.startswith("batch of")].iloc[0]
+    closed, rivals = _bounce()
+    finer, coarser = (_strongest(rivals, error) for error in (ERRORS[-1], ERRORS[0]))
+    times = [digits(rival["microseconds"] / closed["microseconds"], 2) for rival in (finer, coarser)]
     return (
-        f"A bounce in closed form takes {digits(large['microseconds an impact'], 2)} microseconds on one thread and "
-        f"is off by {closed['largest error']:.1e} of the incident speed at most; compiled RK4 with 400 steps takes "
-        f"{digits(runge['microseconds'], 2)} and is off by {runge['largest error']:.1e}."
+        f"A bounce in closed form takes {digits(closed['microseconds'], 2)} microseconds of one core and is off by "
+        f"{closed['largest error']:.1e} of the incident speed at most. The fastest integrators that we could "
+        f"write against it, compiled and with events located, take {times[0]} times as long for errors below "
+        f"{ERRORS[-1]:.0e}, and {times[1]} times for {ERRORS[0]:.0e}."
     )
-
-
-def _benched() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """Errors on Wang's impacts, batches, growth, as the last full `fitball bench` measured them."""
-    bench = ROOT / "fits" / "bench"
-    precision, batches, growth = (pd.read_csv(bench / f"{name}.csv") for name in ("precision", "batches", "growth"))
-    return precision[precision["scene"] == "Wang's 21"], batches, growth
 
 
 def _speed() -> str:
-    wang, batches, growth = _benched()
-    rows = ["| solver | microseconds an impact | largest error |", "|---|---|---|"]
-    closed = wang[wang["solver"] == "closed form, batch"].iloc[0]
-    large = batches[batches["call"].str.startswith("batch of")]
-    times = "; ".join(
-        f"{digits(row['microseconds an impact'], 2)} on {row['call'].rsplit(', ', 1)[1]}"
-        for _, row in large.iterrows()
-    )
-    rows.append(f"| closed form, large batches | {times} | {closed['largest error']:.1e} |")
-    for solver, setting in (
-        ("RK4, compiled", "400 steps"),
-        ("solve_ivp RK45", "rtol 0.001"),
-        ("solve_ivp DOP853", "rtol 1e-09"),
-        ("solve_ivp DOP853", "rtol 1e-13"),
-    ):
-        row = wang[(wang["solver"] == solver) & (wang["setting"] == setting)].iloc[0]
-        rows.append(f"| {solver}, {setting} | {digits(row['microseconds'], 2)} | {row['largest error']:.1e} |")
+    closed, rivals = _bounce()
+    rows = ["| error at most | fastest | microseconds an impact | times the closed form |", "|---|---|---|---|"]
+    rows.append(f"| {closed['largest error']:.1e} | closed form | {digits(closed['microseconds'], 2)} | 1 |")
+    named = [(f"{error:.0e}", _strongest(rivals, error)) for error in ERRORS[::-1]]
+    for solver, setting in CARELESS:
+        row = rivals[(rivals["solver"] == solver) & (rivals["setting"] == setting)].iloc[0]
+        named.append((f"{row['largest error']:.1e}", row))
+    for error, row in named:
+        times = digits(row["microseconds"] / closed["microseconds"], 2)
+        rows.append(f"| {error} | {row['solver']}, {row['setting']} | {digits(row['microseconds'], 2)} | {times} |")
+    growth = _benched("growth")
     longest = growth[growth["rows"] == growth["rows"].max()].iloc[0]
     rows += [
         "",
-        f"The best fit of a table of {longest['rows']:.0f} impacts took {digits(longest['point fit [s]'], 2)} s.",
+        f"A log posterior of {longest['rows']:.0f} impacts takes "
+        f"{digits(longest['milliseconds a log posterior'], 2)} ms, the best fit of them "
+        f"{digits(longest['point fit [s]'], 2)} s of CPU and {digits(longest['most memory [MB]'], 2)} MB.",
     ]
+    return "\n".join(rows)
+
+
+def _densities() -> str:
+    rows = ["| table | log posterior | microseconds | largest error |", "|---|---|---|---|"]
+    for _, row in _benched("densities").iterrows():
+        rows.append(
+            f"| {row['table']} | {row['log posterior']} | {digits(row['microseconds'], 2)} | "
+            f"{row['largest error']:.1e} |"
+        )
+    return "\n".join(rows)
+
+
+def _samplers() -> str:
+    """Draws a second by sampler and table; densities a draw over the tables."""
+    frame = _benched("samplers")
+    tables = list(dict.fromkeys(frame["table"]))
+    rows = [f"| sampler | {' | '.join(tables)} | densities a draw |", "|---|" + "---|" * (len(tables) + 1)]
+    for sampler, mine in frame.groupby("sampler", sort=False):
+        found = mine.set_index("table").reindex(tables)
+        cells = ["-" if math.isnan(value) else digits(value, 2) for value in found["draws a CPU second"]]
+        version = "" if sampler == "fitball" else f" ({found['version'].dropna().iloc[0]})"
+        asked = found["densities a draw"].dropna()
+        span = f"{digits(asked.min(), 2)} to {digits(asked.max(), 2)}" if len(asked) else "-"
+        rows.append(f"| {sampler}{version} | {' | '.join(cells)} | {span} |")
     return "\n".join(rows)
 
 
@@ -312,6 +353,8 @@ def blocks() -> dict[str, str]:
         "trust": _trust(),
         "speed": _speed(),
         "speed-line": _speed_line(),
+        "densities": _densities(),
+        "samplers": _samplers(),
         "thesis": _thesis(numbers),
         "priors": _priors(),
     }

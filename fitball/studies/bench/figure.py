@@ -32,10 +32,12 @@ def figure(bench: Bench) -> Figure:
     panels[4].set_title("Log posterior of five tables", fontsize=11)
     panels[4].set_xlabel("largest error of the log density")
     panels[4].set_ylabel("CPU microseconds a density")
-    handles, labels = panels[0].get_legend_handles_labels()
     panels[5].axis("off")
-    panels[5].legend(handles, labels, loc="center", frameon=False)
-    panels[4].legend(fontsize=8, frameon=False, loc="center left")
+    shared = {"frameon": False, "fontsize": 9, "labelspacing": 0.3}
+    panels[5].add_artist(
+        panels[5].legend(*panels[0].get_legend_handles_labels(), title="Bounce", loc="upper left", **shared)
+    )
+    panels[5].legend(*panels[4].get_legend_handles_labels(), title="Log posterior", loc="lower left", **shared)
     made.suptitle("Speed against error: lower left is better", fontsize=12)
     return made
 

@@ -82,14 +82,17 @@ class Sampler:
 
 
 def effective(chain: FloatArray) -> float:
-    """The least effective number of draws, bulk or tail, over the parameters of a chain (steps, walkers, free)."""
+    """The least effective number of draws, bulk or tail, over the parameters of a chain (steps, walkers, free).
+
+    No more than there are draws: of short chains the estimates are above that.
+    """
     kept = chain[int(BURN_IN * len(chain)) :].transpose(2, 1, 0)
     sizes = [
         [array_stats.ess(column, chain_axis=0, draw_axis=1, method="bulk"),
          array_stats.ess(column, chain_axis=0, draw_axis=1, method="tail", prob=TAILS)]
         for column in kept
     ]  # fmt: skip
-    return float(np.min(sizes))
+    return float(min(np.min(sizes), kept[0].size))
 
 
 def emcee_stretch(target: Target, budget: Budget) -> float:
