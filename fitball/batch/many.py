@@ -148,7 +148,7 @@ def batch_of(
     wanted = (os.cpu_count() or 1) if cores is None else cores
     if wanted < 1:
         raise ParameterError(f"cores = {wanted}: expected at least 1")
-    tasks = tasks_of(tables)
+    tasks = tasks_of(tables, plan.folder)
     rows = run_tasks(tasks, plan, engine(min(wanted, len(tasks)), scheduler), report)
     write_results(rows, plan.folder, command)
     return Batch(plan.folder, rows)

@@ -23,9 +23,12 @@ class Task:
     table: Table
 
 
-def tasks_of(tables: Mapping[str, Table] | Sequence[Table] | PathLike) -> tuple[Task, ...]:
+def tasks_of(
+    tables: Mapping[str, Table] | Sequence[Table] | PathLike, results: Path | None = None
+) -> tuple[Task, ...]:
     """The tasks of named tables, or of paths, patterns (`courts/*.csv`, `**` for folders at any depth), folders and
     names of bundled tables, sorted by name. Files are named by their path below the folder that all have in common.
+    What lies in the folder of `results` is none of them: a pattern may meet what an earlier run wrote.
 
     Raises ParameterError for a pattern or folder without a table, and for tables without a name.
     """
@@ -36,10 +39,14 @@ def tasks_of(tables: Mapping[str, Table] | Sequence[Table] | PathLike) -> tuple[
     for item in given:
         if not isinstance(item, (str, os.PathLike)):
             raise ParameterError("tables that are no files have no names: pass a mapping, {name: table}")
-        found |= dict.fromkeys(_files(os.fspath(item)))
+        found |= dict.fromkeys(path for path in _files(os.fspath(item)) if not _within(path, results))
     if not found:
         raise ParameterError("no table was named")
     return tuple(Task(name, path) for name, path in sorted(zip(_names(list(found)), found, strict=True)))
+
+
+def _within(path: str, folder: Path | None) -> bool:
+    return folder is not None and Path(path).absolute().is_relative_to(folder.absolute())
 
 
 def _files(text: str) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 from fitball.errors import ParameterError
@@ -33,7 +34,7 @@ class ClusterEngine:
         with self._client() as client:
             waiting = iter(items)
             ahead = AHEAD * max(1, sum(client.nthreads().values()))
-            first = [client.submit(make, item, pure=False) for item, _ in zip(waiting, range(ahead), strict=False)]
+            first = [client.submit(make, item, pure=False) for item in islice(waiting, ahead)]
             running = as_completed(first, loop=client.loop)
             try:
                 for future in running:
