@@ -121,6 +121,9 @@ def test_a_table_that_fails_says_why_and_stops_no_other(alone):
     page = (folder / "batch.html").read_text("utf-8")
     assert "4 of 5 tables fitted; 1 failed" in page
     assert "hello" in page
+    # Point fits have no intervals, but values all the same.
+    assert f"<td>{batch.rows[0]['mu']:.4g}</td>" in page
+    assert (folder / "parameters.png").is_file()
 
 
 def test_the_table_of_all_is_the_same_as_csv_and_parquet(alone):

@@ -79,9 +79,10 @@ def _draw(panel: Axes, series: Series, along: Along | None) -> None:
 def _limit(panel: Axes, series: Series, shown: ParameterAxis) -> None:
     """Show the intervals of tables that tell the value, and the medians of all: priors may reach far."""
     told = np.array(series.told) if any(series.told) else np.ones(len(series.told), dtype=bool)
-    low = min(np.min(series.low[told]), np.min(series.median)) * shown.factor
-    high = max(np.max(series.high[told]), np.max(series.median)) * shown.factor
-    if shown.logarithmic and low > 0.0:
+    low = np.nanmin([*series.low[told], *series.median]) * shown.factor
+    high = np.nanmax([*series.high[told], *series.median]) * shown.factor
+    # One value alone spans nothing.
+    if shown.logarithmic and 0.0 < low < high:
         log_scale(panel, *shown.margins(float(low), float(high)), "y")
     elif high > low:
         panel.set_ylim(*replace(shown, logarithmic=False).margins(float(low), float(high), 0.08))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from fitball.report.batch.rows import DONE, NAME, Row
 from fitball.report.batch.series import Series
 from fitball.report.batch.words import CENTRE_HEADS, LEGEND, centre_rows, told
 from fitball.report.figures.embed import embed
 from fitball.report.form.display_units import handy
-from fitball.report.form.rounding import decimals, fixed
+from fitball.report.form.rounding import decimals, fixed, significant
 from fitball.report.form.template import render_template
 
 # Tables listed one by one; batch.csv holds them all.
@@ -32,7 +34,7 @@ def batch_page(
         "fitball.report",
         "batch.html.j2",
         said=said,
-        heading=f"{len(rows):,} tables, each fitted by itself",
+        heading=f"{len(rows):,} table{'s, each' if len(rows) != 1 else ''} fitted by itself",
         figures=[
             embed(images[name], CAPTIONS[name], f"{CAPTIONS[name]} {said.headline}")
             for name in CAPTIONS
@@ -64,7 +66,8 @@ def cells(row: Row, place: int, series: Sequence[Series]) -> tuple[str, ...]:
             continue
         k = one.rows.index(place)
         factor = handy(one.quantity, one.unit).factor
-        sd = float(one.sd[k]) * factor
+        middle, sd = float(one.median[k]) * factor, float(one.sd[k]) * factor
         places = decimals(sd)
-        shown.append(f"{fixed(float(one.median[k]) * factor, places)} ± {fixed(sd, places)}")
+        known = f"{fixed(middle, places)} ± {fixed(sd, places)}"
+        shown.append(known if np.isfinite(sd) else significant(middle, 4))
     return tuple(shown)

@@ -45,7 +45,8 @@ class Along:
 @dataclass(frozen=True)
 class Series:
     """One quantity over the tables: `names` of those that have it, at `rows`; (tables,) median, sd, ends of the 95 %
-    interval, SI; `told` where the table itself told the value, not its prior alone.
+    interval, SI (NaN of a point fit, but for the median, its best value); `told` where the table itself told the
+    value, not its prior alone.
 
     `centre` is about what value the `told` ones scatter and how much, `drifts` the line over each thing they can be
     set along (only those that are surely not level), `outside` (row, distance in standard deviations). All three are
@@ -132,7 +133,7 @@ def _series(name: str, rows: Sequence[Row], along: Sequence[Along]) -> Series | 
         return None
     found = [(place, row) for place, row in enumerate(rows) if _number(row.get(head)) is not None]
     ends = np.array([[_or_nan(row.get(f"{name}_{end}")) for end in ("q025", "q975")] for _, row in found]).T
-    if not found or np.all(np.isnan(ends)):
+    if not found or all(row.get(f"{name}_verdict") == Verdict.FIXED for _, row in found):
         return None
     median = np.array([_or_nan(row[head]) for _, row in found])
     sd = np.array([_or_nan(row.get(f"{name}_sd")) for _, row in found])
