@@ -20,8 +20,9 @@ GUIDE, FAINT = "#6b737b", "#c9ced3"
 SERIES = ("#009e73", "#cc79a7", "#56b4e9", "#8c6d1f", "#7b4fb3", "#a3ad12")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 # Sequences of slip and grip, and phases behind courses: pale, since these are areas and all others lines or points.
+# A phase has the hue of the sequence that it is alone or ends: slide, slide back, grip; then hold and free.
 REGIMES = ("#77aadd", "#ee8866", "#44bb99", "#ffaabb", "#eedd88", "#bbcc33")
-PHASES = ("#fbe3d2", "#f5d0df", "#d5ede2", "#dce3f5", "#e8e8e8")
+PHASES = ("#dbe8f6", "#fae1d7", "#ffe2e8", "#d9f0e9", "#e8e8e8")
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
+from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
@@ -90,8 +91,8 @@ def map_figure(
     figure = new_figure(1.0 + 5.6 * panels, 6.3)
     axes = np.atleast_1d(figure.subplots(1, panels, sharex=True, sharey=True))
     _draw_areas(axes[0], found, marked)
-    _draw_contours(axes[0], found, contours)
-    _draw_names(axes[0], found, marked)
+    labels = _draw_contours(axes[0], found, contours)
+    names = _draw_names(axes[0], found, marked)
     if found.sure is not None:
         _draw_sure(figure, axes[1], found, found.sure)
     handles: list[Patch | Line2D] = [
@@ -115,7 +116,16 @@ def map_figure(
     right.set_ylabel("spin [rpm]")
     figure.legend(handles=handles, loc="outside lower center", ncols=1 + panels, frameon=False, fontsize=8.5)
     figure.suptitle(f"{title}: regimes of contact at {found.window.speed:.4g} m/s", fontsize=12)
+    _uncover(figure, names, labels)
     return figure
+
+
+def _uncover(figure: Figure, names: Sequence[Text], labels: Sequence[Text]) -> None:
+    """Take away labels of contours on which names lie; where they lie is known once the figure is laid out."""
+    figure.draw_without_rendering()
+    boxes = [name.get_window_extent().padded(2.0) for name in names]
+    for label in labels:
+        label.set_visible(not any(box.overlaps(label.get_window_extent()) for box in boxes))
 
 
 def _to_rpm(spin: FloatArray) -> FloatArray:
@@ -148,17 +158,19 @@ def _draw_edges(axis: Axes, angles: FloatArray, spins: FloatArray, codes: NDArra
             axis.contour(angles, spins, inside.astype(float), levels=[0.5], colors="0.3", linewidths=0.6)
 
 
-def _draw_contours(axis: Axes, found: RegimeMap, name: str) -> None:
+def _draw_contours(axis: Axes, found: RegimeMap, name: str) -> Sequence[Text]:
+    """Contours; gives their labels."""
     values = np.ma.masked_invalid(found.outputs[name] * output_scale(name).factor)
     if values.mask.all() or np.ptp(values.compressed()) == 0.0:
-        return
+        return ()
     levels = MaxNLocator(LEVELS).tick_values(values.min(), values.max())
     lines = axis.contour(np.degrees(found.angles), found.spins, values, levels=levels, colors="0.15", linewidths=0.9)
-    axis.clabel(lines, fontsize=7.5, fmt="%g")
+    return list(axis.clabel(lines, fontsize=7.5, fmt="%g"))
 
 
-def _draw_names(axis: Axes, found: RegimeMap, marked: Areas) -> None:
+def _draw_names(axis: Axes, found: RegimeMap, marked: Areas) -> list[Text]:
     """Names where there is room for them, in the middle of the widest part of an area."""
+    names = []
     for number, name in enumerate(marked.names):
         inside = np.pad(marked.numbers == number, 1)
         # Rows count double: a name is wider than its lines are high.
@@ -171,6 +183,8 @@ def _draw_names(axis: Axes, found: RegimeMap, marked: Areas) -> None:
             ha="center", va="center", fontsize=8, fontweight="bold", color="0.1", zorder=4,
         )  # fmt: skip
         text.set_path_effects([withStroke(linewidth=3.0, foreground=marked.colours[number])])
+        names.append(text)
+    return names
 
 
 def _draw_sure(figure: Figure, axis: Axes, found: RegimeMap, sure: Sure) -> None:
