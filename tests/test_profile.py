@@ -300,7 +300,7 @@ def test_gradients_are_those_of_the_cost(tmp_path, penalised):
     given = searches(objective, [0], x[:, 0], x, True).given
     if penalised:
         given = replace(given, counted=np.array([[True, False, True, True]]))
-    _, gradient, _ = objective.linearised(x, given)
+    gradient, _ = objective.linearised(x, given)
     for k in range(x.shape[1]):
         step = np.zeros(x.shape[1])
         step[k] = 1e-5 * objective.width[k]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -100,13 +100,12 @@ class TwoMassModel(Model):
     def _rows(self, names: Sequence[str], values: NumberArray) -> NumberArray:
         """The kernel's parameter rows, (draws, columns), in the kind of number of `values`."""
         rows = np.zeros((values.shape[0], len(bounce.COLUMNS)), dtype=values.dtype)
-        for column, name in enumerate(bounce.COLUMNS):
-            if name in names:
-                rows[:, column] = values[:, list(names).index(name)]
+        columns, places = _places(tuple(names))
+        rows[:, columns] = values[:, places]
         if "mass_ratio" not in names:
             rows[:, bounce.MASS_RATIO] = 1.0
-        columns = ball_columns(self.ball, names, values)
-        rows[:, bounce.BALL_MASS], rows[:, bounce.BALL_RADIUS], rows[:, bounce.BALL_INERTIA] = columns
+        ball = ball_columns(self.ball, names, values)
+        rows[:, bounce.BALL_MASS], rows[:, bounce.BALL_RADIUS], rows[:, bounce.BALL_INERTIA] = ball
         return rows
 
     def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts) -> Rebound:
@@ -198,6 +197,13 @@ class TwoMassModel(Model):
         names, values = self._single(parameters, impact)
         rebound = self.rebound(parameters, impact)
         return two_mass_history(self._rows(names, values)[0], self.codes, impact, rebound, times)
+
+
+@lru_cache(maxsize=64)
+def _places(names: tuple[str, ...]) -> tuple[list[int], list[int]]:
+    """Columns of the kernel's rows that are among `names`, and their places there: asked at every step."""
+    columns = [column for column, name in enumerate(bounce.COLUMNS) if name in names]
+    return columns, [names.index(bounce.COLUMNS[column]) for column in columns]
 
 
 def compose_two_mass(name: str, ball: Ball, tangential: bool, closures: Closures) -> TwoMassModel:

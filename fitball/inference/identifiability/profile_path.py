@@ -131,13 +131,13 @@ def free_searches(objective: Surface, x: FloatArray, scene: bool) -> Searches:
 def best_top(objective: Surface, starts: FloatArray, scene: bool) -> tuple[Top, FloatArray]:
     """The highest maximum reached from `starts` (rows, columns), and the other ones that may matter."""
     given = free_searches(objective, starts, scene)
-    reached = descend(objective, given)
+    # A profile followed down to DEPTH cannot meet an optimum that lies below that.
+    reached = descend(objective, given, rivals=DEPTH)
     order = np.argsort(reached.cost, kind="stable")
     best = int(order[0])
     others: list[int] = []
     for k in order[1:]:
         apart = [np.max(np.abs(reached.x[k] - reached.x[j]) / objective.width) > SAME for j in (best, *others)]
-        # A profile followed down to DEPTH cannot meet an optimum that lies below that.
         if all(apart) and reached.settled[k] and reached.cost[k] < reached.cost[best] + DEPTH:
             others.append(int(k))
     top = reached.x[best][None, :]
@@ -149,7 +149,7 @@ def best_top(objective: Surface, starts: FloatArray, scene: bool) -> tuple[Top, 
 def _errors(objective: Surface, x: FloatArray, scene: bool) -> FloatArray:
     """Standard errors (free,) to first order, at most the widths of the priors."""
     problem = objective.problem
-    _, _, curvature = objective.linearised(x, free_searches(objective, x, scene).given)
+    _, curvature = objective.linearised(x, free_searches(objective, x, scene).given)
     errors = problem.prior.width.copy()
     # The width of the prior as a weak measurement keeps unseen directions finite; where there is no derivative, it is
     # all there is.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +13,9 @@ from fitball.inference.point.surface import Conditions, Surface
 from fitball.values import FloatArray
 
 MOST_ROUNDS = 60
-# Rounds as good as the last one that a search with a goal may still need.
-PATIENCE = 10.0
+# Rounds as good as the last one that a search with a goal may still need, and rounds that any search has which only
+# must come near another.
+PATIENCE, UNHURRIED = 10.0, 12
 GENTLE, MAX_DAMPING = 1e-3, 1e9
 # The longest step in widths of the priors.
 REACH = 1.0
@@ -47,11 +49,14 @@ class Reached:
     settled: NDArray[np.bool_]
 
 
-def descend(objective: Surface, searches: Searches, goal: FloatArray | None = None) -> Reached:
+def descend(
+    objective: Surface, searches: Searches, goal: FloatArray | None = None, rivals: float = math.inf
+) -> Reached:
     """Lower every row's cost as far as damped Gauss-Newton steps go, held columns as they are, bounds and walls kept.
 
     Starts outside the walls are first moved to the nearest point inside. With a `goal` (rows,), rows that advance too
-    slowly to get below theirs are given up.
+    slowly to get below theirs are given up; so are, after some rounds, those that creep along far above the lowest
+    that has settled, where only what ends within `rivals` of it is asked for.
     """
     x = feasible(objective, searches)
     rows = x.shape[0]
@@ -62,10 +67,10 @@ def descend(objective: Surface, searches: Searches, goal: FloatArray | None = No
     curvature = np.zeros((*x.shape, x.shape[1]))
     stale = np.ones(rows, dtype=bool)
     running, promised = np.isfinite(cost), objective.promised
-    for _ in range(MOST_ROUNDS):
+    for round_ in range(MOST_ROUNDS):
         fresh = np.flatnonzero(running & stale)
         if fresh.size:
-            _, gradient[fresh], curvature[fresh] = objective.linearised(x[fresh], searches.given.take(fresh))
+            gradient[fresh], curvature[fresh] = objective.linearised(x[fresh], searches.given.take(fresh))
             stale[fresh] = False
             # A point so close to where the model ends that no difference exists goes no further.
             running[fresh] &= np.isfinite(gradient[fresh]).all(axis=1)
@@ -85,9 +90,11 @@ def descend(objective: Surface, searches: Searches, goal: FloatArray | None = No
         lower = objective.cost(trial, searches.given.take(tried))
         better = lower < cost[tried]
         moved, refused = tried[better], tried[~better]
+        promising = lower[better] - PATIENCE * (cost[moved] - lower[better])
         if goal is not None:
-            gained = cost[moved] - lower[better]
-            running[moved] = lower[better] - PATIENCE * gained < goal[moved]
+            running[moved] = promising < goal[moved]
+        elif round_ >= UNHURRIED and settled.any():
+            running[moved] = promising < cost[settled].min() + rivals
         x[moved], cost[moved] = trial[better], lower[better]
         stale[moved] = True
         damping[moved] = np.maximum(damping[moved] / 10.0, 1e-6)

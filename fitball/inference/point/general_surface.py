@@ -86,7 +86,7 @@ class GeneralSurface(Surface):
             total = total - log_scene_density(self.problem, rebound)
         return np.where(np.any(rebound.status, axis=1) | np.isnan(total), np.inf, total)
 
-    def linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray]:
         """See `Surface`."""
         rows, count = x.shape
         steps = self._steps(x)
@@ -111,7 +111,7 @@ class GeneralSurface(Surface):
             _, slopes, _ = force_slopes(self.problem, self.problem.force, self._coordinates(x))
             slopes = slopes.reshape(rows, -1, count)
             curvature += slopes.transpose(0, 2, 1) @ slopes
-        return self._with_held(x, cost[:, 0], gradient, curvature)
+        return self._with_held(x, gradient, curvature)
 
     def _steps(self, x: FloatArray) -> FloatArray:
         """Steps (rows, columns) of differences, away from bounds and walls that are near."""

@@ -25,8 +25,8 @@ from fitball.values import FloatArray
 
 # Share of a chi-square by which a minimum must be lower to be another one and not the same, settled differently.
 DEEPER = 1e-6
-# Minima that are told.
-KEPT = 5
+# Minima that are told, and how far above the best (in half a chi-square) a search that creeps is worth its rounds.
+KEPT, WORTH_TELLING = 5, 30.0
 
 
 def least_squares(problem: Problem, starts: FloatArray) -> LeastSquares:
@@ -67,7 +67,7 @@ def _descended(problem: Problem, starts: FloatArray, noise: Mapping[str, float])
     x = surface.from_values(starts)
     held = [problem.free[k].prior.coordinate(np.array(noise[problem.free_names[k]])) for k in surface.noise_columns]
     given = replace(surface.free(x), noise=np.tile(np.array(held, dtype=np.float64), (len(x), 1)))
-    reached = descend(surface, Searches(x, np.full(len(x), -1), given))
+    reached = descend(surface, Searches(x, np.full(len(x), -1), given), rivals=WORTH_TELLING)
     chosen: list[int] = []
     for k in np.argsort(reached.cost, kind="stable"):
         apart = np.max(np.abs(reached.x[chosen] - reached.x[k]) / surface.width, axis=1, initial=0.0)
@@ -78,11 +78,20 @@ def _descended(problem: Problem, starts: FloatArray, noise: Mapping[str, float])
 
 def deeper(problem: Problem, known: LeastSquares, starts: Sequence[Mapping[str, float]]) -> LeastSquares:
     """The known minimum, or a deeper one if a search from `starts` (all parameters by name) finds it."""
-    values = [[start[name] for name in problem.free_names] for start in (*starts, *known.optima)]
-    again = least_squares(problem, np.array(values))
-    if not again.chi_square < (1.0 - DEEPER) * known.chi_square:
+    values = _rows(problem, starts)
+    try:
+        tried = least_squares(problem, values)
+    except FitError:
         return known
-    return replace(again, starts=known.starts, evaluations=known.evaluations + again.evaluations)
+    if not tried.chi_square < (1.0 - DEEPER) * known.chi_square:
+        return known
+    # Minima that are known are searched again only here, where it shows which of them are told beside the deeper one.
+    again = least_squares(problem, np.concatenate([values, _rows(problem, known.optima)]))
+    return replace(again, starts=known.starts, evaluations=known.evaluations + tried.evaluations + again.evaluations)
+
+
+def _rows(problem: Problem, optima: Sequence[Mapping[str, float]]) -> FloatArray:
+    return np.array([[optimum[name] for name in problem.free_names] for optimum in optima])
 
 
 def _standard_errors(

@@ -123,7 +123,7 @@ def _descended(problem: Problem, starts: FloatArray) -> list[Candidate]:
     """Where searches from free values (starts, free) end."""
     surface = surface_of(problem, SETTLED, penalised=True)
     x = surface.from_values(starts)
-    reached = descend(surface, Searches(x, np.full(len(x), -1), surface.free(x)))
+    reached = descend(surface, Searches(x, np.full(len(x), -1), surface.free(x)), rivals=WORTH_KEEPING)
     coordinates = problem.to_coordinates(surface.values(reached.x, surface.free(x)))
     scores = log_posterior(problem, coordinates)
     return [

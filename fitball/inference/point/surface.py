@@ -86,7 +86,10 @@ class Surface(SearchedColumns):
             if count:
                 best = np.clip(np.sqrt(squares / count), parameter.prior.lower, parameter.prior.upper)
             held = given.noise[:, position]
-            sizes[parameter.name] = np.where(np.isnan(held), best, parameter.prior.value(np.nan_to_num(held)))
+            known = ~np.isnan(held)
+            if known.any():
+                best = np.where(known, parameter.prior.value(np.where(known, held, 0.0)), best)
+            sizes[parameter.name] = best
         return sizes
 
     @cached_property
@@ -116,11 +119,9 @@ class Surface(SearchedColumns):
         priors = [item.prior for item in self.parameters]
         return np.array([item.b**-2.0 if item.normal else 0.0 for item in priors]), np.array([p.a for p in priors])
 
-    def _with_held(
-        self, x: FloatArray, cost: FloatArray, gradient: FloatArray, curvature: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        more, slopes, curvatures = self._held(x)
-        return cost + more, gradient + slopes, curvature + curvatures[:, :, None] * np.eye(x.shape[1])
+    def _with_held(self, x: FloatArray, gradient: FloatArray, curvature: FloatArray) -> tuple[FloatArray, FloatArray]:
+        _, slopes, curvatures = self._held(x)
+        return gradient + slopes, curvature + curvatures[:, :, None] * np.eye(x.shape[1])
 
     def cost(self, x: FloatArray, given: Conditions) -> FloatArray:
         """Negative log likelihood (rows,) of the measurements, and of the scene's contact time where it counts; inf
@@ -146,18 +147,18 @@ class Surface(SearchedColumns):
             total = total - log_scene_density(self.problem, rebound)
         return np.where(np.any(rebound.status, axis=1), np.inf, total)
 
-    def linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Cost (rows,), its gradient (rows, columns), and its expected curvature (rows, columns, columns).
+    def linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray]:
+        """The gradient (rows, columns) of the cost, and its expected curvature (rows, columns, columns).
 
         At the best noise the gradient is that for given noise, because the cost is level in the noise there. The
         curvature is Gauss's and Newton's: products of first derivatives of the residuals.
         """
         split = batches(self.problem, x.shape[0], cost=2 * self.problem.dimension + 1)
         parts = [self._linearised(x[some], given.take(some)) for some in split]
-        cost, gradient, curvature = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return self._with_held(x, cost, gradient, curvature)
+        gradient, curvature = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return self._with_held(x, gradient, curvature)
 
-    def _linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray]:
         coordinates = self._coordinates(x)
         rebound, slopes = self.problem.differentiated(coordinates)
         columns = self.problem.all_values(self.problem.to_values(coordinates))
@@ -194,4 +195,4 @@ class Surface(SearchedColumns):
             value, sd = self.problem.contact_time
             slope = slopes["contact_time"][..., self.columns].mean(axis=1, keepdims=True) * chain[:, None, :]
             gather((rebound.contact_time.mean(axis=1, keepdims=True) - value) / sd, slope / sd)
-        return self._cost(columns, rebound, given, sizes), gradient, curvature
+        return gradient, curvature

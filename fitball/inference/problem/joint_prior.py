@@ -52,6 +52,12 @@ class JointPrior:
         coordinates[:, self._logs] = np.log(values[:, self._logs])
         return coordinates
 
+    def rates(self, values: FloatArray) -> FloatArray:
+        """Derivatives (draws, priors) of values (draws, priors) with respect to their coordinates."""
+        rates = np.ones(values.shape)
+        rates[:, self._logs] = values[:, self._logs]
+        return rates
+
     def draw(self, rng: np.random.Generator, size: int) -> FloatArray:
         """Values (size, priors)."""
         return np.stack([prior.draw(rng, size) for prior in self.priors], axis=1)

@@ -184,7 +184,7 @@ class Problem:
             for k, name in enumerate(self.free_names)
             if name in own_names
         }
-        rates = np.where([parameter.prior.log for parameter in self.free], values, 1.0)
+        rates = self.prior.rates(values)
         rebound = None
         slopes = np.zeros((values.shape[0], len(self.impacts), len(OUTPUTS), self.dimension))
         for mine, own in self._blocks(columns, np.arange(len(self.impacts))):
@@ -192,16 +192,20 @@ class Problem:
             impacts = self.impacts.take(mine) if self.pooling else self.impacts
             jacobian = self.model.jacobian(self.model_names, rows, impacts, acting)
             rebound = jacobian.rebound
+            # Columns of a view: a table of many rows is not copied, nor one of few rows indexed row by row.
+            part = np.zeros((values.shape[0], mine.size, *slopes.shape[2:])) if self.pooling else slopes
             for place, name in enumerate(acting):
                 if name in alone:
                     k = alone[name]
-                    slopes[..., k][:, mine] = rates[:, k, None, None] * jacobian.parameters[..., place]
+                    np.multiply(rates[:, k, None, None], jacobian.parameters[..., place], out=part[..., k])
             for k, there in moved.items():
                 _, levels = next(self._blocks(there, mine[:1]))
                 for name in levelled:
                     rate = levels[name].imag / STEP
                     if np.any(rate):
-                        slopes[..., k][:, mine] += rate[:, None, None] * jacobian.parameters[..., acting.index(name)]
+                        part[..., k] += rate[:, None, None] * jacobian.parameters[..., acting.index(name)]
+            if self.pooling:
+                slopes[:, mine] = part
         whole = rebound if rebound is not None and not self.pooling else self.rebound(values)
         return whole, by_output(slopes)
 

@@ -8,7 +8,7 @@ from fitball.inference.likelihood.posterior import densities
 from fitball.inference.problem.problem import Problem
 from fitball.values import FloatArray
 
-BATCH = 4000
+BATCH, PART = 4000, 500
 WANTED = 1500
 # Batches after which fewer accepted draws must do; scenes that know much accept few prior draws.
 MOST_BATCHES = 12
@@ -21,10 +21,13 @@ def prior_draws(problem: Problem, rng: np.random.Generator, wanted: int = WANTED
     value_sd = problem.contact_time
     peak = 0.0 if value_sd is None else -0.5 * float(np.log(2.0 * np.pi)) - float(np.log(value_sd[1]))
     for _ in range(MOST_BATCHES):
-        values = problem.prior.draw(rng, batch)
-        density = densities(problem, values, measured=False)
-        chance = np.where(density.possible, np.exp(density.scene - peak), 0.0)
-        accepted.append(values[rng.uniform(size=batch) < chance])
-        if sum(map(len, accepted)) >= wanted:
-            break
-    return np.concatenate(accepted)[:wanted]
+        values, luck = problem.prior.draw(rng, batch), rng.uniform(size=batch)
+        # Looked at a part at a time: most tables take what they want of the first parts.
+        for first in range(0, batch, PART):
+            some = slice(first, first + PART)
+            density = densities(problem, values[some], measured=False)
+            chance = np.where(density.possible, np.exp(density.scene - peak), 0.0)
+            accepted.append(values[some][luck[some] < chance])
+            if sum(map(len, accepted)) >= wanted:
+                return np.concatenate(accepted)[:wanted]
+    return np.concatenate(accepted)
