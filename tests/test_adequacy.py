@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from samples import TWO_MASS, drop_table, linear_problem, same_values
-from scipy.stats import binomtest, chi2, norm, t
+from scipy.stats import binomtest, chi2, kurtosistest, norm, t
 
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.data.table import Measurement
 from fitball.inference.adequacy.describe import adequacy
 from fitball.inference.adequacy.directions import covariates, directions
+from fitball.inference.adequacy.kurtosis import kurtosis_score
 from fitball.inference.adequacy.looks import (
     distributions,
     family,
@@ -274,6 +275,13 @@ def test_an_expected_noise_is_held_against_its_prior():
         wide = np.hypot(0.7, 1.0 / np.sqrt(2.0 * check.degrees_of_freedom))
         assert not check.stated
         assert check.p == pytest.approx(norm.sf(np.log(check.fitted / check.reference) / wide), rel=1e-6)
+
+
+@pytest.mark.parametrize("n", [20, 23, 200])
+def test_heavy_tails_are_scored_as_scipy_scores_them(n):
+    random = np.random.default_rng(1)
+    samples = np.concatenate([random.standard_t(3, size=(40, n)), random.uniform(size=(40, n))])
+    assert kurtosis_score(samples) == pytest.approx(kurtosistest(samples, axis=1).statistic, abs=1e-12)
 
 
 def test_the_same_seed_says_the_same():

@@ -29,6 +29,29 @@ def test_help_imports_nothing_heavy():
     assert "HEAVY []" in done.stdout, done.stdout + done.stderr
 
 
+def test_a_fit_loads_none_of_what_its_packages_import_and_it_does_not_use():
+    done = python(
+        "import sys\nimport fitball.api\nimport fitball.inference.sampling.array_stats\n"
+        "from fitball.on_demand import HEAVY\n"
+        "print('LOADED', [name for name in (*HEAVY, 'arviz_stats', 'xarray') if name in sys.modules])"
+    )
+    assert "LOADED []" in done.stdout, done.stdout + done.stderr
+
+
+def test_what_was_not_loaded_is_there_when_it_is_used_and_for_others():
+    done = python(
+        "import sys\nimport fitball.api\nimport fitball.inference.sampling.array_stats\n"
+        "import lmfit\nfrom lmfit import jsonutils, minimizer\n"
+        "print('WAITS', isinstance(1, jsonutils.DataFrame), 'pandas' in sys.modules)\n"
+        "print('NORM', minimizer.norm_dist.pdf(0.0), minimizer.isnull(float('nan')))\n"
+        "import pandas, scipy.stats, arviz_stats.utils\n"
+        "print('REAL', isinstance(pandas.DataFrame(), jsonutils.DataFrame), scipy.stats.norm.cdf(0.0))\n"
+        "print('WHOLE', arviz_stats.utils.xr.Dataset.__name__)"
+    )
+    assert "WAITS False False\nNORM 0.398942" in done.stdout, done.stdout + done.stderr
+    assert "REAL True 0.5\nWHOLE Dataset" in done.stdout, done.stdout + done.stderr
+
+
 def test_public_names_resolve():
     import fitball
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import chi2, t
+from scipy.special import chdtri, stdtrit
 
 from fitball.inference.adequacy.directions import Direction, covariates, directions
 from fitball.inference.adequacy.loo_pit import LEFT_OUT, loo_pit
@@ -148,11 +148,11 @@ def _unseen(fit: Refit, looks: Sequence[Look], level: FloatArray, noise: Sequenc
         levels = [level[k] for k, look in enumerate(looks) if look.kind == "trend" and look.column == column]
         share = 1.0
         if levels:
-            square = float(t.isf(0.5 * max(levels) / SHARE, freedom)) ** 2
+            square = float(stdtrit(freedom, 0.5 * max(levels) / SHARE)) ** 2
             share = square / (square + freedom)
         for check in noise:
             if check.stated and name in check.columns:
-                limit = float(chi2.isf(FALSE_EXCEPT / SHARE / len(noise), check.degrees_of_freedom))
+                limit = float(chdtri(check.degrees_of_freedom, FALSE_EXCEPT / SHARE / len(noise)))
                 share = min(share, 1.0 - min(1.0, check.degrees_of_freedom / limit))
         shares[name] = share
     return shares

@@ -9,11 +9,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import kolmogorov, stdtr
-from scipy.stats import f as f_distribution
-from scipy.stats import kurtosistest, norm
+from scipy.special import fdtrc, kolmogorov, ndtr, stdtr
 
 from fitball.inference.adequacy.directions import LEAST_FREEDOM, Direction
+from fitball.inference.adequacy.kurtosis import kurtosis_score
 from fitball.inference.adequacy.refit import Refit
 from fitball.inference.results.adequacy import FALSE_EXCEPT
 from fitball.values import FloatArray
@@ -80,7 +79,7 @@ def together(fit: Refit, found: Sequence[Direction], residual: FloatArray) -> li
         basis = np.linalg.qr(np.stack([found[k].left for k in mine], axis=1))[0]
         share = np.minimum(np.sum((even @ basis) ** 2, axis=1) / freedom, WHOLE)
         ratio = share / len(mine) * (freedom - len(mine)) / (1.0 - share)
-        p = f_distribution.sf(ratio, len(mine), freedom - len(mine))
+        p = np.asarray(fdtrc(len(mine), freedom - len(mine), ratio), dtype=np.float64)
         looks.append(Look("jointly", -1, over, f"they depend on {over}", number, share, p))
     return looks
 
@@ -151,8 +150,8 @@ def outliers(fit: Refit, residual: FloatArray) -> list[Look]:
                  -np.expm1(own.shape[1] * np.log1p(-p)))
         )  # fmt: skip
         if own.shape[1] >= TAILED:
-            z = kurtosistest(studentised[:, fit.rows(column)], axis=1).statistic
-            looks.append(Look("tails", column, "impacts", "the tails are heavy", column, z, norm.sf(z)))
+            z = kurtosis_score(studentised[:, fit.rows(column)])
+            looks.append(Look("tails", column, "impacts", "the tails are heavy", column, z, np.asarray(ndtr(-z))))
     return looks
 
 
@@ -198,7 +197,8 @@ def _scored(kind: str, column: int, over: str, words: str, seen: FloatArray, sid
     """A check whose probability is that of a normal number, as centred and wide as the made tables have it."""
     made = seen[1:]
     z = (seen - made.mean()) / made.std()
-    return Look(kind, column, over, words, column, seen, norm.sf(z) if sides == 1 else 2.0 * norm.sf(np.abs(z)))
+    p = ndtr(-z) if sides == 1 else 2.0 * ndtr(-np.abs(z))
+    return Look(kind, column, over, words, column, seen, np.asarray(p))
 
 
 def family(looks: Sequence[Look]) -> tuple[FloatArray, FloatArray]:

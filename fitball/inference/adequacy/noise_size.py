@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtr
 
 from fitball.inference.adequacy.refit import Refit
 from fitball.inference.problem.parameters import FORCE_NOISE, Parameter
@@ -51,7 +51,7 @@ def noise_checks(problem: Problem, point: PointFit, fit: Refit, share: float) ->
 def _stated(
     name: str, columns: tuple[str, ...], unit: str, fitted: float, stated: float, freedom: float
 ) -> NoiseCheck:
-    p = float(chi2.sf(freedom * (fitted / stated) ** 2, freedom))
+    p = float(chdtrc(freedom, freedom * (fitted / stated) ** 2))
     return NoiseCheck(name, columns, unit, True, fitted, stated, freedom, fitted / stated, p, p, False)
 
 
@@ -67,10 +67,10 @@ def _upper_tail(prior: Prior, fitted: float, freedom: float) -> float:
     at = float(prior.coordinate(np.array(fitted)))
     error = (1.0 if prior.log else fitted) / math.sqrt(2.0 * freedom)
     if prior.normal:
-        return float(norm.sf((at - prior.a) / math.hypot(prior.b, error)))
+        return float(ndtr((prior.a - at) / math.hypot(prior.b, error)))
     low, high = prior.support
     # A uniform density knows no size that would be improbable but by its ends.
-    return float(norm.sf((at - high) / error)) if at > high else (high - max(at, low)) / (high - low)
+    return float(ndtr((high - at) / error)) if at > high else (high - max(at, low)) / (high - low)
 
 
 def _holm(checks: Sequence[NoiseCheck], share: float) -> tuple[NoiseCheck, ...]:

@@ -56,7 +56,7 @@ def sensitivities(draws: FloatArray, log_density: FloatArray) -> FloatArray:
     (draws,); zero for a part that is the same at every draw, which no power changes, and for a column that is, which
     no weights move. Draws may be tied, as those of a walker are that sat.
     """
-    from arviz_stats.base.array import array_stats
+    from fitball.inference.sampling.array_stats import array_stats
 
     if np.ptp(log_density) <= 0.0:
         return np.zeros(draws.shape[1])

@@ -13,8 +13,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from scipy.stats import chi2
-from scipy.stats import t as student
+from scipy.special import gammaincinv, ndtr, stdtr
 
 from fitball.inference.identifiability.profile_ends import at_bounds, ended_by_range
 from fitball.inference.identifiability.profile_path import Point, Top, best_top, profile_paths, sweep
@@ -25,7 +24,8 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import End, Interval, Profile, Profiles
 from fitball.values import FloatArray
 
-DROP_68, DROP_95 = 0.5, 0.5 * float(chi2.ppf(0.95, 1))
+# Half the quantiles of chi-square with one degree of freedom.
+DROP_68, DROP_95 = 0.5, float(gammaincinv(0.5, 0.95))
 # How often a better optimum met on the way may begin the search anew.
 RESTARTS = 8
 SWEEPS = 3
@@ -85,11 +85,11 @@ def coverage(problem: Problem) -> float:
     fitted = [observable for observable in problem.observables if observable.noise in problem.free_names]
     count = sum(observable.observed.size for observable in fitted)
     if not fitted:
-        return 1.0 - 2.0 * float(student.sf(math.sqrt(2.0 * DROP_95), math.inf))
+        return 1.0 - 2.0 * float(ndtr(-math.sqrt(2.0 * DROP_95)))
     freedom = count - sum(name not in NOISE_SPECS for name in problem.free_names)
     if freedom <= 0:
         return 0.0
-    return 1.0 - 2.0 * float(student.sf(math.sqrt(freedom * math.expm1(2.0 * DROP_95 / count)), freedom))
+    return 1.0 - 2.0 * float(stdtr(freedom, -math.sqrt(freedom * math.expm1(2.0 * DROP_95 / count))))
 
 
 def _noise_at_bound(objective: Surface, top: Top) -> str:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import lmfit
 import numpy as np
 
 from fitball.inference.likelihood.residuals import IMPOSSIBLE, Weighting, residuals
@@ -17,7 +16,11 @@ from fitball.inference.likelihood.sensitivities import differentiable, residual_
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.models.capabilities import HAIR
+from fitball.on_demand import heavy_later
 from fitball.values import FloatArray
+
+with heavy_later():
+    import lmfit
 
 # Share of its prior's median below which a positive parameter has vanished: nothing that is measured still depends on
 # it, and left alone its logarithm would go on to where the value is exactly zero and has no logarithm.

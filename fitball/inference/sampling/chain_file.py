@@ -14,12 +14,12 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import emcee
 import h5py
 import numpy as np
 
 from fitball.data.hdf5_arrays import array, finite, group, opened
 from fitball.errors import ResultFolderError
+from fitball.inference.sampling.emcee_package import emcee
 from fitball.values import FloatArray
 from fitball.wording import option
 

@@ -52,7 +52,7 @@ def convergence(names: tuple[str, ...], coordinates: FloatArray) -> Convergence:
     2024), because walkers of one ensemble are not independent starts. Raises FitError for a parameter that never
     moved, for which none of these numbers exists.
     """
-    from arviz_stats.base.array import array_stats
+    from fitball.inference.sampling.array_stats import array_stats
 
     ensembles, steps, walkers, _ = coordinates.shape
     chains = coordinates.transpose(0, 2, 1, 3).reshape(ensembles * walkers, steps, -1)

@@ -11,13 +11,13 @@ import threading
 from collections.abc import Mapping, Sequence
 from functools import partial
 
-import emcee
 import numpy as np
 from numpy.typing import NDArray
 
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.chain_file import EnsembleChain, Going
+from fitball.inference.sampling.emcee_package import emcee
 from fitball.inference.sampling.moves import Moves
 from fitball.inference.sampling.together import Together
 from fitball.values import FloatArray

@@ -18,7 +18,7 @@ def smoothed(log_ratios: FloatArray, efficiency: float) -> tuple[FloatArray, flo
     the ratios themselves and k is infinite, "not to be trusted"; it is -infinite where all ratios are equal, for
     those are exact. `efficiency` is the effective sample size over the number of draws.
     """
-    from arviz_stats.base.array import array_stats
+    from fitball.inference.sampling.array_stats import array_stats
 
     ratios = np.exp(log_ratios - log_ratios.max())
     if np.ptp(ratios) <= 0.0:

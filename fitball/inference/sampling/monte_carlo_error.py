@@ -20,7 +20,7 @@ def standard_errors(chains: FloatArray) -> dict[str, float]:
     From effective sample sizes, that of each quantile its own (Vehtari et al. 2021), walkers being the chains as in
     `diagnostics`.
     """
-    from arviz_stats.base.array import array_stats
+    from fitball.inference.sampling.array_stats import array_stats
 
     ensembles, steps, walkers = chains.shape
     column = np.ascontiguousarray(chains.transpose(0, 2, 1).reshape(ensembles * walkers, steps))

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
 
-import emcee
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.inference.sampling.emcee_package import emcee
 from fitball.inference.sampling.level_coordinates import Straight
 from fitball.values import FloatArray
 

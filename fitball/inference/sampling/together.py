@@ -7,10 +7,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-import emcee
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.inference.sampling.emcee_package import emcee
 from fitball.inference.sampling.moves import Moves
 from fitball.values import FloatArray
 

@@ -1,0 +1,10 @@
+"""ArviZ's statistics of arrays, without what its densities would need."""
+
+from __future__ import annotations
+
+from fitball.on_demand import heavy_later
+
+with heavy_later("arviz_base", "arviz_stats", "xarray"):
+    from arviz_stats.base.array import array_stats
+
+__all__ = ["array_stats"]
