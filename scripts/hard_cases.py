@@ -9,12 +9,12 @@ from __future__ import annotations
 import csv
 import math
 import sys
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from fitball.models.kernels.bounce import tied_inertia_split
 from fitball.models.oracle.oracle import oracle_rebound, oracle_rebound_mp
 from fitball.models.types import Status
+from fitball.scheduling.engine import engine, in_order
 from fitball.studies.bench.hard_cases import HardCase, hard_cases
 
 ANSWERS = Path(__file__).resolve().parent.parent / "tests" / "data" / "hard_cases.csv"
@@ -54,8 +54,7 @@ def answer(case: HardCase) -> tuple[str, ...]:
 
 def main() -> int:
     """Write the file; returns 0."""
-    with ProcessPoolExecutor() as pool:
-        rows = list(pool.map(answer, hard_cases()))
+    rows = list(in_order(engine(), answer, list(hard_cases())))
     ANSWERS.parent.mkdir(exist_ok=True)
     with ANSWERS.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")

@@ -109,6 +109,14 @@ def start(interrupts: None) -> Iterator[Callable[..., subprocess.Popen[str]]]:
 
 
 @pytest.fixture(scope="session")
+def cluster() -> Iterator[str]:
+    """The address of a Dask scheduler with two processes."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=None) as made:
+        yield made.scheduler_address
+
+
+@pytest.fixture(scope="session")
 def wang_impacts() -> Impacts:
     """The 21 incident conditions of Wang's three tables."""
     return load_table("wang_all.csv").impacts

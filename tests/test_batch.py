@@ -145,13 +145,10 @@ def test_a_fault_of_ours_in_one_table_is_a_row_too(courts, tmp_path, monkeypatch
     assert "ZeroDivisionError: one over nothing" in rows[0]["reason"]
 
 
-def test_a_cluster_gives_the_same_bytes_as_one_process(courts, alone, tmp_path, monkeypatch):
-    distributed = pytest.importorskip("distributed")
+def test_a_cluster_gives_the_same_bytes_as_one_process(courts, alone, cluster, tmp_path, monkeypatch):
     # Fewer tasks ahead than there are: the others follow as these are done.
     monkeypatch.setattr("fitball.scheduling.cluster.AHEAD", 1)
-    with distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster:
-        place = cluster.scheduler_address
-        fitball.calibrate_many(courts, "grip-slip", out=tmp_path / "two", point_only=True, scheduler=place)
+    fitball.calibrate_many(courts, "grip-slip", out=tmp_path / "two", point_only=True, scheduler=cluster)
     assert contents(tmp_path / "two") == contents(alone[0])
 
 

@@ -217,7 +217,7 @@ WORKERS_WAIT = """
 import os, signal, sys, time
 from pathlib import Path
 
-if "--multiprocessing-fork" in sys.orig_argv:
+if any("loky.backend.popen" in word for word in sys.orig_argv):
     Path(__file__).with_name(f"{os.getpid()}.begun").touch()
     while signal.SIGINT not in signal.sigpending():
         time.sleep(0.01)
@@ -248,13 +248,12 @@ def test_ctrl_c_ends_every_process_and_says_so(tmp_path, start):
     first = tmp_path / "first"
     first.mkdir()
     (first / "sitecustomize.py").write_text(WORKERS_WAIT, encoding="utf-8")
-    words = ("-m", "fitball", "compare", "wang_all.csv", "--cores", "2", "--out", "a")
+    words = ("-m", "fitball", "compare", "wang_all.csv", "--cores", "3", "--out", "a")
     process = start(*words, cwd=tmp_path, first=first)
     wait_for(lambda: len([*first.glob("*.begun")]) == 2 or process.poll() is not None)
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=HANG)
     assert process.returncode == 130, err
-    assert "in 2 processes" in err
     assert "interrupted" in err
     assert "Traceback" not in err
     assert not out

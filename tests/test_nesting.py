@@ -22,6 +22,7 @@ from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.point_fit import point_fit
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import RunStatus
+from fitball.scheduling.engine import engine
 
 BRODY = {name: GRIP_SLIP[name] for name in ("mu", "cor_10", "cor_slope", "velocity_sd", "spin_sd")}
 MEAN = {name: value for name, value in TWO_MASS.items() if name != "cor_slope"}
@@ -120,7 +121,7 @@ def stuck(monkeypatch, tmp_path):
     monkeypatch.setattr("fitball.inference.comparison.scoring.criteria", lambda _problem, _starts: None)
     candidates = build_candidates(problem.table, problem.scene, ("brody", "grip-slip"))
     effort = Effort(seed=2, max_steps=100, ensembles=2, ess=100.0, cores=1)
-    place.compare = lambda: compare(problem.table, candidates, effort, quick=True)
+    place.compare = lambda: compare(problem.table, candidates, effort, engine(1), quick=True)
     return place
 
 

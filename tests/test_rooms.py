@@ -29,7 +29,7 @@ BREAKS = {
     "Only figures draw": ("fitball.inference.results.results", "matplotlib"),
     "Only the minimiser knows lmfit": ("fitball.inference.point.starts", "lmfit"),
     "Only sampling knows emcee": ("fitball.inference.point.point_fit", "emcee"),
-    "Only scheduling knows joblib and Dask": ("fitball.report.batch.page", "joblib"),
+    "Only scheduling starts processes, by joblib or Dask": ("fitball.report.batch.page", "joblib"),
     "Models need numpy and numba only, their oracle scipy and mpmath too": ("fitball.models.model", "pandas"),
 }  # fmt: skip
 ROOMS = sorted(place.parent for place in (ROOT / "fitball").rglob("__init__.py") if place.parent.name != "fitball")

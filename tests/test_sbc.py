@@ -3,56 +3,21 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from toy_experiment import Toy
 
 from fitball.cli.validate import Counter, main
 from fitball.errors import ResultFolderError
 from fitball.inference.likelihood.posterior import densities
+from fitball.scheduling.engine import engine
 from fitball.studies.sbc import run as sbc_run
 from fitball.studies.sbc.figure import rank_figure
-from fitball.studies.sbc.replicate import RANKED, BounceExperiment, Ranked, ranks_among, run_replicate
+from fitball.studies.sbc.replicate import BounceExperiment, Ranked, ranks_among, run_replicate
 from fitball.studies.sbc.run import run_replicates
 from fitball.studies.sbc.summary import summarise, summary_json, summary_rows
-
-
-@dataclass(frozen=True)
-class Toy:
-    """Normal data of known sigma with a normal prior of the mean: the posterior is known, and drawn from exactly.
-
-    `told` is the sigma the fit believes in, over the true one. `blind` forgets the data and returns the prior.
-    """
-
-    told: float = 1.0
-    blind: bool = False
-    fails_at: int = -1
-
-    names = ("mean", "log_likelihood")
-
-    @property
-    def settings(self):
-        return {"toy": self.told, "blind": self.blind}
-
-    def replicate(self, seeds):
-        number = seeds.spawn_key[0]
-        if number == self.fails_at:
-            raise KeyboardInterrupt
-        rng = np.random.default_rng(seeds)
-        truth, sigma, count = rng.standard_normal(), 1.5, 6
-        data = truth + sigma * rng.standard_normal(count)
-        believed = self.told * sigma
-        precision = 1.0 + count / believed**2
-        draws = data.sum() / believed**2 / precision + rng.standard_normal(RANKED) / np.sqrt(precision)
-        if self.blind:
-            draws = rng.standard_normal(RANKED)
-        means = np.append(truth, draws)
-        score = norm.logpdf(data, means[:, None], believed).sum(axis=1)
-        both = np.column_stack([means, score])
-        ranks = ranks_among(both[0], both[1:])
-        return Ranked(dict(zip(self.names, ranks, strict=True)), True, 1, float(RANKED), 1.0)
 
 
 def findings(toy, count=200, seed=1):
@@ -111,40 +76,34 @@ def test_too_few_and_unconverged_replicates_prove_nothing():
 
 def test_an_interrupted_run_goes_on_to_the_same_bytes(tmp_path):
     whole, cut = tmp_path / "whole.csv", tmp_path / "cut.csv"
-    run_replicates(Toy(), 3, 9, whole, 1)
+    run_replicates(Toy(), 3, 9, whole, engine(1))
     with pytest.raises(KeyboardInterrupt):
-        run_replicates(Toy(fails_at=5), 3, 9, cut, 1)
+        run_replicates(Toy(fails_at=5), 3, 9, cut, engine(1))
     assert cut.read_bytes() == whole.read_bytes()[: cut.stat().st_size]
     # A line that was being written when the power failed.
     cut.write_bytes(cut.read_bytes()[:-7])
     seen = []
-    ranked = run_replicates(Toy(), 3, 9, cut, 1, seen.append)
+    ranked = run_replicates(Toy(), 3, 9, cut, engine(1), seen.append)
     assert seen == [4, 5, 6, 7, 8, 9]
     assert cut.read_bytes() == whole.read_bytes()
     assert ranked == [run_replicate(Toy(), 3, k) for k in range(9)]
-    assert run_replicates(Toy(), 3, 2, whole, 1) == ranked[:2]
+    assert run_replicates(Toy(), 3, 2, whole, engine(1)) == ranked[:2]
     other = tmp_path / "other.csv"
-    run_replicates(Toy(), 4, 9, other, 1)
+    run_replicates(Toy(), 4, 9, other, engine(1))
     assert other.read_bytes().splitlines()[2:] != whole.read_bytes().splitlines()[2:]
-
-
-def test_several_processes_write_the_same_bytes(tmp_path):
-    run_replicates(Toy(), 3, 6, tmp_path / "one.csv", 1)
-    run_replicates(Toy(), 3, 6, tmp_path / "two.csv", 2)
-    assert (tmp_path / "one.csv").read_bytes() == (tmp_path / "two.csv").read_bytes()
 
 
 def test_ranks_of_another_run_and_damaged_ones_are_refused(tmp_path):
     place = tmp_path / "ranks.csv"
-    run_replicates(Toy(), 3, 2, place, 1)
+    run_replicates(Toy(), 3, 2, place, engine(1))
     for toy, seed in ((Toy(0.5), 3), (Toy(), 4)):
         with pytest.raises(ResultFolderError, match="ranks of another run"):
-            run_replicates(toy, seed, 4, place, 1)
+            run_replicates(toy, seed, 4, place, engine(1))
     lines = place.read_text(encoding="utf-8").splitlines(keepends=True)
     for broken in (lines[3].replace("1,", "7,", 1), "1,x,2,1,1,5.0,1.0,\n", "1,2\n"):
         place.write_text("".join([*lines[:3], broken]), encoding="utf-8")
         with pytest.raises(ResultFolderError, match="line 4 is damaged"):
-            run_replicates(Toy(), 3, 2, place, 1)
+            run_replicates(Toy(), 3, 2, place, engine(1))
 
 
 def test_the_truth_is_drawn_from_all_that_is_known_before_the_table():

@@ -13,6 +13,7 @@ from fitball.cli.validate import main
 from fitball.errors import ResultFolderError
 from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.results import Verdict
+from fitball.scheduling.engine import engine
 from fitball.studies.trust.designs import DESIGNS
 from fitball.studies.trust.findings import Rate, finding, findings, findings_text
 from fitball.studies.trust.replicate import Said, Told
@@ -92,14 +93,14 @@ def test_the_broad_design_has_both_kinds_of_contact_under_the_one_truth():
 
 def test_an_interrupted_study_goes_on_to_the_same_bytes(tmp_path, monkeypatch):
     whole, cut = tmp_path / "whole.csv", tmp_path / "cut.csv"
-    said = run_scenario("drop", 3, 2, whole, 1)
+    said = run_scenario("drop", 3, 2, whole, engine(1))
     assert [one.failed for one in said] == ["", ""]
     assert {*said[0].parameters} == {"cor_10", "cor_slope", "velocity_sd"}
     cut.write_bytes(whole.read_bytes()[:-9])
-    assert run_scenario("drop", 3, 2, cut, 1) == said
+    assert run_scenario("drop", 3, 2, cut, engine(1)) == said
     assert cut.read_bytes() == whole.read_bytes()
     with pytest.raises(ResultFolderError, match="fits of another run"):
-        run_scenario("drop", 4, 2, whole, 1)
+        run_scenario("drop", 4, 2, whole, engine(1))
     lines = whole.read_text(encoding="utf-8").splitlines(keepends=True)
     whole.write_text("".join([*lines[:2], lines[2].replace("identified", "guessed")]), encoding="utf-8")
     with pytest.raises(ResultFolderError, match="line 3 is damaged"):

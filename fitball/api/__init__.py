@@ -2,7 +2,7 @@
 
 Offers: `calibrate`, `load_fit`, `Fit`, `predict`, `compare`, `Comparison`, `simulate`, `Course`, `export`, `plot`,
 `check`.
-May import: exports, report, inference, models, data.
+May import: exports, report, inference, models, data, scheduling.
 """
 
 from fitball.api.calibrating import Run, begin, calibrate, load_fit, pose

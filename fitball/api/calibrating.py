@@ -21,7 +21,6 @@ from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.force_records import build_records
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.chain_file import ChainFile
-from fitball.inference.sampling.ensembles import SamplingInterrupted
 from fitball.report.fit.folder import CHAIN_NAME, prepare_folder
 from fitball.report.saved.saved_fit import read_fit
 
@@ -177,12 +176,8 @@ def calibrate(
         table, choices, scene=scene, config=config, force=force, flip=flip, columns=columns, as_read=as_read,
         units=units,
     )  # fmt: skip
-    try:
-        with reporting(progress) as report:
-            return Run(asked, effort).fit(report)
-    except SamplingInterrupted:
-        # A loop over many tables that goes on after errors must not go on after this.
-        raise KeyboardInterrupt from None
+    with reporting(progress) as report:
+        return Run(asked, effort).fit(report)
 
 
 def load_fit(path: PathLike) -> Fit:

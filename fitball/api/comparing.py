@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -26,6 +25,7 @@ from fitball.report.compare.text import render
 from fitball.report.compare.words import words
 from fitball.report.form.folders import clear_folder
 from fitball.report.form.text_table import columns as aligned
+from fitball.scheduling.engine import Engine, engine
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -124,13 +124,16 @@ class Contest:
     table: ImpactTable
     candidates: Candidates
     effort: Effort
+    engine: Engine
     quick: bool
     said: tuple[str, ...]
 
     def compare(self, report: Callable[[str], None] = lambda _stage: None) -> Comparison:
         """Fit and score every model. Raises as `inference.comparison.compare` does."""
         published = published_sets(self.table)
-        return Comparison(run_comparison(self.table, self.candidates, self.effort, self.quick, published, report))
+        return Comparison(
+            run_comparison(self.table, self.candidates, self.effort, self.engine, self.quick, published, report)
+        )
 
 
 def contest(
@@ -147,24 +150,21 @@ def contest(
     seed: int = 1,
     max_steps: int | None = None,
     cores: int | None = None,
+    scheduler: str | None = None,
 ) -> Contest:
     """A comparison of models on a table, see `compare`. Raises ParameterError before anything is fitted."""
     table, known, doubts, _files = read(
         data, scene=scene, config=config, flip=flip, columns=columns, as_read=as_read, units=units
     )
-    effort = Effort(
-        seed=seed,
-        max_steps=MAX_STEPS if max_steps is None else max_steps,
-        cores=(os.cpu_count() or 1) if cores is None else cores,
-        ess=ESS,
-    )
+    workers = engine(cores, scheduler)
+    effort = Effort(seed=seed, max_steps=MAX_STEPS if max_steps is None else max_steps, cores=1, ess=ESS)
     named = (models,) if isinstance(models, str) else models
     names, said = default_names(table, quick) if named is None else (tuple(named), [])
     candidates = build_candidates(table, known, names)
     for candidate in candidates.candidates:
         effort.settings(candidate.problem)
     candidates = replace(candidates, notes=(*doubts, *candidates.notes))
-    return Contest(table, candidates, effort, quick, (*table.remarks, *doubts, *known.assumed, *said))
+    return Contest(table, candidates, effort, workers, quick, (*table.remarks, *doubts, *known.assumed, *said))
 
 
 def compare(
@@ -181,14 +181,16 @@ def compare(
     seed: int = 1,
     max_steps: int | None = None,
     cores: int | None = None,
+    scheduler: str | None = None,
     progress: Wanted = None,
 ) -> Comparison:
     """Compare models on a table by predictions of impacts left out, as the verb `compare` does.
 
     `models` are names such as `two-mass+torsion=free` (default: those that can differ on this table, with `quick` the
     main ones); for the table and its options (`scene`, `units`, `flip`, ...) see `calibrate`.
-    `cores` models are fitted at once, each in a process: a script needs `if __name__ == "__main__":` around its calls
-    unless that is 1. Raises subclasses of FitballError.
+    `cores` models are fitted at once (default: as many as the machine has), each in a process, or as many as there
+    are workers on the Dask cluster whose `scheduler` is at that address; results are the same bytes. Raises
+    subclasses of FitballError.
 
     >>> fitball.compare("wang_zero_spin", ["brody"], cores=1)
     Traceback (most recent call last):
@@ -198,6 +200,7 @@ def compare(
     asked = contest(
         data, models, scene=scene, config=config, units=units, quick=quick, flip=flip, columns=columns,
         as_read=as_read, seed=seed, max_steps=max_steps, cores=cores,
+        scheduler=scheduler,
     )  # fmt: skip
     with reporting(progress) as report:
         return asked.compare(lambda stage: report(stage, None))

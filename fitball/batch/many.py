@@ -14,7 +14,7 @@ from fitball.api.calibrating import PathLike, Table
 from fitball.batch.plan import Plan
 from fitball.batch.run import Going, run_tasks
 from fitball.batch.task import tasks_of
-from fitball.errors import ParameterError, suggestion
+from fitball.errors import suggestion
 from fitball.inference.effort import MAX_STEPS, Effort
 from fitball.inference.problem.choices import Choices
 from fitball.report.batch.folder import write_results
@@ -145,10 +145,7 @@ def batch_of(
     command: str | None = None,
 ) -> Batch:
     """The same for a plan; `command` is the line that asked for it."""
-    wanted = (os.cpu_count() or 1) if cores is None else cores
-    if wanted < 1:
-        raise ParameterError(f"cores = {wanted}: expected at least 1")
-    tasks = tasks_of(tables, plan.folder)
-    rows = run_tasks(tasks, plan, engine(min(wanted, len(tasks)), scheduler), report)
+    workers = engine(cores, scheduler)
+    rows = run_tasks(tasks_of(tables, plan.folder), plan, workers, report)
     write_results(rows, plan.folder, command)
     return Batch(plan.folder, rows)

@@ -12,14 +12,13 @@ from fitball.batch.plan import Plan
 from fitball.batch.task import Task
 from fitball.errors import FitballError, ResultFolderError
 from fitball.inference.results.results import Fit
-from fitball.inference.sampling.ensembles import SamplingInterrupted
 from fitball.report.batch.rows import Row, failed_row, row_of
 from fitball.report.fit.folder import prepare_folder, write_all
 from fitball.report.form.atomic_write import remove, write_text
 from fitball.report.form.json_text import json_text
 from fitball.report.saved.fit_text import fit_text
 from fitball.report.saved.saved_fit import FIT_NAME
-from fitball.wording import listen, option
+from fitball.wording import option
 
 ROW_NAME = "row.json"
 
@@ -36,7 +35,6 @@ def fit_one(plan: Plan, task: Task) -> Done:
     """The row of a table; where it could not be fitted, a row that says why. Raises nothing but KeyboardInterrupt:
     one table does not stop the others.
     """
-    listen(plan.command_line)
     try:
         # What one should know of a fit stands in its notes; warnings of two hundred tables are noise.
         with warnings.catch_warnings():
@@ -44,8 +42,6 @@ def fit_one(plan: Plan, task: Task) -> Done:
             return _fitted(plan, task)
     except FitballError as error:
         return Done(failed_row(task.name, " ".join(str(error).split())))
-    except SamplingInterrupted:
-        raise KeyboardInterrupt from None
     except Exception as error:
         # A fault of ours in one table must not cost a night's work on the others; its row tells of it.
         said = f"a fault of fitball, please report it: {type(error).__name__}: {error}"

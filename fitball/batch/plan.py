@@ -18,7 +18,7 @@ class Plan:
     """How each table is read and fitted, and where its folder lies: below `folder`, by name.
 
     `full` results are those of `calibrate`, the others `fit.json` alone. `config` is the scene of all (None: each
-    its own, beside it). `command_line` says in whose words faults are told.
+    its own, beside it).
     """
 
     folder: Path
@@ -31,7 +31,6 @@ class Plan:
     as_read: bool = False
     full: bool = False
     overwrite: bool = False
-    command_line: bool = False
 
     def mark(self, problem: Problem) -> str:
         """SHA-256 over all that the result of a table depends on."""

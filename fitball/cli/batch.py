@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitball.cli.fitting import add_fitting, choices_of, make_effort
-from fitball.cli.options import add_verb
+from fitball.cli.options import add_scheduler, add_verb
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -38,9 +38,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--full", action="store_true", help="all files of calibrate for each table, not fit.json alone"
     )
     parser.add_argument("--overwrite", action="store_true", help="replace results of other data or settings")
-    parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="run on the Dask cluster there, e.g. tcp://head:8786 or scheduler.json"
-    )
+    add_scheduler(parser)
     parser.add_argument("--out", metavar="DIR", help="result folder (default: fits/batch)")
     parser.add_argument("--quiet", action="store_true", help="no progress, no table: only errors and the folder")
 
@@ -58,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     folder = Path(args.out) if args.out else FOLDER
     plan = Plan(
         folder, choices_of(args), make_effort(args, 1), args.config, tuple(args.flip), args.columns, {}, args.as_read,
-        args.full, args.overwrite, command_line=True,
+        args.full, args.overwrite,
     )  # fmt: skip
     try:
         batch = batch_of(args.data, plan, args.cores, args.scheduler, telling(args), args.command)

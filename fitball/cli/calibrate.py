@@ -53,7 +53,6 @@ def run(args: argparse.Namespace) -> int:
     progress("loading", None)
     from fitball.api import begin, pose
     from fitball.inference.results.results import RunStatus
-    from fitball.inference.sampling.ensembles import SamplingInterrupted
     from fitball.report.fit.folder import write_all
     from fitball.report.fit.terminal import render, render_json
 
@@ -75,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
         fit = begun.fit(progress).result
         progress("files" if args.no_figures else "figures and files", None)
         write_all(fit, folder, args.command, figures=not args.no_figures)
-    except (KeyboardInterrupt, SamplingInterrupted):
+    except KeyboardInterrupt:
         progress.finish()
         kept = begun.chain is not None and begun.chain.path.exists()
         print(_farewell(folder, kept), file=sys.stderr)

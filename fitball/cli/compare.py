@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fitball.cli.options import add_reading, add_verb, tell_notes, whole
+from fitball.cli.options import add_reading, add_scheduler, add_verb, tell_notes, whole
 from fitball.errors import ModelError
 
 HELP = "compare models on a table of impacts by predictions of impacts left out"
@@ -35,6 +35,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--seed", type=whole, default=1, metavar="N", help="seed of all random numbers (default 1)")
     parser.add_argument("--max-steps", type=whole, metavar="N", help="steps of each ensemble at most (default 8000)")
     parser.add_argument("--cores", type=whole, metavar="N", help="processes, one model each (default: all)")
+    add_scheduler(parser)
     parser.add_argument("--out", metavar="DIR", help="result folder")
     parser.add_argument("--overwrite", action="store_true", help="replace an older result in the folder")
     parser.add_argument("--json", action="store_true", help="print compare.json")
@@ -63,6 +64,7 @@ def run(args: argparse.Namespace) -> int:
         seed=args.seed,
         max_steps=args.max_steps,
         cores=args.cores,
+        scheduler=args.scheduler,
     )
     folder = Path(args.out) if args.out else Path("fits") / asked.table.name / "compare"
     clear_folder(folder, JSON_NAME, overwrite=args.overwrite)

@@ -83,6 +83,13 @@ def add_cores(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_scheduler(parser: argparse.ArgumentParser) -> None:
+    """Add `--scheduler`, where processes need not be those of this machine."""
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="run on the Dask cluster there, e.g. tcp://head:8786 or scheduler.json"
+    )
+
+
 def add_structure(parser: argparse.ArgumentParser) -> None:
     """Add what a likelihood may have beyond independent normal noise."""
     parser.add_argument("--noise", metavar="KIND", help="normal (default), or student-t, which allows outliers")

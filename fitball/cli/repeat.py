@@ -47,7 +47,6 @@ def run(args: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from fitball.api import begin
-    from fitball.inference.sampling.ensembles import SamplingInterrupted
     from fitball.report.fit.folder import write_all
     from fitball.report.form.json_text import json_text
     from fitball.report.saved.run_record import find_records, find_tables, read_run, record_problem
@@ -68,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
             progress("comparison", None)
             (write_numbers if args.out is None else write_all)(fit, folder)
             repetition = compared(problem, original, read_kept(folder))
-    except (KeyboardInterrupt, SamplingInterrupted):
+    except KeyboardInterrupt:
         progress.finish()
         print("Interrupted: nothing was compared.", file=sys.stderr)
         return 130

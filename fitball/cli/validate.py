@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from fitball.cli.options import whole
+from fitball.cli.options import add_scheduler, whole
 from fitball.cli.visible_stream import own_stream, visible_streams
 from fitball.errors import FitballError, ParameterError, suggestion
+from fitball.scheduling.engine import engine
 from fitball.wording import speaking_to_command_line
 
 if TYPE_CHECKING:
@@ -88,6 +88,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--table", default="wang_all.csv", metavar="DATA", help="whose incident conditions to use")
     parser.add_argument("--seed", type=whole, default=1, metavar="N", help="seed of all random numbers (default 1)")
     parser.add_argument("--cores", type=whole, metavar="N", help="processes (default: all cores)")
+    add_scheduler(parser)
     parser.add_argument("--out", metavar="DIR", help=f"where to write (default {DEFAULT_FOLDER})")
     parser.add_argument(
         "--wrong-sigma", type=float, metavar="F", help="tell the fit F times the true noise: a control that must fail"
@@ -122,13 +123,13 @@ def _run(args: argparse.Namespace) -> int:
     from fitball.studies.sbc.summary import summarise, summary_json, summary_rows
 
     folder = Path(args.out) if args.out else DEFAULT_FOLDER
-    cores = (os.cpu_count() or 1) if args.cores is None else args.cores
+    workers = engine(args.cores, args.scheduler)
     ranked_by_model = {}
     for model in models:
         experiment = BounceExperiment(args.table, model, args.wrong_sigma)
         counter = Counter(model, args.replicates, args.quiet)
         place = folder / f"ranks_{model}.csv"
-        ranked = run_replicates(experiment, args.seed, args.replicates, place, cores, counter)
+        ranked = run_replicates(experiment, args.seed, args.replicates, place, workers, counter)
         ranked_by_model[model] = (experiment.names, ranked)
     findings = summarise(ranked_by_model)
     content = summary_json(findings, args.seed)
@@ -160,11 +161,11 @@ def _trust(args: argparse.Namespace) -> int:
                 f"--scenarios {args.scenarios}: unknown scenario '{name}': {suggestion(name, SCENARIOS)}"
             )
     folder = Path(args.out) if args.out else DEFAULT_FOLDER / "trust"
-    cores = (os.cpu_count() or 1) if args.cores is None else args.cores
+    workers = engine(args.cores, args.scheduler)
     told = {}
     for name in dict.fromkeys(names):
         counter = Counter(name, args.replicates, args.quiet, "tables")
-        told[name] = run_scenario(name, args.seed, args.replicates, folder / f"{name}.csv", cores, counter)
+        told[name] = run_scenario(name, args.seed, args.replicates, folder / f"{name}.csv", workers, counter)
     found = findings(told)
     content = findings_json(found, args.seed)
     write_text(folder / "rates.csv", csv_text(rate_rows(found)))
@@ -180,8 +181,6 @@ def _checked(args: argparse.Namespace, replicates: int) -> tuple[str, ...]:
     for name, least in (("replicates", 1), ("seed", 0)):
         if getattr(args, name) < least:
             raise ParameterError(f"{name} = {getattr(args, name)}: expected at least {least}")
-    if args.cores is not None and args.cores < 1:
-        raise ParameterError(f"cores = {args.cores}: expected at least 1")
     if args.wrong_sigma is not None and not 0.0 < args.wrong_sigma < float("inf"):
         raise ParameterError(f"wrong_sigma = {args.wrong_sigma}: expected a positive number")
     models = tuple(dict.fromkeys(name.strip() for name in args.models.split(",") if name.strip()))

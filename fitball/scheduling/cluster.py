@@ -8,7 +8,7 @@ from itertools import islice
 from typing import Any
 
 from fitball.errors import ParameterError
-from fitball.scheduling.engine import Item, Made
+from fitball.scheduling.engine import Elsewhere, Item, Made
 
 # How long a scheduler may take to answer [s].
 PATIENCE = 20.0
@@ -22,7 +22,12 @@ class ClusterEngine:
 
     place: str
 
-    def unordered(self, make: Callable[[Item], Made], items: Sequence[Item]) -> Iterator[Made]:
+    def unordered(
+        self,
+        make: Callable[[Item], Made],
+        items: Sequence[Item],
+        here: Callable[[Item], Made] | None = None,  # noqa: ARG002 - nothing is made here
+    ) -> Iterator[Made]:
         """See `Engine`. Raises ParameterError where Dask is not installed or does not answer too."""
         try:
             from distributed import as_completed
@@ -33,15 +38,16 @@ class ClusterEngine:
             ) from None
         with self._client() as client:
             waiting = iter(items)
+            elsewhere = Elsewhere(make)
             ahead = AHEAD * max(1, sum(client.nthreads().values()))
-            first = [client.submit(make, item, pure=False) for item in islice(waiting, ahead)]
+            first = [client.submit(elsewhere, item, pure=False) for item in islice(waiting, ahead)]
             running = as_completed(first, loop=client.loop)
             try:
                 for future in running:
                     yield future.result()
                     future.release()
                     for item in waiting:
-                        running.add(client.submit(make, item, pure=False))
+                        running.add(client.submit(elsewhere, item, pure=False))
                         break
             except KilledWorker as error:
                 raise ParameterError(f"a worker of the cluster was killed: {error}") from None

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
-from typing import Protocol, TypeVar
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
 
 from fitball.errors import ParameterError
+from fitball.wording import listen, on_command_line
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")
@@ -16,24 +19,31 @@ ADDRESSES = ("tcp://", "tls://", "ws://", "wss://", "ucx://")
 class Engine(Protocol):
     """Runs tasks on processes that stay warm from one task to the next."""
 
-    def unordered(self, make: Callable[[Item], Made], items: Sequence[Item]) -> Iterator[Made]:
+    def unordered(
+        self, make: Callable[[Item], Made], items: Sequence[Item], here: Callable[[Item], Made] | None = None
+    ) -> Iterator[Made]:
         """What `make` gives for each item, as it is ready. Function, items and what is made must be picklable, and
-        nothing but what is made is held in memory.
+        nothing but what is made is held in memory. Tasks begin in the order of the items: the longest comes first.
 
-        Raises ParameterError where a process that works was killed, and what `make` raises.
+        `here` stands for `make` in the process that asks, where that works too: it makes the same, and may tell how
+        far it is. Whoever stops listening stops the tasks. Raises ParameterError where a process that works was
+        killed, and what `make` raises.
         """
 
 
-def engine(cores: int, scheduler: str | None = None) -> Engine:
-    """Joblib with `cores` processes on this machine, or the Dask cluster whose `scheduler` is at an address
-    (`tcp://host:8786`) or is described by a file that it wrote (`scheduler.json`).
+def engine(cores: int | None = None, scheduler: str | None = None) -> Engine:
+    """Joblib with `cores` processes on this machine (None: as many as it has), or the Dask cluster whose `scheduler`
+    is at an address (`tcp://host:8786`) or is described by a file that it wrote (`scheduler.json`).
 
-    Raises ParameterError for another kind of address, or where Dask is not installed or does not answer.
+    Raises ParameterError for fewer than one core, or another kind of address.
     """
+    wanted = (os.cpu_count() or 1) if cores is None else cores
+    if wanted < 1:
+        raise ParameterError(f"cores = {wanted}: expected at least 1")
     if scheduler is None:
         from fitball.scheduling.local import LocalEngine
 
-        return LocalEngine(cores)
+        return LocalEngine(wanted)
     if not scheduler.startswith(ADDRESSES) and not scheduler.endswith(".json"):
         raise ParameterError(
             f"scheduler {scheduler}: expected the address of a Dask scheduler, such as tcp://localhost:8786, or the "
@@ -42,3 +52,38 @@ def engine(cores: int, scheduler: str | None = None) -> Engine:
     from fitball.scheduling.cluster import ClusterEngine
 
     return ClusterEngine(scheduler)
+
+
+def in_order(engine: Engine, make: Callable[[Item], Made], items: Sequence[Item]) -> Iterator[Made]:
+    """As `Engine.unordered`, in the order of the items; what is ready early waits for those before it."""
+    early: dict[int, Made] = {}
+    following = 0
+    for place, made in engine.unordered(_Placed(make), list(enumerate(items))):
+        early[place] = made
+        while following in early:
+            yield early.pop(following)
+            following += 1
+
+
+@dataclass(frozen=True)
+class _Placed(Generic[Item, Made]):
+    """A task that remembers its place."""
+
+    make: Callable[[Item], Made]
+
+    def __call__(self, placed: tuple[int, Item]) -> tuple[int, Made]:
+        place, item = placed
+        return place, self.make(item)
+
+
+class Elsewhere(Generic[Item, Made]):
+    """A task as another process runs it: its messages speak to whom they speak to here."""
+
+    def __init__(self, make: Callable[[Item], Made]) -> None:
+        self.make = make
+        self.command_line = on_command_line()
+
+    def __call__(self, item: Item) -> Made:
+        """Run it on `item`."""
+        listen(self.command_line)
+        return self.make(item)

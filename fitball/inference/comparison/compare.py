@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from fitball.inference.comparison.scoring import Task, scored
 from fitball.inference.effort import Effort
 from fitball.inference.results.results import RunStatus
 from fitball.inference.results.score_difference import FEW
-from fitball.inference.sampling.ensembles import SamplingInterrupted
+from fitball.scheduling.engine import Engine
 
 # Fewer impacts than this leave nothing to compare: one left out of two is a fit to a single bounce.
 LEAST_IMPACTS = 3
@@ -34,14 +35,15 @@ def compare(
     table: ImpactTable,
     candidates: Candidates,
     effort: Effort,
+    engine: Engine,
     quick: bool = False,
     published: Sequence[FixedPrediction] = (),
     report: Callable[[str], None] = lambda _stage: None,
 ) -> Comparison:
     """Fit and score every model of the candidates.
 
-    `quick` leaves out the exact refits of impacts with a high Pareto k. The models are shared among `effort.cores`
-    processes; the scores do not depend on their number. Interrupted with at least two models done, it returns those
+    `quick` leaves out the exact refits of impacts with a high Pareto k. The models are tasks of `engine`; the scores
+    do not depend on it. Interrupted with at least two models done, it returns those
     with status INTERRUPTED; with fewer it raises KeyboardInterrupt. Raises FitError for a table of fewer than three
     impacts and as fits do.
     """
@@ -55,17 +57,17 @@ def compare(
     fold_seed, weight_seed, *model_seeds = np.random.SeedSequence(effort.seed).spawn(2 + len(candidates.candidates))
     folds, notes = make_folds(table, np.random.default_rng(fold_seed))
     tasks = [
-        Task(candidate, candidates.columns, folds, effort, seed, quick)
+        Task(candidate, candidates.columns, folds, replace(effort, cores=1), seed, quick)
         for candidate, seed in zip(candidates.candidates, model_seeds, strict=True)
     ]
     scores: list[ModelScore] = []
     interrupted, alarms = False, list[str]()
     try:
-        for score in scored(tasks, effort.cores, report):
+        for score in scored(tasks, engine, report):
             scores.append(score)  # noqa: PERF402 - what is done must stay when the rest is interrupted
-        scores, said, alarms = _searched_again(tasks, scores, effort.cores, report)
+        scores, said, alarms = _searched_again(tasks, scores, engine, report)
         notes = [*alarms, *said, *notes]
-    except (KeyboardInterrupt, SamplingInterrupted):
+    except KeyboardInterrupt:
         if len(scores) < 2:
             raise KeyboardInterrupt from None
         interrupted = True
@@ -103,7 +105,7 @@ def _status(scores: Sequence[ModelScore], alarms: Sequence[str]) -> RunStatus:
 
 
 def _searched_again(
-    tasks: Sequence[Task], scores: Sequence[ModelScore], cores: int, report: Callable[[str], None]
+    tasks: Sequence[Task], scores: Sequence[ModelScore], engine: Engine, report: Callable[[str], None]
 ) -> tuple[list[ModelScore], list[str], list[str]]:
     """Scores in which no model fits worse than one it contains, with what was done about it, and about which models
     nothing could be done.
@@ -117,7 +119,7 @@ def _searched_again(
     if not again:
         return list(scores), [], []
     report(f"{', '.join(behind)} searched again")
-    better = {score.name: score for score in scored(again, cores, report)}
+    better = {score.name: score for score in scored(again, engine, report)}
     mended = [better.get(score.name, score) for score in scores]
     said, alarms = [], []
     for name, score in better.items():

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitball.errors import FitError
 from fitball.inference.calibrate import run
 from fitball.inference.comparison.candidates import Candidate
 from fitball.inference.comparison.cross_validation import FOLLOWED, Fold, leave_out
 from fitball.inference.comparison.information_criteria import criteria
 from fitball.inference.comparison.psis_loo import leave_one_out
 from fitball.inference.comparison.results import ModelScore
-from fitball.inference.comparison.workers import begin_worker, interrupts_held
 from fitball.inference.effort import Effort
-from fitball.wording import on_command_line
+from fitball.scheduling.engine import Engine
 
 # Ensembles of an exact refit: enough to see that they agree.
 REFIT_ENSEMBLES = 2
@@ -46,38 +41,21 @@ class Task:
         return replace(self, seed=seed, beside=tuple(beside))
 
 
-def scored(tasks: Sequence[Task], cores: int, report: Callable[[str], None]) -> Iterator[ModelScore]:
-    """Scores of all tasks as they are done, in order on one core.
+def scored(tasks: Sequence[Task], engine: Engine, report: Callable[[str], None]) -> Iterator[ModelScore]:
+    """Scores of all tasks as they are done.
 
-    Raises what `score_model` raises, KeyboardInterrupt on Ctrl-C, and FitError when a process dies.
+    Raises what `score_model` and `Engine.unordered` raise.
     """
-    count = len(tasks)
-    if cores == 1:
-        for k, task in enumerate(tasks):
-            yield score_model(task, _naming(report, f"{task.candidate.name} ({k + 1} of {count})"))
-        return
-    workers = min(cores, count)
+    done, count = 0, len(tasks)
     _compile_once(tasks)
-    report(f"{count} models in {workers} processes")
-    # A fresh interpreter each: a forked one would inherit threads in unknown states.
-    context = multiprocessing.get_context("spawn")
-    listens = (on_command_line(),)
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=begin_worker, initargs=listens) as pool:
-        try:
-            shares = [replace(task, effort=replace(task.effort, cores=1)) for task in tasks]
-            with interrupts_held():
-                futures = [pool.submit(score_model, share) for share in shares]
-            for k, future in enumerate(as_completed(futures)):
-                score = future.result()
-                report(f"{score.name}: done ({k + 1} of {count})")
-                yield score
-        except BrokenProcessPool:
-            raise FitError(
-                "a process of the comparison ended before its model was done, perhaps for want of memory: "
-                "use fewer cores"
-            ) from None
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+
+    def here(task: Task) -> ModelScore:
+        return score_model(task, lambda stage: report(f"{task.candidate.name}: {stage} ({done} of {count} done)"))
+
+    for score in engine.unordered(score_model, tasks, here):
+        done += 1
+        report(f"{score.name}: done ({done} of {count})")
+        yield score
 
 
 def _compile_once(tasks: Sequence[Task]) -> None:
@@ -87,12 +65,8 @@ def _compile_once(tasks: Sequence[Task]) -> None:
         model.jacobian(model.parameter_names, np.array([values]), tasks[0].candidate.problem.impacts)
 
 
-def _naming(report: Callable[[str], None], name: str) -> Callable[[str], None]:
-    return lambda stage: report(f"{name}: {stage}")
-
-
 def score_model(task: Task, report: Callable[[str], None] = lambda _stage: None) -> ModelScore:
-    """Posterior, leave-one-out densities and left-out errors of a model. Raises FitError, SamplingInterrupted."""
+    """Posterior, leave-one-out densities and left-out errors of a model. Raises FitError, KeyboardInterrupt."""
     begun = time.perf_counter()
     candidate, effort, columns = task.candidate, task.effort, task.columns
     problem = candidate.problem

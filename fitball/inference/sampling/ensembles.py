@@ -99,7 +99,7 @@ class Sampled:
         return self.chains[:, self.first :]
 
 
-class SamplingInterrupted(Exception):
+class SamplingInterrupted(KeyboardInterrupt):
     """The user stopped the run; the chain so far is on disk when there is a chain file."""
 
     def __init__(self, step: int) -> None:

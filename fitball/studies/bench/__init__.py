@@ -2,5 +2,5 @@
 something has become slower, and cases on which a search could fail.
 
 Offers: `measure`, `ratios`, `hard_cases`.
-May import: api, exports, report, inference, models, data.
+May import: api, exports, report, inference, models, data, scheduling.
 """

@@ -6,16 +6,14 @@ import os
 import platform
 import sys
 from collections.abc import Callable, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import scipy
 
-from fitball.inference.comparison.workers import die_on_interrupt
+from fitball.scheduling.engine import engine
 from fitball.studies.bench.clock import Pace
 from fitball.studies.bench.costs import batch_costs, growth_costs, process_costs
 from fitball.studies.bench.densities import density_costs
@@ -57,9 +55,7 @@ def measure(extent: Extent, cores: int, report: Callable[[str], None]) -> Bench:
     report("ratios")
     frames = {"ratios": ratios(pace)}
     report("exact answers")
-    # Started afresh, not forked: threads and locks of this process do not come along.
-    with ProcessPoolExecutor(cores, get_context("spawn"), die_on_interrupt) as pool:
-        solved_scenes = scenes(pool)
+    solved_scenes = scenes(engine(cores))
     report("speed against error")
     frames["precision"] = work_precision(solved_scenes, pace)
     frames["densities"] = pd.concat([density_costs(*named, pace) for named in problems()], ignore_index=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from fitball.inference.comparison.workers import in_order
+from fitball.scheduling.engine import Engine, in_order
 from fitball.studies.sbc.record import RankFile
 from fitball.studies.sbc.replicate import Experiment, Ranked, run_replicate
 
@@ -16,7 +16,7 @@ def run_replicates(
     seed: int,
     replicates: int,
     path: Path,
-    cores: int,
+    engine: Engine,
     report: Callable[[int], None] = lambda _done: None,
 ) -> list[Ranked]:
     """Replicates 0 to `replicates` - 1, those that `path` holds read and the others computed and appended to it.
@@ -26,7 +26,9 @@ def run_replicates(
     file = RankFile(path, experiment.names, {"seed": seed, **experiment.settings})
     done = file.open()
     report(min(done, replicates))
-    for number, ranked in in_order(partial(run_replicate, experiment, seed), range(done, replicates), cores):
+    numbers = range(done, replicates)
+    made = in_order(engine, partial(run_replicate, experiment, seed), numbers)
+    for number, ranked in zip(numbers, made, strict=True):
         file.append(number, ranked)
         report(number + 1)
     return file.read(replicates)

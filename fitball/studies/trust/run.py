@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from fitball.inference.comparison.workers import in_order
 from fitball.inference.results.results import Verdict
 from fitball.report.form.growing_csv import GrowingCsv
+from fitball.scheduling.engine import Engine, in_order
 from fitball.studies.trust.replicate import Said, Told, replicate, settings_of
 from fitball.studies.trust.scenarios import SCENARIOS
 
@@ -71,7 +71,7 @@ def run_scenario(
     seed: int,
     replicates: int,
     path: Path,
-    cores: int,
+    engine: Engine,
     report: Callable[[int], None] = lambda _done: None,
 ) -> list[Told]:
     """Replicates 0 to `replicates` - 1 of the scenario called `name`, those that `path` holds read and the others
@@ -83,7 +83,9 @@ def run_scenario(
     kept = ToldFile(path, scenario.problem.free_names, {"seed": seed, **settings_of(scenario)})
     done = kept.file.open()
     report(min(done, replicates))
-    for number, told in in_order(partial(replicate, name, seed), range(done, replicates), cores):
+    numbers = range(done, replicates)
+    made = in_order(engine, partial(replicate, name, seed), numbers)
+    for number, told in zip(numbers, made, strict=True):
         kept.append(number, told)
         report(number + 1)
     return kept.read(replicates)

@@ -1,0 +1,31 @@
+"""Tasks for other processes, which have little to import."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+
+from fitball.errors import FitError
+from fitball.wording import on_command_line
+
+
+def slow_to_fast(number):
+    """The later, the sooner done."""
+    time.sleep(0.05 * max(0, 4 - number))
+    return number, os.getpid(), on_command_line()
+
+
+def elsewhere(task):
+    """A task that only another process does at once; the `parent` waits until it has."""
+    place, parent, what = task
+    if os.getpid() == parent:
+        while not place.exists():
+            time.sleep(0.01)
+        return "here"
+    place.touch()
+    if what == "killed":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if what == "fails":
+        raise FitError("no such ball")
+    return "elsewhere"

@@ -1,0 +1,46 @@
+"""An experiment of simulation-based calibration whose posterior is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm
+
+from fitball.studies.sbc.replicate import RANKED, Ranked, ranks_among
+
+
+@dataclass(frozen=True)
+class Toy:
+    """Normal data of known sigma with a normal prior of the mean: the posterior is known, and drawn from exactly.
+
+    `told` is the sigma the fit believes in, over the true one. `blind` forgets the data and returns the prior.
+    """
+
+    told: float = 1.0
+    blind: bool = False
+    fails_at: int = -1
+
+    names = ("mean", "log_likelihood")
+
+    @property
+    def settings(self):
+        return {"toy": self.told, "blind": self.blind}
+
+    def replicate(self, seeds):
+        number = seeds.spawn_key[0]
+        if number == self.fails_at:
+            raise KeyboardInterrupt
+        rng = np.random.default_rng(seeds)
+        truth, sigma, count = rng.standard_normal(), 1.5, 6
+        data = truth + sigma * rng.standard_normal(count)
+        believed = self.told * sigma
+        precision = 1.0 + count / believed**2
+        draws = data.sum() / believed**2 / precision + rng.standard_normal(RANKED) / np.sqrt(precision)
+        if self.blind:
+            draws = rng.standard_normal(RANKED)
+        means = np.append(truth, draws)
+        score = norm.logpdf(data, means[:, None], believed).sum(axis=1)
+        both = np.column_stack([means, score])
+        ranks = ranks_among(both[0], both[1:])
+        return Ranked(dict(zip(self.names, ranks, strict=True)), True, 1, float(RANKED), 1.0)
