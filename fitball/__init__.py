@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         predict,
         simulate,
     )
-    from fitball.batch import Batch, calibrate_many
+    from fitball.batch import Batch, calibrate_many, load_batch
     from fitball.data.read import load_table
     from fitball.data.scene import Scene, load_scene
     from fitball.data.table import ImpactTable
@@ -57,6 +57,7 @@ _HOMES = {
     "compare": "fitball.api",
     "export": "fitball.api",
     "impacts": "fitball.values",
+    "load_batch": "fitball.batch",
     "load_fit": "fitball.api",
     "load_scene": "fitball.data.scene",
     "load_table": "fitball.data.read",
@@ -90,6 +91,7 @@ __all__ = [
     "compare",
     "export",
     "impacts",
+    "load_batch",
     "load_fit",
     "load_scene",
     "load_table",

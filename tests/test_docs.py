@@ -32,6 +32,8 @@ from fitball.inference.identifiability import power_scaling, profile, profile_en
 from fitball.inference.identifiability.examine import PROFILED
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.likelihood.posterior import log_posterior
+from fitball.inference.population.reweighting import SMOOTH
+from fitball.inference.population.trend import LEAST_TABLES
 from fitball.inference.prediction.extrapolation import SLACK
 from fitball.inference.problem import force_records, measurement_noise
 from fitball.inference.problem import group_bias as offsets
@@ -101,6 +103,8 @@ DECIDING = {
     "rows left out singly": leave_out.SINGLY,
     "slack of the hull": SLACK,
     "draws of a prediction": fitted_model.PREDICTING,
+    "tables that tell a parameter, for its population": LEAST_TABLES,
+    "width of the density of a draw, in sds of its table": SMOOTH,
     "draws a truth is ranked among": RANKED,
     "family error of the calibration": FAMILY_ERROR,
 }

@@ -14,6 +14,7 @@ from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.joint_prior import JointPrior
 from fitball.inference.problem.parameters import build_parameters
 from fitball.inference.problem.pooling import Pooling
+from fitball.inference.problem.priors import parse_prior
 from fitball.inference.sampling import ensemble as walking
 from fitball.inference.sampling import ensembles as sampling
 from fitball.inference.sampling.ensembles import Schedule, Settings, sample
@@ -35,7 +36,7 @@ def hierarchy(measured, errors):
     labels = tuple(f"l{k}" for k in range(len(measured)))
     pooling = Pooling("mu", "surface", labels, np.arange(len(labels)), log=True, bounds=(0.01, 3.0))
     specs = {"mu": SimpleNamespace(name="mu", prior=MU, lower=1e-3, upper=1e3, unit="")}
-    parameters = build_parameters(["mu"], specs, {}, {}, (), pooling.specs("", 0.6))
+    parameters = build_parameters(["mu"], specs, {}, {}, (), pooling.specs("", parse_prior("mu", MU, 1e-3, 1e3)))
     names = tuple(item.name for item in parameters)
     return SimpleNamespace(
         dimension=len(names), free_names=names, free=parameters, parameters=parameters, pooling=(pooling,),

@@ -14,11 +14,14 @@ from fitball.api.calibrating import PathLike, Table
 from fitball.batch.plan import Plan
 from fitball.batch.run import Going, run_tasks
 from fitball.batch.task import tasks_of
-from fitball.errors import suggestion
+from fitball.errors import ResultFolderError, suggestion
 from fitball.inference.effort import MAX_STEPS, Effort
 from fitball.inference.problem.choices import Choices
-from fitball.report.batch.folder import write_results
-from fitball.report.batch.rows import FAILED, NAME, Row
+from fitball.report.batch.folder import CSV_NAME, Shown, write_results
+from fitball.report.batch.populations import Populated, default_names, populations
+from fitball.report.batch.rows import FAILED, NAME, Row, read_rows
+from fitball.report.batch.series import all_series
+from fitball.report.batch.text import render
 from fitball.scheduling.engine import engine
 
 if TYPE_CHECKING:
@@ -35,6 +38,7 @@ class Batch(Mapping[str, Fit]):
     def __init__(self, folder: Path, rows: Sequence[Row]) -> None:
         self.folder = folder
         self.rows = tuple(rows)
+        self._shown: Shown | None = None
 
     @property
     def failed(self) -> Mapping[str, str]:
@@ -46,6 +50,24 @@ class Batch(Mapping[str, Fit]):
         import pandas as pd
 
         return pd.DataFrame(self.rows).set_index(NAME)
+
+    def report(self) -> str:
+        """What was found, as text."""
+        shown = self._shown or Shown(all_series(self.rows), ())
+        return render(self.rows, shown.series, self.folder, shown.populated)
+
+    def summarise(self, quantities: Sequence[str] = (), command: str | None = None) -> tuple[Populated, ...]:
+        """Write the files of all tables anew with the populations of `quantities`, which are returned."""
+        self._shown = write_results(self.rows, self.folder, command, quantities)
+        return self._shown.populated
+
+    def population(self, *quantities: str) -> tuple[Populated, ...]:
+        """Centre and spread of parameters or ratios of two (`"k_theta/k_y"`) over the tables, and each table given
+        all others, from the draws that were kept: nothing is fitted.
+
+        Raises ParameterError for what is no quantity or too few tables have, ResultFolderError.
+        """
+        return populations(self.rows, self.folder, quantities or default_names(all_series(self.rows)))
 
     def __getitem__(self, name: str) -> Fit:
         """Raises KeyError with the reason for a table that failed."""
@@ -68,6 +90,24 @@ class Batch(Mapping[str, Fit]):
     def _repr_html_(self) -> str:
         """The rows as a notebook shows them."""
         return f"<p>{escape(repr(self)[1:-1])}</p>{self.to_frame().to_html(max_rows=20, notebook=True)}"
+
+
+def load_batch(folder: PathLike = FOLDER) -> Batch:
+    """The batch that lies in a folder, as `calibrate_many` or `fitball batch` left it; nothing is fitted.
+
+    Raises ResultFolderError where none does, or one that has not ended.
+    """
+    place = Path(folder)
+    table = place / CSV_NAME
+    try:
+        return Batch(place, read_rows(table.read_text("utf-8")))
+    except FileNotFoundError:
+        raise ResultFolderError(
+            f"{table}: there is no such file; expected the folder of a batch that has ended: fitball batch "
+            "goes on where one stopped"
+        ) from None
+    except (OSError, ValueError) as error:
+        raise ResultFolderError(f"{table}: not the table of a batch: {error}; run fitball batch again") from None
 
 
 def calibrate_many(
@@ -147,5 +187,6 @@ def batch_of(
     """The same for a plan; `command` is the line that asked for it."""
     workers = engine(cores, scheduler)
     rows = run_tasks(tasks_of(tables, plan.folder), plan, workers, report)
-    write_results(rows, plan.folder, command)
-    return Batch(plan.folder, rows)
+    batch = Batch(plan.folder, rows)
+    batch.summarise((), command)
+    return batch

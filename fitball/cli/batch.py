@@ -50,8 +50,6 @@ def run(args: argparse.Namespace) -> int:
     from fitball.batch.plan import Plan
     from fitball.inference.results.results import RunStatus
     from fitball.report.batch.rows import FAILED
-    from fitball.report.batch.series import all_series
-    from fitball.report.batch.text import render
 
     folder = Path(args.out) if args.out else FOLDER
     plan = Plan(
@@ -65,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"Interrupted. Finished tables are kept in {folder}; the same line goes on.", file=sys.stderr)
         return 130
     args.progress.finish()
-    print(folder if args.quiet else render(batch.rows, all_series(batch.rows), folder))
+    print(folder if args.quiet else batch.report())
     unsure = any(row["status"] == RunStatus.NOT_CONVERGED for row in batch.rows)
     return 1 if unsure or any(row["outcome"] == FAILED for row in batch.rows) else 0
 

@@ -16,13 +16,10 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import withheld
 from fitball.inference.results.results import TARGET_ESS, Fit, Posterior, thinned
 from fitball.inference.sampling.ensembles import Settings, sample
-from fitball.inference.sampling.importance import smoothed, smoothed_elpd
+from fitball.inference.sampling.importance import K_TRUSTED, smoothed, smoothed_elpd
 from fitball.inference.sampling.moves import StudentProposal
 from fitball.values import FloatArray
 
-# Above this shape of the fitted Pareto tail the importance sampling estimate is not to be trusted (Vehtari, Simpson,
-# Gelman, Yao and Gabry 2024).
-K_TRUSTED = 0.7
 # Draws used, fewer on large tables so that draws times impacts fit into memory.
 DRAWS = 8000
 LEAST_DRAWS = 1000

@@ -1,5 +1,6 @@
-"""What many tables have in common: centre, spread, drift and outliers of a parameter over their fits.
+"""What many tables have in common: centre and spread of a quantity, each table given the others; drift,
+outliers.
 
-Offers: `trend`.
-May import: nothing else.
+Offers: `population`, `quantity`, `trend`.
+May import: inference.sampling, inference.problem, models.
 """

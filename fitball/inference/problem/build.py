@@ -161,8 +161,7 @@ def _structure(
         {name: (prior.lower, prior.upper) for name, prior in known.items()},
     )
     for pooling in levels:
-        median = float(known[pooling.parameter].quantile(np.array([0.5]))[0])
-        extra |= pooling.specs(specs[pooling.parameter].unit, median)
+        extra |= pooling.specs(specs[pooling.parameter].unit, known[pooling.parameter])
     column = choices.offsets or scene.offsets
     offsets = None if column is None else build_group_bias(table, column)
     if offsets is not None:

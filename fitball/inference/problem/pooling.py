@@ -15,12 +15,25 @@ from numpy.typing import NDArray
 
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError, ParameterError, suggestion
+from fitball.inference.problem.priors import Prior
 from fitball.models.specs import BALL_PARAMETERS, EVERYTHING, POSITIVE, ParameterSpec
 from fitball.values import FloatArray
 from fitball.wording import spoken
 
 # Spread of a logarithm, and of a value as a share of its prior's median, that is still expected (half-normal prior).
 EXPECTED_SPREAD = 0.3
+# Share of a prior's width within which its median is as good as zero.
+ABOUT_ZERO = 0.1
+
+
+def expected_spread(log: bool, prior: Prior) -> float:
+    """The sd of the half-normal prior of a spread, of the logarithm where `log`: a share of the median of the
+    parameter's `prior`, or the width of that where it is centred about zero and its median says no size.
+    """
+    if log:
+        return EXPECTED_SPREAD
+    median = abs(float(prior.quantile(np.array([0.5]))[0]))
+    return EXPECTED_SPREAD * median if median > ABOUT_ZERO * prior.width else prior.width
 
 
 @dataclass(frozen=True)
@@ -60,9 +73,9 @@ class Pooling:
         """The same levels for some of the impacts."""
         return Pooling(self.parameter, self.column, self.labels, self.index[rows], self.log, self.bounds)
 
-    def specs(self, unit: str, median: float) -> dict[str, ParameterSpec]:
-        """What the additional parameters are, by name; `median` is that of the parameter's prior."""
-        size = EXPECTED_SPREAD if self.log else EXPECTED_SPREAD * abs(median)
+    def specs(self, unit: str, prior: Prior) -> dict[str, ParameterSpec]:
+        """What the additional parameters are, by name; `prior` is that of the parameter."""
+        size = expected_spread(self.log, prior)
         made = {
             self.spread_name: ParameterSpec(
                 self.spread_name, "" if self.log else unit, 0.0, 20.0 * size, f"normal(0, {size:.6g})",

@@ -9,6 +9,9 @@ from fitball.values import FloatArray
 
 # Draws in a tail that a Pareto distribution can be fitted to, at least.
 LEAST_TAIL = 5
+# Above this shape of the fitted Pareto tail the importance sampling estimate is not to be trusted (Vehtari, Simpson,
+# Gelman, Yao and Gabry 2024).
+K_TRUSTED = 0.7
 
 
 def smoothed(log_ratios: FloatArray, efficiency: float) -> tuple[FloatArray, float]:

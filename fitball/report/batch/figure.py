@@ -12,6 +12,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.models.registry import parameter_spec
+from fitball.report.batch.populations import Populated
 from fitball.report.batch.series import Along, Series
 from fitball.report.batch.words import centre_of
 from fitball.report.figures.canvas import log_scale, new_figure
@@ -24,14 +25,19 @@ WIDTH, HEIGHT = 9.0, 1.75
 MOST_NAMED = 24
 # Medians that a panel shows with intervals of full strength; of more they are thinner.
 MANY = 60
+# How far beside its own interval stands what a table has given the others, in tables.
+BESIDE = 0.22
 
 
-def batch_figure(series: Sequence[Series], tables: Sequence[str], along: Along | None = None) -> Figure:
-    """A panel a quantity over the tables in their order, or along something."""
+def batch_figure(
+    series: Sequence[Series], tables: Sequence[str], along: Along | None = None, populated: Sequence[Populated] = ()
+) -> Figure:
+    """A panel a quantity over the tables in their order, or along something; `populated` are known populations."""
+    known = {one.quantity.name: one for one in populated}
     figure = new_figure(WIDTH, 0.9 + HEIGHT * len(series))
     panels = figure.subplots(len(series), 1, sharex=True, squeeze=False)[:, 0]
     for panel, one in zip(panels, series, strict=True):
-        _draw(panel, one, along)
+        _draw(panel, one, along, known.get(one.quantity))
     if along is None:
         _name_tables(panels[-1], tables)
     else:
@@ -50,7 +56,7 @@ def quantity_axis(series: Series) -> ParameterAxis:
     return ParameterAxis(series.name, 1.0, False)
 
 
-def _draw(panel: Axes, series: Series, along: Along | None) -> None:
+def _draw(panel: Axes, series: Series, along: Along | None, populated: Populated | None) -> None:
     shown = quantity_axis(series)
     places = np.array(series.rows, dtype=float) if along is None else along.values[list(series.rows)]
     width = 1.6 if len(places) <= MANY else 0.7
@@ -69,7 +75,9 @@ def _draw(panel: Axes, series: Series, along: Along | None) -> None:
     panel.plot(
         places[rings], series.median[rings] * shown.factor, "o", markersize=11, markerfacecolor="none", color=TREND
     )
-    _lines(panel, series, along, places, shown)
+    _lines(panel, series, along, places, shown, populated)
+    if populated is not None:
+        _pooled(panel, series, places, shown, populated)
     _limit(panel, series, shown)
     panel.set_ylabel(shown.label, fontsize=9)
     panel.tick_params(labelsize=8)
@@ -88,7 +96,24 @@ def _limit(panel: Axes, series: Series, shown: ParameterAxis) -> None:
         panel.set_ylim(*replace(shown, logarithmic=False).margins(float(low), float(high), 0.08))
 
 
-def _lines(panel: Axes, series: Series, along: Along | None, places: FloatArray, shown: ParameterAxis) -> None:
+def _pooled(panel: Axes, series: Series, places: FloatArray, shown: ParameterAxis, populated: Populated) -> None:
+    """Beside each table what it has given all others."""
+    tables = {table.name: populated.ends(table.known) for table in populated.population.tables if table.trusted}
+    kept = [k for k, name in enumerate(series.names) if name in tables]
+    middle, low, high = (shown.factor * np.array([tables[series.names[k]] for k in kept])).reshape(-1, 3).T
+    beside = places[kept] + BESIDE
+    panel.vlines(beside, low, high, color=TREND, linewidth=0.8)
+    panel.plot(beside, middle, "_", color=TREND, markersize=4.0)
+
+
+def _lines(
+    panel: Axes,
+    series: Series,
+    along: Along | None,
+    places: FloatArray,
+    shown: ParameterAxis,
+    populated: Populated | None,
+) -> None:
     """The centre of all tables, or the line of a drift."""
     line = next((line for item, line in series.drifts if item is along), None)
     if line is not None:
@@ -97,6 +122,10 @@ def _lines(panel: Axes, series: Series, along: Along | None, places: FloatArray,
         heights = line.coefficients[0] + line.coefficients[1] * (ends - np.mean(places[told]))
         heights = np.exp(heights) if series.logarithmic else heights
         panel.plot(ends, heights * shown.factor, color=TREND, linewidth=1.5)
+    elif populated is not None:
+        panel.axhline(
+            populated.ends(populated.population.centre)[0] * shown.factor, color=GUIDE, linewidth=0.8, linestyle="--"
+        )
     elif series.centre is not None:
         middle = centre_of(series, series.centre)[1]
         panel.axhline(middle * shown.factor, color=GUIDE, linewidth=0.8, linestyle="--")

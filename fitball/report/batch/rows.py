@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+
 from fitball.inference.results.pace_rating import Spread
 from fitball.inference.results.results import Fit
 
@@ -11,6 +13,7 @@ DONE, FAILED = "done", "failed"
 # Before the names of label columns.
 LABEL = "label:"
 # Columns that every row begins with.
+TEXTS = (NAME, "outcome", "reason", "model", "status", "adequacy", "described")
 HEAD = (NAME, "outcome", "reason", "impacts", "model", "status", "adequacy", "described")
 
 
@@ -48,6 +51,22 @@ def row_of(name: str, fit: Fit) -> Row:
         for tested in fit.drop_test.speeds:
             row |= _spread(f"cor_at_{tested.speed:.3g}_m/s", tested.cor)
     return row
+
+
+def read_rows(text: str) -> tuple[Row, ...]:
+    """The rows of a `batch.csv`; ValueError where it is none."""
+    rows = list(csv.DictReader(text.splitlines()))
+    if not rows or not set(HEAD) <= set(rows[0]):
+        raise ValueError(f"expected rows with the columns {', '.join(HEAD)}")
+    return tuple({head: _cell(head, cell) for head, cell in row.items()} for row in rows)
+
+
+def _cell(head: str, cell: str | None) -> str | float | int | None:
+    if head in TEXTS or head.startswith(LABEL) or head.endswith("_verdict"):
+        return cell or ("" if head == "reason" else None)
+    if head == "impacts":
+        return int(cell) if cell else None
+    return float(cell) if cell else None
 
 
 def _spread(name: str, spread: Spread) -> Row:

@@ -68,6 +68,11 @@ class Series:
     outside: tuple[tuple[int, float], ...]
 
     @property
+    def drawn(self) -> bool:
+        """Whether any table has a posterior of it."""
+        return bool(np.isfinite(self.sd).any())
+
+    @property
     def name(self) -> str:
         """The quantity as people call it."""
         return (

@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from fitball.report.batch.populations import Populated
 from fitball.report.batch.rows import Row
 from fitball.report.batch.series import Series
 from fitball.report.batch.words import CENTRE_HEADS, centre_rows, told
 from fitball.report.form.text_table import MOST_LINES, columns, more
 
 
-def render(rows: Sequence[Row], series: Sequence[Series], folder: Path) -> str:
+def render(rows: Sequence[Row], series: Sequence[Series], folder: Path, populated: Sequence[Populated] = ()) -> str:
     """What a batch found: outcome, what stands out, centres, who failed, where the files are."""
-    said = told(rows, series)
+    said = told(rows, series, populated)
     lines = [said.headline[0].upper() + said.headline[1:], *said.points]
     if series:
-        lines += ["", *columns([CENTRE_HEADS, *centre_rows(series)], 2)]
+        lines += ["", *columns([CENTRE_HEADS, *centre_rows(series, populated)], 2)]
     if said.failed:
         lines += ["", "failed:", *(f"  {name}: {reason}" for name, reason in said.failed[:MOST_LINES])]
         lines += more(len(said.failed), str(folder / "batch.csv"))

@@ -11,19 +11,26 @@ import numpy as np
 from fitball.inference.population.trend import Line
 from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.results import RunStatus
+from fitball.inference.sampling.importance import K_TRUSTED
+from fitball.report.batch.populations import Populated
 from fitball.report.batch.rows import DONE, FAILED, NAME, Row
 from fitball.report.batch.series import REACH, Series
 from fitball.report.form.display_units import handy
 from fitball.report.form.rounding import decimals, fixed, interval, significant
 from fitball.report.form.sentences import listed
 
-CENTRE_HEADS = ("quantity", "unit", "told by", "centre", "95 %", "spread", "typical sd")
+CENTRE_HEADS = ("quantity", "unit", "told by", "centre", "95 %", "spread", "95 %", "typical sd")
 LEGEND = (
-    "Told by: tables that tell the value themselves, the only ones that the other columns count. Centre: about what "
-    "value they scatter, with the 95 % interval of that (random effects, restricted maximum likelihood). Spread: "
-    "standard deviation of the true values from table to table, beyond the uncertainty of each. Typical sd: median "
-    "uncertainty of one table."
+    "Told by: tables that tell the value themselves, not their prior alone. Centre: about what the tables' true "
+    "values scatter, with its 95 % interval; spread: their standard deviation, of the logarithm where it stands in "
+    "percent. Both are of the population of all tables with a posterior, their draws weighted so that the prior of "
+    "each gives way to the population (Hogg, Myers and Bovy 2010). Quantities whose prior cannot be divided out, "
+    "such as court pace, have no interval of the spread: random effects on the medians of the tables that tell "
+    "them. Typical sd: median uncertainty of one table."
 )
+
+# Sd that a finite number of draws gives a mean, as a share of the 95 % interval, above which that is told.
+MOST_ERROR = 0.1
 
 
 @dataclass(frozen=True)
@@ -35,7 +42,7 @@ class Told:
     failed: tuple[tuple[str, str], ...]
 
 
-def told(rows: Sequence[Row], series: Sequence[Series]) -> Told:
+def told(rows: Sequence[Row], series: Sequence[Series], populated: Sequence[Populated] = ()) -> Told:
     """The words for the rows of a batch and their series."""
     failed = tuple((str(row[NAME]), str(row["reason"])) for row in rows if row["outcome"] == FAILED)
     done = [row for row in rows if row["outcome"] == DONE]
@@ -56,6 +63,7 @@ def told(rows: Sequence[Row], series: Sequence[Series]) -> Told:
                 f"Not described: {_some(refused)}. What is said of their parameters holds within the model only."
             )
     points += [sentence for one in series for sentence in _standing_out(one)]
+    points += [sentence for one in populated for sentence in doubts(one)]
     return Told("; ".join(parts) + ".", tuple(points), failed)
 
 
@@ -111,15 +119,19 @@ def centre_of(series: Series, line: Line) -> tuple[float, float, float]:
     return low, middle, high
 
 
-def centre_rows(series: Sequence[Series]) -> list[tuple[str, ...]]:
+def centre_rows(series: Sequence[Series], populated: Sequence[Populated] = ()) -> list[tuple[str, ...]]:
     """For each quantity about what it scatters over the tables, in the unit people read."""
     rows: list[tuple[str, ...]] = []
+    known = {one.quantity.name: one for one in populated}
     for one in series:
         name, factor, unit = _shown(one)
         counted = np.array(one.told) & np.isfinite(one.sd)
         head = (name, unit, f"{counted.sum():,} of {len(one.names):,}")
+        if one.quantity in known:
+            rows.append((*head, *population_cells(known.pop(one.quantity))))
+            continue
         if one.centre is None:
-            rows.append((*head, "-", "-", "-", "-"))
+            rows.append((*head, "-", "-", "-", "-", "-"))
             continue
         low, middle, high = (value * factor for value in centre_of(one, one.centre))
         places = decimals(max((high - low) / (2.0 * REACH), 1e-12))
@@ -132,7 +144,57 @@ def centre_rows(series: Sequence[Series]) -> list[tuple[str, ...]]:
                 fixed(middle, places),
                 interval(low, high, places),
                 significant(spread, 2),
+                "-",
                 significant(typical, 2),
             )
         )
-    return rows
+    return rows + [(*head_of(one), *population_cells(one)) for one in known.values()]
+
+
+def head_of(populated: Populated) -> tuple[str, str, str]:
+    """Name, unit and number of tables of a quantity that is no column of theirs, such as a ratio."""
+    scale = handy(populated.quantity.name, populated.quantity.unit)
+    return populated.quantity.name, scale.unit, f"- of {len(populated.own):,}"
+
+
+def population_cells(populated: Populated) -> tuple[str, ...]:
+    """Centre and spread with their intervals, and the typical sd of a table, in the unit people read."""
+    one = populated.quantity
+    factor = handy(one.name, one.unit).factor
+    middle, low, high = (end * factor for end in populated.ends(populated.population.centre))
+    places = decimals((high - low) / (2.0 * REACH))
+    spread = populated.population.spread
+    # Of logarithms a spread is a share, and so is the uncertainty of a table.
+    scale, sign = (100.0, " %") if one.log else (factor, "")
+    ends = [scale * end for end in (spread.median, spread.low, spread.high)]
+    few = decimals((ends[2] - ends[1]) / (2.0 * REACH))
+    typical = float(np.median(list(populated.own_sds.values()))) * scale
+    return (
+        fixed(middle, places),
+        interval(low, high, places),
+        f"{fixed(ends[0], few)}{sign}",
+        interval(ends[1], ends[2], few),
+        f"{significant(typical, 2)}{sign}",
+    )
+
+
+def doubts(populated: Populated) -> list[str]:
+    """What of a population is not to be trusted, and what would help."""
+    found, name = populated.population, populated.quantity.name
+    said = []
+    for words, number in (("centre", found.centre), ("spread", found.spread)):
+        if number.error > MOST_ERROR * (number.high - number.low):
+            share = number.error / (number.high - number.low)
+            said.append(
+                f"The {words} of {name} is known to {100.0 * share:.0f} % of its interval only, for want of draws."
+            )
+    if found.doubtful:
+        few, each = ("table", "it") if len(found.doubtful) == 1 else ("tables", "them")
+        said.append(
+            f"Population of {name}: weights are not to be trusted (Pareto k above {K_TRUSTED}) in "
+            f"{len(found.doubtful)} {few} ({_some(found.doubtful)}), nor what the others say of {each}: few draws "
+            "there meet the population."
+        )
+    if said and len(populated.quantity.parts) == 1:
+        said[-1] += f" Few tables can be fitted together instead: fitball calibrate TABLES --pool {name}=table."
+    return said

@@ -1,0 +1,118 @@
+"""Populations over the tables of a batch, from the draws that each table's `fit.json` holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from fitball.errors import ParameterError
+from fitball.inference.population.quantity import Quantity, known, prior_of, quantity
+from fitball.inference.population.reweighting import Known, Population, TableDraws, population
+from fitball.inference.population.trend import LEAST_TABLES
+from fitball.inference.problem.priors import Prior
+from fitball.inference.results.results import Verdict
+from fitball.report.batch.rows import DONE, NAME, Row
+from fitball.report.batch.series import Series
+from fitball.report.saved.saved_fit import SavedFit, read_fit
+from fitball.values import FloatArray
+
+
+@dataclass(frozen=True)
+class Populated:
+    """A quantity over tables: its `population` in the coordinate, and `own`, what each table says alone, by name;
+    `left_out` are tables that have no draws of it, with the reason.
+    """
+
+    quantity: Quantity
+    population: Population
+    own: Mapping[str, Known]
+    own_sds: Mapping[str, float]
+    left_out: Mapping[str, str]
+
+    def ends(self, known: Known) -> tuple[float, float, float]:
+        """Median, low and high end of something in the coordinate, in SI."""
+        value = self.quantity.value
+        return value(known.median), value(known.low), value(known.high)
+
+
+@dataclass
+class _Gathered:
+    """What tables gave of a quantity."""
+
+    quantity: Quantity
+    tables: list[tuple[str, FloatArray, dict[str, Prior | float], float]] = field(default_factory=list)
+    left_out: dict[str, str] = field(default_factory=dict)
+
+
+def default_names(series: Sequence[Series]) -> tuple[str, ...]:
+    """The parameters that enough tables tell by themselves."""
+    return tuple(
+        one.quantity for one in series if known(one.quantity) and one.drawn and sum(one.told) >= LEAST_TABLES
+    )
+
+
+def populations(rows: Sequence[Row], folder: Path, names: Sequence[str]) -> tuple[Populated, ...]:
+    """The populations of quantities over the tables whose fits lie below the folder.
+
+    Raises ParameterError for what is no quantity, or one that too few tables have draws of; ResultFolderError for a
+    fit that cannot be read.
+    """
+    asked = [_Gathered(quantity(name)) for name in dict.fromkeys(names)]
+    if not asked:
+        return ()
+    for row in rows:
+        if row["outcome"] == DONE:
+            saved = read_fit(folder / str(row[NAME]))
+            for one in asked:
+                _gather(one, str(row[NAME]), saved)
+    return tuple(map(_populated, asked))
+
+
+def _gather(one: _Gathered, name: str, saved: SavedFit) -> None:
+    priors: dict[str, Prior | float] = {}
+    sizes = []
+    for part in one.quantity.parts:
+        if part.name not in saved.parameters:
+            one.left_out[name] = f"its model has no {part.name}"
+            return
+        estimate = saved.parameters[part.name]
+        fixed = estimate.verdict is Verdict.FIXED
+        priors[part.name] = estimate.point if fixed else prior_of(part, estimate.prior)
+        if not fixed:
+            sizes.append(np.inf if estimate.ess_bulk is None else estimate.ess_bulk)
+    count = len(saved.fitted.draws)
+    if not sizes or not count:
+        one.left_out[name] = "a point fit has no draws" if sizes else f"{one.quantity.name} is fixed there"
+        return
+    columns = dict(zip(saved.fitted.names, saved.fitted.draws.T, strict=True))
+    one.tables.append((name, one.quantity.coordinates(columns), priors, min(1.0, min(sizes) / count)))
+
+
+def _populated(one: _Gathered) -> Populated:
+    asked = one.quantity
+    if len(one.tables) < LEAST_TABLES:
+        raise ParameterError(
+            f"population of {asked.name}: {len(one.tables)} tables have draws of it, expected at least {LEAST_TABLES}"
+            + "".join(f"; {name}: {why}" for name, why in list(one.left_out.items())[:3])
+        )
+    # Of what the prior of any table excludes, that table says nothing: the population is that of what all allow.
+    sides = np.array([asked.ends(priors) for _name, _draws, priors, _efficiency in one.tables])
+    ends = float(sides[:, 0].max()), float(sides[:, 1].min())
+    tables = []
+    for name, draws, priors, efficiency in one.tables:
+        inside = draws[(draws >= ends[0]) & (draws <= ends[1])]
+        if np.ptp(inside) <= 0.0 if len(inside) else True:
+            raise ParameterError(
+                f"population of {asked.name}: priors of the tables exclude one another's values: no draw of {name} "
+                "is possible in all others"
+            )
+        tables.append(TableDraws.of(name, inside, asked.log_prior(priors), efficiency * len(inside) / len(draws)))
+    own = {}
+    for name, draws, _priors, _efficiency in one.tables:
+        low, median, high = (float(end) for end in np.quantile(draws, (0.025, 0.5, 0.975)))
+        own[name] = Known(median, low, high)
+    sds = {name: float(draws.std()) for name, draws, _priors, _efficiency in one.tables}
+    return Populated(asked, population(tables, asked.before(ends)), own, sds, one.left_out)

@@ -1,0 +1,234 @@
+"""Populations from the draws of many tables, held against integrals of the hierarchy itself."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from scipy import integrate, stats
+
+import fitball
+from fitball.cli.main import main
+from fitball.errors import FitballError
+from fitball.inference.population.box import covering_grid
+from fitball.inference.population.quantity import log_density, prior_of, quantity
+from fitball.inference.population.reweighting import Before, TableDraws, log_likelihood, log_mass, population
+from fitball.report.batch.folder import write_results
+from fitball.report.batch.rows import read_rows, row_of
+
+WIDE = (-np.inf, np.inf)
+# Interim prior of the tables of a made population, far from it: mean, sd.
+INTERIM = (-1.0, 0.6)
+SD = 0.3
+
+
+def drawn(rng, measured, sd=SD, interim=INTERIM, count=400):
+    """Draws of the normal posterior of a quantity that was `measured` with sd `sd` under a normal prior."""
+    precision = 1.0 / sd**2 + 1.0 / interim[1] ** 2
+    mean = (measured / sd**2 + interim[0] / interim[1] ** 2) / precision
+    return mean + rng.standard_normal(count) / np.sqrt(precision)
+
+
+def tables_of(rng, measured, interim=INTERIM, divided=None, count=400):
+    """Tables of the same; `divided` is the interim prior that is divided out."""
+    prior = stats.norm(*(divided or interim)).logpdf
+    return [TableDraws.of(str(k), drawn(rng, y, SD, interim, count), prior) for k, y in enumerate(measured)]
+
+
+def exact(measured, sd=SD):
+    """Mean and sd of centre and spread, and mean and sd of the first table, by integrals on a fine grid."""
+    m, tau = np.meshgrid(np.linspace(-4.0, 5.0, 700), np.linspace(0.0, 5.0, 1500), indexing="ij")
+    variance = tau**2 + sd**2
+    log = stats.norm.logpdf(m, 0.0, 2.0) - 0.5 * tau**2
+    for y in measured:
+        log += -0.5 * np.log(variance) - 0.5 * (y - m) ** 2 / variance
+    mass = np.exp(log - log.max())
+    mass /= mass.sum()
+    first = (measured[0] * tau**2 + m * sd**2) / variance
+    around = tau**2 * sd**2 / variance
+
+    def told(values, own=0.0):
+        mean = np.sum(mass * values)
+        return mean, np.sqrt(np.sum(mass * (values**2 + own)) - mean**2)
+
+    def ends(values, shares):
+        return np.interp((0.5, 0.025, 0.975), np.cumsum(shares), values)
+
+    return ends(m[:, 0], mass.sum(1)), ends(tau[0], mass.sum(0)), told(first, around)
+
+
+BEFORE = Before(stats.norm(0.0, 2.0).logpdf, 1.0, WIDE)
+
+
+@pytest.mark.parametrize(("count", "tau"), [(3, 0.5), (12, 0.6), (25, 0.0)])
+def test_centre_spread_and_each_table_are_those_of_the_hierarchy(count, tau):
+    """Fails where interim priors are not divided out: they lie far off the population."""
+    rng = np.random.default_rng(count)
+    measured = 1.0 + np.hypot(tau, SD) * rng.standard_normal(count)
+    found = population(tables_of(rng, measured, count=4000), BEFORE)
+    centre, spread, (mean, sd) = exact(measured)
+    for known, ends in ((found.centre, centre), (found.spread, spread)):
+        near = 5.0 * known.error + 0.01 * (ends[2] - ends[1])
+        assert [known.median, known.low, known.high] == pytest.approx(ends, abs=near)
+        assert known.error < 0.05 * (ends[2] - ends[1])
+    assert found.tables[0].known.median == pytest.approx(mean, abs=0.2 * sd)
+    assert found.tables[0].sd == pytest.approx(sd, rel=0.15)
+
+
+def test_with_the_wrong_interim_prior_the_population_is_another():
+    """The control: what is not divided out, or divided out wrongly, shows."""
+    rng = np.random.default_rng(1)
+    measured = 1.0 + np.hypot(0.4, SD) * rng.standard_normal(25)
+    right = population(tables_of(rng, measured), BEFORE)
+    for wrong in ((0.0, 1e3), (-1.0, 1.2)):
+        found = population(tables_of(rng, measured, divided=wrong), BEFORE)
+        assert abs(found.centre.median - right.centre.median) > 10.0 * right.centre.error
+        assert found.centre.high < right.centre.median
+
+
+def test_the_error_of_few_draws_is_as_stated():
+    rng = np.random.default_rng(2)
+    measured = 1.0 + np.hypot(0.3, SD) * rng.standard_normal(8)
+    found = [population(tables_of(rng, measured, count=200), BEFORE) for _ in range(24)]
+    for name in ("centre", "spread"):
+        scatter = np.std([getattr(one, name).median for one in found])
+        assert 0.6 < np.mean([getattr(one, name).error for one in found]) / scatter < 1.7
+    ends = exact(measured)[1]
+    assert np.mean([one.spread.median for one in found]) == pytest.approx(ends[0], abs=0.05 * (ends[2] - ends[1]))
+
+
+def test_a_table_that_none_of_its_draws_lets_into_the_population_is_doubted():
+    rng = np.random.default_rng(3)
+    tables = tables_of(rng, 1.0 + 0.3 * rng.standard_normal(20), (0.0, 5.0))
+    far = TableDraws.of("far", 2.4 + 0.25 * rng.standard_normal(400), stats.norm(0.0, 5.0).logpdf)
+    found = population([*tables, far], Before(stats.norm(0.0, 2.0).logpdf, 0.02, WIDE))
+    assert "far" in found.doubtful
+    assert len(found.doubtful) < 6
+
+
+PRIORS = {
+    "mu": ("lognormal(0.5, 0.2)", 0.62, 0.1), "cor_10": ("normal(0.9, 0.1)", 0.93, 0.06),
+    "mass_ratio": ("uniform(0.3, 1)", 0.93, 0.05), "k_y": ("loguniform(1e4, 4e4)", 3.5e4, 0.3),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PRIORS)
+def test_the_likelihood_of_a_population_is_the_integral_over_it(name):
+    """For each kind of prior, at its bounds too: the mean over draws against a quadrature of likelihood times
+    population, the population between its ends alone.
+    """
+    asked = quantity(name)
+    prior, (text, measured, sd) = prior_of(asked.parts[0], PRIORS[name][0]), PRIORS[name]
+    assert asked.log == (name in ("mu", "k_y"))
+    at = np.log(measured) if asked.log else measured
+    low, high = asked.ends({name: prior})
+    grid = np.linspace(max(low, at - 8.0 * sd), min(high, at + 8.0 * sd), 20001)
+    like = stats.norm.pdf(grid, at, sd)
+    weight = np.cumsum(like * np.exp(asked.log_prior({name: prior})(grid)))
+    draws = np.interp((np.arange(20000) + 0.5) / 20000, weight / weight[-1], grid)
+    table = TableDraws.of("t", draws, asked.log_prior({name: prior}))
+    points = np.array([[at, 2.0 * sd], [at - sd, sd], [at + 0.5 * sd, 0.5 * sd]])
+    found = log_likelihood(table, points) - log_mass(points, (low, high))
+    expected = []
+    for m, tau in points:
+        whole = stats.norm.cdf(high, m, tau) - stats.norm.cdf(low, m, tau)
+        expected.append(np.log(integrate.trapezoid(like * stats.norm.pdf(grid, m, tau), grid) / whole))
+    assert np.diff(found) == pytest.approx(np.diff(expected), abs=0.04), text
+
+
+def test_a_prior_in_the_other_coordinate_is_the_same_density():
+    for name, text in (("mu", "lognormal(0.6, 0.4)"), ("mass_ratio", "uniform(0.3, 1)")):
+        prior = prior_of(quantity(name).parts[0], text)
+        values = prior.quantile(np.linspace(0.01, 0.99, 4001))
+        for log in (False, True):
+            places = np.log(values) if log else values
+            inside = integrate.trapezoid(np.exp(log_density(prior, places, log)), places)
+            assert inside == pytest.approx(0.98, abs=1e-3)
+
+
+def test_the_prior_of_a_ratio_is_that_of_its_parts():
+    """Two lognormal parts in closed form, else by a histogram of draws; a fixed part moves the other's."""
+    ratio = quantity("k_theta/k_y")
+    priors = {part.name: prior_of(part, part.prior) for part in ratio.parts}
+    places = np.linspace(-11.0, -2.0, 9)
+    closed = stats.norm(np.log(30.0 / 2e4), np.hypot(1.5, 1.0)).logpdf(places)
+    assert ratio.log_prior(priors)(places) == pytest.approx(closed, abs=0.02)
+    fixed = ratio.log_prior({**priors, "k_y": 2e4})(places)
+    assert fixed == pytest.approx(stats.norm(np.log(30.0 / 2e4), 1.5).logpdf(places))
+    fixed = ratio.log_prior({**priors, "k_theta": 30.0})(places)
+    assert fixed == pytest.approx(stats.norm(np.log(30.0 / 2e4), 1.0).logpdf(places))
+    mixed = quantity("mass_ratio/mu")
+    priors = {part.name: prior_of(part, part.prior) for part in mixed.parts}
+    rng = np.random.default_rng(5)
+    drawn = np.log(priors["mass_ratio"].draw(rng, 200000) / priors["mu"].draw(rng, 200000))
+    counts, edges = np.histogram(drawn, np.linspace(-1.0, 1.5, 26), density=False)
+    density = np.exp(mixed.log_prior(priors)((edges[1:] + edges[:-1]) / 2.0)) * 0.1 * 200000
+    assert np.all(np.abs(counts - density) < 6.0 * np.sqrt(density) + 0.01 * density)
+
+
+def test_a_narrow_peak_in_a_wide_box_is_found():
+    def log(places):
+        return -0.5 * np.sum(((places - [0.123, 4.56]) / [1e-4, 1e-3]) ** 2, axis=1)
+
+    grid = covering_grid(log, log, np.array([-10.0, 0.0]), np.array([10.0, 9.0]))
+    mean = grid.shares.ravel() @ grid.points
+    assert mean == pytest.approx([0.123, 4.56], abs=1e-6)
+    assert np.sqrt(grid.shares.ravel() @ (grid.points - mean) ** 2) == pytest.approx([1e-4, 1e-3], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("friction", "no model has a parameter 'friction'"), ("eps_10/k_y", "zero or of either sign"),
+     ("mu/mu", "ratio of two"), ("k_theta/k_y/mu", "ratio of two")],
+)  # fmt: skip
+def test_what_is_no_quantity_is_refused(name, said):
+    with pytest.raises(FitballError, match=said):
+        quantity(name)
+
+
+@pytest.fixture(scope="module")
+def season(small_fit, short_fit, tmp_path_factory):
+    """The folder of a batch of four tables alike, as it was left."""
+    folder = tmp_path_factory.mktemp("season") / "batch"
+    names = ("a", "b", "c", "d")
+    for name in names:
+        (folder / name).mkdir(parents=True)
+        shutil.copy(small_fit / "fit.json", folder / name)
+    write_results([row_of(name, short_fit.result) for name in names], folder)
+    return folder
+
+
+def test_the_rows_of_a_batch_are_read_back_as_they_were(season, short_fit):
+    row = row_of("a", short_fit.result)
+    assert read_rows((season / "batch.csv").read_text("utf-8"))[0] == row
+    assert list(fitball.load_batch(season)) == ["a", "b", "c", "d"]
+
+
+def test_a_batch_that_lies_there_tells_its_population(season, capsys):
+    """In Python and on the command line the same, without a fit; further quantities beside those that tables tell."""
+    (mu,) = fitball.load_batch(season).population("mu")
+    middle, low, high = mu.ends(mu.population.centre)
+    assert low < mu.quantity.value(mu.own["a"].median) < high
+    code = main(["population", str(season), "--of", "spin_sd/velocity_sd", "--json"])
+    told = json.loads(capsys.readouterr().out)["quantities"]
+    assert code == (1 if any(one["not_trusted"] for one in told.values()) else 0)
+    assert told == json.loads((season / "population.json").read_text("utf-8"))["quantities"]
+    assert told["mu"]["centre"]["median"] == middle
+    assert told["spin_sd/velocity_sd"]["unit"] == "(rad/s)/(m/s)"
+    table = (season / "population.csv").read_text("utf-8").splitlines()
+    assert sum(line.startswith("mu,") for line in table) == 4
+    page = (season / "batch.html").read_text("utf-8")
+    assert "given all" in page and "spin_sd/velocity_sd" in page
+    main(["population", str(season)])
+    assert "spin_sd/velocity_sd" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [(["--of", "friction"], "no model has"), (["--of", "k_y"], "0 tables have draws"), (["nowhere"], "no such file")],
+)  # fmt: skip
+def test_mistakes_are_told_in_words(season, capsys, words, said):
+    assert main(["population", *([str(season)] if words[0] == "--of" else []), *words]) == 2
+    assert said in capsys.readouterr().err
