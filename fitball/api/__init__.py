@@ -1,7 +1,7 @@
 """Everything a caller of Python can do, each once: the verbs of the command line call the same functions.
 
-Offers: `calibrate`, `load_fit`, `Fit`, `predict`, `compare`, `Comparison`, `simulate`, `Course`, `export`, `plot`,
-`check`.
+Offers: `calibrate`, `load_fit`, `Fit`, `predict`, `compare`, `Comparison`, `simulate`, `Course`, `plan`, `Plan`,
+`export`, `plot`, `check`.
 May import: exports, report, inference, models, data, scheduling.
 """
 
@@ -9,14 +9,16 @@ from fitball.api.calibrating import Run, begin, calibrate, load_fit, pose
 from fitball.api.checking import Checked, check
 from fitball.api.comparing import Comparison, compare
 from fitball.api.fit import Fit
+from fitball.api.planning import Plan
 from fitball.api.simulating import Course
-from fitball.api.verbs import export, plot, predict, simulate
+from fitball.api.verbs import export, plan, plot, predict, simulate
 
 __all__ = [
     "Checked",
     "Comparison",
     "Course",
     "Fit",
+    "Plan",
     "Run",
     "begin",
     "calibrate",
@@ -24,6 +26,7 @@ __all__ = [
     "compare",
     "export",
     "load_fit",
+    "plan",
     "plot",
     "pose",
     "predict",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from fitball.api.exporting import Exported, exported
 from fitball.api.found import Found
+from fitball.api.planning import Plan, Span, planned
 from fitball.api.plotting import Plots
 from fitball.api.predicting import foretell
 from fitball.api.simulating import Course, course_of_fit
@@ -122,6 +123,35 @@ class Fit(Found):
     def simulate(self, impact: Impacts | str, *, draws: int = 200) -> Course:
         """One impact through time, with bands from `draws` of the posterior; see `fitball.simulate`."""
         return course_of_fit(self.saved, impact, draws)
+
+    def plan(
+        self,
+        target: str | Sequence[str] | None = None,
+        *,
+        speed: Span | None = None,
+        angle: Span | None = None,
+        spin: Span | None = None,
+        impacts: int = 5,
+        repeats: int = 1,
+        sensors: str | Sequence[str] | None = None,
+        cost: Mapping[str, float] | None = None,
+        seed: int = 1,
+    ) -> Plan:
+        """What to measure next: the `impacts` expected to tell most about the `target`, and other ways of measuring.
+
+        `target` are names of parameters (default: all of the model), `"court pace"`, or `"impact=v=30 m/s, theta=16
+        deg"`. `speed`, `angle` and `spin` are what the machine can do: texts such as `"5:20"` [m/s], `"10:80"` [deg],
+        `"-300:300 rpm"`, or pairs in SI; by default the range of the fitted table. `sensors` are texts such as
+        `"contact_time=0.2ms"`, `"camera=0.5"`, `"drop=254cm"`; `cost` what an impact read by one costs, measured as
+        before being 1. Raises FitError for a fit that cannot be planned from, ParameterError.
+
+        >>> fit.plan("mu", speed="10:20:2", angle="20:60:3", spin=0.0, impacts=2, sensors="camera=0.5")
+        <Plan of 2 impacts about mu: ... nats>
+        """
+        return planned(
+            self.result, target=target, speed=speed, angle=angle, spin=spin, impacts=impacts, repeats=repeats,
+            sensors=sensors, cost=cost, seed=seed,
+        )  # fmt: skip
 
     def export(
         self, to: str, out: str | os.PathLike[str] | None = None, *, overwrite: bool = False, **options: Any

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from fitball.api.calibrating import load_fit
 from fitball.api.fit import Fit
+from fitball.api.planning import Plan, Span
 from fitball.api.simulating import Course, course_of_model
 from fitball.errors import ParameterError
 from fitball.values import Impacts
@@ -44,6 +45,30 @@ def predict(
     return fit_of(fit).predict(
         data, units=units, flip=flip, columns=columns, exact_incidence=exact_incidence, seed=seed
     )
+
+
+def plan(
+    fit: FitOrFolder,
+    target: str | Sequence[str] | None = None,
+    *,
+    speed: Span | None = None,
+    angle: Span | None = None,
+    spin: Span | None = None,
+    impacts: int = 5,
+    repeats: int = 1,
+    sensors: str | Sequence[str] | None = None,
+    cost: Mapping[str, float] | None = None,
+    seed: int = 1,
+) -> Plan:
+    """What to measure next, as the verb `plan` says it; see `Fit.plan`.
+
+    >>> fitball.plan(folder, "mu", speed="10:20:2", angle="20:60:3", spin=0.0, impacts=2, sensors="none")
+    <Plan of 2 impacts about mu: ... nats>
+    """
+    return fit_of(fit).plan(
+        target, speed=speed, angle=angle, spin=spin, impacts=impacts, repeats=repeats, sensors=sensors, cost=cost,
+        seed=seed,
+    )  # fmt: skip
 
 
 def plot(fit: FitOrFolder, kind: str) -> Figure:

@@ -153,6 +153,12 @@ def _parameters(prefix: str, _parsed: argparse.Namespace) -> Iterable[str]:
     return () if "=" in prefix else [f"{name}=" for name in (*SPECS, *known_names.NOISE_PARAMETERS)]
 
 
+def _targets(_prefix: str, _parsed: argparse.Namespace) -> Iterable[str]:
+    from fitball.models.specs import SPECS
+
+    return (*SPECS, "court pace", "impact=")
+
+
 def _priors(prefix: str, parsed: argparse.Namespace) -> Iterable[str]:
     """Parameters, and behind one those priors of it that the literature has."""
     from fitball.data.literature import PREFIX, published_priors
@@ -205,6 +211,9 @@ OFFERS: Mapping[str, Offer] = {
     "port": _ending(*TABLES),
     "csv": _ending(".csv"),
     "animate": _ending(".gif", ".mp4"),
+    "target": _targets,
+    "sensor": _among("contact_time=0.2ms", "camera=0.5", "drop=254cm", "none"),
+    "cost": _among("contact_time=", "camera=", "drop="),
     "contours": _among("v_x2", "v_y2", "v_2", "theta_2", "omega_2", "contact_time"),
     "out": lambda prefix, _parsed: _files(prefix, lambda _path: True),
 }

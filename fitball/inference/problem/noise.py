@@ -47,6 +47,10 @@ class NoiseKind(ABC):
     def information(self, sizes: Sizes) -> FloatArray:
         """What one deviation tells of its centre (Fisher), () or (draws,); 1 is that of a normal one."""
 
+    def scale_information(self, sizes: Sizes) -> FloatArray:  # noqa: ARG002
+        """What one deviation tells of the logarithm of its scale (Fisher), () or (draws,); as of a normal one."""
+        return np.asarray(2.0)
+
     def reach(self, share: float, sizes: Mapping[str, float]) -> float:
         """The deviation within which lies `share` of all, by draws; for kinds that do not know it exactly."""
         columns = {name: np.full(REACH_DRAWS, value) for name, value in sizes.items()}
@@ -153,6 +157,11 @@ class StudentNoise(NoiseKind):
         """See `NoiseKind`: (nu + 1)/(nu + 3) (Lange, Little and Taylor 1989)."""
         nu = self._freedom(sizes)
         return np.asarray((nu + 1.0) / (nu + 3.0))
+
+    def scale_information(self, sizes: Sizes) -> FloatArray:
+        """See `NoiseKind`: 2 nu/(nu + 3), of the same source."""
+        nu = self._freedom(sizes)
+        return np.asarray(2.0 * nu / (nu + 3.0))
 
     def residual(self, z: FloatArray, sizes: Sizes) -> FloatArray:
         """See `NoiseKind`; without the difference of large densities."""

@@ -1,0 +1,122 @@
+"""What to measure next, for a caller of Python and for the verb `plan`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fitball.data.range_text import Range, checked_range, parse_range
+from fitball.errors import ParameterError
+from fitball.inference.design import results
+from fitball.inference.design.make_plan import Asked, make_plan
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.adequacy import Answer
+from fitball.inference.results.results import Fit, RunStatus
+from fitball.report.form.folders import clear_folder
+from fitball.report.plan.rows import plan_json, plan_rows
+from fitball.report.plan.text import render
+from fitball.wording import option
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from fitball.report.figures.shown import Figure
+
+# A range as text, as its ends in SI, or one value in SI.
+Span = str | float | tuple[float, float]
+NOT_CONVERGED = "The sampler of this fit did not converge: gains may change."
+NOT_DESCRIBED = "The model does not describe the fitted table: gains hold within the model only."
+
+
+class Plan:
+    """What to measure next: impacts in the order of their worth, ways of measuring, and what they would tell."""
+
+    def __init__(self, result: results.Plan, problem: Problem) -> None:
+        self.result = result
+        self._problem = problem
+
+    @property
+    def gain(self) -> float:
+        """Nats that all chosen impacts are expected to tell of the target, to first order."""
+        return self.result.gain
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row an impact, as `plan.csv` has it: with empty columns for what is to be measured."""
+        import pandas as pd
+
+        return pd.DataFrame(plan_rows(self.result, self._problem)).set_index("id")
+
+    def report(self) -> str:
+        """All of it as text."""
+        return render(self.result)
+
+    def json(self) -> Mapping[str, object]:
+        """All of it as `plan.json` has it."""
+        return plan_json(self.result)
+
+    def plot(self) -> Figure:
+        """The map of gains, as a matplotlib Figure that pyplot does not know."""
+        from fitball.report.plan.figure import plan_figure
+        from fitball.report.plan.folder import title_of
+
+        return plan_figure(self.result, title_of(self._problem))
+
+    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False, command: str | None = None) -> Path:
+        """Write `plan.json`, `plan.csv`, `plan.png` and `plan.html`. Raises ResultFolderError."""
+        from fitball.report.plan.folder import JSON_NAME, write_all
+
+        path = Path(folder)
+        clear_folder(path, JSON_NAME, overwrite=overwrite)
+        write_all(self.result, self._problem, path, command)
+        return path
+
+    def __repr__(self) -> str:
+        chosen = self.result.chosen
+        return f"<Plan of {len(chosen)} impacts about {self.result.target}: {self.gain:.2f} nats>"
+
+    def _repr_html_(self) -> str:
+        """The impacts, as a notebook shows them."""
+        return f"<p>{repr(self)[1:-1]}</p>{self.to_frame().to_html(notebook=True)}"
+
+
+def planned(
+    fit: Fit,
+    *,
+    target: str | Sequence[str] | None,
+    speed: Span | None,
+    angle: Span | None,
+    spin: Span | None,
+    impacts: int,
+    repeats: int,
+    sensors: str | Sequence[str] | None,
+    cost: Mapping[str, float] | None,
+    seed: int,
+    report: Callable[[str], None] = lambda _stage: None,
+) -> Plan:
+    """A plan from a fit; see `Fit.plan`. Raises FitError and ParameterError as `make_plan` does."""
+    asked = Asked(
+        target, _range("speed", speed), _range("angle", angle), _range("spin", spin), impacts, repeats,
+        (sensors,) if isinstance(sensors, str) else sensors, dict(cost or {}), seed,
+    )  # fmt: skip
+    cautions = []
+    if fit.status is RunStatus.NOT_CONVERGED:
+        cautions.append(NOT_CONVERGED)
+    if fit.adequacy is not None and fit.adequacy.answer is Answer.FAILS:
+        cautions.append(NOT_DESCRIBED)
+    return Plan(make_plan(fit.problem, fit.posterior, asked, tuple(cautions), report), fit.problem)
+
+
+def _range(quantity: str, given: Span | None) -> Range | None:
+    if given is None:
+        return None
+    if isinstance(given, str):
+        return parse_range(quantity, given)
+    try:
+        low, high = (given, given) if isinstance(given, int | float) else (float(end) for end in given)
+    except (TypeError, ValueError):
+        raise ParameterError(
+            f"{option(quantity, str(given))}: expected a text such as '5:20', a number, or two (low, high), in SI"
+        ) from None
+    return checked_range(quantity, Range(float(low), float(high)), option(quantity, str(given)))

@@ -1,0 +1,6 @@
+"""What to measure next: how much a planned impact would tell (Bayesian optimal design, Lindley 1956), from draws of a
+posterior, about parameters or about a prediction.
+
+Offers: `make_plan`, `Asked`, `Plan`.
+May import: inference.prediction, inference.likelihood, inference.results, inference.problem, models, data.
+"""

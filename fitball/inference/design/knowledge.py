@@ -1,0 +1,128 @@
+"""What is known before a planned impact: draws of a posterior, and what such an impact brings that no draw knows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.errors import FitError
+from fitball.inference.problem.group_bias import GroupBias
+from fitball.inference.problem.incident import IncidentErrors
+from fitball.inference.problem.parameters import Parameter
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.results import Posterior, thinned
+from fitball.models.types import Rebound
+from fitball.values import FloatArray, Impacts
+
+# Draws that stand for the posterior, and those of them at which derivatives are formed.
+DRAWS, DIFFERENTIATED = 4000, 160
+# The label of the group that planned impacts make where groups are biased: a new one.
+NEXT = "planned impacts"
+# Directions that the posterior leaves this much narrower than the widest one are held to be known.
+NARROW = 1e-10
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """Draws `coordinates` (draws, free) of the posterior of `problem`, in which a bias of the planned impacts, as one
+    more group, stands beside the others where there are such biases.
+    """
+
+    problem: Problem
+    coordinates: FloatArray
+
+    def some(self, count: int) -> FloatArray:
+        """So many draws (count, free), evenly spread over all."""
+        whole = len(self.coordinates)
+        rows: FloatArray = self.coordinates[np.linspace(0, whole - 1, min(whole, count)).astype(np.int64)]
+        return rows
+
+    @cached_property
+    def root(self) -> FloatArray:
+        """A matrix (free, directions) whose product with its transpose is the covariance of the coordinates."""
+        # In standard deviations first: units and scales of the coordinates differ by many powers of ten.
+        scale = np.maximum(np.std(self.coordinates, axis=0), np.finfo(np.float64).tiny)
+        correlation = np.atleast_2d(np.cov(self.coordinates / scale, rowvar=False))
+        values, vectors = np.linalg.eigh(correlation)
+        wide = values > NARROW * values[-1]
+        return np.asarray(scale[:, None] * vectors[:, wide] * np.sqrt(values[wide]))
+
+    def at(self, impacts: Impacts, rows: NDArray[np.int64]) -> Problem:
+        """The problem at planned impacts, which meet the surface and ball of the table's `rows` (impacts,). Its table
+        and observables are still those of the fit.
+        """
+        problem, bias = self.problem, self.problem.group_bias
+        if bias is not None:
+            bias = replace(bias, index=np.full(len(impacts), len(bias.labels) - 1))
+        return replace(
+            problem,
+            impacts=impacts,
+            pooling=tuple(pooling.take(rows) for pooling in problem.pooling),
+            group_bias=bias,
+            incident=None if problem.incident is None else _alike(problem.incident, problem.impacts, impacts),
+        )
+
+    def common(self, impacts: Impacts) -> Problem:
+        """The problem at impacts on a surface and with a ball in the middle of all levels, without errors."""
+        return replace(self.problem, impacts=impacts, pooling=(), group_bias=None, incident=None)
+
+
+def knowledge(problem: Problem, posterior: Posterior | None, rng: np.random.Generator) -> Knowledge:
+    """What a fit knows. Raises FitError for one that cannot be planned from, with the reason."""
+    if posterior is None:
+        raise FitError(
+            "a point fit has no posterior to narrow, so nothing can be planned from it; fit again without point_only"
+        )
+    if problem.model.needs_cor:
+        raise FitError(
+            "closure cor = measured takes the measured restitution of each impact as an input, and a planned impact "
+            "has none; fit again with cor = line, mean or saturating to plan from it"
+        )
+    if problem.dimension == 0:
+        raise FitError("no parameter of this fit is free: no measurement could tell more of any")
+    coordinates = problem.to_coordinates(thinned(posterior, DRAWS))
+    if problem.group_bias is None:
+        return Knowledge(problem, coordinates)
+    extended, added = _with_next_group(problem, problem.group_bias)
+    drawn = [parameter.prior.coordinate(parameter.prior.draw(rng, len(coordinates))) for parameter in added]
+    return Knowledge(extended, np.column_stack([coordinates, *drawn]))
+
+
+def _with_next_group(problem: Problem, bias: GroupBias) -> tuple[Problem, tuple[Parameter, ...]]:
+    """The problem with a further group, and the biases of that, which have the prior of all others."""
+    by_name = {parameter.name: parameter for parameter in problem.parameters}
+    added = []
+    for observable in problem.observables:
+        like = by_name[bias.name(observable.name, bias.labels[0])]
+        name = bias.name(observable.name, NEXT)
+        added.append(replace(like, spec=replace(like.spec, name=name), fixed=None))
+    wider = replace(bias, labels=(*bias.labels, NEXT))
+    return replace(problem, parameters=(*problem.parameters, *added), group_bias=wider), tuple(added)
+
+
+def _alike(known: IncidentErrors, measured: Impacts, planned: Impacts) -> IncidentErrors:
+    """Errors of planned incident states: median sds of speed, direction and spin of those that were measured."""
+    turned = _turn(measured)
+    sds = np.sqrt(np.diagonal(turned @ known.covariance @ turned.transpose(0, 2, 1), axis1=1, axis2=2).clip(0.0))
+    sds[:, 1] /= np.hypot(measured.v_x1, measured.v_y1)
+    typical = np.tile(np.median(sds, axis=0), (len(planned), 1))
+    typical[:, 1] *= np.hypot(planned.v_x1, planned.v_y1)
+    back = _turn(planned).transpose(0, 2, 1)
+    return IncidentErrors(np.asarray((back * typical[:, None, :] ** 2) @ back.transpose(0, 2, 1)))
+
+
+def _turn(impacts: Impacts) -> FloatArray:
+    """Rotations (impacts, 3, 3) of `(v_x1, v_y1, omega_1)` to speed, across the path, and spin."""
+    speed = np.hypot(impacts.v_x1, impacts.v_y1)
+    cosine, sine = impacts.v_x1 / speed, impacts.v_y1 / speed
+    turn = np.zeros((len(impacts), 3, 3))
+    turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = cosine, sine, -sine, cosine, 1.0
+    return turn
+
+
+def solved(rebound: Rebound) -> NDArray[np.bool_]:
+    """Which draws can be evaluated at which impacts, (draws, impacts)."""
+    return np.asarray(rebound.status == 0)

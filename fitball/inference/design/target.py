@@ -1,0 +1,190 @@
+"""What a plan is about: parameters, the rebound of an impact, or the court pace rating."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from fitball.data.impact_text import parse_impact
+from fitball.errors import FitError, ParameterError, suggestion
+from fitball.inference.design.knowledge import Knowledge
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.pace_rating import PACE_CONSTANT, apparent_friction, itf_impact, pace_rating
+from fitball.observables import OBSERVABLES
+from fitball.values import FloatArray, Impacts
+from fitball.wording import spoken
+
+COURT_PACE, IMPACT = "court pace", "impact"
+FORMS = f"expected parameters separated by commas, '{COURT_PACE}', or {IMPACT}=\"v=30 m/s, theta=16 deg\""
+
+
+def asked_for(text: str) -> str:
+    """How a target was asked for."""
+    return spoken(f"--for {text}", f"target={text!r}")
+
+
+@dataclass(frozen=True)
+class Part:
+    """One quantity of a target: its `name` and `unit` (SI); `log`: it is the logarithm that is known so well."""
+
+    name: str
+    unit: str
+    log: bool = False
+
+
+class Target(Protocol):
+    """Quantities that are functions of the parameters."""
+
+    @property
+    def words(self) -> str:
+        """What it is called in a sentence."""
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The quantities."""
+
+    def values(self, coordinates: FloatArray) -> FloatArray:
+        """The quantities (draws, parts) at `coordinates` (draws, free); NaN where the model has no answer."""
+
+    def gradients(self, coordinates: FloatArray) -> FloatArray:
+        """Their derivatives (draws, parts, free) with respect to coordinates; NaN likewise."""
+
+
+@dataclass(frozen=True)
+class OfParameters:
+    """Coordinates of some parameters, at `places` among the free ones."""
+
+    words: str
+    parts: tuple[Part, ...]
+    places: tuple[int, ...]
+
+    def values(self, coordinates: FloatArray) -> FloatArray:
+        """See `Target`."""
+        return coordinates[:, self.places]
+
+    def gradients(self, coordinates: FloatArray) -> FloatArray:
+        """See `Target`."""
+        unit = np.eye(coordinates.shape[1])[list(self.places)]
+        return np.broadcast_to(unit, (len(coordinates), *unit.shape))
+
+
+@dataclass(frozen=True)
+class OfRebound:
+    """The rebound of one impact, without noise: what of it shows in `problem`, whose impacts are that one."""
+
+    words: str
+    parts: tuple[Part, ...]
+    problem: Problem
+
+    def values(self, coordinates: FloatArray) -> FloatArray:
+        """See `Target`."""
+        rebound = self.problem.rebound(self.problem.to_values(coordinates))
+        return np.concatenate([OBSERVABLES[part.name].predict(rebound) for part in self.parts], axis=1)
+
+    def gradients(self, coordinates: FloatArray) -> FloatArray:
+        """See `Target`."""
+        rebound, slopes = self.problem.differentiated(coordinates)
+        return np.concatenate([OBSERVABLES[part.name].slopes(rebound, slopes) for part in self.parts], axis=1)
+
+
+@dataclass(frozen=True)
+class OfCourtPace:
+    """The ITF's rating of each surface: impacts of `problem` are the test impact on each."""
+
+    words: str
+    parts: tuple[Part, ...]
+    problem: Problem
+
+    def values(self, coordinates: FloatArray) -> FloatArray:
+        """See `Target`; a temperature of the ball, which only shifts a rating, is left out."""
+        impacts, rebound = self.problem.impacts, self.problem.rebound(self.problem.to_values(coordinates))
+        friction = apparent_friction(impacts.v_x1, impacts.v_y1, rebound.v_x2, rebound.v_y2)
+        return pace_rating(friction, rebound.v_y2 / impacts.v_y1)
+
+    def gradients(self, coordinates: FloatArray) -> FloatArray:
+        """See `Target`."""
+        impacts = self.problem.impacts
+        rebound, slopes = self.problem.differentiated(coordinates)
+        vertical = (impacts.v_y1 + rebound.v_y2)[..., None]
+        lost = (impacts.v_x1 - rebound.v_x2)[..., None]
+        friction = -slopes["v_x2"] / vertical - lost / vertical**2 * slopes["v_y2"]
+        return np.asarray(-100.0 * friction - PACE_CONSTANT * slopes["v_y2"] / impacts.v_y1[:, None])
+
+
+def parse_target(text: str | Sequence[str] | None, known: Knowledge) -> Target:
+    """The target that `text` names; without one all parameters of the model. Raises ParameterError that quotes it,
+    FitError for a prediction that the fit has not.
+    """
+    problem = known.problem
+    if text is None:
+        names = tuple(name for name in problem.model_names if name in problem.free_names)
+        if not names:
+            raise FitError("no parameter of the model is free: name one that is (a noise) to plan for")
+        return of_parameters(problem, names, f"all {len(names)} parameters of the model" if len(names) > 1 else "")
+    if not isinstance(text, str):
+        return of_parameters(problem, tuple(text))
+    kind, equals, rest = (part.strip() for part in text.partition("="))
+    if equals:
+        if kind != IMPACT:
+            raise ParameterError(f"{asked_for(text)}: {FORMS}")
+        return of_impact(known, parse_impact(rest), rest)
+    if text.strip().replace("_", " ").lower() == COURT_PACE:
+        return of_court_pace(known)
+    return of_parameters(problem, tuple(name.strip() for name in text.split(",")))
+
+
+def of_parameters(problem: Problem, names: tuple[str, ...], words: str = "") -> OfParameters:
+    """Parameters by name. Raises ParameterError for one that is not free or named twice."""
+    for name in names:
+        if name not in problem.free_names:
+            fixed = name in {parameter.name for parameter in problem.parameters}
+            why = "is fixed in this fit" if fixed else "is no parameter of this fit"
+            raise ParameterError(
+                f"{asked_for(','.join(names))}: '{name}' {why}: {suggestion(name, problem.free_names)}; {FORMS}"
+            )
+    if len(set(names)) < len(names):
+        raise ParameterError(f"{asked_for(','.join(names))}: a name is given twice")
+    places = tuple(problem.free_names.index(name) for name in names)
+    chosen = [problem.free[k] for k in places]
+    parts = tuple(Part(item.name, item.spec.unit, item.prior.log) for item in chosen)
+    return OfParameters(words or ", ".join(names), parts, places)
+
+
+def of_impact(known: Knowledge, impact: Impacts, text: str) -> OfRebound:
+    """The rebound of an impact on a court in the middle of all levels. Raises ParameterError for one along the court
+    where the fit knows no such motion.
+    """
+    problem = known.problem
+    if not problem.table.has_tangential and (impact.v_x1[0] or impact.omega_1[0]):
+        raise ParameterError(f"impact '{text}': this fit of a drop test knows the vertical motion only")
+    shown = ("v_x2", "v_y2", "omega_2") if problem.table.has_tangential else ("v_y2",)
+    parts = tuple(Part(name, OBSERVABLES[name].unit) for name in shown)
+    return OfRebound(f"the rebound of {text}", parts, known.common(impact))
+
+
+def of_court_pace(known: Knowledge) -> OfCourtPace:
+    """The rating of each surface. Raises FitError where the fit has none."""
+    problem = known.problem
+    if not problem.table.has_tangential:
+        raise FitError("a fit of a drop test has no court pace rating: no motion along the court was measured")
+    rows = first_rows(problem)
+    impacts = itf_impact().take(np.zeros(len(rows), dtype=np.int64))
+    at = replace(known.at(impacts, np.array(rows)), group_bias=None, incident=None)
+    parts = tuple(Part(f"court pace {where}".strip(), "") for where in surfaces(problem, rows))
+    return OfCourtPace("the court pace rating", parts, at)
+
+
+def first_rows(problem: Problem) -> list[int]:
+    """The first row of the table on each combination of levels; row 0 alone where there are none."""
+    seen: dict[tuple[int, ...], int] = {}
+    for row in range(len(problem.impacts)):
+        seen.setdefault(tuple(int(pooling.index[row]) for pooling in problem.pooling), row)
+    return list(seen.values())
+
+
+def surfaces(problem: Problem, rows: Sequence[int]) -> list[str]:
+    """What tells the table's `rows` apart: the labels of their levels, empty where there are none."""
+    return [", ".join(pooling.labels[int(pooling.index[row])] for pooling in problem.pooling) for row in rows]

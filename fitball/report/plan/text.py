@@ -1,0 +1,23 @@
+"""A plan on a terminal."""
+
+from __future__ import annotations
+
+import textwrap
+from pathlib import Path
+
+from fitball.inference.design.results import Plan
+from fitball.report.form.text_table import WIDTH, columns
+from fitball.report.plan.words import chosen_table, headline, points, sensors_table
+
+
+def render(plan: Plan, folder: Path | None = None) -> str:
+    """Headline, what stands out, the batch, the sensors, where the files are."""
+    lines = textwrap.wrap(headline(plan), WIDTH)
+    for point in points(plan):
+        lines += textwrap.wrap(point, WIDTH, initial_indent="- ", subsequent_indent="  ")
+    lines += ["", *columns(chosen_table(plan))]
+    if len(plan.worths) > 1:
+        lines += ["", *columns(sensors_table(plan), 2)]
+    if folder is not None:
+        lines += ["", f"{folder / 'plan.html'}; plan.csv has the impacts to measure, with empty columns to fill in"]
+    return "\n".join(lines)

@@ -1,0 +1,221 @@
+"""A plan in words and cells, the same on the terminal and on the page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from fitball.inference.design.nested import NestedGain
+from fitball.inference.design.results import Plan, Setting, Worth
+from fitball.inference.design.sensor import AS_BEFORE
+from fitball.inference.design.target import Part
+from fitball.report.form.display_units import handy
+from fitball.report.form.rounding import digits
+from fitball.report.form.sentences import listed
+from fitball.values import FloatArray
+
+# Nats below which nothing is said of a difference: two impacts in three of a pair cannot be told apart by it.
+TELLING = 0.05
+# An sd that falls to this share or less is named.
+NARROWER = 0.9
+# Parts of a target that are named in a sentence.
+MOST_NAMED = 3
+LEGEND = (
+    "Gain: nats that the impact is expected to tell beyond those before it, to first order, averaged over the "
+    "posterior; one nat narrows one quantity to 37 % of its sd. Behind it the expected sd of each part of the target."
+)
+SENSORS_LEGEND = (
+    "Best impact: the gain of the best single impact read that way, to first order, and by nested Monte Carlo with "
+    "its standard error (* : too few draws of the posterior are left to trust it). Same batch: the impacts above "
+    "read that way; of a drop as many drops."
+)
+
+
+def sd_text(part: Part, sd: float) -> str:
+    """An sd in the unit people read: of a logarithm in percent of the value."""
+    if not math.isfinite(sd):
+        return "-"
+    if part.log:
+        return f"{digits(100.0 * sd, 2)} %"
+    scale = handy(part.name, part.unit)
+    # A unit such as 1e-3 s/m is a factor to a reader.
+    return f"{digits(sd * scale.factor, 2)} {'x ' if scale.unit[:1].isdigit() else ''}{scale.unit}".strip()
+
+
+def setting_text(setting: Setting) -> str:
+    """An incident state in words."""
+    angle = math.degrees(setting.angle)
+    spin = "no spin" if abs(setting.spin) < 0.5 else f"{abs(setting.spin):.0f} rad/s {_sense(setting.spin)}"
+    text = f"{digits(setting.speed, 3)} m/s at {angle:.0f} deg, {spin}"
+    return f"{text}, {setting.surface}" if setting.surface else text
+
+
+def _sense(spin: float) -> str:
+    return "topspin" if spin > 0.0 else "backspin"
+
+
+def nested_text(nested: NestedGain) -> str:
+    """A gain with its standard error, marked where it hangs on too few draws."""
+    if not math.isfinite(nested.nats):
+        return "-"
+    return f"{nested.nats:.2f} ± {nested.se:.2f}{'' if nested.settled else '*'}"
+
+
+def headline(plan: Plan) -> str:
+    """The best next impact, and what the batch is worth."""
+    first, best = plan.chosen[0], plan.worths[0]
+    times = f", {plan.repeats} times" if plan.repeats > 1 else ""
+    by = f" ({first.sensor})" if first.sensor != AS_BEFORE else ""
+    text = f"Measure next: {setting_text(first.setting)}{times}{by}. "
+    text += f"It is worth {first.gain:.2f} nats about {plan.target}"
+    if first.sensor == AS_BEFORE and plan.repeats == 1 and math.isfinite(best.nested.nats):
+        text += f" ({nested_text(best.nested)} by nested Monte Carlo)"
+    return text + "."
+
+
+def points(plan: Plan) -> tuple[str, ...]:
+    """What else stands out: the batch, the table again, sensors, what rests on what."""
+    said = []
+    count = len(plan.chosen) * plan.repeats
+    if count > 1:
+        said.append(
+            f"All {count} impacts below tell {plan.gain:.2f} nats ({nested_text(plan.batch)} by nested Monte Carlo); "
+            f"as many of the fitted table, measured again, {plan.again:.2f}. {_narrowed(plan, plan.chosen[-1].sds)}"
+        )
+    if abs(plan.gain - plan.batch.nats) > max(0.15 * plan.gain, 3.0 * plan.batch.se) and plan.batch.settled:
+        said.append(
+            "First order and nested Monte Carlo differ by more than chance: the posterior is far from normal or the "
+            "bounce far from linear in it. Trust the latter."
+        )
+    said += [sensor_text(plan, worth) for worth in plan.worths if worth.sensor != AS_BEFORE]
+    for reason, number in plan.failed.items():
+        said.append(
+            f"{number:,} of {math.prod(plan.settings.shape):,} settings are left out: at each more than half of the "
+            f"draws of the posterior cannot be evaluated ({reason})."
+        )
+    partly = [one for one in plan.chosen if one.unsolved > 0.0]
+    if partly:
+        most = max(one.unsolved for one in partly)
+        said.append(
+            f"At {len(partly)} of the chosen impacts up to {100.0 * most:.0f} % of the draws cannot be evaluated; "
+            "gains are averaged over the others."
+        )
+    if plan.lost > 0.0:
+        said.append(f"{100.0 * plan.lost:.1f} % of the draws have no answer for {plan.target} and are left out.")
+    if plan.settings.assumed:
+        said.append(f"Ranges of {listed(plan.settings.assumed)} are those of the fitted table: {ranges_text(plan)}.")
+    return (*said, *plan.notes)
+
+
+def ranges_text(plan: Plan) -> str:
+    """The ranges that were looked at."""
+    found = plan.settings
+    return f"{_range(found.speeds)} m/s, {_range(np.degrees(found.angles))} deg, spin {_range(found.spins)} rad/s"
+
+
+def _range(values: FloatArray) -> str:
+    low, high = f"{values[0]:.4g}", f"{values[-1]:.4g}"
+    return low if low == high else f"{low} to {high}"
+
+
+def _narrowed(plan: Plan, sds: FloatArray) -> str:
+    """The parts that narrow most, with their sds now and then."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = np.where(plan.sds > 0.0, sds / plan.sds, 1.0)
+    order = [int(k) for k in np.argsort(ratios, kind="stable") if ratios[k] <= NARROWER][:MOST_NAMED]
+    if not order:
+        return "No sd falls by a tenth."
+    told = [
+        f"{plan.parts[k].name} from {sd_text(plan.parts[k], plan.sds[k])} to {_about(plan, k, sds)}" for k in order
+    ]
+    return f"Expected sd of {listed(told)}."
+
+
+def _about(plan: Plan, k: int, sds: FloatArray) -> str:
+    return f"about {sd_text(plan.parts[k], float(sds[k]))}"
+
+
+def sensor_text(plan: Plan, worth: Worth) -> str:
+    """What a sensor is worth on the same impacts, in a sentence."""
+    base = plan.worths[0]
+    what = f"{worth.sensor} ({worth.words})"
+    if not math.isfinite(worth.batch):
+        return f"{what}: most draws of the posterior cannot be evaluated there."
+    if worth.best.angle > 1.57 and worth.batch < base.batch and "drop" in worth.sensor:
+        return f"{what}: as many drops tell {worth.batch:.2f} nats, the impacts below {base.batch:.2f}."
+    more = worth.batch - base.batch
+    if more < TELLING:
+        return f"{what} adds next to nothing to the impacts below ({more:+.2f} nats)."
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = np.where(base.sds > 0.0, worth.sds / base.sds, 1.0)
+    k = int(np.argmin(ratios))
+    part = plan.parts[k]
+    text = f"{what} would add {more:.2f} nats to the impacts below"
+    if ratios[k] <= NARROWER:
+        text += (
+            f" and tell {part.name}: sd from {sd_text(part, plan.sds[k])} to {_about(plan, k, worth.sds)}"
+            f" (without it {sd_text(part, float(base.sds[k]))})"
+        )
+    return text + "."
+
+
+def chosen_table(plan: Plan) -> list[list[str]]:
+    """The batch, heads first."""
+    surfaces = any(one.setting.surface for one in plan.chosen)
+    shown = _shown_parts(plan)
+    heads = ["", "speed [m/s]", "angle [deg]", "spin [rad/s]", *(["surface"] if surfaces else [])]
+    heads += [*(["times"] if plan.repeats > 1 else []), *(["sensor"] if plan.by_cost else []), "gain", "contact"]
+    heads += [f"sd of {plan.parts[k].name}" for k in shown]
+    blank = ["now", *([""] * (len(heads) - 1 - len(shown)))]
+    rows = [heads, [*blank, *(sd_text(plan.parts[k], float(plan.sds[k])) for k in shown)]]
+    for place, one in enumerate(plan.chosen, 1):
+        state = one.setting
+        row = [str(place), digits(state.speed, 3), f"{math.degrees(state.angle):.0f}", f"{state.spin:.0f}"]
+        row += [state.surface] if surfaces else []
+        row += [*([str(plan.repeats)] if plan.repeats > 1 else []), *([one.sensor] if plan.by_cost else [])]
+        row += [f"{one.gain:.2f}", next(iter(one.regimes), "-")]
+        rows.append([*row, *(sd_text(plan.parts[k], float(one.sds[k])) for k in shown)])
+    return rows
+
+
+# Parts with a column of their own on a terminal.
+MOST_COLUMNS = 4
+
+
+def _shown_parts(plan: Plan) -> list[int]:
+    """The parts that narrow most, in their order."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = np.where(plan.sds > 0.0, plan.chosen[-1].sds / plan.sds, 1.0)
+    return sorted(int(k) for k in np.argsort(ratios, kind="stable")[:MOST_COLUMNS])
+
+
+def sensors_table(plan: Plan) -> list[list[str]]:
+    """Ways of measuring side by side, heads first."""
+    rows = [
+        ["measured by", "what it reads", *(["cost"] if plan.by_cost else []), "best impact", "nested", "same batch"]
+    ]
+    for worth in plan.worths:
+        row = [worth.sensor, worth.words, *([f"{worth.cost:g}"] if plan.by_cost else [])]
+        rows.append([*row, _nats(worth.gain), nested_text(worth.nested), _nats(worth.batch)])
+    return rows
+
+
+def parts_table(plan: Plan) -> list[list[str]]:
+    """Every part of the target: sd now, after as many impacts of the table, and after the batch by each sensor."""
+    heads = ["", "now", "table again", *(worth.sensor for worth in plan.worths)]
+    rows = [heads]
+    for k, part in enumerate(plan.parts):
+        after = [plan.sds, plan.again_sds, *(worth.sds for worth in plan.worths)]
+        rows.append([part.name, *(sd_text(part, float(sds[k])) for sds in after)])
+    return rows
+
+
+def _nats(gain: float) -> str:
+    return f"{gain:.2f}" if math.isfinite(gain) else "-"
+
+
+def surfaces_of(plan: Plan) -> Sequence[str]:
+    """Surfaces that settings differ by; none where there is one only."""
+    return [name for name in plan.settings.surfaces if name]
