@@ -112,7 +112,7 @@ def start(interrupts: None) -> Iterator[Callable[..., subprocess.Popen[str]]]:
 def cluster() -> Iterator[str]:
     """The address of a Dask scheduler with two processes."""
     distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=None) as made:
+    with distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=":0") as made:
         yield made.scheduler_address
 
 
