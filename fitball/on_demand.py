@@ -7,6 +7,7 @@ is more than half of what starting would cost.
 from __future__ import annotations
 
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
@@ -62,7 +63,12 @@ def heavy_later(*private: str) -> Iterator[None]:
 
     The `private` packages and their parts come out of this incomplete, for they would not do with names that wait:
     what was taken from them is kept by who took it, and whoever imports them afterwards gets them whole.
+
+    Where other threads run, everything is imported as ever: they might import what only stands in here and keep it.
     """
+    if threading.active_count() > 1:
+        yield
+        return
     before = set(sys.modules)
     waiting = {name: _StandIn(name) for name in HEAVY if name not in before}
     sys.modules.update(waiting)

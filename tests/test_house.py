@@ -52,6 +52,14 @@ def test_what_was_not_loaded_is_there_when_it_is_used_and_for_others():
     assert "REAL True 0.5\nWHOLE Dataset" in done.stdout, done.stdout + done.stderr
 
 
+def test_where_other_threads_run_nothing_stands_in():
+    done = python(
+        "import sys, threading\nrest = threading.Event()\nother = threading.Thread(target=rest.wait)\nother.start()\n"
+        "import fitball.api\nimport lmfit\nprint('LOADED', 'scipy.stats' in sys.modules)\nrest.set()\nother.join()"
+    )
+    assert "LOADED True" in done.stdout, done.stdout + done.stderr
+
+
 def test_public_names_resolve():
     import fitball
 
