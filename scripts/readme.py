@@ -236,6 +236,27 @@ def _trust() -> str:
     return "\n".join(rows)
 
 
+def _plan() -> str:
+    """What plans promised and refits found, a row a plan."""
+    folder = ROOT / "fits" / "validation" / "plan"
+    gains, sds = pd.read_csv(folder / "gains.csv"), pd.read_csv(folder / "sds.csv")
+    words = json.loads((folder / "plan.json").read_text(encoding="utf-8"))["cases"]
+    rows = [
+        "| plan | promised | nested Monte Carlo | found by refits | as many of the table | sds over promised |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, both in gains.groupby("case", sort=False):
+        plan, table = (both[both["design"] == design].iloc[0] for design in ("planned", "table again"))
+        off = 100.0 * (1.0 + sds[(sds["case"] == name) & (sds["design"] == "planned")]["off"])
+        rows.append(
+            f"| {words[name]['words']} | {plan['promised [nats]']:.2f} "
+            f"| {plan['nested [nats]']:.2f} ± {plan['nested se']:.2f} "
+            f"| {plan['found [nats]']:.2f} ± {plan['se']:.2f} | "
+            f"{table['found [nats]']:.2f} ± {table['se']:.2f} | {off.min():.0f} to {off.max():.0f} % |"
+        )
+    return "\n".join(rows)
+
+
 def _rate(row: Any, what: str) -> str:
     """A share in per cent with the ends of its 95 % interval, and of how many."""
     if not row[f"{what}_of"]:
@@ -351,6 +372,7 @@ def blocks() -> dict[str, str]:
         "stiffness": _stiffness(numbers),
         "validation": _validation(),
         "trust": _trust(),
+        "plan": _plan(),
         "speed": _speed(),
         "speed-line": _speed_line(),
         "densities": _densities(),

@@ -80,9 +80,18 @@ def make_parser() -> argparse.ArgumentParser:
         help="instead: fit tables that the model made and tables that it did not, and count how often the fit "
         "describes them, and how often what it calls identified holds the truth",
     )
+    parser.add_argument(
+        "--plan",
+        action="store_true",
+        help="instead: simulate tables at impacts that fitball plan recommends, refit, and compare with its promises",
+    )
+    parser.add_argument("--cases", metavar="A,B", help="of --plan: which plans (default: all)")
     parser.add_argument("--scenarios", metavar="A,B", help="of --trust: kinds of tables (default: all)")
     parser.add_argument(
-        "--replicates", type=whole, metavar="N", help="tables a model (default 300) or a kind of them (default 60)"
+        "--replicates",
+        type=whole,
+        metavar="N",
+        help="tables a model (default 300), a kind of them (default 60) or a plan (default 40)",
     )
     parser.add_argument("--models", default=MODELS, metavar="A,B", help=f"models (default {MODELS})")
     parser.add_argument("--table", default="wang_all.csv", metavar="DATA", help="whose incident conditions to use")
@@ -103,7 +112,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = make_parser().parse_args(argv)
     try:
         with visible_streams(), speaking_to_command_line():
-            return _trust(args) if args.trust else _run(args)
+            return _plan(args) if args.plan else _trust(args) if args.trust else _run(args)
     except FitballError as error:
         print(f"fitball: {error}", file=sys.stderr)
         return 2
@@ -171,6 +180,33 @@ def _trust(args: argparse.Namespace) -> int:
     write_text(folder / "rates.csv", csv_text(rate_rows(found)))
     write_text(folder / "trust.json", json.dumps(content, indent=1) + "\n")
     write_text(folder / "trust.md", findings_text(found))
+    print(json.dumps(content, indent=1) if args.json else findings_text(found) + f"\nResults: {folder}")
+    return 0 if content["holds"] else 1
+
+
+def _plan(args: argparse.Namespace) -> int:
+    """Refit tables at planned impacts; 1 where a promise is not kept."""
+    _checked(args, 40)
+    from fitball.report.form.atomic_write import write_text
+    from fitball.report.form.csv import csv_text
+    from fitball.studies.plan.cases import CASES
+    from fitball.studies.plan.findings import findings_json, findings_text, gain_rows, sd_rows
+    from fitball.studies.plan.run import run_case
+
+    names = list(CASES) if args.cases is None else [name.strip() for name in args.cases.split(",")]
+    for name in names:
+        if name not in CASES:
+            raise ParameterError(f"--cases {args.cases}: unknown case '{name}': {suggestion(name, CASES)}")
+    folder = Path(args.out) if args.out else DEFAULT_FOLDER / "plan"
+    found = []
+    for name in dict.fromkeys(names):
+        counter = Counter(name, args.replicates, args.quiet, "refits")
+        found.append(run_case(name, args.seed, args.replicates, folder / f"{name}.csv", counter))
+    content = findings_json(found, args.seed)
+    write_text(folder / "gains.csv", csv_text(gain_rows(found)))
+    write_text(folder / "sds.csv", csv_text(sd_rows(found)))
+    write_text(folder / "plan.json", json.dumps(content, indent=1) + "\n")
+    write_text(folder / "plan.md", "```text\n" + findings_text(found) + "```\n")
     print(json.dumps(content, indent=1) if args.json else findings_text(found) + f"\nResults: {folder}")
     return 0 if content["holds"] else 1
 

@@ -28,7 +28,7 @@ from fitball.values import FloatArray
 OUTER, NEAR = 1500, 200
 # Draws, as many independent ones as the weights of an inner mean are worth in the middle case, below which the mean
 # hangs on too few of them to be believed.
-LEAST_EFFECTIVE = 25.0
+LEAST_EFFECTIVE = 20.0
 # Variation of coordinates at given target, as a share of all, that is rounding; measurements looked at together.
 DECIDED, TOGETHER = 1e-12, 60
 # Moved draws of a target that must be left by priors and model.
@@ -37,8 +37,10 @@ LEAST_NEAR = 10
 
 @dataclass(frozen=True)
 class NestedGain:
-    """Nats with their Monte Carlo standard error. `effective` is the number of independent draws that the means over
-    the posterior are worth in the middle case; `left_out` the share of simulations without an answer.
+    """Nats with their Monte Carlo standard error.
+
+    `effective` is the number of independent draws that the inner means, whatever the target or given it, are worth in
+    the middle case; `left_out` the share of simulations without an answer.
     """
 
     nats: float
@@ -124,7 +126,7 @@ def nested_gain(known: Knowledge, plans: Sequence[Planned], target: Target, rng:
     if rows.size < 2 * LEAST_NEAR:
         return NestedGain(float("nan"), float("nan"), 0.0, 1.0)
     outer = np.sort(rng.choice(rows, min(OUTER, rows.size), replace=False))
-    y = _simulated(known, [impact.take(outer) for impact in expected], outer, rng)
+    y = simulated(known, [impact.take(outer) for impact in expected], outer, rng)
     near = _near(known, quantities, rows)
     every = [impact.take(rows) for impact in expected]
     terms, effective = [], []
@@ -135,19 +137,22 @@ def nested_gain(known: Knowledge, plans: Sequence[Planned], target: Target, rng:
         # A draw takes no part in the mean that its own measurement is compared with.
         whatever[np.searchsorted(rows, mine), np.arange(part.size)] = -np.inf
         total, worth = _log_mean(whatever)
-        terms.append(_given_target(known, plans, near, mine, measured) - total)
-        effective.append(worth)
-    return _summed_up(np.concatenate(terms), np.concatenate(effective), rows.size / len(known.coordinates))
+        given, worth_given = _given_target(known, plans, near, mine, measured)
+        terms.append(given - total)
+        effective.append([worth, worth_given])
+    return _summed_up(np.concatenate(terms), np.concatenate(effective, axis=1), rows.size / len(known.coordinates))
 
 
 def _summed_up(terms: FloatArray, effective: FloatArray, possible: float) -> NestedGain:
-    """The mean of the terms there are, of simulations from a share `possible` of the draws."""
+    """The mean of the terms there are, of simulations from a share `possible` of the draws, with inner means worth
+    `effective` (2, simulations) draws.
+    """
     left = np.isfinite(terms)
     nats, se = float(np.mean(terms[left])), float(np.std(terms[left], ddof=1) / np.sqrt(left.sum()))
-    return NestedGain(nats, se, float(np.median(effective)), 1.0 - possible * float(np.mean(left)))
+    return NestedGain(nats, se, float(np.median(effective, axis=1).min()), 1.0 - possible * float(np.mean(left)))
 
 
-def _simulated(
+def simulated(
     known: Knowledge, expected: Sequence[Read], rows: NDArray[np.int64], rng: np.random.Generator
 ) -> list[FloatArray]:
     """A measurement (draws, columns) of each impact from each of the draws `rows`, of the same density as
@@ -231,8 +236,10 @@ def _near(known: Knowledge, quantities: FloatArray, rows: NDArray[np.int64]) -> 
 
 def _given_target(
     known: Knowledge, plans: Sequence[Planned], near: Near, mine: NDArray[np.int64], y: Sequence[FloatArray]
-) -> FloatArray:
-    """Log density (mine,) of each simulated measurement given the target of its draw; NaN where too few are left."""
+) -> tuple[FloatArray, FloatArray]:
+    """Log density (mine,) of each simulated measurement given the target of its draw, NaN where too few are left; and
+    how many draws each mean is worth, infinitely many where there is no mean.
+    """
     chosen = near.around(mine)
     moves = (near.quantities[mine, None] - near.quantities[chosen]) @ near.along.T
     moved = (known.coordinates[chosen] + moves).reshape(-1, moves.shape[-1])
@@ -242,7 +249,8 @@ def _given_target(
     logs = _log_densities(known, expected, moved, [np.repeat(one, near.count, axis=0) for one in y], own=True)
     logs = np.where(inside & possible, logs, -np.inf).reshape(chosen.shape)
     enough = np.isfinite(logs).sum(axis=1) >= min(LEAST_NEAR, near.count)
-    return np.where(enough, _log_mean(logs.T)[0], np.nan)
+    means, effective = _log_mean(logs.T)
+    return np.where(enough, means, np.nan), effective if near.count > 1 else np.full(mine.size, np.inf)
 
 
 def _regression(coordinates: FloatArray, quantities: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -84,7 +84,8 @@ def build_settings(problem: Problem, speed: Range | None, angle: Range | None, s
     )
     for name, given, values, steps in measured:
         chosen = given or Range(float(values.min()), float(values.max()))
-        if given is None:
+        # Of a drop test there is but one angle and no spin.
+        if given is None and (table.has_tangential or name == "speed"):
             assumed.append(name)
         count = chosen.count or (steps if chosen.high > chosen.low else 1)
         axes.append(np.linspace(chosen.low, chosen.high, count))

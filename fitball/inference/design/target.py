@@ -18,6 +18,8 @@ from fitball.values import FloatArray, Impacts
 from fitball.wording import spoken
 
 COURT_PACE, IMPACT = "court pace", "impact"
+# All parameters in words, by their number: one is called by its name.
+ALL = {1: "", 2: "both parameters of the model", 3: "all {} parameters of the model"}
 FORMS = f"expected parameters separated by commas, '{COURT_PACE}', or {IMPACT}=\"v=30 m/s, theta=16 deg\""
 
 
@@ -123,7 +125,7 @@ def parse_target(text: str | Sequence[str] | None, known: Knowledge) -> Target:
         names = tuple(name for name in problem.model_names if name in problem.free_names)
         if not names:
             raise FitError("no parameter of the model is free: name one that is (a noise) to plan for")
-        return of_parameters(problem, names, f"all {len(names)} parameters of the model" if len(names) > 1 else "")
+        return of_parameters(problem, names, ALL[min(len(names), 3)].format(len(names)))
     if not isinstance(text, str):
         return of_parameters(problem, tuple(text))
     kind, equals, rest = (part.strip() for part in text.partition("="))

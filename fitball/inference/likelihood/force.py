@@ -155,17 +155,27 @@ def force_slopes(
     return rows, slopes, shares / (alignment.spread**2)[..., None]
 
 
-def force_information(problem: Problem, records: ForceRecords, coordinates: FloatArray) -> FloatArray:
-    """Expected information (free, free) of the records at `coordinates` (free,), with respect to coordinates."""
-    rows, slopes, shares = force_slopes(problem, records, coordinates[None, :])
-    flat = slopes[0].reshape(-1, problem.dimension)
-    # A spread that depends on a parameter adds twice the squared slope of its logarithm.
-    growth = np.zeros((rows[0, :, :-1].size, problem.dimension))
+def force_information_rows(
+    problem: Problem, records: ForceRecords, coordinates: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Derivatives with respect to coordinates (draws, free) of the weighted residuals of each record (draws, records,
+    nodes + 1, free), and of the logarithms of their spreads (draws, records, nodes, free): the squares of the first
+    and twice those of the second add up to the expected information.
+    """
+    rows, slopes, shares = force_slopes(problem, records, coordinates)
+    growth = np.zeros((*rows[..., :-1].shape, problem.dimension))
     for which, name in enumerate(FORCE_NOISE):
         if name in problem.free_names:
             k = problem.free_names.index(name)
-            scale = 1.0 if problem.free[k].prior.log else 1.0 / coordinates[k]
-            growth[:, k] = scale * np.where(records.mask, shares[0, ..., which], 0.0).ravel()
+            scale = 1.0 if problem.free[k].prior.log else 1.0 / coordinates[:, k, None, None]
+            growth[..., k] = scale * np.where(records.mask, shares[..., which], 0.0)
+    return slopes, growth
+
+
+def force_information(problem: Problem, records: ForceRecords, coordinates: FloatArray) -> FloatArray:
+    """Expected information (free, free) of the records at `coordinates` (free,), with respect to coordinates."""
+    told = force_information_rows(problem, records, coordinates[None, :])
+    flat, growth = (rows.reshape(-1, problem.dimension) for rows in told)
     information: FloatArray = flat.T @ flat + 2.0 * growth.T @ growth
     return information
 

@@ -47,6 +47,9 @@ def sd_text(part: Part, sd: float) -> str:
 def setting_text(setting: Setting) -> str:
     """An incident state in words."""
     angle = math.degrees(setting.angle)
+    if angle > 89.99 and setting.spin == 0.0:
+        text = f"{digits(setting.speed, 3)} m/s straight down"
+        return f"{text}, {setting.surface}" if setting.surface else text
     spin = "no spin" if abs(setting.spin) < 0.5 else f"{abs(setting.spin):.0f} rad/s {_sense(setting.spin)}"
     text = f"{digits(setting.speed, 3)} m/s at {angle:.0f} deg, {spin}"
     return f"{text}, {setting.surface}" if setting.surface else text
@@ -81,7 +84,7 @@ def points(plan: Plan) -> tuple[str, ...]:
     count = len(plan.chosen) * plan.repeats
     if count > 1:
         said.append(
-            f"All {count} impacts below tell {plan.gain:.2f} nats ({nested_text(plan.batch)} by nested Monte Carlo); "
+            f"All {count} impacts below tell {plan.gain:.2f} nats ({_batch_checked(plan.batch)}); "
             f"as many of the fitted table, measured again, {plan.again:.2f}. {_narrowed(plan, plan.chosen[-1].sds)}"
         )
     if abs(plan.gain - plan.batch.nats) > max(0.15 * plan.gain, 3.0 * plan.batch.se) and plan.batch.settled:
@@ -109,9 +112,17 @@ def points(plan: Plan) -> tuple[str, ...]:
     return (*said, *plan.notes)
 
 
+def _batch_checked(nested: NestedGain) -> str:
+    if not nested.settled:
+        return "too much to be checked by nested Monte Carlo from the draws there are"
+    return f"{nested_text(nested)} by nested Monte Carlo"
+
+
 def ranges_text(plan: Plan) -> str:
     """The ranges that were looked at."""
     found = plan.settings
+    if np.all(found.angles > 1.5707):
+        return f"{_range(found.speeds)} m/s"
     return f"{_range(found.speeds)} m/s, {_range(np.degrees(found.angles))} deg, spin {_range(found.spins)} rad/s"
 
 
@@ -165,17 +176,25 @@ def chosen_table(plan: Plan) -> list[list[str]]:
     """The batch, heads first."""
     surfaces = any(one.setting.surface for one in plan.chosen)
     shown = _shown_parts(plan)
-    heads = ["", "speed [m/s]", "angle [deg]", "spin [rad/s]", *(["surface"] if surfaces else [])]
-    heads += [*(["times"] if plan.repeats > 1 else []), *(["sensor"] if plan.by_cost else []), "gain", "contact"]
+    along = any(one.regimes for one in plan.chosen)
+    heads = [
+        "",
+        "speed [m/s]",
+        *(["angle [deg]", "spin [rad/s]"] if along else []),
+        *(["surface"] if surfaces else []),
+    ]
+    heads += [*(["times"] if plan.repeats > 1 else []), *(["sensor"] if plan.by_cost else []), "gain"]
+    heads += ["contact"] if along else []
     heads += [f"sd of {plan.parts[k].name}" for k in shown]
     blank = ["now", *([""] * (len(heads) - 1 - len(shown)))]
     rows = [heads, [*blank, *(sd_text(plan.parts[k], float(plan.sds[k])) for k in shown)]]
     for place, one in enumerate(plan.chosen, 1):
         state = one.setting
-        row = [str(place), digits(state.speed, 3), f"{math.degrees(state.angle):.0f}", f"{state.spin:.0f}"]
+        row = [str(place), digits(state.speed, 3)]
+        row += [f"{math.degrees(state.angle):.0f}", f"{state.spin:.0f}"] if along else []
         row += [state.surface] if surfaces else []
         row += [*([str(plan.repeats)] if plan.repeats > 1 else []), *([one.sensor] if plan.by_cost else [])]
-        row += [f"{one.gain:.2f}", next(iter(one.regimes), "-")]
+        row += [f"{one.gain:.2f}", *([next(iter(one.regimes), "-")] if along else [])]
         rows.append([*row, *(sd_text(plan.parts[k], float(one.sds[k])) for k in shown)])
     return rows
 

@@ -1,0 +1,171 @@
+"""Promised against found: by how much sds fell, with Monte Carlo errors, and which design told more."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitball.report.form.text_table import columns
+from fitball.studies.plan.replicate import AGAIN, PLANNED, Narrowed, Ready
+
+# By what share the sds found may differ from those promised.
+WITHIN = 0.2
+
+
+@dataclass(frozen=True)
+class Line:
+    """One part of a target under one design: its sd as a share of that before, as `promised` and as `found` (the
+    geometric mean over replicates) with the standard error of the latter.
+    """
+
+    design: str
+    part: str
+    promised: float
+    found: float
+    se: float
+
+    @property
+    def off(self) -> float:
+        """The sd found over that promised, less one."""
+        return self.found / self.promised - 1.0
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Nats of one design: `promised` to first order, `nested` with its error (None where none was made), and `found`
+    by refits with its error.
+    """
+
+    design: str
+    promised: float
+    nested: tuple[float, float] | None
+    found: float
+    se: float
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A case in `words`: `replicates` with both refits, `lost` without; its lines, gains, and by how much the planned
+    design told `more` than as many impacts of the table, with the standard error of the mean difference.
+    """
+
+    name: str
+    words: str
+    replicates: int
+    lost: int
+    lines: tuple[Line, ...]
+    gains: tuple[Gain, ...]
+    more: float
+    more_se: float
+
+    @property
+    def kept(self) -> bool:
+        """Whether no sd surely differs from its promise by more than it may."""
+        return all(abs(line.off) <= WITHIN + 2.0 * line.se / line.promised for line in self.lines)
+
+    @property
+    def better(self) -> bool:
+        """Whether the planned design surely told more."""
+        return self.more > 2.0 * self.more_se
+
+    @property
+    def holds(self) -> bool:
+        """Both."""
+        return self.replicates > 1 and self.kept and self.better
+
+
+def finding(name: str, ready: Ready, made: Mapping[str, Sequence[Narrowed | None]]) -> Finding:
+    """What the replicates of a case say, those with all refits."""
+    whole = [
+        pair for pair in zip(made[PLANNED], made[AGAIN], strict=True) if pair[0] is not None and pair[1] is not None
+    ]
+    refits = {PLANNED: [pair[0] for pair in whole], AGAIN: [pair[1] for pair in whole]}
+    lines, gains = [], []
+    for design, told in refits.items():
+        promise = ready.designs[design]
+        logs = np.log([one.sds / ready.plan.sds for one in told if one is not None])
+        means, ses = logs.mean(axis=0), _se(logs)
+        for k, part in enumerate(ready.plan.parts):
+            share = float(np.exp(means[k]))
+            lines.append(
+                Line(design, part.name, float(promise.sds[k] / ready.plan.sds[k]), share, share * float(ses[k]))
+            )
+        nats = np.array([one.nats for one in told if one is not None])
+        nested = (ready.plan.batch.nats, ready.plan.batch.se) if design == PLANNED else None
+        gains.append(Gain(design, promise.gain, nested, float(nats.mean()), float(_se(nats))))
+    gaps = np.array([one.nats - other.nats for one, other in whole if one is not None and other is not None])
+    lost = len(made[PLANNED]) - len(whole)
+    return Finding(
+        name, ready.case.words, len(whole), lost, tuple(lines), tuple(gains), float(gaps.mean()), float(_se(gaps))
+    )
+
+
+def _se(values: np.ndarray) -> np.ndarray:
+    return np.asarray(np.std(values, axis=0, ddof=1) / np.sqrt(len(values)))
+
+
+def gain_rows(found: Sequence[Finding]) -> list[dict[str, object]]:
+    """A row a case and design."""
+    return [
+        {
+            "case": one.name, "design": gain.design, "replicates": one.replicates, "lost": one.lost,
+            "promised [nats]": round(gain.promised, 4),
+            "nested [nats]": None if gain.nested is None else round(gain.nested[0], 4),
+            "nested se": None if gain.nested is None else round(gain.nested[1], 4),
+            "found [nats]": round(gain.found, 4), "se": round(gain.se, 4),
+            "more than table [nats]": round(one.more, 4) if gain.design == PLANNED else None,
+            "more se": round(one.more_se, 4) if gain.design == PLANNED else None,
+        }
+        for one in found
+        for gain in one.gains
+    ]  # fmt: skip
+
+
+def sd_rows(found: Sequence[Finding]) -> list[dict[str, object]]:
+    """A row a case, design and part: sds as shares of those before."""
+    return [
+        {
+            "case": one.name, "design": line.design, "part": line.part, "promised": round(line.promised, 4),
+            "found": round(line.found, 4), "se": round(line.se, 4), "off": round(line.off, 4),
+        }
+        for one in found
+        for line in one.lines
+    ]  # fmt: skip
+
+
+def findings_text(found: Sequence[Finding]) -> str:
+    """The verdict as a person reads it."""
+    parts = []
+    for one in found:
+        parts += [f"{one.name}: {one.words}; {one.replicates} simulated tables, {one.lost} without a refit", ""]
+        rows = [["design", "promised", "nested", "found"]]
+        for gain in one.gains:
+            nested = "" if gain.nested is None else f"{gain.nested[0]:.2f} ± {gain.nested[1]:.2f}"
+            rows.append([gain.design, f"{gain.promised:.2f}", nested, f"{gain.found:.2f} ± {gain.se:.2f}"])
+        parts += [*columns(rows), ""]
+        rows = [["sd as a share of that before", "design", "promised", "found", "off"]]
+        for line in one.lines:
+            cells = [line.part, line.design, f"{line.promised:.3f}", f"{line.found:.3f} ± {line.se:.3f}"]
+            rows.append([*cells, f"{100.0 * line.off:+.0f} %"])
+        parts += [*columns(rows, 2), ""]
+        kept = "Kept" if one.kept else "NOT KEPT"
+        better = "told more" if one.better else "did NOT surely tell more"
+        parts += [
+            f"{kept} within {100.0 * WITHIN:.0f} %; the planned impacts {better} than as many of the table: "
+            f"{one.more:.2f} ± {one.more_se:.2f} nats.",
+            "",
+        ]
+    return "\n".join(parts)
+
+
+def findings_json(found: Sequence[Finding], seed: int) -> dict[str, object]:
+    """All of it."""
+    return {
+        "seed": seed,
+        "holds": all(one.holds for one in found),
+        "cases": {one.name: {"words": one.words, "kept": one.kept, "better": one.better} for one in found},
+        "gains": gain_rows(found),
+        "sds": sd_rows(found),
+    }
