@@ -76,15 +76,24 @@ def importance_posterior(
     fitted = [*beside, *(_about(problem, optimum) for optimum in optima)]
     proposals: list[tuple[int, StudentProposal]] = []
     coordinates, score = np.empty((0, problem.dimension)), np.empty(0)
+    # Log densities (proposals, draws): those of a round's draws and proposals join those of the rounds before.
+    drawn_from = np.empty((0, 0))
     for _ in range(ROUNDS):
-        for proposal in fitted:
-            drawn = proposal.draw(rng, ROUND // len(fitted))
-            proposals.append((len(drawn), proposal))
-            coordinates = np.concatenate([coordinates, drawn])
-            score = np.concatenate([score, log_posterior(problem, drawn)])
+        known = len(coordinates)
+        added = [proposal.draw(rng, ROUND // len(fitted)) for proposal in fitted]
+        drawn = np.concatenate(added)
+        before, now = proposals, [(len(own), proposal) for own, proposal in zip(added, fitted, strict=True)]
+        proposals = [*before, *now]
+        coordinates, score = (
+            np.concatenate([coordinates, drawn]),
+            np.concatenate([score, log_posterior(problem, drawn)]),
+        )
+        drawn_from = np.block([
+            [drawn_from, _log_densities(before, drawn)],
+            [_log_densities(now, coordinates[:known]), _log_densities(now, drawn)],
+        ])  # fmt: skip
         if not np.any(np.isfinite(score)):
             return WeightedDraws(np.empty((0, problem.dimension)), np.empty(0), 0.0)
-        drawn_from = [np.log(count) + one.log_density(coordinates) - one.log_volume for count, one in proposals]
         ratios = score - logsumexp(drawn_from, axis=0)
         log_weights = ratios - logsumexp(ratios)
         effective = float(1.0 / np.sum(np.exp(2.0 * log_weights)))
@@ -94,6 +103,12 @@ def importance_posterior(
         fitted = fitted if following is None else [following]
     possible = np.isfinite(log_weights)
     return WeightedDraws(problem.to_values(coordinates[possible]), log_weights[possible], effective)
+
+
+def _log_densities(proposals: Sequence[tuple[int, StudentProposal]], coordinates: FloatArray) -> FloatArray:
+    """Those (proposals, draws) of each proposal at coordinates (draws, free), all times their numbers of draws."""
+    rows = [np.log(count) + one.log_density(coordinates) - one.log_volume for count, one in proposals]
+    return np.array(rows).reshape(len(proposals), len(coordinates))
 
 
 def _about(problem: Problem, optimum: FloatArray) -> StudentProposal:
