@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitError, ParameterError
 from fitball.inference.design import nested
+from fitball.inference.design.force_plate import plate_rows, with_plate
 from fitball.inference.design.gain import nothing_measured, over_draws
 from fitball.inference.design.information import covariances, differentiated, information_rows
 from fitball.inference.design.knowledge import NEXT, Knowledge, knowledge
@@ -26,6 +29,7 @@ from fitball.inference.problem.noise import StudentNoise
 from fitball.inference.results.results import Posterior
 from fitball.values import Impacts
 
+ROOT = Path(__file__).resolve().parent.parent
 RNG = np.random.default_rng(11)
 
 
@@ -214,6 +218,49 @@ def test_a_fitted_noise_is_learned_too(linear):
     assert checked.nats == pytest.approx(exact, abs=0.1)
 
 
+# --- a force plate
+
+
+@pytest.fixture(scope="module")
+def sprung():
+    """What is known of a drop of the two-mass ball whose stiffness nobody measured."""
+    scene = Scene(priors={"k_y": "lognormal(2.6e4, 1.0)"})
+    problem = build_problem(load_table(drop_table(), name="drop"), scene, Choices(model="two-mass"))
+    rng = np.random.default_rng(12)
+    spread = {"k_y": (np.log(2.6e4), 0.3), "cor_10": (0.73, 2e-3), "cor_slope": (0.0, 5e-4)}
+    draws = np.column_stack([rng.normal(*spread[name], 4000) for name in problem.free_names])
+    return Knowledge(problem, draws)
+
+
+def expected_sd(known, sd, misfit):
+    """Of ln k_y after five records, those of the bundled drops."""
+    plated = with_plate(known, sd, np.random.default_rng(1))
+    draws = plated.some(20)
+    draws[:, -1] = np.log(misfit)
+    at = dropped(plated, 4.0, 6.0, 8.0, 10.0, 12.0)
+    rows = plate_rows(at, draws, np.ones((20, 5), dtype=bool), plated.root)
+    left = nothing_measured(of_parameters(plated.problem, ("k_y",)).gradients(draws) @ plated.root)
+    for k in range(5):
+        left = left.after(rows[:, k])
+    return float(np.median(left.sds))
+
+
+def test_a_force_plate_tells_stiffness_as_records_did(sprung):
+    """Noise and misfit as in the fit of the bundled records, whose k_y was known within 0.51 % (fits/readme)."""
+    numbers = json.loads((ROOT / "fits" / "readme" / "numbers.json").read_text(encoding="utf-8"))["stiffness"]["drop"]
+    assert expected_sd(sprung, 4.2, 0.02) == pytest.approx(numbers["sd"] / numbers["median"], rel=0.35)
+    assert expected_sd(sprung, 1e7, 0.02) == pytest.approx(0.3, rel=0.03)
+    assert expected_sd(sprung, 4.2, 0.2) > 3.0 * expected_sd(sprung, 4.2, 0.02)
+
+
+def test_a_plan_with_a_plate_says_what_it_cannot_check(sprung, brief):
+    asked = Asked("k_y", Range(4.0, 12.0, 3), impacts=2, sensors=["force=4N"], cost={"force": 1.0})
+    plan = make_plan(sprung.problem, posterior_of(sprung), asked)
+    assert plan.chosen[0].sensor == "force" and not plan.batch.settled and np.isnan(plan.worths[1].nested.nats)
+    assert plan.chosen[-1].sds[0] < 0.05 < plan.worths[0].sds[0]
+    assert plan.worths[1].batch == pytest.approx(plan.gain, rel=1e-6)
+
+
 # --- motion along the court
 
 
@@ -377,7 +424,7 @@ def test_fits_that_cannot_be_planned_from_say_why(drop_page, grip_slip_fit):
         ("camera", "expected COLUMN=SD"), ("camera=0", "positive number"), ("camera=2m", "without a unit"),
         ("contact_time=0.2ms", "grip-slip has no contact time"), ("v_2=0.1", "follows from the velocities"),
         ("omega_2=5 m/s", "measures speed"), ("drop=254 kg", "unknown"), ("omega=3", "unknown column 'omega'"),
-        ("drop=1000 m", "drop_height"),
+        ("drop=1000 m", "drop_height"), ("force=5N", "no force-time course"),
     ],
 )  # fmt: skip
 def test_sensors_are_refused_with_their_text(known, text, said):

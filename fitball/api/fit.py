@@ -142,8 +142,8 @@ class Fit(Found):
         `target` are names of parameters (default: all of the model), `"court pace"`, or `"impact=v=30 m/s, theta=16
         deg"`. `speed`, `angle` and `spin` are what the machine can do: texts such as `"5:20"` [m/s], `"10:80"` [deg],
         `"-300:300 rpm"`, or pairs in SI; by default the range of the fitted table. `sensors` are texts such as
-        `"contact_time=0.2ms"`, `"camera=0.5"`, `"drop=254cm"`; `cost` what an impact read by one costs, measured as
-        before being 1. Raises FitError for a fit that cannot be planned from, ParameterError.
+        `"contact_time=0.2ms"`, `"force=20N"`, `"camera=0.5"`, `"drop=254cm"`; `cost` what an impact read by one
+        costs, one measured as before being 1. Raises FitError for a fit that cannot be planned from, ParameterError.
 
         >>> fit.plan("mu", speed="10:20:2", angle="20:60:3", spin=0.0, impacts=2, sensors="camera=0.5")
         <Plan of 2 impacts about mu: ... nats>

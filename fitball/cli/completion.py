@@ -212,8 +212,8 @@ OFFERS: Mapping[str, Offer] = {
     "csv": _ending(".csv"),
     "animate": _ending(".gif", ".mp4"),
     "target": _targets,
-    "sensor": _among("contact_time=0.2ms", "camera=0.5", "drop=254cm", "none"),
-    "cost": _among("contact_time=", "camera=", "drop="),
+    "sensor": _among("contact_time=0.2ms", "force=20N", "camera=0.5", "drop=254cm", "none"),
+    "cost": _among("contact_time=", "force=", "camera=", "drop="),
     "contours": _among("v_x2", "v_y2", "v_2", "theta_2", "omega_2", "contact_time"),
     "out": lambda prefix, _parsed: _files(prefix, lambda _path: True),
 }

@@ -21,8 +21,9 @@ EXAMPLE = """examples:
   fitball plan fits/wang_all/two-mass --for impact="v=30 m/s, theta=16 deg" --cost camera=3 --cost contact_time=2
 
 A sensor is COLUMN=SD (a column of a table, read with that sd beside or instead of the fitted ones), camera=SHARE
-(all columns with that share of their fitted noise), drop=HEIGHT (a drop test from there), several of them joined by
-commas, or none. Without --sensor a contact timer, a camera twice as good and the ITF's drop test are looked at.
+(all columns with that share of their fitted noise), force=SD (a force plate of that noise, 20,000 samples a second),
+drop=HEIGHT (a drop test from there), several of them joined by commas, or none. Without --sensor a contact timer, a
+force plate, a camera twice as good and the ITF's drop test are looked at, as far as the model knows of them.
 Results go to the folder plan beside fit.json unless --out names another."""
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.range_text import Range
 from fitball.errors import FitError, ParameterError
+from fitball.inference.design.force_plate import plate_rows, with_plate
 from fitball.inference.design.gain import Left, nothing_measured, over_draws
 from fitball.inference.design.information import differentiated, information_rows
 from fitball.inference.design.knowledge import DIFFERENTIATED, Knowledge, knowledge
@@ -31,6 +32,8 @@ from fitball.wording import option
 # Impacts that are looked at together, and numbers of all rows of information that are held: fewer draws beyond.
 TOGETHER, HELD = 64, 2e7
 LEAST_DRAWS = 40
+# Settings at which a force plate is looked at beside the chosen ones: the best without it, and others over the grid.
+PLATED = 12
 # Impacts of the fitted table that stand for all of it, measured again.
 OF_TABLE = 60
 MOST_IMPACTS, MOST_REPEATS = 100, 1000
@@ -62,7 +65,7 @@ class Asked:
 @dataclass(frozen=True)
 class Looked:
     """Some impacts to first order at the `draws` looked at: information `rows` (draws, impacts, rows, directions) by
-    sensor name, which draws are `solved` (draws, impacts), and the status of each.
+    sensor name, which draws are `solved` (draws, impacts), and the status of each. `only` are those looked at.
     """
 
     impacts: Impacts
@@ -70,11 +73,13 @@ class Looked:
     rows: Mapping[str, FloatArray]
     solved: NDArray[np.bool_]
     status: NDArray[np.int8]
+    only: NDArray[np.bool_] | None = None
 
     @property
     def allowed(self) -> NDArray[np.bool_]:
-        """Impacts at which enough draws can be evaluated."""
-        return np.asarray(self.solved.mean(axis=0) >= 1.0 - MOST_UNSOLVED)
+        """Impacts at which enough draws can be evaluated, and which were looked at."""
+        enough = np.asarray(self.solved.mean(axis=0) >= 1.0 - MOST_UNSOLVED)
+        return enough if self.only is None else enough & self.only
 
     def mean_gains(self, left: Left, sensor: str, repeats: int = 1) -> FloatArray:
         """Gains (impacts,) averaged over draws, NaN where not allowed."""
@@ -84,7 +89,9 @@ class Looked:
 
 @dataclass(frozen=True)
 class Search:
-    """All that a search for impacts looks at: the settings, and the drop of each sensor that has one."""
+    """All that a search for impacts looks at: the settings as the `grid`, and `apart` from it the drop of each sensor
+    that has one and the settings at which plates are looked at.
+    """
 
     known: Knowledge
     draws: FloatArray
@@ -92,19 +99,19 @@ class Search:
     settings: Settings
     sensors: Mapping[str, Sensor]
     grid: Looked
-    drops: Mapping[str, Looked]
+    apart: Mapping[str, Looked]
     start: Left
 
     def looked(self, sensor: str) -> Looked:
         """The impacts that a sensor may be used with."""
-        return self.drops.get(sensor, self.grid)
+        return self.apart.get(sensor, self.grid)
 
     def setting(self, sensor: str, place: int) -> Setting:
         """The incident state of an impact that a sensor is used with."""
-        if sensor not in self.drops:
+        if self.sensors[sensor].drop is None:
             return Setting(*self.settings.state(place))
         return Setting(
-            self.settings.surfaces[place], float(self.drops[sensor].impacts.v_y1[place]), float(np.pi / 2.0), 0.0
+            self.settings.surfaces[place], float(self.apart[sensor].impacts.v_y1[place]), float(np.pi / 2.0), 0.0
         )
 
     def planned(self, sensor: str, places: Sequence[int]) -> Planned:
@@ -125,20 +132,26 @@ def make_plan(
     Raises FitError for a fit that cannot be planned from, ParameterError for what cannot be asked of it.
     """
     first, *streams = np.random.SeedSequence(asked.seed).spawn(2)
-    known = knowledge(problem, posterior, np.random.default_rng(first))
+    chance = np.random.default_rng(first)
+    known = knowledge(problem, posterior, chance)
     settings = build_settings(problem, asked.speed, asked.angle, asked.spin)
     sensors = {sensor.name: sensor for sensor in build_sensors(problem, asked.sensors, asked.cost)}
+    plate = next((sensor.plate for sensor in sensors.values() if sensor.plate is not None), None)
+    if plate is not None:
+        known = with_plate(known, plate, chance)
     target = parse_target(asked.target, known)
     report("every setting to first order")
     search, lost = _searched(known, target, settings, sensors)
     by_cost = bool(asked.cost)
+    search = _with_plates(search, ()) if by_cost else search
     batch = _greedy(search, asked.impacts, asked.repeats, tuple(sensors) if by_cost else tuple(sensors)[:1])
+    search = search if by_cost else _with_plates(search, [place for _name, place in batch.places])
     rng = np.random.default_rng(streams[0])
     report("finalists by nested Monte Carlo")
     by_sensor: dict[str, list[int]] = {}
     for sensor, place in batch.places:
         by_sensor.setdefault(sensor, []).extend([place] * asked.repeats)
-    nested = nested_gain(known, [search.planned(name, places) for name, places in by_sensor.items()], target, rng)
+    nested = _checked(search, by_sensor, rng)
     quantities = target.values(known.coordinates)
     now = np.nanstd(quantities, axis=0)
     again = _table_again(search, problem, asked.impacts * asked.repeats)
@@ -179,20 +192,52 @@ def _searched(
             "there, so nothing can be planned about it"
         )
     draws, gradients = draws[told], gradients[told]
-    free = {name: sensor for name, sensor in sensors.items() if sensor.drop is None}
+    free = {name: sensor for name, sensor in sensors.items() if sensor.drop is None and sensor.plate is None}
     grid = look(known, draws, settings.impacts, settings.like, free)
     if not grid.allowed.any():
         why = next(iter(_failures(grid)))
         raise FitError(f"no setting can be planned: most draws of the posterior cannot be evaluated at any; {why}")
-    drops = {}
+    apart = {}
     for name, sensor in sensors.items():
         if sensor.drop is not None:
             each = np.array(settings.rows, dtype=np.int64)
-            drops[name] = look(
+            apart[name] = look(
                 known, draws, sensor.drop.take(np.zeros(each.size, dtype=np.int64)), each, {name: sensor}
             )
     start = nothing_measured(gradients @ known.root)
-    return Search(known, draws, target, settings, sensors, grid, drops, start), float(np.mean(~told))
+    return Search(known, draws, target, settings, sensors, grid, apart, start), float(np.mean(~told))
+
+
+def _with_plates(search: Search, chosen: Sequence[int]) -> Search:
+    """The search with the sensors that have a plate: at the `chosen` settings, those that are best without, and some
+    others, since records take long.
+    """
+    plates = {name: sensor for name, sensor in search.sensors.items() if sensor.plate is not None}
+    if not plates:
+        return search
+    grid, known, apart = search.grid, search.known, dict(search.apart)
+    gains = np.nan_to_num(grid.mean_gains(search.start, next(iter(search.sensors))), nan=-1.0)
+    allowed = np.flatnonzero(grid.allowed)
+    even = allowed[np.linspace(0, allowed.size - 1, min(PLATED, allowed.size)).astype(np.int64)]
+    some = np.unique(np.concatenate([np.argsort(-gains, kind="stable")[:PLATED], even, np.array(chosen, np.int64)]))
+    some = some[grid.allowed[some]]
+    planned = known.at(grid.impacts.take(some), grid.like[some])
+    forces = plate_rows(planned, search.draws, grid.solved[:, some], known.root)
+    only = np.isin(np.arange(len(grid.impacts)), some)
+    beside = look(known, search.draws, grid.impacts.take(some), grid.like[some], plates)
+    for name in plates:
+        rows = np.concatenate([beside.rows[name], forces], axis=2)
+        whole = np.zeros((rows.shape[0], len(grid.impacts), *rows.shape[2:]))
+        whole[:, some] = rows
+        apart[name] = Looked(grid.impacts, grid.like, {name: whole}, grid.solved, grid.status, only)
+    return replace(search, apart=apart)
+
+
+def _checked(search: Search, places: Mapping[str, Sequence[int]], rng: np.random.Generator) -> NestedGain:
+    """Nested Monte Carlo of impacts by sensor; of a plate's records there is none."""
+    if any(search.sensors[name].plate is not None for name in places):
+        return NestedGain(float("nan"), float("nan"), 0.0, 1.0)
+    return nested_gain(search.known, [search.planned(*one) for one in places.items()], search.target, rng)
 
 
 def look(
@@ -273,11 +318,13 @@ def _worth(search: Search, name: str, batch: Batch, repeats: int, now: FloatArra
             name, sensor.words, sensor.cost, search.setting(name, 0), float("nan"), nothing, float("nan"), unknown
         )
     best = int(np.nanargmax(gains))
-    nested = nested_gain(search.known, [search.planned(name, [best])], search.target, rng)
+    nested = _checked(search, {name: [best]}, rng)
     left, total = search.start, 0.0
     for other, place in batch.places:
-        # A drop has no other impact; a setting that was chosen for a drop is none for other sensors.
-        mine = place if search.looked(other) is looked else best
+        # A drop has no other impact; a setting that was chosen for a drop is none for other sensors, nor one at which
+        # no plate was looked at.
+        shared = sensor.drop is None and search.sensors[other].drop is None and looked.allowed[place]
+        mine = place if shared or other == name else best
         rows = np.sqrt(repeats) * looked.rows[name][:, mine]
         total += float(over_draws(left.gains(rows[:, None]), looked.solved[:, [mine]])[0])
         left = left.after(rows)

@@ -52,7 +52,8 @@ class PlannedColumn:
 class Sensor:
     """A way of measuring an impact, called `name` and in `words`, at a `cost` of so many ordinary impacts.
 
-    A `drop` is the one impact that it is made with; None: any.
+    A `drop` is the one impact that it is made with; None: any. With a `plate` force is recorded too, with that sd [N]
+    of a sample.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Sensor:
     columns: tuple[PlannedColumn, ...]
     cost: float = 1.0
     drop: Impacts | None = None
+    plate: float | None = None
 
 
 def as_before(problem: Problem, cost: float = 1.0) -> Sensor:

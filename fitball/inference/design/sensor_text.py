@@ -21,12 +21,12 @@ from fitball.values import Impacts
 from fitball.wording import spoken
 
 _VALUE = re.compile(r"^\s*(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>.*?)\s*$")
-CAMERA, DROP, NONE = "camera", "drop", "none"
-# A camera twice as good, and the height of the ITF's drop test (100 in).
-BETTER, ITF_DROP = "0.5", "254cm"
+CAMERA, DROP, PLATE, NONE = "camera", "drop", "force", "none"
+# A camera twice as good, a plate of some per cent of the peak, and the height of the ITF's drop test (100 in).
+BETTER, GOOD_PLATE, ITF_DROP = "0.5", "20N", "254cm"
 FORMS = (
-    "expected COLUMN=SD such as contact_time=0.2ms, camera=SHARE of the noise, or drop=HEIGHT; several joined by "
-    "commas are one sensor"
+    "expected COLUMN=SD such as contact_time=0.2ms, camera=SHARE of the noise, force=SD of a sample, or drop=HEIGHT; "
+    "several joined by commas are one sensor"
 )
 
 
@@ -34,7 +34,13 @@ def usual_sensors(problem: Problem) -> tuple[str, ...]:
     """What is looked at where nothing was asked for: what the model can answer for and was not measured yet."""
     usual = [f"{CAMERA}={BETTER}"]
     timed = OBSERVABLES["contact_time"]
-    if problem.model.has_time and all(item.name != timed.name for item in problem.observables):
+    if (
+        problem.model.has_time
+        and problem.force is None
+        and all(item.name != timed.name for item in problem.observables)
+    ):
+        if problem.model.has_force:
+            usual.insert(0, f"{PLATE}={GOOD_PLATE}")
         usual.insert(0, f"{timed.name}={float(timed.noise.typical) * 1e3:g}ms")
     if problem.table.has_tangential and any(item.column.restitution for item in problem.observables):
         usual.append(f"{DROP}={ITF_DROP}")
@@ -49,6 +55,9 @@ def build_sensors(problem: Problem, texts: Sequence[str] | None, costs: Mapping[
         texts = ()
     sensors = [as_before(problem), *(parse_sensor(problem, text) for text in texts)]
     names = [sensor.name for sensor in sensors]
+    plates = {sensor.plate for sensor in sensors if sensor.plate is not None}
+    if len(plates) > 1:
+        raise ParameterError(f"{said(PLATE)}: all plates of a plan need the same sd")
     for name in names:
         if names.count(name) > 1:
             raise ParameterError(f"{said(name)}: this sensor is given twice")
@@ -75,7 +84,7 @@ def parse_sensor(problem: Problem, text: str) -> Sensor:
     """The sensor that `text` names. Raises ParameterError that quotes it."""
     before = as_before(problem)
     columns = {column.name: column for column in before.columns}
-    names, words, drop = [], [], None
+    names, words, drop, plate = [], [], None, None
     for item in text.split(","):
         key, equals, value = (part.strip() for part in item.partition("="))
         if not equals or not key or not value:
@@ -88,22 +97,29 @@ def parse_sensor(problem: Problem, text: str) -> Sensor:
             elif key == DROP:
                 drop = _dropped(_number(key, value, Dimension.LENGTH))
                 words.append(f"a ball dropped from {value}")
+            elif key == PLATE:
+                plate = _plate(problem, value)
+                words.append(f"force within {value} a sample")
             else:
                 columns[key] = _column(problem, key, value)
                 words.append(f"{OBSERVABLES[key].title} within {value}")
         except (ParameterError, UnitError) as error:
             raise ParameterError(f"{said(text)}: {error}") from None
         names.append(key)
+    if drop is not None and plate is not None:
+        raise ParameterError(f"{said(text)}: a plate under a drop test is not looked at")
     if drop is not None:
         columns = {name: column for name, column in columns.items() if not column.column.tangential}
         if not columns:
             raise ParameterError(f"{said(text)}: no column that is read shows a rebound from a drop")
-    return Sensor("+".join(names), " and ".join(words), tuple(columns.values()), drop=drop)
+    return Sensor("+".join(names), " and ".join(words), tuple(columns.values()), drop=drop, plate=plate)
 
 
 def _column(problem: Problem, name: str, value: str) -> PlannedColumn:
     if name not in OBSERVABLES:
-        raise ParameterError(f"unknown column '{name}': {suggestion(name, (*OBSERVABLES, CAMERA, DROP))}; {FORMS}")
+        raise ParameterError(
+            f"unknown column '{name}': {suggestion(name, (*OBSERVABLES, CAMERA, PLATE, DROP))}; {FORMS}"
+        )
     column = OBSERVABLES[name]
     if column.timed and not problem.model.has_time:
         raise ParameterError(f"model {problem.model.name} has no contact time")
@@ -121,6 +137,15 @@ def _better(column: PlannedColumn, share: float) -> PlannedColumn:
     if column.sd is not None:
         return replace(column, sd=share * column.sd)
     return replace(column, share=share * column.share)
+
+
+def _plate(problem: Problem, value: str) -> float:
+    """Noise of a sample. Raises ParameterError for a model without a force, and a fit that knows a plate already."""
+    if not problem.model.has_force:
+        raise ParameterError(f"model {problem.model.name} has no force-time course")
+    if problem.force is not None:
+        raise ParameterError("this fit has force records: further ones are not planned")
+    return _number(PLATE, value, Dimension.FORCE)
 
 
 def _dropped(height: float) -> Impacts:

@@ -114,7 +114,7 @@ def points(plan: Plan) -> tuple[str, ...]:
 
 def _batch_checked(nested: NestedGain) -> str:
     if not nested.settled:
-        return "too much to be checked by nested Monte Carlo from the draws there are"
+        return "not to be checked by nested Monte Carlo from the draws there are"
     return f"{nested_text(nested)} by nested Monte Carlo"
 
 
