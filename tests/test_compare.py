@@ -25,10 +25,12 @@ from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.starts import starting_points
 from fitball.inference.prediction.outputs import root_mean_square
 from fitball.inference.results.results import RunStatus
+from fitball.inference.sampling.ensembles import Schedule
 from fitball.report.compare.rows import json_content
 from fitball.report.compare.words import words
 from fitball.report.form.json_text import json_text
 from fitball.scheduling.engine import engine
+from fitball.studies.sbc.replicate import SCHEDULE
 from fitball.studies.thesis import ranking
 from fitball.studies.thesis.predictions import chapter_five_predictions
 
@@ -112,17 +114,25 @@ def test_an_interrupted_comparison_keeps_what_is_done(brief):
 
     def stop(at):
         def report(stage):
-            if stage.startswith(at):
+            if stage.endswith(at):
                 raise KeyboardInterrupt
 
         return report
 
-    found = compare(table, candidates, effort, engine(1), quick=True, report=stop("two-mass: point fit"))
+    found = compare(table, candidates, effort, engine(1), quick=True, report=stop("(2 of 3 done)"))
     assert found.status is RunStatus.INTERRUPTED
-    assert {item.name for item in found.models} == {"brody", "two-mass+cor=mean"}
-    assert "interrupted: two-mass not compared" in found.notes
+    (missing,) = {item.name for item in candidates.candidates} - {item.name for item in found.models}
+    assert f"interrupted: {missing} not compared" in found.notes
     with pytest.raises(KeyboardInterrupt):
-        compare(table, candidates, effort, engine(1), quick=True, report=stop("two-mass+cor=mean: point fit"))
+        compare(table, candidates, effort, engine(1), quick=True, report=stop("(1 of 3 done)"))
+
+
+def test_fewer_draws_take_fewer_steps_down_to_those_of_the_validation():
+    assert Schedule.for_ess(1000.0) == Schedule()
+    assert Schedule.for_ess(400.0) == Schedule(warm_up=160, first_check=280, target_ess=400.0)
+    least, more = Schedule.for_ess(10.0), Schedule.for_ess(4000.0)
+    assert (least.warm_up, least.target_ess) == (SCHEDULE.warm_up, 10.0)
+    assert (more.warm_up, more.first_check, more.target_ess) == (400, 700, 4000.0)
 
 
 # --- the candidates

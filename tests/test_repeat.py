@@ -54,7 +54,7 @@ def home(tmp_path_factory):
     place = tmp_path_factory.mktemp("repeat")
     (place / "balls.csv").write_text(BALLS, encoding="utf-8")
     problem = problem_of(place / "balls.csv", "grip-slip")
-    write(problem, Effort(seed=5, cores=1, walkers=16, ensembles=2, ess=300.0), place / "fit")
+    write(problem, Effort(seed=5, cores=1, walkers=16, ensembles=2), place / "fit")
     pooled(place / "point")
     return place
 

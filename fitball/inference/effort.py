@@ -52,7 +52,7 @@ class Effort:
             )
         if self.seed < 0:
             raise ParameterError(f"seed = {self.seed}: expected a number not below 0")
-        return Settings(walkers, self.ensembles, self.max_steps, self.cores, self.seed, Schedule(target_ess=self.ess))
+        return Settings(walkers, self.ensembles, self.max_steps, self.cores, self.seed, Schedule.for_ess(self.ess))
 
 
 @dataclass

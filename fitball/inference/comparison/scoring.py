@@ -15,10 +15,13 @@ from fitball.inference.comparison.information_criteria import criteria
 from fitball.inference.comparison.psis_loo import leave_one_out
 from fitball.inference.comparison.results import ModelScore
 from fitball.inference.effort import Effort
+from fitball.inference.likelihood.posterior import log_posterior
 from fitball.scheduling.engine import Engine
 
 # Ensembles of an exact refit: enough to see that they agree.
 REFIT_ENSEMBLES = 2
+# Impacts times draws by which a model is timed.
+TIMED = 2000
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,8 @@ def scored(tasks: Sequence[Task], engine: Engine, report: Callable[[str], None])
     Raises what `score_model` and `Engine.unordered` raise.
     """
     done, count = 0, len(tasks)
-    _compile_once(tasks)
+    # The longest first, so that none waits for it at the end.
+    tasks = sorted(tasks, key=_cost, reverse=True)
 
     def here(task: Task) -> ModelScore:
         return score_model(task, lambda stage: report(f"{task.candidate.name}: {stage} ({done} of {count} done)"))
@@ -58,11 +62,22 @@ def scored(tasks: Sequence[Task], engine: Engine, report: Callable[[str], None])
         yield score
 
 
-def _compile_once(tasks: Sequence[Task]) -> None:
-    """Have the kernels on disk, where a cold start has none: every process would compile them for itself."""
-    for model in {type(task.candidate.problem.model): task.candidate.problem.model for task in tasks}.values():
-        values = [spec.lower if spec.typical is None else spec.typical for spec in model.parameters]
-        model.jacobian(model.parameter_names, np.array([values]), tasks[0].candidate.problem.impacts)
+def _cost(task: Task) -> float:
+    """How long a task takes beside others: CPU time of a batch of densities and derivatives, times the parameters.
+
+    Where a cold start has no kernels on disk, they are compiled here, once and not by every process for itself.
+    """
+    problem = task.candidate.problem
+    values = problem.prior.draw(np.random.default_rng(0), max(1, TIMED // len(problem.impacts)))
+    took = 0.0
+    for _ in range(2):
+        begun = time.process_time()
+        log_posterior(problem, problem.to_coordinates(values))
+        columns = problem.all_values(values[:1])
+        names = problem.model.parameter_names
+        problem.model.jacobian(names, np.stack([columns[name] for name in names], axis=1), problem.impacts)
+        took = time.process_time() - begun
+    return took * problem.dimension
 
 
 def score_model(task: Task, report: Callable[[str], None] = lambda _stage: None) -> ModelScore:

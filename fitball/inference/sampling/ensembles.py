@@ -35,6 +35,7 @@ ENSEMBLES = 4
 # is dropped instead.
 WARM_UP = 400
 FIRST_CHECK = 700
+LEAST_SHARE = 0.4
 BLOCK = 100
 # Candidates for the start of one ensemble, and the power of the posterior they are resampled with: starts are
 # spread wider than the posterior, as R-hat needs.
@@ -53,6 +54,14 @@ class Schedule:
     first_check: int = FIRST_CHECK
     target_ess: float = TARGET_ESS
     target_r_hat: float = TARGET_R_HAT
+
+    @classmethod
+    def for_ess(cls, ess: float) -> Schedule:
+        """That for an effective sample size: who wants fewer draws than a fit does takes fewer steps too, down to
+        those with which simulation-based calibration finds the intervals right.
+        """
+        share = min(1.0, max(LEAST_SHARE, ess / TARGET_ESS))
+        return cls(round(share * WARM_UP), round(share * FIRST_CHECK), ess)
 
 
 @dataclass(frozen=True)
