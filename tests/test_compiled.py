@@ -7,7 +7,8 @@ import pytest
 
 import fitball
 from fitball.models.kernels import batch, bounce, bounce_jacobian, dual, pieces, two_mass
-from fitball.models.kernels.compiled import compiled, inner
+from fitball.models.kernels.compiled import apart, calling, compiled, inner
+from fitball.models.kernels.entry import Entry
 from fitball.values import Impacts
 
 
@@ -59,3 +60,36 @@ def test_what_only_kernels_call_is_linked_and_has_no_machine_code_of_its_own():
     (apart,), (entry,) = space["third"].overloads.values(), space["ninth"].overloads.values()
     assert apart.library.get_pointer_to_function(apart.fndesc.llvm_func_name) == 0
     assert entry.library.get_pointer_to_function(entry.fndesc.llvm_func_name) != 0
+
+
+THIRD = """
+@apart
+def third(x):
+    return x / 3.0
+
+ENTRY = Entry(third, (1.0,), {result})
+third_of = ENTRY.call
+
+@calling(ENTRY)
+def ninth(x):
+    return third_of(third_of(x))
+"""
+
+
+def test_a_kernel_with_an_entry_is_called_and_not_copied():
+    space = {"__name__": __name__, "apart": apart, "calling": calling, "Entry": Entry}
+    exec(THIRD.format(result="0.0"), space)
+    assert space["ninth"](18.0) == 2.0
+    (entry,) = space["ninth"].overloads.values()
+    assert "declare i32 @fitball.third" in entry.library.get_llvm_str()
+    # What answered for numba while it compiled is gone.
+    assert "resolve_function_type" not in vars(space["ninth"].typingctx)
+    with pytest.raises(TypeError, match="for kernels only"):
+        space["third"](1.0)
+
+
+def test_an_entry_gives_what_it_says():
+    space = {"__name__": __name__, "apart": apart, "calling": calling, "Entry": Entry}
+    exec(THIRD.format(result="0"), space)
+    with pytest.raises(TypeError, match=r"fitball\.third gives float64, not int64"):
+        space["ninth"](18.0)

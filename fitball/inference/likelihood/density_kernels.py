@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from fitball.inference.problem.layout import ANGLE, SPEED, Cells, KernelRow, Layout, Levels, Transform
 from fitball.models.kernels.algebraic import algebraic_batch
-from fitball.models.kernels.batch import bounce_batch
-from fitball.models.kernels.compiled import compiled_allocating, inner
+from fitball.models.kernels.batch import BATCH
+from fitball.models.kernels.compiled import calling, inner, inner_allocating
 from fitball.values import FloatArray
 
 # Rebounds made before they are looked at: they stay in the cache of a core, and fill any lanes of the kernels.
@@ -160,7 +160,7 @@ def finish(layout: Layout, draws: NDArray[np.int64], impacts: int, out: FloatArr
             out[SCENE, i] = -0.5 * (z * z + LOG_TAU) - math.log(sd)
 
 
-@compiled_allocating
+@inner_allocating
 def rows_of(values: FloatArray, layout: Layout, block: int) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Rows of the kernel (draws, columns) for a block, and whether pooled parameters are within their bounds."""
     rows, inside = np.empty((len(values), layout.row.source.size)), np.empty(len(values), dtype=np.bool_)
@@ -170,7 +170,10 @@ def rows_of(values: FloatArray, layout: Layout, block: int) -> tuple[FloatArray,
     return rows, inside
 
 
-@compiled_allocating
+bounce_batch = BATCH.call
+
+
+@calling(BATCH)
 def log_densities(
     points: FloatArray, from_coordinates: bool, measured: bool, layout: Layout, out: FloatArray
 ) -> None:

@@ -7,16 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.models.kernels.bounce import (
-    COLUMNS,
-    OK,
-    TANGENTIAL,
-    TORSION,
-    TORSION_RIGID,
-    bounce,
-    vertical_motion,
-)
-from fitball.models.kernels.compiled import compiled_allocating, inner
+from fitball.models.kernels.alone import BOUNCE
+from fitball.models.kernels.bounce import COLUMNS, OK, TANGENTIAL, TORSION, TORSION_RIGID, vertical_motion
+from fitball.models.kernels.compiled import calling, inner
+from fitball.models.kernels.entry import Entry
 from fitball.models.kernels.lanes.contact import (
     CONTACT_TIME,
     OMEGA_2,
@@ -56,7 +50,10 @@ def give_vertical(row: FloatArray, codes: NDArray[np.int64], lane: int, given: F
     given[T_FORCE, lane], given[T_CONTACT, lane] = vertical.t_force, vertical.t_contact
 
 
-@compiled_allocating
+bounce_alone = BOUNCE.call
+
+
+@calling(BOUNCE)
 def bounce_batch(
     rows: FloatArray,
     codes: NDArray[np.int64],
@@ -103,7 +100,26 @@ def bounce_batch(
                 continue
             careful += 1
             own = i if v_x1.shape[0] > 1 else 0
-            one = bounce(rows[i], codes, v_x1[own, j], v_y1[own, j], omega_1[own, j], cor[own, j], scratch, phase_log)
+            one = bounce_alone(
+                rows[i], codes, v_x1[own, j], v_y1[own, j], omega_1[own, j], cor[own, j], scratch, phase_log
+            )
             out[0, i, j], out[1, i, j], out[2, i, j] = one.v_x2, one.v_y2, one.omega_2
             out[3, i, j], regime[i, j], status[i, j] = one.contact_time, one.regime, one.status
     return careful
+
+
+def _given(shape: tuple[int, ...]) -> FloatArray:
+    """An array as impacts have it."""
+    column = np.zeros(shape)
+    column.flags.writeable = False
+    return column
+
+
+BATCH = Entry(
+    bounce_batch,
+    (
+        np.zeros((1, len(COLUMNS))), np.zeros(TANGENTIAL + 1, dtype=np.int64), *(_given((1, 1)) for _ in range(4)),
+        np.zeros((4, 1, 1)), np.zeros((1, 1), dtype=np.int64), np.zeros((1, 1), dtype=np.int8),
+    ),
+    0,
+)  # fmt: skip

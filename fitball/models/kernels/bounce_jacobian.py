@@ -10,6 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.models.kernels.alone import BOUNCE
 from fitball.models.kernels.bounce import (
     COLUMNS,
     COR_MEASURED,
@@ -18,11 +19,10 @@ from fitball.models.kernels.bounce import (
     TANGENTIAL,
     TORSION,
     TORSION_RIGID,
-    bounce,
     contact_of,
     vertical_motion,
 )
-from fitball.models.kernels.compiled import compiled_allocating, inner
+from fitball.models.kernels.compiled import calling, inner, inner_allocating
 from fitball.models.kernels.dual import STEP
 from fitball.models.kernels.oscillator import SERIES_LENGTH
 from fitball.models.kernels.phases import PIECE_SIZE
@@ -36,7 +36,7 @@ ComplexArray = NDArray[np.complex128]
 V_X1, V_Y1, OMEGA_1, COR, INPUTS = range(5)
 
 
-@compiled_allocating
+@inner_allocating
 def make_replay_scratch() -> ReplayScratch:
     """Scratch for one thread."""
     return ReplayScratch(
@@ -69,7 +69,10 @@ def bounce_derivative(
     return v_x2, v_y2, omega_2, vertical.t_contact
 
 
-@compiled_allocating
+bounce_alone = BOUNCE.call
+
+
+@calling(BOUNCE)
 def jacobian_batch(
     rows: FloatArray,
     seeds: FloatArray,
@@ -92,7 +95,7 @@ def jacobian_batch(
         own = i if v_x1.shape[0] > 1 else 0
         for j in range(v_x1.shape[1]):
             v_x, v_y, omega, measured = v_x1[own, j], v_y1[own, j], omega_1[own, j], cor[own, j]
-            solved = bounce(rows[i], codes, v_x, v_y, omega, measured, scratch, phase_log)
+            solved = bounce_alone(rows[i], codes, v_x, v_y, omega, measured, scratch, phase_log)
             for k in range(INPUTS + seeds.shape[0]):
                 if solved.status != OK:
                     slopes[i, j, :, k] = math.nan

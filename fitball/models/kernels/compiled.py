@@ -11,7 +11,9 @@ import numba
 from numba.core import event
 
 from fitball.models.kernels import first_compile
+from fitball.models.kernels.entry import Entry
 from fitball.models.kernels.link_only import LinkOnlyCompiler
+from fitball.models.kernels.typing_memo import TypingMemo
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -56,9 +58,38 @@ def inlined(function: Callable[P, R]) -> Callable[P, R]:
     return cast("Callable[P, R]", _without_entry(_compile(function, {**INNER, "forceinline": True})))
 
 
+def inner_allocating(function: Callable[P, R]) -> Callable[P, R]:
+    """As `inner`, for kernels that make arrays."""
+    return cast("Callable[P, R]", _without_entry(_compile(function, {**INNER, "_nrt": True})))
+
+
 def compiled_allocating(function: Callable[P, R]) -> Callable[P, R]:
     """As `compiled`, for kernels that make arrays."""
     return cast("Callable[P, R]", _compile(function, {"no_cfunc_wrapper": True}))
+
+
+def calling(*entries: Entry[..., Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """As `compiled_allocating`, for kernels that call others at their `entries`: these are linked before them."""
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        dispatcher = _compile(function, {"no_cfunc_wrapper": True})
+        alone = dispatcher.compile
+
+        def compile_with(signature: Any) -> Any:
+            for entry in entries:
+                entry.link()
+            return alone(signature)
+
+        dispatcher.compile = compile_with
+        return cast("Callable[P, R]", dispatcher)
+
+    return decorate
+
+
+def apart(function: Callable[P, R]) -> Callable[P, R]:
+    """As `inner`, with machine code of its own, which an `Entry` leads to."""
+    options = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return cast("Callable[P, R]", _without_entry(_compile(function, options)))
 
 
 def _compile(function: Callable[..., Any], options: dict[str, Any]) -> Any:
@@ -107,6 +138,7 @@ class _Compilations(event.Listener):
     def __init__(self) -> None:
         self.kernels: list[bool] = []
         self.collected = False
+        self.memo = TypingMemo()
 
     def on_start(self, event: Any) -> None:
         """A function is about to be compiled, perhaps for one that is being compiled."""
@@ -117,12 +149,14 @@ class _Compilations(event.Listener):
             # A compiler makes little but objects that stay: a seventh of its time went into looking through them.
             self.collected = gc.isenabled()
             gc.disable()
+            self.memo.use(dispatcher.typingctx)
             folder = dispatcher.stats.cache_path
             first_compile.tell(first_compile.Compiling(dispatcher.py_func.__name__, folder))
 
     def on_end(self, event: Any) -> None:  # noqa: ARG002 - numba's face
         """It is compiled, or failed."""
         if self.kernels.pop():
+            self.memo.leave()
             if self.collected:
                 gc.enable()
             first_compile.tell(None)

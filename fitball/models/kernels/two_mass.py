@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from fitball.models.kernels.compiled import compiled_allocating, inlined, inner
+from fitball.models.kernels.compiled import inlined, inner, inner_allocating
 from fitball.models.kernels.events import HALVINGS_LEFT, MAX_DEPTH, MAX_HALVINGS, SIZE
 from fitball.models.kernels.landing import landed
 from fitball.models.kernels.oscillator import SERIES_LENGTH
@@ -51,7 +51,7 @@ MAX_PHASES = 4096
 SLIP_ROUNDING = 4.5e-16
 
 
-@compiled_allocating
+@inner_allocating
 def make_scratch() -> Scratch:
     """Scratch for one thread."""
     return Scratch(
