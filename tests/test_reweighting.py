@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -67,13 +68,13 @@ def test_centre_spread_and_each_table_are_those_of_the_hierarchy(count, tau):
     """Fails where interim priors are not divided out: they lie far off the population."""
     rng = np.random.default_rng(count)
     measured = 1.0 + np.hypot(tau, SD) * rng.standard_normal(count)
-    found = population(tables_of(rng, measured, count=4000), BEFORE)
+    found = population(tables_of(rng, measured, count=1500), BEFORE)
     centre, spread, (mean, sd) = exact(measured)
     for known, ends in ((found.centre, centre), (found.spread, spread)):
         near = 5.0 * known.error + 0.01 * (ends[2] - ends[1])
         assert [known.median, known.low, known.high] == pytest.approx(ends, abs=near)
         assert known.error < 0.05 * (ends[2] - ends[1])
-    assert found.tables[0].known.median == pytest.approx(mean, abs=0.2 * sd)
+    assert found.tables[0].known.median == pytest.approx(mean, abs=0.35 * sd)
     assert found.tables[0].sd == pytest.approx(sd, rel=0.15)
 
 
@@ -91,12 +92,45 @@ def test_with_the_wrong_interim_prior_the_population_is_another():
 def test_the_error_of_few_draws_is_as_stated():
     rng = np.random.default_rng(2)
     measured = 1.0 + np.hypot(0.3, SD) * rng.standard_normal(8)
-    found = [population(tables_of(rng, measured, count=200), BEFORE) for _ in range(24)]
+    found = [population(tables_of(rng, measured, count=200), BEFORE) for _ in range(16)]
     for name in ("centre", "spread"):
         scatter = np.std([getattr(one, name).median for one in found])
         assert 0.6 < np.mean([getattr(one, name).error for one in found]) / scatter < 1.7
     ends = exact(measured)[1]
     assert np.mean([one.spread.median for one in found]) == pytest.approx(ends[0], abs=0.05 * (ends[2] - ends[1]))
+
+
+def test_few_draws_do_not_bias_the_likelihood():
+    """The mean over many sets of few draws is the logarithm of the integral, which that of their means lies below."""
+    rng = np.random.default_rng(4)
+    points = np.array([[1.0, 0.3], [1.0, 0.05]])
+    drawn_again = [log_likelihood(tables_of(rng, [1.0], (0.0, 5.0), count=30)[0], points) for _ in range(600)]
+    exact_ratio = np.log(np.hypot(0.05, SD) / np.hypot(0.3, SD))
+    assert np.mean(np.subtract(*np.transpose(drawn_again))) == pytest.approx(exact_ratio, abs=0.035)
+
+
+def test_tables_that_tell_nothing_say_nothing():
+    """Not even a little of their prior, however many they are."""
+    rng = np.random.default_rng(7)
+    points = np.array([[0.4, 0.3], [1.0, 0.3], [-0.4, 0.3]])
+    prior = stats.norm(0.4, 0.6)
+    silent = TableDraws.of("", prior.ppf((np.arange(4000) + 0.5) / 4000), prior.logpdf)
+    assert np.ptp(log_likelihood(silent, points)) < 0.01
+    told = tables_of(rng, 1.0 + 0.3 * rng.standard_normal(6))
+    alone, together = (population([*told, *[silent] * k], replace(BEFORE, spread=0.5)) for k in (0, 40))
+    assert together.centre.median == pytest.approx(
+        alone.centre.median, abs=0.1 * (alone.centre.high - alone.centre.low)
+    )
+
+
+def test_where_tables_are_alike_each_is_known_as_well_as_all():
+    """No wider than that for standing for its neighbourhood."""
+    rng = np.random.default_rng(6)
+    tables = tables_of(rng, 1.0 + SD * rng.standard_normal(25), (0.0, 5.0), count=2000)
+    found = population(tables, replace(BEFORE, spread=1e-3))
+    known = SD / np.sqrt(25)
+    assert np.median([table.sd for table in found.tables]) == pytest.approx(known, rel=0.12)
+    assert found.centre.high - found.centre.low == pytest.approx(3.92 * known, rel=0.1)
 
 
 def test_a_table_that_none_of_its_draws_lets_into_the_population_is_doubted():
@@ -190,14 +224,19 @@ def test_what_is_no_quantity_is_refused(name, said):
 
 @pytest.fixture(scope="module")
 def season(small_fit, short_fit, tmp_path_factory):
-    """The folder of a batch of four tables alike, as it was left."""
+    """The folder of a batch of four tables alike, as it was left; without its figure from there on."""
     folder = tmp_path_factory.mktemp("season") / "batch"
     names = ("a", "b", "c", "d")
     for name in names:
         (folder / name).mkdir(parents=True)
         shutil.copy(small_fit / "fit.json", folder / name)
     write_results([row_of(name, short_fit.result) for name in names], folder)
-    return folder
+    assert (folder / "parameters.png").stat().st_size > 10_000
+    picture = (folder / "parameters.png").read_bytes()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("fitball.report.batch.folder.batch_figure", lambda *_given, **_others: None)
+        patch.setattr("fitball.report.batch.folder.save_figure", lambda *_given: picture)
+        yield folder
 
 
 def test_the_rows_of_a_batch_are_read_back_as_they_were(season, short_fit):

@@ -1,5 +1,6 @@
 """`scripts/validate`: does the calibration find what was put in? Simulation-based calibration, and its verdict;
-with `--trust`, whether what fits say of themselves is true.
+with `--trust`, whether what fits say of themselves is true; with `--population`, whether populations over many tables
+are found.
 
 Not a verb: it takes a quarter of an hour and checks the program, not a table. It is run as a module.
 """
@@ -71,7 +72,8 @@ def make_parser() -> argparse.ArgumentParser:
         "Exit code 1 if it does not. An interrupted run goes on where it stopped.",
         epilog="examples:\n  scripts/validate\n  scripts/validate --models grip-slip --replicates 60 --out check\n"
         "  scripts/validate --models grip-slip --replicates 60 --wrong-sigma 0.5 --out wrong    (must fail)\n"
-        "  scripts/validate --trust --scenarios wang,negated --replicates 20",
+        "  scripts/validate --trust --scenarios wang,negated --replicates 20\n"
+        "  scripts/validate --population --replicates 5",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
@@ -86,12 +88,18 @@ def make_parser() -> argparse.ArgumentParser:
         help="instead: simulate tables at impacts that fitball plan recommends, refit, and compare with its promises",
     )
     parser.add_argument("--cases", metavar="A,B", help="of --plan: which plans (default: all)")
+    parser.add_argument(
+        "--population",
+        action="store_true",
+        help="instead: populations of 20 tables each with known centre and spread: how often do intervals hold them, "
+        "and do joint fits of ten tables say the same",
+    )
     parser.add_argument("--scenarios", metavar="A,B", help="of --trust: kinds of tables (default: all)")
     parser.add_argument(
         "--replicates",
         type=whole,
         metavar="N",
-        help="tables a model (default 300), a kind of them (default 60) or a plan (default 40)",
+        help="tables a model (default 300), a kind of them (default 60) or a plan (default 40); populations (50)",
     )
     parser.add_argument("--models", default=MODELS, metavar="A,B", help=f"models (default {MODELS})")
     parser.add_argument("--table", default="wang_all.csv", metavar="DATA", help="whose incident conditions to use")
@@ -112,6 +120,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = make_parser().parse_args(argv)
     try:
         with visible_streams(), speaking_to_command_line():
+            if args.population:
+                return _population(args)
             return _plan(args) if args.plan else _trust(args) if args.trust else _run(args)
     except FitballError as error:
         print(f"fitball: {error}", file=sys.stderr)
@@ -208,6 +218,34 @@ def _plan(args: argparse.Namespace) -> int:
     write_text(folder / "plan.json", json.dumps(content, indent=1) + "\n")
     write_text(folder / "plan.md", "```text\n" + findings_text(found) + "```\n")
     print(json.dumps(content, indent=1) if args.json else findings_text(found) + f"\nResults: {folder}")
+    return 0 if content["holds"] else 1
+
+
+def _population(args: argparse.Namespace) -> int:
+    """Fit tables of known populations, weight their draws, and count; 1 where intervals do not hold."""
+    _checked(args, 50)
+    from fitball.report.form.atomic_write import write_text
+    from fitball.report.form.csv import csv_text
+    from fitball.report.form.text_table import columns
+    from fitball.studies.population.coverage import run_populations
+    from fitball.studies.population.findings import coverages, findings_json, findings_text
+    from fitball.studies.population.joint import against_joint_fit
+
+    folder = Path(args.out) if args.out else DEFAULT_FOLDER / "population"
+    workers = engine(args.cores, args.scheduler)
+    sets = max(1, args.replicates // 10)
+    joint = against_joint_fit(args.seed, sets, Counter("joint fits", sets, args.quiet, "sets of ten tables"))
+    counter = Counter("populations", args.replicates, args.quiet, "populations")
+    rows = run_populations(args.seed, args.replicates, folder / "populations.csv", workers, counter)
+    content = findings_json(rows, joint, args.seed)
+    write_text(folder / "joint.csv", csv_text(joint))
+    found = coverages(rows)
+    write_text(folder / "coverage.csv", csv_text(one.row() for one in found))
+    write_text(folder / "population.json", json.dumps(content, indent=1) + "\n")
+    if args.json:
+        print(json.dumps(content, indent=1))
+    else:
+        print("\n".join([*columns(findings_text(found), 3), "", f"Results: {folder}"]))
     return 0 if content["holds"] else 1
 
 

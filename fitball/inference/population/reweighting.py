@@ -17,13 +17,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.special import log_ndtr
+from scipy.special import ndtr
 
 from fitball.inference.population.box import Grid, covering_grid
 from fitball.inference.sampling.importance import K_TRUSTED, smoothed
 from fitball.values import FloatArray
 
-SMOOTH = 0.2
+SMOOTH = 0.3
 # Draws of each table from its weighted ones, from which its quantiles are told.
 DRAWN = 1000
 # The largest spread that is looked at, in sds of its half-normal prior.
@@ -57,10 +57,22 @@ class TableDraws:
     def of(
         cls, name: str, draws: FloatArray, interim: Callable[[FloatArray], FloatArray], efficiency: float = 1.0
     ) -> TableDraws:
-        """From draws (draws,) in the coordinate, not all equal, and the log density of the interim prior there."""
-        centre = draws.mean()
+        """From draws (draws,) in the coordinate, not all equal, and the log density of the interim prior there.
+
+        A normal density over a normal one is normal again, elsewhere and wider: with the slope and the mean curvature
+        of the logarithm of the prior, division by it is exact for normal and for flat priors.
+        """
+        centre, width = draws.mean(), SMOOTH * float(draws.std())
         places = centre + np.sqrt(1.0 - SMOOTH**2) * (draws - centre)
-        return cls(name, places, SMOOTH * float(draws.std()), interim(places), efficiency)
+        left, here, right = (interim(places + step) for step in (-width, 0.0, width))
+        # At a bound there is no slope to be had.
+        inside = np.isfinite(left + right)
+        slope, bend = np.zeros((2, len(places)))
+        slope[inside] = (right[inside] - left[inside]) / (2.0 * width)
+        bend[inside] = (2.0 * here[inside] - left[inside] - right[inside]) / width**2
+        wider = width / np.sqrt(1.0 - float(bend.mean()) * width**2)
+        log_interim = here - 0.5 * (slope * wider) ** 2 - np.log(wider / width)
+        return cls(name, places - wider**2 * slope, wider, log_interim, efficiency)
 
     def take(self, every: int) -> TableDraws:
         """One of so many draws."""
@@ -70,7 +82,7 @@ class TableDraws:
 @dataclass(frozen=True)
 class Before:
     """What is known of a population before any table: the log density of its centre, the sd `spread` of the
-    half-normal prior of its spread, and the ends between which the quantity may lie.
+    half-normal prior of its spread, and the ends between which the quantity may lie, and its centre.
     """
 
     log_centre: Callable[[FloatArray], FloatArray]
@@ -151,16 +163,10 @@ def log_likelihood(table: TableDraws, points: FloatArray) -> FloatArray:
 
 
 def log_mass(points: FloatArray, ends: tuple[float, float]) -> FloatArray:
-    """Log share (points,) of a normal population between the ends; 0 without spread."""
-    if not np.isfinite(ends).any():
-        return np.zeros(len(points))
+    """Log share (points,) of a normal population with its centre between the `ends` that lies there too."""
     with np.errstate(divide="ignore", invalid="ignore"):
         low, high = ((end - points[:, 0]) / points[:, 1] for end in ends)
-    # Counted from the tail that is nearer, where the difference keeps its digits.
-    low, high = np.where(low > 0.0, -high, low), np.where(low > 0.0, -low, high)
-    upper = log_ndtr(high)
-    mass = upper + np.log1p(-np.exp(np.minimum(log_ndtr(low) - upper, -1e-300)))
-    return np.where(points[:, 1] > 0.0, mass, 0.0)
+        return np.where(points[:, 1] > 0.0, np.log(ndtr(high) - ndtr(low)), 0.0)
 
 
 @dataclass(frozen=True)
@@ -195,7 +201,9 @@ def population(tables: Sequence[TableDraws], before: Before) -> Population:
     def log_density(places: FloatArray, every: int) -> FloatArray:
         points = chart.points(places)
         total = before.log_density(points) + chart.log_volume(places)
-        inside = np.isfinite(total)
+        low, high = before.ends
+        inside = np.isfinite(total) & (points[:, 0] >= low) & (points[:, 0] <= high)
+        total[~inside] = -np.inf
         points = points[inside]
         for table in tables:
             total[inside] += log_likelihood(table.take(every), points)
@@ -219,7 +227,7 @@ def population(tables: Sequence[TableDraws], before: Before) -> Population:
         weights = log_weights(table, points)
         weights = np.exp(weights - weights.max(axis=1, keepdims=True))
         weights /= weights.sum(axis=1, keepdims=True)
-        scatter += np.sum((weights.T @ (shares[:, None] * spans)) ** 2, axis=0) / table.efficiency
+        scatter += np.sum(np.einsum("gs,gk->sk", weights, shares[:, None] * spans) ** 2, axis=0) / table.efficiency
         rng = np.random.default_rng([k, DRAWN])
         weighted.append(_given_others(table, points, shares, weights, rng))
     centre, spread = _ends(grid, chart)
@@ -273,7 +281,8 @@ def _given_others(
     table: TableDraws, points: FloatArray, shares: FloatArray, weights: FloatArray, rng: np.random.Generator
 ) -> Weighted:
     """A table given the others, from its weights (points, draws), of each point adding up to one."""
-    own = shares @ weights
+    # Not by a product of matrices: threads of a numerical library cost more here than they save.
+    own = np.einsum("g,gs->s", shares, weights)
     _smooth, pareto_k = smoothed(np.log(np.maximum(own, 1e-300)), table.efficiency)
     which = rng.choice(len(points), DRAWN, p=shares)
     upto = np.cumsum(weights, axis=1)

@@ -31,6 +31,8 @@ LEGEND = (
 
 # Sd that a finite number of draws gives a mean, as a share of the 95 % interval, above which that is told.
 MOST_ERROR = 0.1
+# Tables that are practical to fit together.
+MOST_JOINT = 12
 
 
 @dataclass(frozen=True)
@@ -195,6 +197,6 @@ def doubts(populated: Populated) -> list[str]:
             f"{len(found.doubtful)} {few} ({_some(found.doubtful)}), nor what the others say of {each}: few draws "
             "there meet the population."
         )
-    if said and len(populated.quantity.parts) == 1:
-        said[-1] += f" Few tables can be fitted together instead: fitball calibrate TABLES --pool {name}=table."
+    if said and len(populated.quantity.parts) == 1 and len(found.tables) <= MOST_JOINT:
+        said[-1] += f" So few tables can be fitted together instead: fitball calibrate TABLES --pool {name}=table."
     return said
