@@ -132,6 +132,17 @@ def test_both_estimators_find_the_closed_form(linear, names, speeds):
     assert checked.nats == pytest.approx(exact, abs=4.0 * checked.se)
 
 
+def test_draws_are_moved_onto_the_target(linear, monkeypatch):
+    """With half of all draws around each target nothing but their being moved onto it makes this exact."""
+    monkeypatch.setattr(nested, "OUTER", 400)
+    monkeypatch.setattr(nested, "NEAR", 2000)
+    target, planned = of_parameters(linear.problem, ("cor_slope",)), dropped(linear, 4.0, 15.0, 16.0)
+    design = np.array([[speed, speed * (speed - 10.0)] for speed in (4.0, 15.0, 16.0)]) / SIGMA
+    exact = entropy_gain(np.cov(linear.coordinates, rowvar=False), np.array([[0.0, 1.0]]), design)
+    checked = nested_gain(linear, [Planned(planned, as_before(linear.problem))], target, np.random.default_rng(5))
+    assert exact > 0.6 and checked.nats == pytest.approx(exact, abs=3.0 * checked.se)
+
+
 def test_what_cannot_tell_is_worth_nothing(linear):
     """A drop at the speed at which the line is anchored says nothing of its slope; the noise is far too large."""
     free = Knowledge(
@@ -232,14 +243,14 @@ def sprung():
     return Knowledge(problem, draws)
 
 
-def expected_sd(known, sd, misfit):
-    """Of ln k_y after five records, those of the bundled drops."""
+def expected_sd(known, sd, misfit, name="k_y"):
+    """Of the logarithm of a parameter after five records, those of the bundled drops."""
     plated = with_plate(known, sd, np.random.default_rng(1))
     draws = plated.some(20)
     draws[:, -1] = np.log(misfit)
     at = dropped(plated, 4.0, 6.0, 8.0, 10.0, 12.0)
     rows = plate_rows(at, draws, np.ones((20, 5), dtype=bool), plated.root)
-    left = nothing_measured(of_parameters(plated.problem, ("k_y",)).gradients(draws) @ plated.root)
+    left = nothing_measured(of_parameters(plated.problem, (name,)).gradients(draws) @ plated.root)
     for k in range(5):
         left = left.after(rows[:, k])
     return float(np.median(left.sds))
@@ -249,6 +260,8 @@ def test_a_force_plate_tells_stiffness_as_records_did(sprung):
     """Noise and misfit as in the fit of the bundled records, whose k_y was known within 0.51 % (fits/readme)."""
     numbers = json.loads((ROOT / "fits" / "readme" / "numbers.json").read_text(encoding="utf-8"))["stiffness"]["drop"]
     assert expected_sd(sprung, 4.2, 0.02) == pytest.approx(numbers["sd"] / numbers["median"], rel=0.35)
+    # The same fit knew its misfit within 13 %.
+    assert expected_sd(sprung, 4.2, 0.02, "force_misfit") == pytest.approx(0.13, rel=0.35)
     assert expected_sd(sprung, 1e7, 0.02) == pytest.approx(0.3, rel=0.03)
     assert expected_sd(sprung, 4.2, 0.2) > 3.0 * expected_sd(sprung, 4.2, 0.02)
 
@@ -311,6 +324,19 @@ def test_an_uncertain_incident_state_adds_its_scatter(known, brief):
     found = covariances(made, sensor, none, made.solved)[0, 0]
     # Errors of this size are those of a typical impact: its speed, direction and spin.
     assert planned.incident is not None
+    # They are as large in speed and direction for every impact, whatever its speed.
+    along = np.array([28.8, 8.3]) / np.hypot(28.8, 8.3)
+    turned = planned.incident.covariance[0][:2, :2]
+    known_sds = []
+    for v_x, v_y in zip(problem.impacts.v_x1, problem.impacts.v_y1, strict=True):
+        ahead = np.array([v_x, v_y]) / np.hypot(v_x, v_y)
+        across = np.array([-ahead[1], ahead[0]])
+        noise = np.diag([0.04, 0.01])
+        known_sds.append([np.sqrt(ahead @ noise @ ahead), np.sqrt(across @ noise @ across) / np.hypot(v_x, v_y)])
+    typical = np.median(known_sds, axis=0)
+    assert along @ turned @ along == pytest.approx(typical[0] ** 2)
+    aside = np.array([-along[1], along[0]])
+    assert aside @ turned @ aside == pytest.approx((typical[1] * np.hypot(28.8, 8.3)) ** 2)
     states = np.random.default_rng(8).multivariate_normal([28.8, 8.3, 0.0], planned.incident.covariance[0], 4000)
     rebound = problem.rebound(problem.to_values(draws), Impacts(*states.T))
     columns = np.stack([column.column.predict(rebound)[0] for column in sensor.columns])

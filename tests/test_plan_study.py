@@ -9,7 +9,9 @@ import pytest
 from scipy.stats import norm
 
 from fitball.cli import validate
+from fitball.errors import FitError
 from fitball.inference.design import nested
+from fitball.inference.design.sensor import PlannedColumn
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.studies.plan import run
 from fitball.studies.plan.cases import CASES, Case
@@ -40,6 +42,20 @@ def test_new_impacts_enter_the_density_beside_those_of_the_table(ready):
         sd = values[column.noise][:, None]
         expected = expected + norm.logpdf(y[:, k], getattr(rebound, column.name), sd).sum(axis=1)
     assert log_posterior(extended(problem, design.impacts, design.sensor, y), at) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_new_column_has_the_sd_of_its_sensor_and_no_column_two_noises(ready):
+    problem, design = ready.known.problem, ready.designs[PLANNED]
+    angle, at = PlannedColumn("theta_2", None, 0.05), ready.known.coordinates[:3]
+    y = np.array([[3.0, 5.0, 100.0, 0.9], [2.0, 6.0, 50.0, 1.1]])
+    sensor = replace(design.sensor, columns=(*design.sensor.columns, angle))
+    rebound = problem.rebound(problem.to_values(at), design.impacts)
+    more = norm.logpdf(y[:, 3], angle.column.predict(rebound), 0.05).sum(axis=1)
+    found = log_posterior(extended(problem, design.impacts, sensor, y), at)
+    assert found - log_posterior(extended(problem, design.impacts, design.sensor, y), at) == pytest.approx(more)
+    better = replace(sensor, columns=tuple(replace(column, share=0.5) for column in design.sensor.columns))
+    with pytest.raises(FitError, match="as the table was"):
+        extended(problem, design.impacts, better, y)
 
 
 def test_refits_narrow_as_promised_and_repeat_bit_for_bit(ready):

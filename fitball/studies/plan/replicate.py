@@ -125,13 +125,18 @@ def _covariance(quantities: FloatArray, weights: FloatArray) -> FloatArray:
 
 
 def extended(problem: Problem, impacts: Impacts, sensor: Sensor, y: FloatArray) -> Problem:
-    """The problem of a table with further impacts, read by a sensor as `y` (impacts, columns)."""
+    """The problem of a table with further impacts, read by a sensor as `y` (impacts, columns). Raises FitError for a
+    sensor that reads a column of the table with another noise.
+    """
     first = len(problem.impacts)
     joined = Impacts(
         np.concatenate([problem.impacts.v_x1, impacts.v_x1]),
         np.concatenate([problem.impacts.v_y1, impacts.v_y1]),
         np.concatenate([problem.impacts.omega_1, impacts.omega_1]),
     )
+    before = {column.name: column for column in as_before(problem).columns}
+    if any(before.get(column.name, column) != column for column in sensor.columns):
+        raise FitError(f"sensor {sensor.name}: columns that the table has can only be read as the table was")
     measured = {column.name: y[:, k] for k, column in enumerate(sensor.columns)}
     observables = [
         replace(
