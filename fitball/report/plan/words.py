@@ -59,6 +59,13 @@ def _sense(spin: float) -> str:
     return "topspin" if spin > 0.0 else "backspin"
 
 
+def nats(gain: float) -> str:
+    """A gain with two decimals, of a small one two digits; a dash where there is none."""
+    if not math.isfinite(gain):
+        return "-"
+    return f"{gain:.2f}" if abs(gain) >= 0.1 else f"{gain:.2g}"
+
+
 def nested_text(nested: NestedGain) -> str:
     """A gain with its standard error, marked where it hangs on too few draws."""
     if not math.isfinite(nested.nats):
@@ -72,7 +79,7 @@ def headline(plan: Plan) -> str:
     times = f", {plan.repeats} times" if plan.repeats > 1 else ""
     by = f" ({first.sensor})" if first.sensor != AS_BEFORE else ""
     text = f"Measure next: {setting_text(first.setting)}{times}{by}. "
-    text += f"It is worth {first.gain:.2f} nats about {plan.target}"
+    text += f"It is worth {nats(first.gain)} nats about {plan.target}"
     if first.sensor == AS_BEFORE and plan.repeats == 1 and math.isfinite(best.nested.nats):
         text += f" ({nested_text(best.nested)} by nested Monte Carlo)"
     return text + "."
@@ -84,8 +91,8 @@ def points(plan: Plan) -> tuple[str, ...]:
     count = len(plan.chosen) * plan.repeats
     if count > 1:
         said.append(
-            f"All {count} impacts below tell {plan.gain:.2f} nats ({_batch_checked(plan.batch)}); "
-            f"as many of the fitted table, measured again, {plan.again:.2f}. {_narrowed(plan, plan.chosen[-1].sds)}"
+            f"All {count} impacts below tell {nats(plan.gain)} nats ({_batch_checked(plan.batch)}); "
+            f"as many of the fitted table, measured again, {nats(plan.again)}. {_narrowed(plan, plan.chosen[-1].sds)}"
         )
     if abs(plan.gain - plan.batch.nats) > max(0.15 * plan.gain, 3.0 * plan.batch.se) and plan.batch.settled:
         said.append(
@@ -155,7 +162,7 @@ def sensor_text(plan: Plan, worth: Worth) -> str:
     if not math.isfinite(worth.batch):
         return f"{what}: most draws of the posterior cannot be evaluated there."
     if worth.best.angle > 1.57 and worth.batch < base.batch and "drop" in worth.sensor:
-        return f"{what}: as many drops tell {worth.batch:.2f} nats, the impacts below {base.batch:.2f}."
+        return f"{what}: as many drops tell {nats(worth.batch)} nats, the impacts below {nats(base.batch)}."
     more = worth.batch - base.batch
     if more < TELLING:
         return f"{what} adds next to nothing to the impacts below ({more:+.2f} nats)."
@@ -194,7 +201,7 @@ def chosen_table(plan: Plan) -> list[list[str]]:
         row += [f"{math.degrees(state.angle):.0f}", f"{state.spin:.0f}"] if along else []
         row += [state.surface] if surfaces else []
         row += [*([str(plan.repeats)] if plan.repeats > 1 else []), *([one.sensor] if plan.by_cost else [])]
-        row += [f"{one.gain:.2f}", *([next(iter(one.regimes), "-")] if along else [])]
+        row += [nats(one.gain), *([next(iter(one.regimes), "-")] if along else [])]
         rows.append([*row, *(sd_text(plan.parts[k], float(one.sds[k])) for k in shown)])
     return rows
 
@@ -217,7 +224,7 @@ def sensors_table(plan: Plan) -> list[list[str]]:
     ]
     for worth in plan.worths:
         row = [worth.sensor, worth.words, *([f"{worth.cost:g}"] if plan.by_cost else [])]
-        rows.append([*row, _nats(worth.gain), nested_text(worth.nested), _nats(worth.batch)])
+        rows.append([*row, nats(worth.gain), nested_text(worth.nested), nats(worth.batch)])
     return rows
 
 
@@ -229,10 +236,6 @@ def parts_table(plan: Plan) -> list[list[str]]:
         after = [plan.sds, plan.again_sds, *(worth.sds for worth in plan.worths)]
         rows.append([part.name, *(sd_text(part, float(sds[k])) for sds in after)])
     return rows
-
-
-def _nats(gain: float) -> str:
-    return f"{gain:.2f}" if math.isfinite(gain) else "-"
 
 
 def surfaces_of(plan: Plan) -> Sequence[str]:
