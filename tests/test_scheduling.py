@@ -8,11 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from door_tasks import elsewhere, slow_to_fast
-from samples import drop_table
+from samples import drop_table, problem_of
 from toy_experiment import Toy
 
 import fitball
 from fitball.errors import FitError, ParameterError
+from fitball.inference.identifiability.profile import profiles
+from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.starts import starting_points
 from fitball.report.form.json_text import json_text
 from fitball.scheduling.engine import engine, in_order
 from fitball.studies.sbc.run import run_replicates
@@ -66,6 +69,20 @@ def test_validation_is_the_same_on_one_core_two_and_a_cluster(cluster, tmp_path)
     for name, workers in engines.items():
         run_replicates(Toy(), 3, 6, tmp_path / name, workers)
     assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes() == (tmp_path / "cluster").read_bytes()
+
+
+def test_profiles_are_the_same_on_one_core_two_a_cluster_and_together(cluster):
+    problem = problem_of("wang_zero_spin.csv", "grip-slip")
+    optima = maximum_posterior(problem, starting_points(problem, np.random.default_rng(1), 2)).optima
+
+    def found(workers):
+        made = profiles(problem, optima, engine=workers)
+        assert set(made.by_name) == set(problem.free_names)
+        return [(one.name, one.values.tobytes(), one.drop.tobytes()) for one in made.by_name.values()]
+
+    together = found(None)
+    for workers in (engine(1), engine(2), engine(scheduler=cluster)):
+        assert found(workers) == together
 
 
 @pytest.mark.parametrize("cores", [0, -1])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -12,6 +11,7 @@ from fitball.inference.identifiability.examine import with_profiles
 from fitball.inference.results.evidence import LEFT_OUT
 from fitball.inference.results.results import Fit
 from fitball.report.figures.names import FIGURES
+from fitball.scheduling.engine import engine
 
 if TYPE_CHECKING:
     from fitball.report.figures.shown import Figure
@@ -77,9 +77,11 @@ def lacks_profiles(fit: Fit) -> bool:
     return not has_profiles(fit) and fit.identifiability.profiles_missing in ("", LEFT_OUT)
 
 
-def profiled(fit: Fit) -> Fit:
-    """The fit with its profiles, computed now where it has none and does not say why."""
+def profiled(fit: Fit, cores: int | None = None, scheduler: str | None = None) -> Fit:
+    """The fit with its profiles, computed now where it has none and does not say why, by so many processes (default:
+    all cores) or on the Dask cluster whose `scheduler` is at that address.
+    """
     if not lacks_profiles(fit):
         return fit
-    shared = replace(fit.problem, threads=os.cpu_count() or 1)
-    return replace(fit, identifiability=with_profiles(shared, fit.point, fit.identifiability))
+    workers = engine(cores, scheduler)
+    return replace(fit, identifiability=with_profiles(fit.problem, fit.point, fit.identifiability, workers))

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from fitball.cli.options import add_verb
+from fitball.cli.options import add_scheduler, add_verb, count
 from fitball.errors import ParameterError, ResultFolderError, suggestion
 from fitball.report.figures.names import FIGURES
 
@@ -38,6 +38,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("kind", metavar="KIND", help=f"{', '.join(FIGURES)} or all")
     parser.add_argument("--format", default="png", metavar="FORMAT", help="png (default), svg or pdf")
     parser.add_argument("--out", metavar="DIR", help="folder to write to (default: beside fit.json)")
+    parser.add_argument("--cores", type=count, metavar="N", help="processes that compute profiles (default: all)")
+    add_scheduler(parser)
     parser.add_argument("--quiet", action="store_true", help="no notes: only errors and files")
 
 
@@ -49,13 +51,14 @@ def run(args: argparse.Namespace) -> int:
     if args.format not in FORMATS:
         raise ParameterError(f"unknown format '{args.format}': {suggestion(args.format, FORMATS)}")
     from fitball.api import load_fit
-    from fitball.api.plotting import lacks_profiles
+    from fitball.api.plotting import Plots, lacks_profiles, profiled
     from fitball.report.figures.save import save_figure
 
     path = Path(args.fit)
     fit = load_fit(path)
     if args.kind == "profiles" and not args.quiet and lacks_profiles(fit.result):
         print("note: the file holds no profiles: computing them", file=sys.stderr)
+    shown = profiled(fit.result, args.cores, args.scheduler) if args.kind == "profiles" else fit.result
     kinds = [args.kind] if args.kind != "all" else list(fit.plot)
     left_out = [name for name in FIGURES if args.kind == "all" and name not in (*kinds, "force")]
     if left_out and not args.quiet:
@@ -67,6 +70,6 @@ def run(args: argparse.Namespace) -> int:
         raise ResultFolderError(f"{folder}: cannot be made: {error.strerror}; name another with --out") from None
     for name in kinds:
         place = folder / f"{name}.{args.format}"
-        save_figure(fit.plot(name), place, args.format)
+        save_figure(Plots(lambda: shown)(name), place, args.format)
         print(place)
     return 0

@@ -3,5 +3,5 @@ scaling; and the verdict.
 
 Offers: `examine`.
 May import: inference.sampling, inference.point, inference.likelihood, inference.results, inference.problem, models,
-data.
+data, scheduling.
 """

@@ -25,6 +25,7 @@ from fitball.inference.results.evidence import (
     Profiles,
 )
 from fitball.inference.results.results import PointFit, Posterior, Verdict, thinned
+from fitball.scheduling.engine import Engine
 from fitball.values import FloatArray
 
 # Rows up to which profiles are made unasked: ten seconds or so.
@@ -38,29 +39,36 @@ def profile_all(
     point: PointFit,
     optima: Sequence[Mapping[str, float]],
     report: Callable[[str], None] = lambda _stage: None,
-    *,
-    large: bool = False,
+    engine: Engine | None = None,
 ) -> tuple[Profiles, Profiles]:
     """Profiles of all free parameters, and, without the scene's contact time, of those that it touches; the search
-    begins at `optima`, each all parameters by name in SI. Tables of many rows are left out unless `large`.
+    begins at `optima`, each all parameters by name in SI. Tables of many rows are left out unless there is an
+    `engine`, which runs a task for each parameter.
     """
     problem = noise_held(problem, point.values)
-    if len(problem.impacts) > PROFILED and not large:
+    if len(problem.impacts) > PROFILED and engine is None:
         nothing = Profiles(point.log_likelihood, problem.contact_time is not None, {}, LEFT_OUT)
         return nothing, nothing
-    whole = profiles(problem, optima, report=lambda stage: report(f"profiles {stage}"))
+    whole = profiles(problem, optima, report=lambda stage: report(f"profiles {stage}"), engine=engine)
     touched = touched_by_scene(problem, information_evidence(problem, _coordinates(problem, point)))
     if not touched or whole.missing:
         return whole, Profiles(whole.log_likelihood, False, {}, whole.missing)
     alone = profiles(
-        problem, optima, names=touched, scene=False, report=lambda stage: report(f"profiles without scene {stage}")
+        problem,
+        optima,
+        names=touched,
+        scene=False,
+        report=lambda stage: report(f"profiles without scene {stage}"),
+        engine=engine,
     )
     return whole, alone
 
 
-def with_profiles(problem: Problem, point: PointFit, identifiability: Identifiability) -> Identifiability:
-    """The same evidence with profiles computed now; verdicts stay as they were."""
-    whole, alone = profile_all(problem, point, point.optima, large=True)
+def with_profiles(
+    problem: Problem, point: PointFit, identifiability: Identifiability, engine: Engine
+) -> Identifiability:
+    """The same evidence with profiles computed now by `engine`; verdicts stay as they were."""
+    whole, alone = profile_all(problem, point, point.optima, engine=engine)
     evidence = {
         name: replace(seen, profile=whole.by_name.get(name), alone=alone.by_name.get(name))
         for name, seen in identifiability.evidence.items()
