@@ -208,10 +208,11 @@ def _plan(args: argparse.Namespace) -> int:
         if name not in CASES:
             raise ParameterError(f"--cases {args.cases}: unknown case '{name}': {suggestion(name, CASES)}")
     folder = Path(args.out) if args.out else DEFAULT_FOLDER / "plan"
+    workers = engine(args.cores, args.scheduler)
     found = []
     for name in dict.fromkeys(names):
         counter = Counter(name, args.replicates, args.quiet, "refits")
-        found.append(run_case(name, args.seed, args.replicates, folder / f"{name}.csv", counter))
+        found.append(run_case(name, args.seed, args.replicates, folder / f"{name}.csv", workers, counter))
     content = findings_json(found, args.seed)
     write_text(folder / "gains.csv", csv_text(gain_rows(found)))
     write_text(folder / "sds.csv", csv_text(sd_rows(found)))

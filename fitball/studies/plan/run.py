@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from fitball.report.form.growing_csv import GrowingCsv
+from fitball.scheduling.engine import Engine, in_order
 from fitball.studies.plan.cases import CASES
 from fitball.studies.plan.findings import Finding, finding
 from fitball.studies.plan.replicate import Narrowed, Ready, prepared, replicate
@@ -15,7 +17,12 @@ from fitball.version import __version__
 
 
 def run_case(
-    name: str, seed: int, replicates: int, path: Path, report: Callable[[int], None] = lambda _done: None
+    name: str,
+    seed: int,
+    replicates: int,
+    path: Path,
+    engine: Engine,
+    report: Callable[[int], None] = lambda _done: None,
 ) -> Finding:
     """Replicates 0 to `replicates` - 1 of the case called `name`, those that `path` holds read and the others made
     and appended to it; `report` is told how many are done. Raises ResultFolderError.
@@ -24,8 +31,8 @@ def run_case(
     kept = _file(ready, name, seed, path)
     done = kept.open()
     report(min(done, replicates))
-    for number in range(done, replicates):
-        made = replicate(ready, seed, number)
+    numbers = range(done, replicates)
+    for number, made in zip(numbers, in_order(engine, partial(replicate, ready, seed), numbers), strict=True):
         cells: list[str] = []
         for design in ready.designs:
             cells += _cells(made[design], len(ready.plan.parts))
