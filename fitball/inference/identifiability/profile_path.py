@@ -131,8 +131,8 @@ def free_searches(objective: Surface, x: FloatArray, scene: bool) -> Searches:
 def best_top(objective: Surface, starts: FloatArray, scene: bool) -> tuple[Top, FloatArray]:
     """The highest maximum reached from `starts` (rows, columns), and the other ones that may matter."""
     given = free_searches(objective, starts, scene)
-    # A profile followed down to DEPTH cannot meet an optimum that lies below that.
-    reached = descend(objective, given, rivals=DEPTH)
+    # A profile followed down to DEPTH cannot meet an optimum that lies below that; twice as deep, lest one is missed.
+    reached = descend(objective, given, rivals=2.0 * DEPTH)
     order = np.argsort(reached.cost, kind="stable")
     best = int(order[0])
     others: list[int] = []

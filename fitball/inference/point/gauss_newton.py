@@ -90,11 +90,13 @@ def descend(
         lower = objective.cost(trial, searches.given.take(tried))
         better = lower < cost[tried]
         moved, refused = tried[better], tried[~better]
-        promising = lower[better] - PATIENCE * (cost[moved] - lower[better])
+        gained = cost[moved] - lower[better]
         if goal is not None:
-            running[moved] = promising < goal[moved]
+            running[moved] = lower[better] - PATIENCE * gained < goal[moved]
         elif round_ >= UNHURRIED and settled.any():
-            running[moved] = promising < cost[settled].min() + rivals
+            # At this pace it would not get there in the rounds that are left.
+            reached = lower[better] - (MOST_ROUNDS - round_) * gained
+            running[moved] = reached < cost[settled].min() + rivals
         x[moved], cost[moved] = trial[better], lower[better]
         stale[moved] = True
         damping[moved] = np.maximum(damping[moved] / 10.0, 1e-6)

@@ -1,0 +1,59 @@
+"""What is left undone because nothing of it is asked for leaves the rest as it was, to the bit."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from samples import problem_of
+
+from fitball.errors import FitError
+from fitball.inference.point import least_squares as least_squares_module
+from fitball.inference.point.gauss_newton import Searches, descend
+from fitball.inference.point.general_surface import surface_of
+from fitball.inference.point.least_squares import deeper
+from fitball.inference.point.starts import starting_points
+from fitball.inference.results.results import LeastSquares
+from fitball.inference.sampling import prior_draws as prior_draws_module
+from fitball.inference.sampling.prior_draws import prior_draws
+
+RIVALS = 12.0
+
+
+@pytest.fixture(scope="module")
+def wang():
+    return problem_of("wang_all.csv")
+
+
+def test_searches_that_creep_far_above_the_best_are_given_up(wang):
+    """Twenty-one starts of Wang's table: some end in minima that lie far above, after sixty rounds."""
+    surface = surface_of(wang)
+    x = surface.from_values(starting_points(wang, np.random.default_rng(1), 16))
+    begun = Searches(x, np.full(len(x), -1), surface.free(x))
+    whole, near = descend(surface, begun), descend(surface, begun, rivals=RIVALS)
+    kept = whole.settled & (whole.cost < whole.cost.min() + RIVALS)
+    assert kept.any()
+    np.testing.assert_array_equal(near.x[kept], whole.x[kept])
+    np.testing.assert_array_equal(near.settled[kept], True)
+    given_up = np.any(near.x != whole.x, axis=1)
+    assert given_up.any()
+    assert (whole.cost[given_up] > whole.cost.min() + RIVALS).all()
+
+
+def test_prior_draws_do_not_depend_on_the_parts_they_are_looked_at_in(wang, monkeypatch):
+    few = prior_draws(wang, np.random.default_rng(3), 60, 400)
+    monkeypatch.setattr(prior_draws_module, "PART", 37)
+    np.testing.assert_array_equal(prior_draws(wang, np.random.default_rng(3), 60, 400), few)
+
+
+def test_a_start_that_leads_nowhere_leaves_the_known_minimum(monkeypatch):
+    """Starts of another model's fit may be such that this one can evaluate nothing about them."""
+
+    def nowhere(problem, starts):
+        raise FitError("no parameters the model can evaluate")
+
+    known = LeastSquares({}, {}, {}, 1.0, 1, {}, 1, (), (), 1)
+    monkeypatch.setattr(least_squares_module, "least_squares", nowhere)
+    problem = type("Posed", (), {"free_names": ("mu",)})
+    assert deeper(problem, known, [{"mu": math.nan}]) is known
