@@ -360,6 +360,17 @@ def _densities() -> str:
     return "\n".join(rows)
 
 
+def _tables() -> str:
+    """Many tables: time of a table, memory, and how these change as a batch goes on."""
+    frame = _benched("tables")
+    rows = [f"| {' | '.join(frame.columns)} |", "|" + "---|" * len(frame.columns)]
+    for row in frame.itertuples(index=False):
+        cores, size, tables, wall, each, parent, worker = row
+        worked = "-" if math.isnan(worker) else f"{worker:.0f}"
+        rows.append(f"| {cores} | {size} | {tables} | {wall:.0f} | {each:.2f} | {parent:.0f} | {worked} |")
+    return "\n".join(rows)
+
+
 def _samplers() -> str:
     """Draws a second by sampler and table; densities a draw over the tables."""
     frame = _benched("samplers")
@@ -411,6 +422,7 @@ def blocks() -> dict[str, str]:
         "speed-line": _speed_line(),
         "densities": _densities(),
         "samplers": _samplers(),
+        "tables": _tables(),
         "thesis": _thesis(numbers),
         "priors": _priors(),
     }

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import json
 import math
+import re
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from fitball.batch.run import Going
 from fitball.cli.main import main
+from fitball.data.read import load_table
 from fitball.inference.likelihood.posterior import log_posterior
-from fitball.studies.bench import clock, measure, page, ratios, samplers, sampling
+from fitball.studies.bench import clock, many_tables, measure, page, ratios, samplers, sampling
 from fitball.studies.bench.adaptive_steps import adaptive
 from fitball.studies.bench.clock import Pace, by_turns
 from fitball.studies.bench.costs import batch_costs
@@ -222,6 +228,49 @@ class Asked:
     evaluations = 2000
 
 
+def test_batches_of_tables_are_watched_as_they_go_on(capsys):
+    """CPU a table is that since the look before: a table that costs more and more is seen."""
+    seen = iter([many_tables.Family(30.0, 200.0, 300.0), many_tables.Family(110.0, 210.0, 300.0)])
+    watch = many_tables.Watch(2, lambda: next(seen))
+    for done in range(15):
+        watch(Going(done, 14, 0, 0))
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert [(line[0], line[2], *line[4:]) for line in lines] == [
+        ("2", "10", "3.0", "200.0", "300.0"), ("2", "14", "20.0", "210.0", "300.0"),
+    ]  # fmt: skip
+
+
+def test_many_tables_are_fitted_in_a_process_of_its_own(monkeypatch):
+    asked = []
+
+    def fresh(code, **environment):
+        folder = Path(re.search(r"calibrate_many\('(.*?)'", code).group(1))
+        asked.append([load_table(place) for place in sorted(folder.iterdir())])
+        return clock.Told(
+            ["2", "20", "10", "60.5", "2.5", "210", "nan", "2", "20", "12", "70", "2", "210", "300"], 1.0, 1.0
+        )
+
+    monkeypatch.setattr(many_tables, "fresh_process", fresh)
+    frame = many_tables.many_costs(3, 2)
+    assert list(frame["tables"]) == [10, 12]
+    assert frame["worker [MB]"].isna().tolist() == [True, False]
+    (tables,) = asked
+    assert [len(table) for table in tables] == [many_tables.ROWS] * 3
+    assert len({table.digest for table in tables}) == 3
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="this system does not tell")
+def test_processes_that_were_started_count():
+    code = "import time; time.sleep(0 * sum(range(10**6))); print(flush=True); input()"
+    alone = many_tables.running()
+    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
+        child.stdout.readline()
+        both = many_tables.running()
+        child.communicate(b"\n")
+    assert 3.0 < both.worker < both.parent
+    assert both.seconds >= alone.seconds + 0.01
+
+
 def bench_of(precision, densities, missing):
     kinds = pd.DataFrame([{"call": "x", "microseconds an impact": 1.5}])
     sampled = [
@@ -232,7 +281,7 @@ def bench_of(precision, densities, missing):
         "ratios": pd.DataFrame({WORK: ["a", "b"], "yardstick": "y", RATIO: [2.0, 3.0]}),
         "precision": precision,
         "densities": densities,
-        "samplers": pd.DataFrame(sampled), "batches": kinds, "growth": kinds, "processes": kinds,
+        "samplers": pd.DataFrame(sampled), "batches": kinds, "growth": kinds, "processes": kinds, "tables": kinds,
     }  # fmt: skip
     return Bench(frames, "a machine", missing)
 

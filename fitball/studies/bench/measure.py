@@ -17,6 +17,7 @@ from fitball.scheduling.engine import engine
 from fitball.studies.bench.clock import Pace
 from fitball.studies.bench.costs import batch_costs, growth_costs, process_costs
 from fitball.studies.bench.densities import density_costs
+from fitball.studies.bench.many_tables import many_costs
 from fitball.studies.bench.precision import work_precision
 from fitball.studies.bench.ratios import ratios
 from fitball.studies.bench.sampling import missing, sampling_costs
@@ -27,17 +28,18 @@ from fitball.studies.bench.tables import problems
 @dataclass(frozen=True)
 class Extent:
     """How much is measured: the pace of short work, CPU seconds of each rival sampler on each table, impacts in the
-    largest batch, rows of the largest table.
+    largest batch, rows of the largest table, and batches of tables with the cores that each has.
     """
 
     pace: Pace
     sampling: float
     batch: int
     rows: int
+    many: tuple[tuple[int, int], ...]
 
 
-FULL = Extent(Pace(7, 2e-3), 15.0, 100_000, 8000)
-QUICK = Extent(Pace(3, 1e-3), 2.0, 20_000, 2100)
+FULL = Extent(Pace(7, 2e-3), 15.0, 100_000, 8000, ((200, 1), (1000, 2)))
+QUICK = Extent(Pace(3, 1e-3), 2.0, 20_000, 2100, ((10, 1),))
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class Bench:
 
 
 def measure(extent: Extent, cores: int, report: Callable[[str], None]) -> Bench:
-    """Measure everything; some minutes in full, most of them for rival samplers."""
+    """Measure everything; in full an hour or so, most of it for many tables and for rival samplers."""
     pace = extent.pace
     report("ratios")
     frames = {"ratios": ratios(pace)}
@@ -63,6 +65,8 @@ def measure(extent: Extent, cores: int, report: Callable[[str], None]) -> Bench:
     frames["batches"] = batch_costs(extent.batch, pace)
     frames["growth"] = growth_costs(extent.rows, pace)
     frames["processes"] = process_costs(extent is FULL)
+    report("many tables")
+    frames["tables"] = pd.concat([many_costs(count, on) for count, on in extent.many], ignore_index=True)
     frames["samplers"] = sampling_costs(extent.sampling, frames["densities"], report)
     return Bench(frames, machine(), tuple(missing()))
 
