@@ -22,6 +22,7 @@ import fitball
 from fitball.data.columns import HEIGHTS, LABELS, MEASURED
 from fitball.data.scene_file import KEYS
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
+from fitball.inference import weigh
 from fitball.inference.adequacy import describe
 from fitball.inference.assumptions import importance_posterior
 from fitball.inference.assumptions import look as assumptions_look
@@ -69,6 +70,8 @@ DECIDING = {
     "share of independence proposals": moves.INDEPENDENT,
     "drop of a 68 % profile interval": profile.DROP_68,
     "drop of a 95 % profile interval": round(profile.DROP_95, 2),
+    "rows beyond which draws are weighed": weigh.WEIGHED,
+    "effective draws that a weighed draw is worth, at least": weigh.LEAST_WORTH,
     "rows profiled unasked": PROFILED,
     "contraction that is next to nothing": identifiability.NEGLIGIBLE,
     "contraction without the scene that is not enough": identifiability.NOT_ALONE,

@@ -142,6 +142,7 @@ def diagnose(sampled: Sampled, effort: Effort) -> Diagnostics:
         converged=sampled.converged,
         complaints=tuple(complaints),
         target_ess=effort.ess,
+        pareto_k=sampled.pareto_k,
     )
 
 

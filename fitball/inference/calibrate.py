@@ -25,6 +25,7 @@ from fitball.inference.sampling.ensembles import Progress, Sampled, Settings, sa
 from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.inference.sampling.stragglers import left_behind_words
 from fitball.inference.second_search import search_again
+from fitball.inference.weigh import WEIGHED, weigh
 from fitball.version import __version__
 
 # Is told the stage and, while sampling, the progress.
@@ -136,14 +137,15 @@ def draw(
     shared = replace(problem, threads=settings.cores)
     with watch.stage("sampling"):
         optima = np.array([[optimum[name] for name in problem.free_names] for optimum in point.optima])
-        sampled = sample(
-            shared,
-            problem.to_coordinates(optima),
-            settings,
-            chain_file,
-            resume,
-            lambda progress: report("sampling", progress),
-        )
+        optima, sampled = problem.to_coordinates(optima), None
+        said: tuple[str, ...] = ()
+        if weighs(problem, effort):
+            sampled, words = weigh(shared, optima, settings, lambda progress: report("sampling", progress))
+            said = (words,)
+        if sampled is None:
+            sampled = sample(
+                shared, optima, settings, chain_file, resume, lambda progress: report("sampling", progress)
+            )
     report("diagnosis", None)
     with watch.stage("diagnosis"):
         shape = sampled.kept.shape
@@ -153,8 +155,13 @@ def draw(
             sampled.log_posterior[:, sampled.first :],
             prior_draws(problem, _generator(effort, 1)),
         )
-        squares, point, said = search_again(shared, squares, point, sampled)
-    return Drawn(squares, point, sampled, posterior, (*left_behind_words(sampled.moved), *said))
+        squares, point, found = search_again(shared, squares, point, sampled)
+    return Drawn(squares, point, sampled, posterior, (*said, *left_behind_words(sampled.moved), *found))
+
+
+def weighs(problem: Problem, effort: Effort) -> bool:
+    """Whether the draws of a posterior are weighed; a number of `walkers` that is asked for asks for ensembles."""
+    return len(problem.impacts) > WEIGHED and effort.walkers is None
 
 
 def _generator(effort: Effort, stage: int) -> np.random.Generator:

@@ -24,6 +24,8 @@ from fitball.values import FloatArray
 ROUND, ROUNDS = 500, 16
 # Effective draws that end the rounds, and those below which nothing is said.
 ENOUGH, LEAST = 400.0, 100.0
+# Optima of a fit about which its posterior is drawn.
+DRAWN_ABOUT = 2
 # Effective draws a parameter from which the next proposal is fitted; where there are fewer the weights are flattened.
 SPANNING = 5.0
 FLATTER, FLATTEST = 0.8, 0.05
@@ -73,7 +75,7 @@ def importance_posterior(
     """Weighted draws of the posterior, worth `enough` independent ones if so many can be had, begun about each of its
     `optima` (optima, free), in coordinates, and with the proposals `beside` these.
     """
-    fitted = [*beside, *(_about(problem, optimum) for optimum in optima)]
+    fitted = [*beside, *(about(problem, optimum) for optimum in optima)]
     proposals: list[tuple[int, StudentProposal]] = []
     coordinates, score = np.empty((0, problem.dimension)), np.empty(0)
     # Log densities (proposals, draws): those of a round's draws and proposals join those of the rounds before.
@@ -99,7 +101,7 @@ def importance_posterior(
         effective = float(1.0 / np.sum(np.exp(2.0 * log_weights)))
         if effective >= enough:
             break
-        following = _fitted(coordinates, log_weights)
+        following = fitted_to(coordinates, log_weights)
         fitted = fitted if following is None else [following]
     possible = np.isfinite(log_weights)
     return WeightedDraws(problem.to_values(coordinates[possible]), log_weights[possible], effective)
@@ -111,7 +113,7 @@ def _log_densities(proposals: Sequence[tuple[int, StudentProposal]], coordinates
     return np.array(rows).reshape(len(proposals), len(coordinates))
 
 
-def _about(problem: Problem, optimum: FloatArray) -> StudentProposal:
+def about(problem: Problem, optimum: FloatArray) -> StudentProposal:
     """The proposal by the information of table and priors at an optimum (free,)."""
     information = np.nan_to_num(fisher_information(problem, optimum, scene=True))
     width = problem.prior.width * prior_sds(problem)
@@ -119,7 +121,7 @@ def _about(problem: Problem, optimum: FloatArray) -> StudentProposal:
     return StudentProposal(optimum, np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
 
 
-def _fitted(coordinates: FloatArray, log_weights: FloatArray) -> StudentProposal | None:
+def fitted_to(coordinates: FloatArray, log_weights: FloatArray) -> StudentProposal | None:
     """The proposal fitted to weighted draws (draws, free); None where they do not span the space."""
     needed, power = SPANNING * coordinates.shape[1], 1.0
     while True:

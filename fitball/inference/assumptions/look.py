@@ -8,7 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.inference.assumptions.alternatives import Change, alternatives
-from fitball.inference.assumptions.importance_posterior import WeightedDraws, equal_draws, importance_posterior
+from fitball.inference.assumptions.importance_posterior import (
+    DRAWN_ABOUT,
+    WeightedDraws,
+    equal_draws,
+    importance_posterior,
+)
 from fitball.inference.likelihood.posterior import pointwise
 from fitball.inference.likelihood.residuals import Weighting, default_noise
 from fitball.inference.point.lmfit_minimiser import Minimiser, minima
@@ -28,8 +33,8 @@ ROWS, DIMENSIONS = 100, 16
 # Draws of the fit's own posterior that are scored.
 OWN_DRAWS = 2000
 # Optima of the fit from which each alternative is searched, with these quantiles of the priors of parameters that
-# only the alternative has; and how many of its own optima it is drawn about.
-FOLLOWED, NEW_STARTS, DRAWN_ABOUT = 2, (0.16, 0.5, 0.84), 2
+# only the alternative has.
+FOLLOWED, NEW_STARTS = 2, (0.16, 0.5, 0.84)
 # Coordinates at which it is seen whether a choice acts at all.
 PROBES = 20
 # Share of draws that must give a quantity for it to be compared.

@@ -23,6 +23,9 @@ Sizes = Mapping[str, FloatArray] | Mapping[str, float]
 LOG_TAU = math.log(2.0 * math.pi)
 # Points of the prior's range among which the best scale or shape is looked for.
 GRID = 401
+# Deviations that know their scale better than such a grid; finer grids then follow, of so many points, so often.
+SHARP = 3000
+ZOOMED, ZOOMS = 21, 6
 # Step of differences, in standard deviations: their errors, curvature and rounding, are some 1e-10 of a slope.
 DIFFERENCE = 1e-5
 # Draws that tell a quantile.
@@ -74,7 +77,7 @@ class NoiseKind(ABC):
         def score(scale: FloatArray) -> FloatArray:
             return np.array([self.log_density(gaps / s, sizes).sum() - gaps.size * np.log(s) for s in scale])
 
-        return peak(prior, GRID, score)
+        return peak(prior, GRID, score, sharp=gaps.size > SHARP)
 
     def best_shape(self, priors: Mapping[str, Prior], z: FloatArray, sizes: Mapping[str, float]) -> dict[str, float]:
         """Its own parameters, of those with one of `priors` the values at which `z` (impacts,) is most probable, one
@@ -86,7 +89,7 @@ class NoiseKind(ABC):
             def score(values: FloatArray, name: str = name) -> FloatArray:
                 return np.array([self.log_density(z, {**best, name: value}).sum() for value in values])
 
-            best[name] = peak(priors[name], GRID, score)
+            best[name] = peak(priors[name], GRID, score, sharp=z.size > SHARP)
         return best
 
 
@@ -123,7 +126,10 @@ class NormalNoise(NoiseKind):
         """See `NoiseKind`."""
         square = float(np.sum(gaps**2))
         return peak(
-            prior, 10 * GRID - 9, lambda scale: np.asarray(-0.5 * square / scale**2 - gaps.size * np.log(scale))
+            prior,
+            10 * GRID - 9,
+            lambda scale: np.asarray(-0.5 * square / scale**2 - gaps.size * np.log(scale)),
+            sharp=gaps.size > SHARP,
         )
 
 
@@ -194,9 +200,14 @@ def noise_with(names: Collection[str]) -> NoiseKind:
     return next(own, NORMAL)
 
 
-def peak(prior: Prior, count: int, score: Callable[[FloatArray], FloatArray]) -> float:
-    """The value on an even grid of the prior's coordinate at which prior and `score` together are highest."""
+def peak(prior: Prior, count: int, score: Callable[[FloatArray], FloatArray], *, sharp: bool = False) -> float:
+    """The value on an even grid of the prior's coordinate at which prior and `score` together are highest; where that
+    is a `sharp` peak, on ever finer grids of few points.
+    """
     low, high = prior.support
-    grid = np.linspace(low, high, count)
-    values = prior.value(grid)
-    return float(values[np.argmax(score(values) + prior.log_density(grid))])
+    for _ in range(ZOOMS if sharp else 1):
+        grid = np.linspace(low, high, ZOOMED if sharp else count)
+        values = prior.value(grid)
+        best = int(np.argmax(score(values) + prior.log_density(grid)))
+        low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+    return float(values[best])

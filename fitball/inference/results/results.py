@@ -148,7 +148,8 @@ class Posterior:
 @dataclass(frozen=True)
 class Diagnostics:
     """How the sampler did. `warm_up` steps precede those used, of which `kept` were stored: all, or of a long run
-    every second, fourth, ...; `r_hat` is rank-normalised and nested (ensembles over walkers).
+    every second, fourth, ...; `r_hat` is rank-normalised and nested (ensembles over walkers). Where draws
+    were weighed each step is one proposal, and `pareto_k` tells the tail of the weights.
     """
 
     ensembles: int
@@ -168,6 +169,7 @@ class Diagnostics:
     converged: bool
     complaints: tuple[str, ...]
     target_ess: float = TARGET_ESS
+    pareto_k: float | None = None
 
 
 @dataclass(frozen=True)

@@ -89,7 +89,8 @@ class Progress:
 class Sampled:
     """Chains of all ensembles in coordinates, (ensembles, stored, walkers, free): of so many `steps` those that were
     stored, warm-up included. `first` is the place of the first one after the `warm_up` steps; `moved` are the walkers
-    (ensembles, walkers) that went on from a draw of others after it.
+    (ensembles, walkers) that went on from a draw of others after it. Where draws were weighed `pareto_k` tells
+    the tail of their weights.
     """
 
     chains: FloatArray
@@ -101,6 +102,7 @@ class Sampled:
     convergence: Convergence
     converged: bool
     moved: NDArray[np.bool_]
+    pareto_k: float | None = None
 
     @property
     def kept(self) -> FloatArray:

@@ -112,10 +112,12 @@ def _trace(fit: Fit) -> str:
     if diagnostics is None:
         return ""
     worst = max(diagnostics.r_hat, key=lambda name: diagnostics.r_hat[name])
+    chains = diagnostics.ensembles
+    who = f"Walkers of {chains} ensembles" if diagnostics.pareto_k is None else f"{chains} chains of weighed draws"
     state = "agree" if diagnostics.converged else "do not yet agree"
     return (
-        f"Walkers of {diagnostics.ensembles} ensembles over steps {diagnostics.warm_up} to {diagnostics.steps}: "
-        f"the ensembles {state}; the largest R-hat is {diagnostics.max_r_hat:.3f}, of {worst}, "
+        f"{who} over steps {diagnostics.warm_up} to {diagnostics.steps}: they {state}; "
+        f"the largest R-hat is {diagnostics.max_r_hat:.3f}, of {worst}, "
         f"the smallest effective sample size {min(diagnostics.min_ess_bulk, diagnostics.min_ess_tail):.0f}."
     )
 

@@ -24,6 +24,7 @@ from fitball.report.fit.summary import (
     notes,
     parameter_rows,
     prediction_table,
+    sampler_words,
     thesis_rows,
 )
 from fitball.report.form.template import render_template
@@ -94,6 +95,7 @@ def _page(fit: Fit, images: Mapping[str, bytes], command: str | None) -> str:
         sampled=fit.posterior is not None,
         phases=problem.table.has_tangential,
         headline=headline(fit),
+        sampler=None if fit.diagnostics is None else sampler_words(fit.diagnostics),
         contents=[(name, title) for name, title in SECTIONS.items() if not absent.get(name, False)],
         adequacy=adequacy_table(fit),
         adequacy_heads=(NOISE_HEADS, CHECK_HEADS, MISFIT_HEADS),

@@ -8,7 +8,7 @@ from html import escape
 
 from fitball.inference.results.quantiles import SUMMARY
 from fitball.inference.results.results import Estimate, Verdict
-from fitball.report.fit.summary import ParameterRow, parameter_row
+from fitball.report.fit.summary import ParameterRow, parameter_row, sampler_words
 from fitball.report.form.text_table import WIDTH, columns
 from fitball.report.saved.saved_fit import SavedFit
 
@@ -98,7 +98,7 @@ def _statistics(saved: SavedFit) -> dict[str, str]:
     }
     if sampler is not None:
         told |= {
-            "sampler": f"{sampler.ensembles} ensembles of {sampler.walkers} walkers, {sampler.steps} steps",
+            "sampler": sampler_words(sampler),
             "effective sample size": f"{min(sampler.min_ess_bulk, sampler.min_ess_tail):.0f}",
             "R-hat": f"{sampler.max_r_hat:.4f}",
         }

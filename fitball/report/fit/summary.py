@@ -15,6 +15,7 @@ from fitball.report.form.rounding import decimals, fixed, interval, significant
 from fitball.report.form.sentences import listed
 from fitball.report.form.symbols import symbol_html
 from fitball.report.form.text_table import Row
+from fitball.report.saved.fit_file import DiagnosticsPart
 from fitball.values import FloatArray
 from fitball.wording import spoken
 
@@ -236,11 +237,11 @@ def diagnosis_lines(fit: Fit, *, budget: bool = True) -> tuple[str, ...]:
     diagnostics = fit.diagnostics
     if diagnostics is not None:
         lines.append(
-            f"Sampling: {diagnostics.ensembles} ensembles of {diagnostics.walkers} walkers, "
-            f"{diagnostics.steps} steps ({diagnostics.warm_up} of them warm-up{thinning(diagnostics)}), acceptance "
+            f"Sampling: {sampler_words(diagnostics)} "
+            f"({diagnostics.warm_up} of them warm-up{thinning(diagnostics)}), acceptance "
             f"{np.mean(diagnostics.acceptance):.2f}, smallest effective sample size "
             f"{diagnostics.min_ess_bulk:.0f} (bulk), {diagnostics.min_ess_tail:.0f} (tail), "
-            f"largest R-hat {diagnostics.max_r_hat:.4f}."
+            f"largest R-hat {diagnostics.max_r_hat:.4f}{_tail(diagnostics)}."
         )
     if budget:
         lines.append(_budget_line(fit.error_budget))
@@ -257,6 +258,18 @@ def _optima(fit: Fit) -> str:
     """What the search found, in words; nothing where a fit was read back, which does not know."""
     count = len(fit.point.optima)
     return f", {count} optimum{'s' if count != 1 else ''} worth an ensemble" if fit.least_squares.starts else ""
+
+
+def sampler_words(diagnostics: Diagnostics | DiagnosticsPart) -> str:
+    """How often was drawn by whom."""
+    chains, steps = diagnostics.ensembles, diagnostics.steps
+    if diagnostics.pareto_k is not None:
+        return f"{chains} chains of {steps} draws weighed by their density"
+    return f"{chains} ensembles of {diagnostics.walkers} walkers, {steps} steps"
+
+
+def _tail(diagnostics: Diagnostics) -> str:
+    return "" if diagnostics.pareto_k is None else f", Pareto k of the weights {diagnostics.pareto_k:.2f}"
 
 
 def thinning(diagnostics: Diagnostics) -> str:

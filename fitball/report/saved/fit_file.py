@@ -142,7 +142,9 @@ class Scores(Part, frozen=True):
 
 
 class DiagnosticsPart(Part, frozen=True):
-    """How the sampler did; kept is the number of steps after the warm-up whose draws were stored."""
+    """How the sampler did; kept is the number of steps after the warm-up whose draws were stored; pareto_k is
+    that of the weights where draws were weighed by their density.
+    """
 
     ensembles: Counted
     walkers: Counted
@@ -156,6 +158,7 @@ class DiagnosticsPart(Part, frozen=True):
     max_r_hat: float
     converged: bool
     complaints: Texts
+    pareto_k: float | None = None
 
 
 class Budget(Part, frozen=True):

@@ -136,7 +136,8 @@ def _effort(made: MadePart, sampler: SamplerPart | None) -> Effort:
         return effort
     return replace(
         effort,
-        walkers=sampler.walkers,
+        # One walker is no ensemble: draws were weighed, as they would be again.
+        walkers=None if sampler.walkers == 1 else sampler.walkers,
         ensembles=sampler.ensembles,
         max_steps=sampler.max_steps,
         ess=sampler.target_ess,

@@ -1,0 +1,109 @@
+"""Posteriors of long tables: draws weighed by their density on all rows, instead of walkers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from samples import problem_of
+
+from fitball.data.read import load_table
+from fitball.inference import calibrate, weigh
+from fitball.inference.effort import Effort
+from fitball.inference.likelihood.posterior import log_posterior
+from fitball.inference.point.point_fit import point_fit
+from fitball.inference.sampling.moves import StudentProposal
+from fitball.report.fit.html import page
+from fitball.report.saved.fit_text import fit_text
+from fitball.report.saved.run_file import run_text
+from fitball.report.saved.run_record import read_run
+from fitball.report.saved.saved_fit import read_fit
+from fitball.studies.bench.tables import enlarged
+
+HELD = {"e_x": 0.1, "offset": 0.0, "cor_slope": -0.01, "spin_sd": 14.0, "cor_10": 0.75}
+
+
+def long_problem(rows, **choices):
+    return problem_of(enlarged(load_table("wang_all.csv"), rows), model="grip-slip", **choices)
+
+
+@pytest.fixture(scope="module")
+def fits():
+    """The same table of 400 rows, by one thread and by two."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(calibrate, "WEIGHED", 300)
+        return [calibrate.run(long_problem(400), Effort(seed=4, cores=cores)) for cores in (1, 2)]
+
+
+def test_weighed_draws_are_those_of_the_posterior():
+    """Of two parameters the posterior is a sum over a grid; with five rows that of a noise leans far to one side."""
+    problem = long_problem(5, fix=HELD, velocity_noise="tied")
+    assert problem.free_names == ("mu", "velocity_sd")
+    _, point = point_fit(problem, np.random.default_rng(1))
+    optima = problem.to_coordinates(np.array([[point.values[name] for name in problem.free_names]]))
+    sampled, words = weigh.weigh(problem, optima, Effort(ess=4000.0).settings(problem), lambda _progress: None)
+    assert sampled is not None and sampled.converged and "weighed by its density on all 5 rows" in words
+    draws = sampled.kept.reshape(-1, 2)
+    low, high = draws.min(axis=0), draws.max(axis=0)
+    axes = [np.linspace(a - 0.2 * (b - a), b + 0.2 * (b - a), 161) for a, b in zip(low, high, strict=True)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    density = log_posterior(problem, grid.reshape(-1, 2)).reshape(161, 161)
+    density = np.exp(density - density.max())
+    for k in range(2):
+        marginal = density.sum(axis=1 - k) / density.sum()
+        mean = np.sum(marginal * axes[k])
+        sd = np.sqrt(np.sum(marginal * (axes[k] - mean) ** 2))
+        skew = np.sum(marginal * (axes[k] - mean) ** 3) / sd**3
+        z = (draws[:, k] - mean) / sd
+        assert abs(z.mean()) < 0.1 and abs(z.std() - 1.0) < 0.06
+        assert np.mean(z**3) == pytest.approx(skew, abs=0.2)
+    assert skew > 0.3
+
+
+def test_long_tables_are_weighed_and_short_ones_walked(fits):
+    diagnostics = fits[0].diagnostics
+    assert diagnostics is not None and diagnostics.converged and diagnostics.walkers == 1
+    assert diagnostics.pareto_k is not None and diagnostics.pareto_k < 0.7
+    assert diagnostics.evaluations < 20_000
+    assert not calibrate.weighs(long_problem(weigh.WEIGHED), Effort())
+    assert calibrate.weighs(long_problem(weigh.WEIGHED + 1), Effort())
+    assert not calibrate.weighs(long_problem(weigh.WEIGHED + 1), Effort(walkers=40))
+
+
+def test_threads_change_no_draw(fits):
+    one, other = (fit.posterior for fit in fits)
+    np.testing.assert_array_equal(one.values, other.values)
+    np.testing.assert_array_equal(one.log_posterior, other.log_posterior)
+
+
+def test_weighed_fits_say_so_and_are_read_back(fits, tmp_path):
+    (tmp_path / "fit.json").write_text(fit_text(fits[0]), encoding="utf-8")
+    (tmp_path / "run.toml").write_text(run_text(fits[0], tmp_path), encoding="utf-8")
+    saved = read_fit(tmp_path)
+    assert saved.file.diagnostics is not None
+    assert saved.file.diagnostics.pareto_k == fits[0].diagnostics.pareto_k
+    assert "weighed by its density on all 400 rows (Pareto k" in " ".join(saved.file.notes)
+    text = page(fits[0], {})
+    assert "draws weighed by their density" in text and "ensembles of 1 walkers" not in text
+    # Made again, it is weighed again.
+    assert read_run(tmp_path).effort.walkers is None
+
+
+def test_where_no_distribution_comes_near_walkers_go(monkeypatch):
+    monkeypatch.setattr(calibrate, "WEIGHED", 4)
+    monkeypatch.setattr(weigh, "LEAST_WORTH", 1.1)
+    monkeypatch.setattr(weigh, "TRIALS", 2)
+    fit = calibrate.run(long_problem(5, fix=HELD), Effort(max_steps=100, cores=1))
+    assert fit.diagnostics is not None and fit.diagnostics.walkers > 1 and fit.diagnostics.pareto_k is None
+    assert any("did not settle" in note and "sampled by ensembles of walkers" in note for note in fit.notes)
+
+
+def test_a_mixture_is_as_dense_as_its_parts():
+    """Two parts far apart have half of a part's density each; the same part twice has its own."""
+    near, far = (StudentProposal(np.array([at]), np.array([[scale]])) for at, scale in ((0.0, 1.0), (50.0, 2.0)))
+    at = np.array([[0.3], [50.7]])
+    mixed, twice = weigh.Mixture([near, far]), weigh.Mixture([near, near])
+    np.testing.assert_allclose(twice.log_density(at), near.log_density(at), atol=1e-12)
+    own = np.array([near.log_density(at[:1])[0], far.log_density(at[1:])[0] - np.log(2.0)])
+    np.testing.assert_allclose(mixed.log_density(at), own - np.log(2.0), atol=1e-4)
+    drawn = mixed.draw(np.random.default_rng(1), 4000)[:, 0]
+    assert np.mean(drawn > 25.0) == pytest.approx(0.5, abs=0.04)
