@@ -7,32 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import chdtri, stdtrit
 
-from fitball.inference.adequacy.directions import Direction, covariates, directions
-from fitball.inference.adequacy.loo_pit import LEFT_OUT, loo_pit
-from fitball.inference.adequacy.looks import (
-    DISTRIBUTED,
-    Look,
-    distributions,
-    family,
-    links,
-    orders,
-    outliers,
-    patterns,
-    scatters,
-    together,
-)
+from fitball.inference.adequacy.directions import Direction, directions
+from fitball.inference.adequacy.loo_pit import LEFT_OUT
+from fitball.inference.adequacy.looks import Look, family, spanned
+from fitball.inference.adequacy.made_tables import look_at
 from fitball.inference.adequacy.misfits import distances, largest_misfits
 from fitball.inference.adequacy.noise_size import noise_checks
-from fitball.inference.adequacy.refit import Refit, influence, refit, standard_deviates
+from fitball.inference.adequacy.refit import Refit, influence, refit
 from fitball.inference.adequacy.words import based_on, check_of, check_words, noise_words, sentence, strongest
-from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.adequacy import FALSE_EXCEPT, FALSE_FAILS, Adequacy, Answer, Check, NoiseCheck
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.values import FloatArray
 
-# Tables that the checks are held against, fewer of many rows, so that there are at most so many residuals.
-MOST_TABLES, LEAST_TABLES, RESIDUALS = 1999, 199, 4_000_000
 # Patterns and the noise each have half of the chance of a false alarm.
 SHARE = 2.0
 # A pattern smaller than this, in units of the noise, is no exception however many rows make it sure.
@@ -57,14 +44,9 @@ def adequacy(problem: Problem, point: PointFit, posterior: Posterior | None, see
     fit = refit(problem, point)
     noise = noise_checks(problem, point, fit, SHARE)
     found = directions(problem, point, fit)
-    tables = max(LEAST_TABLES, min(MOST_TABLES, RESIDUALS // fit.measured.size))
-    sizes = {name: value for name, value in point.values.items() if name in NOISE_SPECS}
-    made = fit.replicate(standard_deviates(problem, fit, sizes, tables, rng))
-    residual = np.concatenate([fit.measured[None, :], made])
-    left_out = None
-    if posterior is not None and fit.impacts >= DISTRIBUTED:
-        left_out = loo_pit(problem, posterior, rng)
-    looks = _looks(problem, fit, found, residual, left_out)
+    looked = look_at(problem, point, posterior, fit, found, rng)
+    looks, left_out = looked.looks, looked.left_out
+    made = f"{looked.tables:,} tables" + (f" of {looked.impacts:,} impacts" if looked.impacts < fit.impacts else "")
     checks: tuple[Check, ...] = ()
     unseen = dict.fromkeys(fit.columns, 1.0)
     if looks:
@@ -72,11 +54,12 @@ def adequacy(problem: Problem, point: PointFit, posterior: Posterior | None, see
         checks = tuple(_check(fit, look, found, min(1.0, SHARE * float(p[k]))) for k, look in enumerate(looks))
         unseen = _unseen(fit, looks, level, noise)
     misfits = [_misfit(fit, look, found) for look, check in zip(looks, checks, strict=True) if check.p < FALSE_EXCEPT]
+    moved = influence(fit, [misfit for misfit in misfits if misfit is not None])
     answer = _answer(fit, found, checks, noise, unseen)
     return Adequacy(
         answer=answer,
-        sentence=sentence(problem, answer, noise, checks, unseen),
-        based_on=based_on(problem, noise, checks, unseen, tables, posterior is not None),
+        sentence=sentence(problem, answer, noise, checks, unseen, moved),
+        based_on=based_on(problem, noise, checks, unseen, made, posterior is not None),
         exceptions=(
             *(noise_words(check) for check in noise if check.found),
             *(check_words(check) for check in strongest(check for check in checks if check.found)),
@@ -84,30 +67,13 @@ def adequacy(problem: Problem, point: PointFit, posterior: Posterior | None, see
         noise=noise,
         checks=checks,
         misfits=largest_misfits(problem, point, fit),
-        moved=influence(fit, [misfit for misfit in misfits if misfit is not None]),
+        moved=moved,
         unseen=unseen,
         loo_pit={}
         if left_out is None or fit.impacts > LEFT_OUT
         else {name: tuple(left_out[k][fit.places[k]].tolist()) for k, name in enumerate(fit.columns)},
-        replicates=tables,
+        replicates=looked.tables,
     )
-
-
-def _looks(
-    problem: Problem, fit: Refit, found: Sequence[Direction], residual: FloatArray, left_out: FloatArray | None
-) -> list[Look]:
-    if not np.all(fit.freedom > 1.0):
-        return []
-    known = covariates(problem)
-    return [
-        *patterns(fit, found, residual),
-        *together(fit, found, residual),
-        *orders(fit, known, residual),
-        *scatters(fit, known, residual),
-        *links(fit, residual),
-        *outliers(fit, residual),
-        *distributions(fit, residual, left_out),
-    ]
 
 
 def _check(fit: Refit, look: Look, found: Sequence[Direction], p: float) -> Check:
@@ -116,26 +82,31 @@ def _check(fit: Refit, look: Look, found: Sequence[Direction], p: float) -> Chec
     size = None
     if look.kind in PATTERNS:
         scale = fit.scales(fit.measured[None, :])[0, fit.noise_of(look.column)]
-        size = abs(float(found[look.number].left @ fit.measured)) / float(scale) / fit.places[look.column].size ** 0.5
+        size = abs(_measured(fit, found[look.number])) / float(scale) / fit.places[look.column].size ** 0.5
     elif look.kind == "jointly" and explained is not None:
         size = (explained * len(fit.columns)) ** 0.5
     return check_of(fit, look, p, explained, size, found=p < FALSE_EXCEPT and (size is None or size >= SMALL))
 
 
 def _misfit(fit: Refit, look: Look, found: Sequence[Direction]) -> FloatArray | None:
-    """What was found, as a part of the residuals (measurements,) before a refit; None of what is no part of them."""
+    """What the basis has (rank,) of what was found, as a part of the residuals before a refit; None of what is no
+    part of them.
+    """
     if look.kind in (*PATTERNS, "jointly"):
         mine = [found[look.number]] if look.kind in PATTERNS else [item for item in found if item.over == look.over]
         # Of all that act together the strongest: the others are known too badly to be taken out.
-        direction = max(mine, key=lambda item: abs(float(item.left @ fit.measured)))
-        return np.asarray(direction.shape * (direction.left @ fit.measured) / direction.length)
+        direction = max(mine, key=lambda item: abs(_measured(fit, item)))
+        return np.asarray(direction.taken * (_measured(fit, direction) / direction.length))
     if look.kind != "outlier":
         return None
     rows = np.arange(fit.measured.size)[fit.rows(look.column)]
     far = rows[np.argmax(np.abs(distances(fit)[rows]))]
-    alone = np.zeros(fit.measured.size)
-    alone[far] = fit.measured[far] / (1.0 - fit.leverage[far])
-    return alone
+    return np.asarray(fit.own[far] * (fit.measured[far] / (1.0 - fit.leverage[far])))
+
+
+def _measured(fit: Refit, direction: Direction) -> float:
+    """How much of a pattern is in the residuals as measured."""
+    return float(direction.along(fit, fit.measured[None, :], fit.taken[None, :])[0])
 
 
 def _unseen(fit: Refit, looks: Sequence[Look], level: FloatArray, noise: Sequence[NoiseCheck]) -> dict[str, float]:
@@ -179,16 +150,15 @@ def explained(fit: Refit, found: Sequence[Direction], column: int) -> float:
     """Share of a column's residual variance that all smooth patterns explain together, beyond what as many
     meaningless ones would; that of the best alone where there are too many to say.
     """
-    mine = [item.left for item in found if item.column == column and item.kind in SMOOTH]
+    mine = [item for item in found if item.column == column and item.kind in SMOOTH]
     noise = fit.noise_of(column)
-    even = fit.measured / fit.scales(fit.measured[None, :])[0][fit.noise]
+    even = (fit.measured / fit.scales(fit.measured[None, :])[0][fit.noise])[None, :]
+    taken = even @ fit.own
     freedom = float(fit.freedom[noise])
 
-    def share(basis: FloatArray) -> float:
-        rank = basis.shape[1]
-        part = min(float(np.sum((even @ basis) ** 2)) / freedom, 1.0)
+    def share(patterns: Sequence[Direction]) -> float:
+        square, rank = spanned(fit, patterns, even, taken)
+        part = min(float(square[0]) / freedom, 1.0)
         return 1.0 - (1.0 - part) * freedom / (freedom - rank) if freedom - rank >= 1.0 else 0.0
 
-    alone = max(share(one[:, None]) for one in mine)
-    together_basis: FloatArray = np.linalg.qr(np.stack(mine, axis=1))[0]
-    return max(alone, share(together_basis))
+    return max(share(mine), *(share([one]) for one in mine))

@@ -30,8 +30,10 @@ POWERS = ("a trend over", "a bend over")
 @dataclass(frozen=True)
 class Direction:
     """A pattern in one `column` (its number): `kind` trend, bend, together, group or regime, `over` what, in `words`;
-    `shape` (measurements,) of root mean square one over the column. A refit leaves `length` times `left`
-    (measurements,) of it, which is of length one.
+    `shape` (measurements of the column,) of root mean square one. A refit takes off what the basis has of it, `taken`
+    (rank,), and leaves `length` times what `left` gives.
+
+    Of the measurements of all columns nothing is kept: patterns are many, and rows may be.
     """
 
     kind: str
@@ -39,8 +41,41 @@ class Direction:
     over: str
     words: str
     shape: FloatArray
-    left: FloatArray
+    taken: FloatArray
     length: float
+
+    def left(self, fit: Refit) -> FloatArray:
+        """What a refit leaves of it (measurements,), of length one."""
+        whole = -(fit.own @ self.taken)
+        whole[fit.rows(self.column)] += self.shape
+        return np.asarray(whole / self.length)
+
+    def along(self, fit: Refit, residual: FloatArray, taken: FloatArray) -> FloatArray:
+        """How much of `left` is in residuals (tables, measurements), (tables,); `taken` (tables, rank) is what the
+        basis has of these.
+        """
+        return np.asarray((residual[:, fit.rows(self.column)] @ self.shape - taken @ self.taken) / self.length)
+
+
+def overlap(fit: Refit, one: Direction, other: Direction) -> float:
+    """The product of what a refit leaves of each."""
+    whole = float(one.shape @ other.shape) if one.column == other.column else 0.0
+    return _remains(fit, whole, one.taken, other.taken) / (one.length * other.length)
+
+
+def _remains(fit: Refit, whole: float, one: FloatArray, other: FloatArray) -> float:
+    # The basis is orthonormal with the rows of priors, which are none of the measurements.
+    return whole - 2.0 * float(one @ other) + float(one @ fit.gram @ other)
+
+
+def direction(fit: Refit, column: int, kind: str, over: str, words: str, shape: FloatArray) -> Direction | None:
+    """The pattern of that `shape` (measurements of the column,); None where a refit leaves too little of it."""
+    taken = fit.own[fit.rows(column)].T @ shape
+    square = float(shape @ shape)
+    remains = _remains(fit, square, taken, taken)
+    if square <= 0.0 or remains < LEFT * square:
+        return None
+    return Direction(kind, column, over, words, shape, taken, float(np.sqrt(remains)))
 
 
 def covariates(problem: Problem) -> dict[str, FloatArray]:
@@ -81,15 +116,10 @@ def directions(problem: Problem, point: PointFit, fit: Refit) -> list[Direction]
             size = float(np.sqrt(np.mean(own**2)))
             if size <= 0.0:
                 continue
-            whole = np.zeros(fit.measured.size)
-            whole[fit.rows(column)] = own if own.size == fit.impacts else own / size
-            left = fit.projected(whole)
-            length = float(np.linalg.norm(left))
-            if length**2 < LEFT * float(whole @ whole):
-                continue
-            left /= length
-            if all(abs(float(left @ other.left)) <= SAME for other in kept):
-                kept.append(Direction(kind, column, over, words, whole, left, length))
+            # Columns without gaps share their shapes.
+            found = direction(fit, column, kind, over, words, shape if own.size == fit.impacts else own / size)
+            if found is not None and all(abs(overlap(fit, found, other)) <= SAME for other in kept):
+                kept.append(found)
     return kept
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc, kolmogorov, ndtr, stdtr
 
-from fitball.inference.adequacy.directions import LEAST_FREEDOM, Direction
+from fitball.inference.adequacy.directions import LEAST_FREEDOM, Direction, overlap
 from fitball.inference.adequacy.kurtosis import kurtosis_score
 from fitball.inference.adequacy.refit import Refit
 from fitball.inference.results.adequacy import FALSE_EXCEPT
@@ -30,6 +30,8 @@ TIERS = (
 TAIL, SMALLEST = 0.05, 1e-300
 # A share of all variance, as a pattern that leaks from another column may explain it, ends below one.
 WHOLE = 1.0 - 1e-12
+# A share of the largest below which a direction that patterns span is rounding.
+SPANNED = 1e-9
 
 
 @dataclass(frozen=True)
@@ -50,12 +52,13 @@ class Look:
 def patterns(fit: Refit, found: Sequence[Direction], residual: FloatArray) -> list[Look]:
     """Trends and biases: the share of the residual variance that each explains, with its sign."""
     even = residual / fit.scales(residual)[:, fit.noise]
+    taken = even @ fit.own
     looks = []
     for number, direction in enumerate(found):
         # A refit spreads a pattern over columns, whose noises are known to different degrees (Satterthwaite 1946).
-        parts = np.bincount(fit.noise, direction.left**2, len(fit.noises))
+        parts = np.bincount(fit.noise, direction.left(fit) ** 2, len(fit.noises))
         freedom = float(1.0 / np.sum(parts**2 / fit.freedom))
-        z = even @ direction.left
+        z = direction.along(fit, even, taken)
         share = np.minimum(z**2 / freedom, WHOLE)
         ratio = np.sqrt(share * (freedom - 1.0) / (1.0 - share))
         looks.append(
@@ -70,18 +73,30 @@ def patterns(fit: Refit, found: Sequence[Direction], residual: FloatArray) -> li
 def together(fit: Refit, found: Sequence[Direction], residual: FloatArray) -> list[Look]:
     """All patterns over one quantity, or of one kind of groups, in all columns at once: their common share."""
     even = residual / fit.scales(residual)[:, fit.noise]
+    taken = even @ fit.own
     freedom = float(fit.freedom.sum())
     looks = []
     for number, over in enumerate(dict.fromkeys(direction.over for direction in found)):
         mine = [k for k, direction in enumerate(found) if direction.over == over]
         if not 2 <= len(mine) < freedom - 2.0:
             continue
-        basis = np.linalg.qr(np.stack([found[k].left for k in mine], axis=1))[0]
-        share = np.minimum(np.sum((even @ basis) ** 2, axis=1) / freedom, WHOLE)
+        square, _rank = spanned(fit, [found[k] for k in mine], even, taken)
+        share = np.minimum(square / freedom, WHOLE)
         ratio = share / len(mine) * (freedom - len(mine)) / (1.0 - share)
         p = np.asarray(fdtrc(len(mine), freedom - len(mine), ratio), dtype=np.float64)
         looks.append(Look("jointly", -1, over, f"they depend on {over}", number, share, p))
     return looks
+
+
+def spanned(fit: Refit, mine: Sequence[Direction], even: FloatArray, taken: FloatArray) -> tuple[FloatArray, int]:
+    """The squared length (tables,) of what patterns together have of residuals (tables, measurements), of which the
+    basis has `taken` (tables, rank); and in how many directions these patterns differ.
+    """
+    products = np.array([[overlap(fit, one, other) for other in mine] for one in mine])
+    sizes, axes = np.linalg.eigh(products)
+    kept = sizes > SPANNED * sizes[-1]
+    along = np.stack([item.along(fit, even, taken) for item in mine], axis=1)
+    return np.sum((along @ axes[:, kept]) ** 2 / sizes[kept], axis=1), int(kept.sum())
 
 
 def orders(fit: Refit, known: Mapping[str, FloatArray], residual: FloatArray) -> list[Look]:
@@ -194,11 +209,19 @@ def _deleted(size: FloatArray, freedom: float) -> FloatArray:
 
 
 def _scored(kind: str, column: int, over: str, words: str, seen: FloatArray, sides: int = 2) -> Look:
-    """A check whose probability is that of a normal number, as centred and wide as the made tables have it."""
-    made = seen[1:]
-    z = (seen - made.mean()) / made.std()
-    p = ndtr(-z) if sides == 1 else 2.0 * ndtr(-np.abs(z))
-    return Look(kind, column, over, words, column, seen, np.asarray(p))
+    """A check whose probability is that of a normal number, as centred and wide as the made tables have it; of the
+    table alone there is none.
+    """
+    p = scored(seen, seen[1:], sides) if seen.size > 1 else np.full(1, np.nan)
+    return Look(kind, column, over, words, column, seen, p)
+
+
+def scored(seen: FloatArray, made: FloatArray, sides: int, shorter: float = 1.0) -> FloatArray:
+    """Probabilities of statistics `seen` (tables,) as `made` tables (tables,) have them, which are `shorter` by so
+    much.
+    """
+    z = (seen - shorter * made.mean()) / (shorter**0.5 * made.std())
+    return np.asarray(ndtr(-z) if sides == 1 else 2.0 * ndtr(-np.abs(z)))
 
 
 def family(looks: Sequence[Look]) -> tuple[FloatArray, FloatArray]:

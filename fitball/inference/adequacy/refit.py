@@ -19,6 +19,7 @@ from fitball.inference.likelihood.residuals import Weighting, residuals
 from fitball.inference.likelihood.sensitivities import differentiable, residual_slopes
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.subsample import whole_of_parts
 from fitball.inference.results.results import PointFit
 from fitball.values import FloatArray
 
@@ -58,6 +59,16 @@ class Refit:
     def leverage(self) -> FloatArray:
         """How much of each deviation a refit takes off, (measurements,)."""
         return np.asarray(np.einsum("ij,ij->i", self.own, self.own))
+
+    @cached_property
+    def gram(self) -> FloatArray:
+        """Products (rank, rank) of the basis at the measurements."""
+        return np.asarray(self.own.T @ self.own)
+
+    @cached_property
+    def taken(self) -> FloatArray:
+        """What the basis has of the residuals as measured, (rank,)."""
+        return np.asarray(self.own.T @ self.measured)
 
     @cached_property
     def freedom(self) -> FloatArray:
@@ -128,7 +139,7 @@ def _slopes(problem: Problem, values: FloatArray, weighting: Weighting) -> Float
     """Derivatives (rows, free) of all weighted residuals with respect to coordinates."""
     at = problem.to_coordinates(values)
     if differentiable(problem):
-        return np.asarray(residual_slopes(problem, at, weighting)[0])
+        return whole_of_parts(problem, lambda part: residual_slopes(part, at, weighting)[0])
     steps = np.diag(STEP * problem.prior.width)
     low, high = np.maximum(at - steps, _ends(problem, 0)), np.minimum(at + steps, _ends(problem, 1))
     ahead = residuals(problem, problem.to_values(high), weighting)
@@ -155,8 +166,10 @@ def standard_deviates(
 
 
 def influence(fit: Refit, misfits: Sequence[FloatArray]) -> dict[str, float]:
-    """By how many of its sds each parameter moves if one of `misfits` (measurements,) is taken out, at most."""
+    """By how many of its sds each parameter moves if a part of the residuals is taken out, of which the basis has one
+    of `misfits` (rank,), at most.
+    """
     if not misfits:
         return {}
-    moves = np.abs(np.stack([fit.reach @ (fit.own.T @ misfit) for misfit in misfits])).max(axis=0)
+    moves = np.abs(np.stack([fit.reach @ misfit for misfit in misfits])).max(axis=0)
     return dict(zip(fit.names, map(float, moves), strict=True))

@@ -12,6 +12,8 @@ from fitball.observables import OBSERVABLES
 
 # Exceptions that a sentence names; a hint is what fewer than this share of the model's own tables show.
 NAMED, HINT = 3, 0.5
+# Sds by which what is missed must move a parameter for the model's error to be told beside that of measurements.
+FAR = 5.0
 ALL = "all columns"
 
 
@@ -39,8 +41,9 @@ def sentence(
     noise: Sequence[NoiseCheck],
     checks: Sequence[Check],
     unseen: Mapping[str, float],
+    moved: Mapping[str, float],
 ) -> str:
-    """The answer in one or two sentences."""
+    """The answer in a few sentences; `moved` is by how many of its sds what was found moves each parameter."""
     rows = len(problem.impacts)
     least = 100.0 * min(unseen.values())
     scatter = "; ".join(noise_words(check) for check in noise)
@@ -51,12 +54,13 @@ def sentence(
             else f"a pattern would have to explain {least:.0f} % of the residual variance to be found"
         )
         return f"Too few rows to tell whether the model describes the table: with {rows} {blind}. {_cap(scatter)}."
+    beyond = _beyond(moved)
     if answer is Answer.DESCRIBES:
         small = strongest(check for check in checks if check.p < FALSE_EXCEPT)
         if small:
             return (
                 "The model describes the table, but for patterns far below the noise that so many rows make sure: "
-                f"{_listed(small)}. {_cap(scatter)}."
+                f"{_listed(small)}.{beyond} {_cap(scatter)}."
             )
         hints = "; ".join(f"{check_words(check)} in {100.0 * check.p:.0f} %" for check in _hints(checks))
         told = (
@@ -70,11 +74,22 @@ def sentence(
     faults = "; ".join([*worse, *([_listed(found)] if found else [])])
     if answer is Answer.FAILS:
         return (
-            f"The model does NOT describe the table: {faults}. All that follows is conditional: it would hold if the "
-            "model did."
+            f"The model does NOT describe the table: {faults}.{beyond} All that follows is conditional: it would "
+            "hold if the model did."
         )
     rest = "" if worse else f" {_cap(scatter)}."
-    return f"The model describes the table except for {faults}.{rest}"
+    return f"The model describes the table except for {faults}.{beyond}{rest}"
+
+
+def _beyond(moved: Mapping[str, float]) -> str:
+    """That the model is wrong by more than the measurements leave open, where it is by far."""
+    name = max(moved, key=lambda name: moved[name], default="")
+    if not name or moved[name] < FAR:
+        return ""
+    return (
+        f" What it misses moves {name} by {moved[name]:.0f} of its sds: the error of the model is larger than that "
+        "of the measurements, which is all that sds and intervals tell of."
+    )
 
 
 def strongest(checks: Iterable[Check]) -> list[Check]:
@@ -96,7 +111,7 @@ def _hints(checks: Sequence[Check]) -> list[Check]:
 
 def check_words(check: Check) -> str:
     """What a check looked for, with how much of the residual variance it explains."""
-    share = "" if check.explained is None else f" ({100.0 * check.explained:.0f} % of the residual variance)"
+    share = "" if check.explained is None else f" ({_percent(check.explained)} of the residual variance)"
     return f"{check.words}{share}"
 
 
@@ -123,13 +138,13 @@ def based_on(
     noise: Sequence[NoiseCheck],
     checks: Sequence[Check],
     unseen: Mapping[str, float],
-    tables: int,
+    made: str,
     sampled: bool,
 ) -> str:
     """What the answer rests on."""
     stated = sum(check.stated for check in noise)
     parts = [
-        f"{len(checks)} checks of the residuals at the best fit, held against {tables:,} tables that the fitted "
+        f"{len(checks)} checks of the residuals at the best fit, held against {made} that the fitted "
         "model makes, each refitted to first order"
         if checks
         else "no check of the residuals: too few rows",
@@ -141,7 +156,7 @@ def based_on(
         parts.append("no posterior, so that measurements are left out to first order only")
     elif max(observable.observed.size for observable in problem.observables) >= DISTRIBUTED:
         parts.append("predictions of each impact from all others (LOO-PIT)")
-    seen = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in unseen.items())
+    seen = ", ".join(f"{name} {_percent(share)}" for name, share in unseen.items())
     return (
         f"Based on {'; '.join(parts)}. A trend is found as often as not from this share of the residual variance on: "
         f"{seen}. Of tables that the model made {100.0 * FALSE_EXCEPT:.0f} % are called described with an exception, "
@@ -153,6 +168,12 @@ def _listed(checks: Sequence[Check]) -> str:
     words = [check_words(check) for check in checks]
     more = f" and {len(words) - NAMED} more" if len(words) > NAMED else ""
     return "; ".join(words[:NAMED]) + more
+
+
+def _percent(share: float) -> str:
+    """A share, of one percent and more to a percent."""
+    percent = 100.0 * share
+    return f"{percent:.0f} %" if percent >= 1.0 or percent == 0.0 else f"{percent:.1g} %"
 
 
 def _number(value: float) -> str:

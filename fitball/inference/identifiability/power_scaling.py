@@ -7,10 +7,13 @@ Paananen, Buerkner and Vehtari 2023, Stat Comput 34, 57).
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from fitball.inference.likelihood.posterior import densities
+from fitball.inference.likelihood.posterior import Densities, densities
 from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.subsample import LOOKED_AT, thinned_problem
 from fitball.inference.results.evidence import PowerEvidence
 from fitball.inference.results.results import Posterior, thinned
 from fitball.inference.sampling.convergence import TAILS
@@ -28,13 +31,16 @@ WEAK = "strong prior / weak likelihood"
 
 def power_evidence(problem: Problem, posterior: Posterior) -> dict[str, PowerEvidence]:
     """The evidence on every free parameter, in the coordinate of its prior, on a few thousand draws."""
-    values = thinned(posterior, DRAWS)
+    scored = replace(
+        posterior, values=np.concatenate([posterior.values, posterior.log_posterior[..., None]], axis=-1)
+    )
+    values, score = np.split(thinned(scored, DRAWS), [-1], axis=1)
     coordinates = problem.to_coordinates(values)
-    density = densities(problem, values)
     each = np.stack(
         [parameter.prior.log_density(coordinates[:, k]) for k, parameter in enumerate(problem.free)], axis=1
     )
     priors = sensitivities(coordinates, each.sum(axis=1))
+    density = _parts(problem, values, score[:, 0] - each.sum(axis=1))
     likelihood = sensitivities(coordinates, density.likelihood)
     scene = None
     if problem.contact_time is not None:
@@ -49,6 +55,16 @@ def power_evidence(problem: Problem, posterior: Posterior) -> dict[str, PowerEvi
             diagnosis=diagnosis(float(priors[k]), float(likelihood[k])),
         )
     return evidence
+
+
+def _parts(problem: Problem, values: FloatArray, both: FloatArray) -> Densities:
+    """Scene and likelihood at draws (draws, free); of a large table the likelihood is what the scene, told by a part
+    of the impacts, leaves of `both` (draws,).
+    """
+    if len(problem.impacts) <= LOOKED_AT:
+        return densities(problem, values)
+    scene = densities(thinned_problem(problem, LOOKED_AT), values, measured=False)
+    return replace(scene, likelihood=both - scene.scene)
 
 
 def sensitivities(draws: FloatArray, log_density: FloatArray) -> FloatArray:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitball.inference.likelihood.incident_marginal import incident_sds
 from fitball.inference.prediction.curves import CURVE_DRAWS, curves
@@ -21,7 +21,10 @@ from fitball.inference.results.results import ObservablePrediction, PointFit, Po
 from fitball.models.types import Rebound, regime_name
 from fitball.values import FloatArray
 
-DRAWS = 1500
+# Draws that each impact is predicted with; of so many impacts that this would be more rebounds, fewer.
+DRAWS, REBOUNDS, LEAST = 1500, 30_000_000, 120
+# Deviations from which the quantiles of a noise are known.
+DEVIATIONS = 100_000
 
 
 def predictive_generator(seed: int) -> np.random.Generator:
@@ -34,8 +37,9 @@ def predictive(problem: Problem, point: PointFit, posterior: Posterior, rng: np.
 
     Impacts are taken some at a time, so that memory does not grow with draws times impacts.
     """
-    values = thinned(posterior, DRAWS)
-    count, size = len(problem.impacts), max(1, cells(problem) // len(values))
+    count = len(problem.impacts)
+    values = thinned(posterior, min(DRAWS, max(LEAST, REBOUNDS // count)))
+    size = max(1, cells(problem) // len(values))
     parts = []
     for place in (np.arange(k, min(k + size, count)) for k in range(0, count, size)):
         part = problem if place.size == count else part_of(problem, place)
@@ -61,7 +65,7 @@ def _at_impacts(
     observables = []
     for observable in (item.everywhere(len(problem.impacts)) for item in problem.observables):
         predicted, spread, data = with_noise(
-            problem.noise, observable, columns, rebound, rng, by_incidence[observable.name]
+            problem.noise, observable, columns, rebound, rng, by_incidence[observable.name], even=len(values) < DRAWS
         )
         if problem.group_bias is not None:
             data = data + problem.group_bias.offset(columns, observable.name)
@@ -92,21 +96,48 @@ def with_noise(
     rebound: Rebound,
     rng: np.random.Generator,
     incident_sd: FloatArray | float = 0.0,
+    *,
+    even: bool = False,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """One observable draw by draw, each (draws, impacts): without noise, the sd of its noise, and a new measurement.
 
-    `columns` are the draws of each parameter by name, (draws,); `incident_sd` is what incident errors add.
+    `columns` are the draws of each parameter by name, (draws,); `incident_sd` is what incident errors add. Noise is
+    drawn at random, or, where draws are few, `even`: at each impact once from each of equally probable parts.
     """
     predicted = observable.predict(rebound)
     spread = np.hypot(np.broadcast_to(observable.sds(columns, rebound), predicted.shape), incident_sd)
-    return predicted, spread, predicted + spread * noise.draw(rng, predicted.shape, columns)
+    drawn = _evenly(noise, columns, predicted.shape, rng) if even else noise.draw(rng, predicted.shape, columns)
+    return predicted, spread, predicted + spread * drawn
+
+
+def _evenly(
+    noise: NoiseKind, columns: Mapping[str, FloatArray], shape: tuple[int, ...], rng: np.random.Generator
+) -> FloatArray:
+    """Deviations (draws, impacts), at each impact the quantiles of the noise in another order."""
+    draws, impacts = shape
+    sizes = {parameter.name: np.median(columns[parameter.name], keepdims=True) for parameter in noise.parameters}
+    levels = (np.arange(draws) + 0.5) / draws
+    steps = np.quantile(noise.draw(rng, (1, DEVIATIONS), sizes), levels)
+    return np.asarray(steps[(rng.permutation(draws)[:, None] + np.arange(impacts)) % draws])
 
 
 def regime_shares(rebound: Rebound) -> tuple[Mapping[str, float], ...]:
     """For each impact the phase sequences among the draws that can be evaluated there, most probable first."""
-    shares = []
-    for codes, status in zip(rebound.regime.T, rebound.status.T, strict=True):
-        solved = codes[status == 0]
-        counts = Counter(solved.tolist()).most_common()
-        shares.append({regime_name(int(code)): count / solved.size for code, count in counts})
-    return tuple(shares)
+    solved = rebound.status == 0
+    kinds = np.unique(rebound.regime[solved])
+    met = (
+        np.stack([solved & (rebound.regime == kind) for kind in kinds])
+        if kinds.size
+        else np.zeros((0, *solved.shape))
+    )
+    # Of kinds that are met as often the one that comes first is named first.
+    rank = met.sum(axis=1) * (len(solved) + 1) - np.where(met.any(axis=1), met.argmax(axis=1), 0)
+    distinct, which = np.unique(rank, axis=1, return_inverse=True)
+    shares = [_named_shares(kinds, column, len(solved) + 1) for column in distinct.T]
+    return tuple(shares[k] for k in which.ravel())
+
+
+def _named_shares(kinds: NDArray[np.integer[Any]], rank: NDArray[np.int64], unit: int) -> Mapping[str, float]:
+    """Shares of kinds by name, from how often each was met, times `unit`, less where it was first."""
+    counts = -(-rank // unit)
+    return {regime_name(int(kinds[k])): float(counts[k] / counts.sum()) for k in np.argsort(-rank) if counts[k]}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,11 +11,14 @@ from numpy.typing import NDArray
 from fitball.errors import FitError
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
+from fitball.values import FloatArray
 
 # Rows that tell what a first-order look at a large table can tell: sums over the others are alike.
 LOOKED_AT = 3000
 # Impacts with a force record, or a measurement of a column with gaps, that are kept in any part of a table.
 RECORDED = 20
+# Rows whose derivatives are taken at once.
+PART = 100_000
 
 
 def thinned_rows(problem: Problem, rows: int) -> NDArray[np.int64]:
@@ -43,6 +47,17 @@ def thinned_rows(problem: Problem, rows: int) -> NDArray[np.int64]:
 def thinned_problem(problem: Problem, rows: int) -> Problem:
     """The same problem on its `thinned_rows`; the problem itself if it has no more."""
     return problem if len(problem.impacts) <= rows else part_of(problem, thinned_rows(problem, rows))
+
+
+def spanning_part(problem: Problem, rows: int) -> Problem:
+    """The `thinned_problem` with the impacts that are farthest out in speed along and away from the court, or in
+    spin: what a model cannot evaluate lies beyond them.
+    """
+    if len(problem.impacts) <= rows:
+        return problem
+    given = problem.impacts
+    ends = [end for column in (given.v_x1, given.v_y1, given.omega_1) for end in (column.argmin(), column.argmax())]
+    return part_of(problem, np.union1d(thinned_rows(problem, rows), ends))
 
 
 def part_of(problem: Problem, kept: NDArray[np.int64]) -> Problem:
@@ -107,3 +122,29 @@ def withheld(problem: Problem, rows: NDArray[np.int64]) -> Problem:
         raise FitError(f"{problem.table.source}: no measurement is left to fit without those impacts")
     force = None if problem.force is None else problem.force.without(rows)
     return replace(problem, observables=tuple(observables), force=force)
+
+
+def whole_of_parts(problem: Problem, of: Callable[[Problem], FloatArray]) -> FloatArray:
+    """What weighted residuals of a problem are (residuals, ...), from those `of` its parts, some rows at a time.
+
+    The measurements stand first, column by column; what follows is the mean over the rows of what each part has
+    there, as a mean over impacts is, and what concerns no impact at all.
+    """
+    count = len(problem.impacts)
+    if count <= PART:
+        return of(problem)
+    sizes = np.array([observable.observed.size for observable in problem.observables])
+    starts = np.cumsum([0, *sizes])
+    whole: FloatArray | None = None
+    for rows in np.array_split(np.arange(count), -(-count // PART)):
+        part = part_of(problem, rows)
+        made = of(part)
+        own = np.cumsum([0, *(observable.observed.size for observable in part.observables)])
+        if whole is None:
+            whole = np.zeros((int(starts[-1]) + len(made) - int(own[-1]), *made.shape[1:]))
+        for k in range(len(sizes)):
+            whole[starts[k] : starts[k] + own[k + 1] - own[k]] = made[own[k] : own[k + 1]]
+        starts[:-1] += np.diff(own)
+        whole[starts[-1] :] += made[own[-1] :] * (rows.size / count)
+    assert whole is not None
+    return whole

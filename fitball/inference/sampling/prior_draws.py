@@ -6,16 +6,22 @@ import numpy as np
 
 from fitball.inference.likelihood.posterior import densities
 from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.subsample import spanning_part
 from fitball.values import FloatArray
 
 BATCH, PART = 4000, 500
 WANTED = 1500
 # Batches after which fewer accepted draws must do; scenes that know much accept few prior draws.
 MOST_BATCHES = 12
+# Impacts that are looked at.
+LOOKED_AT = 1000
 
 
 def prior_draws(problem: Problem, rng: np.random.Generator, wanted: int = WANTED, batch: int = BATCH) -> FloatArray:
-    """Independent draws (draws, free) in SI by rejection from the priors, at most `wanted`."""
+    """Independent draws (draws, free) in SI by rejection from the priors, at most `wanted`. Of a large table some
+    impacts stand for all: their mean contact time for that of all, and those farthest out for what is possible.
+    """
+    problem = spanning_part(problem, LOOKED_AT)
     accepted: list[FloatArray] = []
     # The scene's knowledge is a normal density: its peak bounds it.
     value_sd = problem.contact_time

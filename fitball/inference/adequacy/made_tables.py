@@ -1,0 +1,151 @@
+"""All checks of a table, beside those of tables that the fitted model makes; of a long table these have fewer rows.
+
+Each made table is as dear as the table itself, and tells of chances alone, which are nearly the same whatever the
+rows. So where made tables would be longer than `MADE` measurements they are made at a part of the rows, evenly
+spread; the table itself is looked at whole. What is no probability by itself, the correlation of neighbours or of
+sizes, has the mean and the sd of the shorter tables, scaled by rows. The shape of the noise is looked at in that part
+where it takes a sum over draws, or where only made tables tell its chances.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.inference.adequacy.directions import Direction, covariates, direction
+from fitball.inference.adequacy.loo_pit import loo_pit
+from fitball.inference.adequacy.looks import (
+    DISTRIBUTED,
+    Look,
+    distributions,
+    links,
+    orders,
+    outliers,
+    patterns,
+    scatters,
+    scored,
+    together,
+)
+from fitball.inference.adequacy.refit import Refit, refit, standard_deviates
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.subsample import part_of, thinned_rows
+from fitball.inference.results.results import PointFit, Posterior
+from fitball.values import FloatArray
+
+# Tables that the checks are held against, fewer of many rows, so that there are at most so many residuals.
+MOST_TABLES, LEAST_TABLES, RESIDUALS = 1999, 399, 4_000_000
+# Measurements of a made table, at most.
+MADE = RESIDUALS // LEAST_TABLES
+SCORED, SHAPED = ("order", "scatter", "linked"), ("outlier", "tails")
+
+
+@dataclass(frozen=True)
+class Looked:
+    """What was seen: the checks, how many tables were made and of how many impacts, and the probabilities (columns,
+    impacts) of measurements that were left out, None of a long table or without a posterior.
+    """
+
+    looks: Sequence[Look]
+    tables: int
+    impacts: int
+    left_out: FloatArray | None
+
+
+def look_at(
+    problem: Problem,
+    point: PointFit,
+    posterior: Posterior | None,
+    fit: Refit,
+    found: Sequence[Direction],
+    rng: np.random.Generator,
+) -> Looked:
+    """Look at the residuals of `fit` for the patterns `found`, and for all else."""
+    tables = max(LEAST_TABLES, min(MOST_TABLES, RESIDUALS // fit.measured.size))
+    if fit.measured.size <= MADE:
+        looks, left_out = _beside_made(problem, point, posterior, fit, found, tables, rng)
+        return Looked(looks, tables, fit.impacts, left_out)
+    rows = thinned_rows(problem, MADE // len(fit.columns))
+    part = part_of(problem, rows)
+    small = refit(part, point)
+    known = _at_part(fit, small, rows, found)
+    beside, _ = _beside_made(part, point, posterior, small, known, tables, rng)
+    chances = {_key(look): look for look in beside}
+    whole = _looks(problem, fit, found, fit.measured[None, :])
+    shaped = SHAPED if problem.noise.parameters else ()
+    looks = [
+        chances[_key(look)]
+        if look.kind in shaped
+        else _joined(fit, small, look, chances.get(_key(look)), tables, rng)
+        for look in whole
+    ]
+    return Looked([*looks, *(look for look in beside if look.kind == "loo-pit")], tables, small.impacts, None)
+
+
+def _beside_made(
+    problem: Problem,
+    point: PointFit,
+    posterior: Posterior | None,
+    fit: Refit,
+    found: Sequence[Direction],
+    tables: int,
+    rng: np.random.Generator,
+) -> tuple[list[Look], FloatArray | None]:
+    """The checks of a table and of as many that the model makes at its rows."""
+    sizes = {name: value for name, value in point.values.items() if name in NOISE_SPECS}
+    made = fit.replicate(standard_deviates(problem, fit, sizes, tables, rng))
+    residual = np.concatenate([fit.measured[None, :], made])
+    left_out = None
+    if posterior is not None and fit.impacts >= DISTRIBUTED:
+        left_out = loo_pit(problem, posterior, rng)
+    looks = _looks(problem, fit, found, residual)
+    return [*looks, *(distributions(fit, residual, left_out) if looks else ())], left_out
+
+
+def _looks(problem: Problem, fit: Refit, found: Sequence[Direction], residual: FloatArray) -> list[Look]:
+    """All checks but that of the distribution."""
+    if not np.all(fit.freedom > 1.0):
+        return []
+    known = covariates(problem)
+    return [
+        *patterns(fit, found, residual),
+        *together(fit, found, residual),
+        *orders(fit, known, residual),
+        *scatters(fit, known, residual),
+        *links(fit, residual),
+        *outliers(fit, residual),
+    ]
+
+
+def _at_part(fit: Refit, small: Refit, rows: NDArray[np.int64], found: Sequence[Direction]) -> list[Direction]:
+    """The patterns at the impacts `rows`, but those that only others have."""
+    kept = []
+    for item in found:
+        places = np.searchsorted(fit.places[item.column], rows[small.places[item.column]])
+        own = direction(small, item.column, item.kind, item.over, item.words, item.shape[places])
+        kept += [] if own is None else [own]
+    return kept
+
+
+def _key(look: Look) -> tuple[str, int, str, str]:
+    return look.kind, look.column, look.over, look.words
+
+
+def _joined(fit: Refit, small: Refit, look: Look, chance: Look | None, tables: int, rng: np.random.Generator) -> Look:
+    """A check of the table, with the chances of made ones."""
+    if chance is None:
+        # A pattern of too few impacts to be among those of made tables: its probability is right by itself.
+        return replace(
+            look, seen=np.append(look.seen, np.zeros(tables)), p=np.append(look.p, rng.uniform(size=tables))
+        )
+    p, made, shorter = look.p[:1], chance.seen[1:], small.measured.size / fit.measured.size
+    if look.kind in SCORED:
+        p = scored(look.seen, made, sides=1 if look.kind == "order" else 2, shorter=shorter)
+        made = made * shorter**0.5
+    elif look.kind not in SHAPED:
+        # A share of the variance that means nothing falls with rows.
+        made = made * shorter
+    return replace(look, seen=np.append(look.seen[:1], made), p=np.append(p, chance.p[1:]))
