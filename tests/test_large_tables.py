@@ -13,13 +13,13 @@ import fitball
 from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
-from fitball.errors import MemoryShortageError
 from fitball.inference.calibrate import run as calibrate_problem
 from fitball.inference.effort import Effort
 from fitball.inference.identifiability import fisher as information
 from fitball.inference.identifiability.active_impacts import active_impacts
 from fitball.inference.likelihood.posterior import densities, log_posterior
 from fitball.inference.likelihood.residuals import IMPOSSIBLE
+from fitball.inference.point import lmfit_minimiser
 from fitball.inference.point import point_fit as point
 from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.lmfit_minimiser import Minimum
@@ -28,15 +28,17 @@ from fitball.inference.point.point_fit import point_fit
 from fitball.inference.point.starts import STARTS, starting_points
 from fitball.inference.prediction.extrapolation import SPANNING, calibrated_range, spanning_impacts
 from fitball.inference.prediction.posterior_predictive import predictive
-from fitball.inference.problem import batches, parallel
+from fitball.inference.problem import batches, parallel, subsample
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import thinned_problem
 from fitball.inference.results.results import Posterior
 from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.report.figures import canvas
 from fitball.report.figures.kinds import draw
+from fitball.report.fit.csv_tables import prediction_rows
 from fitball.report.fit.html import page
 from fitball.report.fit.terminal import render
+from fitball.report.form import listed
 from fitball.report.saved.data_file import data_part, read_data, write_data
 from fitball.report.saved.fit_file import TablePart
 from fitball.report.saved.fit_text import fit_text
@@ -74,17 +76,23 @@ def test_a_thinned_problem_is_the_same_problem_on_fewer_rows():
     assert thinned_problem(small, 60) is small
 
 
-@pytest.mark.parametrize("model", ["two-mass", "grip-slip"])
-def test_the_road_by_way_of_samples_ends_where_the_direct_one_does(model, monkeypatch):
+@pytest.mark.parametrize(("model", "part"), [("two-mass", 10**6), ("grip-slip", 10**6), ("grip-slip", 50)])
+def test_the_road_by_way_of_samples_ends_where_the_direct_one_does(model, part, monkeypatch):
+    """Also where the last steps are taken by the triangle of the derivatives of `part` rows at a time."""
     problem = long_problem(120, model=model)
     starts = starting_points(problem, np.random.default_rng(3), 6)
     direct, peak = least_squares(problem, starts), maximum_posterior(problem, starts)
     monkeypatch.setattr(point, "STARTS", 6)
     monkeypatch.setattr(point, "SEARCHED", 24)
     monkeypatch.setattr(point, "GROWTH", 3)
+    for place in (lmfit_minimiser, subsample):
+        monkeypatch.setattr(place, "PART", part)
     squares, found = point_fit(problem, np.random.default_rng(3))
     assert squares.chi_square == pytest.approx(direct.chi_square, rel=1e-6)
     assert squares.starts >= 6
+    for name, error in direct.stderr.items():
+        assert (squares.stderr[name] is None) == (error is None)
+        assert error is None or squares.stderr[name] == pytest.approx(error, rel=1e-3)
     assert found.log_posterior == pytest.approx(peak.log_posterior, abs=0.01)
     # The problem that is fitted last is the whole one.
     assert found.rebound.v_x2.shape[-1] == 120
@@ -211,6 +219,20 @@ def test_text_and_files_do_not_grow_with_rows(long_fits, tmp_path):
     assert all(len(fit.fitted.impacts) <= SPANNING for fit in long_fits)
 
 
+def test_files_list_some_of_very_many_impacts(long_fits, monkeypatch, tmp_path):
+    """Evenly spread, first and last among them; terminal and page say how many of how many."""
+    monkeypatch.setattr(listed, "LISTED", 100)
+    fit = long_fits[1]
+    rows = list(prediction_rows(fit))
+    names = [row["id"] for row in rows[:100]]
+    assert len(rows) == 300 and (names[0], names[-1]) == (fit.problem.table.ids[0], fit.problem.table.ids[-1])
+    assert np.ptp(np.diff([fit.problem.table.ids.index(name) for name in names])) <= 1
+    words = "predictions.csv, which lists 100 of all 1,240, evenly spread"
+    assert words in " ".join(render(fit, tmp_path).split())
+    assert "<code>predictions.csv</code>, which lists 100 of all 1,240" in page(fit, {})
+    assert len(list(fit.balances.rows(listed.listed_places(1240)))) == 100
+
+
 def test_figures_draw_some_of_many_impacts(long_fits, monkeypatch):
     monkeypatch.setattr(canvas, "MOST_POINTS", 50)
     for kind in ("residuals", "predictive", "curves"):
@@ -282,23 +304,3 @@ def test_data_are_read_back_as_they_were(tmp_path):
     (item,) = found.measurements
     np.testing.assert_array_equal(item.sd, [0.1, 0.2])
     assert replace(force, source="") == replace(problem.force, source="")
-
-
-@pytest.mark.parametrize("place", ["fitball.inference.calibrate.point_fit", "fitball.data.join.load_table"])
-def test_running_out_of_memory_is_said_in_words(place, tmp_path, monkeypatch, capsys):
-    def full(*_arguments, **_named):
-        raise MemoryError("Unable to allocate 2.9 GiB")
-
-    monkeypatch.setattr(place, full)
-    command = ["calibrate", "wang_zero_spin.csv", "--point-only", "--out", str(tmp_path / "fit"), "--quiet"]
-    assert main(command) == 2
-    err = capsys.readouterr().err
-    assert "memory of this machine does not suffice (Unable to allocate 2.9 GiB)" in err
-    assert "Traceback" not in err
-    assert not list((tmp_path / "fit").glob("fit.json"))
-
-
-def test_running_out_of_memory_is_an_error_of_fitball_in_python(monkeypatch):
-    monkeypatch.setattr("fitball.inference.calibrate.point_fit", lambda *_: np.empty(2**50))
-    with pytest.raises(MemoryShortageError, match="Unable to allocate"):
-        fitball.calibrate("wang_zero_spin.csv", point_only=True)

@@ -8,7 +8,7 @@ point, the angular momentum about the contact point, and the energy.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,9 +60,11 @@ class Balances:
         """Every balance, in the order of the columns."""
         return (self.mu_bar, self.e_x, self.offset, self.cor, self.energy_lost, self.energy_fraction)
 
-    def rows(self) -> Iterator[dict[str, str]]:
-        """One row per impact for a CSV file: names with units as keys; absent values empty, with a remark."""
-        return (self._row(index) for index in range(len(self.ids)))
+    def rows(self, places: Sequence[int] | None = None) -> Iterator[dict[str, str]]:
+        """One row per impact for a CSV file, or for those at `places`: names with units as keys; absent values empty,
+        with a remark.
+        """
+        return (self._row(index) for index in (range(len(self.ids)) if places is None else places))
 
     def _row(self, index: int) -> dict[str, str]:
         row = {"id": self.ids[index]}

@@ -7,14 +7,15 @@ force records, whose residuals have no exact derivative: there they are differen
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from fitball.inference.likelihood.residuals import IMPOSSIBLE, Weighting, residuals
 from fitball.inference.likelihood.sensitivities import differentiable, residual_slopes
+from fitball.inference.point.minimum import Minimum, straight_minimum, triangle
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.subsample import PART
 from fitball.models.capabilities import HAIR
 from fitball.on_demand import heavy_later
 from fitball.values import FloatArray
@@ -32,20 +33,6 @@ DIFFERENCE = 6e-6
 # Rows above which Jacobians are one-sided, half the cost: their error of some 1e-6 only delays the last step, which
 # then is not worth its cost either (`ftol`: a chi-square of 3e5 settles to 3e-3).
 ONE_SIDED = 1000
-
-
-@dataclass(frozen=True)
-class Minimum:
-    """A minimum: its chi-square, the fitted coordinates, (fitted,), and how many `residuals` there are."""
-
-    chi_square: float
-    at: FloatArray
-    residuals: int
-
-    @property
-    def possible(self) -> bool:
-        """Whether the model can evaluate it."""
-        return self.chi_square < self.residuals * IMPOSSIBLE**2
 
 
 class Minimiser:
@@ -70,6 +57,8 @@ class Minimiser:
             if weighting.penalised:
                 self.lowest, self.highest = parameter.prior.value(np.array(parameter.prior.support))
         self.evaluations = 0
+        # Of the derivatives of a long table only the triangle is kept.
+        self.long = len(problem.impacts) > PART and differentiable(problem)
 
     def wall(self, values: FloatArray) -> FloatArray:
         """Lowest possible value (draws,) of the walled parameter, given the others in `values` (draws, free)."""
@@ -146,6 +135,8 @@ class Minimiser:
         and on tables of many rows.
         """
         x = np.array([parameter.value for parameter in parameters.values()])
+        if self.long:
+            return self.linear(x)[:-1, :-1]
         if differentiable(self.problem):
             self.evaluations += 1
             coordinates, chain = self._with_chain(x)
@@ -196,7 +187,8 @@ class Minimiser:
         steps = np.diag(DIFFERENCE * np.maximum(np.abs(x), self.scale()))
         low, high = self.limits()
         around = np.clip(np.concatenate([x + steps, x - steps]), low, high)
-        ended = np.all(self.at(around) == IMPOSSIBLE, axis=1)
+        # One at a time: of long tables each is large.
+        ended = np.array([np.all(self.at(place[None, :]) == IMPOSSIBLE) for place in around])
         return [bool(above | below) for above, below in ended.reshape(2, -1).T]
 
     def limits(self) -> tuple[FloatArray, FloatArray]:
@@ -233,11 +225,28 @@ class Minimiser:
         go astray.
         """
         low = self.limits()[0]
-        minimum = self._run(start, low)
+        run = self._run_straight if self.long else self._run
+        minimum = run(start, low)
         floor = self.floor()
         if np.all(minimum.at >= floor):
             return minimum
-        return self._run(np.maximum(minimum.at, floor), np.maximum(low, floor))
+        return run(np.maximum(minimum.at, floor), np.maximum(low, floor))
+
+    def linear(self, x: FloatArray) -> FloatArray:
+        """The triangle (fitted + 1, fitted + 1) of derivatives and residuals at a point (fitted,)."""
+        self.evaluations += 1
+        coordinates, chain = self._with_chain(x)
+        values = self.values(x[None, :])
+
+        def both(part: Problem) -> FloatArray:
+            slopes = residual_slopes(part, coordinates, self.weighting)[0] @ chain
+            return np.concatenate([slopes, residuals(part, values, self.weighting).T], axis=1)
+
+        return triangle(self.problem, both)
+
+    def _run_straight(self, start: FloatArray, low: FloatArray) -> Minimum:
+        cost, at = straight_minimum(self.linear, start, low, self.limits()[1])
+        return Minimum(cost, at, sum(item.observed.size for item in self.problem.observables))
 
     def _run(self, start: FloatArray, low: FloatArray) -> Minimum:
         many = len(self.problem.impacts) > ONE_SIDED

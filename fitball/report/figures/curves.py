@@ -24,12 +24,15 @@ from fitball.report.figures.canvas import (
 from fitball.report.figures.curve_arrays import CurveColumn, along_label, curve_columns, impacts_along
 from fitball.report.figures.drawable import Drawable
 from fitball.report.figures.measured import Measured, group_of, measured_outputs, output_label
-from fitball.report.form.palette import FAINT, MODEL
+from fitball.report.form.palette import FAINT, MEASURED, MODEL
 from fitball.values import FloatArray
 
 CELL = (3.1, 1.65)
 # Bars on more points than this would hide the curve.
 MOST_BARS = 60
+# Impacts near a curve that are drawn one by one, bins that stand for more, impacts of a bin at least; and how many of
+# the others are then drawn.
+BINNED, BINS, LEAST_IN_BIN, MOST_FAR = 1000, 24, 5, 600
 
 
 def curves_figure(fit: Drawable) -> Figure:
@@ -52,7 +55,7 @@ def curves_figure(fit: Drawable) -> Figure:
     for axis in axes[-1]:
         axis.tick_params(labelsize=8)
     inner(axes)
-    _legend(figure, fit, groups)
+    _legend(figure, fit, groups, binned=any(column.rows.size > BINNED for column in columns))
     heading(figure, _title(fit, len(columns)))
     return figure
 
@@ -78,19 +81,35 @@ def _draw_measured(
     axis: Axes, column: CurveColumn, item: Measured, place: FloatArray, groups: NDArray[np.str_]
 ) -> None:
     near = np.isin(item.rows, column.rows)
-    far = shown_rows(np.flatnonzero(~near))
+    many = np.count_nonzero(near) > BINNED
+    far = shown_rows(np.flatnonzero(~near), MOST_FAR if many else None)
     if far.size:
         axis.plot(place[item.rows[far]], item.values[far], ".", color=FAINT, markersize=4, zorder=1)
+    if many:
+        _draw_bins(axis, column, place[item.rows[near]], item.values[near])
+        return
     strong = shown_rows(np.flatnonzero(near))
     for group, (colour, marker) in group_styles(tuple(groups)).items():
         mine = strong[groups[item.rows[strong]] == group]
         if not mine.size:
             continue
-        where, many = place[item.rows[mine]], strong.size > MOST_BARS
-        if not many:
+        where, crowded = place[item.rows[mine]], strong.size > MOST_BARS
+        if not crowded:
             ends = item.values[mine] - item.sd[mine], item.values[mine] + item.sd[mine]
             axis.vlines(where, *ends, color=colour, linewidth=1.0, zorder=3)
-        axis.plot(where, item.values[mine], marker, color=colour, markersize=2.0 if many else 4.0, zorder=3)
+        axis.plot(where, item.values[mine], marker, color=colour, markersize=2.0 if crowded else 4.0, zorder=3)
+
+
+def _draw_bins(axis: Axes, column: CurveColumn, place: FloatArray, values: FloatArray) -> None:
+    """Mean and sd of the measurements near a curve, bin by bin: dots would hide it."""
+    edges = np.linspace(*column.within, BINS + 1)
+    which = np.clip(np.digitize(place, edges) - 1, 0, BINS - 1)
+    count = np.bincount(which, minlength=BINS)
+    full = count >= LEAST_IN_BIN
+    mean, middle, square = (np.bincount(which, what, BINS)[full] / count[full] for what in (values, place, values**2))
+    sd = np.sqrt(np.maximum(square - mean**2, 0.0))
+    axis.vlines(middle, mean - sd, mean + sd, color=MEASURED, linewidth=1.0, zorder=3)
+    axis.plot(middle, mean, "o", color=MEASURED, markersize=3.0, zorder=3)
 
 
 def _margins(ends: FloatArray, share: float) -> tuple[float, float]:
@@ -107,17 +126,20 @@ def _same_height(row: NDArray[Any], item: Measured, bands: list[FloatArray]) -> 
     row[0].locator_params(axis="y", nbins=5)
 
 
-def _legend(figure: Figure, fit: Drawable, groups: NDArray[np.str_]) -> None:
+def _legend(figure: Figure, fit: Drawable, groups: NDArray[np.str_], *, binned: bool) -> None:
     styles = group_styles(tuple(groups))
     handles: list[Any] = [Line2D([], [], color=MODEL, linewidth=1.4)]
     labels = ["model (dotted: beyond the impacts near)" if fit.problem.table.has_tangential else "model"]
     if fit.predictive is not None:
         handles.append(Patch(color=MODEL, alpha=0.3, linewidth=0))
         labels.append("its 68 and 95 % bands, without noise")
+    measured = "measured, with noise"
+    if binned:
+        styles, measured = {"": (MEASURED, "o")}, "measured near it, mean and sd in bins"
     for name in list(styles)[:MOST_NAMED]:
         colour, marker = styles[name]
         handles.append(Line2D([], [], color=colour, marker=marker, markersize=4.5, linewidth=1.0))
-        labels.append(f"measured, with noise: {name}" if name else "measured, with noise")
+        labels.append(f"measured, with noise: {name}" if name else measured)
     if fit.problem.table.has_tangential:
         handles.append(Line2D([], [], color=FAINT, marker=".", linestyle="none", markersize=6))
         labels.append("other impacts")

@@ -10,6 +10,7 @@ from fitball.inference.results.quantiles import SUMMARY
 from fitball.inference.results.results import Fit, Predictive
 from fitball.inference.thesis.published_cases import wang_rows
 from fitball.report.form.display_units import THESIS
+from fitball.report.form.listed import listed_places
 
 
 def summary_rows(fit: Fit) -> list[dict[str, object]]:
@@ -54,9 +55,9 @@ def prediction_rows(fit: Fit) -> Iterator[dict[str, object]]:
             prediction = next(
                 prediction for prediction in fit.predictive.observables if prediction.name == observable.name
             )
-        for k, name in enumerate(fit.problem.table.ids):
+        for k in listed_places(len(fit.problem.table)):
             row: dict[str, object] = {
-                "id": name,
+                "id": fit.problem.table.ids[k],
                 "output": observable.name,
                 "measured": float(observable.observed[k]),
                 "point": float(point[k]),
@@ -68,6 +69,6 @@ def prediction_rows(fit: Fit) -> Iterator[dict[str, object]]:
 
 def regime_rows(fit: Fit, predictive: Predictive) -> Iterator[dict[str, object]]:
     """One row per impact and phase sequence with its posterior probability."""
-    for name, shares in zip(fit.problem.table.ids, predictive.regimes, strict=True):
-        for regime, share in shares.items():
-            yield {"id": name, "regime": regime, "probability": float(np.round(share, 6))}
+    for k in listed_places(len(fit.problem.table)):
+        for regime, share in predictive.regimes[k].items():
+            yield {"id": fit.problem.table.ids[k], "regime": regime, "probability": float(np.round(share, 6))}

@@ -12,6 +12,7 @@ from fitball.report.fit.html import page
 from fitball.report.form.atomic_write import remove, write_text
 from fitball.report.form.csv import write_csv
 from fitball.report.form.folders import make_folder
+from fitball.report.form.listed import listed_places
 from fitball.report.saved.data_file import DATA_NAME, write_data
 from fitball.report.saved.fit_text import fit_text
 from fitball.report.saved.posterior_file import write_netcdf
@@ -63,7 +64,7 @@ def write_all(fit: Fit, folder: Path, command: str | None = None, *, figures: bo
     write_data(fit.problem, folder / DATA_NAME)
     write_csv(folder / "summary.csv", summary_rows(fit))
     write_csv(folder / "predictions.csv", prediction_rows(fit))
-    write_csv(folder / "balances.csv", fit.balances.rows())
+    write_csv(folder / "balances.csv", fit.balances.rows(listed_places(len(fit.problem.table))))
     write_text(folder / RUN_NAME, run_text(fit, folder))
     write_text(folder / "report.html", page(fit, images, command))
     write_text(folder / FIT_NAME, fit_text(fit))

@@ -27,6 +27,7 @@ from fitball.report.fit.summary import (
     sampler_words,
     thesis_rows,
 )
+from fitball.report.form.listed import file_words
 from fitball.report.form.template import render_template
 from fitball.report.saved.fit_text import package_versions
 from fitball.wording import speaking_to_command_line
@@ -112,6 +113,7 @@ def _page(fit: Fit, images: Mapping[str, bytes], command: str | None) -> str:
         predictions=predictions,
         balances=balances,
         not_shown=max(0, len(problem.table) - MOST_ROWS),
+        listed=file_words("", len(problem.table)),
         diagnosis=diagnosis_lines(fit, budget=False),
         budget=budget_table(fit.error_budget),
         notes=remarks,

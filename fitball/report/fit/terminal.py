@@ -23,6 +23,7 @@ from fitball.report.fit.summary import (
     prediction_table,
     thesis_rows,
 )
+from fitball.report.form.listed import file_words
 from fitball.report.form.text_table import MOST_LINES, WIDTH, columns, listed_rows, more
 
 
@@ -80,10 +81,10 @@ def render(fit: Fit, folder: Path) -> str:
         [row.id, row.theta_1, *(f"{measured} | {predicted}" for measured, predicted in row.cells), row.regime]
         for row in predictions.rows
     ]
-    parts += [*columns([top, *cells]), *more(len(table), "predictions.csv")]
+    parts += [*columns([top, *cells]), *more(len(table), file_words("predictions.csv", len(table)))]
     balances = balance_table(fit.balances, MOST_LINES)
     parts += ["", "Model-free, from the measurements alone:", "", *columns([balances.heads, *balances.rows])]
-    parts += more(len(table), "balances.csv")
+    parts += more(len(table), file_words("balances.csv", len(table)))
     for item in balances.legend:
         parts += _wrapped(item)
     parts.append("")

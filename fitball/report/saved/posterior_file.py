@@ -9,6 +9,7 @@ import numpy as np
 
 from fitball.data.hdf5_arrays import array, finite, group, opened
 from fitball.inference.results.results import Fit, Posterior
+from fitball.report.form.listed import listed_places
 from fitball.report.saved.netcdf import Variable, write_groups
 from fitball.values import FloatArray
 
@@ -58,9 +59,10 @@ def _prior(posterior: Posterior) -> Iterator[Variable]:
 
 def _observed(fit: Fit) -> Iterator[Variable]:
     table = fit.problem.table
-    yield Variable("impact", ("impact",), np.array(table.ids, dtype=object))
+    places = listed_places(len(table))
+    yield Variable("impact", ("impact",), np.array([table.ids[k] for k in places], dtype=object))
     for observable in fit.problem.observables:
-        yield Variable(observable.name, ("impact",), observable.everywhere(len(table)).observed)
+        yield Variable(observable.name, ("impact",), observable.everywhere(len(table)).observed[places])
 
 
 def read_netcdf(path: Path, names: Sequence[str], shape: tuple[int, int, int]) -> Posterior:
