@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
-from decimal import Decimal
 from math import isfinite
 
 import numpy as np
@@ -65,9 +64,8 @@ def read_column(column: Column, rows: tuple[RawRow, ...], faults: list[Fault], *
         None if gap else _read_cell(row, column, faults) for row, gap in zip(rows, missing.tolist(), strict=True)
     ]
     unit = column.unit or DEFAULT_UNIT[NUMBERS[column.name]]
-    exponents = [int(number.as_tuple().exponent) for number in numbers if number is not None]
-    exponent = min(exponents, default=0)
-    trusted = [float("nan") if item is None or column.unit is None else float(item) for item in numbers]
+    exponent = min((number[1] for number in numbers if number is not None), default=0)
+    trusted = [float("nan") if item is None or column.unit is None else item[0] for item in numbers]
     with np.errstate(over="ignore"):
         values = unit.to_si(np.array(trusted, dtype=np.float64))
     for index in np.flatnonzero(np.isinf(values)):
@@ -84,13 +82,17 @@ def absent(text: str) -> bool:
     return text.lower() in _ABSENT
 
 
-def _read_cell(row: RawRow, column: Column, faults: list[Fault]) -> Decimal | None:
+def _read_cell(row: RawRow, column: Column, faults: list[Fault]) -> tuple[float, int] | None:
+    """The number of a cell, and the power of ten of its last digit."""
     text = row.cells[column.index]
-    if _NUMBER.fullmatch(text) and isfinite(float(text)):
-        number = Decimal(text)
+    found = _NUMBER.fullmatch(text)
+    if found and isfinite(number := float(text)):
+        digits, power = found[1], found[2]
+        point = digits.find(".")
+        exponent = (point + 1 - len(digits) if point >= 0 else 0) + (int(power[1:]) if power else 0)
         # "0e400" is zero, but no digit of it stands where a number can have one.
-        if int(number.as_tuple().exponent) <= MOST_EXPONENT:
-            return number
+        if exponent <= MOST_EXPONENT:
+            return number, exponent
     faults.append(Fault(_explain(text, column.name), row=row.number, line=row.line, column=column.name))
     return None
 

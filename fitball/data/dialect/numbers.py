@@ -16,6 +16,8 @@ _POINT = re.compile(r"[+\-]?(?:\d+\.\d*|\.\d+)(?:[eE][+\-]?\d+)?")
 _THOUSANDS = re.compile(r"[+\-]?[1-9]\d{0,2},\d{3}")
 _GROUPED = re.compile(r"[+\-]?\d{1,3}(?:[.,' \u00a0\u202f]\d{3})+(?:[.,]\d+)?")
 _MINUS = re.compile(r"(?:^|(?<=[eE]))[\u2212\u2013](?=[\d.,])")
+# Without any of these there is no decimal comma, printed minus sign or deviation; and no deviation.
+_SIGNS, _DEVIATION_SIGNS = ",±+\u2212\u2013", "±+"
 _PLUS_MINUS = re.compile(r"(?P<value>[^±]*?\S)\s*(?:±|\+/-|\+/\u2212|\+-)\s*(?P<sd>[^±+\-\s].*)")
 
 
@@ -29,6 +31,8 @@ def plain_numbers(
     """
     told: list[str] = [] if notes is None else notes
     cells = [row.cells[place] for row in rows for place in places]
+    if not _any_of(_SIGNS, cells):
+        return tuple(rows)
     if any(_MINUS.search(cell) for cell in cells):
         told.append("printed minus signs (\u2212, –) were read as such")
         rows = [_changed(row, places, lambda cell: _MINUS.sub("-", cell)) for row in rows]
@@ -38,6 +42,12 @@ def plain_numbers(
         return tuple(rows)
     told.append("numbers have decimal commas")
     return tuple(_changed(row, places, _with_point) for row in rows)
+
+
+def _any_of(signs: str, cells: Sequence[str]) -> bool:
+    """Whether any of the signs stands in any of the cells, which are looked at as one text: they may be millions."""
+    text = "\n".join(cells)
+    return any(sign in text for sign in signs)
 
 
 def _changed(row: RawRow, places: Sequence[int], change: Callable[[str], str]) -> RawRow:
@@ -62,6 +72,8 @@ def split_deviations(rows: Sequence[RawRow], places: Sequence[int]) -> tuple[tup
     """The rows with each `value ± sd` as its value, the sds in columns of their own behind the others; the places of
     these columns by that of the number. A row without a deviation has an empty cell there.
     """
+    if not _any_of(_DEVIATION_SIGNS, [row.cells[place] for row in rows for place in places]):
+        return tuple(rows), {}
     stated = [place for place in places if any(_PLUS_MINUS.fullmatch(row.cells[place]) for row in rows)]
     if not stated:
         return tuple(rows), {}
