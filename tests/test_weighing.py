@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from samples import problem_of
+from scipy.stats import norm, t
 
 from fitball.data.read import load_table
 from fitball.inference import calibrate, weigh
 from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.point.point_fit import point_fit
+from fitball.inference.prediction.posterior_predictive import evenly
+from fitball.inference.problem.noise import KINDS
 from fitball.inference.sampling.moves import StudentProposal
 from fitball.report.fit.html import page
 from fitball.report.saved.fit_text import fit_text
@@ -107,3 +110,14 @@ def test_a_mixture_is_as_dense_as_its_parts():
     np.testing.assert_allclose(mixed.log_density(at), own - np.log(2.0), atol=1e-4)
     drawn = mixed.draw(np.random.default_rng(1), 4000)[:, 0]
     assert np.mean(drawn > 25.0) == pytest.approx(0.5, abs=0.04)
+
+
+def test_few_draws_give_intervals_of_new_measurements_all_the_same():
+    """Of a normal noise, and of Student's: 95 % of new measurements lie within, by as many even deviations."""
+    sizes = {"normal": {}, "student-t": {"degrees_of_freedom": np.full(120, 4.0)}}
+    for kind, freedom in (("normal", norm), ("student-t", t(4.0))):
+        steps = evenly(KINDS[kind], sizes[kind], (120, 7), np.random.default_rng(1))
+        assert steps.shape == (120, 7)
+        for column in steps.T:
+            low, high = np.quantile(column, (0.025, 0.975), method="hazen")
+            assert freedom.cdf(high) - freedom.cdf(low) == pytest.approx(0.95, abs=0.004)

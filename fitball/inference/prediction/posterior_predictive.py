@@ -61,14 +61,17 @@ def _at_impacts(
     """Every observable, and the regimes, at the impacts of the problem."""
     rebound = problem.rebound(values)
     columns = problem.all_values(values)
+    even = len(values) < DRAWS
     by_incidence = incident_sds(problem, columns, rebound)
     observables = []
     for observable in (item.everywhere(len(problem.impacts)) for item in problem.observables):
         predicted, spread, data = with_noise(
-            problem.noise, observable, columns, rebound, rng, by_incidence[observable.name], even=len(values) < DRAWS
+            problem.noise, observable, columns, rebound, rng, by_incidence[observable.name], even=even
         )
         if problem.group_bias is not None:
             data = data + problem.group_bias.offset(columns, observable.name)
+        # Even deviations stand for the middles of equal parts.
+        ends = np.quantile(data, (BAND_LEVELS[0], BAND_LEVELS[-1]), axis=0, method="hazen" if even else "linear")
         low, mid_low, median, mid_high, high = np.quantile(predicted, BAND_LEVELS, axis=0)
         observables.append(
             ObservablePrediction(
@@ -82,8 +85,8 @@ def _at_impacts(
                 mean_q16=mid_low,
                 mean_q84=mid_high,
                 mean_q975=high,
-                data_q025=np.quantile(data, BAND_LEVELS[0], axis=0),
-                data_q975=np.quantile(data, BAND_LEVELS[-1], axis=0),
+                data_q025=ends[0],
+                data_q975=ends[1],
             )
         )
     return observables, regime_shares(rebound)
@@ -106,11 +109,11 @@ def with_noise(
     """
     predicted = observable.predict(rebound)
     spread = np.hypot(np.broadcast_to(observable.sds(columns, rebound), predicted.shape), incident_sd)
-    drawn = _evenly(noise, columns, predicted.shape, rng) if even else noise.draw(rng, predicted.shape, columns)
+    drawn = evenly(noise, columns, predicted.shape, rng) if even else noise.draw(rng, predicted.shape, columns)
     return predicted, spread, predicted + spread * drawn
 
 
-def _evenly(
+def evenly(
     noise: NoiseKind, columns: Mapping[str, FloatArray], shape: tuple[int, ...], rng: np.random.Generator
 ) -> FloatArray:
     """Deviations (draws, impacts), at each impact the quantiles of the noise in another order."""

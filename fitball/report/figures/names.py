@@ -68,7 +68,7 @@ FIGURES: Mapping[str, FigureText] = {
     ),
     "trace": FigureText(
         "walkers of every ensemble after warm-up",
-        "Walkers of every ensemble after warm-up, and the marginals ensemble by ensemble.",
+        "Walkers of every ensemble after warm-up, or chains of weighed draws, and the marginals of each.",
         "diagnosis",
     ),
 }

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from fitball.report.figures.canvas import heading, legend_below
-from fitball.report.figures.drawable import Drawable
+from fitball.report.figures.drawable import Drawable, drawn
 from fitball.report.figures.sheet import Panel, Sheet, Side
 from fitball.report.figures.trace_arrays import TraceData, trace_data
 from fitball.report.form.palette import SERIES
@@ -35,8 +35,11 @@ def trace_figure(fit: Drawable) -> Figure:
     for side, words in ((steps, "step"), (marginal, "marginal")):
         sheet.text(side.start + 0.5 * side.length, BOTTOM - 0.35, words, 10, ha="center", va="center")
     handles = [Line2D([], [], color=colour) for colour in colours]
-    legend_below(sheet.figure, handles, [f"ensemble {k + 1}" for k in range(len(colours))], 6)
-    heading(sheet.figure, f"{fit.problem.model.name} on {fit.problem.table.name}: walkers after warm-up")
+    # Draws that were weighed are in chains of one.
+    many = drawn(fit).values.shape[2] > 1
+    chain, words = ("ensemble", "walkers after warm-up") if many else ("chain", "weighed draws, chain by chain")
+    legend_below(sheet.figure, handles, [f"{chain} {k + 1}" for k in range(len(colours))], 6)
+    heading(sheet.figure, f"{fit.problem.model.name} on {fit.problem.table.name}: {words}")
     return sheet.figure
 
 
