@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from fitball.inference.likelihood.residuals import IMPOSSIBLE
 from fitball.inference.problem.problem import Problem
@@ -48,6 +47,9 @@ def straight_minimum(
     """Chi-square and place (fitted,) where steps from `start` (fitted,) end, each to the minimum between `low` and
     `high` of the straight problem there: `linear` gives the triangle of its derivatives and residuals.
     """
+    # It is for long tables alone.
+    from scipy.optimize import lsq_linear
+
     cost, at = math.inf, start
     following = start
     for _ in range(STRAIGHTENED):
