@@ -345,8 +345,15 @@ def _speed() -> str:
         "",
         f"A log posterior of {longest['rows']:.0f} impacts takes "
         f"{digits(longest['milliseconds a log posterior'], 2)} ms, the best fit of them "
-        f"{digits(longest['point fit [s]'], 2)} s of CPU and {digits(longest['most memory [MB]'], 2)} MB.",
+        f"{digits(longest['point fit [s]'], 2)} s of CPU and {digits(longest['most memory [MB]'], 2)} MB. All of "
+        "`fitball calibrate` on tables that grip-slip made, from the CSV file to the result folder:",
+        "",
+        "| rows | CPU seconds | microseconds a row | most memory [MB] | report.html [kB] | fit.json [kB] |",
+        "|---|---|---|---|---|---|",
     ]
+    for row in _benched("whole").to_dict("records"):
+        shown = [f"{row['rows']:,.0f}", *(digits(value, 3) for name, value in row.items() if name != "rows")]
+        rows.append(f"| {' | '.join(shown)} |")
     return "\n".join(rows)
 
 

@@ -281,7 +281,8 @@ def bench_of(precision, densities, missing):
         "ratios": pd.DataFrame({WORK: ["a", "b"], "yardstick": "y", RATIO: [2.0, 3.0]}),
         "precision": precision,
         "densities": densities,
-        "samplers": pd.DataFrame(sampled), "batches": kinds, "growth": kinds, "processes": kinds, "tables": kinds,
+        "samplers": pd.DataFrame(sampled), "batches": kinds, "growth": kinds, "whole": kinds, "processes": kinds,
+        "tables": kinds,
     }  # fmt: skip
     return Bench(frames, "a machine", missing)
 

@@ -125,7 +125,11 @@ def legend_below(figure: Figure, handles: Sequence[Any], labels: Sequence[str], 
 def shown_rows(rows: NDArray[np.int64], most: int | None = None) -> NDArray[np.int64]:
     """Of `rows` those that a figure draws, `most` of them, evenly spread; all of them if it can."""
     count = len(rows)
-    places = np.linspace(0, count - 1, min(count, MOST_POINTS if most is None else most)).round().astype(np.int64)
+    places = (
+        np.linspace(0, count - 1, min(count, MOST_POINTS if most is None else min(most, MOST_POINTS)))
+        .round()
+        .astype(np.int64)
+    )
     return np.asarray(rows[np.unique(places)])
 
 

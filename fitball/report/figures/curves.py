@@ -32,7 +32,7 @@ CELL = (3.1, 1.65)
 MOST_BARS = 60
 # Impacts near a curve that are drawn one by one, bins that stand for more, impacts of a bin at least; and how many of
 # the others are then drawn.
-BINNED, BINS, LEAST_IN_BIN, MOST_FAR = 1000, 24, 5, 600
+BINNED, BINS, LEAST_IN_BIN, MOST_FAR = 200, 24, 5, 300
 
 
 def curves_figure(fit: Drawable) -> Figure:

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import tempfile
 from functools import partial
+from pathlib import Path
 
 import pandas as pd
 
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.models.registry import DEFAULT_MODEL, model
 from fitball.studies.bench.clock import Action, Pace, by_turns, fresh_process
-from fitball.studies.bench.tables import base_values, posed, spread_coordinates, spread_draws
+from fitball.studies.bench.tables import base_values, posed, spread_coordinates, spread_draws, write_simulated
 from fitball.values import impacts
 
 ROWS = (7, 21, 210, 2100, 8000)
 FITTED = (21, 210, 2100, 8000)
+CALIBRATED = (1000, 10_000, 100_000, 1_000_000)
+VERB = "from fitball.cli.main import main; assert main({words}) == 0"
 POINT_FIT = """
 import numpy as np
 from fitball.inference.point.point_fit import point_fit
@@ -64,10 +67,26 @@ def growth_costs(most: int, pace: Pace) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def whole_costs(most: int) -> pd.DataFrame:
+    """With rows of a simulated table, `most` at most: CPU time and most memory of `fitball calibrate` from the CSV
+    file to the result folder, and the sizes of what is read of that.
+    """
+    rows = []
+    for count in (count for count in CALIBRATED if count <= most):
+        with tempfile.TemporaryDirectory() as name:
+            place, folder = Path(name) / "table.csv", Path(name) / "fit"
+            write_simulated(place, count)
+            words = ["calibrate", str(place), "--model", "grip-slip", "--cores", "1", "--quiet", "--out", str(folder)]
+            told = fresh_process(VERB.format(words=words))
+            sizes = {f"{item} [kB]": (folder / item).stat().st_size / 1e3 for item in ("report.html", "fit.json")}
+        rows.append({"rows": count, "calibrate [s]": told.seconds, "microseconds a row": 1e6 * told.seconds / count,
+                     "most memory [MB]": told.megabytes, **sizes})  # fmt: skip
+    return pd.DataFrame(rows)
+
+
 def process_costs(full: bool) -> pd.DataFrame:
     """CPU seconds and most memory of fresh processes, one core; in `full` with an empty compile cache too."""
     rebound = REBOUND.format(values=base_values())
-    verb = "from fitball.cli.main import main; assert main({words}) == 0"
     rows = []
 
     def measured(label: str, code: str, **environment: str) -> None:
@@ -84,5 +103,5 @@ def process_costs(full: bool) -> pd.DataFrame:
     for table in ("wang_zero_spin", "wang_all"):
         with tempfile.TemporaryDirectory() as folder:
             words = ["calibrate", f"{table}.csv", "--cores", "1", "--quiet", "--out", folder + "/fit"]
-            measured(f"fitball calibrate {table}", verb.format(words=words))
+            measured(f"fitball calibrate {table}", VERB.format(words=words))
     return pd.DataFrame(rows)

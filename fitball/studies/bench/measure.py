@@ -15,7 +15,7 @@ import scipy
 
 from fitball.scheduling.engine import engine
 from fitball.studies.bench.clock import Pace
-from fitball.studies.bench.costs import batch_costs, growth_costs, process_costs
+from fitball.studies.bench.costs import batch_costs, growth_costs, process_costs, whole_costs
 from fitball.studies.bench.densities import density_costs
 from fitball.studies.bench.many_tables import many_costs
 from fitball.studies.bench.precision import work_precision
@@ -28,18 +28,20 @@ from fitball.studies.bench.tables import problems
 @dataclass(frozen=True)
 class Extent:
     """How much is measured: the pace of short work, CPU seconds of each rival sampler on each table, impacts in the
-    largest batch, rows of the largest table, and batches of tables with the cores that each has.
+    largest batch, rows of the largest table whose density is timed and of that which is calibrated, and batches of
+    tables with the cores that each has.
     """
 
     pace: Pace
     sampling: float
     batch: int
     rows: int
+    calibrated: int
     many: tuple[tuple[int, int], ...]
 
 
-FULL = Extent(Pace(7, 2e-3), 15.0, 100_000, 8000, ((200, 1), (1000, 2)))
-QUICK = Extent(Pace(3, 1e-3), 2.0, 20_000, 2100, ((10, 1),))
+FULL = Extent(Pace(7, 2e-3), 15.0, 100_000, 8000, 1_000_000, ((200, 1), (1000, 2)))
+QUICK = Extent(Pace(3, 1e-3), 2.0, 20_000, 2100, 10_000, ((10, 1),))
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,8 @@ def measure(extent: Extent, cores: int, report: Callable[[str], None]) -> Bench:
     report("batches, rows, processes")
     frames["batches"] = batch_costs(extent.batch, pace)
     frames["growth"] = growth_costs(extent.rows, pace)
+    report("whole calibrations")
+    frames["whole"] = whole_costs(extent.calibrated)
     frames["processes"] = process_costs(extent is FULL)
     report("many tables")
     frames["tables"] = pd.concat([many_costs(count, on) for count, on in extent.many], ignore_index=True)

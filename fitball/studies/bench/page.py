@@ -21,6 +21,7 @@ HEADS = {
     "samplers": "Effective draws a CPU second (the least of bulk and tail over all parameters)",
     "batches": "Batches",
     "growth": "With rows",
+    "whole": "`fitball calibrate` with rows, from the CSV file to the result folder",
     "tables": "Many tables of 20 rows through `fitball batch`: CPU since the line before, memory the most so far",
     "processes": "Fresh processes, one core",
     "ratios": "What `--check` compares",
