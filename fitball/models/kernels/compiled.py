@@ -149,7 +149,7 @@ class _Compilations(event.Listener):
             # A compiler makes little but objects that stay: a seventh of its time went into looking through them.
             self.collected = gc.isenabled()
             gc.disable()
-            self.memo.use(dispatcher.typingctx)
+            self.memo.use()
             folder = dispatcher.stats.cache_path
             first_compile.tell(first_compile.Compiling(dispatcher.py_func.__name__, folder))
 
