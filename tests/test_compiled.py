@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numba import types
+from numba import TypingError, types
 
 import fitball
 from fitball.models.kernels import batch, bounce, bounce_jacobian, dual, pieces, two_mass
@@ -93,4 +93,11 @@ def test_an_entry_gives_what_it_says():
     space = {"__name__": __name__, "apart": apart, "calling": calling, "Entry": Entry}
     exec(THIRD.format(result="0"), space)
     with pytest.raises(TypeError, match=r"fitball\.third gives float64, not int64"):
+        space["ninth"](18.0)
+
+
+def test_a_kernel_that_does_not_name_the_entry_it_calls_is_refused():
+    space = {"__name__": __name__, "apart": apart, "calling": calling, "Entry": Entry}
+    exec(THIRD.format(result="0.0").replace("@calling(ENTRY)", "@calling()"), space)
+    with pytest.raises(TypingError, match=r"fitball\.third is not linked: name it in @calling"):
         space["ninth"](18.0)

@@ -19,7 +19,7 @@ R = TypeVar("R")
 
 class Entry(Generic[P, R]):
     """A compiled kernel that the linker knows by name, for one kind of arguments: of these and of the result it is
-    given examples. Kernels that `call` it name it among their `needs`, so that it is linked before them.
+    given examples. Kernels that `call` it name it in their decorator, `calling`, so that it is linked before them.
     """
 
     def __init__(self, kernel: Callable[P, R], arguments: Sequence[Any], result: R) -> None:
@@ -47,6 +47,9 @@ class Entry(Generic[P, R]):
         """The call, as numba wants it from `intrinsic`."""
 
         def typed(_context: Any, *_kinds: Any) -> Any:
+            if not self._linked:
+                # The code would call nothing, and end the process.
+                raise numba.TypingError(f"{self.name} is not linked: name it in @calling")
             return self.signature, self._emit
 
         names = ["context", *(f"x{k}" for k in range(len(self.signature.args)))]
