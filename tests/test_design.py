@@ -415,6 +415,23 @@ def test_levels_are_places_to_measure_at(known, brief):
     assert np.argmin(plan.chosen[0].sds / plan.sds) == 1
 
 
+def test_a_level_is_as_uncertain_as_its_draws_whatever_the_spread(known):
+    """To first order, of levels that are well known while common value and spread are not."""
+    problem = build_problem(
+        known.problem.table, known.problem.scene, Choices(model="grip-slip", pool={"mu": "group"})
+    )
+    rng, count = np.random.default_rng(9), len(known.coordinates)
+    common, spread = rng.normal(0.5, 0.1, count), 0.03 + np.abs(rng.normal(0.0, 0.15, count))
+    values = {"mu": common, "mu_spread": spread}
+    for label in problem.pooling[0].labels:
+        values[f"mu_place[{label}]"] = (rng.normal(0.55, 0.01, count) - common) / spread
+    plain = {name: known.coordinates[:, known.problem.free_names.index(name)] for name in known.problem.free_names}
+    levelled = Knowledge(problem, np.column_stack([values.get(name, plain.get(name)) for name in problem.free_names]))
+    target, draws = parse_target("court pace", levelled), levelled.some(80)
+    found = nothing_measured(target.gradients(draws) @ levelled.roots(draws)).sds.mean(axis=0)
+    assert found == pytest.approx(np.nanstd(target.values(levelled.coordinates), axis=0), rel=0.1)
+
+
 def test_costs_decide_between_sensors(grip_slip_fit, brief):
     where = {
         "speed": parse_range("speed", "20:30:2"),

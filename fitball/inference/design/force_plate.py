@@ -54,7 +54,7 @@ def plate_rows(planned: Problem, draws: FloatArray, solved: NDArray[np.bool_], r
     slopes, growth = force_information_rows(planned, records, draws)
     rows = np.concatenate([slopes, np.sqrt(2.0) * growth], axis=2)
     known = solved & np.isfinite(rows).all(axis=(2, 3))
-    rows = np.where(known[..., None, None], rows, 0.0) @ root
+    rows = np.where(known[..., None, None], rows, 0.0) @ (root if root.ndim == 2 else root[:, None])
     # As many rows as there are directions say the same.
     return np.asarray(np.linalg.qr(rows, mode="r"))
 

@@ -60,8 +60,8 @@ def differentiated(problem: Problem, coordinates: FloatArray) -> Differentiated:
 
 
 def information_rows(made: Differentiated, sensor: Sensor, root: FloatArray) -> FloatArray:
-    """Rows (draws, impacts, rows, directions) of what a `sensor` tells, in the directions of `Knowledge.root`; zero
-    where a draw cannot be evaluated.
+    """Rows (draws, impacts, rows, directions) of what a `sensor` tells, in the directions of `Knowledge.root`, or of
+    `Knowledge.roots` at the draws; zero where a draw cannot be evaluated.
     """
     problem, columns = made.problem, made.columns
     sds = np.stack([column.sds(columns, made.rebound) for column in sensor.columns], axis=2)
@@ -85,7 +85,7 @@ def information_rows(made: Differentiated, sensor: Sensor, root: FloatArray) -> 
         own = sds**2 / np.diagonal(covariance, axis1=2, axis2=3)
     scale = np.sqrt(problem.noise.scale_information(columns))[..., None, None, None]
     rows = np.concatenate([worth * told, scale * own[..., None] * _growth(made, sensor, known)], axis=2)
-    return np.asarray(rows @ root)
+    return np.asarray(rows @ (root if root.ndim == 2 else root[:, None]))
 
 
 def covariances(made: Differentiated, sensor: Sensor, sds: FloatArray, known: NDArray[np.bool_]) -> FloatArray:

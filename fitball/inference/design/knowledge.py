@@ -42,13 +42,54 @@ class Knowledge:
 
     @cached_property
     def root(self) -> FloatArray:
-        """A matrix (free, directions) whose product with its transpose is the covariance of the coordinates."""
+        """A matrix (free, directions) whose product with its transpose is the covariance of the coordinates, where
+        coordinates at each level of a pooled parameter stand for the places of levels.
+        """
+        drawn = self._levelled
         # In standard deviations first: units and scales of the coordinates differ by many powers of ten.
-        scale = np.maximum(np.std(self.coordinates, axis=0), np.finfo(np.float64).tiny)
-        correlation = np.atleast_2d(np.cov(self.coordinates / scale, rowvar=False))
+        scale = np.maximum(np.std(drawn, axis=0), np.finfo(np.float64).tiny)
+        correlation = np.atleast_2d(np.cov(drawn / scale, rowvar=False))
         values, vectors = np.linalg.eigh(correlation)
         wide = values > NARROW * values[-1]
         return np.asarray(scale[:, None] * vectors[:, wide] * np.sqrt(values[wide]))
+
+    @property
+    def _pooled(self) -> list[tuple[int, int, list[int]]]:
+        """Of each pooled parameter its place among the free ones, that of its spread, and those of its levels."""
+        names = self.problem.free_names
+        return [
+            (
+                names.index(item.parameter),
+                names.index(item.spread_name),
+                [names.index(item.place_name(label)) for label in item.labels],
+            )
+            for item in self.problem.pooling
+            if {item.parameter, item.spread_name, *map(item.place_name, item.labels)} <= set(names)
+        ]
+
+    @property
+    def _levelled(self) -> FloatArray:
+        """The draws with coordinates at levels for their places: where a spread is not known the one is nearly normal
+        and the other is not.
+        """
+        drawn = self.coordinates.copy()
+        for common, spread, places in self._pooled:
+            drawn[:, places] = drawn[:, [common]] + drawn[:, [spread]] * drawn[:, places]
+        return drawn
+
+    def roots(self, draws: FloatArray) -> FloatArray:
+        """`root` for derivatives with respect to the coordinates themselves at draws (draws, free): (draws, free,
+        directions).
+        """
+        back = np.broadcast_to(np.eye(draws.shape[1]), (len(draws), draws.shape[1], draws.shape[1])).copy()
+        for common, spread, places in self._pooled:
+            size = draws[:, spread]
+            for place in places:
+                # A place is the level less the common coordinate, over the spread.
+                back[:, place, place] = 1.0 / size
+                back[:, place, common] = -1.0 / size
+                back[:, place, spread] = -draws[:, place] / size
+        return np.asarray(back @ self.root)
 
     def at(self, impacts: Impacts, rows: NDArray[np.int64]) -> Problem:
         """The problem at planned impacts, which meet the surface and ball of the table's `rows` (impacts,). Its table

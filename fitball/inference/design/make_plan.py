@@ -204,7 +204,7 @@ def _searched(
             apart[name] = look(
                 known, draws, sensor.drop.take(np.zeros(each.size, dtype=np.int64)), each, {name: sensor}
             )
-    start = nothing_measured(gradients @ known.root)
+    start = nothing_measured(gradients @ known.roots(draws))
     return Search(known, draws, target, settings, sensors, grid, apart, start), float(np.mean(~told))
 
 
@@ -222,7 +222,7 @@ def _with_plates(search: Search, chosen: Sequence[int]) -> Search:
     some = np.unique(np.concatenate([np.argsort(-gains, kind="stable")[:PLATED], even, np.array(chosen, np.int64)]))
     some = some[grid.allowed[some]]
     planned = known.at(grid.impacts.take(some), grid.like[some])
-    forces = plate_rows(planned, search.draws, grid.solved[:, some], known.root)
+    forces = plate_rows(planned, search.draws, grid.solved[:, some], known.roots(search.draws))
     only = np.isin(np.arange(len(grid.impacts)), some)
     beside = look(known, search.draws, grid.impacts.take(some), grid.like[some], plates)
     for name in plates:
@@ -245,13 +245,13 @@ def look(
 ) -> Looked:
     """Information of impacts by each sensor."""
     rows: dict[str, list[FloatArray]] = {name: [] for name in sensors}
-    status = []
+    status, roots = [], known.roots(draws)
     for k in range(0, len(impacts), TOGETHER):
         part = np.arange(k, min(k + TOGETHER, len(impacts)))
         made = differentiated(known.at(impacts.take(part), like[part]), draws)
         status.append(made.rebound.status)
         for name, sensor in sensors.items():
-            rows[name].append(information_rows(made, sensor, known.root))
+            rows[name].append(information_rows(made, sensor, roots))
     joined = np.concatenate(status, axis=1)
     together = {name: np.concatenate(parts, axis=1) for name, parts in rows.items()}
     return Looked(impacts, like, together, joined == 0, joined)
