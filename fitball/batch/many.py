@@ -96,6 +96,12 @@ def load_batch(folder: PathLike = FOLDER) -> Batch:
     """The batch that lies in a folder, as `calibrate_many` or `fitball batch` left it; nothing is fitted.
 
     Raises ResultFolderError where none does, or one that has not ended.
+
+    >>> many = folder.parent / "kept"
+    >>> tables = {"still air": "wang_zero_spin"}
+    >>> made = fitball.calibrate_many(tables, "grip-slip", out=many, point_only=True, cores=1)
+    >>> list(fitball.load_batch(many))
+    ['still air']
     """
     place = Path(folder)
     table = place / CSV_NAME
