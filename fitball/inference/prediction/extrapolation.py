@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,11 +89,12 @@ def spanning_impacts(impacts: Impacts, radius: float) -> Impacts:
         return impacts
     points = _velocities(impacts, radius)
     speed, angle = np.hypot(impacts.v_x1, impacts.v_y1), _quantity(impacts, "theta_1")
-    columns = [points.T, speed[None], angle[None]]
     spread = points - points.mean(axis=0)
     scale = spread.std(axis=0)
-    towards = spread @ (_directions(DIRECTIONS) / np.where(scale > 0.0, scale, 1.0)).T
-    corners = {int(k) for column in np.concatenate([*columns, towards.T]) for k in (column.argmin(), column.argmax())}
+    # One direction after the other: of many impacts each is large.
+    towards = (spread @ one for one in _directions(DIRECTIONS) / np.where(scale > 0.0, scale, 1.0))
+    rows = (*points.T, speed, angle)
+    corners = {int(k) for column in chain(rows, towards) for k in (column.argmin(), column.argmax())}
     order = np.argsort(angle, kind="stable")
     others = order[np.linspace(0, count - 1, SPANNING - len(corners)).round().astype(np.int64)]
     return impacts.take(np.union1d(np.array(sorted(corners), dtype=np.int64), others))
