@@ -17,7 +17,7 @@ from fitball.report.batch.series import Along, Series
 from fitball.report.batch.words import centre_of
 from fitball.report.figures.canvas import log_scale, new_figure
 from fitball.report.figures.parameter_axis import ParameterAxis, parameter_axis
-from fitball.report.form.palette import FAINT, GUIDE, MODEL, TREND
+from fitball.report.form.palette import FAINT, GUIDE, MODEL, TREND, pale
 from fitball.values import FloatArray
 
 WIDTH, HEIGHT = 9.0, 1.75
@@ -25,6 +25,8 @@ WIDTH, HEIGHT = 9.0, 1.75
 MOST_NAMED = 24
 # Medians that a panel shows with intervals of full strength; of more they are thinner.
 MANY = 60
+# Tables beyond which intervals overlap: pale behind the medians then, and without what each has given the others.
+CROWDED = 150
 # How far beside its own interval stands what a table has given the others, in tables.
 BESIDE = 0.22
 
@@ -59,16 +61,17 @@ def quantity_axis(series: Series) -> ParameterAxis:
 def _draw(panel: Axes, series: Series, along: Along | None, populated: Populated | None) -> None:
     shown = quantity_axis(series)
     places = np.array(series.rows, dtype=float) if along is None else along.values[list(series.rows)]
-    width = 1.6 if len(places) <= MANY else 0.7
+    width, crowded = 1.6 if len(places) <= MANY else 0.7, len(places) > CROWDED
     outside = dict(series.outside)
     for told in (False, True):
         chosen = np.array(series.told) == told
+        colour = MODEL if told else FAINT
         panel.vlines(
             places[chosen], series.low[chosen] * shown.factor, series.high[chosen] * shown.factor,
-            color=MODEL if told else FAINT, linewidth=width,
+            color=pale(colour, 0.35) if crowded else colour, linewidth=width,
         )  # fmt: skip
         panel.plot(
-            places[chosen], series.median[chosen] * shown.factor, "o", color=MODEL if told else FAINT,
+            places[chosen], series.median[chosen] * shown.factor, "o", color=colour,
             markersize=4.0 if len(places) <= MANY else 2.0,
         )  # fmt: skip
     rings = [k for k, row in enumerate(series.rows) if row in outside]
@@ -76,7 +79,7 @@ def _draw(panel: Axes, series: Series, along: Along | None, populated: Populated
         places[rings], series.median[rings] * shown.factor, "o", markersize=11, markerfacecolor="none", color=TREND
     )
     _lines(panel, series, along, places, shown, populated)
-    if populated is not None:
+    if populated is not None and not crowded:
         _pooled(panel, series, places, shown, populated)
     _limit(panel, series, shown)
     panel.set_ylabel(shown.label, fontsize=9)

@@ -18,6 +18,7 @@ from fitball.report.batch.series import REACH, Series
 from fitball.report.form.display_units import handy
 from fitball.report.form.rounding import decimals, fixed, interval, significant
 from fitball.report.form.sentences import listed
+from fitball.wording import spoken
 
 CENTRE_HEADS = ("quantity", "unit", "told by", "centre", "95 %", "spread", "95 %", "typical sd")
 LEGEND = (
@@ -31,6 +32,8 @@ LEGEND = (
 
 # Sd that a finite number of draws gives a mean, as a share of the 95 % interval, above which that is told.
 MOST_ERROR = 0.1
+# Populations with poor weights that are told one by one.
+MOST_POOR = 2
 # Tables that are practical to fit together.
 MOST_JOINT = 12
 
@@ -65,7 +68,7 @@ def told(rows: Sequence[Row], series: Sequence[Series], populated: Sequence[Popu
                 f"Not described: {_some(refused)}. What is said of their parameters holds within the model only."
             )
     points += [sentence for one in series for sentence in _standing_out(one)]
-    points += [sentence for one in populated for sentence in doubts(one)]
+    points += doubts_of_all(populated)
     return Told("; ".join(parts) + ".", tuple(points), failed)
 
 
@@ -180,6 +183,20 @@ def population_cells(populated: Populated) -> tuple[str, ...]:
     )
 
 
+def doubts_of_all(populated: Sequence[Populated]) -> list[str]:
+    """What is not to be trusted of populations; of many with poor weights as one sentence."""
+    poor = [one for one in populated if one.population.doubtful]
+    if len(poor) <= MOST_POOR:
+        return [sentence for one in populated for sentence in doubts(one)]
+    named = listed([one.quantity.name for one in poor])
+    count = len({name for one in poor for name in one.population.doubtful})
+    together = (
+        f"Populations of {named}: weights are not to be trusted (Pareto k above {K_TRUSTED}) in some of {count:,} "
+        "tables (? on the page, k in population.csv): few draws there meet the population."
+    )
+    return [sentence for one in populated if one not in poor for sentence in doubts(one)] + [together]
+
+
 def doubts(populated: Populated) -> list[str]:
     """What of a population is not to be trusted, and what would help."""
     found, name = populated.population, populated.quantity.name
@@ -198,5 +215,8 @@ def doubts(populated: Populated) -> list[str]:
             "there meet the population."
         )
     if said and len(populated.quantity.parts) == 1 and len(found.tables) <= MOST_JOINT:
-        said[-1] += f" So few tables can be fitted together instead: fitball calibrate TABLES --pool {name}=table."
+        how = spoken(
+            f"fitball calibrate TABLES --pool {name}=table", f"fitball.calibrate(tables, pool={{'{name}': 'table'}})"
+        )
+        said[-1] += f" So few tables can be fitted together instead: {how}."
     return said
