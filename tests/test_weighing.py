@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from samples import problem_of
-from scipy.stats import norm, t
+from scipy.stats import multivariate_t, norm, t
 
 from fitball.data.read import load_table
 from fitball.inference import calibrate, weigh
@@ -14,7 +14,7 @@ from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.point.point_fit import point_fit
 from fitball.inference.prediction.posterior_predictive import evenly
 from fitball.inference.problem.noise import KINDS
-from fitball.inference.sampling.moves import StudentProposal
+from fitball.inference.sampling.moves import DEGREES_OF_FREEDOM, StudentProposal
 from fitball.report.fit.html import page
 from fitball.report.saved.fit_text import fit_text
 from fitball.report.saved.run_file import run_text
@@ -60,6 +60,28 @@ def test_weighed_draws_are_those_of_the_posterior():
         assert abs(z.mean()) < 0.1 and abs(z.std() - 1.0) < 0.06
         assert np.mean(z**3) == pytest.approx(skew, abs=0.2)
     assert skew > 0.3
+
+
+def test_weights_are_the_posterior_over_what_was_drawn_from():
+    problem = long_problem(5, fix=HELD, velocity_noise="tied")
+    factor = np.array([[0.1, 0.0], [0.05, 0.2]])
+    centre = problem.to_coordinates(np.array([[0.55, 0.4]]))[0]
+    streams = np.random.default_rng(2).spawn(2)
+    made = weigh._made(problem, weigh.Mixture([StudentProposal(centre, factor)]), streams, 50)
+    drawn = made.coordinates.reshape(-1, 2)
+    outside = multivariate_t(centre, factor @ factor.T, df=DEGREES_OF_FREEDOM).logpdf(drawn)
+    expected = log_posterior(problem, drawn) - outside
+    found = made.log_weights.ravel()
+    np.testing.assert_allclose(found - found[0], expected - expected[0], atol=1e-9)
+
+
+def test_a_chain_of_weighed_proposals_is_the_target():
+    """Proposals twice too wide and one sd off a standard normal distribution."""
+    rng = np.random.default_rng(3)
+    drawn = rng.normal(1.0, 2.0, 20_000)
+    weights = norm.logpdf(drawn) - norm.logpdf(drawn, 1.0, 2.0)
+    chain = drawn[weigh._walk(weights, np.log(rng.uniform(size=drawn.size)))]
+    assert abs(chain.mean()) < 0.05 and abs(chain.std() - 1.0) < 0.04
 
 
 def test_long_tables_are_weighed_and_short_ones_walked(fits):
