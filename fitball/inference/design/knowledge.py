@@ -16,6 +16,7 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Posterior, thinned
 from fitball.models.types import Rebound
 from fitball.values import FloatArray, Impacts
+from fitball.wording import option
 
 # Draws that stand for the posterior, and those of them at which derivatives are formed.
 DRAWS, DIFFERENTIATED = 4000, 160
@@ -115,7 +116,8 @@ def knowledge(problem: Problem, posterior: Posterior | None, rng: np.random.Gene
     """What a fit knows. Raises FitError for one that cannot be planned from, with the reason."""
     if posterior is None:
         raise FitError(
-            "a point fit has no posterior to narrow, so nothing can be planned from it; fit again without point_only"
+            "a point fit has no posterior to narrow, so nothing can be planned from it; fit again without "
+            f"{option('point_only')}"
         )
     if problem.model.needs_cor:
         raise FitError(

@@ -15,6 +15,7 @@ from fitball.report.form.display_units import handy
 from fitball.report.form.rounding import digits
 from fitball.report.form.sentences import listed
 from fitball.values import FloatArray
+from fitball.wording import spoken
 
 # Nats below which nothing is said of a difference: two impacts in three of a pair cannot be told apart by it.
 TELLING = 0.05
@@ -115,7 +116,11 @@ def points(plan: Plan) -> tuple[str, ...]:
     if plan.lost > 0.0:
         said.append(f"{100.0 * plan.lost:.1f} % of the draws have no answer for {plan.target} and are left out.")
     if plan.settings.assumed:
-        said.append(f"Ranges of {listed(plan.settings.assumed)} are those of the fitted table: {ranges_text(plan)}.")
+        wider = listed([spoken(f"--{name}", name) for name in plan.settings.assumed])
+        said.append(
+            f"Ranges of {listed(plan.settings.assumed)} are those of the fitted table: {ranges_text(plan)}. What "
+            f"lies beyond may tell more: say by {wider} what can be reached."
+        )
     return (*said, *plan.notes)
 
 
