@@ -161,7 +161,7 @@ def _named_as_before(
         return asked, ()
     known = naming(own, tuple(own))
     cells = written_table(framed(data), known).raw.header
-    found = {known.ours(cell, split_cell(cell, None, [], known)[0]) for cell in cells}
+    found = {known.ours(cell, split_cell(cell, known)[0]) for cell in cells}
     taken = {ours: text for ours, text in own.items() if ours in found}
     said = ", ".join(f"{ours}={text}" for ours, text in taken.items())
     return taken, (f"columns are taken to be named as in the table of the fit: {said}",) if taken else ()

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.data.frozen import frozen
 from fitball.data.propagation import Uncertain
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable, Measurement
@@ -228,7 +229,7 @@ def _finish(name: str, quantity: Quantity, missing: Mapping[str, NDArray[np.bool
     """Freeze a balance; whatever is not finite is marked absent. `missing` are the gaps of each measured column."""
     unit, meaning = _MEANING[name]
     if isinstance(quantity, str):
-        nothing = _frozen(np.full(count, np.nan))
+        nothing = frozen(np.full(count, np.nan))
         return Balance(name, unit, meaning, nothing, nothing, (quantity,) * count)
     sd = quantity.sd
     finite = np.isfinite(quantity.value) & np.isfinite(sd)
@@ -241,16 +242,10 @@ def _finish(name: str, quantity: Quantity, missing: Mapping[str, NDArray[np.bool
         name,
         unit,
         meaning,
-        _frozen(np.where(finite, quantity.value, nan)),
-        _frozen(np.where(finite, sd, nan)),
+        frozen(np.where(finite, quantity.value, nan)),
+        frozen(np.where(finite, sd, nan)),
         tuple(reasons),
     )
 
 
 _NOT_FINITE = {"e_x": "the ball arrives without slip (v_x1 = R omega_1), so there is nothing to restore"}
-
-
-def _frozen(values: FloatArray) -> FloatArray:
-    array = np.array(values, dtype=np.float64)
-    array.setflags(write=False)
-    return array

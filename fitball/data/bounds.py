@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 
 from fitball.data.columns import SD_SUFFIX
 from fitball.data.completeness import knows_incident
-from fitball.data.dialect.cells import RawRow
+from fitball.data.findings import Findings
 from fitball.data.number_column import NumberColumn
 from fitball.data.propagation import Uncertain
 from fitball.data.redundancy import independent
 from fitball.data.scene import Scene
-from fitball.data.table import Notice
 from fitball.data.velocity import velocity
-from fitball.errors import Fault
 from fitball.observables import NOISE_OF
 from fitball.values import FloatArray
 
@@ -51,13 +49,7 @@ def _normal_columns(columns: Mapping[str, NumberColumn], end: str) -> tuple[str,
     return counted if counted == (f"v_{end}", f"theta_{end}") else ()
 
 
-def check_bounds(
-    columns: Mapping[str, NumberColumn],
-    rows: tuple[RawRow, ...],
-    scene: Scene,
-    faults: list[Fault],
-    notices: list[Notice],
-) -> None:
+def check_bounds(columns: Mapping[str, NumberColumn], scene: Scene, found: Findings) -> None:
     """Add a fault for rows with a coefficient of restitution above 1 or a gain of energy that noise does not explain,
     a notice for those where it does.
 
@@ -70,10 +62,10 @@ def check_bounds(
         return
     known = _known(columns, scene)
     restitution = _restitution(known, columns)
-    blamed = np.zeros(len(rows), dtype=np.bool_)
+    blamed = np.zeros(len(found.rows), dtype=np.bool_)
     if restitution is not None:
-        blamed = restitution.report(rows, blamed, faults, notices)
-    _energy(known, columns, scene, len(rows)).report(rows, blamed, faults, notices)
+        blamed = restitution.report(blamed, found)
+    _energy(known, columns, scene, len(found.rows)).report(blamed, found)
 
 
 @dataclass(frozen=True)
@@ -88,9 +80,7 @@ class _Bound:
     words: Callable[[int], str]
     column: Callable[[int], str]
 
-    def report(
-        self, rows: tuple[RawRow, ...], blamed: NDArray[np.bool_], faults: list[Fault], notices: list[Notice]
-    ) -> NDArray[np.bool_]:
+    def report(self, blamed: NDArray[np.bool_], found: Findings) -> NDArray[np.bool_]:
         """Add what is to be said of rows that are not `blamed` (rows,) yet; returns the rows above the bound."""
         with np.errstate(divide="ignore", invalid="ignore"):
             sds = self.excess.value / self.excess.sd
@@ -99,21 +89,19 @@ class _Bound:
         beyond = above & (sds > _reach(max(int(known.sum()), 1)))
         for k in np.flatnonzero(beyond).tolist():
             message = f"{self.kind}: {self.words(k)}, {sds[k]:.3g} sd of the noise; expected {self.expected}: {HINT}"
-            faults.append(Fault(message, rows[k].number, rows[k].line, self.column(k)))
+            found.fault(message, self.column(k), k)
         spread = float(np.sqrt(np.sum(self.excess.sd[known] ** 2)))
         together = float(np.sum(self.excess.value[known])) / spread if spread > 0.0 else 0.0
         if together > _reach(1) and not beyond.any() and above.any():
             message = (
-                f"{self.kind} in {int(above.sum())} of {len(rows)} rows: each may be noise, all together are "
+                f"{self.kind} in {int(above.sum())} of {len(found.rows)} rows: each may be noise, all together are "
                 f"{together:.3g} sd of it; expected {self.expected}: {HINT}"
             )
-            faults.append(Fault(message, column=self.column(int(np.flatnonzero(above)[0]))))
+            found.fault(message, self.column(int(np.flatnonzero(above)[0])))
         else:
             kind = f"{self.kind}, within its noise"
-            notices += [
-                Notice(f"{kind}: {self.words(k)}", rows[k].number, (self.column(k),), kind)
-                for k in np.flatnonzero(above & ~beyond).tolist()
-            ]
+            for k in np.flatnonzero(above & ~beyond).tolist():
+                found.notice(f"{kind}: {self.words(k)}", self.column(k), place=k, kind=kind)
         return above | blamed
 
 

@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.columns import SD_SUFFIX
-from fitball.data.dialect.cells import RawRow
+from fitball.data.findings import Findings
 from fitball.data.number_column import NumberColumn
-from fitball.data.table import Notice
-from fitball.errors import Fault
 from fitball.observables import OBSERVABLES
 from fitball.wording import option
 
@@ -32,9 +30,7 @@ _POSITIVE = {
 _ANGLES = ("theta_1", *(name for name, item in OBSERVABLES.items() if item.angle))
 
 
-def one_sign(
-    columns: Mapping[str, NumberColumn], rows: tuple[RawRow, ...], faults: list[Fault], notices: list[Notice]
-) -> dict[str, NumberColumn]:
+def one_sign(columns: Mapping[str, NumberColumn], found: Findings) -> dict[str, NumberColumn]:
     """The columns with `v_y2`, `theta_2` and `theta_1` counted positive.
 
     A column that is negative throughout is turned once, with a notice; mixed signs are a fault of the
@@ -48,41 +44,31 @@ def one_sign(
         negative, positive = column.values < 0.0, column.values > 0.0
         if negative.any() and positive.any():
             odd, word = (negative, "positive") if negative.sum() <= positive.sum() else (positive, "negative")
-            for index in np.flatnonzero(odd):
-                row = rows[index]
-                message = (
-                    f"read {column.shown(column.values[index])}, but other rows are {word}; "
-                    "expected one sign throughout: is it misprinted?"
-                )
-                faults.append(Fault(message, row=row.number, line=row.line, column=name))
+            for k in np.flatnonzero(odd).tolist():
+                read = f"read {column.shown(column.values[k])}, but other rows are {word}"
+                found.fault(f"{read}; expected one sign throughout: is it misprinted?", name, k)
             # The odd rows are reported; the magnitude lets the other checks go on without repeating it.
             turned[name] = replace(column, values=np.abs(column.values))
         elif negative.any():
             turned[name] = replace(column, values=-column.values)
-            notices.append(Notice(f"{name} is negative in every row and was turned positive", columns=(name,)))
+            found.notice(f"{name} is negative in every row and was turned positive", name)
     return turned
 
 
-def check_ranges(columns: Mapping[str, NumberColumn], rows: tuple[RawRow, ...], faults: list[Fault]) -> None:
+def check_ranges(columns: Mapping[str, NumberColumn], found: Findings) -> None:
     """Add a fault for every speed, time or sd that is not positive, every angle outside 0 to 180 deg."""
     for name, column in columns.items():
         expected = "a positive standard deviation" if name.endswith(SD_SUFFIX) else _POSITIVE.get(name)
         if expected:
             bad = column.values <= 0.0
             hint = _UPWARD + option("flip", "v_y1") if name == "v_y1" and bool((column.values < 0.0).all()) else ""
-            _report(column, bad, f"expected {expected}{hint}", rows, faults)
+            _report(column, bad, f"expected {expected}{hint}", found)
         if name in _ANGLES:
             outside = (column.values <= 0.0) | (column.values >= pi)
-            _report(
-                column,
-                outside,
-                "expected an angle to the court between 0 and 180 deg: check the unit",
-                rows,
-                faults,
-            )
+            _report(column, outside, "expected an angle to the court between 0 and 180 deg: check the unit", found)
 
 
-def check_directions(columns: Mapping[str, NumberColumn], rows: tuple[RawRow, ...], notices: list[Notice]) -> None:
+def check_directions(columns: Mapping[str, NumberColumn], found: Findings) -> None:
     """Add a notice for the few rows whose ball comes the other way along the court than that of all others."""
     angle, along = columns.get("theta_1"), columns.get("v_x1")
     if along is not None:
@@ -96,13 +82,11 @@ def check_directions(columns: Mapping[str, NumberColumn], rows: tuple[RawRow, ..
     if not few.any() or many.sum() < 2 or few.sum() > max(1.0, FEW * float(many.sum())):
         return
     kind = f"the ball comes the other way along the court than in {int(many.sum())} other rows: misprinted?"
-    notices += [
-        Notice(f"{kind}: {column.name} = {column.shown(column.values[k])}", rows[k].number, (column.name,), kind)
-        for k in np.flatnonzero(few).tolist()
-    ]
+    for k in np.flatnonzero(few).tolist():
+        found.notice(f"{kind}: {column.name} = {column.shown(column.values[k])}", column.name, place=k, kind=kind)
 
 
-def check_pairs(columns: Mapping[str, NumberColumn], rows: tuple[RawRow, ...], faults: list[Fault]) -> None:
+def check_pairs(columns: Mapping[str, NumberColumn], found: Findings) -> None:
     """Add a fault where one rebound component and one polar column contradict each other.
 
     With both components, or both polar columns, the comparison of redundant columns sees to it.
@@ -113,18 +97,13 @@ def check_pairs(columns: Mapping[str, NumberColumn], rows: tuple[RawRow, ...], f
         return
     if speed is not None and angle is None:
         too_fast = np.abs(part.values) > speed.values + part.half_width + speed.half_width
-        _report(part, too_fast, "expected at most the rebound speed v_2: check the units", rows, faults)
+        _report(part, too_fast, "expected at most the rebound speed v_2: check the units", found)
     if angle is not None and speed is None and x is not None:
         backward = (np.abs(x.values) > x.half_width) & (np.abs(angle.values - pi / 2) > angle.half_width)
         against = backward & (x.values * np.cos(angle.values) < 0.0)
-        message = "expected a positive v_x2 where theta_2 is below 90 deg and a negative one above"
-        _report(x, against, message, rows, faults)
+        _report(x, against, "expected a positive v_x2 where theta_2 is below 90 deg and a negative one above", found)
 
 
-def _report(
-    column: NumberColumn, bad: BoolArray, expected: str, rows: tuple[RawRow, ...], faults: list[Fault]
-) -> None:
-    for index in np.flatnonzero(bad):
-        row = rows[index]
-        message = f"read {column.shown(column.values[index])}; {expected}"
-        faults.append(Fault(message, row=row.number, line=row.line, column=column.name))
+def _report(column: NumberColumn, bad: BoolArray, expected: str, found: Findings) -> None:
+    for k in np.flatnonzero(bad).tolist():
+        found.fault(f"read {column.shown(column.values[k])}; {expected}", column.name, k)

@@ -8,12 +8,13 @@ from difflib import get_close_matches
 from functools import cache
 
 from fitball.data.dialect import header_cell
-from fitball.data.dialect.cells import Vocabulary
+from fitball.data.dialect.cells import RawRow, Vocabulary
 from fitball.data.dialect.guess import HEIGHTS as HEIGHT_OF
 from fitball.data.dialect.guess import bare, end_of, guess_of
+from fitball.data.findings import Findings
 from fitball.data.naming import Naming
 from fitball.data.units import UNITS, Dimension, Unit, parse_unit, unit_of
-from fitball.errors import Fault, UnitError
+from fitball.errors import UnitError
 from fitball.observables import OBSERVABLES
 from fitball.wording import spoken
 
@@ -56,14 +57,16 @@ class Column:
 
 @dataclass(frozen=True)
 class Header:
-    """The columns of a table: `numbers` by name, and `texts` (labels and ignored extras) by name; `notes` say which
-    names were taken for ours.
-    """
+    """The columns of a table: `numbers` by name, and `texts` (labels and ignored `extras`) by name."""
 
     numbers: Mapping[str, Column]
     texts: Mapping[str, Column]
     extras: tuple[str, ...]
-    notes: tuple[str, ...] = ()
+
+    def cells(self, name: str, rows: Iterable[RawRow]) -> tuple[str, ...]:
+        """What stands in a column of texts."""
+        index = self.texts[name].index
+        return tuple(row.cells[index] for row in rows)
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,7 @@ def vocabulary(naming: Naming) -> Vocabulary:
         # Most cells are numbers; no name begins as one, nor is any so long.
         if cell[:1] in _NO_NAME or len(cell) > _LONGEST:
             return 0.0
-        name, _ = split_cell(cell, None, [], naming)
+        name, _ = split_cell(cell, naming)
         if naming.ours(cell, name) is not None or _same(name) is not None:
             return 1.0
         guess = guess_of(name)
@@ -98,15 +101,16 @@ def is_unit(text: str) -> bool:
     return unit_of(text) is not None
 
 
-def split_cell(
-    cell: str, line: int | None, faults: list[Fault], naming: Naming | None = None
-) -> tuple[str, str | None]:
-    """Name and unit (None where there is none) of a header cell."""
+def split_cell(cell: str, naming: Naming | None = None, found: Findings | None = None) -> tuple[str, str | None]:
+    """Name and unit (None where there is none) of a header cell; a fault where its brackets do not match."""
 
     def known(name: str) -> bool:
         return _same(name) is not None or (naming is not None and naming.ours(name) is not None)
 
-    return header_cell.split_cell(cell, known, is_unit, line, faults)
+    name, unit, fault = header_cell.split_cell(cell, known, is_unit)
+    if fault and found is not None:
+        found.header_fault(fault, cell)
+    return name, unit
 
 
 def _same(name: str) -> str | None:
@@ -117,10 +121,8 @@ def _same(name: str) -> str | None:
     return "id" if plain in _IDS or name.strip() == "#" else _BY_BARE.get(plain)
 
 
-def read_header(
-    cells: tuple[str, ...], line: int | None, faults: list[Fault], naming: Naming | None = None
-) -> Header:
-    """Find out what each column is; faults of the header are added to `faults`.
+def read_header(cells: tuple[str, ...], found: Findings, naming: Naming | None = None) -> Header:
+    """Find out what each column is.
 
     A name that differs from ours in case or blanks only is read as ours, with a note. A misspelt column is a fault
     and is then read as the column it resembles, so that the faults of its values come out in the same run; a name
@@ -130,62 +132,58 @@ def read_header(
     numbers: dict[str, Column] = {}
     texts: dict[str, Column] = {}
     extras: list[str] = []
-    notes: list[str] = []
-    for item in _meant(cells, line, faults, naming, notes):
+    for item in _meant(cells, found, naming):
         meant = item.means or item.name
         if not item.name:
             extras.append(f"(column {item.index + 1}, without a name)")
             continue
         if meant in numbers or meant in texts:
-            message = f"read '{cells[item.index]}', but another column is '{meant}' already; keep one of them"
-            faults.append(Fault(message, line=line, column=meant))
+            read = f"read '{cells[item.index]}'"
+            found.header_fault(f"{read}, but another column is '{meant}' already; keep one of them", meant)
         elif meant in NUMBERS:
-            numbers[meant] = Column(item.index, meant, _unit(meant, item.unit, line, faults))
+            numbers[meant] = Column(item.index, meant, _unit(meant, item.unit, found))
         else:
             texts[meant] = Column(item.index, meant, None)
             if item.means is None:
                 extras.append(item.name)
-    read = [split_cell(cell, line, [], naming)[0] for cell in cells]
-    faults += naming.absent({*numbers, *texts}, read, line)
-    return Header(numbers, texts, tuple(extras), tuple(notes))
+    naming.check_absent({*numbers, *texts}, [split_cell(cell, naming)[0] for cell in cells], found)
+    return Header(numbers, texts, tuple(extras))
 
 
-def _meant(
-    cells: tuple[str, ...], line: int | None, faults: list[Fault], naming: Naming, notes: list[str]
-) -> list[_Named]:
-    """Each cell's name, our name for it, and its unit."""
-    parsed = [split_cell(cell, line, faults, naming) for cell in cells]
+def _meant(cells: tuple[str, ...], found: Findings, naming: Naming) -> list[_Named]:
+    """Each cell's name, our name for it, and its unit; a notice says which names were taken for ours."""
+    parsed = [split_cell(cell, naming, found) for cell in cells]
     asked = [naming.ours(cell, name) for cell, (name, _) in zip(cells, parsed, strict=True)]
     taken = {*filter(None, asked), *(name for name, _ in parsed)}
     exact_id = "id" in taken
     spelled: list[str] = []
-    found = []
+    meant = []
     for index, ((name, unit), named) in enumerate(zip(parsed, asked, strict=True)):
         ours = named if named is not None else _same(name)
         if named is None and ours == "id" and name != "id" and exact_id:
             ours = None
         if named is not None:
-            unit = naming.unit(named, unit, line, faults)
+            unit = naming.unit(named, unit, found)
         elif ours is None and name:
-            ours = _misspelt(name, taken, line, faults)
+            ours = _misspelt(name, taken, found)
         elif ours is not None and ours != name:
             spelled.append(f"'{name}' as {ours}")
         taken.add(ours or name)
-        found.append(_Named(index, name, ours, unit))
+        meant.append(_Named(index, name, ours, unit))
     if spelled:
-        notes.append(f"columns read under other spellings: {', '.join(spelled)}")
-    return found
+        found.notice(f"columns read under other spellings: {', '.join(spelled)}")
+    return meant
 
 
-def _unit(name: str, text: str | None, line: int | None, faults: list[Fault]) -> Unit | None:
+def _unit(name: str, text: str | None, found: Findings) -> Unit | None:
     try:
         return parse_unit(text, NUMBERS[name])
     except UnitError as error:
-        faults.append(Fault(str(error), line=line, column=name))
+        found.header_fault(str(error), name)
         return None
 
 
-def _misspelt(name: str, taken: Iterable[str], line: int | None, faults: list[Fault]) -> str | None:
+def _misspelt(name: str, taken: Iterable[str], found: Findings) -> str | None:
     """The known column that an unknown name misspells, with a fault; None for a column of the user's own."""
     guess = guess_of(name)
     if guess is not None and guess.sure:
@@ -193,19 +191,19 @@ def _misspelt(name: str, taken: Iterable[str], line: int | None, faults: list[Fa
     near = _nearest(name, taken)
     if len(near) > 1:
         how = spoken("--columns", "columns=")
-        message = f"unknown column; did you mean '{near[0]}' or '{near[1]}'? Rename it, or say which by {how}"
-        faults.append(Fault(message, line=line, column=name))
+        found.header_fault(
+            f"unknown column; did you mean '{near[0]}' or '{near[1]}'? Rename it, or say which by {how}", name
+        )
         return None
     if near:
-        message = f"unknown column; did you mean '{near[0]}'? Rename it (a column of your own needs another name)"
-        faults.append(Fault(message, line=line, column=name))
-    elif name.endswith(SD_SUFFIX):
-        message = (
-            f"'{name.removesuffix(SD_SUFFIX)}' is no column that can have a standard deviation; "
-            f"known: {', '.join(MEASURED)}"
+        found.header_fault(
+            f"unknown column; did you mean '{near[0]}'? Rename it (a column of your own needs another name)", name
         )
-        faults.append(Fault(message, line=line, column=name))
-    return near[0] if near else None
+        return near[0]
+    if name.endswith(SD_SUFFIX):
+        base, known = name.removesuffix(SD_SUFFIX), ", ".join(MEASURED)
+        found.header_fault(f"'{base}' is no column that can have a standard deviation; known: {known}", name)
+    return None
 
 
 def _nearest(name: str, taken: Iterable[str]) -> list[str]:

@@ -6,13 +6,22 @@ from collections.abc import Collection, Iterable, Mapping
 
 from fitball.data.columns import NUMBERS, REBOUND, SD_SUFFIX, Header
 from fitball.data.dialect.guess import guess_of
+from fitball.data.findings import Findings
 from fitball.data.redundancy import independent
-from fitball.data.table import Notice
-from fitball.errors import Fault
 from fitball.observables import OBSERVABLES
 from fitball.wording import spoken
 
 _INCIDENT_FORMS = "v_x1 and v_y1, or v_1 and theta_1, or v_y1 alone for a drop test"
+_INCIDENT_GAPS = {
+    ("v_x1",): "column v_y1 is missing; expected the speed towards the court beside v_x1",
+    ("v_1",): "column theta_1 is missing; expected the angle beside v_1 (for a drop test rename v_1 to v_y1)",
+    ("theta_1",): "column v_1 is missing; expected the speed beside theta_1",
+    (): f"no incident velocity; expected {_INCIDENT_FORMS}",
+}
+_NO_INCIDENT_MOTION = (
+    "a rebound along the court without its incident motion; expected a column v_x1 "
+    "(write zeros if the ball was dropped; a rebound speed straight up is v_y2)"
+)
 
 
 def knows_incident(names: Iterable[str]) -> bool:
@@ -20,14 +29,7 @@ def knows_incident(names: Iterable[str]) -> bool:
     return independent(names, "1") in (("v_x1", "v_y1"), ("v_1", "theta_1"), ("v_y1",))
 
 
-def check_columns(
-    present: Collection[str],
-    header: Header,
-    line: int | None,
-    faults: list[Fault],
-    notices: list[Notice],
-    rebound: bool = True,
-) -> None:
+def check_columns(present: Collection[str], header: Header, found: Findings, rebound: bool = True) -> None:
     """Add a fault for every column that is not `present`, and a notice for what is assumed or ignored.
 
     Without `rebound` a table of incident columns alone is complete.
@@ -36,22 +38,24 @@ def check_columns(
     incident = independent(present, "1")
     missing = []
     if len(incident) < 2 and incident != ("v_y1",):
-        missing.append(f"{_incident_gap(incident)} (columns read: {read})")
+        missing.append(f"{_INCIDENT_GAPS[incident]} (columns read: {read})")
     elif not knows_incident(present):
         missing.append(f"{' and '.join(incident)} do not make an incident velocity; expected {_INCIDENT_FORMS}")
     elif incident == ("v_y1",):
-        faults.extend(_tangential_without_incident(present, line))
+        for name in [name for name, item in OBSERVABLES.items() if item.along and name in present]:
+            found.header_fault(_NO_INCIDENT_MOTION, name)
     if rebound and not any(name in present for name in REBOUND):
         missing.append(f"no rebound column; expected at least one of {', '.join(REBOUND)} (columns read: {read})")
     if missing:
         missing[0] += _what_is_meant(header.extras, present)
-    faults += [Fault(message, line=line) for message in missing]
-    faults.extend(_lonely_sds(present, line))
+    for message in missing:
+        found.header_fault(message)
+    _check_sds(present, found)
     if "omega_2" in present and "omega_1" not in present:
-        notices.append(Notice("no column omega_1: incident spin taken as 0", columns=("omega_1",)))
+        found.notice("no column omega_1: incident spin taken as 0", "omega_1")
     if header.extras:
         kept = [_with_guess(name, present) for name in header.extras]
-        notices.append(Notice(f"columns kept and not used: {', '.join(kept)}", columns=header.extras))
+        found.notice(f"columns kept and not used: {', '.join(kept)}", *header.extras)
 
 
 def _guessed(name: str, present: Collection[str]) -> tuple[str, ...]:
@@ -94,42 +98,17 @@ def _what_is_meant(extras: Collection[str], present: Collection[str]) -> str:
     return "".join(said)
 
 
-def _incident_gap(incident: tuple[str, ...]) -> str:
-    if incident == ("v_x1",):
-        return "column v_y1 is missing; expected the speed towards the court beside v_x1"
-    if incident == ("v_1",):
-        return "column theta_1 is missing; expected the angle beside v_1 (for a drop test rename v_1 to v_y1)"
-    if incident == ("theta_1",):
-        return "column v_1 is missing; expected the speed beside theta_1"
-    return f"no incident velocity; expected {_INCIDENT_FORMS}"
-
-
-def _tangential_without_incident(present: Iterable[str], line: int | None) -> list[Fault]:
-    message = (
-        "a rebound along the court without its incident motion; expected a column v_x1 "
-        "(write zeros if the ball was dropped; a rebound speed straight up is v_y2)"
-    )
-    return [
-        Fault(message, line=line, column=name) for name, item in OBSERVABLES.items() if item.along and name in present
-    ]
-
-
-def _lonely_sds(present: Iterable[str], line: int | None) -> list[Fault]:
+def _check_sds(present: Collection[str], found: Findings) -> None:
+    """Add a fault for every sd without its column, and for the sd of a speed without that of its angle."""
     names = set(present)
-    faults = [
-        Fault(
-            f"a standard deviation of '{base}', but there is no column '{base}'; add it or delete this one",
-            None,
-            line,
-            name,
-        )
-        for name in present
-        if name.endswith(SD_SUFFIX) and (base := name.removesuffix(SD_SUFFIX)) not in names
-    ]
-    if independent(names - {name for name in names if name.endswith(SD_SUFFIX)}, "1") == ("v_1", "theta_1"):
+    for name in present:
+        base = name.removesuffix(SD_SUFFIX)
+        if base not in names:
+            message = f"a standard deviation of '{base}', but there is no column '{base}'; add it or delete this one"
+            found.header_fault(message, name)
+    if independent({name for name in names if not name.endswith(SD_SUFFIX)}, "1") == ("v_1", "theta_1"):
         stated = names & {"v_1_sd", "theta_1_sd"}
         if len(stated) == 1:
             missing = ({"v_1_sd", "theta_1_sd"} - stated).pop()
             message = f"column '{missing}' is missing; the incident components need the sd of both speed and angle"
-            faults.append(Fault(message, None, line, stated.pop()))
-    return faults
+            found.header_fault(message, stated.pop())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from hashlib import sha256
 from itertools import groupby
 from pathlib import Path
@@ -11,14 +11,15 @@ from pathlib import Path
 import numpy as np
 
 from fitball.data.columns import Column, is_unit, split_cell
-from fitball.data.dialect.cells import RawRow, RawTable, Vocabulary
+from fitball.data.dialect.cells import RawTable, Vocabulary
 from fitball.data.dialect.files import read_raw
 from fitball.data.dialect.numbers import plain_numbers
+from fitball.data.findings import Findings
 from fitball.data.ids import repeated
 from fitball.data.number_column import NumberColumn, read_column
 from fitball.data.table import ImpactTable
 from fitball.data.units import DEFAULT_UNIT, Dimension, parse_unit
-from fitball.errors import Fault, TableError, UnitError, suggestion
+from fitball.errors import TableError, UnitError, suggestion
 from fitball.values import FloatArray
 
 DIMENSIONS: Mapping[str, Dimension] = {"t": Dimension.TIME, "F": Dimension.FORCE}
@@ -74,94 +75,82 @@ def load_force(path: Path, table: ImpactTable) -> ForceFile:
     and what was expected.
     """
     raw = read_raw(path, Vocabulary(lambda cell: float(_name(cell) in ("id", *DIMENSIONS, *MISNAMED)), is_unit))
-    faults = list(raw.faults)
-    header = _header(raw, faults)
-    if header is None:
-        raise TableError(str(path), faults)
-    raw = replace(raw, rows=plain_numbers(raw.rows, [header[name].index for name in DIMENSIONS]))
-    columns = {name: read_column(header[name], raw.rows, faults) for name in DIMENSIONS}
+    found = Findings.of(raw)
+    before = len(found.faults)
+    header = _header(raw, found)
+    if len(found.faults) > before:
+        raise TableError(str(path), found.faults)
+    found.rows, _notes = plain_numbers(raw.rows, [header[name].index for name in DIMENSIONS])
+    columns = {name: read_column(header[name], found) for name in DIMENSIONS}
     if not raw.rows:
-        faults.append(Fault("read a header and no rows; expected samples of force", line=raw.header_line))
-    records = [] if faults else _records(raw, header["id"].index, columns, table, faults)
-    if faults:
-        raise TableError(str(path), sorted(faults, key=lambda fault: fault.row or 0))
+        found.header_fault("read a header and no rows; expected samples of force")
+    records = [] if found.faults else _records(header["id"].index, columns, table, found)
+    found.refuse(str(path))
     ordered = tuple(sorted(records, key=lambda record: record.row))
     return ForceFile(str(path), sha256(raw.data).hexdigest(), ordered)
 
 
 def _name(cell: str) -> str:
-    return split_cell(cell, None, [])[0]
+    return split_cell(cell)[0]
 
 
-def _header(raw: RawTable, faults: list[Fault]) -> dict[str, Column] | None:
-    """The three columns; None, with a fault for each, when one is missing or its unit is not understood."""
+def _header(raw: RawTable, found: Findings) -> dict[str, Column]:
+    """The three columns; a fault for each that is missing or whose unit is not understood."""
     columns: dict[str, Column] = {}
-    count = len(faults)
     for index, cell in enumerate(raw.header):
-        name, unit = split_cell(cell, raw.header_line, faults)
+        name, unit = split_cell(cell, found=found)
         if name in columns:
-            faults.append(Fault("another column has that name already; keep one", None, raw.header_line, name))
+            found.header_fault("another column has that name already; keep one", name)
         elif name == "id":
             columns[name] = Column(index, name, None)
         elif name in DIMENSIONS:
             try:
                 columns[name] = Column(index, name, parse_unit(unit, DIMENSIONS[name]))
             except UnitError as error:
-                faults.append(Fault(str(error), line=raw.header_line, column=name))
+                found.header_fault(str(error), name)
                 columns[name] = Column(index, name, DEFAULT_UNIT[DIMENSIONS[name]])
         elif name in MISNAMED:
-            message = f"unknown column; did you mean '{MISNAMED[name]}'? Rename it"
-            faults.append(Fault(message, line=raw.header_line, column=name))
-    missing = [name for name in ("id", *DIMENSIONS) if name not in columns]
-    faults += [Fault(f"there is no column '{name}'; {EXPECTED}", line=raw.header_line) for name in missing]
-    return columns if len(faults) == count else None
+            found.header_fault(f"unknown column; did you mean '{MISNAMED[name]}'? Rename it", name)
+    for name in ("id", *DIMENSIONS):
+        if name not in columns:
+            found.header_fault(f"there is no column '{name}'; {EXPECTED}")
+    return columns
 
 
 def _records(
-    raw: RawTable, id_column: int, columns: Mapping[str, NumberColumn], table: ImpactTable, faults: list[Fault]
+    id_column: int, columns: Mapping[str, NumberColumn], table: ImpactTable, found: Findings
 ) -> list[ForceRecord]:
     records: list[ForceRecord] = []
     begun: dict[str, int] = {}
-    for name, group in groupby(range(len(raw.rows)), key=lambda k: raw.rows[k].cells[id_column]):
+    for name, group in groupby(range(len(found.rows)), key=lambda k: found.rows[k].cells[id_column]):
         places = list(group)
-        head = raw.rows[places[0]]
+        head, read = places[0], f"read '{name}', which"
         if name not in table.ids:
             hint = suggestion(name, table.ids) if len(table.ids) <= 40 or name else f"{len(table.ids)} are known"
-            message = f"read '{name}', which is no impact of {table.source}; {hint}"
-            faults.append(Fault(message, head.number, head.line, "id"))
+            found.fault(f"{read} is no impact of {table.source}; {hint}", "id", head)
         elif repeated(name) in table.ids:
-            message = (
-                f"read '{name}', which names several impacts of {table.source}; expected one name an impact there"
+            found.fault(
+                f"{read} names several impacts of {table.source}; expected one name an impact there", "id", head
             )
-            faults.append(Fault(message, head.number, head.line, "id"))
         elif name in begun:
             message = f"the record of '{name}' begins again; it stood at row {begun[name]}: expected one record an id"
-            faults.append(Fault(message, head.number, head.line, "id"))
+            found.fault(message, "id", head)
         else:
-            record = _record(name, places, raw.rows, columns, table, faults)
+            record = _record(name, places, columns, table, found)
             if record is not None:
                 records.append(record)
-        begun.setdefault(name, head.number)
+        begun.setdefault(name, found.rows[head].number)
     return records
 
 
 def _record(
-    name: str,
-    places: list[int],
-    rows: tuple[RawRow, ...],
-    columns: Mapping[str, NumberColumn],
-    table: ImpactTable,
-    faults: list[Fault],
+    name: str, places: list[int], columns: Mapping[str, NumberColumn], table: ImpactTable, found: Findings
 ) -> ForceRecord | None:
     """One record, or None with a fault: the first of its times, else one of its forces."""
     times, forces = columns["t"].values[places], columns["F"].values[places]
-    head = rows[places[0]]
-
-    def fault(message: str, column: str, at: RawRow = head) -> None:
-        faults.append(Fault(message, at.number, at.line, column))
-
     if len(places) < LEAST_SAMPLES:
-        fault(f"the record of '{name}' has {len(places)} samples; expected at least {LEAST_SAMPLES}", "t")
+        message = f"the record of '{name}' has {len(places)} samples; expected at least {LEAST_SAMPLES}"
+        found.fault(message, "t", places[0])
         return None
     steps = np.diff(times)
     typical = float(np.median(steps))
@@ -173,17 +162,14 @@ def _record(
         if np.any(wrong):
             k = int(np.argmax(wrong))
             shown = columns["t"].shown
-            fault(
-                f"read {shown(times[k + 1])} after {shown(times[k])} in the record of '{name}'; {words}",
-                "t",
-                rows[places[k + 1]],
-            )
+            message = f"read {shown(times[k + 1])} after {shown(times[k])} in the record of '{name}'; {words}"
+            found.fault(message, "t", places[k + 1])
             return None
-    problem = _force_fault(name, forces, (times[-1] - times[0]) / (len(places) - 1))
-    if problem is not None:
-        fault(problem[0], problem[1])
-        return None
     step = float(times[-1] - times[0]) / (len(places) - 1)
+    problem = _force_fault(name, forces, step)
+    if problem is not None:
+        found.fault(*problem, places[0])
+        return None
     forces.setflags(write=False)
     return ForceRecord(name, table.ids.index(name), float(times[0]), step, forces)
 

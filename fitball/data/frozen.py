@@ -1,9 +1,14 @@
-"""A mapping that cannot change and, unlike `types.MappingProxyType`, can be pickled and copied."""
+"""Numbers and mappings that cannot change; the latter, unlike `types.MappingProxyType`, can be pickled and copied."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fitball.values import FloatArray
 
 Value = TypeVar("Value")
 
@@ -27,3 +32,10 @@ class FrozenMapping(Mapping[str, Value]):
 
     def __repr__(self) -> str:
         return f"FrozenMapping({self._items!r})"
+
+
+def frozen(values: ArrayLike) -> FloatArray:
+    """A copy of numbers that cannot change."""
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array

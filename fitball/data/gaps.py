@@ -13,64 +13,56 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.columns import REBOUND, SD_SUFFIX
-from fitball.data.dialect.cells import RawRow
+from fitball.data.findings import Findings
 from fitball.data.number_column import NumberColumn
 from fitball.data.propagation import Uncertain
 from fitball.data.redundancy import independent
-from fitball.data.table import Notice, summed_up
+from fitball.data.table import summed_up
 from fitball.data.velocity import velocity
-from fitball.errors import Fault
 from fitball.observables import OBSERVABLES, VELOCITIES
 
 Columns = Mapping[str, NumberColumn]
 
 
-def without_empty(columns: Columns, notices: list[Notice]) -> dict[str, NumberColumn]:
+def without_empty(columns: Columns, found: Findings) -> dict[str, NumberColumn]:
     """The columns that hold at least one number, or something that was meant as one; a notice for each other."""
     empty = [name for name, column in columns.items() if column.missing.size and column.missing.all()]
-    notices += [Notice(f"column {name} holds no number: taken as not there", columns=(name,)) for name in empty]
+    for name in empty:
+        found.notice(f"column {name} holds no number: taken as not there", name)
     gone = {*empty, *(name + SD_SUFFIX for name in empty)}
     return {name: column for name, column in columns.items() if name not in gone}
 
 
-def without_gaps(
-    columns: Columns,
-    rows: tuple[RawRow, ...],
-    rebound: bool,
-    least: int,
-    faults: list[Fault],
-    notices: list[Notice],
-) -> tuple[dict[str, NumberColumn], tuple[RawRow, ...]]:
-    """The columns and rows of the impacts that can be used, and what is to be said of the others.
+def without_gaps(columns: Columns, rebound: bool, least: int, found: Findings) -> dict[str, NumberColumn]:
+    """The columns of the impacts that can be used, whose rows alone are left in what was `found`.
 
     Velocity cells that are missing are taken from speed and angle where their row has both. An impact whose incident
     state, or, with `rebound`, whose whole rebound is missing is left out; where fewer than `least` stay, and where a
     number has no sd although its column states them, that is a fault.
     """
     if not any(column.missing.any() for column in columns.values()):
-        return dict(columns), rows
-    filled = _filled(_filled(columns, "1", rows, notices), "2", rows, notices)
-    told = _with_sds(filled, rows, faults)
-    kept, lost = _usable(told, rows, rebound)
-    notices += lost
+        return dict(columns)
+    told = _with_sds(_filled(_filled(columns, "1", found), "2", found), found)
+    rows, before = found.rows, len(found.notices)
+    kept = _usable(told, rebound, found)
     if len(kept) < least <= len(rows):
-        faults.append(
-            Fault(f"{len(kept)} of {len(rows)} rows are left; expected {least}: {'; '.join(summed_up(lost))}")
-        )
-        return told, rows
-    left = without_empty({name: column.take(kept) for name, column in told.items()}, notices)
+        lost = summed_up(found.notices[before:])
+        found.fault(f"{len(kept)} of {len(rows)} rows are left; expected {least}: {'; '.join(lost)}")
+        return told
+    found.rows = tuple(rows[k] for k in kept)
+    left = without_empty({name: column.take(kept) for name, column in told.items()}, found)
     for name, column in left.items():
         if name in REBOUND and column.missing.any():
             gaps = np.flatnonzero(column.missing)
-            message = (
-                f"{name} is missing in {gaps.size} of {len(kept)} rows, first in row {rows[kept[gaps[0]]].number}: "
-                "what else was measured there counts"
+            found.notice(
+                f"{name} is missing in {gaps.size} of {len(kept)} rows, first in row {found.rows[gaps[0]].number}: "
+                "what else was measured there counts",
+                name,
             )
-            notices.append(Notice(message, columns=(name,)))
-    return left, tuple(rows[k] for k in kept)
+    return left
 
 
-def _filled(columns: Columns, end: str, rows: tuple[RawRow, ...], notices: list[Notice]) -> dict[str, NumberColumn]:
+def _filled(columns: Columns, end: str, found: Findings) -> dict[str, NumberColumn]:
     """Missing velocity components of `end` ("1" or "2") from speed and angle of the same row.
 
     Only where all four are columns: then components count, and speed and angle repeat them. A component with a stated
@@ -81,7 +73,7 @@ def _filled(columns: Columns, end: str, rows: tuple[RawRow, ...], notices: list[
     if not columns.keys() >= {*components, *polar}:
         return filled
     stated = {
-        name: columns[name + SD_SUFFIX].values if name + SD_SUFFIX in columns else np.full(len(rows), np.nan)
+        name: columns[name + SD_SUFFIX].values if name + SD_SUFFIX in columns else np.full(len(found.rows), np.nan)
         for name in polar
     }
     other = velocity({name: Uncertain.measured(name, columns[name].values, stated[name]) for name in polar}, end)
@@ -94,7 +86,8 @@ def _filled(columns: Columns, end: str, rows: tuple[RawRow, ...], notices: list[
             filled[sd.name] = _put(sd, open_cells, said.sd)
         filled[name] = _put(columns[name], open_cells, said.value)
         kind = f"{name} is missing and taken from {' and '.join(polar)}"
-        notices += [Notice(kind, rows[k].number, (name, *polar), kind) for k in np.flatnonzero(open_cells).tolist()]
+        for k in np.flatnonzero(open_cells).tolist():
+            found.notice(kind, name, *polar, place=k, kind=kind)
     return filled
 
 
@@ -102,7 +95,7 @@ def _put(column: NumberColumn, where: NDArray[np.bool_], values: NDArray[np.floa
     return replace(column, values=np.where(where, values, column.values), missing=column.missing & ~where)
 
 
-def _with_sds(columns: Columns, rows: tuple[RawRow, ...], faults: list[Fault]) -> dict[str, NumberColumn]:
+def _with_sds(columns: Columns, found: Findings) -> dict[str, NumberColumn]:
     """The columns, no sd where there is no number; a fault for each number without its sd."""
     told = dict(columns)
     for name, column in columns.items():
@@ -110,28 +103,28 @@ def _with_sds(columns: Columns, rows: tuple[RawRow, ...], faults: list[Fault]) -
         if sd is None:
             continue
         for k in np.flatnonzero(sd.missing & ~column.missing).tolist():
-            message = (
+            found.fault(
                 f"no standard deviation beside {name} = {column.shown(column.values[k])}; expected one in every row "
-                f"that has {name}: give it, or delete the column {sd.name} (then one noise is fitted to {name})"
-            )
-            faults.append(Fault(message, rows[k].number, rows[k].line, sd.name))
+                f"that has {name}: give it, or delete the column {sd.name} (then one noise is fitted to {name})",
+                sd.name, k,
+            )  # fmt: skip
         told[sd.name] = replace(sd, values=np.where(column.missing, np.nan, sd.values))
     return told
 
 
-def _usable(columns: Columns, rows: tuple[RawRow, ...], rebound: bool) -> tuple[NDArray[np.int64], list[Notice]]:
-    """Places of the rows that are impacts with a known incident state and, with `rebound`, a measured one; and a
-    notice for each other row.
+def _usable(columns: Columns, rebound: bool, found: Findings) -> NDArray[np.int64]:
+    """Places of the rows that are impacts with a known incident state and, with `rebound`, a measured one; a notice
+    for each other row.
     """
+    nowhere = np.zeros(len(found.rows), dtype=np.bool_)
     incident = [name for name in (*independent(columns, "1"), "omega_1") if name in columns]
     counted = [*independent(columns, "2"), *(name for name in OBSERVABLES if name not in VELOCITIES)]
     after = [columns[name].missing for name in counted if name in columns]
-    unknown = np.any([columns[name].missing for name in incident], axis=0) if incident else np.zeros(len(rows), bool)
-    nothing = np.all(after, axis=0) if rebound and after else np.zeros(len(rows), bool)
-    lost = []
+    unknown = np.any([columns[name].missing for name in incident], axis=0) if incident else nowhere
+    nothing = np.all(after, axis=0) if rebound and after else nowhere
     for k in np.flatnonzero(unknown | nothing).tolist():
         gaps = [name for name in incident if columns[name].missing[k]]
         what = f"{' and '.join(gaps)} of the incident ball" if gaps else "the rebound"
         kind = f"left out, because {what} was not measured"
-        lost.append(Notice(kind, rows[k].number, tuple(gaps), kind))
-    return np.flatnonzero(~(unknown | nothing)), lost
+        found.notice(kind, *gaps, place=k, kind=kind)
+    return np.flatnonzero(~(unknown | nothing))

@@ -12,12 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from fitball.data.columns import HEIGHTS, SD_SUFFIX
-from fitball.data.dialect.cells import RawRow
+from fitball.data.findings import Findings
 from fitball.data.number_column import NumberColumn
 from fitball.data.redundancy import GROSS
-from fitball.data.table import Notice
 from fitball.data.units import DEFAULT_UNIT, Dimension
-from fitball.errors import Fault
 
 # Standard gravity [m/s^2].
 GRAVITY = 9.80665
@@ -31,40 +29,38 @@ DRAG = AIR_DENSITY * DRAG_COEFFICIENT * np.pi * 0.033**2 / (2.0 * 0.0577)
 SPEED_OF: Mapping[str, str] = dict(zip(HEIGHTS, ("v_y1", "v_y2"), strict=True))
 
 
-def speeds_of_heights(
-    columns: Mapping[str, NumberColumn], rows: tuple[RawRow, ...], faults: list[Fault], notices: list[Notice]
-) -> dict[str, NumberColumn]:
+def speeds_of_heights(columns: Mapping[str, NumberColumn], found: Findings) -> dict[str, NumberColumn]:
     """The columns with `v_y1` and `v_y2` in place of heights, sds propagated to first order (sd_v = g sd_h / v).
 
     A height beside a speed that was measured is only compared with it. Adds a fault for every height that is not
     positive, and for one that the speed beside it contradicts.
     """
-    found = dict(columns)
+    left = dict(columns)
     turned = []
     for name, speed in SPEED_OF.items():
-        height = found.pop(name, None)
-        sd = found.pop(name + SD_SUFFIX, None)
+        height = left.pop(name, None)
+        sd = left.pop(name + SD_SUFFIX, None)
         if height is None:
             continue
         for k in np.flatnonzero(height.values <= 0.0).tolist():
-            message = f"read {height.shown(height.values[k])}; expected a positive height above the court"
-            faults.append(Fault(message, rows[k].number, rows[k].line, name))
+            found.fault(f"read {height.shown(height.values[k])}; expected a positive height above the court", name, k)
         made = _speed(speed, height)
         if speed in columns:
-            _compare(height, made, columns[speed], rows, faults, notices)
+            _compare(height, made, columns[speed], found)
             continue
         turned.append(name)
-        found[speed] = made
+        left[speed] = made
         if sd is not None:
-            found[speed + SD_SUFFIX] = _speed_sd(sd, made)
+            left[speed + SD_SUFFIX] = replace(
+                sd, name=speed + SD_SUFFIX, values=GRAVITY * sd.values / made.values, unit=made.unit, decimals=4
+            )
     if turned:
-        names = " and ".join(turned)
-        message = (
-            f"{names} read as {' and '.join(SPEED_OF[name] for name in turned)} = sqrt(2 g h), g = {GRAVITY} m/s^2, "
-            f"without air drag, h up to the bottom of the ball{_left_out(columns)}"
+        found.notice(
+            f"{' and '.join(turned)} read as {' and '.join(SPEED_OF[name] for name in turned)} = sqrt(2 g h), "
+            f"g = {GRAVITY} m/s^2, without air drag, h up to the bottom of the ball{_left_out(columns)}",
+            *turned,
         )
-        notices.append(Notice(message, columns=tuple(turned)))
-    return found
+    return left
 
 
 def _left_out(columns: Mapping[str, NumberColumn]) -> str:
@@ -85,26 +81,13 @@ def _speed(name: str, height: NumberColumn) -> NumberColumn:
     return replace(height, name=name, values=values, half_width=half_width, unit=unit, decimals=3)
 
 
-def _speed_sd(sd: NumberColumn, speed: NumberColumn) -> NumberColumn:
-    return replace(
-        sd, name=speed.name + SD_SUFFIX, values=GRAVITY * sd.values / speed.values, unit=speed.unit, decimals=4
-    )
-
-
-def _compare(
-    height: NumberColumn,
-    made: NumberColumn,
-    speed: NumberColumn,
-    rows: tuple[RawRow, ...],
-    faults: list[Fault],
-    notices: list[Notice],
-) -> None:
+def _compare(height: NumberColumn, made: NumberColumn, speed: NumberColumn, found: Findings) -> None:
     """Hold a height against the speed that was measured beside it; air drag makes the two differ by per cents."""
-    notices.append(Notice(f"{height.name} is not used: {speed.name} is", columns=(height.name, speed.name)))
+    found.notice(f"{height.name} is not used: {speed.name} is", height.name, speed.name)
     excess = np.abs(made.values / speed.values - 1.0)
     for k in np.flatnonzero(excess > GROSS).tolist():
-        message = (
+        found.fault(
             f"read {height.shown(height.values[k])}, which makes {made.values[k]:.4g} m/s, but {speed.name} is "
-            f"{speed.values[k]:.4g} m/s; expected agreement: check the units and the row"
-        )
-        faults.append(Fault(message, rows[k].number, rows[k].line, height.name))
+            f"{speed.values[k]:.4g} m/s; expected agreement: check the units and the row",
+            height.name, k,
+        )  # fmt: skip

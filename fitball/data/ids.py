@@ -5,28 +5,27 @@ from __future__ import annotations
 from collections import Counter
 
 from fitball.data.columns import Header
-from fitball.data.dialect.cells import RawRow
-from fitball.data.table import Notice
+from fitball.data.findings import Findings
 
 
-def unique_ids(header: Header, rows: tuple[RawRow, ...], notices: list[Notice]) -> tuple[str, ...]:
+def unique_ids(header: Header, found: Findings) -> tuple[str, ...]:
     """One name an impact; a notice for each that was empty or stood already."""
     if "id" not in header.texts:
-        return tuple(str(row.number) for row in rows)
-    written = [row.cells[header.texts["id"].index] for row in rows]
+        return tuple(str(row.number) for row in found.rows)
+    written = header.cells("id", found.rows)
     taken = set(written)
     ids: list[str] = []
     seen: Counter[str] = Counter()
-    for row, text in zip(rows, written, strict=True):
-        name = text
+    for place, text in enumerate(written):
+        name, kind = text, ""
         if not text:
             kind = "id is empty: the number of the row is taken"
-            name = _free(f"row {row.number}", 0, taken)
-            notices.append(Notice(f"{kind}: '{name}'", row.number, ("id",), kind))
+            name = _free(f"row {found.rows[place].number}", 0, taken)
         elif seen[text]:
             kind = "id names an earlier impact too and was made unique"
             name = _free(text, seen[text], taken)
-            notices.append(Notice(f"{kind}: '{name}'", row.number, ("id",), kind))
+        if kind:
+            found.notice(f"{kind}: '{name}'", "id", place=place, kind=kind)
         seen[text] += 1
         taken.add(name)
         ids.append(name)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from hashlib import sha256
 
 import numpy as np
 
-from fitball.data.frozen import FrozenMapping
+from fitball.data.frozen import FrozenMapping, frozen
 from fitball.data.read import load_table
 from fitball.data.reading.flip import check_flips
 from fitball.data.redundancy import independent
@@ -16,7 +16,7 @@ from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable, Measurement, Notice
 from fitball.data.written import Source, framed, name_of
 from fitball.errors import Fault, TableError
-from fitball.observables import OBSERVABLES, VELOCITIES
+from fitball.observables import INCIDENT_UNITS, OBSERVABLES, VELOCITIES
 from fitball.values import FloatArray, Impacts
 
 ORIGIN = "table"
@@ -66,42 +66,30 @@ def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
     first = tables[0]
     faults = [fault for other in tables[1:] for fault in _differences(first, other)] + _rebound_faults(tables)
     names = [table.name for table in tables]
-    faults += [Fault(f"table {name} is given twice") for name in sorted({n for n in names if names.count(n) > 1})]
+    faults += [f"table {name} is given twice" for name in sorted({n for n in names if names.count(n) > 1})]
     if faults:
-        raise TableError(" + ".join(table.source for table in tables), faults)
-
-    def stacked(columns: Sequence[FloatArray]) -> FloatArray:
-        whole = np.concatenate(columns)
-        whole.setflags(write=False)
-        return whole
+        raise TableError(" + ".join(table.source for table in tables), map(Fault, faults))
 
     labels = {
         name: tuple(text for table in tables for text in table.labels.get(name, ("",) * len(table)))
         for name in dict.fromkeys(name for table in tables for name in table.labels)
     }
     labels[ORIGIN] = tuple(table.name for table in tables for _ in range(len(table)))
-    covariances = [table.incident_covariance for table in tables if table.incident_covariance is not None]
-    cor = [table.impacts.cor for table in tables if table.impacts.cor is not None]
+    v_x, v_y, omega = (np.concatenate([getattr(table.impacts, name) for table in tables]) for name in INCIDENT_UNITS)
+    sds = {name: frozen(np.concatenate([table.incident_sd[name] for table in tables])) for name in first.incident_sd}
     return ImpactTable(
         name="+".join(names),
         source=" + ".join(table.source for table in tables),
         digest=sha256("".join(table.digest for table in tables).encode()).hexdigest(),
         ids=tuple(f"{table.name}:{name}" for table in tables for name in table.ids),
-        impacts=Impacts(
-            stacked([table.impacts.v_x1 for table in tables]),
-            stacked([table.impacts.v_y1 for table in tables]),
-            stacked([table.impacts.omega_1 for table in tables]),
-            stacked(cor) if len(cor) == len(tables) else None,
-        ),
+        impacts=Impacts(v_x, v_y, omega, _stacked([table.impacts.cor for table in tables])),
         incident_columns=first.incident_columns,
-        incident_sd=FrozenMapping(
-            {name: stacked([table.incident_sd[name] for table in tables]) for name in first.incident_sd}
-        ),
-        measurements=tuple(_stacked_measurement(name, tables, stacked) for name in _measured_columns(tables)),
+        incident_sd=FrozenMapping(sds),
+        measurements=tuple(_stacked_measurement(name, tables) for name in _measured_columns(tables)),
         redundant=(),
         labels=FrozenMapping(labels),
         units=first.units,
-        incident_covariance=stacked(covariances) if len(covariances) == len(tables) else None,
+        incident_covariance=_stacked([table.incident_covariance for table in tables]),
         notices=(
             *(Notice(f"{table.name}: {remark}") for table in tables for remark in table.remarks),
             *_absent_columns(tables),
@@ -127,19 +115,23 @@ def _absent_columns(tables: Sequence[ImpactTable]) -> list[Notice]:
     ]
 
 
-def _stacked_measurement(
-    name: str, tables: Sequence[ImpactTable], stacked: Callable[[Sequence[FloatArray]], FloatArray]
-) -> Measurement:
+def _stacked(columns: Sequence[FloatArray | None]) -> FloatArray | None:
+    """Columns one below the other; None unless all tables have it."""
+    present = [column for column in columns if column is not None]
+    return frozen(np.concatenate(present)) if len(present) == len(columns) else None
+
+
+def _stacked_measurement(name: str, tables: Sequence[ImpactTable]) -> Measurement:
     """One column of all tables, NaN where one has it not."""
     columns = [table.measurement(name) for table in tables]
     nothing = [np.full(len(table), np.nan) for table in tables]
     values = [gap if item is None else item.values for item, gap in zip(columns, nothing, strict=True)]
     sds = [gap if item is None or item.sd is None else item.sd for item, gap in zip(columns, nothing, strict=True)]
     stated = any(item is not None and item.sd is not None for item in columns)
-    return Measurement(name, stacked(values), stacked(sds) if stated else None)
+    return Measurement(name, frozen(np.concatenate(values)), frozen(np.concatenate(sds)) if stated else None)
 
 
-def _rebound_faults(tables: Sequence[ImpactTable]) -> list[Fault]:
+def _rebound_faults(tables: Sequence[ImpactTable]) -> list[str]:
     """What keeps rebound columns of tables from being one column."""
     faults = []
     velocities = [name for name in _measured_columns(tables) if name in VELOCITIES]
@@ -150,10 +142,8 @@ def _rebound_faults(tables: Sequence[ImpactTable]) -> list[Fault]:
             for table in tables
         )
         faults.append(
-            Fault(
-                f"rebound velocities are told in different ways: {told}; expected the same columns, or some of them, "
-                "in all tables that are fitted together"
-            )
+            f"rebound velocities are told in different ways: {told}; expected the same columns, or some of them, in "
+            "all tables that are fitted together"
         )
     for name in _measured_columns(tables):
         having = [(table, item) for table in tables if (item := table.measurement(name)) is not None]
@@ -161,26 +151,21 @@ def _rebound_faults(tables: Sequence[ImpactTable]) -> list[Fault]:
         bare = [table.source for table, item in having if item.sd is None]
         if stated and bare:
             faults.append(
-                Fault(
-                    f"{name} has a stated sd in {stated[0]} and none in {bare[0]}; expected one in all tables that "
-                    "are fitted together, or in none"
-                )
+                f"{name} has a stated sd in {stated[0]} and none in {bare[0]}; expected one in all tables that are "
+                "fitted together, or in none"
             )
     return faults
 
 
-def _differences(one: ImpactTable, other: ImpactTable) -> list[Fault]:
-    faults = []
-    for what, columns, others in (
+def _differences(one: ImpactTable, other: ImpactTable) -> list[str]:
+    """What keeps incident columns of two tables from being the same columns."""
+    compared = (
         ("incident columns", one.incident_columns, other.incident_columns),
         ("stated sds of incident columns", tuple(one.incident_sd), tuple(other.incident_sd)),
-    ):
-        if columns != others:
-            faults.append(
-                Fault(
-                    f"{what} differ: {', '.join(columns) or 'none'} in {one.source}, "
-                    f"{', '.join(others) or 'none'} in {other.source}; expected the same in all tables that are "
-                    "fitted together"
-                )
-            )
-    return faults
+    )
+    return [
+        f"{what} differ: {', '.join(columns) or 'none'} in {one.source}, {', '.join(others) or 'none'} in "
+        f"{other.source}; expected the same in all tables that are fitted together"
+        for what, columns, others in compared
+        if columns != others
+    ]

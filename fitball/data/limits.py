@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.columns import NUMBERS, SD_SUFFIX
-from fitball.data.dialect.cells import RawRow
+from fitball.data.findings import Findings
 from fitball.data.number_column import NumberColumn
 from fitball.data.units import UNITS, Dimension, symbols
-from fitball.errors import Fault, ParameterError
+from fitball.errors import ParameterError
 from fitball.values import FloatArray
 
 
@@ -68,9 +68,7 @@ def beyond_limit(name: str, values: FloatArray) -> NDArray[np.bool_]:
     return beyond
 
 
-def within_limits(
-    columns: Mapping[str, NumberColumn], rows: tuple[RawRow, ...], faults: list[Fault]
-) -> dict[str, NumberColumn]:
+def within_limits(columns: Mapping[str, NumberColumn], found: Findings) -> dict[str, NumberColumn]:
     """The columns with NaN and a fault for every number beyond the limit of its quantity.
 
     NaN, so that no later check draws conclusions from it.
@@ -82,10 +80,9 @@ def within_limits(
             continue
         kept[name] = replace(column, values=np.where(beyond, np.nan, column.values))
         meant = _meant(column)
-        for index in np.flatnonzero(beyond):
-            read = column.shown(column.values[index])
-            message = f"read {read}; expected {_limit(name).words}: check the unit and the digits{meant}"
-            faults.append(Fault(message, rows[index].number, rows[index].line, name))
+        for k in np.flatnonzero(beyond).tolist():
+            read = f"read {column.shown(column.values[k])}; expected {_limit(name).words}"
+            found.fault(f"{read}: check the unit and the digits{meant}", name, k)
     return kept
 
 

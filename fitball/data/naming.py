@@ -7,9 +7,10 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 from fitball.data.dialect.guess import bare, guess_of
+from fitball.data.findings import Findings
 from fitball.data.frozen import FrozenMapping
 from fitball.data.units import unit_of
-from fitball.errors import Fault, ParameterError, suggestion
+from fitball.errors import ParameterError, suggestion
 
 _WITH_UNIT = re.compile(r"(?P<name>.*?\S)\s*\[(?P<unit>[^\[\]]*)\]")
 
@@ -36,23 +37,22 @@ class Naming:
         wanted = {name.strip().casefold() for name in names}
         return next((ours for ours, their in self.theirs.items() if their.casefold() in wanted), None)
 
-    def unit(self, ours: str, written: str | None, line: int | None, faults: list[Fault]) -> str | None:
+    def unit(self, ours: str, written: str | None, found: Findings) -> str | None:
         """The unit of a column as text, where `written` is that of the header; a fault where the two differ."""
         stated = self.units.get(ours)
         if stated is not None and written is not None and unit_of(stated) != unit_of(written):
             message = f"the header says '[{written}]' and the names that were given '[{stated}]'; expected one unit"
-            faults.append(Fault(message, line=line, column=self.theirs[ours]))
+            found.header_fault(message, self.theirs[ours])
         return written if stated is None else stated
 
-    def absent(self, present: Collection[str], read: Collection[str], line: int | None) -> list[Fault]:
-        """A fault for each name that the header has not, unless our own is `present`; `read` are the header's."""
-        found = {name.casefold() for name in read}
-        return [
-            Fault(f"there is no column '{their}', which is to be {ours} as asked; columns read: {', '.join(read)}",
-                  line=line)
-            for ours, their in self.theirs.items()
-            if their.casefold() not in found and ours not in present
-        ]  # fmt: skip
+    def check_absent(self, present: Collection[str], read: Collection[str], found: Findings) -> None:
+        """Add a fault for each name that the header has not, unless our own is `present`; `read` are the header's."""
+        here, listed = {name.casefold() for name in read}, ", ".join(read)
+        for ours, their in self.theirs.items():
+            if their.casefold() not in here and ours not in present:
+                found.header_fault(
+                    f"there is no column '{their}', which is to be {ours} as asked; columns read: {listed}"
+                )
 
 
 def naming(columns: Mapping[str, str], known: Collection[str]) -> Naming:

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.columns import NUMBERS, SD_SUFFIX, Column
-from fitball.data.dialect.cells import RawRow
 from fitball.data.dialect.numbers import explained
+from fitball.data.findings import Findings
 from fitball.data.units import DEFAULT_UNIT, Unit
-from fitball.errors import Fault
 from fitball.values import FloatArray
 
 # Stricter than float(): no "1_000", no "nan" or "inf", no digits of other scripts.
@@ -51,7 +50,7 @@ class NumberColumn:
         return f"{number:.{self.decimals}f} {self.unit.symbol}"
 
 
-def read_column(column: Column, rows: tuple[RawRow, ...], faults: list[Fault], *, gaps: bool = False) -> NumberColumn:
+def read_column(column: Column, found: Findings, *, gaps: bool = False) -> NumberColumn:
     """The numbers of one column; all NaN when its unit was not understood (that fault is reported already),
     so that no later check draws conclusions from them.
 
@@ -59,20 +58,20 @@ def read_column(column: Column, rows: tuple[RawRow, ...], faults: list[Fault], *
     zeros: a `6` between `6.47` and `7.25` was measured as 6.00. With `gaps` a cell that says that nothing was
     measured (empty, `nan`, `NA`, `-`) is no fault.
     """
-    missing = np.array([gaps and absent(row.cells[column.index]) for row in rows], dtype=np.bool_)
+    cells = [row.cells[column.index] for row in found.rows]
+    missing = np.array([gaps and absent(cell) for cell in cells], dtype=np.bool_)
     numbers = [
-        None if gap else _read_cell(row, column, faults) for row, gap in zip(rows, missing.tolist(), strict=True)
+        None if gap else _read_cell(cell, k, column.name, found)
+        for k, (cell, gap) in enumerate(zip(cells, missing.tolist(), strict=True))
     ]
     unit = column.unit or DEFAULT_UNIT[NUMBERS[column.name]]
     exponent = min((number[1] for number in numbers if number is not None), default=0)
     trusted = [float("nan") if item is None or column.unit is None else item[0] for item in numbers]
     with np.errstate(over="ignore"):
         values = unit.to_si(np.array(trusted, dtype=np.float64))
-    for index in np.flatnonzero(np.isinf(values)):
-        row = rows[index]
-        message = f"read '{row.cells[column.index]}', which is not finite in SI units; expected a number"
-        faults.append(Fault(message, row=row.number, line=row.line, column=column.name))
-        values[index] = np.nan
+    for k in np.flatnonzero(np.isinf(values)).tolist():
+        found.fault(f"read '{cells[k]}', which is not finite in SI units; expected a number", column.name, k)
+        values[k] = np.nan
     half_width = unit.to_si(0.5 * 10.0**exponent)
     return NumberColumn(column.name, values, half_width, unit, max(0, -exponent), missing)
 
@@ -82,18 +81,17 @@ def absent(text: str) -> bool:
     return text.lower() in _ABSENT
 
 
-def _read_cell(row: RawRow, column: Column, faults: list[Fault]) -> tuple[float, int] | None:
-    """The number of a cell, and the power of ten of its last digit."""
-    text = row.cells[column.index]
-    found = _NUMBER.fullmatch(text)
-    if found and isfinite(number := float(text)):
-        digits, power = found[1], found[2]
+def _read_cell(text: str, place: int, name: str, found: Findings) -> tuple[float, int] | None:
+    """The number of a cell, and the power of ten of its last digit; None, with a fault, where it has none."""
+    matched = _NUMBER.fullmatch(text)
+    if matched and isfinite(number := float(text)):
+        digits, power = matched[1], matched[2]
         point = digits.find(".")
         exponent = (point + 1 - len(digits) if point >= 0 else 0) + (int(power[1:]) if power else 0)
         # "0e400" is zero, but no digit of it stands where a number can have one.
         if exponent <= MOST_EXPONENT:
             return number, exponent
-    faults.append(Fault(_explain(text, column.name), row=row.number, line=row.line, column=column.name))
+    found.fault(_explain(text, name), name, place)
     return None
 
 

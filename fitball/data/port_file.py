@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fitball.data.columns import INCIDENT, REBOUND, Header, read_header, vocabulary
-from fitball.data.dialect.cells import RawRow, RawTable
+from fitball.data.dialect.cells import RawTable
 from fitball.data.dialect.files import read_raw
+from fitball.data.findings import Findings
 from fitball.data.naming import Naming
 from fitball.data.number_column import read_column
-from fitball.errors import Fault, TableError
 from fitball.values import FloatArray
 
 # What a program writes for an output it does not have.
@@ -36,33 +36,25 @@ class PortFile:
 def read_port(path: Path) -> PortFile:
     """Read the outputs of a port. Raises TableError with every fault: row, column, what was read and expected."""
     raw = read_raw(path, vocabulary(Naming()))
-    faults = list(raw.faults)
-    header = read_header(raw.header, raw.header_line, faults)
-    if not raw.rows and not faults:
-        faults.append(Fault("read a header and no rows; expected one row for each golden impact"))
+    found = Findings.of(raw)
+    header = read_header(raw.header, found)
+    if not raw.rows and not found.faults:
+        found.fault("read a header and no rows; expected one row for each golden impact")
     present = [name for name in (*INCIDENT, *REBOUND) if name in header.numbers and not _empty(header, raw, name)]
     if not any(name in REBOUND for name in present):
-        message = f"no column of a rebound; expected one or more of {', '.join(REBOUND)}"
-        faults.append(Fault(message, line=raw.header_line))
-    columns = {name: read_column(header.numbers[name], raw.rows, faults).values for name in present}
-    if faults:
-        raise TableError(str(path), sorted(faults, key=lambda fault: fault.row or 0))
+        found.header_fault(f"no column of a rebound; expected one or more of {', '.join(REBOUND)}")
+    columns = {name: read_column(header.numbers[name], found).values for name in present}
+    found.refuse(str(path))
     return PortFile(
         source=str(path),
         count=len(raw.rows),
         incident={name: values for name, values in columns.items() if name in INCIDENT},
         outputs={name: values for name, values in columns.items() if name in REBOUND},
-        ids=_texts(header, raw.rows, "id"),
-        regimes=_texts(header, raw.rows, "regime"),
+        ids=header.cells("id", raw.rows) if "id" in header.texts else None,
+        regimes=header.cells("regime", raw.rows) if "regime" in header.texts else None,
     )
 
 
 def _empty(header: Header, raw: RawTable, name: str) -> bool:
     index = header.numbers[name].index
     return all(row.cells[index].lower() in _EMPTY for row in raw.rows)
-
-
-def _texts(header: Header, rows: tuple[RawRow, ...], name: str) -> tuple[str, ...] | None:
-    if name not in header.texts:
-        return None
-    return tuple(row.cells[header.texts[name].index] for row in rows)

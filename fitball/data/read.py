@@ -11,8 +11,8 @@ from fitball.data.bounds import check_bounds, normal_speed
 from fitball.data.checks import check_directions, check_pairs, check_ranges, one_sign
 from fitball.data.columns import LABELS, MEASURED, NUMBERS, REBOUND, SD_SUFFIX, Header
 from fitball.data.completeness import check_columns, knows_incident
-from fitball.data.dialect.cells import RawRow, RawTable
-from fitball.data.frozen import FrozenMapping
+from fitball.data.findings import Findings
+from fitball.data.frozen import FrozenMapping, frozen
 from fitball.data.gaps import without_empty, without_gaps
 from fitball.data.heights import speeds_of_heights
 from fitball.data.ids import unique_ids
@@ -24,10 +24,10 @@ from fitball.data.reading.doubt import doubt_of
 from fitball.data.reading.flip import flip_columns, flips_of
 from fitball.data.redundancy import check_redundant, independent
 from fitball.data.scene import Scene, load_scene
-from fitball.data.table import ImpactTable, Measurement, Notice
+from fitball.data.table import ImpactTable, Measurement
 from fitball.data.velocity import velocity
 from fitball.data.written import PATHS, Source, Written, framed, written_table
-from fitball.errors import Fault, TableError
+from fitball.errors import Fault
 from fitball.observables import OBSERVABLES, VELOCITIES
 from fitball.values import FloatArray, Impacts
 
@@ -68,32 +68,25 @@ def load_table(
     asked = with_units({**known.columns, **(columns or {})}, units or {}, (*NUMBERS, *LABELS))
     text = written_table(framed(source), naming(asked, (*NUMBERS, *LABELS)))
     text = text if name is None else replace(text, name=name)
-    raw, header = text.raw, text.header
-    faults, notices = list(text.faults), list(text.notices)
+    header, found = text.header, text.found
     least = LEAST_IMPACTS if rebound else 1
-    _check_count(raw, faults, least)
-    numbers = {name: read_column(column, raw.rows, faults, gaps=True) for name, column in header.numbers.items()}
-    numbers = within_limits(without_empty(numbers, notices), raw.rows, faults)
-    numbers = speeds_of_heights(numbers, raw.rows, faults, notices)
-    check_columns(numbers, header, raw.header_line, faults, notices, rebound)
-    numbers, rows = without_gaps(numbers, raw.rows, rebound, least, faults, notices)
-    raw = replace(raw, rows=rows)
-    numbers = flip_columns(numbers, flips_of(flip, text.name), notices)
-    numbers = one_sign(numbers, raw.rows, faults, notices)
-    check_ranges(numbers, raw.rows, faults)
+    _check_count(found, least)
+    numbers = {name: read_column(column, found, gaps=True) for name, column in header.numbers.items()}
+    numbers = within_limits(without_empty(numbers, found), found)
+    numbers = speeds_of_heights(numbers, found)
+    check_columns(numbers, header, found, rebound)
+    numbers = without_gaps(numbers, rebound, least, found)
+    numbers = one_sign(flip_columns(numbers, flips_of(flip, text.name), found), found)
+    check_ranges(numbers, found)
     for end in ("1", "2"):
-        check_redundant(numbers, end, raw.rows, faults, notices)
-    check_pairs(numbers, raw.rows, faults)
-    check_bounds(numbers, raw.rows, known, faults, notices)
-    check_directions(numbers, raw.rows, notices)
-    _check_labels(header, raw.rows, faults)
-    ids = unique_ids(header, raw.rows, notices)
-    if faults:
-        # Header first, then row by row, so that the list can be worked off from the top of the file.
-        hints = _hints(numbers, known) if rebound else ()
-        raise TableError(text.source, sorted(faults, key=lambda fault: fault.row or 0), hints)
-    table = _assemble(replace(text, raw=raw), numbers, ids, notices)
-    return replace(table, flipped=flips_of(flip, text.name), columns=FrozenMapping(asked))
+        check_redundant(numbers, end, found)
+    check_pairs(numbers, found)
+    check_bounds(numbers, known, found)
+    check_directions(numbers, found)
+    _check_labels(header, found)
+    ids = unique_ids(header, found)
+    found.refuse(text.source, _hints(numbers, known) if rebound and found.faults else ())
+    return replace(_assembled(text, numbers, ids), flipped=flips_of(flip, text.name), columns=FrozenMapping(asked))
 
 
 def _hints(columns: Mapping[str, NumberColumn], scene: Scene) -> tuple[str, ...]:
@@ -105,45 +98,31 @@ def _hints(columns: Mapping[str, NumberColumn], scene: Scene) -> tuple[str, ...]
     return () if doubt is None else doubt.lines(scene)
 
 
-def _check_count(raw: RawTable, faults: list[Fault], least: int) -> None:
-    count = len(raw.rows) + sum(fault.row is not None for fault in raw.faults)
+def _check_count(found: Findings, least: int) -> None:
+    count = len(found.rows) + sum(fault.row is not None for fault in found.faults)
     if count == 0:
-        faults.append(
-            Fault(
-                f"read a header and no rows; expected at least {least} impact{'s' if least > 1 else ''}",
-                line=raw.header_line,
-            )
-        )
+        expected = f"expected at least {least} impact{'s' if least > 1 else ''}"
+        found.header_fault(f"read a header and no rows; {expected}")
     elif count < least:
         message = f"read one row only; expected at least {least} impacts: one impact cannot fix any scatter"
-        faults.append(Fault(message, row=1, line=raw.rows[0].line if raw.rows else raw.faults[0].line))
+        line = found.rows[0].line if found.rows else found.faults[0].line
+        found.faults.append(Fault(message, row=1, line=line))
 
 
-def _check_labels(header: Header, rows: tuple[RawRow, ...], faults: list[Fault]) -> None:
+def _check_labels(header: Header, found: Findings) -> None:
     """Add a fault for every label that is no name: labels head tables and figures."""
-    for name in LABELS:
-        if name not in header.texts:
-            continue
-        for row in rows:
-            length = len(row.cells[header.texts[name].index])
-            if length > LONGEST_LABEL:
-                message = f"read a text of {length} characters; expected a name of at most {LONGEST_LABEL}"
-                faults.append(Fault(message, row.number, row.line, name))
+    for name in header.texts.keys() & {*LABELS}:
+        for place, label in enumerate(header.cells(name, found.rows)):
+            if len(label) > LONGEST_LABEL:
+                message = f"read a text of {len(label)} characters; expected a name of at most {LONGEST_LABEL}"
+                found.fault(message, name, place)
 
 
-def _frozen(values: FloatArray) -> FloatArray:
-    array = np.array(values, dtype=np.float64)
-    array.setflags(write=False)
-    return array
-
-
-def _assemble(
-    text: Written, columns: Mapping[str, NumberColumn], ids: tuple[str, ...], notices: list[Notice]
-) -> ImpactTable:
-    rows = text.raw.rows
+def _assembled(text: Written, columns: Mapping[str, NumberColumn], ids: tuple[str, ...]) -> ImpactTable:
+    rows = text.found.rows
+    _tell_of_sds(columns, text.found)
     impacts, incident_columns, incident_sd, covariance = _incident(columns, len(rows))
     counted = {*independent(columns, "2"), *(OBSERVABLES.keys() - VELOCITIES)}
-    remarks = [*notices, *_unit_notices(columns), *_unused_sds(columns)]
     rebound = [_measurement(columns, name) for name in REBOUND if name in columns]
     return ImpactTable(
         name=text.name,
@@ -155,15 +134,9 @@ def _assemble(
         incident_sd=FrozenMapping(incident_sd),
         measurements=tuple(item for item in rebound if item.name in counted),
         redundant=tuple(item for item in rebound if item.name not in counted),
-        labels=FrozenMapping(
-            {
-                name: tuple(row.cells[column.index] for row in rows)
-                for name, column in text.header.texts.items()
-                if name != "id"
-            }
-        ),
+        labels=FrozenMapping({name: text.header.cells(name, rows) for name in text.header.texts if name != "id"}),
         units=FrozenMapping({name: column.unit.symbol for name, column in columns.items()}),
-        notices=tuple(sorted(remarks, key=lambda notice: notice.row or 0)),
+        notices=tuple(sorted(text.found.notices, key=lambda notice: notice.row or 0)),
         incident_covariance=covariance,
         files=text.files,
     )
@@ -171,7 +144,7 @@ def _assemble(
 
 def _measurement(columns: Mapping[str, NumberColumn], name: str) -> Measurement:
     sd = columns.get(name + SD_SUFFIX)
-    return Measurement(name, _frozen(columns[name].values), None if sd is None else _frozen(sd.values))
+    return Measurement(name, frozen(columns[name].values), None if sd is None else frozen(sd.values))
 
 
 def _incident(
@@ -195,10 +168,10 @@ def _incident(
     impacts = Impacts(
         values_of["v_x1"], values_of["v_y1"], values_of["omega_1"], _measured_cor(columns, values_of["v_y1"])
     )
-    sds = {name: _frozen(item.sd) for name, item in present.items() if item.parts}
+    sds = {name: frozen(item.sd) for name, item in present.items() if item.parts}
     covariance = None
     if sds:
-        covariance = _frozen(covariance_matrix(list(state.values()), count))
+        covariance = frozen(covariance_matrix(list(state.values()), count))
     return impacts, tuple(present), sds, covariance
 
 
@@ -207,23 +180,16 @@ def _measured_cor(columns: Mapping[str, NumberColumn], v_y1: FloatArray) -> Floa
     return None if rebound is None or np.isnan(rebound).any() else rebound / v_y1
 
 
-def _unit_notices(columns: Mapping[str, NumberColumn]) -> list[Notice]:
-    """One notice for every sd in another unit than its quantity: a forgotten bracket looks just so."""
-    return [
-        Notice(
-            f"{name} was read in {column.unit.symbol}, {base} in {columns[base].unit.symbol}",
-            columns=(name, base),
-        )
-        for name, column in columns.items()
-        if name.endswith(SD_SUFFIX) and columns[base := name.removesuffix(SD_SUFFIX)].unit != column.unit
-    ]
-
-
-def _unused_sds(columns: Mapping[str, NumberColumn]) -> list[Notice]:
-    """One notice for every sd of an incident column that other columns made redundant."""
+def _tell_of_sds(columns: Mapping[str, NumberColumn], found: Findings) -> None:
+    """Add a notice for every sd in another unit than its quantity, since a forgotten bracket looks just so, and for
+    every sd of an incident column that other columns made redundant.
+    """
+    for name, column in columns.items():
+        base = columns[name.removesuffix(SD_SUFFIX)]
+        if base.unit != column.unit:
+            units = f"{column.unit.symbol}, {base.name} in {base.unit.symbol}"
+            found.notice(f"{name} was read in {units}", name, base.name)
     counted = independent(columns, "1")
-    return [
-        Notice(f"{name}{SD_SUFFIX} is not used: {' and '.join(counted)} are", columns=(name + SD_SUFFIX,))
-        for name in ("v_x1", "v_y1", "v_1", "theta_1")
-        if name not in counted and name + SD_SUFFIX in columns
-    ]
+    for name in ("v_x1", "v_y1", "v_1", "theta_1"):
+        if name not in counted and name + SD_SUFFIX in columns:
+            found.notice(f"{name}{SD_SUFFIX} is not used: {' and '.join(counted)} are", name + SD_SUFFIX)

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.data.dialect.cells import RawRow
+from fitball.data.findings import Findings
 from fitball.data.number_column import NumberColumn
-from fitball.data.table import Notice
-from fitball.errors import Fault
 from fitball.values import FloatArray
 
 # Beyond the rounding of the printed digits, columns may differ by this fraction (of the speed; in
@@ -50,26 +48,16 @@ def independent(names: Iterable[str], end: str) -> tuple[str, ...]:
     return tuple(name for name in components + polar if name in present)
 
 
-def check_redundant(
-    columns: Mapping[str, NumberColumn],
-    end: str,
-    rows: tuple[RawRow, ...],
-    faults: list[Fault],
-    notices: list[Notice],
-) -> None:
+def check_redundant(columns: Mapping[str, NumberColumn], end: str, found: Findings) -> None:
     """Compare every velocity column that does not count with those that do, row by row.
 
-    A difference beyond rounding and averaging becomes a Notice, a gross one a Fault.
+    A difference beyond rounding and averaging becomes a notice, a gross one a fault.
     """
     counted = independent(columns, end)
     for name in (f"v_x{end}", f"v_y{end}", f"v_{end}", f"theta_{end}"):
         if name in columns and name not in counted:
-            expected = (
-                _from_components(columns, end, name)
-                if counted[0].startswith("v_x")
-                else _from_polar(columns, end, name)
-            )
-            _compare(columns[name], expected, rows, faults, notices)
+            expected = _from_components if counted[0].startswith("v_x") else _from_polar
+            _compare(columns[name], expected(columns, end, name), found)
 
 
 def _from_components(columns: Mapping[str, NumberColumn], end: str, name: str) -> _Expected:
@@ -93,22 +81,16 @@ def _from_polar(columns: Mapping[str, NumberColumn], end: str, name: str) -> _Ex
     return _Expected(speed.values * along, rounding, np.abs(speed.values), (speed.name, angle.name))
 
 
-def _compare(
-    read: NumberColumn,
-    expected: _Expected,
-    rows: tuple[RawRow, ...],
-    faults: list[Fault],
-    notices: list[Notice],
-) -> None:
+def _compare(read: NumberColumn, expected: _Expected, found: Findings) -> None:
+    first, second = expected.basis
     excess = np.abs(read.values - expected.values) - expected.rounding - read.half_width
-    for index in np.flatnonzero(excess > AVERAGING * expected.scale):
-        row, (first, second) = rows[index], expected.basis
-        here, there = read.shown(read.values[index]), read.shown(expected.values[index])
+    kind = f"{read.name} is at odds with {first} and {second}, which are used"
+    for k in np.flatnonzero(excess > AVERAGING * expected.scale).tolist():
+        here, there = read.shown(read.values[k]), read.shown(expected.values[k])
         seen = f"read {here}, but {first} and {second} give {there}"
-        if excess[index] > GROSS * expected.scale[index]:
-            message = f"{seen}; expected agreement: check the units and the row, or delete the redundant column"
-            faults.append(Fault(message, row=row.number, line=row.line, column=read.name))
+        if excess[k] > GROSS * expected.scale[k]:
+            advice = "check the units and the row, or delete the redundant column"
+            found.fault(f"{seen}; expected agreement: {advice}", read.name, k)
         else:
             message = f"{read.name}: {seen}; {first} and {second} are used"
-            kind = f"{read.name} is at odds with {first} and {second}, which are used"
-            notices.append(Notice(message, row.number, (read.name, first, second), kind))
+            found.notice(message, read.name, first, second, place=k, kind=kind)

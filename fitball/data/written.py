@@ -14,9 +14,9 @@ from fitball.data.dialect.cells import RawTable
 from fitball.data.dialect.files import frame_table, read_raw
 from fitball.data.dialect.frames import SHEET_MARK
 from fitball.data.dialect.numbers import plain_numbers, split_deviations
+from fitball.data.findings import Findings
 from fitball.data.naming import Naming
-from fitball.data.table import Notice
-from fitball.errors import Fault, ParameterError
+from fitball.errors import ParameterError
 
 if TYPE_CHECKING:
     import pandas
@@ -32,8 +32,8 @@ PATHS = (str, os.PathLike)
 
 @dataclass(frozen=True)
 class Written:
-    """A table before its numbers are looked at: `name`, where it is from, the SHA-256 of its bytes, and what was
-    read; `files` are those it came from, none for a DataFrame.
+    """A table before its numbers are looked at: `name`, where it is from, the SHA-256 of its bytes, what was read,
+    and what was found so far; `files` are those it came from, none for a DataFrame.
     """
 
     name: str
@@ -42,8 +42,7 @@ class Written:
     files: tuple[tuple[str, str], ...]
     raw: RawTable
     header: Header
-    faults: tuple[Fault, ...]
-    notices: tuple[Notice, ...]
+    found: Findings
 
 
 def in_memory(source: object) -> bool:
@@ -87,34 +86,30 @@ def written_table(source: str | os.PathLike[str] | pandas.DataFrame, naming: Nam
     else:
         place = name_of(source)
         raw = frame_table(place, source, known, source.to_csv().encode("utf-8", "backslashreplace"))
-    faults, notes = list(raw.faults), list(raw.notes)
-    header = read_header(raw.header, raw.header_line, faults, naming)
-    raw, header = _plain(raw, header, faults, notes)
-    return Written(
-        name=name_of(source),
-        source=place,
-        digest=sha256(raw.data).hexdigest(),
-        files=files,
-        raw=raw,
-        header=header,
-        faults=tuple(faults),
-        notices=tuple(Notice(text) for text in (*notes, *header.notes)),
-    )
+    found = Findings.of(raw)
+    header = _plain(read_header(raw.header, found, naming), found)
+    return Written(name_of(source), place, sha256(raw.data).hexdigest(), files, raw, header, found)
 
 
-def _plain(raw: RawTable, header: Header, faults: list[Fault], notes: list[str]) -> tuple[RawTable, Header]:
-    """The table with plain numbers; a column `<name>_sd` for each whose cells state their deviations."""
+def _plain(header: Header, found: Findings) -> Header:
+    """The header, with a column `<name>_sd` for each whose cells state their deviations; the rows that were found get
+    plain numbers.
+    """
     names = {column.index: name for name, column in header.numbers.items()}
-    rows, added = split_deviations(plain_numbers(raw.rows, tuple(names), notes), tuple(names))
+    rows, notes = plain_numbers(found.rows, tuple(names))
+    found.rows, added = split_deviations(rows, tuple(names))
     numbers, taken = dict(header.numbers), list[str]()
     for place, index in added.items():
         name, sd = names[place], names[place] + SD_SUFFIX
         if name.endswith(SD_SUFFIX) or sd in numbers:
-            message = f"states deviations (±) in its cells, and {sd} is a column too; expected them once"
-            faults.append(Fault(message, line=raw.header_line, column=name))
+            found.header_fault(
+                f"states deviations (±) in its cells, and {sd} is a column too; expected them once", name
+            )
             continue
         numbers[sd] = Column(index, sd, numbers[name].unit)
         taken.append(name)
     if taken:
-        notes.append(f"what stands behind ± in {', '.join(taken)} is taken as one standard deviation")
-    return replace(raw, rows=rows), replace(header, numbers=numbers)
+        notes = (*notes, f"what stands behind ± in {', '.join(taken)} is taken as one standard deviation")
+    for note in notes:
+        found.notice(note)
+    return replace(header, numbers=numbers)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-from fitball.errors import Fault
-
 _SQUARE = re.compile(r"^(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$")
 _ROUND = re.compile(r"^(?P<name>.*?)\s*[({](?P<unit>[^(){}]*)[)}]$")
 # Behind the name: "v_1 / m/s" (ISO 80000), "v_1 in m/s", "v_1, m/s", "v_1: m/s", "v_1_mph", "v_1 mph".
@@ -18,12 +16,11 @@ _BEHIND = (
 _JOINED = re.compile(r"(?<=[0-9A-Za-z])[_ ](?=[A-Za-z°])")
 
 Known = Callable[[str], bool]
+UNMATCHED = "the brackets do not match; expected a name and a unit, such as 'v_x1 [m/s]'"
 
 
-def split_cell(
-    cell: str, known: Known, is_unit: Known, line: int | None, faults: list[Fault]
-) -> tuple[str, str | None]:
-    """Name and unit (None where there is none) of a header cell.
+def split_cell(cell: str, known: Known, is_unit: Known) -> tuple[str, str | None, str]:
+    """Name and unit (None where there is none) of a header cell, and what is wrong with it.
 
     Square brackets always hold a unit; round ones do behind a name that is `known`, or when what is in them
     `is_unit`; without brackets a unit must be one.
@@ -32,23 +29,21 @@ def split_cell(
     slash = re.fullmatch(r"(.+?)\s*/\s*\[([^\[\]]*)\]", text)
     match = _SQUARE.match(text if slash is None else f"{slash[1]} [{slash[2]}]")
     if match is None:
-        message = "the brackets do not match; expected a name and a unit, such as 'v_x1 [m/s]'"
-        faults.append(Fault(message, line=line, column=cell))
-        return text.split("[")[0].strip(), None
+        return text.split("[")[0].strip(), None, UNMATCHED
     name = match["name"].strip()
     if match["unit"] is not None or known(name):
-        return name, match["unit"]
+        return name, match["unit"], ""
     # Of a quotient in round brackets the slash belongs to neither.
     bracket = _ROUND.match(re.sub(r"\s*/\s*(?=[({][^(){}]*[)}]$)", " ", name))
     if bracket and (known(bracket["name"]) or is_unit(bracket["unit"])):
-        return bracket["name"].strip(), bracket["unit"]
+        return bracket["name"].strip(), bracket["unit"], ""
     for pattern in _BEHIND:
         behind = pattern.match(name)
         if behind and is_unit(behind["unit"]):
-            return behind["name"].strip(), behind["unit"]
+            return behind["name"].strip(), behind["unit"], ""
     for place in _JOINED.finditer(name):
         front, unit = name[: place.start()], name[place.end() :]
         for spelling in (unit, unit.replace("_", "/", 1)):
             if known(front) and is_unit(spelling):
-                return front, spelling
-    return name, None
+                return front, spelling, ""
+    return name, None, ""

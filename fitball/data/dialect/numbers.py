@@ -21,27 +21,25 @@ _SIGNS, _DEVIATION_SIGNS = ",±+\u2212\u2013", "±+"
 _PLUS_MINUS = re.compile(r"(?P<value>[^±]*?\S)\s*(?:±|\+/-|\+/\u2212|\+-)\s*(?P<sd>[^±+\-\s].*)")
 
 
-def plain_numbers(
-    rows: Sequence[RawRow], places: Sequence[int], notes: list[str] | None = None
-) -> tuple[RawRow, ...]:
-    """The rows with decimal points and hyphens in their cells at `places`, which hold numbers.
+def plain_numbers(rows: Sequence[RawRow], places: Sequence[int]) -> tuple[tuple[RawRow, ...], tuple[str, ...]]:
+    """The rows with decimal points and hyphens in their cells at `places`, which hold numbers, and notes on what was
+    changed.
 
     A file has one decimal sign: commas are one where no number has a point, and at least one comma cannot stand
     between thousands.
     """
-    told: list[str] = [] if notes is None else notes
+    notes: tuple[str, ...] = ()
     cells = [row.cells[place] for row in rows for place in places]
     if not _any_of(_SIGNS, cells):
-        return tuple(rows)
+        return tuple(rows), notes
     if any(_MINUS.search(cell) for cell in cells):
-        told.append("printed minus signs (\u2212, –) were read as such")
+        notes = ("printed minus signs (\u2212, –) were read as such",)
         rows = [_changed(row, places, lambda cell: _MINUS.sub("-", cell)) for row in rows]
     parts = [part for row in rows for place in places for part in _parts(row.cells[place])]
     commas = [part for part in parts if _COMMA.fullmatch(part)]
     if not commas or all(map(_THOUSANDS.fullmatch, commas)) or any(map(_POINT.fullmatch, parts)):
-        return tuple(rows)
-    told.append("numbers have decimal commas")
-    return tuple(_changed(row, places, _with_point) for row in rows)
+        return tuple(rows), notes
+    return tuple(_changed(row, places, _with_point) for row in rows), (*notes, "numbers have decimal commas")
 
 
 def _any_of(signs: str, cells: Sequence[str]) -> bool:

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from fitball.data.findings import Findings
 from fitball.data.number_column import NumberColumn
-from fitball.data.table import Notice
 from fitball.errors import ParameterError, suggestion
 from fitball.values import FloatArray
 
@@ -26,7 +26,7 @@ def flipped(name: str, values: FloatArray) -> FloatArray:
 
 
 def flip_columns(
-    columns: Mapping[str, NumberColumn], flip: Sequence[str], notices: list[Notice]
+    columns: Mapping[str, NumberColumn], flip: Sequence[str], found: Findings
 ) -> dict[str, NumberColumn]:
     """The columns with those named in `flip` counted the other way round, and a notice that says so.
 
@@ -41,7 +41,7 @@ def flip_columns(
             raise ParameterError(f"flip: {name} is named twice")
         turned[name] = replace(columns[name], values=flipped(name, columns[name].values))
         how = "from the normal" if name in ANGLES else "with the other sign"
-        notices.append(Notice(f"{name} is counted {how}, on request (flip)", columns=(name,)))
+        found.notice(f"{name} is counted {how}, on request (flip)", name)
     return turned
 
 
