@@ -37,82 +37,34 @@ if TYPE_CHECKING:
     from fitball.models.types import Rebound, regime_name
     from fitball.values import Ball, Impacts, impacts
 
+# Where each name is when it is first asked for.
 _HOMES = {
-    "Ball": "fitball.values",
-    "Batch": "fitball.batch",
-    "Checked": "fitball.api",
-    "Comparison": "fitball.api",
-    "Course": "fitball.api",
-    "Estimate": "fitball.inference.results.results",
-    "Fit": "fitball.api",
-    "FitballError": "fitball.errors",
-    "ImpactTable": "fitball.data.table",
-    "Impacts": "fitball.values",
-    "Plan": "fitball.api",
-    "Posterior": "fitball.inference.results.results",
-    "Rebound": "fitball.models.types",
-    "RunStatus": "fitball.inference.results.results",
-    "Scene": "fitball.data.scene",
-    "Verdict": "fitball.inference.results.results",
-    "calibrate": "fitball.api",
-    "calibrate_many": "fitball.batch",
-    "check": "fitball.api",
-    "compare": "fitball.api",
-    "export": "fitball.api",
-    "impacts": "fitball.values",
-    "load_batch": "fitball.batch",
-    "load_fit": "fitball.api",
-    "load_scene": "fitball.data.scene",
-    "load_table": "fitball.data.read",
-    "model": "fitball.models.registry",
-    "plan": "fitball.api",
-    "plot": "fitball.api",
-    "predict": "fitball.api",
-    "regime_name": "fitball.models.types",
-    "simulate": "fitball.api",
+    "fitball.api": "Checked Comparison Course Fit Plan calibrate check compare export load_fit plan plot predict "
+    "simulate",
+    "fitball.batch": "Batch calibrate_many load_batch",
+    "fitball.data.read": "load_table",
+    "fitball.data.scene": "Scene load_scene",
+    "fitball.data.table": "ImpactTable",
+    "fitball.errors": "FitballError",
+    "fitball.inference.results.results": "Estimate Posterior RunStatus Verdict",
+    "fitball.models.registry": "model",
+    "fitball.models.types": "Rebound regime_name",
+    "fitball.values": "Ball Impacts impacts",
 }
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
 __all__ = [
-    "Ball",
-    "Batch",
-    "Checked",
-    "Comparison",
-    "Course",
-    "Estimate",
-    "Fit",
-    "FitballError",
-    "ImpactTable",
-    "Impacts",
-    "Plan",
-    "Posterior",
-    "Rebound",
-    "RunStatus",
-    "Scene",
-    "Verdict",
-    "__version__",
-    "calibrate",
-    "calibrate_many",
-    "check",
-    "compare",
-    "export",
-    "impacts",
-    "load_batch",
-    "load_fit",
-    "load_scene",
-    "load_table",
-    "model",
-    "plan",
-    "plot",
-    "predict",
-    "regime_name",
-    "simulate",
-]
+    "Ball", "Batch", "Checked", "Comparison", "Course", "Estimate", "Fit", "FitballError", "ImpactTable", "Impacts",
+    "Plan", "Posterior", "Rebound", "RunStatus", "Scene", "Verdict", "__version__", "calibrate", "calibrate_many",
+    "check", "compare", "export", "impacts", "load_batch", "load_fit", "load_scene", "load_table", "model", "plan",
+    "plot", "predict", "regime_name", "simulate",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
+    if name not in _HOME_OF:
         raise AttributeError(f"module 'fitball' has no attribute '{name}'")
-    return getattr(import_module(_HOMES[name]), name)
+    return getattr(import_module(_HOME_OF[name]), name)
 
 
 def __dir__() -> list[str]:
