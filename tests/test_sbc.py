@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from dataclasses import replace
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from toy_experiment import Toy
 
+from fitball.cli.progress import ProgressLine
 from fitball.cli.validate import Counter, main
 from fitball.errors import ResultFolderError
 from fitball.inference.likelihood.posterior import densities
@@ -196,11 +198,16 @@ def test_the_figure_shows_every_quantity():
     assert len(summary_rows((found,))) == 2
 
 
-def test_the_bar_tells_the_time_left(capsys):
-    counter = Counter("x", 4, False)
-    for done in range(5):
+def test_the_time_left_is_told_from_what_this_run_made():
+    now = [0.0]
+    stream = io.StringIO()
+    counter = Counter(ProgressLine(False, stream, lambda: now[0]), "x", 60, "tables")
+    for done in (20, 21, 59, 60):
         counter(done)
-    said = capsys.readouterr().err.splitlines()
-    assert said[0] == "x: 0 of 4 replicates"
-    assert "s left" in said[1]
-    assert said[-1] == "x: 4 of 4 replicates"
+        now[0] += 40.0
+    assert stream.getvalue().splitlines() == [
+        "x: 20 of 60 tables",
+        "x: 21 of 60 tables, about 26 min left",
+        "x: 59 of 60 tables, about 2 s left",
+        "x: 60 of 60 tables",
+    ]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from fitball.cli.fitting import add_fitting, choices_of, make_effort
 from fitball.cli.options import add_scheduler, add_verb
+from fitball.cli.progress import time_left
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -73,19 +74,9 @@ def telling(args: argparse.Namespace) -> Callable[[Going], None]:
     begun = time.monotonic()
 
     def tell(going: Going) -> None:
-        fitted = going.done - going.kept
         words = f"{going.done:,} of {going.of:,} tables"
         words += f", {going.failed:,} failed" if going.failed else ""
-        if fitted and going.done < going.of:
-            left = (time.monotonic() - begun) / fitted * (going.of - going.done)
-            words += f", about {duration(left)} left"
+        words += time_left(time.monotonic() - begun, going.done - going.kept, going.of - going.done)
         args.progress.count("tables", words)
 
     return tell
-
-
-def duration(seconds: float) -> str:
-    """A time as people say it."""
-    if seconds < 90.0:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"

@@ -84,10 +84,10 @@ class ProgressLine:
         self.convergence = progress.convergence
         self._show(self._sampling(progress), stage, due=checked)
 
-    def count(self, stage: str, words: str) -> None:
+    def count(self, stage: str, words: str, due: bool = False) -> None:
         """Show how far a stage is, in words."""
         if not self.quiet:
-            self._show(words, stage)
+            self._show(words, stage, due)
 
     def finish(self) -> None:
         """Leave the line."""
@@ -117,6 +117,16 @@ class ProgressLine:
             self.written = self.clock()
         self.stage = stage
         self.stream.flush()
+
+
+def time_left(seconds: float, made: int, rest: int) -> str:
+    """How long the `rest` takes, as people say it, if the `made` took so many seconds; "" while nobody can say."""
+    if made <= 0 or rest <= 0:
+        return ""
+    left = seconds / made * rest
+    if left < 90.0:
+        return f", about {left:.0f} s left"
+    return f", about {left / 60.0:.0f} min left" if left < 5400.0 else f", about {left / 3600.0:.1f} h left"
 
 
 @contextmanager

@@ -10,15 +10,15 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any
 
 from fitball.cli.options import add_scheduler, whole
-from fitball.cli.visible_stream import own_stream, visible_streams
+from fitball.cli.progress import ProgressLine, time_left
+from fitball.cli.visible_stream import visible_streams
 from fitball.errors import FitballError, ParameterError, suggestion
-from fitball.scheduling.engine import engine
+from fitball.scheduling.engine import Engine, engine
 from fitball.wording import speaking_to_command_line
 
 if TYPE_CHECKING:
@@ -26,41 +26,24 @@ if TYPE_CHECKING:
 
 DEFAULT_FOLDER = Path("fits") / "validation"
 MODELS = "two-mass,grip-slip"
-BAR = 24
 
 
 class Counter:
-    """Replicates done and time left on stderr: a bar on a terminal, a line every tenth elsewhere."""
+    """Tells on a progress line how many of a `total` are done, and the time left, from those done since the first
+    look.
+    """
 
-    def __init__(
-        self, title: str, total: int, quiet: bool, unit: str = "replicates", stream: TextIO | None = None
-    ) -> None:
-        self.title, self.total, self.quiet, self.unit = title, total, quiet, unit
-        self.stream = own_stream(sys.stderr) if stream is None else stream
+    def __init__(self, line: ProgressLine, title: str, total: int, unit: str = "replicates") -> None:
+        self.line, self.title, self.total, self.unit = line, title, total, unit
         self.first: int | None = None
-        self.begun = time.monotonic()
-        self.told = -1
 
     def __call__(self, done: int) -> None:
         """Show that so many are done."""
-        if self.quiet:
-            return
         if self.first is None:
-            self.first, self.begun = done, time.monotonic()
-        made = done - self.first
-        left = ""
-        if made and done < self.total:
-            seconds = (time.monotonic() - self.begun) / made * (self.total - done)
-            left = f", {seconds / 60:.0f} min left" if seconds >= 90 else f", {seconds:.0f} s left"
-        text = f"{self.title}: {done} of {self.total} {self.unit}{left}"
-        if self.stream.isatty():
-            filled = BAR * done // self.total
-            self.stream.write(f"\r[{'#' * filled}{'.' * (BAR - filled)}] {text.ljust(70)}")
-            self.stream.write("\n" if done >= self.total else "")
-        elif 10 * done // self.total != self.told or done >= self.total:
-            self.stream.write(text + "\n")
-        self.told = 10 * done // self.total
-        self.stream.flush()
+            self.first, self.begun = done, self.line.clock()
+        left = time_left(self.line.clock() - self.begun, done - self.first, self.total - done)
+        words = f"{self.title}: {done} of {self.total} {self.unit}{left}"
+        self.line.count(self.title, words, due=done >= self.total)
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -120,6 +103,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = make_parser().parse_args(argv)
     try:
         with visible_streams(), speaking_to_command_line():
+            args.line = ProgressLine(args.quiet)
             if args.population:
                 return _population(args)
             return _plan(args) if args.plan else _trust(args) if args.trust else _run(args)
@@ -132,121 +116,118 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
+    """Rank truths among draws; 1 where they do not rank uniformly."""
     models = _checked(args, 300)
     from fitball.report.figures.save import save_figure
-    from fitball.report.form.atomic_write import write_text
-    from fitball.report.form.csv import csv_text
     from fitball.studies.sbc.figure import rank_figure
     from fitball.studies.sbc.replicate import BounceExperiment
     from fitball.studies.sbc.run import run_replicates
     from fitball.studies.sbc.summary import summarise, summary_json, summary_rows
 
-    folder = Path(args.out) if args.out else DEFAULT_FOLDER
-    workers = engine(args.cores, args.scheduler)
+    folder, workers = _place_and_workers(args, "")
     ranked_by_model = {}
     for model in models:
         experiment = BounceExperiment(args.table, model, args.wrong_sigma)
-        counter = Counter(model, args.replicates, args.quiet)
-        place = folder / f"ranks_{model}.csv"
+        place, counter = folder / f"ranks_{model}.csv", Counter(args.line, model, args.replicates)
         ranked = run_replicates(experiment, args.seed, args.replicates, place, workers, counter)
         ranked_by_model[model] = (experiment.names, ranked)
     findings = summarise(ranked_by_model)
-    content = summary_json(findings, args.seed)
     for finding in findings:
         if finding.quantities:
-            figure = rank_figure(finding)
-            save_figure(figure, folder / f"ranks_{finding.model}.png")
+            save_figure(rank_figure(finding), folder / f"ranks_{finding.model}.png")
     rows = summary_rows(findings)
-    if rows:
-        write_text(folder / "summary.csv", csv_text(rows))
-    write_text(folder / "summary.json", json.dumps(content, indent=1) + "\n")
-    print(json.dumps(content, indent=1) if args.json else render(findings, folder))
-    return 0 if content["holds"] else 1
+    tables = {"summary": rows} if rows else {}
+    return _end(args, folder / "summary.json", summary_json(findings, args.seed), tables, render(findings))
 
 
 def _trust(args: argparse.Namespace) -> int:
     """Fit simulated tables and count; 1 where what fits say of themselves is not true."""
     _checked(args, 60)
     from fitball.report.form.atomic_write import write_text
-    from fitball.report.form.csv import csv_text
     from fitball.studies.trust.findings import findings, findings_json, findings_text, rate_rows
     from fitball.studies.trust.run import run_scenario
     from fitball.studies.trust.scenarios import SCENARIOS
 
-    names = list(SCENARIOS) if args.scenarios is None else [name.strip() for name in args.scenarios.split(",")]
-    for name in names:
-        if name not in SCENARIOS:
-            raise ParameterError(
-                f"--scenarios {args.scenarios}: unknown scenario '{name}': {suggestion(name, SCENARIOS)}"
-            )
-    folder = Path(args.out) if args.out else DEFAULT_FOLDER / "trust"
-    workers = engine(args.cores, args.scheduler)
+    folder, workers = _place_and_workers(args, "trust")
     told = {}
-    for name in dict.fromkeys(names):
-        counter = Counter(name, args.replicates, args.quiet, "tables")
+    for name in _named("scenarios", args.scenarios, SCENARIOS):
+        counter = Counter(args.line, name, args.replicates, "tables")
         told[name] = run_scenario(name, args.seed, args.replicates, folder / f"{name}.csv", workers, counter)
     found = findings(told)
-    content = findings_json(found, args.seed)
-    write_text(folder / "rates.csv", csv_text(rate_rows(found)))
-    write_text(folder / "trust.json", json.dumps(content, indent=1) + "\n")
-    write_text(folder / "trust.md", findings_text(found))
-    print(json.dumps(content, indent=1) if args.json else findings_text(found) + f"\nResults: {folder}")
-    return 0 if content["holds"] else 1
+    text = findings_text(found)
+    write_text(folder / "trust.md", text)
+    return _end(args, folder / "trust.json", findings_json(found, args.seed), {"rates": rate_rows(found)}, text)
 
 
 def _plan(args: argparse.Namespace) -> int:
     """Refit tables at planned impacts; 1 where a promise is not kept."""
     _checked(args, 40)
     from fitball.report.form.atomic_write import write_text
-    from fitball.report.form.csv import csv_text
     from fitball.studies.plan.cases import CASES
     from fitball.studies.plan.findings import findings_json, findings_text, gain_rows, sd_rows
     from fitball.studies.plan.run import run_case
 
-    names = list(CASES) if args.cases is None else [name.strip() for name in args.cases.split(",")]
-    for name in names:
-        if name not in CASES:
-            raise ParameterError(f"--cases {args.cases}: unknown case '{name}': {suggestion(name, CASES)}")
-    folder = Path(args.out) if args.out else DEFAULT_FOLDER / "plan"
-    workers = engine(args.cores, args.scheduler)
+    folder, workers = _place_and_workers(args, "plan")
     found = []
-    for name in dict.fromkeys(names):
-        counter = Counter(name, args.replicates, args.quiet, "refits")
+    for name in _named("cases", args.cases, CASES):
+        counter = Counter(args.line, name, args.replicates, "refits")
         found.append(run_case(name, args.seed, args.replicates, folder / f"{name}.csv", workers, counter))
-    content = findings_json(found, args.seed)
-    write_text(folder / "gains.csv", csv_text(gain_rows(found)))
-    write_text(folder / "sds.csv", csv_text(sd_rows(found)))
-    write_text(folder / "plan.json", json.dumps(content, indent=1) + "\n")
-    write_text(folder / "plan.md", "```text\n" + findings_text(found) + "```\n")
-    print(json.dumps(content, indent=1) if args.json else findings_text(found) + f"\nResults: {folder}")
-    return 0 if content["holds"] else 1
+    text = findings_text(found)
+    write_text(folder / "plan.md", f"```text\n{text}```\n")
+    tables = {"gains": gain_rows(found), "sds": sd_rows(found)}
+    return _end(args, folder / "plan.json", findings_json(found, args.seed), tables, text)
 
 
 def _population(args: argparse.Namespace) -> int:
     """Fit tables of known populations, weight their draws, and count; 1 where intervals do not hold."""
     _checked(args, 50)
-    from fitball.report.form.atomic_write import write_text
-    from fitball.report.form.csv import csv_text
     from fitball.report.form.text_table import columns
     from fitball.studies.population.coverage import run_populations
-    from fitball.studies.population.findings import coverages, findings_json, findings_text
+    from fitball.studies.population.findings import Coverage, coverages, findings_json, findings_text
     from fitball.studies.population.joint import against_joint_fit
 
-    folder = Path(args.out) if args.out else DEFAULT_FOLDER / "population"
-    workers = engine(args.cores, args.scheduler)
+    folder, workers = _place_and_workers(args, "population")
     sets = max(1, args.replicates // 10)
-    joint = against_joint_fit(args.seed, sets, Counter("joint fits", sets, args.quiet, "sets of ten tables"))
-    counter = Counter("populations", args.replicates, args.quiet, "populations")
+    joint = against_joint_fit(args.seed, sets, Counter(args.line, "joint fits", sets, "sets of ten tables"))
+    counter = Counter(args.line, "populations", args.replicates, "populations")
     rows = run_populations(args.seed, args.replicates, folder / "populations.csv", workers, counter)
-    content = findings_json(rows, joint, args.seed)
-    write_text(folder / "joint.csv", csv_text(joint))
     found = coverages(rows)
-    write_text(folder / "coverage.csv", csv_text(one.row() for one in found))
-    write_text(folder / "population.json", json.dumps(content, indent=1) + "\n")
-    if args.json:
-        print(json.dumps(content, indent=1))
-    else:
-        print("\n".join([*columns(findings_text(found), 3), "", f"Results: {folder}"]))
+    text = "\n".join(columns(findings_text(found), 3)) + "\n"
+    tables = {"joint": joint, "coverage": map(Coverage.row, found)}
+    return _end(args, folder / "population.json", findings_json(rows, joint, args.seed), tables, text)
+
+
+def _place_and_workers(args: argparse.Namespace, study: str) -> tuple[Path, Engine]:
+    """Where to write, and who computes."""
+    return Path(args.out) if args.out else DEFAULT_FOLDER / study, engine(args.cores, args.scheduler)
+
+
+def _named(option: str, text: str | None, known: Iterable[str]) -> list[str]:
+    """Those of the `known` names that an option lists, without it all. Raises ParameterError for others."""
+    names = list(known) if text is None else [name.strip() for name in text.split(",")]
+    for name in names:
+        if name not in known:
+            raise ParameterError(f"--{option} {text}: unknown {option[:-1]} '{name}': {suggestion(name, known)}")
+    return list(dict.fromkeys(names))
+
+
+def _end(
+    args: argparse.Namespace,
+    record: Path,
+    content: Mapping[str, object],
+    tables: Mapping[str, Iterable[Mapping[str, Any]]],
+    text: str,
+) -> int:
+    """Write the `tables` beside the `record`, print its content or the `text`; 0 where all holds."""
+    from fitball.report.form.atomic_write import write_text
+    from fitball.report.form.csv import csv_text
+
+    for name, rows in tables.items():
+        write_text(record.with_name(f"{name}.csv"), csv_text(rows))
+    whole = json.dumps(content, indent=1)
+    write_text(record, whole + "\n")
+    args.line.finish()
+    print(whole if args.json else f"{text}\nResults: {record.parent}")
     return 0 if content["holds"] else 1
 
 
@@ -264,7 +245,7 @@ def _checked(args: argparse.Namespace, replicates: int) -> tuple[str, ...]:
     return models
 
 
-def render(findings: Sequence[ModelFinding], folder: Path) -> str:
+def render(findings: Sequence[ModelFinding]) -> str:
     """The verdict as a person reads it."""
     from fitball.report.form.text_table import columns
 
@@ -284,7 +265,7 @@ def render(findings: Sequence[ModelFinding], folder: Path) -> str:
         parts += [f"FAILS: {text}" for text in finding.complaints]
     good = not any(finding.complaints for finding in findings)
     verdict = "The truth ranks uniformly: intervals mean what they say." if good else "Validation FAILED."
-    return "\n".join([*parts, verdict, f"Results: {folder}"])
+    return "\n".join([*parts, verdict])
 
 
 if __name__ == "__main__":
