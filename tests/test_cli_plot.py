@@ -126,7 +126,7 @@ def test_profiles_that_are_not_stored_are_computed(point_folder, tmp_path, capsy
         ),
         (lambda here: ["plot", str(here / "nowhere.json"), "corner"], ["there is no such file"]),
         (lambda here: ["plot", str(here / "run.toml"), "corner"], ["not readable as JSON"]),
-        (lambda here: ["plot", str(here), "corner", "--out", str(here / "fit.json")], ["cannot be made"]),
+        (lambda here: ["plot", str(here), "corner", "--out", str(here / "fit.json")], ["is a file; name a folder"]),
     ],
 )
 def test_faults_end_with_two_and_words(small_fit, capsys, change, words):

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, Unpack
 
 from fitball.api.asked import checked_choices, flips, sources_of
 from fitball.api.fit import Fit
@@ -48,6 +48,17 @@ class Run:
         return Fit(run(self.problem, self.effort, self.chain, self.resumes, report, assumptions=True))
 
 
+class Reading(TypedDict, total=False):
+    """How a table is to be read: the arguments of `read` beside the table."""
+
+    scene: Scene | None
+    config: PathLike | None
+    flip: str | Sequence[str]
+    columns: Mapping[str, str] | None
+    as_read: bool
+    units: Mapping[str, str] | None
+
+
 def read(
     data: Table | Sequence[Table],
     *,
@@ -75,26 +86,14 @@ def read(
 
 
 def pose(
-    data: Table | Sequence[Table],
-    choices: Choices,
-    *,
-    scene: Scene | None = None,
-    config: PathLike | None = None,
-    force: PathLike | None = None,
-    flip: str | Sequence[str] = (),
-    columns: Mapping[str, str] | None = None,
-    as_read: bool = False,
-    units: Mapping[str, str] | None = None,
+    data: Table | Sequence[Table], choices: Choices, force: PathLike | None = None, **reading: Unpack[Reading]
 ) -> Problem:
     """The problem of a table, or of tables that are fitted together.
 
-    For the scene see `read`, for `force`, `flip`, `columns`, `as_read` and `units` see `calibrate`. Raises as
-    reading, `trusted_table` and `build_problem` do.
+    For `force` and `reading` see `calibrate`. Raises as reading, `trusted_table` and `build_problem` do.
     """
     checked_choices(choices)
-    table, known, doubts, files = read(
-        data, scene=scene, config=config, flip=flip, columns=columns, as_read=as_read, units=units
-    )
+    table, known, doubts, files = read(data, **reading)
     records, said = find_force(files, table, known, None if force is None else os.fspath(force))
     averaged = None if records is None else build_records(records, known.force_start_sd)
     problem = build_problem(table, known, choices, averaged)
@@ -165,17 +164,11 @@ def calibrate(
     choices = Choices(
         model, closures or {}, priors or {}, fix or {}, noise, pool or {}, offsets, incident_errors, velocity_noise
     )
-    effort = Effort(
-        seed=seed,
-        point_only=point_only,
-        walkers=walkers,
-        max_steps=max_steps,
-        cores=(os.cpu_count() or 1) if cores is None else cores,
-    )
+    threads = (os.cpu_count() or 1) if cores is None else cores
+    effort = Effort(seed=seed, point_only=point_only, walkers=walkers, max_steps=max_steps, cores=threads)
     asked = pose(
-        table, choices, scene=scene, config=config, force=force, flip=flip, columns=columns, as_read=as_read,
-        units=units,
-    )  # fmt: skip
+        table, choices, force, scene=scene, config=config, flip=flip, columns=columns, as_read=as_read, units=units
+    )
     with reporting(progress) as report:
         return Run(asked, effort).fit(report)
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
-from fitball.api.calibrating import PathLike, Table, read
+from fitball.api.calibrating import PathLike, Reading, Table, read
 from fitball.api.fit import Fit
 from fitball.api.progress import Wanted, reporting
 from fitball.data.scene import Scene
@@ -138,24 +138,17 @@ class Contest:
 
 def contest(
     data: Table | Sequence[Table],
-    models: Sequence[str] | None = None,
+    models: str | Sequence[str] | None,
     *,
-    scene: Scene | None = None,
-    config: PathLike | None = None,
-    units: Mapping[str, str] | None = None,
-    quick: bool = False,
-    flip: str | Sequence[str] = (),
-    columns: Mapping[str, str] | None = None,
-    as_read: bool = False,
-    seed: int = 1,
-    max_steps: int | None = None,
-    cores: int | None = None,
-    scheduler: str | None = None,
+    quick: bool,
+    seed: int,
+    max_steps: int | None,
+    cores: int | None,
+    scheduler: str | None,
+    **reading: Unpack[Reading],
 ) -> Contest:
     """A comparison of models on a table, see `compare`. Raises ParameterError before anything is fitted."""
-    table, known, doubts, _files = read(
-        data, scene=scene, config=config, flip=flip, columns=columns, as_read=as_read, units=units
-    )
+    table, known, doubts, _files = read(data, **reading)
     workers = engine(cores, scheduler)
     effort = Effort(seed=seed, max_steps=MAX_STEPS if max_steps is None else max_steps, cores=1, ess=ESS)
     named = (models,) if isinstance(models, str) else models
@@ -198,9 +191,8 @@ def compare(
     fitball.errors.FitError: a comparison needs at least two different models; there is 1: name more (models)
     """
     asked = contest(
-        data, models, scene=scene, config=config, units=units, quick=quick, flip=flip, columns=columns,
-        as_read=as_read, seed=seed, max_steps=max_steps, cores=cores,
-        scheduler=scheduler,
+        data, models, quick=quick, seed=seed, max_steps=max_steps, cores=cores, scheduler=scheduler, scene=scene,
+        config=config, units=units, flip=flip, columns=columns, as_read=as_read,
     )  # fmt: skip
     with reporting(progress) as report:
         return asked.compare(lambda stage: report(stage, None))

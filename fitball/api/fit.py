@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from fitball.api.exporting import Exported, exported
 from fitball.api.found import Found
-from fitball.api.planning import Plan, Span, planned
+from fitball.api.planning import Plan, Span, parsed, planned
 from fitball.api.plotting import Plots
 from fitball.api.predicting import foretell
+from fitball.api.progress import Wanted
 from fitball.api.simulating import Course, course_of_fit
 from fitball.errors import ParameterError, ResultFolderError
+from fitball.inference.design.make_plan import Asked
 from fitball.inference.prediction.new_impacts import NewPrediction, predict_new
 from fitball.inference.problem.observables import Observable
 from fitball.inference.results.fitted_model import FittedModel
@@ -136,6 +138,7 @@ class Fit(Found):
         sensors: str | Sequence[str] | None = None,
         cost: Mapping[str, float] | None = None,
         seed: int = 1,
+        progress: Wanted = False,
     ) -> Plan:
         """What to measure next: the `impacts` expected to tell most about the `target`, and other ways of measuring.
 
@@ -143,20 +146,29 @@ class Fit(Found):
         deg"`. `speed`, `angle` and `spin` are what the machine can do: texts such as `"5:20"` [m/s], `"10:80"` [deg],
         `"-300:300 rpm"`, or pairs in SI; by default the range of the fitted table. `sensors` are texts such as
         `"contact_time=0.2ms"`, `"force=20N"`, `"camera=0.5"`, `"drop=254cm"`; `cost` what an impact read by one
-        costs, one measured as before being 1. Raises FitError for a fit that cannot be planned from, ParameterError.
+        costs, one measured as before being 1; for `progress` see `calibrate`. Raises FitError for a fit that cannot
+        be planned from, ParameterError.
 
         >>> fit.plan("mu", speed="10:20:2", angle="20:60:3", spin=0.0, impacts=2, sensors="camera=0.5")
         <Plan of 2 impacts about mu: ... nats>
         """
-        return planned(
-            self.result, target=target, speed=speed, angle=angle, spin=spin, impacts=impacts, repeats=repeats,
-            sensors=sensors, cost=cost, seed=seed,
-        )  # fmt: skip
+        ranges = (parsed("speed", speed), parsed("angle", angle), parsed("spin", spin))
+        ways = (sensors,) if isinstance(sensors, str) else sensors
+        return planned(self.result, Asked(target, *ranges, impacts, repeats, ways, dict(cost or {}), seed), progress)
 
     def export(
-        self, to: str, out: str | os.PathLike[str] | None = None, *, overwrite: bool = False, **options: Any
+        self, /, to: str, out: str | os.PathLike[str] | None = None, *, overwrite: bool = False, **options: Any
     ) -> Mapping[str, str] | tuple[Path, ...]:
-        """The fit in another form; see `fitball.export`."""
+        """The fit in another form, as the verb `export` writes it: texts by the ending of their file, or with `out`
+        (a file or a folder) the places that were written.
+
+        Forms are `python`, `c`, `golden`, `lookup`, `engine`, `json`, `toml`, `csv`, `latex`, `markdown` and `netcdf`
+        (a file only). Options: `prefix` (c), `inputs_only` (golden), `range` (lookup), `at` and `engine_inertia`
+        (engine). Raises ParameterError, ResultFolderError.
+
+        >>> print(fit.export("csv")[".csv"].splitlines()[1])
+        mu,model,,...
+        """
         made = self.exported(to, options)
         if out is not None:
             return made.write(Path(out), overwrite)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from fitball.data.balances import Balances
 from fitball.data.table import ImpactTable
@@ -18,6 +17,7 @@ from fitball.inference.results.evidence import Identifiability
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.pace_rating import CourtPace
 from fitball.report.fit.summary import notes
+from fitball.report.saved.fit_file import FitFile
 from fitball.report.saved.restore import restored
 from fitball.report.saved.saved_fit import SavedFit, as_saved
 from fitball.values import FloatArray, Impacts
@@ -33,9 +33,7 @@ class Found:
     @cached_property
     def result(self) -> results.Fit:
         """Everything as frozen values: what reports and figures are made from."""
-        if self._made is not None:
-            return self._made
-        return restored(self.saved)
+        return self._made if self._made is not None else restored(self.saved)
 
     @property
     def saved(self) -> SavedFit:
@@ -43,19 +41,19 @@ class Found:
         return self._read if self._read is not None else as_saved(self.result)
 
     @property
-    def _known(self) -> Any:
+    def _known(self) -> results.Fit | FitFile:
         """What says the same under the same names, without a file being read."""
         return self._made if self._made is not None else self.saved.file
 
     @property
     def status(self) -> results.RunStatus:
         """How the run ended: converged, not converged, point only."""
-        return results.RunStatus(self._known.status)
+        return self._known.status
 
     @property
     def verdict(self) -> str:
         """The outcome in a sentence or two."""
-        return str(self._known.verdict)
+        return self._known.verdict
 
     @property
     def parameters(self) -> Mapping[str, results.Estimate]:
@@ -75,42 +73,37 @@ class Found:
     @property
     def seed(self) -> int:
         """The seed of all random numbers."""
-        return int(self._known.seed)
+        return self._known.seed
 
     @property
     def levels(self) -> tuple[results.LevelEstimate, ...]:
         """Parameters that differ between surfaces, balls or tables, level by level."""
-        return tuple(self._known.levels)
+        return self._known.levels
 
     @property
     def court_pace(self) -> CourtPace | None:
         """The court pace rating; None where the table cannot tell it."""
-        found: CourtPace | None = self._known.court_pace
-        return found
+        return self._known.court_pace
 
     @property
     def drop_test(self) -> DropTest | None:
         """Restitution at the tested speed and the ITF's rebound; None for other tables."""
-        found: DropTest | None = self._known.drop_test
-        return found
+        return self._known.drop_test
 
     @property
     def adequacy(self) -> Adequacy | None:
         """Whether the model describes the table."""
-        found: Adequacy | None = self._known.adequacy
-        return found
+        return self._known.adequacy
 
     @property
     def assumptions(self) -> Assumptions | None:
         """What rests on assumptions that the table cannot tell apart."""
-        found: Assumptions | None = self._known.assumptions
-        return found
+        return self._known.assumptions
 
     @property
     def identifiability(self) -> Identifiability:
         """The evidence on every parameter: profiles, information, contraction."""
-        found: Identifiability = self._known.identifiability
-        return found
+        return self._known.identifiability
 
     @property
     def fitted(self) -> FittedModel:

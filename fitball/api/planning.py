@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fitball.api.progress import Wanted, reporting
 from fitball.data.range_text import Range, checked_range, parse_range
 from fitball.errors import ParameterError
 from fitball.inference.design import results
@@ -81,34 +82,20 @@ class Plan:
         return f"<p>{repr(self)[1:-1]}</p>{self.to_frame().to_html(notebook=True)}"
 
 
-def planned(
-    fit: Fit,
-    *,
-    target: str | Sequence[str] | None,
-    speed: Span | None,
-    angle: Span | None,
-    spin: Span | None,
-    impacts: int,
-    repeats: int,
-    sensors: str | Sequence[str] | None,
-    cost: Mapping[str, float] | None,
-    seed: int,
-    report: Callable[[str], None] = lambda _stage: None,
-) -> Plan:
-    """A plan from a fit; see `Fit.plan`. Raises FitError and ParameterError as `make_plan` does."""
-    asked = Asked(
-        target, _range("speed", speed), _range("angle", angle), _range("spin", spin), impacts, repeats,
-        (sensors,) if isinstance(sensors, str) else sensors, dict(cost or {}), seed,
-    )  # fmt: skip
+def planned(fit: Fit, asked: Asked, progress: Wanted) -> Plan:
+    """A plan from a fit; see `api.fit.Fit.plan`. Raises FitError and ParameterError as `make_plan` does."""
     cautions = []
     if fit.status is RunStatus.NOT_CONVERGED:
         cautions.append(NOT_CONVERGED)
     if fit.adequacy is not None and fit.adequacy.answer is Answer.FAILS:
         cautions.append(NOT_DESCRIBED)
-    return Plan(make_plan(fit.problem, fit.posterior, asked, tuple(cautions), report), fit.problem)
+    with reporting(progress) as report:
+        made = make_plan(fit.problem, fit.posterior, asked, tuple(cautions), lambda stage: report(stage, None))
+    return Plan(made, fit.problem)
 
 
-def _range(quantity: str, given: Span | None) -> Range | None:
+def parsed(quantity: str, given: Span | None) -> Range | None:
+    """What a caller says of a range. Raises ParameterError."""
     if given is None:
         return None
     if isinstance(given, str):

@@ -7,16 +7,10 @@ import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
 
 from fitball.cli.fitting import add_fitting, choices_of, make_effort
-from fitball.cli.options import add_verb, tell_notes
+from fitball.cli.options import add_verb, reading_of, tell_notes
 from fitball.errors import ParameterError
-
-if TYPE_CHECKING:
-    pass
-
-T = TypeVar("T")
 
 HELP = "fit a model to a table of impacts: parameters, uncertainty, verdicts, figures, exported files"
 EXAMPLE = """examples:
@@ -35,10 +29,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     add_fitting(parser)
     parser.add_argument(
-        "--force",
-        metavar="FILE",
+        "--force", metavar="FILE",
         help="force-time records: columns id, t, F (default: <table>_force.csv beside DATA); none: without",
-    )
+    )  # fmt: skip
     parser.add_argument("--out", metavar="DIR", help="result folder")
     parser.add_argument("--no-figures", action="store_true", help="draw none: neither files nor on the page")
     parser.add_argument("--resume", action="store_true", help="go on with an interrupted or unconverged run")
@@ -59,10 +52,7 @@ def run(args: argparse.Namespace) -> int:
     if args.resume and args.overwrite:
         raise ParameterError("--resume goes on with the old result and --overwrite discards it: choose one")
     choices = choices_of(args)
-    problem = pose(
-        args.data, choices, config=args.config, force=args.force, flip=args.flip, columns=args.columns,
-        as_read=args.as_read,
-    )  # fmt: skip
+    problem = pose(args.data, choices, args.force, **reading_of(args))
     folder = Path(args.out) if args.out else default_folder(problem.table.name, problem.model.name, choices.closures)
     begun = begin(problem, make_effort(args, args.cores), folder, overwrite=args.overwrite, resume=args.resume)
     if not args.quiet:
@@ -76,16 +66,10 @@ def run(args: argparse.Namespace) -> int:
         write_all(fit, folder, args.command, figures=not args.no_figures)
     except KeyboardInterrupt:
         progress.finish()
-        kept = begun.chain is not None and begun.chain.path.exists()
-        print(_farewell(folder, kept), file=sys.stderr)
+        print(_farewell(folder, begun.chain is not None and begun.chain.path.exists()), file=sys.stderr)
         return 130
     progress.finish()
-    if args.json:
-        print(render_json(fit, folder))
-    elif not args.quiet:
-        print(render(fit, folder))
-    else:
-        print(folder)
+    print(render_json(fit, folder) if args.json else folder if args.quiet else render(fit, folder))
     return 1 if fit.status is RunStatus.NOT_CONVERGED else 0
 
 

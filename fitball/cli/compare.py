@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fitball.cli.options import add_reading, add_scheduler, add_verb, tell_notes, whole
+from fitball.cli.options import add_reading, add_scheduler, add_verb, reading_of, tell_notes, whole
 from fitball.errors import ModelError
 
 HELP = "compare models on a table of impacts by predictions of impacts left out"
@@ -54,18 +54,9 @@ def run(args: argparse.Namespace) -> int:
     from fitball.report.form.json_text import json_text
 
     asked = contest(
-        args.data,
-        None if args.models is None else model_names(args.models),
-        config=args.config,
-        quick=args.quick,
-        flip=args.flip,
-        columns=args.columns,
-        as_read=args.as_read,
-        seed=args.seed,
-        max_steps=args.max_steps,
-        cores=args.cores,
-        scheduler=args.scheduler,
-    )
+        args.data, None if args.models is None else model_names(args.models), quick=args.quick, seed=args.seed,
+        max_steps=args.max_steps, cores=args.cores, scheduler=args.scheduler, **reading_of(args),
+    )  # fmt: skip
     folder = Path(args.out) if args.out else Path("fits") / asked.table.name / "compare"
     clear_folder(folder, JSON_NAME, overwrite=args.overwrite)
     if not args.quiet:
@@ -77,10 +68,8 @@ def run(args: argparse.Namespace) -> int:
     progress.finish()
     if args.json:
         print(json_text(comparison.json()), end="")
-    elif args.quiet:
-        print(folder)
     else:
-        print(render(comparison.result, comparison.words, folder))
+        print(folder if args.quiet else render(comparison.result, comparison.words, folder))
     if comparison.status is RunStatus.INTERRUPTED:
         return 130
     return 0 if comparison.status is RunStatus.CONVERGED else 1

@@ -14,6 +14,8 @@ from pathlib import Path
 from fitball.cli import known_names
 from fitball.cli.options import add_verb
 from fitball.errors import ParameterError, suggestion
+from fitball.exports.names import FORMAT_NAMES
+from fitball.report.figures.names import FIGURES
 
 SHELLS = ("bash", "zsh", "fish")
 # Set by the script when the shell asks.
@@ -33,13 +35,11 @@ Offer = Callable[[str, argparse.Namespace], Iterable[str]]
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb `completion`."""
     parser = add_verb(
-        subparsers,
-        "completion",
-        run,
+        subparsers, "completion", run,
         help="a script that completes the command line with Tab (bash, zsh, fish)",
         description="Print a script with which a shell completes the command line.",
         epilog=EXAMPLE,
-    )
+    )  # fmt: skip
     parser.add_argument("shell", metavar="SHELL", help=f"{', '.join(SHELLS[:-1])} or {SHELLS[-1]}")
 
 
@@ -63,7 +63,7 @@ def complete(parser: argparse.ArgumentParser) -> None:
         if action.dest in OFFERS:
             _attach(action, OFFERS[action.dest])
         elif action.option_strings or action.choices is None:
-            _attach(action, _nothing)
+            _attach(action, _among())
         if action.help and "{" in action.help:
             # Names that stand in for others would have to be looked up where it takes long.
             action.help = action.metavar if isinstance(action.metavar, str) else None
@@ -86,10 +86,6 @@ def _attach(action: argparse.Action, offer: Offer) -> None:
     action.completer = completer  # type: ignore[attr-defined]
 
 
-def _nothing(_prefix: str, _parsed: argparse.Namespace) -> Iterable[str]:
-    return ()
-
-
 def _among(*names: str) -> Offer:
     return lambda _prefix, _parsed: names
 
@@ -98,27 +94,20 @@ def _files(prefix: str, wanted: Callable[[Path], bool]) -> list[str]:
     """Files below the folder that `prefix` names, and folders on the way to others."""
     head, slash, start = prefix.rpartition("/")
     folder = Path(head + slash).expanduser() if slash else Path()
-    if not folder.is_dir():
-        return []
-    found = []
-    for path in sorted(folder.iterdir()):
-        if path.name.startswith(start) and (start or not path.name.startswith(".")):
-            if path.is_dir():
-                found.append(f"{head}{slash}{path.name}/")
-            elif wanted(path):
-                found.append(f"{head}{slash}{path.name}")
-    return found
+    inside = sorted(folder.iterdir()) if folder.is_dir() else []
+    found = [path for path in inside if path.name.startswith(start) and (start or not path.name.startswith("."))]
+    ends = [(path.name, "/" if path.is_dir() else "") for path in found if path.is_dir() or wanted(path)]
+    return [f"{head}{slash}{name}{end}" for name, end in ends]
 
 
 def _ending(*endings: str) -> Offer:
     return lambda prefix, _parsed: _files(prefix, lambda path: path.suffix.lower() in endings)
 
 
-def _tables(prefix: str, _parsed: argparse.Namespace) -> Iterable[str]:
+def _tables(prefix: str, parsed: argparse.Namespace) -> Iterable[str]:
     from fitball.data.bundled import bundled_names
 
-    bundled = [name for name in bundled_names() if name.startswith(prefix)]
-    return [*_files(prefix, lambda path: path.suffix.lower() in TABLES), *bundled]
+    return [*_ending(*TABLES)(prefix, parsed), *(name for name in bundled_names() if name.startswith(prefix))]
 
 
 def _fits(prefix: str, _parsed: argparse.Namespace) -> Iterable[str]:
@@ -147,16 +136,14 @@ def _closures(_prefix: str, parsed: argparse.Namespace) -> Iterable[str]:
     return _closures_of(getattr(parsed, "model", None) or next(iter(known_names.CLOSURES)))
 
 
+def _specs() -> Iterable[str]:
+    from fitball.models.specs import SPECS
+
+    return SPECS
+
+
 def _parameters(prefix: str, _parsed: argparse.Namespace) -> Iterable[str]:
-    from fitball.models.specs import SPECS
-
-    return () if "=" in prefix else [f"{name}=" for name in (*SPECS, *known_names.NOISE_PARAMETERS)]
-
-
-def _targets(_prefix: str, _parsed: argparse.Namespace) -> Iterable[str]:
-    from fitball.models.specs import SPECS
-
-    return (*SPECS, "court pace", "impact=")
+    return () if "=" in prefix else [f"{name}=" for name in (*_specs(), *known_names.NOISE_PARAMETERS)]
 
 
 def _priors(prefix: str, parsed: argparse.Namespace) -> Iterable[str]:
@@ -169,24 +156,6 @@ def _priors(prefix: str, parsed: argparse.Namespace) -> Iterable[str]:
     return [f"{name}={PREFIX}{prior.key}" for prior in published_priors() if prior.parameter == name]
 
 
-def _pooled(_prefix: str, _parsed: argparse.Namespace) -> Iterable[str]:
-    from fitball.models.specs import SPECS
-
-    return [f"{name}={label}" for name in SPECS for label in known_names.LABELS]
-
-
-def _kinds(_prefix: str, _parsed: argparse.Namespace) -> Iterable[str]:
-    from fitball.report.figures.names import FIGURES
-
-    return (*FIGURES, "all")
-
-
-def _formats(_prefix: str, _parsed: argparse.Namespace) -> Iterable[str]:
-    from fitball.exports.names import FORMAT_NAMES
-
-    return FORMAT_NAMES
-
-
 # What is offered, by the name under which argparse keeps an argument; for others nothing.
 OFFERS: Mapping[str, Offer] = {
     "data": _tables,
@@ -197,12 +166,12 @@ OFFERS: Mapping[str, Offer] = {
     "fix": _parameters,
     "prior": _priors,
     "values": _parameters,
-    "pool": _pooled,
+    "pool": lambda _prefix, _parsed: [f"{name}={label}" for name in _specs() for label in known_names.LABELS],
     "offsets": _among(*known_names.LABELS),
     "noise": _among(*known_names.NOISES),
     "velocity_noise": _among(*known_names.VELOCITY_NOISES),
-    "kind": _kinds,
-    "to": _formats,
+    "kind": _among(*FIGURES, "all"),
+    "to": _among(*FORMAT_NAMES),
     "format": _among("png", "svg", "pdf"),
     "example": _among(*known_names.EXAMPLES),
     "shell": _among(*SHELLS),
@@ -211,7 +180,7 @@ OFFERS: Mapping[str, Offer] = {
     "port": _ending(*TABLES),
     "csv": _ending(".csv"),
     "animate": _ending(".gif", ".mp4"),
-    "target": _targets,
+    "target": lambda _prefix, _parsed: (*_specs(), "court pace", "impact="),
     "sensor": _among("contact_time=0.2ms", "force=20N", "camera=0.5", "drop=254cm", "none"),
     "cost": _among("contact_time=", "force=", "camera=", "drop="),
     "contours": _among("v_x2", "v_y2", "v_2", "theta_2", "omega_2", "contact_time"),

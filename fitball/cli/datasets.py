@@ -5,15 +5,16 @@ from __future__ import annotations
 import argparse
 import json
 import textwrap
+from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from fitball.cli.options import add_columns, add_flip, add_reading, add_verb
+from fitball.cli.options import add_columns, add_flip, add_reading, add_verb, reading_of
 from fitball.visible import one_line
 
 if TYPE_CHECKING:
     from fitball.data.scene import Scene
-    from fitball.data.table import ImpactTable
+    from fitball.data.table import ImpactTable, Notice
 
 _EXAMPLES = """examples:
   fitball datasets list
@@ -27,49 +28,30 @@ _EXAMPLES = """examples:
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb `datasets` with its actions."""
     parser = add_verb(
-        subparsers,
-        "datasets",
-        run,
+        subparsers, "datasets", run,
         help="list, show and check impact tables; list priors from the literature",
         description="List the tables that come with fitball, show one, or check a file and name every fault.",
         epilog=_EXAMPLES,
-    )
+    )  # fmt: skip
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-    _add_action(actions, "list", "names of the bundled tables", "fitball datasets list")
-    show = _add_action(
-        actions,
-        "show",
-        "a table as it was read, and what is known about it",
-        "fitball datasets show wang_all",
-    )
+
+    def action(name: str, text: str, example: str) -> argparse.ArgumentParser:
+        made = add_verb(actions, name, run, help=text, epilog=f"example:\n  fitball datasets {example}\n")
+        made.add_argument("--json", action="store_true", help="print JSON for other programs")
+        return made
+
+    action("list", "names of the bundled tables", "list")
+    show = action("show", "a table as it was read, and what is known about it", "show wang_all")
     show.add_argument("data", metavar="NAME", help="a path, or the name of a bundled table")
     add_flip(show)
     add_columns(show)
-    check = _add_action(
-        actions,
-        "check",
-        "every fault of a table, of its scene and of its force records",
-        "fitball datasets check my_impacts.csv",
-    )
+    check = action("check", "every fault of a table, of its scene and of its force records", "check my_impacts.csv")
     check.add_argument("data", metavar="FILE", help="a path, or the name of a bundled table")
     check.add_argument("--config", metavar="FILE.toml", help="the scene, instead of the TOML file beside the table")
     check.add_argument("--force", metavar="FILE", help="force records, instead of those beside the table")
     add_reading(check)
     check.add_argument("--quiet", action="store_true", help="print faults only")
-    _add_action(
-        actions,
-        "priors",
-        "priors from the literature, for --prior NAME=literature:KEY, with their sources",
-        "fitball datasets priors",
-    )
-
-
-def _add_action(
-    actions: argparse._SubParsersAction[argparse.ArgumentParser], name: str, text: str, example: str
-) -> argparse.ArgumentParser:
-    parser = add_verb(actions, name, run, help=text, epilog=f"example:\n  {example}\n")
-    parser.add_argument("--json", action="store_true", help="print JSON for other programs")
-    return parser
+    action("priors", "priors from the literature, for --prior NAME=literature:KEY, with their sources", "priors")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -83,13 +65,11 @@ def _list(args: argparse.Namespace) -> int:
 
     tables = bundled_tables()
     if args.json:
-        _print_json(
-            [{"name": table.name, "path": str(table.path), "description": table.description} for table in tables]
-        )
-    else:
-        width = max((len(table.name) for table in tables), default=0)
-        for table in tables:
-            print(f"{table.name:<{width}}  {table.description}")
+        _print_json([asdict(table) | {"path": str(table.path)} for table in tables])
+        return 0
+    width = max((len(table.name) for table in tables), default=0)
+    for table in tables:
+        print(f"{table.name:<{width}}  {table.description}")
     return 0
 
 
@@ -124,14 +104,9 @@ def _show(args: argparse.Namespace) -> int:
     if args.json:
         _print_json(_as_json(table, scene))
         return 0
-    for line in (
-        f"{table.name}: {scene.description or table.source}",
-        scene.citation,
-        f"file {table.source}",
-        f"SHA-256 {table.digest}",
-    ):
-        if line:
-            print(one_line(line))
+    title = f"{table.name}: {scene.description or table.source}"
+    for line in filter(None, (title, scene.citation, f"file {table.source}", f"SHA-256 {table.digest}")):
+        print(one_line(line))
     print()
     _print_columns(table)
     balances = balance_table(scene_balances(table, scene), MOST_LINES)
@@ -155,20 +130,19 @@ def _show(args: argparse.Namespace) -> int:
 def _check(args: argparse.Namespace) -> int:
     from fitball.api import check
 
-    found = check(
-        args.data, config=args.config, force=args.force, flip=args.flip, columns=args.columns, as_read=args.as_read
-    )
+    found = check(args.data, force=args.force, **reading_of(args))
     if args.json:
-        notices = [
-            {"message": notice.message, "row": notice.row, "columns": notice.columns} for notice in found.notices
-        ]
+        notices = _notices(found.notices)
         _print_json({"source": args.data, "ok": found.ok, "faults": found.faults, "notices": notices})
     elif args.quiet:
-        for fault in found.errors:
-            print(fault)
+        print("".join(f"{fault}\n" for fault in found.errors), end="")
     else:
         print(found)
     return 0 if found.ok else 2
+
+
+def _notices(notices: Iterable[Notice]) -> list[dict[str, Any]]:
+    return [{"message": item.message, "row": item.row, "columns": item.columns} for item in notices]
 
 
 def _columns(table: ImpactTable) -> dict[str, Any]:
@@ -188,14 +162,9 @@ def _print_columns(table: ImpactTable) -> None:
 
     cells = [["id", *table.ids[:MOST_LINES]]]
     for name, values in _columns(table).items():
-        angle = name.endswith(" [rad]")
-        shown = (UNITS["deg"].from_si(values) if angle else values)[:MOST_LINES]
-        cells.append(
-            [
-                name.replace("[rad]", "[deg]") if angle else name,
-                *(significant(float(value), 6) for value in shown),
-            ]
-        )
+        if name.endswith(" [rad]"):
+            name, values = name.replace("[rad]", "[deg]"), UNITS["deg"].from_si(values)
+        cells.append([name, *(significant(float(value), 6) for value in values[:MOST_LINES])])
     for line in (*columns(list(zip(*cells, strict=True)), left=0), *more(len(table), "--json")):
         print(line)
 
@@ -232,9 +201,7 @@ def _as_json(table: ImpactTable, scene: Scene) -> dict[str, Any]:
         "measurements": [measurement.name for measurement in table.measurements],
         "redundant": [item.name for item in table.redundant],
         "labels": dict(table.labels),
-        "notices": [
-            {"message": notice.message, "row": notice.row, "columns": notice.columns} for notice in table.notices
-        ],
+        "notices": _notices(table.notices),
         "known": _known(scene),
         "assumed": scene.assumed,
     }

@@ -40,13 +40,11 @@ Check a port with fitball verify."""
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb to the command line."""
     parser = add_verb(
-        subparsers,
-        "export",
-        run,
+        subparsers, "export", run,
         help="a fitted parameter set in another form: C, Python, JavaScript, C#, GDScript, tables, engines",
         description="Write a fit in another form. Nothing is fitted or sampled again.",
         epilog=EXAMPLE,
-    )
+    )  # fmt: skip
     parser.add_argument("fit", metavar="FIT", help="a result folder of fitball calibrate, or its fit.json")
     parser.add_argument("--to", metavar="FORMAT", required=True, help=", ".join(FORMAT_NAMES))
     parser.add_argument("--out", metavar="FILE", help="file, or - for stdout (default: a name beside fit.json)")

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
-from fitball.cli.options import add_cores, add_reading, add_structure, count, whole
-from fitball.errors import ParameterError
+from fitball.cli.options import add_cores, add_reading, add_structure, count, pairs, whole
 
 if TYPE_CHECKING:
     from fitball.inference.effort import Effort
     from fitball.inference.problem.choices import Choices
-
-T = TypeVar("T")
 
 
 def add_fitting(parser: argparse.ArgumentParser) -> None:
@@ -42,23 +38,6 @@ def add_fitting(parser: argparse.ArgumentParser) -> None:
         "--walkers", type=count, metavar="N", help="walkers of each ensemble (default 4 per parameter)"
     )
     add_cores(parser)
-
-
-def pairs(option: str, given: Sequence[str], convert: Callable[[str], T]) -> dict[str, T]:
-    """Read repeated NAME=VALUE options. Raises ParameterError for a missing `=`, a bad value, a name said twice."""
-    values: dict[str, T] = {}
-    for text in given:
-        name, equals, value = text.partition("=")
-        name = name.strip()
-        if not equals or not name or not value.strip():
-            raise ParameterError(f"{option} {text}: expected NAME=VALUE")
-        if name in values:
-            raise ParameterError(f"{option}: {name} is given twice")
-        try:
-            values[name] = convert(value.strip())
-        except ValueError:
-            raise ParameterError(f"{option} {text}: read '{value.strip()}', expected a number") from None
-    return values
 
 
 def choices_of(args: argparse.Namespace) -> Choices:

@@ -10,7 +10,6 @@ import argparse
 import shlex
 import sys
 from collections.abc import Sequence
-from typing import Protocol
 
 from fitball.cli import (
     batch,
@@ -44,30 +43,11 @@ EPILOG = """examples:
   fitball VERB --help                      what a verb does, with an example"""
 
 
-class Verb(Protocol):
-    """A module of the command line."""
-
-    def add_parser(self, subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-        """Add the verb; its parser must set `run`."""
-
-
-VERBS: tuple[Verb, ...] = (
-    calibrate,
-    plot,
-    predict,
-    simulate,
-    compare,
-    batch,
-    population,
-    plan,
-    export,
-    verify,
-    repeat,
-    datasets,
-    rederive,
-    bench,
-    completion,
-)
+# Each adds its parser, which says what to `run`.
+VERBS = (
+    calibrate, plot, predict, simulate, compare, batch, population, plan, export, verify, repeat, datasets, rederive,
+    bench, completion,
+)  # fmt: skip
 
 
 def make_parser() -> argparse.ArgumentParser:

@@ -6,9 +6,17 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
+from fitball.errors import ParameterError
 from fitball.visible import one_line
+
+if TYPE_CHECKING:
+    from fitball.api.calibrating import Reading
+
+T = TypeVar("T")
 
 
 class ModelHelp(argparse.RawDescriptionHelpFormatter):
@@ -47,13 +55,35 @@ def whole(text: str) -> int:
 
 def count(text: str) -> int:
     """A whole number of at least one, as the type of an option."""
-    try:
-        value = int(text)
-    except ValueError:
-        value = 0
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"read '{text}', expected a whole number, 1 or more")
-    return value
+    with suppress(ValueError):
+        if int(text) >= 1:
+            return int(text)
+    raise argparse.ArgumentTypeError(f"read '{text}', expected a whole number, 1 or more")
+
+
+def pairs(
+    option: str,
+    given: Iterable[str],
+    convert: Callable[[str], T],
+    form: str = "NAME=VALUE",
+    number: str = "a number in SI units",
+    last: bool = False,
+) -> dict[str, T]:
+    """Read options NAME=VALUE given more than once, divided at the first `=`, or at the `last` one. Raises
+    ParameterError for what has not the `form`, for no `number`, for a name said twice.
+    """
+    values: dict[str, T] = {}
+    for text in given:
+        name, equals, value = (part.strip() for part in (text.rpartition("=") if last else text.partition("=")))
+        if not (name and equals and value):
+            raise ParameterError(f"{option} {text}: expected {form}")
+        if name in values:
+            raise ParameterError(f"{option} {text}: {name} is given twice")
+        try:
+            values[name] = convert(value)
+        except ValueError:
+            raise ParameterError(f"{option} {text}: read '{value}', expected {number}") from None
+    return values
 
 
 def add_verb(
@@ -149,6 +179,11 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def reading_of(args: argparse.Namespace) -> Reading:
+    """What was said of how a table is to be read, by `--config` and those of `add_reading`."""
+    return {"config": args.config, "flip": args.flip, "columns": args.columns, "as_read": args.as_read}
+
+
 def _names(text: str) -> list[str]:
     names = [part.strip() for part in text.split(",")]
     if not all(names):
@@ -181,6 +216,17 @@ def tell_notes(notes: Iterable[object]) -> None:
     """What one should know of a result, on stderr, each in a line."""
     for note in notes:
         print(one_line(f"note: {note}"), file=sys.stderr)
+
+
+def tell_files(args: argparse.Namespace, json_text: str, text: str, places: Iterable[Path]) -> None:
+    """A result as JSON, or as text with the files that were written; of a quiet run the files alone."""
+    if args.json:
+        print(json_text, end="")
+        return
+    if not args.quiet:
+        print(f"{text}\n\nResults:")
+    for place in places:
+        print(place if args.quiet else f"  {place}")
 
 
 def stages(quiet: bool) -> Callable[[str], None]:

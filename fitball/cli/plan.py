@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fitball.cli.options import add_verb, count, whole
-from fitball.errors import ParameterError
+from fitball.cli.options import add_verb, count, pairs, whole
 
 HELP = "what to measure next: the impacts and sensors that would tell most"
 DESCRIPTION = """What to measure next, from the posterior of a fit.
@@ -61,47 +60,23 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Plan, write the folder, print what to do."""
-    cost = costs(args.cost)
+    cost = pairs("--cost", args.cost, float, "NAME=C, such as contact_time=2", "a number", last=True)
     args.progress("loading", None)
     from fitball.api import load_fit
-    from fitball.api.planning import planned
-    from fitball.report.form.folders import clear_folder
     from fitball.report.form.json_text import json_text
-    from fitball.report.plan.folder import JSON_NAME, write_all
     from fitball.report.plan.text import render
 
-    fit = load_fit(args.fit)
     place = Path(args.fit)
     folder = Path(args.out) if args.out else (place.parent if place.is_file() else place) / "plan"
-    result = fit.result
-    made = planned(
-        result, target=args.target, speed=args.speed, angle=args.angle, spin=args.spin, impacts=args.impacts,
-        repeats=args.repeats, sensors=args.sensor, cost=cost, seed=args.seed,
-        report=lambda stage: args.progress(stage, None),
+    made = load_fit(place).plan(
+        args.target, speed=args.speed, angle=args.angle, spin=args.spin, impacts=args.impacts, repeats=args.repeats,
+        sensors=args.sensor, cost=cost, seed=args.seed, progress=args.progress,
     )  # fmt: skip
-    clear_folder(folder, JSON_NAME, overwrite=args.overwrite)
     args.progress("figure and files", None)
-    write_all(made.result, result.problem, folder, args.command)
+    made.save(folder, overwrite=args.overwrite, command=args.command)
     args.progress.finish()
     if args.json:
         print(json_text(made.json()), end="")
     else:
         print(folder if args.quiet else render(made.result, folder))
     return 0
-
-
-def costs(texts: list[str]) -> dict[str, float]:
-    """Costs by sensor, `as before` for the first way. Raises ParameterError that quotes a text."""
-    found: dict[str, float] = {}
-    for text in texts:
-        name, equals, value = (part.strip() for part in text.rpartition("="))
-        try:
-            number = float(value) if equals and name else None
-        except ValueError:
-            number = None
-        if number is None:
-            raise ParameterError(f"--cost {text}: expected NAME=C, such as contact_time=2")
-        if name in found:
-            raise ParameterError(f"--cost {text}: {name} is given twice")
-        found[name] = number
-    return found

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
-from fitball.cli.options import add_scheduler, add_verb, count
-from fitball.errors import ParameterError, ResultFolderError, suggestion
+from fitball.cli.options import add_scheduler, add_verb, count, tell_notes
+from fitball.errors import ParameterError, suggestion
 from fitball.report.figures.names import FIGURES
 
 KIND_LINES = "\n".join(f"  {name:10}  {text.summary}" for name, text in FIGURES.items())
@@ -26,13 +25,9 @@ Nothing is fitted or sampled again. A map of regimes over angle and spin:
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb `plot`."""
+    drawn = "Draw figures of a fit from fit.json and the draws beside it."
     parser = add_verb(
-        subparsers,
-        "plot",
-        run,
-        help="figures of a fit from its saved files",
-        description="Draw figures of a fit from fit.json and the draws beside it.",
-        epilog=EXAMPLE,
+        subparsers, "plot", run, help="figures of a fit from its saved files", description=drawn, epilog=EXAMPLE
     )
     parser.add_argument("fit", metavar="FIT", help="a fit.json, or the folder that holds one")
     parser.add_argument("kind", metavar="KIND", help=f"{', '.join(FIGURES)} or all")
@@ -53,21 +48,19 @@ def run(args: argparse.Namespace) -> int:
     from fitball.api import load_fit
     from fitball.api.plotting import Plots, lacks_profiles, profiled
     from fitball.report.figures.save import save_figure
+    from fitball.report.form.folders import make_folder
 
     path = Path(args.fit)
     fit = load_fit(path)
     if args.kind == "profiles" and not args.quiet and lacks_profiles(fit.result):
-        print("note: the file holds no profiles: computing them", file=sys.stderr)
+        tell_notes(["the file holds no profiles: computing them"])
     shown = profiled(fit.result, args.cores, args.scheduler) if args.kind == "profiles" else fit.result
     kinds = [args.kind] if args.kind != "all" else list(fit.plot)
     left_out = [name for name in FIGURES if args.kind == "all" and name not in (*kinds, "force")]
     if left_out and not args.quiet:
-        print(f"note: left out {', '.join(left_out)}: this fit has not what they show", file=sys.stderr)
+        tell_notes([f"left out {', '.join(left_out)}: this fit has not what they show"])
     folder = Path(args.out) if args.out else (path if path.is_dir() else path.parent)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ResultFolderError(f"{folder}: cannot be made: {error.strerror}; name another with --out") from None
+    make_folder(folder)
     for name in kinds:
         place = folder / f"{name}.{args.format}"
         save_figure(Plots(lambda: shown)(name), place, args.format)

@@ -29,12 +29,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("fit", metavar="FIT", help="a result folder of fitball calibrate, or its fit.json")
     parser.add_argument("data", metavar="DATA", nargs="?", help="impacts: a table, or the name of a bundled one")
     parser.add_argument(
-        "--impact",
-        metavar="TEXT",
-        action="append",
-        default=[],
+        "--impact", metavar="TEXT", action="append", default=[],
         help='one impact instead of DATA, e.g. "v=17, theta=18, spin=100" (default: m/s, deg, rad/s); repeatable',
-    )
+    )  # fmt: skip
     add_flip(parser)
     add_columns(parser)
     parser.add_argument(
@@ -67,8 +64,10 @@ def run(args: argparse.Namespace) -> int:
         refuse_existing(Path(args.out), args.overwrite)
     fit = load_fit(args.fit)
     data = args.impact if args.data is None else args.data
-    asked = {"flip": args.flip, "columns": args.columns, "exact_incidence": args.exact_incidence, "seed": args.seed}
-    found = foretell(fit.saved, fit.predicting, data, **asked)
+    found = foretell(
+        fit.saved, fit.predicting, data, flip=args.flip, columns=args.columns, exact_incidence=args.exact_incidence,
+        seed=args.seed,
+    )  # fmt: skip
     ids, prediction = found.new.ids, found.prediction
     if args.out is not None:
         write_text(Path(args.out), csv_text(prediction_csv_rows(prediction, ids)))

@@ -14,15 +14,13 @@ DEFAULT_FOLDER = Path("fits") / "chapter_five"
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb `rederive`."""
     parser = add_verb(
-        subparsers,
-        "rederive",
-        run,
+        subparsers, "rederive", run,
         help="Chapter V and Appendices C and D of Jafri (2004) from their tables",
         description="Recompute the printed tables of Jafri (2004), judge its three best cases against Wang's "
         "measurements, and write a page. Exit code 1 if a comparison with print no longer gives the counts and "
         "numbers that it gave when a person last looked.",
         epilog="example:\n  fitball rederive\n  fitball rederive --out judged --json\n",
-    )
+    )  # fmt: skip
     parser.add_argument("--seed", type=whole, default=1, help="seed of fits and resampling (default: 1)")
     add_study(parser, DEFAULT_FOLDER)
 

@@ -8,7 +8,7 @@ import tempfile
 from contextlib import nullcontext
 from pathlib import Path
 
-from fitball.cli.options import add_cores, add_verb
+from fitball.cli.options import add_cores, add_verb, tell_notes
 
 HELP = "run a fit again and say whether the result is the same"
 DESCRIPTION = """Run a fit again from its run.toml and compare.
@@ -26,10 +26,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     """Add the verb to the command line."""
     parser = add_verb(subparsers, "repeat", run, help=HELP, description=DESCRIPTION, epilog=EXAMPLE)
     parser.add_argument(
-        "fit",
-        metavar="FIT",
+        "fit", metavar="FIT",
         help="a result folder of fitball calibrate, its fit.json or run.toml, or a copy of run.toml beside it",
-    )
+    )  # fmt: skip
     parser.add_argument(
         "--data", metavar="FILE", action="append", default=[], help="where the table is now; repeat for several"
     )
@@ -73,8 +72,7 @@ def run(args: argparse.Namespace) -> int:
         return 130
     progress.finish()
     if not args.quiet:
-        for note in repetition.notes:
-            print(f"note: {note}", file=sys.stderr)
+        tell_notes(repetition.notes)
     if args.json:
         print(json_text(repetition_json(repetition, original.content)), end="")
     elif args.quiet:

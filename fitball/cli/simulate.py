@@ -6,14 +6,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fitball.cli.options import add_verb, count, tell_notes
+from fitball.cli.options import add_verb, count, pairs, tell_files, tell_notes
 from fitball.errors import ParameterError, suggestion
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from fitball.api import Course
-    from fitball.models.model import Model
 
 FORMATS = ("png", "svg", "pdf")
 DEFAULT_FOLDER = Path("fits") / "simulations"
@@ -39,22 +36,16 @@ EXAMPLE = """examples:
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb `simulate`."""
     parser = add_verb(
-        subparsers,
-        "simulate",
-        run,
+        subparsers, "simulate", run,
         help="one impact through time: velocities, spins, forces, slip and grip",
         description=DESCRIPTION,
         epilog=EXAMPLE,
-    )
+    )  # fmt: skip
     parser.add_argument(
         "--impact", metavar="TEXT", help='the impact, e.g. "v=17, theta=18, spin=100" (default: m/s, deg, rad/s)'
     )
     parser.add_argument("--fit", metavar="FIT", help="a result folder of fitball calibrate, or its fit.json")
-    parser.add_argument(
-        "--model",
-        metavar="NAME",
-        help="{followed}, with +CLOSURE=OPTION for each one changed",
-    )
+    parser.add_argument("--model", metavar="NAME", help="{followed}, with +CLOSURE=OPTION for each one changed")
     parser.add_argument(
         "--set", metavar="NAME=VALUE", action="append", default=[], dest="values",
         help="a parameter of the model in SI units; repeatable",
@@ -95,6 +86,7 @@ def run(args: argparse.Namespace) -> int:
     if args.format not in FORMATS:
         raise ParameterError(f"unknown format '{args.format}': {suggestion(args.format, FORMATS)}")
     _check_together(args)
+    args.values = pairs("--set", args.values, float, "NAME=VALUE, as in mu=0.6")
     if args.map is not None:
         from fitball.cli.simulate_map import run_map
 
@@ -107,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
     if args.html:
         from fitball.cli.simulate_page import write_page
 
-        return write_page(args, _values(args.values))
+        return write_page(args)
     from fitball.report.form.atomic_write import refuse_existing
     from fitball.report.form.folders import clear_folder
     from fitball.report.history.folder import CSV_NAME, FIGURE_STEM, JSON_NAME
@@ -158,22 +150,12 @@ def _one(args: argparse.Namespace) -> tuple[Course, dict[str, Any], str, str]:
     from fitball.data.impact_text import parse_impact
 
     impact = parse_impact(args.impact)
-    if args.fit is not None:
-        course = simulate(impact, fit=args.fit, draws=args.draws)
-    else:
-        course = simulate(impact, model=args.model, values=_values(args.values))
+    course = simulate(impact, fit=args.fit, model=args.model, values=args.values, draws=args.draws)
     if not args.quiet:
         tell_notes(course.notes)
     v_x, v_y, omega = (float(item[0]) for item in (impact.v_x1, impact.v_y1, impact.omega_1))
     name = f"{course.source}_{v_x:.4g}_{v_y:.4g}_{omega:.4g}"
     return course, {"notes": list(course.notes)}, course.report(), name
-
-
-def chosen_model(args: argparse.Namespace) -> tuple[Model, dict[str, float], list[str]]:
-    """The model of `--model` at its defaults, those of `--set` changed, and a note that says which were not."""
-    from fitball.api.simulating import model_at
-
-    return model_at(args.model, _values(args.values))
 
 
 def _example(args: argparse.Namespace) -> tuple[Course, dict[str, Any], str, str]:
@@ -189,22 +171,6 @@ def _example(args: argparse.Namespace) -> tuple[Course, dict[str, Any], str, str
     course = Course(solved, example.name, title, panels=example.panels)
     text = example_text(example, results) + "\n\n" + course.report()
     return course, {"example": example_json(example, results)}, text, example.name
-
-
-def _values(texts: Sequence[str]) -> dict[str, float]:
-    """Parameters from `NAME=VALUE`. Raises ParameterError."""
-    values: dict[str, float] = {}
-    for text in texts:
-        name, equals, value = (part.strip() for part in text.partition("="))
-        if not (name and equals and value):
-            raise ParameterError(f"--set {text}: expected NAME=VALUE, as in mu=0.6")
-        if name in values:
-            raise ParameterError(f"--set {text}: {name} is given twice")
-        try:
-            values[name] = float(value)
-        except ValueError:
-            raise ParameterError(f"--set {text}: read '{value}', expected a number in SI units") from None
-    return values
 
 
 def _write(args: argparse.Namespace, folder: Path, course: Course, extra: dict[str, Any], text: str) -> None:
@@ -226,10 +192,4 @@ def _write(args: argparse.Namespace, folder: Path, course: Course, extra: dict[s
 
         write_film(course.simulations[0], course.title, Path(args.animate))
         places = (*places, Path(args.animate))
-    if args.json:
-        print(json_text(content), end="")
-        return
-    if not args.quiet:
-        print(text + "\n\nResults:")
-    for place in places:
-        print(place if args.quiet else f"  {place}")
+    tell_files(args, json_text(content), text, places)

@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fitball.cli.options import tell_notes
+from fitball.cli.options import tell_files, tell_notes
 from fitball.errors import ParameterError, suggestion
 
 if TYPE_CHECKING:
@@ -50,13 +50,7 @@ def run_map(args: argparse.Namespace) -> int:
     write_text(places[1], csv_text(map_rows(found)))
     content = json_text({"model": fitted.model.name, "closures": dict(fitted.model.options), **map_json(found)})
     write_text(places[2], content)
-    if args.json:
-        print(content, end="")
-        return 0
-    if not args.quiet:
-        print(map_text(found, title) + "\n\nResults:")
-    for place in places:
-        print(place if args.quiet else f"  {place}")
+    tell_files(args, content, map_text(found, title), places)
     return 0
 
 
@@ -65,20 +59,16 @@ def _from_fit(path: str) -> tuple[FittedModel, str, Impacts | None, str]:
     from fitball.api import load_fit
 
     saved = load_fit(path).saved
-    return (
-        saved.fitted,
-        f"{saved.fitted.model.name} fitted to {saved.file.table.name}",
-        saved.impacts,
-        saved.file.table.name,
-    )
+    table = saved.file.table.name
+    return saved.fitted, f"{saved.fitted.model.name} fitted to {table}", saved.impacts, table
 
 
 def _from_values(args: argparse.Namespace) -> tuple[FittedModel, str, Impacts | None, str]:
     """A model at its defaults, some of them set."""
-    from fitball.cli.simulate import chosen_model
+    from fitball.api.simulating import model_at
     from fitball.inference.results.fitted_model import at_values
 
-    model, parameters, notes = chosen_model(args)
+    model, parameters, notes = model_at(args.model, args.values)
     if not args.quiet:
         tell_notes(notes)
     return at_values(model, parameters), model.name, None, ""

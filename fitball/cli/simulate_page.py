@@ -7,19 +7,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from fitball.inference.results.fitted_model import FittedModel
 
 
-def write_page(args: argparse.Namespace, values: Mapping[str, float]) -> int:
-    """Write the page of the fit or model that was asked for; `values` are those of --set. Raises ParameterError."""
+def write_page(args: argparse.Namespace) -> int:
+    """Write the page of the fit or model that was asked for. Raises ParameterError."""
     from fitball.cli.simulate import DEFAULT_FOLDER
     from fitball.data.impact_text import parse_impact
     from fitball.exports.interactive import interactive_page, round_impact
     from fitball.report.form.atomic_write import refuse_existing, write_text
 
-    fitted, intro, origin, name = _page_of_fit(args.fit) if args.fit is not None else _page_of_values(args, values)
+    fitted, intro, origin, name = _page_of_fit(args.fit) if args.fit is not None else _page_of_values(args)
     impact = round_impact(fitted) if args.impact is None else parse_impact(args.impact)
     place = Path(args.out) if args.out else DEFAULT_FOLDER
     if place.suffix != ".html":
@@ -37,24 +35,18 @@ def _page_of_fit(place: str) -> tuple[FittedModel, str, str, str]:
     from fitball.exports.formats import origin_of
 
     saved = load_fit(place).saved
-    table, model = saved.content["table"], saved.fitted.model_name
-    return (
-        saved.fitted,
-        f"As fitted to {table['name']}, {table['impacts']} impacts.",
-        origin_of(saved),
-        f"fit_{model}",
-    )
+    table = saved.content["table"]
+    intro = f"As fitted to {table['name']}, {table['impacts']} impacts."
+    return saved.fitted, intro, origin_of(saved), f"fit_{saved.fitted.model_name}"
 
 
-def _page_of_values(args: argparse.Namespace, values: Mapping[str, float]) -> tuple[FittedModel, str, str, str]:
+def _page_of_values(args: argparse.Namespace) -> tuple[FittedModel, str, str, str]:
     """The same of a model at its defaults, some of them set."""
     from fitball.exports.interactive import preset
     from fitball.inference.comparison.candidates import parse_name
     from fitball.models.registry import DEFAULT_MODEL
 
     name, closures = parse_name(args.model if args.model is not None else DEFAULT_MODEL)
-    fitted = preset(name, closures, values)
-    intro = "No fit: round parameters near the fits to the balls of Wang (1989), some of them given."
-    if not values:
-        intro = "No fit: round parameters near the fits to the balls of Wang (1989)."
-    return fitted, intro, "no fit, round parameters", name
+    given = ", some of them given" if args.values else ""
+    intro = f"No fit: round parameters near the fits to the balls of Wang (1989){given}."
+    return preset(name, closures, args.values), intro, "no fit, round parameters", name

@@ -34,13 +34,11 @@ Exit code 0 if every impact passes, 1 if one fails."""
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the verb to the command line."""
     parser = add_verb(
-        subparsers,
-        "verify",
-        run,
+        subparsers, "verify", run,
         help="check a port of a fitted model against its golden impacts",
         description="Compare the outputs of another program with the golden impacts of a fit.",
         epilog=EXAMPLE,
-    )
+    )  # fmt: skip
     parser.add_argument("port", metavar="PORT.csv", help="outputs of the port for the golden impacts")
     parser.add_argument("--fit", metavar="FIT", help="result folder or fit.json (default: beside PORT.csv)")
     parser.add_argument(
