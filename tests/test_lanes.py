@@ -15,9 +15,10 @@ from fitball.models.kernels import batch
 from fitball.models.kernels.bounce import bounce
 from fitball.models.kernels.dual import choose
 from fitball.models.kernels.lanes import elementary
-from fitball.models.kernels.lanes.vector import WIDTH, any_of, lane_array, largest
+from fitball.models.kernels.lanes.vector import any_of, lane_array, largest
 from fitball.models.kernels.phases import PIECE_SIZE
 from fitball.models.kernels.two_mass import MAX_PHASES, make_scratch
+from fitball.models.kernels.vectors import WIDTH
 from fitball.models.two_mass_model import _incident
 from fitball.studies.bench.hard_cases import hard_cases
 from fitball.values import Impacts, OwnImpacts

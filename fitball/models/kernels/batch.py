@@ -34,9 +34,10 @@ from fitball.models.kernels.lanes.start import (
     V_Y,
     vertical_in_lanes,
 )
-from fitball.models.kernels.lanes.vector import WIDTH, lane_array
+from fitball.models.kernels.lanes.vector import lane_array
 from fitball.models.kernels.phases import PIECE_SIZE
 from fitball.models.kernels.two_mass import MAX_PHASES, make_scratch
+from fitball.models.kernels.vectors import WIDTH
 from fitball.values import FloatArray
 
 

@@ -20,9 +20,7 @@ from fitball.models.kernels.bounce import (
     contact_of,
     vertical_motion,
 )
-from fitball.models.kernels.bounce_jacobian import make_replay_scratch
 from fitball.models.kernels.compiled import compiled, compiled_allocating, inlined
-from fitball.models.kernels.dual import Number, NumberArray
 from fitball.models.kernels.landing import impulsive_friction, landed
 from fitball.models.kernels.oscillator import swing_at
 from fitball.models.kernels.phases import (
@@ -40,7 +38,7 @@ from fitball.models.kernels.phases import (
     slide_phase,
 )
 from fitball.models.kernels.quantities import Contact, Oscillator, VerticalMotion
-from fitball.models.kernels.replay import replay_derivative
+from fitball.models.kernels.replay import ReplayScratch, replay_derivative
 from fitball.models.kernels.twist import coupling_of, free_twist
 from fitball.models.kernels.two_mass import MAX_PHASES, make_scratch, two_mass_contact
 from fitball.values import FloatArray
@@ -71,8 +69,8 @@ class Courses(NamedTuple):
 
 @inlined
 def solvable_contact(
-    row: NumberArray, codes: NDArray[np.int64], v_x: Number, v_y: Number, omega: Number, cor: Number
-) -> Contact[Number]:
+    row: FloatArray, codes: NDArray[np.int64], v_x: float, v_y: float, omega: float, cor: float
+) -> Contact[float]:
     """The contact of an impact that is known to have a solution."""
     _status, vertical = vertical_motion(row, codes, v_y, cor)
     _status, contact = contact_of(row, codes, vertical, v_x, v_y, omega)
@@ -200,16 +198,12 @@ def sprung_courses(
     phase_log: FloatArray,
 ) -> tuple[float, float, int]:
     """Courses along the court of core and shell on their torsional joint; fills in and returns as `rigid_courses`."""
-    contact = solvable_contact(row, codes, v_x, v_y, omega, cor)
-    carrier = solvable_contact(
-        row.astype(np.complex128), codes, complex(v_x, 0.0), complex(v_y, 0.0), complex(omega, 0.0), complex(cor, 0.0)
-    )
-    _status, _v_x2, _omega_2, _regime, pieces = two_mass_contact(contact, make_scratch(), phase_log)
+    contact, scratch = solvable_contact(row, codes, v_x, v_y, omega, cor), make_scratch()
+    _status, _v_x2, _omega_2, _regime, pieces = two_mass_contact(contact, scratch, phase_log)
     joint, t_force = contact.joint, contact.vertical.t_force
     gyration = joint.shell + contact.mass * contact.radius * contact.radius
     coupling = coupling_of(contact, gyration, 1.0 / joint.core + 1.0 / joint.shell, 1.0 / joint.core + 1.0 / gyration)
-    scratch = make_replay_scratch()
-    shortened = phase_log[:pieces].copy()
+    shortened, again = phase_log[:pieces].copy(), ReplayScratch(scratch.twist, scratch.drive)
     for k in range(times.shape[0]):
         # The piece a time belongs to: the last that starts at or before it and takes any time.
         piece, start, begun = 0, 0.0, 0.0
@@ -219,9 +213,8 @@ def sprung_courses(
             start += phase_log[j, PIECE_TIME]
         shortened[piece, PIECE_TIME] = min(times[k], t_force) - begun
         shortened[piece, PIECE_ENDING] = UNFINISHED
-        state = replay_derivative(carrier, True, shortened, piece + 1, scratch)
+        travel, spin_sum, angle, rate = replay_derivative(contact, True, shortened, piece + 1, again)
         shortened[piece] = phase_log[piece]
-        travel, spin_sum, angle, rate = state[0].real, state[1].real, state[2].real, state[3].real
         phase = int(phase_log[piece, PIECE_PHASE])
         normal = courses[NORMAL_FORCE, k]
         if times[k] > t_force:

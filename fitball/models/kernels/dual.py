@@ -3,7 +3,7 @@
 A complex step (Squire and Trapp 1998): an input `x` becomes `x + i STEP`; the imaginary part of whatever is computed
 from it is its derivative times `STEP`, and nothing is subtracted. `STEP` squared is nothing beside any real part, so
 first order is all that the functions below need; of a float they are those of `math`, at no cost. Branches look at
-real parts.
+real parts. Numbers of `gradient` carry several derivatives at once in the same way.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from fitball.models.kernels.compiled import inner
+from fitball.models.kernels.vectors import operation
 
 # Nothing beside the rounding of a real part, even squared and times a condition number of 1e40; far from underflow.
 STEP = 1e-60
@@ -35,17 +36,14 @@ def _carried(value: Any, x: Any, slope: Any) -> Any:
     return complex(value, slope * x.imag)
 
 
-def _alone(value: Any, x: Any, slope: Any) -> Any:  # noqa: ARG001 - numba asks for one signature
-    return value
-
-
-def _carry_compiled(value: Any, x: Any, slope: Any) -> Any:  # noqa: ARG001
-    """What `carry` compiles to for arguments of these types."""
-    return _carried if isinstance(x, types.Complex) else _alone
+def _carry_compiled(value: Any, x: Any, slope: Any) -> Any:  # noqa: ARG001 - numba asks for one signature
+    """What `carry` compiles to for complex numbers."""
+    return _carried if isinstance(x, types.Complex) else None
 
 
 _overload: Any = overload
 _overload(carry, jit_options={"error_model": "numpy"})(_carry_compiled)
+operation(carry, types.Float, [(types.Float,) * 3], types.float64, lambda _builder, value, _x, _slope: value)
 
 
 def choose(condition: bool, x: float, y: float) -> float:
@@ -53,13 +51,8 @@ def choose(condition: bool, x: float, y: float) -> float:
     return x if condition else y
 
 
-def _choose_compiled(condition: bool, x: float, y: float) -> Any:  # noqa: ARG001
-    """What `choose` compiles to; numba asks for the very same signature."""
-    kind: Any = condition
-    return choose if isinstance(kind, types.Boolean) else None
-
-
-_overload(choose, jit_options={"error_model": "numpy"})(_choose_compiled)
+_doubles = (types.Boolean, types.Float, types.Float)
+operation(choose, types.Boolean, [_doubles], types.float64, lambda builder, *given: builder.select(*given))
 
 
 @inner

@@ -2,7 +2,7 @@
 
 `two_mass_contact` finds the pieces of a contact and their durations; here the same closed forms are followed piece
 by piece without any search. What ended a piece is the zero of a function `g` of the state, and a zero moves: to first
-order by `-g/g'`, where the imaginary part of `g` at the logged time is what the zero must make good. The state
+order by `-g/g'`, where what `g` carries at the logged time is what the zero must make good. The state
 moves along with its own rates, so nothing is evaluated twice.
 """
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fitball.models.kernels.compiled import inlined, inner
-from fitball.models.kernels.dual import NumberArray
+from fitball.models.kernels.dual import Number, NumberArray, carry
 from fitball.models.kernels.events import basis_at
 from fitball.models.kernels.landing import landed
 from fitball.models.kernels.oscillator import forced_response, series_free, series_response
@@ -29,14 +29,8 @@ class ReplayScratch(NamedTuple):
 
 
 @inlined
-def moved_by(g: complex, g_rate: complex) -> complex:
-    """What the time of a zero of `g` carries."""
-    return complex(0.0, -g.imag / g_rate.real)
-
-
-@inlined
-def replay_coupling(contact: Contact[complex]) -> Coupling[complex]:
-    """`coupling_of` with one complex division for each relative compliance."""
+def replay_coupling(contact: Contact[Number]) -> Coupling[Number]:
+    """`coupling_of` with one division for each relative compliance."""
     core, shell = contact.joint.core, contact.joint.shell
     gyration = shell + contact.mass * contact.radius * contact.radius
     return coupling_of(contact, gyration, (core + shell) / (core * shell), (core + gyration) / (core * gyration))
@@ -44,8 +38,8 @@ def replay_coupling(contact: Contact[complex]) -> Coupling[complex]:
 
 @inner
 def replay_derivative(
-    contact: Contact[complex], twist_at_end: bool, phase_log: FloatArray, pieces: int, scratch: ReplayScratch
-) -> tuple[complex, complex, complex, complex]:
+    contact: Contact[Number], twist_at_end: bool, phase_log: FloatArray, pieces: int, scratch: ReplayScratch
+) -> tuple[Number, Number, Number, Number]:
     """`(v_x, spin_sum, angle, rate)` after `pieces` rows of `phase_log`, as in `State`; `rate` that of the twist.
 
     Without `twist_at_end`, `angle` and `rate` are not brought to the end of a piece that slides until the force ends:
@@ -80,7 +74,7 @@ def replay_derivative(
         load = load_of(vertical, y, y_rate)
         momentum = load.momentum
         force_s = load.force_rate + vertical.spring.decay * load.force
-        elapsed = vertical.t_force - start if piece.ending == FORCE_ENDED else complex(piece.time, 0.0)
+        elapsed = vertical.t_force - start if piece.ending == FORCE_ENDED else piece.time + 0.0 * start
         basis = basis_at(oscillators, elapsed)
         if resting or twist_at_end or piece.ending != FORCE_ENDED:
             if n > 0:
@@ -111,7 +105,7 @@ def replay_derivative(
                 g = v_x - friction * impulse - contact.radius * turned / coupling.inertia
                 g_rate = -friction * load.force
                 g_rate -= contact.radius * (spinning_up * load.force - joint.core * accel) / coupling.inertia
-            late = moved_by(g, g_rate)
+            late = carry(0.0, -g / g_rate.real, 1.0)
             elapsed += late
             y, y_rate = y + late * y_rate, y_rate + late * y_accel
             angle, rate = angle + late * rate, rate + late * accel
@@ -132,8 +126,8 @@ def replay_derivative(
 
 @inner
 def replay_contact(
-    contact: Contact[complex], phase_log: FloatArray, pieces: int, scratch: ReplayScratch
-) -> tuple[complex, complex]:
+    contact: Contact[Number], phase_log: FloatArray, pieces: int, scratch: ReplayScratch
+) -> tuple[Number, Number]:
     """`(v_x2, omega_2)` of the contact whose `pieces` stand in `phase_log`."""
     v_x2, spin_sum, angle, rate = replay_derivative(contact, contact.shell_spin, phase_log, pieces, scratch)
     coupling = replay_coupling(contact)

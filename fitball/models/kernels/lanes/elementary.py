@@ -14,16 +14,8 @@ from numba import types
 
 from fitball.models.kernels.compiled import inlined
 from fitball.models.kernels.dual import choose
-from fitball.models.kernels.lanes.vector import (
-    DOUBLES,
-    WORDS,
-    Lanes,
-    constant,
-    intrinsic,
-    lanes_type,
-    mask_type,
-    spread,
-)
+from fitball.models.kernels.lanes.vector import WORDS, Lanes, lanes_type, mask_type
+from fitball.models.kernels.vectors import DOUBLES, constant, intrinsic, spread
 
 # Added to a number below 2^51 it leaves its nearest integer in the last bits.
 ROUNDING = 6755399441055744.0

@@ -1,41 +1,46 @@
-"""A number type for kernels that holds `WIDTH` doubles, and one that holds as many truths.
+"""A number type for kernels that holds `WIDTH` doubles side by side, and one that holds as many truths.
 
-Arithmetic and comparisons are LLVM's vector instructions: the compiler cuts them to what a machine has, and each lane
-is rounded as a double is. Nothing is contracted into a multiply-add, so that a lane has the same bits on every
-machine that computes by IEEE 754. A condition is a `Mask`: `choose` takes the place of `if`, `any_of` asks whether a
-branch is needed at all.
+A condition is a `Mask`: `choose` takes the place of `if`, `any_of` asks whether a branch is needed at all.
 """
 
 from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from llvmlite import ir
 from numba import types
-from numba.core.imputils import lower_builtin, lower_getattr
-from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, infer_getattr, infer_global, signature
-from numba.extending import intrinsic as numba_intrinsic
+from numba.core.imputils import lower_getattr
+from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import models, register_model
 
-from fitball.models.kernels.dual import choose
+from fitball.models.kernels.dual import carry, choose
+from fitball.models.kernels.vectors import (
+    DOUBLES,
+    SCALARS,
+    WIDTH,
+    Emit,
+    VectorModel,
+    VectorType,
+    array_view,
+    intrinsic,
+    operation,
+    spread,
+    with_scalars,
+)
 
-WIDTH = 8
 # To a checker lanes are any number, and a mask any truth.
 Lanes: TypeAlias = Any
 Mask: TypeAlias = Any
 LaneArray: TypeAlias = Any
 
-DOUBLES = ir.VectorType(ir.DoubleType(), WIDTH)
 WORDS = ir.VectorType(ir.IntType(64), WIDTH)
 TRUTHS = ir.VectorType(ir.IntType(1), WIDTH)
-FIRST = ir.VectorType(ir.IntType(32), WIDTH)
 
 
-class LanesType(types.Type):
-    """The type of `WIDTH` doubles."""
+class LanesType(VectorType):
+    """The type of `WIDTH` doubles, each a number of its own."""
 
     def __init__(self) -> None:
         super().__init__(name=f"lanes{WIDTH}")
@@ -49,12 +54,8 @@ class MaskType(types.Type):
 
 
 lanes_type, mask_type = LanesType(), MaskType()
-
-
-@register_model(LanesType)
-class _LanesModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, DOUBLES)
+lane_array = array_view(lanes_type)
+register_model(LanesType)(VectorModel)
 
 
 @register_model(MaskType)
@@ -63,28 +64,9 @@ class _MaskModel(models.PrimitiveModel):
         super().__init__(manager, kind, TRUTHS)
 
 
-def intrinsic(function: Callable[..., Any]) -> Any:
-    """A function written as instructions; kernels call it without its first argument, numba's typing context."""
-    return numba_intrinsic(function)
-
-
-def constant(kind: Any, value: Any) -> Any:
-    """The same constant in every lane."""
-    return ir.Constant(kind, [value] * WIDTH)
-
-
-def spread(builder: Any, scalar: Any) -> Any:
-    """One scalar in every lane."""
-    nothing = ir.Constant(ir.VectorType(scalar.type, WIDTH), ir.Undefined)
-    one = builder.insert_element(nothing, scalar, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(one, nothing, constant(FIRST, 0))
-
-
-def as_lanes(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    """A value of a number type in lanes."""
-    if isinstance(kind, LanesType):
-        return value
-    return spread(builder, context.cast(builder, value, kind, types.float64))
+def in_lanes(builder: Any, number: Any) -> Any:
+    """A double or lanes as lanes."""
+    return number if number.type == DOUBLES else spread(builder, number)
 
 
 def call(builder: Any, name: str, *values: Any) -> Any:
@@ -94,74 +76,50 @@ def call(builder: Any, name: str, *values: Any) -> Any:
     return builder.call(function, values)
 
 
-def _is_number(kind: Any) -> bool:
-    return isinstance(kind, (LanesType, types.Float, types.Integer))
+def _of_two(function: Any, result: Any, emit: Emit) -> None:
+    def in_lanes_both(builder: Any, x: Any, y: Any) -> Any:
+        return emit(builder, in_lanes(builder, x), in_lanes(builder, y))
+
+    operation(function, LanesType, with_scalars(LanesType), result, in_lanes_both)
 
 
-def _operation(function: Any, result: Any, emit: Callable[..., Any], operands: int = 2) -> None:
-    """Teach numba `function` of numbers of which one at least is in lanes."""
-
-    class Template(AbstractTemplate):
-        def generic(self, args: Any, kws: Any) -> Any:  # noqa: ARG002 - numba's face
-            fits = len(args) == operands and all(map(_is_number, args))
-            if fits and any(isinstance(kind, LanesType) for kind in args):
-                return signature(result, *args)
-            return None
-
-    infer_global(function)(Template)
-
-    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return emit(builder, *(as_lanes(context, builder, *pair) for pair in zip(sig.args, args, strict=True)))
-
-    kinds: list[tuple[type[types.Type], ...]] = [(LanesType,) * operands]
-    if operands == 2:
-        for other in (types.Float, types.Integer):
-            kinds += [(LanesType, other), (other, LanesType)]
-    for kind in kinds:
-        lower_builtin(function, *kind)(lower)
-
-
-def _compared(sign: str) -> Callable[..., Any]:
-    return lambda builder, x, y: builder.fcmp_ordered(sign, x, y)
-
-
-def _smaller(sign: str) -> Callable[..., Any]:
-    return lambda builder, x, y: builder.select(builder.fcmp_ordered(sign, x, y), x, y)
-
-
-_operation(operator.add, lanes_type, lambda builder, x, y: builder.fadd(x, y))
-_operation(operator.sub, lanes_type, lambda builder, x, y: builder.fsub(x, y))
-_operation(operator.mul, lanes_type, lambda builder, x, y: builder.fmul(x, y))
-_operation(operator.truediv, lanes_type, lambda builder, x, y: builder.fdiv(x, y))
-for _function in (operator.iadd, operator.isub, operator.imul):
-    _plain = {operator.iadd: "fadd", operator.isub: "fsub", operator.imul: "fmul"}[_function]
-    _operation(_function, lanes_type, lambda builder, x, y, _name=_plain: getattr(builder, _name)(x, y))
-_operation(operator.lt, mask_type, _compared("<"))
-_operation(operator.le, mask_type, _compared("<="))
-_operation(operator.gt, mask_type, _compared(">"))
-_operation(operator.ge, mask_type, _compared(">="))
-_operation(min, lanes_type, _smaller("<"))
-_operation(max, lanes_type, _smaller(">"))
-_operation(operator.neg, lanes_type, lambda builder, x: builder.fneg(x), 1)
-_operation(abs, lanes_type, lambda builder, x: call(builder, f"llvm.fabs.v{WIDTH}f64", x), 1)
-_operation(math.sqrt, lanes_type, lambda builder, x: call(builder, f"llvm.sqrt.v{WIDTH}f64", x), 1)
-
-
-def _logic(function: Any, emit: Callable[..., Any], operands: int) -> None:
-    class Template(AbstractTemplate):
-        def generic(self, args: Any, kws: Any) -> Any:  # noqa: ARG002 - numba's face
-            fits = len(args) == operands and all(isinstance(kind, MaskType) for kind in args)
-            return signature(mask_type, *args) if fits else None
-
-    infer_global(function)(Template)
-    lower_builtin(function, *[MaskType] * operands)(lambda _context, builder, _sig, args: emit(builder, *args))
-
-
+for _name, _functions in {
+    "fadd": (operator.add, operator.iadd),
+    "fsub": (operator.sub, operator.isub),
+    "fmul": (operator.mul, operator.imul),
+    "fdiv": (operator.truediv,),
+}.items():
+    for _function in _functions:
+        _of_two(_function, lanes_type, lambda builder, x, y, _name=_name: getattr(builder, _name)(x, y))
+for _sign, _function in {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}.items():
+    _of_two(_function, mask_type, lambda builder, x, y, _sign=_sign: builder.fcmp_ordered(_sign, x, y))
+for _sign, _function in {"<": min, ">": max}.items():
+    _of_two(
+        _function,
+        lanes_type,
+        lambda builder, x, y, _sign=_sign: builder.select(builder.fcmp_ordered(_sign, x, y), x, y),
+    )
+_of_one: dict[Any, Emit] = {
+    operator.neg: lambda builder, x: builder.fneg(x),
+    abs: lambda builder, x: call(builder, f"llvm.fabs.v{WIDTH}f64", x),
+    math.sqrt: lambda builder, x: call(builder, f"llvm.sqrt.v{WIDTH}f64", x),
+}
+for _function, _emit in _of_one.items():
+    operation(_function, LanesType, [(LanesType,)], lanes_type, _emit)
 for _function in (operator.and_, operator.iand):
-    _logic(_function, lambda builder, x, y: builder.and_(x, y), 2)
+    operation(_function, MaskType, [(MaskType,) * 2], mask_type, lambda builder, x, y: builder.and_(x, y))
 for _function in (operator.or_, operator.ior):
-    _logic(_function, lambda builder, x, y: builder.or_(x, y), 2)
-_logic(operator.invert, lambda builder, x: builder.not_(x), 1)
+    operation(_function, MaskType, [(MaskType,) * 2], mask_type, lambda builder, x, y: builder.or_(x, y))
+_numbers = (LanesType, *SCALARS)
+operation(
+    choose,
+    MaskType,
+    [(MaskType, first, second) for first in _numbers for second in _numbers],
+    lanes_type,
+    lambda builder, mask, x, y: builder.select(mask, in_lanes(builder, x), in_lanes(builder, y)),
+)
+operation(carry, LanesType, [(LanesType,) * 3], lanes_type, lambda _builder, value, _x, _slope: value)
+operation(operator.invert, MaskType, [(MaskType,)], mask_type, lambda builder, x: builder.not_(x))
 
 
 @infer_getattr
@@ -177,24 +135,9 @@ lower_getattr(LanesType, "real")(lambda _context, _builder, _kind, value: value)
 
 
 @intrinsic
-def spread_lanes(_typing: Any, x: Any) -> Any:
-    """A number in every lane."""
-    return lanes_type(x), lambda context, builder, sig, args: as_lanes(context, builder, sig.args[0], args[0])
-
-
-@infer_global(choose)
-class _Choice(AbstractTemplate):
-    def generic(self, args: Any, kws: Any) -> Any:  # noqa: ARG002 - numba's face
-        fits = isinstance(args[0], MaskType) and all(map(_is_number, args[1:]))
-        return signature(lanes_type, *args) if fits else None
-
-
-def _lower_choice(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    pairs = zip(sig.args[1:], args[1:], strict=True)
-    return builder.select(args[0], *(as_lanes(context, builder, *pair) for pair in pairs))
-
-
-lower_builtin(choose, MaskType, types.Any, types.Any)(_lower_choice)
+def spread_lanes(_typing: Any, _x: Any) -> Any:
+    """A double in every lane."""
+    return lanes_type(types.float64), lambda _context, builder, _sig, args: spread(builder, args[0])
 
 
 @intrinsic
@@ -218,30 +161,3 @@ def largest(_typing: Any, x: Any) -> Any:
         return builder.call(builder.module.globals.get(name) or ir.Function(builder.module, kind, name), args)
 
     return types.float64(x), emit
-
-
-@intrinsic
-def lane_array(_typing: Any, array: Any) -> Any:
-    """An array of doubles (n, WIDTH) as `n` lanes."""
-    kind = types.Array(lanes_type, 1, "C", aligned=False)
-
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        given = context.make_array(sig.args[0])(context, builder, args[0])
-        made = context.make_array(kind)(context, builder)
-        count = builder.extract_value(given.shape, 0)
-        size = ir.Constant(given.itemsize.type, 8 * WIDTH)
-        context.populate_array(
-            made,
-            data=builder.bitcast(given.data, made.data.type),
-            shape=[count],
-            strides=[size],
-            itemsize=size,
-            meminfo=given.meminfo,
-            parent=given.parent,
-        )
-        value = made._getvalue()
-        if context.enable_nrt:
-            context.nrt.incref(builder, kind, value)
-        return value
-
-    return kind(array), emit
