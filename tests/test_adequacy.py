@@ -14,10 +14,10 @@ from fitball.data.scene import Scene
 from fitball.data.table import Measurement
 from fitball.inference.adequacy.describe import adequacy
 from fitball.inference.adequacy.directions import covariates, directions
-from fitball.inference.adequacy.kurtosis import kurtosis_score
 from fitball.inference.adequacy.looks import (
     distributions,
     family,
+    kurtosis_score,
     links,
     orders,
     outliers,
@@ -154,10 +154,12 @@ def test_the_chance_of_a_false_alarm_is_the_stated_one():
     made = fit.replicate(standard_deviates(problem, fit, dict(point.values), 199, np.random.default_rng(1)))
     new = fit.replicate(standard_deviates(problem, fit, dict(point.values), 100, np.random.default_rng(2)))
     shift = 3.0 * (np.array(problem.table.labels["group"]) == "b")
+    left = np.concatenate([shift, 0 * shift, 0 * shift])
+    left = left - fit.own @ (fit.own.T @ left)
     alarms, seen = 0, 0
     for k, observed in enumerate(new):
         for spoilt in (False, True) if k < 10 else (False,):
-            shifted = observed + (fit.projected(np.concatenate([shift, 0 * shift, 0 * shift])) if spoilt else 0.0)
+            shifted = observed + (left if spoilt else 0.0)
             residual = np.concatenate([shifted[None, :], made])
             looks = [
                 *patterns(fit, found, residual), *together(fit, found, residual), *orders(fit, known, residual),

@@ -16,10 +16,9 @@ from test_noise_kinds import TOY
 import fitball
 from fitball.data.table import Measurement
 from fitball.errors import ParameterError
-from fitball.inference.likelihood import compiled
-from fitball.inference.likelihood.compiled import layout_of, why_not_compiled
+from fitball.inference.likelihood import posterior
 from fitball.inference.likelihood.density_kernels import PART, log_densities
-from fitball.inference.likelihood.posterior import densities, log_posterior
+from fitball.inference.likelihood.posterior import densities, layout_of, log_posterior, why_not_compiled
 from fitball.models.kernels.batch import bounce_batch
 
 SCENE = fitball.load_scene("wang_all.csv")
@@ -173,7 +172,7 @@ def test_a_draws_density_depends_on_no_other_draw_and_on_no_thread(monkeypatch):
     whole = log_posterior(problem, coordinates)
     apart = np.concatenate([log_posterior(problem, part) for part in np.array_split(coordinates, 7)])
     np.testing.assert_array_equal(whole, apart)
-    monkeypatch.setattr(compiled, "LARGE_BATCH", 10)
+    monkeypatch.setattr(posterior, "LARGE_BATCH", 10)
     np.testing.assert_array_equal(whole, log_posterior(replace(problem, threads=2), coordinates))
     np.testing.assert_array_equal(whole[:1], log_posterior(replace(problem, threads=2), coordinates[:1]))
 
@@ -204,4 +203,4 @@ def test_a_layout_lives_as_long_as_its_problem():
     key = id(problem)
     del problem
     gc.collect()
-    assert key not in compiled._layouts
+    assert key not in posterior._layouts

@@ -16,7 +16,7 @@ import pytest
 from fitball.exports.port.c import c_port
 from fitball.exports.port.port import make_port
 from fitball.exports.port.python import python_port
-from fitball.inference.prediction.golden import golden
+from fitball.inference.prediction.port_check import golden
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.registry import model
 from fitball.models.types import Closures

@@ -27,8 +27,8 @@ from fitball.inference.likelihood.force import (
     force_residuals,
     force_slopes,
     mean_forces,
+    noise_held,
 )
-from fitball.inference.likelihood.force_noise import noise_held
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
 from fitball.inference.point.maximum_posterior import follow_maximum
 from fitball.inference.prediction.force_notes import force_notes

@@ -10,9 +10,13 @@ from fitball.inference import calibrate
 from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
 from fitball.inference.identifiability.eigendirections import eigendirections
-from fitball.inference.identifiability.fisher import fisher_information, information_evidence, standard_errors
+from fitball.inference.identifiability.fisher import (
+    fisher_information,
+    information_evidence,
+    inverse,
+    standard_errors,
+)
 from fitball.inference.identifiability.profile_path import best_top
-from fitball.inference.identifiability.symmetric import inverse
 from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.lmfit_minimiser import Minimum
 from fitball.inference.point.maximum_posterior import maximum_posterior

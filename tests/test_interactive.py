@@ -20,7 +20,7 @@ from fitball.exports.interactive import RPM, interactive_page, preset, round_imp
 from fitball.exports.port.course import total_moment
 from fitball.exports.port.javascript import javascript_script
 from fitball.exports.port.port import make_port
-from fitball.inference.prediction.golden import golden
+from fitball.inference.prediction.port_check import golden
 from fitball.inference.prediction.valid_range import total_rebound, valid_range
 from fitball.models.types import regime_name
 from fitball.values import Impacts

@@ -25,7 +25,8 @@ from fitball.inference.prediction.measured_pace import measured_pace
 from fitball.inference.problem.build import Choices
 from fitball.inference.problem.priors import parse_prior
 from fitball.inference.results.drop_test import BallRebound
-from fitball.inference.results.pace_rating import CourtPace, Spread, adjusted
+from fitball.inference.results.pace_rating import CourtPace, adjusted
+from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.models.registry import parameter_spec
 from fitball.report.fit.pace_rows import court_lines, place_rows, warmth_words

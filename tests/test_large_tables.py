@@ -28,7 +28,7 @@ from fitball.inference.point.point_fit import point_fit
 from fitball.inference.point.starts import STARTS, starting_points
 from fitball.inference.prediction.extrapolation import SPANNING, calibrated_range, spanning_impacts
 from fitball.inference.prediction.posterior_predictive import predictive
-from fitball.inference.problem import batches, parallel, subsample
+from fitball.inference.problem import parallel, subsample
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import thinned_problem
 from fitball.inference.results.results import Posterior
@@ -163,7 +163,7 @@ def test_batches_change_no_number_and_stay_below_the_ceiling(monkeypatch, evalua
         )
 
     *whole, regimes, evidence = everything()
-    monkeypatch.setattr(batches, "CELLS", 900)
+    monkeypatch.setattr(subsample, "CELLS", 900)
     # Curves for figures have as many points whatever the table.
     monkeypatch.setattr("fitball.inference.prediction.posterior_predictive.curves", lambda *_: {})
     evaluated.clear()

@@ -15,8 +15,7 @@ from fitball.inference.adequacy.describe import adequacy
 from fitball.inference.adequacy.directions import directions, overlap
 from fitball.inference.adequacy.looks import scored, spanned
 from fitball.inference.adequacy.refit import refit
-from fitball.inference.likelihood.residuals import Weighting, residuals
-from fitball.inference.likelihood.sensitivities import residual_slopes
+from fitball.inference.likelihood.residuals import Weighting, residual_slopes, residuals
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.problem import subsample
 from fitball.inference.results.adequacy import FALSE_FAILS, Answer
@@ -88,7 +87,7 @@ def test_patterns_are_what_a_refit_leaves():
     for item in found:
         whole = np.zeros(fit.measured.size)
         whole[fit.rows(item.column)] = item.shape
-        left = fit.projected(whole)
+        left = whole - fit.own @ (fit.own.T @ whole)
         np.testing.assert_allclose(item.left(fit), left / np.linalg.norm(left), atol=1e-10)
         lefts.append(item.left(fit))
     lefts = np.array(lefts)

@@ -24,13 +24,12 @@ from fitball.inference.identifiability.active_impacts import active_impacts
 from fitball.inference.identifiability.fisher import fisher_information
 from fitball.inference.identifiability.profile import coverage
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior, pointwise
-from fitball.inference.likelihood.residuals import Weighting, default_noise, residuals
-from fitball.inference.likelihood.sensitivities import residual_slopes
+from fitball.inference.likelihood.residuals import Weighting, default_noise, residual_slopes, residuals
 from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.prediction.drop_test import drop_test
 from fitball.inference.prediction.new_impacts import observed_observables
-from fitball.inference.prediction.replicated import replicated
+from fitball.inference.prediction.posterior_predictive import replicated
 from fitball.inference.problem.subsample import part_of, thinned_rows, withheld
 from fitball.report.saved.data_file import data_part, read_data, write_data
 from fitball.report.saved.fit_text import fit_text

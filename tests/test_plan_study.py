@@ -46,7 +46,7 @@ def test_new_impacts_enter_the_density_beside_those_of_the_table(ready):
 
 def test_a_new_column_has_the_sd_of_its_sensor_and_no_column_two_noises(ready):
     problem, design = ready.known.problem, ready.designs[PLANNED]
-    angle, at = PlannedColumn("theta_2", None, 0.05), ready.known.coordinates[:3]
+    angle, at = PlannedColumn("theta_2", sd=np.array(0.05)), ready.known.coordinates[:3]
     y = np.array([[3.0, 5.0, 100.0, 0.9], [2.0, 6.0, 50.0, 1.1]])
     sensor = replace(design.sensor, columns=(*design.sensor.columns, angle))
     rebound = problem.rebound(problem.to_values(at), design.impacts)

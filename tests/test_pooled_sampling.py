@@ -11,10 +11,9 @@ from scipy import integrate, stats
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.inference.problem.build import Choices, build_problem
-from fitball.inference.problem.joint_prior import JointPrior
 from fitball.inference.problem.parameters import build_parameters
 from fitball.inference.problem.pooling import Pooling
-from fitball.inference.problem.priors import parse_prior
+from fitball.inference.problem.priors import JointPrior, parse_prior
 from fitball.inference.sampling import ensemble as walking
 from fitball.inference.sampling import ensembles as sampling
 from fitball.inference.sampling.ensembles import Schedule, Settings, sample

@@ -158,10 +158,6 @@ def test_draws_that_cannot_be_solved_are_told_with_the_reason():
     told = prediction_json(found, ("a", "b"), (), ())["impacts"]
     assert [item["intervals"] for item in told] == ["the draws that can be solved", "withheld"]
     assert told[1]["outputs"]["v_y2"]["median"] is None
-    # `fit.predict` knows the same rule.
-    plain = replace(fitted, draws=raised).predict(fitball.impacts([12.0, 12.0], [9.0, 100.0], 0.0))
-    np.testing.assert_allclose(plain["failed"], [0.25, 0.75])
-    assert np.isnan(plain["v_y2_median"]).tolist() == [False, True]
 
 
 def test_hull_distance_of_a_cube_a_plane_and_a_point():

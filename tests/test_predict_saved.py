@@ -14,6 +14,7 @@ from samples import save_without_figures
 import fitball
 from fitball.cli.main import main
 from fitball.errors import ResultFolderError
+from fitball.inference.prediction.new_impacts import predict_new
 from fitball.inference.results.fitted_model import PREDICTING
 from fitball.inference.results.results import thinned
 from fitball.report.saved.posterior_file import write_netcdf
@@ -49,8 +50,8 @@ def test_a_saved_fit_predicts_what_the_fit_predicts(fit, folder):
 
 def widths(fit, draws, new):
     """Lengths of the 95 % intervals (outputs, impacts) from draws (draws, free)."""
-    found = fit.fitted.with_draws(fit.posterior.names, draws).predict(new)
-    return np.array([found[f"{name}_q975"] - found[f"{name}_q025"] for name in ("v_x2", "v_y2", "omega_2")])
+    found = predict_new(fit.fitted.with_draws(fit.posterior.names, draws), new)
+    return np.array([np.ptp(found.output(name).rebound, axis=0) for name in ("v_x2", "v_y2", "omega_2")])
 
 
 def test_intervals_are_as_long_as_those_of_the_whole_chain(grip_slip_fit):
@@ -77,20 +78,20 @@ def test_intervals_are_as_long_as_those_of_the_whole_chain(grip_slip_fit):
 def test_draws_that_predict_are_read_beside_fit_json(grip_slip_fit, grip_slip_folder, tmp_path):
     new = fitball.impacts(np.linspace(8.0, 20.0, 600), 8.0, 10.0)
     saved = fitball.load_fit(grip_slip_folder)
-    before, after = grip_slip_fit.predicting.predict(new), saved.predicting.predict(new)
+    before, after = predict_new(grip_slip_fit.predicting, new), predict_new(saved.predicting, new)
     assert saved.predicting.draws.shape[0] == PREDICTING
-    assert before.keys() == after.keys() and all(len(array) == 600 for array in after.values())
-    assert all(before[name].tobytes() == after[name].tobytes() for name in before)
+    for one, other in zip(before.outputs, after.outputs, strict=True):
+        assert one.rebound.shape == (5, 600) and one.rebound.tobytes() == other.rebound.tobytes()
     # Impacts are predicted some at a time: the same as each alone.
-    alone = saved.predicting.predict(fitball.impacts(new.v_x1[599], 8.0, 10.0))
-    assert alone["v_x2_q025"] == after["v_x2_q025"][599]
+    alone = predict_new(saved.predicting, fitball.impacts(new.v_x1[599], 8.0, 10.0))
+    assert alone.output("v_x2").rebound[0, 0] == after.output("v_x2").rebound[0, 599]
     # The file itself holds a few, and says so where the others are missing.
     shutil.copy(grip_slip_folder / "fit.json", tmp_path / "fit.json")
     alone = fitball.load_fit(tmp_path)
     assert (tmp_path / "fit.json").stat().st_size < 250_000
     with pytest.raises(ResultFolderError, match=r"posterior\.nc"):
         alone.predict(new)
-    assert alone.fitted.predict(new)["v_x2"].tobytes() == before["v_x2"].tobytes()
+    assert alone.fitted.rebound(new).v_x2[0].tobytes() == before.output("v_x2").point.tobytes()
 
 
 def test_predict_prints_json_and_csv(folder, tmp_path, capsys):

@@ -12,9 +12,8 @@ from samples import TWO_MASS, coordinates_of, problem_of, synthetic
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.inference.identifiability.eigendirections import _with_third, eigendirections
-from fitball.inference.identifiability.fisher import fisher_information, prior_sds
+from fitball.inference.identifiability.fisher import fisher_information, inverse, prior_sds
 from fitball.inference.identifiability.products import known_products, log_covariance, log_steps, monomial_error
-from fitball.inference.identifiability.symmetric import inverse
 from fitball.inference.problem.build import Choices, build_problem
 
 

@@ -10,8 +10,13 @@ from samples import TWO_MASS, polar_problem, problem_of
 
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
-from fitball.inference.likelihood.residuals import Weighting, default_noise, residuals
-from fitball.inference.likelihood.sensitivities import differentiable, residual_slopes
+from fitball.inference.likelihood.residuals import (
+    Weighting,
+    default_noise,
+    differentiable,
+    residual_slopes,
+    residuals,
+)
 from fitball.inference.point.lmfit_minimiser import Minimiser
 from fitball.inference.point.starts import starting_points
 from fitball.inference.problem.build import Choices, build_problem

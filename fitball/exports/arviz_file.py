@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fitball.data.table import ImpactTable
 from fitball.errors import ParameterError, ResultFolderError
-from fitball.inference.prediction.replicated import replicated
+from fitball.inference.prediction.posterior_predictive import replicated
 from fitball.inference.results.results import Estimate, Fit, Posterior, RunStatus
 from fitball.observables import SI_UNITS
 from fitball.report.saved.data_file import DATA_NAME, INCIDENT

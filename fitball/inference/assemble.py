@@ -16,9 +16,9 @@ from fitball.inference.prediction.drop_test import drop_test
 from fitball.inference.prediction.error_budget import error_budget
 from fitball.inference.prediction.extrapolation import spanning_impacts
 from fitball.inference.prediction.force_notes import force_notes
-from fitball.inference.prediction.golden import golden
 from fitball.inference.prediction.group_estimates import group_estimates
 from fitball.inference.prediction.one_way import lab_generator
+from fitball.inference.prediction.port_check import golden
 from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
 from fitball.inference.problem.problem import Problem
 from fitball.inference.qualify import qualified

@@ -14,7 +14,7 @@ from fitball.inference.adequacy.made_tables import look_at
 from fitball.inference.adequacy.misfits import distances, largest_misfits
 from fitball.inference.adequacy.noise_size import noise_checks
 from fitball.inference.adequacy.refit import Refit, influence, refit
-from fitball.inference.adequacy.words import based_on, check_of, check_words, noise_words, sentence, strongest
+from fitball.inference.adequacy.words import ALL, based_on, check_words, noise_words, sentence, strongest
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.adequacy import FALSE_EXCEPT, FALSE_FAILS, Adequacy, Answer, Check, NoiseCheck
 from fitball.inference.results.results import PointFit, Posterior
@@ -85,7 +85,20 @@ def _check(fit: Refit, look: Look, found: Sequence[Direction], p: float) -> Chec
         size = abs(_measured(fit, found[look.number])) / float(scale) / fit.places[look.column].size ** 0.5
     elif look.kind == "jointly" and explained is not None:
         size = (explained * len(fit.columns)) ** 0.5
-    return check_of(fit, look, p, explained, size, found=p < FALSE_EXCEPT and (size is None or size >= SMALL))
+    column = ALL if look.column < 0 else fit.columns[look.column]
+    made = sorted(abs(float(value)) for value in look.seen[1:])
+    return Check(
+        kind=look.kind,
+        column=column,
+        over=look.over,
+        words=f"{column}: {look.words}",
+        statistic=float(look.seen[0]),
+        usual=made[int(0.95 * len(made))],
+        p=p,
+        explained=explained,
+        size=size,
+        found=p < FALSE_EXCEPT and (size is None or size >= SMALL),
+    )
 
 
 def _misfit(fit: Refit, look: Look, found: Sequence[Direction]) -> FloatArray | None:

@@ -91,8 +91,7 @@ def covariates(problem: Problem) -> dict[str, FloatArray]:
     return {name: column for name, column in known.items() if np.ptp(column) > 1e-9 * np.abs(column).max()}
 
 
-def groups(problem: Problem, point: PointFit) -> Iterator[tuple[str, str, FloatArray]]:
-    """Each group: of what kind, its label, and one where an impact is in it (impacts,), zero elsewhere."""
+def _groups(problem: Problem, point: PointFit) -> Iterator[tuple[str, str, str, FloatArray]]:
     labels = {kind: np.array(problem.table.labels[kind]) for kind in LABELS if kind in problem.table.labels}
     if problem.model.tangential:
         labels["regime"] = np.array([regime_name(int(code)) for code in point.rebound.regime[0]])
@@ -101,7 +100,8 @@ def groups(problem: Problem, point: PointFit) -> Iterator[tuple[str, str, FloatA
         if 2 <= names.size <= MOST_GROUPS:
             for name, size in zip(names, sizes, strict=True):
                 if size >= LEAST_IN_GROUP and column.size - size >= LEAST_IN_GROUP:
-                    yield kind, str(name), (column == name).astype(float)
+                    inside = _sized((column == name).astype(float))
+                    yield ("regime" if kind == "regime" else "group"), kind, f"a bias of {kind} {name}", inside
 
 
 def directions(problem: Problem, point: PointFit, fit: Refit) -> list[Direction]:
@@ -143,11 +143,6 @@ def _trends(problem: Problem) -> Iterator[tuple[str, str, str, FloatArray]]:
             if count >= TOGETHER and np.ptp(product) > 0.0:
                 over = f"{one} and {other}"
                 yield "together", over, f"{over} together", _sized(product - product.mean())
-
-
-def _groups(problem: Problem, point: PointFit) -> Iterator[tuple[str, str, str, FloatArray]]:
-    for kind, name, inside in groups(problem, point):
-        yield ("regime" if kind == "regime" else "group"), kind, f"a bias of {kind} {name}", _sized(inside)
 
 
 def _sized(shape: FloatArray) -> FloatArray:

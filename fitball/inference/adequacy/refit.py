@@ -15,8 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.likelihood.residuals import Weighting, residuals
-from fitball.inference.likelihood.sensitivities import differentiable, residual_slopes
+from fitball.inference.likelihood.residuals import Weighting, differentiable, residual_slopes, residuals
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import whole_of_parts
@@ -87,10 +86,6 @@ class Refit:
     def noise_of(self, column: int) -> int:
         """The number of the noise of a column."""
         return int(self.noise[self.starts[column]])
-
-    def projected(self, directions: FloatArray) -> FloatArray:
-        """What a refit leaves of directions (measurements, directions)."""
-        return directions - self.own @ (self.own.T @ directions)
 
     def replicate(self, deviations: FloatArray) -> FloatArray:
         """Residuals (tables, measurements) of refitted tables with standard deviations (tables, rows)."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from fitball.inference.adequacy.looks import DISTRIBUTED, Look
-from fitball.inference.adequacy.refit import Refit
+from fitball.inference.adequacy.looks import DISTRIBUTED
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.adequacy import FALSE_EXCEPT, FALSE_FAILS, Answer, Check, NoiseCheck
 from fitball.observables import OBSERVABLES
@@ -15,24 +14,6 @@ NAMED, HINT = 3, 0.5
 # Sds by which what is missed must move a parameter for the model's error to be told beside that of measurements.
 FAR = 5.0
 ALL = "all columns"
-
-
-def check_of(fit: Refit, look: Look, p: float, explained: float | None, size: float | None, *, found: bool) -> Check:
-    """A look as a check."""
-    column = ALL if look.column < 0 else fit.columns[look.column]
-    made = sorted(abs(float(value)) for value in look.seen[1:])
-    return Check(
-        kind=look.kind,
-        column=column,
-        over=look.over,
-        words=f"{column}: {look.words}",
-        statistic=float(look.seen[0]),
-        usual=made[int(0.95 * len(made))],
-        p=p,
-        explained=explained,
-        size=size,
-        found=found,
-    )
 
 
 def sentence(

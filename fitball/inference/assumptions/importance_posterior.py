@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from fitball.inference.identifiability.fisher import fisher_information, prior_sds
-from fitball.inference.identifiability.symmetric import inverse
+from fitball.inference.identifiability.fisher import fisher_information, inverse, prior_sds
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.moves import StudentProposal

@@ -14,16 +14,12 @@ from numpy.typing import NDArray
 
 from fitball.inference.design.knowledge import solved
 from fitball.inference.design.sensor import Sensor
-from fitball.inference.likelihood.sensitivities import observable_slopes
+from fitball.inference.likelihood.residuals import observable_slopes
 from fitball.inference.problem.incident import spread_by_input
-from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
 from fitball.models.types import Rebound
 from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray
-
-# Impacts that are differentiated at a time: more only take more memory.
-AT_ONCE = 64
 
 
 @dataclass(frozen=True)
@@ -66,10 +62,7 @@ def information_rows(made: Differentiated, sensor: Sensor, root: FloatArray) -> 
     problem, columns = made.problem, made.columns
     sds = np.stack([column.sds(columns, made.rebound) for column in sensor.columns], axis=2)
     slopes = np.stack(
-        [
-            observable_slopes(problem, Observable(column.name, np.empty(0), None, None), made.rebound, made.slopes)
-            for column in sensor.columns
-        ],
+        [observable_slopes(problem, column, made.rebound, made.slopes) for column in sensor.columns],
         axis=2,
     )
     known = made.solved & np.isfinite(slopes).all(axis=(2, 3)) & np.isfinite(sds).all(axis=2)

@@ -2,38 +2,28 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitball.data.range_text import Range
-from fitball.errors import FitError, ParameterError
-from fitball.inference.design.force_plate import plate_rows, with_plate
-from fitball.inference.design.gain import Left, nothing_measured, over_draws
-from fitball.inference.design.information import differentiated, information_rows
-from fitball.inference.design.knowledge import DIFFERENTIATED, Knowledge, knowledge
-from fitball.inference.design.nested import NestedGain, Planned, nested_gain
-from fitball.inference.design.results import Chosen, Plan, Setting, Worth
-from fitball.inference.design.sensor import Sensor
-from fitball.inference.design.sensor_text import build_sensors
-from fitball.inference.design.settings import Settings, build_settings
-from fitball.inference.design.target import Target, parse_target
+from fitball.errors import ParameterError
+from fitball.inference.design.force_plate import with_plate
+from fitball.inference.design.gain import Left, over_draws
+from fitball.inference.design.knowledge import knowledge
+from fitball.inference.design.nested import NOT_SIMULATED, NestedGain, Planned, nested_gain
+from fitball.inference.design.results import Chosen, Plan, Worth
+from fitball.inference.design.search import Batch, Search, greedy, look, searched, with_plates
+from fitball.inference.design.sensor import build_sensors
+from fitball.inference.design.settings import build_settings
+from fitball.inference.design.target import parse_target
 from fitball.inference.prediction.posterior_predictive import regime_shares
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.quantiles import MOST_UNSOLVED
 from fitball.inference.results.results import Posterior
-from fitball.models.types import STATUS_REASON, Status
-from fitball.values import FloatArray, Impacts
+from fitball.values import FloatArray
 from fitball.wording import option
 
-# Impacts that are looked at together, and numbers of all rows of information that are held: fewer draws beyond.
-TOGETHER, HELD = 64, 2e7
-LEAST_DRAWS = 40
-# Settings at which a force plate is looked at beside the chosen ones: the best without it, and others over the grid.
-PLATED = 12
 # Impacts of the fitted table that stand for all of it, measured again.
 OF_TABLE = 60
 MOST_IMPACTS, MOST_REPEATS = 100, 1000
@@ -62,64 +52,6 @@ class Asked:
             raise ParameterError(f"seed = {self.seed}: expected a number not below 0")
 
 
-@dataclass(frozen=True)
-class Looked:
-    """Some impacts to first order at the `draws` looked at: information `rows` (draws, impacts, rows, directions) by
-    sensor name, which draws are `solved` (draws, impacts), and the status of each. `only` are those looked at.
-    """
-
-    impacts: Impacts
-    like: NDArray[np.int64]
-    rows: Mapping[str, FloatArray]
-    solved: NDArray[np.bool_]
-    status: NDArray[np.int8]
-    only: NDArray[np.bool_] | None = None
-
-    @property
-    def allowed(self) -> NDArray[np.bool_]:
-        """Impacts at which enough draws can be evaluated, and which were looked at."""
-        enough = np.asarray(self.solved.mean(axis=0) >= 1.0 - MOST_UNSOLVED)
-        return enough if self.only is None else enough & self.only
-
-    def mean_gains(self, left: Left, sensor: str, repeats: int = 1) -> FloatArray:
-        """Gains (impacts,) averaged over draws, NaN where not allowed."""
-        gains = over_draws(left.gains(np.sqrt(repeats) * self.rows[sensor]), self.solved)
-        return np.where(self.allowed, gains, np.nan)
-
-
-@dataclass(frozen=True)
-class Search:
-    """All that a search for impacts looks at: the settings as the `grid`, and `apart` from it the drop of each sensor
-    that has one and the settings at which plates are looked at.
-    """
-
-    known: Knowledge
-    draws: FloatArray
-    target: Target
-    settings: Settings
-    sensors: Mapping[str, Sensor]
-    grid: Looked
-    apart: Mapping[str, Looked]
-    start: Left
-
-    def looked(self, sensor: str) -> Looked:
-        """The impacts that a sensor may be used with."""
-        return self.apart.get(sensor, self.grid)
-
-    def setting(self, sensor: str, place: int) -> Setting:
-        """The incident state of an impact that a sensor is used with."""
-        if self.sensors[sensor].drop is None:
-            return Setting(*self.settings.state(place))
-        return Setting(
-            self.settings.surfaces[place], float(self.apart[sensor].impacts.v_y1[place]), float(np.pi / 2.0), 0.0
-        )
-
-    def planned(self, sensor: str, places: Sequence[int]) -> Planned:
-        """Impacts that a sensor reads."""
-        looked, rows = self.looked(sensor), np.array(places, dtype=np.int64)
-        return Planned(self.known.at(looked.impacts.take(rows), looked.like[rows]), self.sensors[sensor])
-
-
 def make_plan(
     problem: Problem,
     posterior: Posterior | None,
@@ -141,11 +73,11 @@ def make_plan(
         known = with_plate(known, plate, chance)
     target = parse_target(asked.target, known)
     report("every setting to first order")
-    search, lost = _searched(known, target, settings, sensors)
+    search, lost = searched(known, target, settings, sensors)
     by_cost = bool(asked.cost)
-    search = _with_plates(search, ()) if by_cost else search
-    batch = _greedy(search, asked.impacts, asked.repeats, tuple(sensors) if by_cost else tuple(sensors)[:1])
-    search = search if by_cost else _with_plates(search, [place for _name, place in batch.places])
+    search = with_plates(search, ()) if by_cost else search
+    batch = greedy(search, asked.impacts, asked.repeats, tuple(sensors) if by_cost else tuple(sensors)[:1])
+    search = search if by_cost else with_plates(search, [place for _name, place in batch.places])
     rng = np.random.default_rng(streams[0])
     report("finalists by nested Monte Carlo")
     by_sensor: dict[str, list[int]] = {}
@@ -169,7 +101,7 @@ def make_plan(
         worths=tuple(_worth(search, name, batch, asked.repeats, now, rng) for name in sensors),
         measured=problem.impacts,
         by_cost=by_cost,
-        failed=_failures(search.grid),
+        failed=search.grid.failures,
         draws=len(search.draws),
         lost=lost,
         seed=asked.seed,
@@ -177,112 +109,16 @@ def make_plan(
     )
 
 
-def _searched(
-    known: Knowledge, target: Target, settings: Settings, sensors: Mapping[str, Sensor]
-) -> tuple[Search, float]:
-    """Everything to first order, and the share of draws at which the target has no answer."""
-    rows = max(2 * len(sensor.columns) for sensor in sensors.values())
-    count = int(HELD / (len(settings.impacts) * rows * known.root.shape[1] * len(sensors)))
-    draws = known.some(min(DIFFERENTIATED, max(LEAST_DRAWS, count)))
-    gradients = target.gradients(draws)
-    told = np.isfinite(gradients).all(axis=(1, 2))
-    if np.mean(told) < 1.0 - MOST_UNSOLVED:
-        raise FitError(
-            f"{target.words}: {100.0 * np.mean(~told):.0f} % of the draws of the posterior cannot be evaluated "
-            "there, so nothing can be planned about it"
-        )
-    draws, gradients = draws[told], gradients[told]
-    free = {name: sensor for name, sensor in sensors.items() if sensor.drop is None and sensor.plate is None}
-    grid = look(known, draws, settings.impacts, settings.like, free)
-    if not grid.allowed.any():
-        why = next(iter(_failures(grid)))
-        raise FitError(f"no setting can be planned: most draws of the posterior cannot be evaluated at any; {why}")
-    apart = {}
-    for name, sensor in sensors.items():
-        if sensor.drop is not None:
-            each = np.array(settings.rows, dtype=np.int64)
-            apart[name] = look(
-                known, draws, sensor.drop.take(np.zeros(each.size, dtype=np.int64)), each, {name: sensor}
-            )
-    start = nothing_measured(gradients @ known.roots(draws))
-    return Search(known, draws, target, settings, sensors, grid, apart, start), float(np.mean(~told))
-
-
-def _with_plates(search: Search, chosen: Sequence[int]) -> Search:
-    """The search with the sensors that have a plate: at the `chosen` settings, those that are best without, and some
-    others, since records take long.
-    """
-    plates = {name: sensor for name, sensor in search.sensors.items() if sensor.plate is not None}
-    if not plates:
-        return search
-    grid, known, apart = search.grid, search.known, dict(search.apart)
-    gains = np.nan_to_num(grid.mean_gains(search.start, next(iter(search.sensors))), nan=-1.0)
-    allowed = np.flatnonzero(grid.allowed)
-    even = allowed[np.linspace(0, allowed.size - 1, min(PLATED, allowed.size)).astype(np.int64)]
-    some = np.unique(np.concatenate([np.argsort(-gains, kind="stable")[:PLATED], even, np.array(chosen, np.int64)]))
-    some = some[grid.allowed[some]]
-    planned = known.at(grid.impacts.take(some), grid.like[some])
-    forces = plate_rows(planned, search.draws, grid.solved[:, some], known.roots(search.draws))
-    only = np.isin(np.arange(len(grid.impacts)), some)
-    beside = look(known, search.draws, grid.impacts.take(some), grid.like[some], plates)
-    for name in plates:
-        rows = np.concatenate([beside.rows[name], forces], axis=2)
-        whole = np.zeros((rows.shape[0], len(grid.impacts), *rows.shape[2:]))
-        whole[:, some] = rows
-        apart[name] = Looked(grid.impacts, grid.like, {name: whole}, grid.solved, grid.status, only)
-    return replace(search, apart=apart)
-
-
 def _checked(search: Search, places: Mapping[str, Sequence[int]], rng: np.random.Generator) -> NestedGain:
     """Nested Monte Carlo of impacts by sensor; of a plate's records there is none."""
     if any(search.sensors[name].plate is not None for name in places):
-        return NestedGain(float("nan"), float("nan"), 0.0, 1.0)
-    return nested_gain(search.known, [search.planned(*one) for one in places.items()], search.target, rng)
-
-
-def look(
-    known: Knowledge, draws: FloatArray, impacts: Impacts, like: NDArray[np.int64], sensors: Mapping[str, Sensor]
-) -> Looked:
-    """Information of impacts by each sensor."""
-    rows: dict[str, list[FloatArray]] = {name: [] for name in sensors}
-    status, roots = [], known.roots(draws)
-    for k in range(0, len(impacts), TOGETHER):
-        part = np.arange(k, min(k + TOGETHER, len(impacts)))
-        made = differentiated(known.at(impacts.take(part), like[part]), draws)
-        status.append(made.rebound.status)
-        for name, sensor in sensors.items():
-            rows[name].append(information_rows(made, sensor, roots))
-    joined = np.concatenate(status, axis=1)
-    together = {name: np.concatenate(parts, axis=1) for name, parts in rows.items()}
-    return Looked(impacts, like, together, joined == 0, joined)
-
-
-@dataclass(frozen=True)
-class Batch:
-    """Impacts chosen one after the other: (sensor, place) each, the gain that each added, and what was left after."""
-
-    places: tuple[tuple[str, int], ...]
-    gains: tuple[float, ...]
-    left: tuple[Left, ...]
-
-
-def _greedy(search: Search, count: int, repeats: int, sensors: Sequence[str]) -> Batch:
-    """The best impact, the best after that, and so on, by gain for its cost."""
-    left, places, gains, lefts = search.start, [], [], []
-    for _ in range(count):
-        found = [search.looked(name).mean_gains(left, name, repeats) for name in sensors]
-        worth = [
-            np.nan_to_num(gain / search.sensors[name].cost, nan=-np.inf)
-            for name, gain in zip(sensors, found, strict=True)
-        ]
-        best = int(np.argmax([one.max() for one in worth]))
-        place = int(np.argmax(worth[best]))
-        rows = np.sqrt(repeats) * search.looked(sensors[best]).rows[sensors[best]][:, place]
-        left = left.after(rows)
-        places.append((sensors[best], place))
-        gains.append(float(found[best][place]))
-        lefts.append(left)
-    return Batch(tuple(places), tuple(gains), tuple(lefts))
+        return NOT_SIMULATED
+    plans = []
+    for name, mine in places.items():
+        looked, rows = search.looked(name), np.array(mine, dtype=np.int64)
+        planned = search.known.at(looked.impacts.take(rows), looked.like[rows])
+        plans.append(Planned(planned, search.sensors[name]))
+    return nested_gain(search.known, plans, search.target, rng)
 
 
 def shrunk(start: Left, left: Left) -> FloatArray:
@@ -312,11 +148,8 @@ def _worth(search: Search, name: str, batch: Batch, repeats: int, now: FloatArra
     looked, sensor = search.looked(name), search.sensors[name]
     gains = looked.mean_gains(search.start, name)
     if not np.any(np.isfinite(gains)):
-        nothing = NestedGain(float("nan"), float("nan"), 0.0, 1.0)
-        unknown = np.full(now.shape, np.nan)
-        return Worth(
-            name, sensor.words, sensor.cost, search.setting(name, 0), float("nan"), nothing, float("nan"), unknown
-        )
+        unknown, none = np.full(now.shape, np.nan), float("nan")
+        return Worth(name, sensor.words, sensor.cost, search.setting(name, 0), none, NOT_SIMULATED, none, unknown)
     best = int(np.nanargmax(gains))
     nested = _checked(search, {name: [best]}, rng)
     left, total = search.start, 0.0
@@ -348,12 +181,3 @@ def _table_again(search: Search, problem: Problem, count: int) -> tuple[float, F
         gained += float(left.gains(one[:, None]).mean())
         left = left.after(one)
     return gained, shrunk(search.start, left)
-
-
-def _failures(looked: Looked) -> dict[str, int]:
-    """Of settings that are withheld why most draws fail there, and how many."""
-    reasons: Counter[str] = Counter()
-    for column in looked.status[:, ~looked.allowed].T:
-        code = Counter(column[column != 0].tolist()).most_common(1)[0][0]
-        reasons[STATUS_REASON[Status(code)]] += 1
-    return dict(reasons.most_common())

@@ -54,6 +54,10 @@ class NestedGain:
         return self.effective >= LEAST_EFFECTIVE
 
 
+# What is said where nothing can be simulated.
+NOT_SIMULATED = NestedGain(float("nan"), float("nan"), 0.0, 1.0)
+
+
 @dataclass(frozen=True)
 class Planned:
     """Impacts of a `problem` (see `Knowledge.at`) that are read by one `sensor`."""
@@ -99,9 +103,7 @@ def read(plans: Sequence[Planned], coordinates: FloatArray) -> tuple[list[Read],
             rebound = made.rebound
             nothing = np.zeros((*rebound.v_x2.shape, len(sensor.columns)))
             shared = covariances(made, sensor, nothing, made.solved)
-        means = np.stack(
-            [column.column.predict(rebound) + _bias(problem, columns, column) for column in sensor.columns], 2
-        )
+        means = np.stack([column.predict(rebound) + _bias(problem, columns, column) for column in sensor.columns], 2)
         sds = np.stack([column.sds(columns, rebound) for column in sensor.columns], axis=2)
         possible &= np.all(solved(rebound), axis=1)
         impacts += [
@@ -124,7 +126,7 @@ def nested_gain(known: Knowledge, plans: Sequence[Planned], target: Target, rng:
     quantities = target.values(known.coordinates)
     rows = np.flatnonzero(possible & np.isfinite(quantities).all(axis=1))
     if rows.size < 2 * LEAST_NEAR:
-        return NestedGain(float("nan"), float("nan"), 0.0, 1.0)
+        return NOT_SIMULATED
     outer = np.sort(rng.choice(rows, min(OUTER, rows.size), replace=False))
     y = simulated(known, [impact.take(outer) for impact in expected], outer, rng)
     near = _near(known, quantities, rows)

@@ -6,19 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fitball.inference.design.nested import NestedGain
-from fitball.inference.design.settings import Settings
+from fitball.inference.design.settings import Setting, Settings
 from fitball.inference.design.target import Part
 from fitball.values import FloatArray, Impacts
-
-
-@dataclass(frozen=True)
-class Setting:
-    """An incident state: `speed`, `angle` to the court, `spin`, and the `surface` (empty where there is one only)."""
-
-    surface: str
-    speed: float
-    angle: float
-    spin: float
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,16 @@ MOST = 20_000
 
 
 @dataclass(frozen=True)
+class Setting:
+    """An incident state: `speed`, `angle` to the court, `spin`, and the `surface` (empty where there is one only)."""
+
+    surface: str
+    speed: float
+    angle: float
+    spin: float
+
+
+@dataclass(frozen=True)
 class Settings:
     """The grid: axes in SI, and the table's `rows` whose surface and ball are met, with their `surfaces`. `assumed`
     says which ranges nobody asked for.
@@ -56,10 +66,10 @@ class Settings:
         """The row of the table whose surface and ball each meets, (settings,)."""
         return np.array(self.rows, dtype=np.int64)[self._points[0].astype(np.int64)]
 
-    def state(self, place: int) -> tuple[str, float, float, float]:
-        """Surface, speed, angle and spin of one, in SI."""
-        surface, speed, angle, spin = (axis[place] for axis in self._points)
-        return self.surfaces[int(surface)], float(speed), float(angle), float(spin)
+    def setting(self, place: int) -> Setting:
+        """One of them."""
+        surface, *state = (float(axis[place]) for axis in self._points)
+        return Setting(self.surfaces[int(surface)], *state)
 
 
 def build_settings(problem: Problem, speed: Range | None, angle: Range | None, spin: Range | None) -> Settings:

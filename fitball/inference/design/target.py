@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -37,83 +36,17 @@ class Part:
     log: bool = False
 
 
-class Target(Protocol):
-    """Quantities that are functions of the parameters."""
-
-    @property
-    def words(self) -> str:
-        """What it is called in a sentence."""
-
-    @property
-    def parts(self) -> tuple[Part, ...]:
-        """The quantities."""
-
-    def values(self, coordinates: FloatArray) -> FloatArray:
-        """The quantities (draws, parts) at `coordinates` (draws, free); NaN where the model has no answer."""
-
-    def gradients(self, coordinates: FloatArray) -> FloatArray:
-        """Their derivatives (draws, parts, free) with respect to coordinates; NaN likewise."""
-
-
 @dataclass(frozen=True)
-class OfParameters:
-    """Coordinates of some parameters, at `places` among the free ones."""
+class Target:
+    """Quantities that are functions of the parameters, called `words` in a sentence: at coordinates (draws, free)
+    their `values` (draws, parts), and the derivatives of these, `gradients` (draws, parts, free); NaN where the model
+    has no answer.
+    """
 
     words: str
     parts: tuple[Part, ...]
-    places: tuple[int, ...]
-
-    def values(self, coordinates: FloatArray) -> FloatArray:
-        """See `Target`."""
-        return coordinates[:, self.places]
-
-    def gradients(self, coordinates: FloatArray) -> FloatArray:
-        """See `Target`."""
-        unit = np.eye(coordinates.shape[1])[list(self.places)]
-        return np.broadcast_to(unit, (len(coordinates), *unit.shape))
-
-
-@dataclass(frozen=True)
-class OfRebound:
-    """The rebound of one impact, without noise: what of it shows in `problem`, whose impacts are that one."""
-
-    words: str
-    parts: tuple[Part, ...]
-    problem: Problem
-
-    def values(self, coordinates: FloatArray) -> FloatArray:
-        """See `Target`."""
-        rebound = self.problem.rebound(self.problem.to_values(coordinates))
-        return np.concatenate([OBSERVABLES[part.name].predict(rebound) for part in self.parts], axis=1)
-
-    def gradients(self, coordinates: FloatArray) -> FloatArray:
-        """See `Target`."""
-        rebound, slopes = self.problem.differentiated(coordinates)
-        return np.concatenate([OBSERVABLES[part.name].slopes(rebound, slopes) for part in self.parts], axis=1)
-
-
-@dataclass(frozen=True)
-class OfCourtPace:
-    """The ITF's rating of each surface: impacts of `problem` are the test impact on each."""
-
-    words: str
-    parts: tuple[Part, ...]
-    problem: Problem
-
-    def values(self, coordinates: FloatArray) -> FloatArray:
-        """See `Target`; a temperature of the ball, which only shifts a rating, is left out."""
-        impacts, rebound = self.problem.impacts, self.problem.rebound(self.problem.to_values(coordinates))
-        friction = apparent_friction(impacts.v_x1, impacts.v_y1, rebound.v_x2, rebound.v_y2)
-        return pace_rating(friction, rebound.v_y2 / impacts.v_y1)
-
-    def gradients(self, coordinates: FloatArray) -> FloatArray:
-        """See `Target`."""
-        impacts = self.problem.impacts
-        rebound, slopes = self.problem.differentiated(coordinates)
-        vertical = (impacts.v_y1 + rebound.v_y2)[..., None]
-        lost = (impacts.v_x1 - rebound.v_x2)[..., None]
-        friction = -slopes["v_x2"] / vertical - lost / vertical**2 * slopes["v_y2"]
-        return np.asarray(-100.0 * friction - PACE_CONSTANT * slopes["v_y2"] / impacts.v_y1[:, None])
+    values: Callable[[FloatArray], FloatArray]
+    gradients: Callable[[FloatArray], FloatArray]
 
 
 def parse_target(text: str | Sequence[str] | None, known: Knowledge) -> Target:
@@ -138,7 +71,7 @@ def parse_target(text: str | Sequence[str] | None, known: Knowledge) -> Target:
     return of_parameters(problem, tuple(name.strip() for name in text.split(",")))
 
 
-def of_parameters(problem: Problem, names: tuple[str, ...], words: str = "") -> OfParameters:
+def of_parameters(problem: Problem, names: tuple[str, ...], words: str = "") -> Target:
     """Parameters by name. Raises ParameterError for one that is not free or named twice."""
     for name in names:
         if name not in problem.free_names:
@@ -152,10 +85,15 @@ def of_parameters(problem: Problem, names: tuple[str, ...], words: str = "") -> 
     places = tuple(problem.free_names.index(name) for name in names)
     chosen = [problem.free[k] for k in places]
     parts = tuple(Part(item.name, item.spec.unit, item.prior.log) for item in chosen)
-    return OfParameters(words or ", ".join(names), parts, places)
+
+    def gradients(coordinates: FloatArray) -> FloatArray:
+        unit = np.eye(coordinates.shape[1])[list(places)]
+        return np.broadcast_to(unit, (len(coordinates), *unit.shape))
+
+    return Target(words or ", ".join(names), parts, lambda coordinates: coordinates[:, places], gradients)
 
 
-def of_impact(known: Knowledge, impact: Impacts, text: str) -> OfRebound:
+def of_impact(known: Knowledge, impact: Impacts, text: str) -> Target:
     """The rebound of an impact on a court in the middle of all levels. Raises ParameterError for one along the court
     where the fit knows no such motion.
     """
@@ -164,11 +102,23 @@ def of_impact(known: Knowledge, impact: Impacts, text: str) -> OfRebound:
         raise ParameterError(f"impact '{text}': this fit of a drop test knows the vertical motion only")
     shown = ("v_x2", "v_y2", "omega_2") if problem.table.has_tangential else ("v_y2",)
     parts = tuple(Part(name, OBSERVABLES[name].unit) for name in shown)
-    return OfRebound(f"the rebound of {text}", parts, known.common(impact))
+    at = known.common(impact)
+
+    def values(coordinates: FloatArray) -> FloatArray:
+        rebound = at.rebound(at.to_values(coordinates))
+        return np.concatenate([OBSERVABLES[name].predict(rebound) for name in shown], axis=1)
+
+    def gradients(coordinates: FloatArray) -> FloatArray:
+        rebound, slopes = at.differentiated(coordinates)
+        return np.concatenate([OBSERVABLES[name].slopes(rebound, slopes) for name in shown], axis=1)
+
+    return Target(f"the rebound of {text}", parts, values, gradients)
 
 
-def of_court_pace(known: Knowledge) -> OfCourtPace:
-    """The rating of each surface. Raises FitError where the fit has none."""
+def of_court_pace(known: Knowledge) -> Target:
+    """The ITF's rating of each surface; a temperature of the ball, which only shifts it, is left out. Raises FitError
+    where the fit has none.
+    """
     problem = known.problem
     if not problem.table.has_tangential:
         raise FitError("a fit of a drop test has no court pace rating: no motion along the court was measured")
@@ -176,7 +126,20 @@ def of_court_pace(known: Knowledge) -> OfCourtPace:
     impacts = itf_impact().take(np.zeros(len(rows), dtype=np.int64))
     at = replace(known.at(impacts, np.array(rows)), group_bias=None, incident=None)
     parts = tuple(Part(f"court pace {where}".strip(), "") for where in surfaces(problem, rows))
-    return OfCourtPace("the court pace rating", parts, at)
+
+    def values(coordinates: FloatArray) -> FloatArray:
+        rebound = at.rebound(at.to_values(coordinates))
+        friction = apparent_friction(impacts.v_x1, impacts.v_y1, rebound.v_x2, rebound.v_y2)
+        return pace_rating(friction, rebound.v_y2 / impacts.v_y1)
+
+    def gradients(coordinates: FloatArray) -> FloatArray:
+        rebound, slopes = at.differentiated(coordinates)
+        vertical = (impacts.v_y1 + rebound.v_y2)[..., None]
+        lost = (impacts.v_x1 - rebound.v_x2)[..., None]
+        friction = -slopes["v_x2"] / vertical - lost / vertical**2 * slopes["v_y2"]
+        return np.asarray(-100.0 * friction - PACE_CONSTANT * slopes["v_y2"] / impacts.v_y1[:, None])
+
+    return Target("the court pace rating", parts, values, gradients)
 
 
 def first_rows(problem: Problem) -> list[int]:

@@ -9,12 +9,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fitball.inference.likelihood.force import force_slopes
-from fitball.inference.likelihood.sensitivities import prediction_slopes
-from fitball.inference.problem.batches import batches
+from fitball.inference.likelihood.residuals import prediction_slopes
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
-from fitball.inference.problem.subsample import LOOKED_AT, thinned_problem, thinned_rows
+from fitball.inference.problem.subsample import LOOKED_AT, batches, thinned_problem, thinned_rows
 from fitball.inference.results.evidence import NAMED, ActiveImpacts
 from fitball.values import FloatArray
 

@@ -11,7 +11,7 @@ from collections.abc import Collection, Sequence, Set
 
 import numpy as np
 
-from fitball.inference.identifiability.fisher import UNINFORMED, fisher_information, prior_sds
+from fitball.inference.identifiability.fisher import UNINFORMED, fisher_information, inverse, prior_sds
 from fitball.inference.identifiability.products import (
     known_products,
     log_covariance,
@@ -19,7 +19,6 @@ from fitball.inference.identifiability.products import (
     monomial_error,
     positive,
 )
-from fitball.inference.identifiability.symmetric import inverse
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import Direction, Eigendirections
@@ -147,15 +146,11 @@ def _sum(parameters: Sequence[Parameter], weights: FloatArray, main: int) -> str
 def product(parameters: Sequence[Parameter], exponents: FloatArray) -> str:
     """A product of powers, such as `k_theta/k_y^0.5`."""
 
-    def factor(name: str, power: float) -> str:
-        return name if abs(power - 1.0) < 1e-9 else f"{name}^{power:g}"
+    def factors(sign: float) -> list[str]:
+        powers = [(parameter.name, sign * power) for parameter, power in zip(parameters, exponents, strict=True)]
+        return [name if abs(power - 1.0) < 1e-9 else f"{name}^{power:g}" for name, power in powers if power > 0.0]
 
-    above = [
-        factor(parameter.name, power) for parameter, power in zip(parameters, exponents, strict=True) if power > 0.0
-    ]
-    below = [
-        factor(parameter.name, -power) for parameter, power in zip(parameters, exponents, strict=True) if power < 0.0
-    ]
+    above, below = factors(1.0), factors(-1.0)
     head = " ".join(above) or "1"
     if not below:
         return head

@@ -15,7 +15,7 @@ from fitball.inference.identifiability.power_scaling import power_evidence
 from fitball.inference.identifiability.profile import coverage, profiles
 from fitball.inference.identifiability.scene_share import contraction_alone, touched_by_scene
 from fitball.inference.identifiability.verdict import combine
-from fitball.inference.likelihood.force_noise import noise_held
+from fitball.inference.likelihood.force import noise_held
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import (
     LEFT_OUT,
@@ -100,12 +100,11 @@ def examine(
     active = active_impacts(problem, draws, regimes)
     evidence, judgements = {}, {}
     for parameter in problem.parameters:
-        base = bases.get(parameter.name)
         if not parameter.free:
-            judgements[parameter.name] = base or Judgement(
-                None, Verdict.FIXED, f"held at its value: {parameter.fixed_because}"
-            )
+            held = f"held at its value: {parameter.fixed_because}"
+            judgements[parameter.name] = Judgement(None, Verdict.FIXED, held)
             continue
+        base = bases.get(parameter.name)
         contraction = None
         if base is not None and base.contraction is not None:
             contraction = ContractionEvidence(base.contraction, base.open_sides)

@@ -5,14 +5,28 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.identifiability.symmetric import inverse
 from fitball.inference.likelihood.force import force_information
-from fitball.inference.likelihood.sensitivities import prediction_slopes
+from fitball.inference.likelihood.residuals import prediction_slopes
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import LOOKED_AT, thinned_problem
 from fitball.inference.results.evidence import InformationEvidence
 from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray
+
+
+def inverse(information: FloatArray, ridge: float) -> FloatArray:
+    """Inverse (n, n) of a symmetric matrix without negative eigenvalues, `ridge` added to its diagonal.
+
+    Eigenvalues that rounding left below zero count as zero. Rows that are not finite stand for parameters of which
+    there is no derivative: the inverse is that of the others, with NaN in those rows and columns.
+    """
+    inverted = np.full(information.shape, np.nan)
+    finite = np.flatnonzero(np.isfinite(np.diag(information)))
+    if finite.size:
+        eigenvalues, vectors = np.linalg.eigh(information[np.ix_(finite, finite)])
+        inverted[np.ix_(finite, finite)] = (vectors / (np.maximum(eigenvalues, 0.0) + ridge)) @ vectors.T
+    return inverted
+
 
 # Standard errors above this many sds of the prior are no knowledge at all.
 UNINFORMED = 1e3

@@ -47,23 +47,16 @@ class Judgement:
 def judge(
     problem: Problem, posterior: Posterior, correlation: FloatArray, alone: Mapping[str, float]
 ) -> dict[str, Judgement]:
-    """Judge every parameter, fixed ones included; `alone` is the contraction by table and priors of those that the
+    """Judge every free parameter; `alone` is the contraction by table and priors of those that the
     scene's contact time touches.
     """
-    judgements = {}
-    for parameter in problem.parameters:
-        if parameter.free:
-            judgements[parameter.name] = _judge_free(
-                problem, posterior, correlation, parameter, alone.get(parameter.name)
-            )
-        else:
-            judgements[parameter.name] = Judgement(
-                None, Verdict.FIXED, f"held at its value: {parameter.fixed_because}"
-            )
-    return judgements
+    return {
+        parameter.name: _judge(problem, posterior, correlation, parameter, alone.get(parameter.name))
+        for parameter in problem.free
+    }
 
 
-def _judge_free(
+def _judge(
     problem: Problem, posterior: Posterior, correlation: FloatArray, parameter: Parameter, alone: float | None
 ) -> Judgement:
     column = posterior.names.index(parameter.name)

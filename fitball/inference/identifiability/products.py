@@ -15,8 +15,7 @@ from math import gcd
 
 import numpy as np
 
-from fitball.inference.identifiability.fisher import fisher_information, prior_sds
-from fitball.inference.identifiability.symmetric import inverse
+from fitball.inference.identifiability.fisher import fisher_information, inverse, prior_sds
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Posterior

@@ -62,17 +62,15 @@ def profiles(
         unbounded = _noise_at_bound(objective, top)
         if unbounded:
             return Profiles(-top.cost, scene, {}, unbounded)
+        follow = partial(_followed, objective=objective, top=top, others=others, scene=scene)
         if engine is None:
-            paths, better = _followed(columns, objective, top, others, scene, report)
+            found = [follow(columns, report=report)]
         else:
             report("outwards and from both sides")
-            task = partial(_followed, objective=objective, top=top, others=others, scene=scene)
-            found = list(in_order(engine, task, [[column] for column in columns]))
-            better = next((at for _part, at in found if at is not None), None)
-            paths = (
-                {} if better is not None else {column: line for part, _at in found for column, line in part.items()}
-            )
+            found = list(in_order(engine, follow, [[column] for column in columns]))
+        better = next((at for _part, at in found if at is not None), None)
         if better is None:
+            paths = {column: line for part, _at in found for column, line in part.items()}
             break
         top, others = best_top(objective, np.concatenate([better[None, :], top.x[None, :], others]), scene)
     if columns and not paths:
@@ -143,13 +141,13 @@ def _profile(
     parameter = objective.problem.free[column]
     ordered = sorted(points, key=lambda point: point.at)
     at = np.array([point.at for point in ordered])
-    drop = _drop(objective, column, ordered, lowest)
-    scatters = column in objective.columns and objective.structure_precision[objective.columns.index(column)] > 0.0
+    precision = _own_precision(objective, column)
+    drop = _drop(at, np.array([point.cost for point in ordered]), precision, lowest)
     values = at if objective.is_value(column) else parameter.prior.value(at)
     ends, leans = [], []
     for k in (0, -1):
         closed, bound = drop[k] >= DROP_95, End.BOUND if ordered[k].bound else End.MODEL
-        bound = End.SCATTER if scatters and not ordered[k].bound else bound
+        bound = End.SCATTER if precision > 0.0 and not ordered[k].bound else bound
         ends.append((End.RANGE if ranged[k] else End.CLOSED) if closed else bound)
         leans.append(ranged[k] or at_bounds(objective, column, ordered[k]))
 
@@ -179,17 +177,19 @@ def _profile(
     )
 
 
-def _drop(objective: Surface, column: int, ordered: Sequence[Point], lowest: float) -> FloatArray:
+def _own_precision(objective: Surface, column: int) -> float:
+    """The inverse variance with which a level or a bias scatters in the model, zero for all others."""
+    known = column in objective.columns
+    return float(objective.structure_precision[objective.columns.index(column)]) if known else 0.0
+
+
+def _drop(at: FloatArray, cost: FloatArray, precision: float, lowest: float) -> FloatArray:
     """The drop at each point. How a level or a bias scatters is part of the model for all others, and its prior for
     itself: that is taken off again.
     """
-    cost = np.array([point.cost for point in ordered])
-    if column not in objective.columns:
-        return np.maximum(cost - lowest, 0.0)
-    precision = objective.structure_precision[objective.columns.index(column)]
     if precision <= 0.0:
         return np.maximum(cost - lowest, 0.0)
-    own: FloatArray = cost - 0.5 * precision * np.array([point.at for point in ordered]) ** 2
+    own: FloatArray = cost - 0.5 * precision * at**2
     return np.asarray(own - own.min())
 
 

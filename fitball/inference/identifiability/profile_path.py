@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitball.inference.identifiability.symmetric import inverse
+from fitball.inference.identifiability.fisher import inverse
 from fitball.inference.point.gauss_newton import Reached, Searches, descend
 from fitball.inference.point.surface import Conditions, Surface
 from fitball.values import FloatArray

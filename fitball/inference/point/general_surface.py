@@ -16,11 +16,11 @@ import numpy as np
 from fitball.inference.likelihood.force import force_slopes
 from fitball.inference.likelihood.incident_marginal import measured_of, seen, standardised
 from fitball.inference.likelihood.posterior import impact_terms, log_likelihood, log_scene_density
-from fitball.inference.likelihood.sensitivities import differentiable
+from fitball.inference.likelihood.residuals import differentiable
 from fitball.inference.point.surface import Conditions, Surface
-from fitball.inference.problem.batches import batches
 from fitball.inference.problem.noise import NormalNoise
 from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.subsample import batches
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
 

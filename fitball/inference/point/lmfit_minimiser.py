@@ -10,8 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fitball.inference.likelihood.residuals import IMPOSSIBLE, Weighting, residuals
-from fitball.inference.likelihood.sensitivities import differentiable, residual_slopes
+from fitball.inference.likelihood.residuals import IMPOSSIBLE, Weighting, differentiable, residual_slopes, residuals
 from fitball.inference.point.minimum import Minimum, straight_minimum, triangle
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fitball.errors import FitError
-from fitball.inference.likelihood.force_noise import best_force_noise
+from fitball.inference.likelihood.force import best_force_noise
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
 from fitball.inference.likelihood.residuals import Weighting, default_noise, named_values, root_mean_squares
 from fitball.inference.point.gauss_newton import Searches, descend

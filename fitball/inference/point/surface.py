@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from fitball.inference.likelihood.force import force_cost, force_slopes
 from fitball.inference.likelihood.posterior import log_scene_density
-from fitball.inference.likelihood.sensitivities import deviation_slopes
+from fitball.inference.likelihood.residuals import deviation_slopes
 from fitball.inference.point.searched_columns import SearchedColumns
-from fitball.inference.problem.batches import batches
 from fitball.inference.problem.noise import LOG_TAU
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.problem.subsample import batches
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
 

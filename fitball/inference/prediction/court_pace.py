@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.prediction.extrapolation import calibrated_range
+from fitball.inference.prediction.extrapolation import calibrated_range, lines_of
 from fitball.inference.prediction.measured_pace import PLACES, measured_pace, temperatures
 from fitball.inference.prediction.posterior_predictive import regime_shares
-from fitball.inference.prediction.spread import spread_of
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.pace_rating import (
     TOLERANCE,
@@ -25,14 +24,13 @@ from fitball.inference.results.pace_rating import (
     pace_categories,
     pace_rating,
 )
-from fitball.inference.results.quantiles import MOST_UNSOLVED
+from fitball.inference.results.quantiles import MOST_UNSOLVED, spread_of
 from fitball.inference.results.results import PointFit, Posterior, thinned
 from fitball.models.types import STATUS_REASON, Rebound, Status
 from fitball.values import FloatArray, Impacts
 
 DRAWS = 4000
 SLIDING = ("slide", "slide back")
-LINES = {"cor_slope": "COR", "eps_slope": "eps"}
 
 
 def court_pace(
@@ -45,10 +43,8 @@ def court_pace(
     known = CourtPace(
         (), "", scene.ball_temperature, scene.ball_temperature_sd, measured=measured_pace(problem.table, scene, rng)
     )
-    if problem.model.needs_cor:
-        return replace(known, missing="closure cor = measured takes the restitution of each impact from the table")
-    if "mu" not in problem.model.parameter_names:
-        return replace(known, missing=f"model {problem.model.name} has no coefficient of sliding friction")
+    if missing := _unrated(problem):
+        return replace(known, missing=missing)
     at_point = {name: np.array([value]) for name, value in point.values.items()}
     drawn = at_point if posterior is None else dict(problem.all_values(thinned(posterior, DRAWS)))
     # One error of the thermometer for all surfaces.
@@ -61,6 +57,14 @@ def court_pace(
         rated.append(found)
     ratings = tuple(rating for rating, _ in rated)
     return replace(known, ratings=ratings, court=_court(problem, ratings, [draws for _, draws in rated]))
+
+
+def _unrated(problem: Problem) -> str:
+    """Why a model says nothing of the rating; empty where it does."""
+    if problem.model.needs_cor:
+        return "closure cor = measured takes the restitution of each impact from the table"
+    missing = "mu" not in problem.model.parameter_names
+    return f"model {problem.model.name} has no coefficient of sliding friction" if missing else ""
 
 
 def _court(problem: Problem, ratings: Sequence[PaceRating], draws: Sequence[FloatArray]) -> CourtMean | None:
@@ -88,8 +92,7 @@ def pace_by_surface(problem: Problem, values: FloatArray) -> dict[str, FloatArra
     """Ratings (draws,) of every surface by its labels at free values (draws, free); NaN where the model cannot be
     evaluated. Empty where there are none.
     """
-    rated = problem.table.has_tangential and not problem.model.needs_cor
-    if not rated or "mu" not in problem.model.parameter_names:
+    if not problem.table.has_tangential or _unrated(problem):
         return {}
     columns, impact = dict(problem.all_values(values)), itf_impact()
     ratings = {}
@@ -140,11 +143,7 @@ def _rate(
     rated = PaceRating(
         labels=labels,
         impacts=len(rows),
-        rating=spreads["rating"],
-        friction=spreads["friction"],
-        restitution=spreads["restitution"],
-        sliding_friction=spreads["sliding_friction"],
-        sliding_rating=spreads["sliding_rating"],
+        **spreads,
         categories=pace_categories(many["rating"][solved]),
         regimes=shares,
         slides=sum(share for name, share in shares.items() if name in SLIDING),
@@ -182,8 +181,8 @@ def _quantities(
 def _reach(problem: Problem, rows: NDArray[np.int64]) -> Reach:
     """How far the test impact lies from the impacts on this surface."""
     known = problem.table.impacts.take(rows)
-    words = tuple(word for name, word in LINES.items() if name in problem.model.parameter_names)
-    calibrated = calibrated_range(known, itf_impact(), problem.model.ball.radius, True, words)
+    lines = lines_of(problem.model.parameter_names)
+    calibrated = calibrated_range(known, itf_impact(), problem.model.ball.radius, True, lines)
     over = {name: float(column[0]) for name, column in calibrated.beyond.items()}
     beyond = {name: value for name, value in over.items() if abs(value) > TOLERANCE[name]}
     distance = 0.0 if calibrated.hull_distance is None else float(calibrated.hull_distance[0])

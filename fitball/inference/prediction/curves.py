@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.quantiles import BAND_LEVELS
+from fitball.inference.results.quantiles import bands
 from fitball.inference.results.results import Curve
 from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, Impacts
@@ -93,15 +93,7 @@ def _crowd(problem: Problem, rows: NDArray[np.int64]) -> tuple[float, float, NDA
     impacts, radius = problem.impacts, problem.model.ball.radius
     speed = np.hypot(impacts.v_x1, impacts.v_y1)
     tried = rows[np.unique(np.linspace(0, rows.size - 1, TRIED).round().astype(np.int64))]
-    counts = [
-        np.count_nonzero(
-            (np.abs(speed[rows] - speed[k]) <= NEAR * speed[k])
-            & (radius * np.abs(impacts.omega_1[rows] - impacts.omega_1[k]) <= NEAR * speed[k])
-        )
-        for k in tried
-    ]
-    k = int(tried[int(np.argmax(counts))])
-    near = _near(problem, rows, float(speed[k]), float(impacts.omega_1[k]))
+    near = max((_near(problem, rows, speed[k], impacts.omega_1[k]) for k in tried), key=len)
     middle = float(np.median(speed[near]))
     middle = _rounded(middle, NEAR * middle)
     spin = _rounded(float(np.median(impacts.omega_1[near])), NEAR * middle / radius)
@@ -143,13 +135,3 @@ def _typical_cor(problem: Problem, rows: NDArray[np.int64]) -> FloatArray | None
 def _bands(problem: Problem, values: FloatArray, impacts: Impacts, rows: NDArray[np.int64]) -> dict[str, FloatArray]:
     rebound = problem.rebound(values, impacts, int(rows[0]) if rows.size else None)
     return {name: bands(column.predict(rebound)) for name, column in OBSERVABLES.items()}
-
-
-def bands(array: FloatArray) -> FloatArray:
-    """Quantiles (5, points); draws that the model cannot evaluate there are left out, NaN where none is left."""
-    if not np.isnan(array).any():
-        return np.asarray(np.quantile(array, BAND_LEVELS, axis=0))
-    result = np.full((len(BAND_LEVELS), array.shape[1]), np.nan)
-    known = ~np.all(np.isnan(array), axis=0)
-    result[:, known] = np.nanquantile(array[:, known], BAND_LEVELS, axis=0)
-    return result

@@ -13,14 +13,15 @@ from fitball.data.columns import HEIGHTS
 from fitball.inference.prediction.extrapolation import calibrated_range
 from fitball.inference.prediction.one_way import OneWay, one_way
 from fitball.inference.prediction.posterior_predictive import with_noise
-from fitball.inference.prediction.spread import spread_of
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.drop_test import (
     BallRebound,
     DropTest,
+    Level,
     Passing,
     StandardRebound,
     TestedSpeed,
+    Variation,
     drag,
     fall_speed,
     fall_speed_in_air,
@@ -29,9 +30,8 @@ from fitball.inference.results.drop_test import (
     rise_height_in_air,
     share_within,
 )
-from fitball.inference.results.quantiles import MOST_UNSOLVED
+from fitball.inference.results.quantiles import MOST_UNSOLVED, spread_of
 from fitball.inference.results.results import PointFit, Posterior, thinned
-from fitball.inference.results.variation import Level, Variation
 from fitball.models.types import STATUS_REASON, Status
 from fitball.values import FloatArray, Impacts
 
@@ -84,7 +84,7 @@ def drop_test(
         balls_counted=found is not None,
         from_heights=any(set(notice.columns) == set(HEIGHTS) for notice in table.notices),
         variation=variation,
-        balls=() if found is None else _each(found, problem, known, kind),
+        balls=() if found is None or variation is None else _each(found, variation, kind),
         shared_error=_shared_error(problem, known, measured[known]),
         temperature=scene.ball_temperature,
         missing="",
@@ -202,7 +202,12 @@ def _rebound(
             drop = rise_height((other + found.within * rng.standard_normal(cor.size)) * speed)
         elif posterior is not None:
             drop = rise_height(_one_drop(problem, posterior, speed, rng))
-        passing = {name: _passing(name, mean, ball, drop) for name in BALL_TYPES}
+        passing = {
+            name: Passing(
+                *(None if heights is None else share_within(heights, name) for heights in (mean, ball, drop))
+            )
+            for name in BALL_TYPES
+        }
     at = law.point(speed)
     height = float(rise_height(np.array(at * speed)))
     reach = calibrated_range(problem.table.impacts, _drop(speed), problem.model.ball.radius, False, ()).beyond["v_y1"]
@@ -215,14 +220,6 @@ def _rebound(
         passing_with_air=None if air is None else share_within(air, kind),
         air_share=launch_speed_in_air(height, k) / slower / at - 1.0,
         beyond=float(reach[0]) if abs(reach[0]) > SAME * speed else 0.0,
-    )
-
-
-def _passing(name: str, mean: FloatArray, ball: FloatArray | None, drop: FloatArray | None) -> Passing:
-    return Passing(
-        share_within(mean, name),
-        None if ball is None else share_within(ball, name),
-        None if drop is None else share_within(drop, name),
     )
 
 
@@ -243,13 +240,11 @@ def _one_drop(problem: Problem, posterior: Posterior, speed: float, rng: np.rand
     return np.asarray(np.where(rebound.status[:, 0] == 0, drop, np.nan))
 
 
-def _each(found: OneWay, problem: Problem, known: NDArray[np.int64], kind: str) -> tuple[BallRebound, ...]:
-    labels = problem.table.labels[BALLS]
-    named = [labels[k] for k in known]
+def _each(found: OneWay, variation: Variation, kind: str) -> tuple[BallRebound, ...]:
     heights = rise_height((found.coefficients[:, :1] + found.shifts) * fall_speed(DROP_HEIGHT))
     return tuple(
-        BallRebound(name, named.count(name), spread_of(heights[:, k]), share_within(heights[:, k], kind))
-        for k, name in enumerate(dict.fromkeys(named))
+        BallRebound(level.label, level.impacts, spread_of(heights[:, k]), share_within(heights[:, k], kind))
+        for k, level in enumerate(variation.levels)
     )
 
 

@@ -88,7 +88,10 @@ def fit_engine(fitted: FittedModel, point: Impacts, inertia_ratio: float) -> Eng
         raise ParameterError(f"inertia of the engine's sphere {inertia_ratio:g} M R^2: expected above 0, at most 1")
     refuse_told(fitted)
     valid = valid_range(fitted)
-    there = _evaluated(fitted, valid, point)
+    there, extrapolated = total_rebound(fitted, valid, point)
+    status = Status(int(there.status[0, 0]))
+    if status is not Status.OK:
+        raise ParameterError(f"the operating point cannot be evaluated: {STATUS_REASON[status]}")
     spread = calibrated_mixtures(fitted, RANGE_POINTS, RANGE_SEED)
     everywhere = fitted.rebound(spread)
     solved = np.flatnonzero(everywhere.status[0] == Status.OK)
@@ -99,27 +102,23 @@ def fit_engine(fitted: FittedModel, point: Impacts, inertia_ratio: float) -> Eng
     far = _Target(spread.take(solved), everywhere.take(solved))
     e_near = float(near.truth["v_y2"][0] / point.v_y1[0])
     e_far = float(np.sum(far.truth["v_y2"] * far.impacts.v_y1) / np.sum(far.impacts.v_y1**2))
-    if not fitted.tangential:
-        settings = [_settings(sphere, e, None, None, near, far) for e in (e_near, e_far)]
-    else:
+    mu_near = grips = mu_far = None
+    if fitted.tangential:
         mu_near, grips = _best_at_point(sphere, e_near, near, far)
         mu_far = _best_friction(sphere, e_far, far, 0.0)
-        settings = [
-            _settings(sphere, e_near, mu_near, grips, near, far),
-            _settings(sphere, e_far, mu_far, None, near, far),
-        ]
+    at_point = _settings(sphere, e_near, mu_near, grips, near, far)
     time = float(there.contact_time[0, 0])
-    engine = sphere.outputs(settings[0].e, settings[0].mu or 0.0, point)
+    engine = sphere.outputs(e_near, mu_near or 0.0, point)
     return EngineFit(
         point=point,
         inertia_ratio=inertia_ratio,
         fitted={name: float(near.truth[name][0]) for name in COMPARED},
         engine={name: float(engine[name][0]) for name in COMPARED},
         contact_time=None if np.isnan(time) else time,
-        at_point=settings[0],
-        over_range=settings[1],
+        at_point=at_point,
+        over_range=_settings(sphere, e_far, mu_far, None, near, far),
         valid=valid,
-        extrapolated=bool(valid.outside(point.v_y1)[0]),
+        extrapolated=bool(extrapolated[0]),
         unsolved=len(spread) - solved.size,
     )
 
@@ -131,14 +130,6 @@ def refuse_told(fitted: FittedModel) -> None:
             "closure cor = measured: this model is told each impact's restitution and predicts none; calibrate with "
             "cor = line or mean"
         )
-
-
-def _evaluated(fitted: FittedModel, valid: ValidRange, point: Impacts) -> Rebound:
-    rebound, _extrapolated = total_rebound(fitted, valid, point)
-    status = Status(int(rebound.status[0, 0]))
-    if status is not Status.OK:
-        raise ParameterError(f"the operating point cannot be evaluated: {STATUS_REASON[status]}")
-    return rebound
 
 
 def _outputs(rebound: Rebound) -> dict[str, FloatArray]:

@@ -7,7 +7,7 @@ least-distance problem of Lawson and Hanson (1974, ch. 23), solved by non-negati
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import chain
 
@@ -22,8 +22,8 @@ ROUNDING = 1e-9
 # Distance to the hull, over the median calibrated speed, from which the combination counts as new. The speeds of one
 # launcher setting scatter by 3 % (standard deviation of Wang's 21 impacts); closer than twice that is scatter.
 SLACK = 0.05
-
-
+# Lines in `v_y1` by their slope.
+LINES = {"cor_slope": "COR", "eps_slope": "eps"}
 # Impacts that stand for the range of a longer table, and the directions (and their opposites) in which those furthest
 # out are among them. They are a quarter of a radian apart, so that the hull loses 2 % of its radius at most.
 SPANNING = 300
@@ -59,6 +59,11 @@ class CalibratedRange:
         flags = [self.new_combination, *(np.abs(column) > 0.0 for column in self.beyond.values())]
         outside: NDArray[np.bool_] = np.logical_or.reduce(flags)
         return outside
+
+
+def lines_of(names: Collection[str]) -> tuple[str, ...]:
+    """The lines in `v_y1` of a model with parameters `names`."""
+    return tuple(word for name, word in LINES.items() if name in names)
 
 
 def calibrated_range(
@@ -117,7 +122,7 @@ def _quantity(impacts: Impacts, name: str) -> FloatArray:
 
 
 def _beyond(values: FloatArray, low: float, high: float) -> FloatArray:
-    over = np.where(values > high, values - high, np.where(values < low, values - low, 0.0))
+    over = values - np.clip(values, low, high)
     return np.where(np.abs(over) > ROUNDING * max(abs(low), abs(high)), over, 0.0)
 
 

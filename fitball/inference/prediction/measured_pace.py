@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.inference.prediction.one_way import DRAWS, one_way, plain_mean
-from fitball.inference.prediction.spread import spread_of
 from fitball.inference.results.pace_rating import (
     PER_KELVIN,
     SPEED_TOLERANCE,
@@ -29,6 +28,7 @@ from fitball.inference.results.pace_rating import (
     pace_categories,
     pace_rating,
 )
+from fitball.inference.results.quantiles import spread_of
 from fitball.values import FloatArray
 
 # Label columns that may name places on a court, the surest first.

@@ -11,22 +11,20 @@ from numpy.typing import NDArray
 
 from fitball.data.table import ImpactTable
 from fitball.errors import ModelError
-from fitball.inference.prediction.curves import bands
-from fitball.inference.prediction.extrapolation import CalibratedRange, calibrated_range
-from fitball.inference.prediction.posterior_predictive import regime_shares, with_noise
-from fitball.inference.prediction.uncertain_incidence import Shares, drawn_rebound, shares
+from fitball.inference.prediction.extrapolation import CalibratedRange, calibrated_range, lines_of
+from fitball.inference.prediction.posterior_predictive import joined, regime_shares, with_noise
+from fitball.inference.prediction.uncertain_incidence import Shares, drawn_rebound, over_draws, shares
 from fitball.inference.problem.measurement_noise import derived, noise_in
 from fitball.inference.problem.noise import NoiseKind
 from fitball.inference.problem.observables import Observable, build_observables
 from fitball.inference.results.fitted_model import FittedModel
-from fitball.inference.results.quantiles import MOST_UNSOLVED
-from fitball.models.types import STATUS_REASON, Rebound, Status
+from fitball.inference.results.quantiles import MOST_UNSOLVED, bands
+from fitball.models.types import OUTPUTS, STATUS_REASON, Rebound, Status
 from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, Impacts
 
 # Impacts of one batch, so that memory does not grow with the table. Random numbers depend on it, so it is fixed.
 BATCH = 250
-LINES = {"cor_slope": "COR", "eps_slope": "eps"}
 
 
 @dataclass(frozen=True)
@@ -42,11 +40,11 @@ class OutputPrediction:
 
     name: str
     point: FloatArray
-    rebound: FloatArray | None
-    measured: FloatArray | None
-    mean: FloatArray | None
-    sd: FloatArray | None
-    observed: FloatArray | None
+    rebound: FloatArray | None = None
+    measured: FloatArray | None = None
+    mean: FloatArray | None = None
+    sd: FloatArray | None = None
+    observed: FloatArray | None = None
     shares: Shares | None = None
     over: FloatArray | None = None
 
@@ -122,17 +120,14 @@ def predict_new(
     # A stream of its own: the noise is the same with and without uncertainty of the incident state.
     states = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
     parts = []
-    for rows in (slice(k, k + BATCH) for k in range(0, len(impacts), BATCH)):
-        mine, cut = _part(impacts, rows), [_rows_of(observable, rows) for observable in observables]
-        if incident_covariance is None or fitted.draws.shape[0] == 0:
-            parts.append(_batch(fitted, mine, cut, rng))
-        else:
-            parts.append(_uncertain_batch(fitted, mine, cut, incident_covariance[rows], rng, states))
+    for k in range(0, len(impacts), BATCH):
+        rows = np.arange(k, min(k + BATCH, len(impacts)))
+        cut = [replace(observable.at(rows), rows=None) for observable in observables]
+        covariance = None if incident_covariance is None else incident_covariance[rows]
+        parts.append(_batch(fitted, impacts.take(rows), cut, covariance, rng, states))
     known = {observable.name for observable in observed}
-    failures = tuple(share for part in parts for share in part[2])
-    too_many = np.array([sum(shares.values()) > MOST_UNSOLVED for shares in failures])
     outputs = tuple(
-        _withheld(_joined([part[0][k] for part in parts], item.observed if item.name in known else None), too_many)
+        replace(joined([part[0][k] for part in parts]), observed=item.observed if item.name in known else None)
         for k, item in enumerate(observables)
     )
     return NewPrediction(
@@ -140,13 +135,9 @@ def predict_new(
         outputs=outputs,
         # Without motion along the court there is neither slip nor grip.
         regimes=tuple(share if fitted.tangential else {} for part in parts for share in part[1]),
-        failures=failures,
+        failures=tuple(share for part in parts for share in part[2]),
         range=calibrated_range(
-            fitted.impacts,
-            impacts,
-            fitted.model.ball.radius,
-            fitted.tangential,
-            tuple(word for name, word in LINES.items() if name in fitted.names),
+            fitted.impacts, impacts, fitted.model.ball.radius, fitted.tangential, lines_of(fitted.names)
         ),
         draws=fitted.draws.shape[0],
     )
@@ -163,61 +154,48 @@ def output_observables(fitted: FittedModel, count: int, observed: Sequence[Obser
     )
 
 
-def _part(impacts: Impacts, rows: slice) -> Impacts:
-    cor = None if impacts.cor is None else impacts.cor[rows]
-    return Impacts(impacts.v_x1[rows], impacts.v_y1[rows], impacts.omega_1[rows], cor)
-
-
-def _rows_of(observable: Observable, rows: slice) -> Observable:
-    return replace(
-        observable, observed=observable.observed[rows], sd=None if observable.sd is None else observable.sd[rows]
-    )
-
-
-_Part = tuple[list[OutputPrediction], tuple[Mapping[str, float], ...], tuple[Mapping[str, float], ...]]
+_Shares = tuple[Mapping[str, float], ...]
 
 
 def _batch(
-    fitted: FittedModel, impacts: Impacts, observables: Sequence[Observable], rng: np.random.Generator
-) -> _Part:
-    at_point = fitted.rebound(impacts)
-    if fitted.draws.shape[0] == 0:
-        alone = [
-            OutputPrediction(observable.name, observable.predict(at_point)[0], None, None, None, None, None)
-            for observable in observables
-        ]
-        return alone, regime_shares(at_point), _failures(at_point)
-    drawn = fitted.rebound(impacts, fitted.draws)
-    columns = dict(zip(fitted.names, fitted.draws.T, strict=True))
-    outputs = [
-        _output(fitted.noise, observable, observable.predict(at_point)[0], columns, drawn, rng)
-        for observable in observables
-    ]
-    return outputs, regime_shares(drawn), _failures(drawn)
-
-
-def _uncertain_batch(
     fitted: FittedModel,
     impacts: Impacts,
     observables: Sequence[Observable],
-    covariance: FloatArray,
+    covariance: FloatArray | None,
     rng: np.random.Generator,
     states: np.random.Generator,
-) -> _Part:
-    at_point, fixed = fitted.rebound(impacts), fitted.rebound(impacts, fitted.draws)
-    one, other = (drawn_rebound(fitted, impacts, covariance, states) for _ in range(2))
+) -> tuple[list[OutputPrediction], _Shares, _Shares]:
+    """Outputs, shares of regimes and of failures at some impacts; `covariance` is that of uncertain states."""
+    at_point = fitted.rebound(impacts)
+    if fitted.draws.shape[0] == 0:
+        alone = [OutputPrediction(observable.name, observable.predict(at_point)[0]) for observable in observables]
+        return alone, regime_shares(at_point), _failures(at_point)
+    fixed = fitted.rebound(impacts, fitted.draws)
+    drawn = [fixed]
+    if covariance is not None:
+        drawn = [drawn_rebound(fitted, impacts, covariance, states) for _ in range(2)]
+    _withhold((fixed, *drawn), np.mean(drawn[0].status != 0, axis=0) > MOST_UNSOLVED)
     columns = dict(zip(fitted.names, fitted.draws.T, strict=True))
     outputs = []
     for observable in observables:
-        made = _output(fitted.noise, observable, observable.predict(at_point)[0], columns, one, rng)
-        noise = None
-        if made.measured is not None:
-            # The noise of a measurement at the stated incident state, from numbers of its own.
-            predicted, _spread, data = with_noise(fitted.noise, observable, columns, fixed, states)
-            noise = data - predicted
-        split = shares(observable.predict(fixed), observable.predict(one), observable.predict(other), noise)
-        outputs.append(replace(made, shares=split))
-    return outputs, regime_shares(one), _failures(one)
+        made = _output(fitted.noise, observable, observable.predict(at_point)[0], columns, drawn[0], rng)
+        if covariance is not None:
+            noise = None
+            if made.measured is not None:
+                # The noise of a measurement at the stated incident state, from numbers of its own.
+                predicted, _spread, data = with_noise(fitted.noise, observable, columns, fixed, states)
+                noise = data - predicted
+            one, other = map(observable.predict, drawn)
+            made = replace(made, shares=shares(observable.predict(fixed), one, other, noise))
+        outputs.append(made)
+    return outputs, regime_shares(drawn[0]), _failures(drawn[0])
+
+
+def _withhold(rebounds: Sequence[Rebound], rows: NDArray[np.bool_]) -> None:
+    """Take away what draws say of the impacts `rows`."""
+    for rebound in rebounds:
+        for name in OUTPUTS:
+            getattr(rebound, name)[:, rows] = np.nan
 
 
 def _output(
@@ -229,73 +207,18 @@ def _output(
     rng: np.random.Generator,
 ) -> OutputPrediction:
     if not observable.known(columns.keys()):
-        return OutputPrediction(observable.name, point, bands(observable.predict(drawn)), None, None, None, None)
+        return OutputPrediction(observable.name, point, bands(observable.predict(drawn)))
     predicted, _spread, data = with_noise(noise, observable, columns, drawn, rng)
-    # Impacts that no draw can evaluate have no moments either.
-    solved = np.any(drawn.status == 0, axis=0)
-    mean, sd = np.full(solved.shape, np.nan), np.full(solved.shape, np.nan)
-    mean[solved], sd[solved] = np.nanmean(data[:, solved], axis=0), np.nanstd(data[:, solved], axis=0)
-    return OutputPrediction(observable.name, point, bands(predicted), bands(data), mean, sd, None)
+    mean, sd = over_draws(np.nanmean, data), over_draws(np.nanstd, data)
+    return OutputPrediction(observable.name, point, bands(predicted), bands(data), mean, sd)
 
 
-def _failures(rebound: Rebound) -> tuple[Mapping[str, float], ...]:
+def _failures(rebound: Rebound) -> _Shares:
     shares = []
     for status in rebound.status.T:
         counts = Counter(status[status != 0].tolist()).most_common()
         shares.append({STATUS_REASON[Status(code)]: count / status.size for code, count in counts})
     return tuple(shares)
-
-
-def _joined(parts: Sequence[OutputPrediction], observed: FloatArray | None) -> OutputPrediction:
-    def together(name: str) -> FloatArray | None:
-        arrays = [getattr(part, name) for part in parts]
-        return None if arrays[0] is None else np.concatenate(arrays, axis=-1)
-
-    point: FloatArray = np.concatenate([part.point for part in parts])
-    return OutputPrediction(
-        parts[0].name,
-        point,
-        together("rebound"),
-        together("measured"),
-        together("mean"),
-        together("sd"),
-        observed,
-        _joined_shares([part.shares for part in parts if part.shares is not None]),
-    )
-
-
-def _withheld(output: OutputPrediction, rows: NDArray[np.bool_]) -> OutputPrediction:
-    """The output without what its draws say of some impacts."""
-    if output.rebound is None or not np.any(rows):
-        return output
-
-    def hidden(array: FloatArray | None) -> FloatArray | None:
-        return None if array is None else np.where(rows, np.nan, array)
-
-    split = output.shares
-    if split is not None:
-        parameters, incident = hidden(split.parameters), hidden(split.incident)
-        assert parameters is not None and incident is not None
-        split = Shares(parameters, incident, hidden(split.measurement))
-    return replace(
-        output,
-        rebound=hidden(output.rebound),
-        measured=hidden(output.measured),
-        mean=hidden(output.mean),
-        sd=hidden(output.sd),
-        shares=split,
-    )
-
-
-def _joined_shares(parts: Sequence[Shares]) -> Shares | None:
-    if not parts:
-        return None
-    measured = [part.measurement for part in parts if part.measurement is not None]
-    return Shares(
-        np.concatenate([part.parameters for part in parts]),
-        np.concatenate([part.incident for part in parts]),
-        np.concatenate(measured) if measured else None,
-    )
 
 
 def observed_observables(fitted: FittedModel, table: ImpactTable) -> tuple[tuple[Observable, ...], tuple[str, ...]]:

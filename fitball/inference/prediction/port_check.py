@@ -1,4 +1,4 @@
-"""How far the outputs of a port are from the golden rebounds, and which familiar mistake would explain it."""
+"""Golden rebounds, how far the outputs of a port are from them, and which familiar mistake would explain it."""
 
 from __future__ import annotations
 
@@ -16,11 +16,40 @@ from fitball.models.types import regime_name
 from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, Impacts
 
+# Golden impacts.
+COUNT = 12
 # A mistake explains an output that it reproduces to this share of the incident speed: a thousandth of what the
 # smallest of them does (a mile an hour for a knot), and far above the rounding of printed digits.
 EXPLAINED = 1e-5
 # Differences of single-precision arithmetic: its rounding is 6e-8, and a bounce amplifies it a hundredfold at most.
 SINGLE = (1e-8, 1e-5)
+
+
+def golden_impacts(impacts: Impacts) -> Impacts:
+    """Half of them spread over the table; the others inside its range with spins from back to top."""
+    rows = np.unique(np.linspace(0, len(impacts) - 1, min(COUNT // 2, len(impacts))).astype(int))
+    count = COUNT - rows.size
+    share = (np.arange(count) + 0.5) / count
+
+    def across(column: np.ndarray, order: np.ndarray) -> np.ndarray:
+        return np.concatenate([column[rows], column.min() + (column.max() - column.min()) * order])
+
+    # Golden-ratio steps cover the square evenly without a random generator.
+    other = np.modf(share * count * 0.6180339887498949)[0]
+    v_x1, v_y1 = across(impacts.v_x1, other), across(impacts.v_y1, share)
+    omega = np.concatenate([impacts.omega_1[rows], np.linspace(-200.0, 400.0, count)])
+    if np.ptp(impacts.v_x1) + np.max(np.abs(impacts.v_x1)) <= 0.0:
+        omega = np.zeros(COUNT)
+    return Impacts(v_x1, v_y1, omega, None if impacts.cor is None else across(impacts.cor, share))
+
+
+def golden(fitted: FittedModel, impacts: Impacts) -> Golden:
+    """Rebounds of those impacts at the point estimate; impacts the model cannot evaluate are left out."""
+    chosen = golden_impacts(impacts)
+    rebound = fitted.rebound(chosen)
+    kept = np.flatnonzero(rebound.status[0] == 0)
+    names = dict(zip(fitted.names, map(float, fitted.point), strict=True))
+    return Golden(names, chosen.take(kept), rebound.each(lambda array: array[0][kept]))
 
 
 @dataclass(frozen=True)

@@ -1,26 +1,30 @@
-"""What the posterior says of the measurements: at the table's impacts, and along curves for figures."""
+"""What the posterior says of the measurements: at the table's impacts, draw by draw, and along curves for figures."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitball.inference.likelihood.incident_marginal import incident_sds
+from fitball.inference.likelihood.posterior import impact_terms
 from fitball.inference.prediction.curves import CURVE_DRAWS, curves
-from fitball.inference.problem.batches import cells
 from fitball.inference.problem.noise import NoiseKind
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
-from fitball.inference.problem.subsample import part_of
+from fitball.inference.problem.subsample import batches, impacts_in_parts
 from fitball.inference.results.quantiles import BAND_LEVELS
 from fitball.inference.results.results import ObservablePrediction, PointFit, Posterior, Predictive, thinned
 from fitball.models.types import Rebound, regime_name
 from fitball.values import FloatArray
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Made = TypeVar("Made", bound="DataclassInstance")
 # Draws that each impact is predicted with; of so many impacts that this would be more rebounds, fewer.
 DRAWS, REBOUNDS, LEAST = 1500, 30_000_000, 120
 # Deviations from which the quantiles of a noise are known.
@@ -37,22 +41,26 @@ def predictive(problem: Problem, point: PointFit, posterior: Posterior, rng: np.
 
     Impacts are taken some at a time, so that memory does not grow with draws times impacts.
     """
-    count = len(problem.impacts)
-    values = thinned(posterior, min(DRAWS, max(LEAST, REBOUNDS // count)))
-    size = max(1, cells(problem) // len(values))
-    parts = []
-    for place in (np.arange(k, min(k + size, count)) for k in range(0, count, size)):
-        part = problem if place.size == count else part_of(problem, place)
-        parts.append(_at_impacts(part, point.rebound.take(place), values, rng))
-    observables = tuple(_joined([part[0][k] for part in parts]) for k in range(len(problem.observables)))
+    values = thinned(posterior, min(DRAWS, max(LEAST, REBOUNDS // len(problem.impacts))))
+    parts = [
+        _at_impacts(part, point.rebound.take(rows), values, rng)
+        for rows, part in impacts_in_parts(problem, len(values))
+    ]
+    observables = tuple(joined([part[0][k] for part in parts]) for k in range(len(problem.observables)))
     regimes = tuple(share for part in parts for share in part[1])
     return Predictive(observables, regimes, curves(problem, thinned(posterior, CURVE_DRAWS)))
 
 
-def _joined(parts: Sequence[ObservablePrediction]) -> ObservablePrediction:
-    arrays = [name for name, value in vars(parts[0]).items() if isinstance(value, np.ndarray)]
-    joined: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
-    return replace(parts[0], **joined)
+def joined(parts: Sequence[Made]) -> Made:
+    """Values that hold arrays (..., impacts), of some impacts after the other; all else as in the first of them."""
+
+    def together(values: Sequence[Any]) -> Any:
+        if is_dataclass(values[0]):
+            return joined(values)
+        return np.concatenate(values, axis=-1) if isinstance(values[0], np.ndarray) else values[0]
+
+    names = [item.name for item in fields(parts[0])]
+    return replace(parts[0], **{name: together([getattr(part, name) for part in parts]) for name in names})
 
 
 def _at_impacts(
@@ -62,14 +70,8 @@ def _at_impacts(
     rebound = problem.rebound(values)
     columns = problem.all_values(values)
     even = len(values) < DRAWS
-    by_incidence = incident_sds(problem, columns, rebound)
     observables = []
-    for observable in (item.everywhere(len(problem.impacts)) for item in problem.observables):
-        predicted, spread, data = with_noise(
-            problem.noise, observable, columns, rebound, rng, by_incidence[observable.name], even=even
-        )
-        if problem.group_bias is not None:
-            data = data + problem.group_bias.offset(columns, observable.name)
+    for observable, predicted, spread, data in measurements(problem, columns, rebound, rng, even=even):
         # Even deviations stand for the middles of equal parts.
         ends = np.quantile(data, (BAND_LEVELS[0], BAND_LEVELS[-1]), axis=0, method="hazen" if even else "linear")
         low, mid_low, median, mid_high, high = np.quantile(predicted, BAND_LEVELS, axis=0)
@@ -90,6 +92,27 @@ def _at_impacts(
             )
         )
     return observables, regime_shares(rebound)
+
+
+def measurements(
+    problem: Problem,
+    columns: Mapping[str, FloatArray],
+    rebound: Rebound,
+    rng: np.random.Generator,
+    *,
+    even: bool = False,
+) -> Iterator[tuple[Observable, FloatArray, FloatArray, FloatArray]]:
+    """Each measured column over all impacts of the problem with what `with_noise` says of it, errors of the incident
+    state and biases of groups included.
+    """
+    by_incidence = incident_sds(problem, columns, rebound)
+    for observable in (item.everywhere(len(problem.impacts)) for item in problem.observables):
+        predicted, spread, data = with_noise(
+            problem.noise, observable, columns, rebound, rng, by_incidence[observable.name], even=even
+        )
+        if problem.group_bias is not None:
+            data = data + problem.group_bias.offset(columns, observable.name)
+        yield observable, predicted, spread, data
 
 
 def with_noise(
@@ -144,3 +167,28 @@ def _named_shares(kinds: NDArray[np.integer[Any]], rank: NDArray[np.int64], unit
     """Shares of kinds by name, from how often each was met, times `unit`, less where it was first."""
     counts = -(-rank // unit)
     return {regime_name(int(kinds[k])): float(counts[k] / counts.sum()) for k in np.argsort(-rank) if counts[k]}
+
+
+@dataclass(frozen=True)
+class Replicated:
+    """Of each draw: the log likelihood of all measurements of each impact together (draws, impacts), and new
+    measurements of every column at the same impacts, column -> (draws, impacts) in SI, NaN where a column of stated
+    sds states none.
+    """
+
+    log_likelihood: FloatArray
+    measurements: Mapping[str, FloatArray]
+
+
+def replicated(problem: Problem, values: FloatArray, rng: np.random.Generator) -> Replicated:
+    """For free values (draws, free), some draws at a time."""
+    densities, tables = [], []
+    for some in batches(problem, values.shape[0]):
+        rebound = problem.rebound(values[some])
+        terms = impact_terms(problem, values[some], rebound)
+        densities.append(np.sum(list(terms.values()), axis=0))
+        columns = problem.all_values(values[some])
+        tables.append({item.name: data for item, _, _, data in measurements(problem, columns, rebound, rng)})
+    return Replicated(
+        np.concatenate(densities), {name: np.concatenate([part[name] for part in tables]) for name in tables[0]}
+    )

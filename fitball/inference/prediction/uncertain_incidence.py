@@ -6,6 +6,7 @@ parameters and from the incident state; a measurement of it adds its noise.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,16 +62,13 @@ def shares(fixed: FloatArray, one: FloatArray, other: FloatArray, noise: FloatAr
     at two independent draws of it, whose half squared difference is the variance they leave given the parameters;
     `noise` of a new measurement.
     """
-    half = 0.5 * (one - other) ** 2
-    known = np.any(np.isfinite(half), axis=0)
-    incident = np.full(half.shape[1], np.nan)
-    incident[known] = np.sqrt(np.nanmean(half[:, known], axis=0))
-    return Shares(_sd(fixed), incident, None if noise is None else _sd(noise))
+    incident = np.sqrt(over_draws(np.nanmean, 0.5 * (one - other) ** 2))
+    return Shares(over_draws(np.nanstd, fixed), incident, None if noise is None else over_draws(np.nanstd, noise))
 
 
-def _sd(array: FloatArray) -> FloatArray:
-    """Standard deviation over draws of each impact; NaN where no draw can be evaluated."""
-    sd = np.full(array.shape[1], np.nan)
+def over_draws(statistic: Callable[..., FloatArray], array: FloatArray) -> FloatArray:
+    """A statistic (impacts,) of what is not NaN among draws (draws, impacts); NaN where no draw can be evaluated."""
+    result = np.full(array.shape[1], np.nan)
     known = np.any(np.isfinite(array), axis=0)
-    sd[known] = np.nanstd(array[:, known], axis=0)
-    return sd
+    result[known] = statistic(array[:, known], axis=0)
+    return result

@@ -153,13 +153,7 @@ def _structure(
     extra = {spec.name: spec for spec in noise.parameters}
     specs = chosen.specs
     known = {name: _prior_of(specs[name], priors) for name in pool if name in chosen.parameter_names}
-    levels = build_pooling(
-        table,
-        pool,
-        chosen.parameter_names,
-        {name: prior.log for name, prior in known.items()},
-        {name: (prior.lower, prior.upper) for name, prior in known.items()},
-    )
+    levels = build_pooling(table, pool, chosen.parameter_names, known)
     for pooling in levels:
         extra |= pooling.specs(specs[pooling.parameter].unit, known[pooling.parameter])
     column = choices.offsets or scene.offsets

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.table import ImpactTable
-from fitball.errors import FitError
 from fitball.inference.problem.observables import Observable
-from fitball.inference.problem.pooling import labels_of
+from fitball.inference.problem.pooling import levels_of
 from fitball.models.specs import EVERYTHING, ParameterSpec
 from fitball.values import FloatArray
 from fitball.wording import option
@@ -45,7 +44,7 @@ class GroupBias:
 
     def take(self, rows: NDArray[np.int64]) -> GroupBias:
         """The same groups for some of the impacts."""
-        return GroupBias(self.column, self.labels, self.index[rows])
+        return replace(self, index=self.index[rows])
 
     def specs(self, observables: Sequence[Observable], nominal: Mapping[str, float]) -> dict[str, ParameterSpec]:
         """What the offsets are, by name; `nominal` is the expected noise by noise parameter."""
@@ -71,10 +70,5 @@ def _expected_noise(observable: Observable, nominal: Mapping[str, float]) -> flo
 
 
 def build_group_bias(table: ImpactTable, column: str) -> GroupBias:
-    """Offsets over a label column. Raises FitError when there is none, or only one label."""
-    asked = option("offsets", column)
-    labels = labels_of(table, column, asked)
-    distinct = tuple(dict.fromkeys(labels))
-    if len(distinct) < 2:
-        raise FitError(f"{asked}: column {column} of {table.source} holds one label only: {distinct[0]}")
-    return GroupBias(column, distinct, np.array([distinct.index(label) for label in labels], dtype=np.int64))
+    """Offsets over a label column. Raises what `levels_of` raises."""
+    return GroupBias(column, *levels_of(table, column, option("offsets", column)))

@@ -8,7 +8,7 @@ Skoeld 2007). How far levels lie apart, `spread`, is itself fitted; so a level w
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,7 +71,7 @@ class Pooling:
 
     def take(self, rows: NDArray[np.int64]) -> Pooling:
         """The same levels for some of the impacts."""
-        return Pooling(self.parameter, self.column, self.labels, self.index[rows], self.log, self.bounds)
+        return replace(self, index=self.index[rows])
 
     def specs(self, unit: str, prior: Prior) -> dict[str, ParameterSpec]:
         """What the additional parameters are, by name; `prior` is that of the parameter."""
@@ -99,32 +99,34 @@ def _plain(text: str) -> str:
     return r"\mathrm{" + "".join(character for character in text if character.isalnum()) + "}"
 
 
-def labels_of(table: ImpactTable, column: str, asked_by: str) -> tuple[str, ...]:
-    """The label column of a table. Raises FitError that names those it has."""
+def levels_of(table: ImpactTable, column: str, asked_by: str) -> tuple[tuple[str, ...], NDArray[np.int64]]:
+    """The distinct labels of a column, and which of them each impact has (impacts,).
+
+    Raises FitError for a column that the table has not, naming those it has, and for one that holds one label only.
+    """
     if column not in table.labels:
         known = ", ".join(table.labels) or "none"
         raise FitError(f"{asked_by}: {table.source} has no label column '{column}' (label columns: {known})")
-    return table.labels[column]
+    distinct = tuple(dict.fromkeys(table.labels[column]))
+    if len(distinct) < 2:
+        raise FitError(f"{asked_by}: column {column} of {table.source} holds one label only: {distinct[0]}")
+    return distinct, np.array([distinct.index(label) for label in table.labels[column]], dtype=np.int64)
 
 
 def build_pooling(
-    table: ImpactTable, pool: Mapping[str, str], names: Sequence[str], logs: Mapping[str, bool],
-    bounds: Mapping[str, tuple[float, float]],
-) -> tuple[Pooling, ...]:  # fmt: skip
+    table: ImpactTable, pool: Mapping[str, str], names: Sequence[str], priors: Mapping[str, Prior]
+) -> tuple[Pooling, ...]:
     """Pooling for `pool` (parameter -> label column), in the order of `pool`.
 
-    `names` are the parameters of the model. Raises ParameterError for a parameter it has not, FitError for a column
-    the table has not or that holds one label only.
+    `names` are the parameters of the model, `priors` those of the pooled ones. Raises ParameterError for a parameter
+    it has not, and what `levels_of` raises.
     """
     pooled = []
     for name, column in pool.items():
         asked = spoken(f"--pool {name}={column}", f"pool={{{name!r}: {column!r}}}")
         if name not in names or name in BALL_PARAMETERS:
             raise ParameterError(f"{asked}: unknown parameter '{name}' of the model: {suggestion(name, names)}")
-        labels = labels_of(table, column, asked)
-        distinct = tuple(dict.fromkeys(labels))
-        if len(distinct) < 2:
-            raise FitError(f"{asked}: column {column} of {table.source} holds one label only: {distinct[0]}")
-        index = np.array([distinct.index(label) for label in labels], dtype=np.int64)
-        pooled.append(Pooling(name, column, distinct, index, logs[name], bounds[name]))
+        prior = priors[name]
+        bounds = (prior.lower, prior.upper)
+        pooled.append(Pooling(name, column, *levels_of(table, column, asked), prior.log, bounds))
     return tuple(pooled)

@@ -1,16 +1,18 @@
-"""Priors: proper one-dimensional densities, truncated by the bounds of their parameter."""
+"""Priors: proper one-dimensional densities, truncated by the bounds of their parameter; and all of a problem's."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.special import log_ndtr, ndtr, ndtri
 
 from fitball.errors import ParameterError, suggestion
+from fitball.models.kernels.dual import NumberArray
 from fitball.values import FloatArray
 
 FORM = re.compile(r"^\s*([A-Za-z_]+)\s*\(([^()]*)\)\s*$")
@@ -85,10 +87,22 @@ class Prior:
         return LOG_ROOT_TAU + math.log(self.b) + self._log_mass if self.normal else math.log(high - low)
 
     @property
-    def _log_mass(self) -> float:
+    def _lower_ends(self) -> tuple[float, float]:
+        """The ends of a normal one, mirrored where both lie in the upper tail."""
         low, high = self._scaled_ends
-        if low > 0.0:
-            low, high = -high, -low
+        return (-high, -low) if low > 0.0 else (low, high)
+
+    @property
+    def has_mass(self) -> bool:
+        """Whether the bounds leave anything of it: of a normal one at least 1e-12."""
+        if not self.normal:
+            return self.support[0] < self.support[1]
+        low, high = self._lower_ends
+        return float(ndtr(high) - ndtr(low)) > 1e-12 and math.isfinite(self._log_mass)
+
+    @property
+    def _log_mass(self) -> float:
+        low, high = self._lower_ends
         upper, lower = float(log_ndtr(high)), float(log_ndtr(low))
         return upper + math.log1p(-math.exp(lower - upper))
 
@@ -112,27 +126,12 @@ class Prior:
         return self.quantile(rng.uniform(size=size))
 
 
-def _uniform(x: list[float]) -> tuple[bool, bool, float, float]:
-    return False, False, x[0], x[1]
-
-
-def _loguniform(x: list[float]) -> tuple[bool, bool, float, float]:
-    return False, True, math.log(x[0]), math.log(x[1])
-
-
-def _normal(x: list[float]) -> tuple[bool, bool, float, float]:
-    return True, False, x[0], x[1]
-
-
-def _lognormal(x: list[float]) -> tuple[bool, bool, float, float]:
-    return True, True, math.log(x[0]), x[1]
-
-
-FAMILIES: Mapping[str, tuple[str, Callable[[list[float]], tuple[bool, bool, float, float]]]] = {
-    "uniform": ("uniform(lower, upper)", _uniform),
-    "loguniform": ("loguniform(lower, upper), both positive", _loguniform),
-    "normal": ("normal(mean, sd)", _normal),
-    "lognormal": ("lognormal(median, sd of the natural logarithm)", _lognormal),
+# How each is written, and whether it is a normal one, and of the logarithm.
+FAMILIES: Mapping[str, tuple[str, bool, bool]] = {
+    "uniform": ("uniform(lower, upper)", False, False),
+    "loguniform": ("loguniform(lower, upper), both positive", False, True),
+    "normal": ("normal(mean, sd)", True, False),
+    "lognormal": ("lognormal(median, sd of the natural logarithm)", True, True),
 }
 
 
@@ -148,7 +147,7 @@ def parse_prior(name: str, text: str, lower: float, upper: float, unit: str = ""
     family = matched.group(1).lower()
     if family not in FAMILIES:
         raise ParameterError(f"prior of {name}: unknown family '{matched.group(1)}': {suggestion(family, FAMILIES)}")
-    form, build = FAMILIES[family]
+    form, normal, log = FAMILIES[family]
     try:
         numbers = [float(part) for part in matched.group(2).split(",")]
     except ValueError:
@@ -159,21 +158,18 @@ def parse_prior(name: str, text: str, lower: float, upper: float, unit: str = ""
         raise ParameterError(
             f"prior of {name}: read '{text}', expected numbers of {SMALLEST:g} to {LARGEST:g} in size"
         )
-    if family == "lognormal" and numbers[1] > WIDEST_LOG:
+    if normal and log and numbers[1] > WIDEST_LOG:
         raise ParameterError(f"prior of {name}: read '{text}', expected {form} with a sd of at most {WIDEST_LOG:g}")
-    ordered = numbers[0] < numbers[1] if family.endswith("uniform") else numbers[1] > 0.0
-    if not ordered or (family.startswith("log") and numbers[0] <= 0.0):
+    ordered = numbers[1] > 0.0 if normal else numbers[0] < numbers[1]
+    if not ordered or (log and numbers[0] <= 0.0):
         raise ParameterError(f"prior of {name}: read '{text}', expected {form} with lower < upper and sd > 0")
-    normal, log, a, b = build(numbers)
     if log and upper <= 0.0:
         raise ParameterError(f"prior of {name}: {text} is positive but the bounds are [{lower:g}, {upper:g}] {unit}")
+    a, b = numbers
+    if log:
+        a, b = math.log(a), b if normal else math.log(b)
     prior = Prior(text.strip(), normal, log, a, b, lower, upper)
-    low, high = prior.ends
-    if normal:
-        empty = not math.isfinite(prior._log_mass) if _has_mass(prior) else True
-    else:
-        empty = max(low, a) >= min(high, b)
-    if empty:
+    if not prior.has_mass:
         raise ParameterError(
             f"prior of {name}: {text} has no mass within the bounds [{lower:g}, {upper:g}]"
             + (f" {unit}" if unit else "")
@@ -182,9 +178,61 @@ def parse_prior(name: str, text: str, lower: float, upper: float, unit: str = ""
     return prior
 
 
-def _has_mass(prior: Prior) -> bool:
-    """Whether a normal prior keeps at least 1e-12 of its mass within its bounds."""
-    low, high = prior._scaled_ends
-    if low > 0.0:
-        low, high = -high, -low
-    return float(ndtr(high) - ndtr(low)) > 1e-12
+@dataclass(frozen=True)
+class JointPrior:
+    """Independent `priors`, one per column."""
+
+    priors: tuple[Prior, ...]
+
+    @cached_property
+    def _logs(self) -> list[int]:
+        return [k for k, prior in enumerate(self.priors) if prior.log]
+
+    @cached_property
+    def limits(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper ends of the supports, each (priors,), in coordinates."""
+        ends = np.array([prior.support for prior in self.priors])
+        return ends[:, 0].copy(), ends[:, 1].copy()
+
+    @cached_property
+    def shape(self) -> tuple[FloatArray, FloatArray, float]:
+        """Centre and precision of each column (precision 0 where it is flat), and the joint constant."""
+        centre = np.array([prior.a for prior in self.priors])
+        precision = np.array([1.0 / prior.b if prior.normal else 0.0 for prior in self.priors])
+        return centre, precision, float(sum(prior.log_scale for prior in self.priors))
+
+    @cached_property
+    def width(self) -> FloatArray:
+        """A length along each coordinate, (priors,)."""
+        return np.array([prior.width for prior in self.priors])
+
+    def value(self, coordinates: NumberArray) -> NumberArray:
+        """Values (draws, priors) of coordinates (draws, priors)."""
+        values = coordinates.copy()
+        values[:, self._logs] = np.exp(coordinates[:, self._logs])
+        return values
+
+    def coordinate(self, values: FloatArray) -> FloatArray:
+        """Inverse of `value`."""
+        coordinates = values.copy()
+        coordinates[:, self._logs] = np.log(values[:, self._logs])
+        return coordinates
+
+    def rates(self, values: FloatArray) -> FloatArray:
+        """Derivatives (draws, priors) of values (draws, priors) with respect to their coordinates."""
+        rates = np.ones(values.shape)
+        rates[:, self._logs] = values[:, self._logs]
+        return rates
+
+    def draw(self, rng: np.random.Generator, size: int) -> FloatArray:
+        """Values (size, priors)."""
+        return np.stack([prior.draw(rng, size) for prior in self.priors], axis=1)
+
+    def log_density(self, coordinates: FloatArray) -> FloatArray:
+        """Log density (draws,) with respect to coordinates; -inf outside the bounds."""
+        low, high = self.limits
+        centre, precision, constant = self.shape
+        z = (coordinates - centre) * precision
+        density = -0.5 * np.einsum("ij,ij->i", z, z) - constant
+        inside = np.all((coordinates >= low) & (coordinates <= high), axis=1)
+        return np.where(inside, density, -np.inf)

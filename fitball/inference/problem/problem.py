@@ -19,12 +19,12 @@ from fitball.inference.problem.choices import Choices
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.group_bias import GroupBias
 from fitball.inference.problem.incident import IncidentErrors
-from fitball.inference.problem.joint_prior import JointPrior
 from fitball.inference.problem.noise import NORMAL, NoiseKind
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parallel import LARGE_BATCH, evaluate_in_parts
 from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.pooling import Pooling
+from fitball.inference.problem.priors import JointPrior
 from fitball.models.capabilities import LinearConstraint
 from fitball.models.jacobian import by_output
 from fitball.models.kernels.dual import STEP, NumberArray

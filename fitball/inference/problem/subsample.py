@@ -1,8 +1,10 @@
-"""Part of a problem: some rows of a large table for a search, or all but some whose measurements are left out."""
+"""Parts of a problem: some rows of a large table for a search, all but some whose measurements are left out, and how
+many are evaluated at once, so that memory does not grow with draws times impacts.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +21,10 @@ LOOKED_AT = 3000
 RECORDED = 20
 # Rows whose derivatives are taken at once.
 PART = 100_000
+# Draws times impacts that are evaluated at once: some twenty arrays of as many numbers live at a time (150 MB).
+CELLS = 1_000_000
+# With errors of the incident state a cell has Jacobians too.
+INCIDENT_COST = 8
 
 
 def thinned_rows(problem: Problem, rows: int) -> NDArray[np.int64]:
@@ -148,3 +154,22 @@ def whole_of_parts(problem: Problem, of: Callable[[Problem], FloatArray]) -> Flo
         whole[starts[-1] :] += made[own[-1] :] * (rows.size / count)
     assert whole is not None
     return whole
+
+
+def cells(problem: Problem) -> int:
+    """Draws times impacts of a problem that are evaluated at once."""
+    cost = 1 if problem.incident is None else INCIDENT_COST
+    return CELLS // (cost if problem.force is None else cost * problem.force.nodes)
+
+
+def batches(problem: Problem, draws: int, cost: int = 1) -> Iterator[slice]:
+    """Draws that are evaluated at once; `cost` is how many rebounds each needs. There is one batch at least."""
+    size = max(1, cells(problem) // (cost * len(problem.impacts)))
+    return (slice(start, start + size) for start in range(0, max(draws, 1), size))
+
+
+def impacts_in_parts(problem: Problem, draws: int) -> Iterator[tuple[NDArray[np.int64], Problem]]:
+    """Rows that are evaluated at once at so many draws, each with the problem on these rows alone."""
+    count, size = len(problem.impacts), max(1, cells(problem) // draws)
+    for rows in (np.arange(k, min(k + size, count)) for k in range(0, count, size)):
+        yield rows, problem if rows.size == count else part_of(problem, rows)

@@ -17,8 +17,7 @@ import numpy as np
 
 from fitball.data.ball_types import BALL_TYPES
 from fitball.data.heights import AIR_DENSITY, DRAG_COEFFICIENT, GRAVITY
-from fitball.inference.results.pace_rating import Spread
-from fitball.inference.results.variation import Variation
+from fitball.inference.results.quantiles import Spread
 from fitball.values import Ball, FloatArray
 
 
@@ -74,6 +73,30 @@ class BallRebound:
     impacts: int
     height: Spread
     passes: float
+
+
+@dataclass(frozen=True)
+class Level:
+    """One label: so many `impacts`, their `mean` as measured, and `value`, what it is beyond their noise."""
+
+    label: str
+    impacts: int
+    mean: float
+    value: Spread
+
+
+@dataclass(frozen=True)
+class Variation:
+    """A quantity over the labels of a `column`: standard deviations `between` labels and `within` one, and `levels`.
+
+    Where repeats cannot tell the two apart `missing` says why, and there are no levels.
+    """
+
+    column: str
+    between: Spread | None
+    within: Spread | None
+    levels: tuple[Level, ...]
+    missing: str
 
 
 @dataclass(frozen=True)

@@ -9,17 +9,14 @@ from functools import cached_property
 import numpy as np
 
 from fitball.inference.problem.noise import NoiseKind, noise_with
-from fitball.inference.results.quantiles import BAND, BAND_LEVELS, MOST_UNSOLVED
 from fitball.models.model import Model
 from fitball.models.registry import model
-from fitball.models.types import OUTPUTS, Rebound
+from fitball.models.types import Rebound
 from fitball.values import Ball, FloatArray, Impacts
 
 # Draws of a posterior from which intervals of predictions are made. Of a normal quantity each end of a 95 % interval
 # then has a standard error of 0.011 of its length (`sqrt(p (1 - p)/n)` over the density there), and 0.035 from 400.
 PREDICTING = 4000
-# Impacts evaluated at a time, so that memory does not grow with their number.
-AT_ONCE = 250
 
 
 @dataclass(frozen=True)
@@ -67,36 +64,6 @@ class FittedModel:
         fixed = dict(zip(self.names, self.point, strict=True))
         rows = [columns[name] if name in columns else np.full(draws.shape[0], fixed[name]) for name in self.names]
         return replace(self, draws=np.stack(rows, axis=1))
-
-    def predict(self, impacts: Impacts) -> Mapping[str, FloatArray]:
-        """Noise-free predictions at new impacts.
-
-        Returns arrays (impacts,) named as in `models.types.OUTPUTS` at the point estimate and, when there are
-        posterior draws, `v_x2_median`, `v_x2_q025`, `v_x2_q16`, `v_x2_q84`, `v_x2_q975` and so on.
-        Draws that cannot be evaluated at an impact are left out of that impact's quantiles; their share
-        is `failed`. Where that is more than half, the quantiles are NaN.
-        """
-        at_point = self.rebound(impacts)
-        result = {name: getattr(at_point, name)[0] for name in OUTPUTS}
-        if self.draws.shape[0] == 0:
-            return result
-        every = np.arange(len(impacts))
-        parts = [self._bands(impacts.take(every[k : k + AT_ONCE])) for k in range(0, max(1, len(impacts)), AT_ONCE)]
-        return result | {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-
-    def _bands(self, impacts: Impacts) -> dict[str, FloatArray]:
-        """Quantiles over draws, and the share of them that failed."""
-        spread = self.rebound(impacts, self.draws)
-        result: dict[str, FloatArray] = {"failed": np.mean(spread.status != 0, axis=0)}
-        for name in OUTPUTS:
-            array = getattr(spread, name)
-            known = ~np.all(np.isnan(array), axis=0) & (result["failed"] <= MOST_UNSOLVED)
-            bands = np.full((len(BAND), len(impacts)), np.nan)
-            if np.any(known):
-                bands[:, known] = np.nanquantile(array[:, known], BAND_LEVELS, axis=0)
-            for row, label in enumerate(BAND):
-                result[f"{name}_{label}"] = bands[row]
-        return result
 
 
 def at_values(chosen: Model, parameters: Mapping[str, float]) -> FittedModel:

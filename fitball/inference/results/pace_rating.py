@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitball.inference.results.quantiles import Spread
 from fitball.values import FloatArray, Impacts
 
 TEST_SPEED = 30.0
@@ -40,18 +41,6 @@ PER_KELVIN = PACE_CONSTANT * PER_DEGREE
 # Whole ratings at which a category begins (ITF: up to 29, 30 to 34, 35 to 39, 40 to 44, from 45 on).
 CATEGORIES = ("slow", "medium-slow", "medium", "medium-fast", "fast")
 BEGINS = (30, 35, 40, 45)
-
-
-@dataclass(frozen=True)
-class Spread:
-    """A number at the point estimate and its posterior quantiles; these are None without a posterior."""
-
-    point: float
-    median: float | None
-    q025: float | None
-    q16: float | None
-    q84: float | None
-    q975: float | None
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,6 +25,43 @@ ESSENTIALS = ("median", "sd", "q025", "q16", "q84", "q975")
 MOST_UNSOLVED = 0.5
 
 
+@dataclass(frozen=True)
+class Spread:
+    """A number at the point estimate and its posterior quantiles; these are None without a posterior."""
+
+    point: float
+    median: float | None
+    q025: float | None
+    q16: float | None
+    q84: float | None
+    q975: float | None
+
+
 def quantiles(draws: FloatArray, names: Iterable[str] = QUANTILES) -> dict[str, float]:
     """Quantiles of the draws of one quantity, (draws,), by name."""
     return dict(zip(names, np.quantile(draws, [QUANTILES[name] for name in names]).tolist(), strict=True))
+
+
+def spread_of(draws: FloatArray | None, point: float | None = None) -> Spread:
+    """Quantiles of `draws` (draws,), NaN left out, around `point`, by default the median; without draws only that.
+
+    Raises ValueError without either.
+    """
+    if draws is None:
+        if point is None:
+            raise ValueError("neither draws nor a point")
+        return Spread(point, *[None] * len(MEDIAN_FIRST))
+    found = quantiles(draws[np.isfinite(draws)], MEDIAN_FIRST)
+    return Spread(found["median"] if point is None else point, **found)
+
+
+def bands(array: FloatArray) -> FloatArray:
+    """Quantiles (5, points) of draws (draws, points), as `BAND` has them; draws that the model cannot evaluate at a
+    point are left out, NaN where none is left.
+    """
+    if not np.isnan(array).any():
+        return np.asarray(np.quantile(array, BAND_LEVELS, axis=0))
+    result = np.full((len(BAND_LEVELS), array.shape[1]), np.nan)
+    known = ~np.all(np.isnan(array), axis=0)
+    result[:, known] = np.nanquantile(array[:, known], BAND_LEVELS, axis=0)
+    return result

@@ -325,10 +325,6 @@ class Fit:
         """Estimates by parameter name."""
         return {estimate.name: estimate for estimate in self.estimates}
 
-    def predict(self, impacts: Impacts) -> Mapping[str, FloatArray]:
-        """See `FittedModel.predict`, here from `PREDICTING` draws."""
-        return self.predicting.predict(impacts)
-
     @property
     def predicting(self) -> FittedModel:
         """The fitted model with the draws that predictions are made from."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 
-from fitball.inference.results.pace_rating import Spread
+from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import Fit
 
 Row = dict[str, str | float | int | None]

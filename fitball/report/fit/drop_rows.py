@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fitball.data.ball_types import BALL_TYPES, DROP_HEIGHT, SOURCE, TEST_TEMPERATURE
 from fitball.data.heights import DRAG_COEFFICIENT
 from fitball.inference.results.drop_test import BallRebound, DropTest, StandardRebound, TestedSpeed
-from fitball.inference.results.pace_rating import Spread
+from fitball.inference.results.quantiles import Spread
 from fitball.report.fit.pace_rows import percent
 from fitball.report.form.rounding import decimals, digits, fixed, interval, significant
 from fitball.report.form.text_table import Row

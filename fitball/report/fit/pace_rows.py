@@ -16,8 +16,8 @@ from fitball.inference.results.pace_rating import (
     CourtPace,
     PaceRating,
     Reach,
-    Spread,
 )
+from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import Fit, Verdict
 from fitball.report.fit.adequacy_rows import conditional_words
 from fitball.report.form.rounding import decimals, fixed, interval

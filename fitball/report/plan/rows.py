@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from fitball.inference.design.nested import NestedGain
-from fitball.inference.design.results import Plan, Setting
+from fitball.inference.design.results import Plan
+from fitball.inference.design.settings import Setting
 from fitball.inference.problem.problem import Problem
 from fitball.report.form.display_units import output_scale
 from fitball.values import FloatArray

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from fitball.inference.design.nested import NestedGain
-from fitball.inference.design.results import Plan, Setting, Worth
+from fitball.inference.design.results import Plan, Worth
 from fitball.inference.design.sensor import AS_BEFORE
+from fitball.inference.design.settings import Setting
 from fitball.inference.design.target import Part
 from fitball.report.form.display_units import handy
 from fitball.report.form.rounding import digits

@@ -15,8 +15,7 @@ from fitball.inference.design.knowledge import Knowledge, knowledge
 from fitball.inference.design.make_plan import make_plan
 from fitball.inference.design.nested import Planned, read, simulated
 from fitball.inference.design.results import Plan
-from fitball.inference.design.sensor import Sensor, as_before
-from fitball.inference.design.sensor_text import parse_sensor
+from fitball.inference.design.sensor import Sensor, as_before, parse_sensor
 from fitball.inference.design.target import Target, parse_target
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem

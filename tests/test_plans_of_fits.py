@@ -1,0 +1,243 @@
+"""Plans from a real fit: both estimators, new groups, levels, uncertain incidence, costs, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_design import first_order, posterior_from
+
+import fitball
+from fitball.data.range_text import Range, parse_range
+from fitball.errors import FitError, ParameterError
+from fitball.inference.design.gain import nothing_measured, over_draws
+from fitball.inference.design.information import covariances, differentiated, information_rows
+from fitball.inference.design.knowledge import NEXT, Knowledge, knowledge
+from fitball.inference.design.make_plan import Asked, make_plan
+from fitball.inference.design.nested import Planned, nested_gain
+from fitball.inference.design.sensor import as_before, parse_sensor
+from fitball.inference.design.target import parse_target
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.values import Impacts
+
+RNG = np.random.default_rng(11)
+
+
+@pytest.fixture(scope="module")
+def known(grip_slip_fit):
+    return knowledge(grip_slip_fit.problem, grip_slip_fit.posterior, np.random.default_rng(1))
+
+
+ITF = Impacts(np.array([28.8]), np.array([8.3]), np.array([0.0]))
+
+
+@pytest.mark.parametrize(
+    "text", ["court pace", "impact=v=30 m/s, theta=16 deg", "impact=v=15 m/s, theta=50 deg", "mu,e_x"]
+)
+def test_gradients_of_targets_are_those_of_their_values(known, text):
+    target, at = parse_target(text, known), known.some(3)
+    exact = target.gradients(at)
+    for k, width in enumerate(known.problem.prior.width):
+        step = 1e-6 * width * np.eye(at.shape[1])[k]
+        by_difference = (target.values(at + step) - target.values(at - step)) / (2e-6 * width)
+        assert exact[..., k] == pytest.approx(by_difference, rel=2e-4, abs=1e-5)
+
+
+def test_both_estimators_agree_on_a_real_fit(known, finalists_briefly):
+    """One of them knows no derivative of the bounce, the other no simulated measurement."""
+    for text, impact in (("mu", ITF), ("court pace", ITF), ("impact=v=15 m/s, theta=50 deg", ITF), (None, ITF)):
+        target, sensor = parse_target(text, known), as_before(known.problem)
+        planned, draws = known.at(impact, np.zeros(1, dtype=np.int64)), known.some(60)
+        made = differentiated(planned, draws)
+        first = over_draws(first_order(known, planned, target, sensor, draws), made.solved)[0]
+        checked = nested_gain(known, [Planned(planned, sensor)], target, np.random.default_rng(2))
+        assert checked.left_out < 0.01
+        assert checked.nats == pytest.approx(first, abs=0.06 + 3.0 * checked.se), text
+
+
+def test_an_uncertain_incident_state_adds_its_scatter(known, finalists_briefly):
+    """As balls that come with just these errors scatter, and a gain falls."""
+    table = replace(
+        known.problem.table,
+        incident_covariance=np.tile(np.diag([0.04, 0.01, 25.0]), (len(known.problem.impacts), 1, 1)),
+    )
+    problem = build_problem(table, known.problem.scene, Choices(model="grip-slip"))
+    uncertain = Knowledge(problem, known.coordinates)
+    planned, draws = uncertain.at(ITF, np.zeros(1, dtype=np.int64)), uncertain.some(1)
+    sensor, made = as_before(problem), differentiated(planned, draws)
+    none = np.zeros((1, 1, len(sensor.columns)))
+    found = covariances(made, sensor, none, made.solved)[0, 0]
+    # Errors of this size are those of a typical impact: its speed, direction and spin.
+    assert planned.incident is not None
+    # They are as large in speed and direction for every impact, whatever its speed.
+    along = np.array([28.8, 8.3]) / np.hypot(28.8, 8.3)
+    turned = planned.incident.covariance[0][:2, :2]
+    known_sds = []
+    for v_x, v_y in zip(problem.impacts.v_x1, problem.impacts.v_y1, strict=True):
+        ahead = np.array([v_x, v_y]) / np.hypot(v_x, v_y)
+        across = np.array([-ahead[1], ahead[0]])
+        noise = np.diag([0.04, 0.01])
+        known_sds.append([np.sqrt(ahead @ noise @ ahead), np.sqrt(across @ noise @ across) / np.hypot(v_x, v_y)])
+    typical = np.median(known_sds, axis=0)
+    assert along @ turned @ along == pytest.approx(typical[0] ** 2)
+    aside = np.array([-along[1], along[0]])
+    assert aside @ turned @ aside == pytest.approx((typical[1] * np.hypot(28.8, 8.3)) ** 2)
+    states = np.random.default_rng(8).multivariate_normal([28.8, 8.3, 0.0], planned.incident.covariance[0], 4000)
+    rebound = problem.rebound(problem.to_values(draws), Impacts(*states.T))
+    columns = np.stack([column.column.predict(rebound)[0] for column in sensor.columns])
+    assert np.sqrt(np.diag(found)) == pytest.approx(columns.std(axis=1), rel=0.06)
+    exact = known.at(ITF, np.zeros(1, dtype=np.int64))
+    rows = [information_rows(differentiated(at, draws), sensor, known.root) for at in (exact, planned)]
+    assert (rows[1] ** 2).sum() < (rows[0] ** 2).sum()
+    checked = nested_gain(
+        uncertain, [Planned(planned, sensor)], parse_target("mu", uncertain), np.random.default_rng(2)
+    )
+    gain = first_order(uncertain, planned, parse_target("mu", uncertain), sensor, uncertain.some(60))
+    assert checked.nats == pytest.approx(gain.mean(), abs=0.06 + 3.0 * checked.se)
+
+
+def test_a_new_group_brings_its_own_bias(known, finalists_briefly):
+    """Its measurements tell less than those of a group without one, and its bias is as uncertain as its prior."""
+    problem = build_problem(known.problem.table, known.problem.scene, Choices(model="grip-slip", offsets="group"))
+    rng = np.random.default_rng(9)
+    posterior = posterior_from(problem, np.column_stack([column_of(known, name, rng) for name in problem.free_names]))
+    grouped = knowledge(problem, posterior, np.random.default_rng(1))
+    added = [name for name in grouped.problem.free_names if NEXT in name]
+    assert len(added) == len(problem.observables)
+    k = grouped.problem.free_names.index(added[0])
+    assert grouped.coordinates[:, k].std() == pytest.approx(grouped.problem.free[k].prior.b, rel=0.05)
+    gains = []
+    for one in (known, grouped):
+        at, some = one.at(ITF, np.zeros(1, dtype=np.int64)), one.some(20)
+        gains.append(first_order(one, at, parse_target("mu", one), as_before(one.problem), some).mean())
+    assert gains[1] < 0.7 * gains[0]
+    plan = make_plan(
+        problem,
+        posterior,
+        Asked("mu", parse_range("speed", "20:30:2"), parse_range("angle", "20:60:3"), impacts=2, sensors=["none"]),
+    )
+    assert plan.gain == pytest.approx(plan.batch.nats, abs=0.08 + 3.0 * plan.batch.se)
+
+
+def column_of(known, name, rng):
+    """Values of a parameter: those of the fit without offsets, and nothing for what that has not."""
+    if name in known.problem.free_names:
+        return known.problem.to_values(known.coordinates)[:, known.problem.free_names.index(name)]
+    return 1e-3 * rng.standard_normal(len(known.coordinates))
+
+
+def test_levels_are_places_to_measure_at(known, finalists_briefly):
+    """A surface of which little is known is the one to measure on."""
+    problem = build_problem(
+        known.problem.table, known.problem.scene, Choices(model="grip-slip", pool={"mu": "group"})
+    )
+    labels = problem.pooling[0].labels
+    rng, values = np.random.default_rng(9), []
+    for name in problem.free_names:
+        if name == "mu_spread":
+            values.append(np.abs(rng.normal(0.1, 0.01, len(known.coordinates))))
+        elif name.startswith("mu_place"):
+            values.append(rng.normal(0.0, 1.0 if labels[1] in name else 0.05, len(known.coordinates)))
+        else:
+            values.append(column_of(known, name, rng))
+    where = [parse_range(*one) for one in (("speed", "25"), ("angle", "16"), ("spin", "0"))]
+    plan = make_plan(
+        problem, posterior_from(problem, np.column_stack(values)), Asked("court pace", *where, 1, sensors=["none"])
+    )
+    assert plan.settings.surfaces == labels and len(plan.parts) == len(labels)
+    assert plan.chosen[0].setting.surface == labels[1]
+    assert np.argmin(plan.chosen[0].sds / plan.sds) == 1
+
+
+def test_a_level_is_as_uncertain_as_its_draws_whatever_the_spread(known):
+    """To first order, of levels that are well known while common value and spread are not."""
+    problem = build_problem(
+        known.problem.table, known.problem.scene, Choices(model="grip-slip", pool={"mu": "group"})
+    )
+    rng, count = np.random.default_rng(9), len(known.coordinates)
+    common, spread = rng.normal(0.5, 0.1, count), 0.03 + np.abs(rng.normal(0.0, 0.15, count))
+    values = {"mu": common, "mu_spread": spread}
+    for label in problem.pooling[0].labels:
+        values[f"mu_place[{label}]"] = (rng.normal(0.55, 0.01, count) - common) / spread
+    plain = {name: known.coordinates[:, known.problem.free_names.index(name)] for name in known.problem.free_names}
+    levelled = Knowledge(problem, np.column_stack([values.get(name, plain.get(name)) for name in problem.free_names]))
+    target, draws = parse_target("court pace", levelled), levelled.some(80)
+    found = nothing_measured(target.gradients(draws) @ levelled.roots(draws)).sds.mean(axis=0)
+    assert found == pytest.approx(np.nanstd(target.values(levelled.coordinates), axis=0), rel=0.1)
+
+
+def test_costs_decide_between_sensors(grip_slip_fit, finalists_briefly):
+    where = {
+        "speed": parse_range("speed", "20:30:2"),
+        "angle": parse_range("angle", "16:60:3"),
+        "spin": parse_range("spin", "0"),
+    }
+    cheap, dear = (
+        make_plan(
+            grip_slip_fit.problem,
+            grip_slip_fit.posterior,
+            Asked("mu", **where, impacts=1, sensors=["camera=0.5"], cost={"camera": cost}),
+        )
+        for cost in (1.0, 50.0)
+    )
+    assert cheap.chosen[0].sensor == "camera" and dear.chosen[0].sensor == "as before"
+    assert cheap.chosen[0].gain > dear.chosen[0].gain
+    assert cheap.worths[1].sds[0] < cheap.worths[0].sds[0] < cheap.sds[0]
+
+
+def test_fits_that_cannot_be_planned_from_say_why(drop_page, grip_slip_fit):
+    with pytest.raises(FitError, match="point fit has no posterior"):
+        fitball.plan(drop_page.parent)
+    problem = build_problem(
+        grip_slip_fit.table, grip_slip_fit.problem.scene, Choices(model="two-mass", closures={"cor": "measured"})
+    )
+    with pytest.raises(FitError, match="measured restitution of each impact as an input"):
+        knowledge(problem, grip_slip_fit.posterior, RNG)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("camera", "expected COLUMN=SD"), ("camera=0", "positive number"), ("camera=2m", "without a unit"),
+        ("contact_time=0.2ms", "grip-slip has no contact time"), ("v_2=0.1", "follows from the velocities"),
+        ("omega_2=5 m/s", "measures speed"), ("drop=254 kg", "unknown"), ("omega=3", "unknown column 'omega'"),
+        ("drop=1000 m", "drop_height"), ("force=5N", "no force-time course"),
+    ],
+)  # fmt: skip
+def test_sensors_are_refused_with_their_text(known, text, said):
+    with pytest.raises(ParameterError, match=said) as raised:
+        parse_sensor(known.problem, text)
+    assert text in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "text", "said"),
+    [
+        ("speed", "20:5", "rises"), ("speed", "0:5", "above 0"), ("angle", "10:95", "up to 90 deg"),
+        ("spin", "fast", "expected LOW:HIGH"), ("spin", "1:2 m/s", "measures speed"),
+        ("speed", "5:20:1", "two steps"), ("speed", "1:1e9", "1000 m/s"),
+    ],
+)  # fmt: skip
+def test_ranges_are_refused_with_their_text(quantity, text, said):
+    with pytest.raises(ParameterError, match=said) as raised:
+        parse_range(quantity, text)
+    assert text in str(raised.value)
+
+
+def test_ranges_have_units():
+    assert parse_range("spin", "-300:300 rpm") == Range(-10.0 * np.pi, 10.0 * np.pi)
+    assert parse_range("speed", "36:72:3 km/h") == Range(10.0, 20.0, 3)
+    assert parse_range("angle", "90").high == pytest.approx(np.pi / 2.0)
+
+
+def test_a_fit_plans_as_the_function_does(grip_slip_fit, finalists_briefly):
+    where = {"speed": (20.0, 30.0), "angle": "16:60:3", "spin": 0.0, "impacts": 2, "sensors": "none"}
+    plan, again = grip_slip_fit.plan("mu", **where), fitball.plan(grip_slip_fit, ["mu"], **where)
+    assert plan.json() == again.json() and "2 impacts about mu" in repr(plan)
+    assert list(plan.to_frame().index) == ["1", "2"]
+    for wrong, said in (({"target": "nu"}, "no parameter of this fit"), ({"target": "v=3"}, "expected parameters"),
+                        ({"impacts": 0}, "from 1 to 100"), ({"cost": {"radar": 2.0}}, "no such sensor"),
+                        ({"target": "mu,mu"}, "given twice"), ({"speed": (3.0,)}, "expected a text")):  # fmt: skip
+        with pytest.raises(ParameterError, match=said):
+            grip_slip_fit.plan(**wrong)
