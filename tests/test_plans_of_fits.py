@@ -56,6 +56,30 @@ def test_both_estimators_agree_on_a_real_fit(known, finalists_briefly):
         assert checked.nats == pytest.approx(first, abs=0.06 + 3.0 * checked.se), text
 
 
+def told_of_noise(known, made, sensor):
+    """Information about fitted noises beside scatter that they share is the curvature of a Kullback-Leibler distance,
+    by differences: of the distribution of what is read from that with one noise, or two, a little larger.
+    """
+    names = known.problem.free_names
+    free = [names.index(column.noise) for column in sensor.columns]
+    rows = information_rows(made, sensor, np.eye(len(names)))[0, 0, len(sensor.columns) :][:, free]
+    sds = np.stack([column.sds(made.columns, made.rebound) for column in sensor.columns], axis=2)
+
+    def distance(logs):
+        one, other = (
+            covariances(made, sensor, sds * np.exp(by), made.solved)[0, 0] for by in (np.zeros(len(free)), logs)
+        )
+        ratio = np.linalg.solve(other, one)
+        return 0.5 * (np.trace(ratio) - len(free) - np.linalg.slogdet(ratio)[1])
+
+    step, unit = 1e-3, np.eye(len(free))
+    for k, one in enumerate(unit):
+        for other in unit[k:]:
+            signed = sum(a * b * distance(step * (a * one + b * other)) for a in (1, -1) for b in (1, -1))
+            curvature = signed / (4.0 * step**2)
+            assert (rows.T @ rows)[k, int(np.argmax(other))] == pytest.approx(curvature, rel=1e-4, abs=1e-5)
+
+
 def test_an_uncertain_incident_state_adds_its_scatter(known, finalists_briefly):
     """As balls that come with just these errors scatter, and a gain falls."""
     table = replace(
@@ -90,6 +114,7 @@ def test_an_uncertain_incident_state_adds_its_scatter(known, finalists_briefly):
     exact = known.at(ITF, np.zeros(1, dtype=np.int64))
     rows = [information_rows(differentiated(at, draws), sensor, known.root) for at in (exact, planned)]
     assert (rows[1] ** 2).sum() < (rows[0] ** 2).sum()
+    told_of_noise(uncertain, made, sensor)
     checked = nested_gain(
         uncertain, [Planned(planned, sensor)], parse_target("mu", uncertain), np.random.default_rng(2)
     )

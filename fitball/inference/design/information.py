@@ -67,17 +67,19 @@ def information_rows(made: Differentiated, sensor: Sensor, root: FloatArray) -> 
     )
     known = made.solved & np.isfinite(slopes).all(axis=(2, 3)) & np.isfinite(sds).all(axis=2)
     sds, slopes = np.where(known[..., None], sds, 1.0), np.where(known[..., None, None], slopes, 0.0)
-    own = np.ones_like(sds)
+    growth = _growth(made, sensor, known)
     worth = np.sqrt(problem.noise.information(columns))[..., None, None, None]
     if made.by_input is None or problem.incident is None:
         told = slopes / sds[..., None]
     else:
         covariance = covariances(made, sensor, sds, known)
         told = np.linalg.solve(np.linalg.cholesky(covariance), slopes)
-        # What a fitted noise adds to a spread that other things add to as well.
-        own = sds**2 / np.diagonal(covariance, axis1=2, axis2=3)
+        # Of a normal distribution with a covariance C to which each column's own noise adds, columns k and l tell of
+        # the logarithms of these noises 2 (s_k (C^-1)_kl s_l)^2: rows are a root of that matrix.
+        shares = sds[..., :, None] * np.linalg.inv(covariance) * sds[..., None, :]
+        growth = np.linalg.cholesky(shares**2).swapaxes(-1, -2) @ growth
     scale = np.sqrt(problem.noise.scale_information(columns))[..., None, None, None]
-    rows = np.concatenate([worth * told, scale * own[..., None] * _growth(made, sensor, known)], axis=2)
+    rows = np.concatenate([worth * told, scale * growth], axis=2)
     return np.asarray(rows @ (root if root.ndim == 2 else root[:, None]))
 
 
