@@ -10,13 +10,15 @@ from test_design import first_order, posterior_from
 
 import fitball
 from fitball.data.range_text import Range, parse_range
+from fitball.data.read import load_table
+from fitball.data.scene import Scene
 from fitball.errors import FitError, ParameterError
 from fitball.inference.design.gain import nothing_measured, over_draws
 from fitball.inference.design.information import covariances, differentiated, information_rows
 from fitball.inference.design.knowledge import NEXT, Knowledge, knowledge
 from fitball.inference.design.make_plan import Asked, make_plan
 from fitball.inference.design.nested import Planned, nested_gain
-from fitball.inference.design.sensor import as_before, parse_sensor
+from fitball.inference.design.sensor import as_before, parse_sensor, usual_sensors
 from fitball.inference.design.target import parse_target
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.values import Impacts
@@ -234,6 +236,13 @@ def test_sensors_are_refused_with_their_text(known, text, said):
     with pytest.raises(ParameterError, match=said) as raised:
         parse_sensor(known.problem, text)
     assert text in str(raised.value)
+
+
+def test_sensors_that_nobody_asked_for_are_as_good_as_they_usually_are():
+    table = load_table("wang_zero_spin.csv")
+    asked = usual_sensors(build_problem(table, Scene(), Choices()))
+    assert asked[:3] == ("contact_time=0.2ms", "force=20N", "camera=0.5")
+    assert usual_sensors(build_problem(table, Scene(), Choices(model="brody")))[0] == "camera=0.5"
 
 
 @pytest.mark.parametrize(

@@ -110,6 +110,34 @@ def test_few_draws_do_not_bias_the_likelihood():
     assert np.mean(np.subtract(*np.transpose(drawn_again))) == pytest.approx(exact_ratio, abs=0.045)
 
 
+@pytest.mark.parametrize("interim", [(0.5, 0.2), (-1.0, 0.6), (1.0, 5.0)])
+def test_a_normal_prior_is_divided_out_exactly(interim):
+    """Draws at the quantiles of a normal posterior leave the normal likelihood, however narrow the prior was."""
+    precision = 1.0 / SD**2 + 1.0 / interim[1] ** 2
+    posterior = stats.norm((1.0 / SD**2 + interim[0] / interim[1] ** 2) / precision, precision**-0.5)
+    table = TableDraws.of("t", posterior.ppf((np.arange(20000) + 0.5) / 20000), stats.norm(*interim).logpdf)
+    points = np.array([[1.0, 0.05], [0.8, 0.02], [0.9, 0.1], [1.2, 0.05]])
+    expected = stats.norm.logpdf(1.0, points[:, 0], np.hypot(points[:, 1], SD))
+    assert np.diff(log_likelihood(table, points)) == pytest.approx(np.diff(expected), abs=0.02)
+
+
+def test_draws_that_repeat_each_other_count_for_less():
+    """Twice the same draws, known to be worth half as many, are worth what they were."""
+    rng = np.random.default_rng(9)
+    once = tables_of(rng, [0.8, 1.0, 1.3, 1.1])
+    twice = [
+        replace(table, places=np.tile(table.places, 2), log_interim=np.tile(table.log_interim, 2), efficiency=0.5)
+        for table in once
+    ]
+    first, second = population(once, BEFORE), population(twice, BEFORE)
+    for name in ("centre", "spread"):
+        one, other = getattr(first, name), getattr(second, name)
+        assert [other.median, other.error] == pytest.approx([one.median, one.error], rel=1e-3)
+    assert np.diff(log_likelihood(twice[0], np.array([[1.4, 0.3], [1.4, 0.02]]))) == pytest.approx(
+        np.diff(log_likelihood(once[0], np.array([[1.4, 0.3], [1.4, 0.02]]))), rel=0.01
+    )
+
+
 def test_a_population_at_a_bound_is_that_of_a_truncated_distribution():
     """Fails where the share of the population beyond the bound is not divided out."""
     rng, sd, ends = np.random.default_rng(5), 0.1, (-3.0, 1.0)
