@@ -30,7 +30,7 @@ from fitball.report.compare.rows import json_content
 from fitball.report.compare.words import words
 from fitball.report.form.json_text import json_text
 from fitball.scheduling.engine import engine
-from fitball.studies.sbc.replicate import SCHEDULE
+from fitball.studies.shared.simulated import SCHEDULE
 from fitball.studies.thesis import ranking
 from fitball.studies.thesis.predictions import chapter_five_predictions
 

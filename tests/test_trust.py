@@ -14,10 +14,11 @@ from fitball.errors import ResultFolderError
 from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.results import Verdict
 from fitball.scheduling.engine import engine
+from fitball.studies.shared.rate import Rate
 from fitball.studies.trust.designs import DESIGNS
-from fitball.studies.trust.findings import Rate, finding, findings, findings_text
+from fitball.studies.trust.findings import finding, findings, findings_text
 from fitball.studies.trust.replicate import Said, Told
-from fitball.studies.trust.run import ToldFile, run_scenario
+from fitball.studies.trust.run import run_scenario
 from fitball.studies.trust.scenarios import SCENARIOS, TRUTH
 
 
@@ -104,7 +105,7 @@ def test_an_interrupted_study_goes_on_to_the_same_bytes(tmp_path, monkeypatch):
     lines = whole.read_text(encoding="utf-8").splitlines(keepends=True)
     whole.write_text("".join([*lines[:2], lines[2].replace("identified", "guessed")]), encoding="utf-8")
     with pytest.raises(ResultFolderError, match="line 3 is damaged"):
-        ToldFile(whole, ("cor_10", "cor_slope", "velocity_sd"), {}).read(1)
+        run_scenario("drop", 3, 1, whole, engine(1))
 
 
 def test_the_command_writes_rates_and_confusions(tmp_path, capsys):

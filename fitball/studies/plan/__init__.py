@@ -2,5 +2,5 @@
 fitted together with the first table; compared is by how much sds fell, and by how much at as many of its own impacts.
 
 Offers: `CASES`, `run_case`, `findings`.
-May import: api, report.form, inference, models, data, scheduling.
+May import: studies.shared, api, report.form, inference, models, data, scheduling.
 """

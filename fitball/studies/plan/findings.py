@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitball.errors import FitError
 from fitball.report.form.text_table import columns
 from fitball.studies.plan.replicate import AGAIN, PLANNED, Narrowed, Ready
 
@@ -77,29 +78,24 @@ class Finding:
 
 
 def finding(name: str, ready: Ready, made: Mapping[str, Sequence[Narrowed | None]]) -> Finding:
-    """What the replicates of a case say, those with all refits."""
-    whole = [
-        pair for pair in zip(made[PLANNED], made[AGAIN], strict=True) if pair[0] is not None and pair[1] is not None
-    ]
-    refits = {PLANNED: [pair[0] for pair in whole], AGAIN: [pair[1] for pair in whole]}
+    """What the replicates of a case say, those with all refits. Raises FitError where there are none."""
+    whole = [(one, other) for one, other in zip(made[PLANNED], made[AGAIN], strict=True) if one and other]
+    if not whole:
+        raise FitError(f"case {name}: no simulated table could be refitted at both designs")
+    before, parts = ready.plan.sds, [part.name for part in ready.plan.parts]
     lines, gains = [], []
-    for design, told in refits.items():
+    for design, refits in zip((PLANNED, AGAIN), zip(*whole, strict=True), strict=True):
         promise = ready.designs[design]
-        logs = np.log([one.sds / ready.plan.sds for one in told if one is not None])
-        means, ses = logs.mean(axis=0), _se(logs)
-        for k, part in enumerate(ready.plan.parts):
-            share = float(np.exp(means[k]))
-            lines.append(
-                Line(design, part.name, float(promise.sds[k] / ready.plan.sds[k]), share, share * float(ses[k]))
-            )
-        nats = np.array([one.nats for one in told if one is not None])
+        logs = np.log([one.sds / before for one in refits])
+        for part, promised, mean, se in zip(parts, promise.sds / before, logs.mean(axis=0), _se(logs), strict=True):
+            share = float(np.exp(mean))
+            lines.append(Line(design, part, float(promised), share, share * float(se)))
+        nats = np.array([one.nats for one in refits])
         nested = (ready.plan.batch.nats, ready.plan.batch.se) if design == PLANNED else None
         gains.append(Gain(design, promise.gain, nested, float(nats.mean()), float(_se(nats))))
-    gaps = np.array([one.nats - other.nats for one, other in whole if one is not None and other is not None])
-    lost = len(made[PLANNED]) - len(whole)
-    return Finding(
-        name, ready.case.words, len(whole), lost, tuple(lines), tuple(gains), float(gaps.mean()), float(_se(gaps))
-    )
+    gaps = np.array([one.nats - other.nats for one, other in whole])
+    lost, more = len(made[PLANNED]) - len(whole), (float(gaps.mean()), float(_se(gaps)))
+    return Finding(name, ready.case.words, len(whole), lost, tuple(lines), tuple(gains), *more)
 
 
 def _se(values: np.ndarray) -> np.ndarray:

@@ -1,66 +1,52 @@
-"""Running the replicates of a case over several sittings; what they gave, on disk."""
+"""Running the replicates of a case; what they gave, on disk, one line a simulated table."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from fitball.report.form.growing_csv import GrowingCsv
-from fitball.scheduling.engine import Engine, in_order
+from fitball.scheduling.engine import Engine
 from fitball.studies.plan.cases import CASES
 from fitball.studies.plan.findings import Finding, finding
-from fitball.studies.plan.replicate import Narrowed, Ready, prepared, replicate
+from fitball.studies.plan.replicate import Narrowed, prepared, replicate
+from fitball.studies.shared.replicates import Report, kept_replicates, silent
 from fitball.version import __version__
 
+Refits = Mapping[str, Narrowed | None]
 
-def run_case(
-    name: str,
-    seed: int,
-    replicates: int,
-    path: Path,
-    engine: Engine,
-    report: Callable[[int], None] = lambda _done: None,
-) -> Finding:
-    """Replicates 0 to `replicates` - 1 of the case called `name`, those that `path` holds read and the others made
-    and appended to it; `report` is told how many are done. Raises ResultFolderError.
+
+def run_case(name: str, seed: int, replicates: int, path: Path, engine: Engine, report: Report = silent) -> Finding:
+    """What replicates 0 to `replicates` - 1 of the case called `name` say; see `kept_replicates`.
+
+    Raises ResultFolderError.
     """
     ready = prepared(name, seed)
-    kept = _file(ready, name, seed, path)
-    done = kept.open()
-    report(min(done, replicates))
-    numbers = range(done, replicates)
-    for number, made in zip(numbers, in_order(engine, partial(replicate, ready, seed), numbers), strict=True):
-        cells: list[str] = []
-        for design in ready.designs:
-            cells += _cells(made[design], len(ready.plan.parts))
-        kept.append(number, cells)
-        report(number + 1)
-    rows = [row for _, row in kept.rows(replicates)]
-    return finding(name, ready, {design: [_read(ready, row, design) for row in rows] for design in ready.designs})
+    heads = ("nats", "effective", *(f"sd {part.name}" for part in ready.plan.parts))
 
+    def cells(made: Refits) -> list[str]:
+        return [cell for one in made.values() for cell in (_cells(one) if one else [""] * len(heads))]
 
-def _file(ready: Ready, name: str, seed: int, path: Path) -> GrowingCsv:
-    columns = [
-        f"{design}:{head}"
-        for design in ready.designs
-        for head in ("nats", "effective", *(f"sd {part.name}" for part in ready.plan.parts))
-    ]
+    def read(row: Mapping[str, str]) -> Refits:
+        return {design: _narrowed([row[f"{design}:{head}"] for head in heads]) for design in ready.designs}
+
     promised = {design: f"{one.gain:.6g}" for design, one in ready.designs.items()}
     settings = {"version": __version__, "case": name, "seed": seed, "words": CASES[name].words, "promised": promised}
-    return GrowingCsv(path, columns, settings, "refits")
+    columns = [f"{design}:{head}" for design in ready.designs for head in heads]
+    file = GrowingCsv(path, columns, settings, "refits")
+    made = kept_replicates(file, replicates, partial(replicate, ready, seed), cells, read, engine, report)
+    return finding(name, ready, {design: [one[design] for one in made] for design in ready.designs})
 
 
-def _cells(made: Narrowed | None, parts: int) -> list[str]:
-    if made is None:
-        return [""] * (parts + 2)
-    return [f"{made.nats:.6g}", f"{made.effective:.0f}", *(f"{sd:.6g}" for sd in made.sds)]
+def _cells(one: Narrowed) -> list[str]:
+    return [f"{one.nats:.6g}", f"{one.effective:.0f}", *(f"{sd:.6g}" for sd in one.sds)]
 
 
-def _read(ready: Ready, row: Mapping[str, str], design: str) -> Narrowed | None:
-    if not row[f"{design}:nats"]:
+def _narrowed(cells: list[str]) -> Narrowed | None:
+    if not cells[0]:
         return None
-    sds = np.array([float(row[f"{design}:sd {part.name}"]) for part in ready.plan.parts])
-    return Narrowed(float(row[f"{design}:nats"]), sds, float(row[f"{design}:effective"]))
+    nats, effective, *sds = map(float, cells)
+    return Narrowed(nats, np.array(sds), effective)

@@ -27,23 +27,16 @@ from fitball.errors import FitError
 from fitball.inference.likelihood.posterior import log_likelihood
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.starts import STARTS, starting_points
-from fitball.inference.prediction.posterior_predictive import with_noise
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
-from fitball.inference.sampling.ensembles import Sampled, Schedule, Settings, default_walkers, sample
-from fitball.inference.sampling.prior_draws import prior_draws
+from fitball.inference.sampling.ensembles import ENSEMBLES, Sampled
+from fitball.studies.shared.simulated import MAX_STEPS, SCHEDULE, drawn_truth, short_chain, simulated_columns
 from fitball.values import FloatArray
 from fitball.version import __version__
 
 # Posterior draws among which a truth is ranked: 200 values have central intervals of exactly 50, 80 and 95 %.
 RANKED = 199
-# Fewer draws than a calibration needs are plenty to choose RANKED nearly independent ones from.
-SCHEDULE = Schedule(warm_up=160, first_check=320, target_ess=400.0, target_r_hat=1.05)
-ENSEMBLES = 4
-# Some tables put the core's mass near the whole ball's, where mixing is slow; a replicate that is not done here
-# counts as not converged.
-MAX_STEPS = 2000
 LOG_LIKELIHOOD = "log_likelihood"
 
 
@@ -77,14 +70,9 @@ class Experiment(Protocol):
         """One replicate, which depends on `seeds` alone."""
 
 
-def seeds_of(seed: int, number: int) -> np.random.SeedSequence:
-    """The root of all random numbers of one replicate."""
-    return np.random.SeedSequence(seed, spawn_key=(number,))
-
-
 def run_replicate(experiment: Experiment, seed: int, number: int) -> Ranked:
-    """Replicate `number` of a run."""
-    return experiment.replicate(seeds_of(seed, number))
+    """Replicate `number` of a run; all its random numbers have one root."""
+    return experiment.replicate(np.random.SeedSequence(seed, spawn_key=(number,)))
 
 
 def ranks_among(truth: FloatArray, draws: FloatArray) -> list[int]:
@@ -145,33 +133,23 @@ class BounceExperiment:
         values = self.truth(np.random.default_rng(roots[0]))
         problem = self.simulated(values, np.random.default_rng(roots[1]))
         try:
-            sampled = _sampled(problem, np.random.default_rng(roots[2]), int(roots[3].generate_state(1)[0]))
+            # The real road to a posterior: starts, maxima, ensembles.
+            starts = starting_points(problem, np.random.default_rng(roots[2]), STARTS)
+            sampled = short_chain(problem, maximum_posterior(problem, starts), int(roots[3].generate_state(1)[0]))
         except FitError as error:
             return Ranked({}, False, 0, 0.0, float("nan"), str(error))
         return self._ranked(values, problem, sampled, np.random.default_rng(roots[3]))
 
     def truth(self, rng: np.random.Generator) -> FloatArray:
         """One draw (free,) of all that is known before the table. Raises FitError when there is none to be had."""
-        drawn = prior_draws(self.problem, rng, wanted=1, batch=400)
-        if not len(drawn):
-            raise FitError(f"model {self.model}: no draw of the priors agrees with what the scene knows")
-        truth: FloatArray = drawn[0]
-        return truth
+        return drawn_truth(self.problem, rng, f"model {self.model}")
 
     def simulated(self, values: FloatArray, rng: np.random.Generator) -> Problem:
         """The problem of a table simulated from true values (free,), with the gaps of the one there is."""
-        known = self.problem
-        rebound = known.rebound(values[None, :])
-        columns = known.all_values(values[None, :])
-        count = len(known.impacts)
+        known, count, row = self.problem, len(self.problem.impacts), values[None, :]
+        made, columns = simulated_columns(known, row, rng), known.all_values(row)
         measured = tuple(
-            Measurement(
-                observable.name,
-                observable.spread_out(
-                    with_noise(known.noise, observable, columns, rebound, rng)[2][0], count, np.nan
-                ),
-                observable.everywhere(count).sd,
-            )
+            Measurement(observable.name, made[observable.name], observable.everywhere(count).sd)
             for observable in known.observables
         )
         fix = {}
@@ -188,19 +166,6 @@ class BounceExperiment:
         together = np.concatenate([truth, draws])
         score = log_likelihood(problem, together, problem.rebound(together))
         quantities = np.column_stack([together, score])
+        ranks = dict(zip(self.names, ranks_among(quantities[0], quantities[1:]), strict=True))
         convergence = sampled.convergence
-        return Ranked(
-            dict(zip(self.names, ranks_among(quantities[0], quantities[1:]), strict=True)),
-            sampled.converged,
-            sampled.steps,
-            convergence.min_ess,
-            convergence.max_r_hat,
-        )
-
-
-def _sampled(problem: Problem, rng: np.random.Generator, seed: int) -> Sampled:
-    """The real road to a posterior: starts, maxima, ensembles; one thread."""
-    point = maximum_posterior(problem, starting_points(problem, rng, STARTS))
-    optima = np.array([[optimum[name] for name in problem.free_names] for optimum in point.optima])
-    settings = Settings(default_walkers(problem.dimension), ENSEMBLES, MAX_STEPS, 1, seed, SCHEDULE)
-    return sample(problem, problem.to_coordinates(optima), settings, None, False, lambda _progress: None)
+        return Ranked(ranks, sampled.converged, sampled.steps, convergence.min_ess, convergence.max_r_hat)

@@ -1,34 +1,38 @@
-"""Running many replicates, on several processes and over several sittings."""
+"""Running many replicates, and their ranks on disk, one line each."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
-from fitball.scheduling.engine import Engine, in_order
-from fitball.studies.sbc.record import RankFile
+from fitball.report.form.growing_csv import GrowingCsv
+from fitball.scheduling.engine import Engine
 from fitball.studies.sbc.replicate import Experiment, Ranked, run_replicate
+from fitball.studies.shared.replicates import Report, kept_replicates, silent
+
+ENDING = ("converged", "steps", "ess", "r_hat", "failed")
 
 
 def run_replicates(
-    experiment: Experiment,
-    seed: int,
-    replicates: int,
-    path: Path,
-    engine: Engine,
-    report: Callable[[int], None] = lambda _done: None,
+    experiment: Experiment, seed: int, replicates: int, path: Path, engine: Engine, report: Report = silent
 ) -> list[Ranked]:
-    """Replicates 0 to `replicates` - 1, those that `path` holds read and the others computed and appended to it.
+    """Replicates 0 to `replicates` - 1; see `kept_replicates`. Raises ResultFolderError."""
+    names = experiment.names
 
-    `report` is told the number of replicates done. Raises ResultFolderError. After Ctrl-C the same call goes on.
-    """
-    file = RankFile(path, experiment.names, {"seed": seed, **experiment.settings})
-    done = file.open()
-    report(min(done, replicates))
-    numbers = range(done, replicates)
-    made = in_order(engine, partial(run_replicate, experiment, seed), numbers)
-    for number, ranked in zip(numbers, made, strict=True):
-        file.append(number, ranked)
-        report(number + 1)
-    return file.read(replicates)
+    def cells(ranked: Ranked) -> list[str]:
+        ranks = [str(ranked.ranks[name]) if ranked.ranks else "" for name in names]
+        ending = [str(int(ranked.converged)), str(ranked.steps), f"{ranked.ess:.1f}", f"{ranked.r_hat:.4f}"]
+        return [*ranks, *ending, ranked.failed]
+
+    def read(row: Mapping[str, str]) -> Ranked:
+        ranks = {} if row["failed"] else {name: int(row[name]) for name in names}
+        r_hat = float(row["r_hat"])
+        if not row["failed"] and not math.isfinite(r_hat):
+            raise ValueError(r_hat)
+        return Ranked(ranks, row["converged"] == "1", int(row["steps"]), float(row["ess"]), r_hat, row["failed"])
+
+    file = GrowingCsv(path, (*names, *ENDING), {"seed": seed, **experiment.settings}, "ranks")
+    make = partial(run_replicate, experiment, seed)
+    return kept_replicates(file, replicates, make, cells, read, engine, report)

@@ -44,9 +44,14 @@ class QuantityFinding:
     coverages: tuple[Coverage, ...]
 
     @property
+    def adjusted(self) -> float:
+        """The lesser of both adjusted probabilities."""
+        return min(self.chi_square_adjusted, self.ecdf_adjusted)
+
+    @property
     def holds(self) -> bool:
         """Whether the ranks look uniform."""
-        return min(self.chi_square_adjusted, self.ecdf_adjusted) >= FAMILY_ERROR
+        return self.adjusted >= FAMILY_ERROR
 
 
 @dataclass(frozen=True)
@@ -70,8 +75,7 @@ class ModelFinding:
                 f"{self.unconverged} of {self.replicates} replicates did not converge and {self.failed} had no fit"
             )
         faults += [
-            f"{quantity.name}: ranks are not uniform (adjusted p = "
-            f"{min(quantity.chi_square_adjusted, quantity.ecdf_adjusted):.2g})"
+            f"{quantity.name}: ranks are not uniform (adjusted p = {quantity.adjusted:.2g})"
             for quantity in self.quantities
             if not quantity.holds
         ]
@@ -92,20 +96,11 @@ def summarise(models: Mapping[str, tuple[tuple[str, ...], Sequence[Ranked]]]) ->
     nulls = {count: null_distribution(count, VALUES) for count in {item[2].size for item in raw}}
     ecdf = [nulls[item[2].size].p_value(item[2]) for item in raw]
     adjusted = holm([item[4] for item in raw] + ecdf)
-    quantities = [
-        QuantityFinding(
-            model,
-            name,
-            ranks,
-            statistic,
-            p,
-            adjusted[k],
-            ecdf[k],
-            adjusted[len(raw) + k],
-            tuple(coverage(ranks, VALUES, nominal) for nominal in COVERAGES),
-        )
-        for k, (model, name, ranks, statistic, p) in enumerate(raw)
-    ]
+    quantities = []
+    for k, (model, name, ranks, statistic, p) in enumerate(raw):
+        covered = tuple(coverage(ranks, VALUES, nominal) for nominal in COVERAGES)
+        tests = (statistic, p, adjusted[k], ecdf[k], adjusted[len(raw) + k])
+        quantities.append(QuantityFinding(model, name, ranks, *tests, covered))
     return tuple(
         ModelFinding(
             model,
@@ -130,7 +125,7 @@ def summary_rows(findings: Sequence[ModelFinding]) -> list[dict[str, object]]:
                 "chi_square": round(quantity.chi_square, 3),
                 "chi_square_p": float(f"{quantity.chi_square_p:.4g}"),
                 "ecdf_p": float(f"{quantity.ecdf_p:.4g}"),
-                "adjusted_p": float(f"{min(quantity.chi_square_adjusted, quantity.ecdf_adjusted):.4g}"),
+                "adjusted_p": float(f"{quantity.adjusted:.4g}"),
             }
             for part in quantity.coverages:
                 percent = f"{100 * part.nominal:.0f}"

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import beta, binom, chi2
+from scipy.stats import binom, chi2
 
+from fitball.studies.shared.rate import Rate
 from fitball.values import FloatArray
 
 IntArray = NDArray[np.int64]
@@ -108,7 +109,7 @@ class Coverage:
 
 
 def coverage(ranks: IntArray, values: int, nominal: float) -> Coverage:
-    """Coverage by ranks, with the interval of Clopper and Pearson (1934).
+    """Coverage by ranks.
 
     `values` times `nominal` must be whole and leave as many values below as above. Raises ValueError.
     """
@@ -116,11 +117,8 @@ def coverage(ranks: IntArray, values: int, nominal: float) -> Coverage:
     if outside % 2 or abs(values * (1.0 - nominal) - outside) > 1e-9 * values:
         raise ValueError(f"no central interval of {nominal} among {values} values")
     edge = outside // 2
-    hits = int(np.count_nonzero((ranks >= edge) & (ranks < values - edge)))
-    count = ranks.size
-    low = float(beta.ppf(0.025, hits, count - hits + 1)) if hits else 0.0
-    high = float(beta.ppf(0.975, hits + 1, count - hits)) if hits < count else 1.0
-    return Coverage(nominal, hits / count, low, high)
+    rate = Rate(int(np.count_nonzero((ranks >= edge) & (ranks < values - edge))), ranks.size)
+    return Coverage(nominal, rate.count / rate.of, rate.low, rate.high)
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

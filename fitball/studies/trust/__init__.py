@@ -2,5 +2,5 @@
 counted is how often a fit says that it describes them, and how often what it calls identified holds the truth.
 
 Offers: `SCENARIOS`, `run_scenario`, `findings`.
-May import: api, exports, report, inference, models, data, scheduling.
+May import: studies.shared, api, exports, report, inference, models, data, scheduling.
 """

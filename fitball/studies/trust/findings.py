@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from scipy.stats import beta
-
 from fitball.inference.results.adequacy import FALSE_EXCEPT, FALSE_FAILS, Answer
 from fitball.inference.results.results import Verdict
+from fitball.studies.shared.rate import Rate
 from fitball.studies.trust.replicate import Said, Told
 from fitball.studies.trust.scenarios import SCENARIOS
 
@@ -17,34 +16,6 @@ RELIED_ON = (Verdict.IDENTIFIED, Verdict.GIVEN)
 # The share of 95 % intervals that may hold, and of pinned parameters that may be called prior-dominated.
 HOLD = (0.92, 0.98)
 MOST_BLIND = 0.05
-LEVEL = 0.95
-
-
-@dataclass(frozen=True)
-class Rate:
-    """`count` of `of`, with the ends of a 95 % interval (Clopper and Pearson 1934); empty without any."""
-
-    count: int
-    of: int
-
-    @property
-    def value(self) -> float | None:
-        """The share."""
-        return self.count / self.of if self.of else None
-
-    @property
-    def low(self) -> float:
-        """The least rate that would give as many."""
-        return float(beta.ppf(0.5 - LEVEL / 2, self.count, self.of - self.count + 1)) if self.count else 0.0
-
-    @property
-    def high(self) -> float:
-        """The largest rate that would give as few."""
-        return float(beta.ppf(0.5 + LEVEL / 2, self.count + 1, self.of - self.count)) if self.count < self.of else 1.0
-
-    def agrees(self, low: float, high: float) -> bool:
-        """Whether the rate may lie from `low` to `high`."""
-        return not self.of or (self.low <= high and self.high >= low)
 
 
 @dataclass(frozen=True)

@@ -15,19 +15,14 @@ from fitball.inference.point.point_fit import point_fit
 from fitball.inference.prediction.posterior_predictive import regime_shares
 from fitball.inference.problem.problem import Problem
 from fitball.inference.qualify import qualified
-from fitball.inference.results.adequacy import Adequacy
 from fitball.inference.results.results import Posterior, Verdict, thinned
-from fitball.inference.sampling.ensembles import ENSEMBLES, Schedule, Settings, default_walkers, sample
 from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.inference.second_search import search_again
+from fitball.studies.shared.simulated import MAX_STEPS, SCHEDULE, short_chain
 from fitball.studies.trust.pinned import pinned
 from fitball.studies.trust.scenarios import SCENARIOS, Scenario
-from fitball.values import FloatArray
 from fitball.version import __version__
 
-# Ends of a 95 % interval from so many effective draws are right within a tenth of its width.
-SCHEDULE = Schedule(warm_up=160, first_check=320, target_ess=400.0, target_r_hat=1.05)
-MAX_STEPS = 2000
 LEVELS = (0.025, 0.975)
 
 
@@ -96,9 +91,7 @@ def _fitted(scenario: Scenario, problem: Problem, truth: Mapping[str, float], ro
     rng = np.random.default_rng(root)
     seed = int(root.generate_state(1)[0])
     squares, point = point_fit(problem, rng)
-    optima = np.array([[optimum[name] for name in problem.free_names] for optimum in point.optima])
-    settings = Settings(default_walkers(problem.dimension), ENSEMBLES, MAX_STEPS, 1, seed, SCHEDULE)
-    sampled = sample(problem, problem.to_coordinates(optima), settings, None, False, lambda _progress: None)
+    sampled = short_chain(problem, point, seed)
     shape = sampled.kept.shape
     posterior = Posterior(
         problem.free_names,
@@ -114,30 +107,10 @@ def _fitted(scenario: Scenario, problem: Problem, truth: Mapping[str, float], ro
     _evidence, judged = examine(problem, point, profiled, posterior, correlation, regimes)
     verdicts = {name: qualified(name, judged[name], described, None)[0] for name in problem.free_names}
     pins = pinned(problem, truth) if scenario.made else {}
-    return _told(scenario, described, verdicts, posterior, truth, pins, sampled.converged)
-
-
-def _told(
-    scenario: Scenario,
-    described: Adequacy,
-    verdicts: Mapping[str, Verdict],
-    posterior: Posterior,
-    truth: Mapping[str, float],
-    pins: Mapping[str, bool | None],
-    converged: bool,
-) -> Told:
-    ends: FloatArray = np.quantile(posterior.draws, LEVELS, axis=0)
+    ends = np.quantile(posterior.draws, LEVELS, axis=0).T.tolist()
     said = {
-        name: Said(
-            verdicts[name],
-            float(ends[0, k]),
-            float(ends[1, k]),
-            truth[name] if scenario.knows(name) else None,
-            pins.get(name),
-        )
-        for k, name in enumerate(posterior.names)
+        name: Said(verdicts[name], low, high, truth[name] if scenario.knows(name) else None, pins.get(name))
+        for name, (low, high) in zip(posterior.names, ends, strict=True)
     }
-    least = min(
-        (*(check.p for check in described.checks), *(check.adjusted for check in described.noise)), default=1.0
-    )
-    return Told(str(described.answer), least, said, converged)
+    checks = (*(check.p for check in described.checks), *(check.adjusted for check in described.noise))
+    return Told(str(described.answer), min(checks, default=1.0), said, sampled.converged)

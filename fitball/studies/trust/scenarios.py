@@ -10,14 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitball.data.table import ImpactTable, Measurement
-from fitball.errors import FitError
-from fitball.inference.prediction.posterior_predictive import with_noise
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.problem import Problem
-from fitball.inference.sampling.prior_draws import prior_draws
-from fitball.models.model import Model
 from fitball.models.registry import DEFAULT_MODEL, model
 from fitball.models.types import Rebound
+from fitball.studies.shared.simulated import drawn_truth, simulated_columns
 from fitball.studies.trust.designs import DESIGNS, Design
 from fitball.values import FloatArray, Impacts
 
@@ -30,6 +27,8 @@ TRUTH: Mapping[str, float] = {
 SHARED = ("mu", "cor_10", "cor_slope")
 VELOCITY, SPIN = 0.25, 10.0
 Columns = dict[str, FloatArray]
+# From the speed and the vertical speed of an impact to other values of some parameters.
+Change = Callable[[float, float], Mapping[str, float]]
 
 
 @dataclass(frozen=True)
@@ -67,25 +66,15 @@ class Scenario:
         known = self.problem
         if self.fixed:
             return np.array([TRUTH[name] for name in known.free_names])
-        drawn = prior_draws(known, rng, wanted=1, batch=400)
-        if not len(drawn):
-            raise FitError(f"scenario {self.name}: no draw of the priors agrees with what the scene knows")
-        truth: FloatArray = drawn[0]
-        return truth
+        return drawn_truth(known, rng, f"scenario {self.name}")
 
     def simulated(self, values: FloatArray, rng: np.random.Generator, times: int = 1) -> Problem:
         """The problem of a table made from true values (free,), so many `times` as long as the design's."""
         empty = self.posed(self.design.table(times))
         own = dict(zip(self.problem.free_names, values, strict=True))
         row = np.array([[own[name] for name in empty.free_names]])
-        rebound = empty.rebound(row) if self.maker is None else self.maker(empty.impacts)
-        columns = empty.all_values(row)
-        made = {
-            observable.name: observable.spread_out(
-                with_noise(empty.noise, observable, columns, rebound, rng)[2][0], len(empty.impacts), np.nan
-            )
-            for observable in empty.observables
-        }
+        rebound = None if self.maker is None else self.maker(empty.impacts)
+        made = simulated_columns(empty, row, rng, rebound)
         impacts = empty.impacts
         if self.spoil is not None:
             impacts, made = self.spoil(impacts, made, rng)
@@ -97,30 +86,23 @@ class Scenario:
         return self.truths is None or name in self.truths
 
 
-def _made(chosen: Model, values: Mapping[str, float], impacts: Impacts) -> Rebound:
-    row = np.array([[values[name] for name in chosen.parameter_names]])
-    return chosen.evaluate(chosen.parameter_names, row, impacts)
-
-
-def _brody(impacts: Impacts) -> Rebound:
-    return _made(model("brody"), TRUTH, impacts)
-
-
-def _two_mass(impacts: Impacts) -> Rebound:
-    return _made(model(DEFAULT_MODEL), TRUTH, impacts)
-
-
-def _one_by_one(change: Callable[[float, float], Mapping[str, float]]) -> Callable[[Impacts], Rebound]:
-    """Rebounds of the default model whose parameters `change` with the speed and the vertical speed of an impact."""
+def _by(
+    name: str, change: Callable[[float, float], Mapping[str, float]] | None = None
+) -> Callable[[Impacts], Rebound]:
+    """Rebounds of a model at the one truth, or at what it changes to from impact to impact."""
+    chosen = model(name)
 
     def make(impacts: Impacts) -> Rebound:
-        chosen = model(DEFAULT_MODEL)
-        speed = np.hypot(impacts.v_x1, impacts.v_y1)
-        rebounds = [
-            _made(chosen, {**TRUTH, **change(float(speed[k]), float(impacts.v_y1[k]))}, impacts.take(np.array([k])))
-            for k in range(len(impacts))
-        ]
-        return Rebound.joined(rebounds, axis=1)
+        def rebound(given: Impacts, values: Mapping[str, float]) -> Rebound:
+            row = np.array([[values[name] for name in chosen.parameter_names]])
+            return chosen.evaluate(chosen.parameter_names, row, given)
+
+        if change is None:
+            return rebound(impacts, TRUTH)
+        speeds = np.hypot(impacts.v_x1, impacts.v_y1)
+        states = enumerate(zip(speeds.tolist(), impacts.v_y1.tolist(), strict=True))
+        each = [rebound(impacts.take(np.array([k])), {**TRUTH, **change(*state)}) for k, state in states]
+        return Rebound.joined(each, axis=1)
 
     return make
 
@@ -151,9 +133,9 @@ def _scenarios() -> tuple[Scenario, ...]:
     return (
         *drawn,
         Scenario("control", broad, broad.words, made=True),
-        Scenario("brody", broad, "made by the model brody", made=False, maker=_brody, truths=SHARED),
+        Scenario("brody", broad, "made by the model brody", made=False, maker=_by("brody"), truths=SHARED),
         Scenario(
-            "too-simple", broad, "made by the default model, fitted by brody", made=False, maker=_two_mass,
+            "too-simple", broad, "made by the default model, fitted by brody", made=False, maker=_by(DEFAULT_MODEL),
             truths=SHARED, model="brody",
         ),
         Scenario("negated", broad, "both spins of the other sign", made=False, spoil=_negated),
@@ -161,13 +143,13 @@ def _scenarios() -> tuple[Scenario, ...]:
         Scenario("biased", broad, "v_x2 of a quarter of the rows 0.6 m/s too large", made=False, spoil=_biased),
         Scenario(
             "friction", broad, "mu falls from 0.7 at 14 m/s to 0.4 at 25 m/s", made=False,
-            maker=_one_by_one(lambda speed, _up: {"mu": 0.55 - 0.3 / 11.0 * (speed - 19.5)}),
+            maker=_by(DEFAULT_MODEL, lambda speed, _up: {"mu": 0.55 - 0.3 / 11.0 * (speed - 19.5)}),
             truths=("mass_ratio", "k_y", "k_theta", "eps_10", "eps_slope", "cor_10", "cor_slope", "v_x_sd", "v_y_sd",
                     "spin_sd"),
         ),
         Scenario(
             "restitution", broad, "the COR bends: 0.0015 (v_y1 - 13)^2 less far from 13 m/s", made=False,
-            maker=_one_by_one(lambda _speed, up: {"cor_10": TRUTH["cor_10"] - 0.0015 * (up - 13.0) ** 2}),
+            maker=_by(DEFAULT_MODEL, lambda _speed, up: {"cor_10": TRUTH["cor_10"] - 0.0015 * (up - 13.0) ** 2}),
             truths=("mass_ratio", "k_y", "k_theta", "mu", "eps_10", "eps_slope", "v_x_sd", "v_y_sd", "spin_sd"),
         ),
     )  # fmt: skip
