@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 from fitball.models.kernels.bounce import tied_inertia_split
-from fitball.models.oracle.oracle import oracle_rebound, oracle_rebound_mp
+from fitball.models.oracle.oracle import oracle_rebound
 from fitball.models.types import Status
 from fitball.scheduling.engine import engine, in_order
 from fitball.studies.bench.hard_cases import HardCase, hard_cases
@@ -38,18 +38,10 @@ def torsional_angle(case: HardCase) -> float:
 
 def answer(case: HardCase) -> tuple[str, ...]:
     """One row; floats to the last digit."""
-    stiff = torsional_angle(case) > STIFF
-    solve = oracle_rebound if stiff else oracle_rebound_mp
-    found = solve(case.model.closures, case.model.ball, case.parameters, case.impacts)
-    values = (found.v_x2, found.v_y2, found.omega_2, found.contact_time)
-    numbers = [repr(float(value[0])) for value in values]
-    return (
-        case.name,
-        "16" if stiff else "50",
-        *numbers,
-        str(int(found.regime[0])),
-        Status(int(found.status[0])).name,
-    )
+    digits = None if torsional_angle(case) > STIFF else 50
+    found = oracle_rebound(case.model.closures, case.model.ball, case.parameters, case.impacts, digits)
+    numbers = [repr(float(value[0])) for value in (found.v_x2, found.v_y2, found.omega_2, found.contact_time)]
+    return (case.name, str(digits or 16), *numbers, str(int(found.regime[0])), Status(int(found.status[0])).name)
 
 
 def main() -> int:

@@ -9,7 +9,7 @@ import pytest
 from samples import COMPOSITIONS
 
 import fitball
-from fitball.models.oracle.oracle import oracle_rebound, oracle_rebound_mp
+from fitball.models.oracle.oracle import oracle_rebound
 from fitball.models.types import Status, regime_name
 from fitball.studies.bench.hard_cases import BASE, FAST, SHALLOW, STEEP, HardCase, hard_cases
 from fitball.values import Ball, Impacts
@@ -150,7 +150,7 @@ def test_fifty_digits(regime):
     def at(step):
         impact = [start + step * moves[key] for start, key in zip(case.impact, INCIDENT, strict=True)]
         moved = {key: case.parameters[key] + step * moves[key] for key in names}
-        found = oracle_rebound_mp(chosen.closures, chosen.ball, moved, fitball.impacts(*impact))
+        found = oracle_rebound(chosen.closures, chosen.ball, moved, fitball.impacts(*impact), digits=50)
         assert regime_name(int(found.regime[0])) == regime
         return stacked(found)[0]
 

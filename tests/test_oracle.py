@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from oracle_case import AS_THE_THESIS, BALL, DEFAULT, PARAMETERS
 
-from fitball.models.oracle.oracle import oracle_rebound, oracle_rebound_mp
+from fitball.models.oracle.oracle import oracle_rebound
 from fitball.models.types import Closures, Phase, Rebound, Status, unpack_regime
 from fitball.values import Impacts, impacts
 
@@ -71,7 +71,7 @@ def test_agrees_with_fifty_digits(seed: int) -> None:
     [(closures, parameters, at)] = random_cases(seed, 1)
     double, exact = (
         oracle_rebound(closures, BALL, parameters, at),
-        oracle_rebound_mp(closures, BALL, parameters, at),
+        oracle_rebound(closures, BALL, parameters, at, digits=50),
     )
     assert double.regime[0] == exact.regime[0]
     assert distance(double, exact, at) < 1e-13
@@ -84,7 +84,7 @@ def test_critical_torsion_is_no_special_case(zeta_theta: float) -> None:
     parameters = PARAMETERS | {"zeta_theta": zeta_theta}
     double, exact = (
         oracle_rebound(closures, BALL, parameters, at),
-        oracle_rebound_mp(closures, BALL, parameters, at),
+        oracle_rebound(closures, BALL, parameters, at, digits=50),
     )
     assert distance(double, exact, at) < 1e-13
 
@@ -96,7 +96,7 @@ def test_grazing_the_friction_cone_is_seen() -> None:
     parameters, at = PARAMETERS | {"eps_10": 5e-3, "mu": 0.3}, impacts([6.52596, 6.525963], 12.0, 80.0)
     double, exact = (
         oracle_rebound(closures, BALL, parameters, at),
-        oracle_rebound_mp(closures, BALL, parameters, at),
+        oracle_rebound(closures, BALL, parameters, at, digits=50),
     )
     assert Phase.HOLD not in unpack_regime(int(exact.regime[0]))
     assert Phase.HOLD in unpack_regime(int(exact.regime[1]))
@@ -107,8 +107,8 @@ def test_grazing_the_friction_cone_is_seen() -> None:
 
 def test_digits_beyond_double_change_nothing() -> None:
     at = impacts([15.0, 1.0], [10.0, 15.0], [100.0, 300.0])
-    few = oracle_rebound_mp(DEFAULT, BALL, PARAMETERS, at, digits=30)
-    many = oracle_rebound_mp(DEFAULT, BALL, PARAMETERS, at, digits=70)
+    few = oracle_rebound(DEFAULT, BALL, PARAMETERS, at, digits=30)
+    many = oracle_rebound(DEFAULT, BALL, PARAMETERS, at, digits=70)
     np.testing.assert_array_equal(few.v_x2, many.v_x2)
     np.testing.assert_array_equal(few.omega_2, many.omega_2)
 

@@ -140,7 +140,7 @@ class TwoMassModel(Model):
     def oracle(self) -> Oracle | None:
         """See `Model.oracle`."""
         # Its imports take a quarter of a second, which only a calibration needs.
-        from fitball.models.oracle.two_mass import TwoMassOracle
+        from fitball.models.oracle.oracle import TwoMassOracle
 
         return TwoMassOracle(self.closures, self.ball) if self.tangential else None
 

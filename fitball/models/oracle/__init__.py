@@ -1,6 +1,6 @@
 """Slow solutions that share no code with the kernels, against which these are checked: matrix exponentials, Taylor
 series of any precision.
 
-Offers: `oracle_rebound` and `oracle_rebound_mp`.
+Offers: `oracle_rebound` and `TwoMassOracle`.
 May import: models.
 """
