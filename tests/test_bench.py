@@ -18,11 +18,10 @@ from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.studies.bench import clock, many_tables, measure, page, ratios, samplers, sampling
-from fitball.studies.bench.adaptive_steps import adaptive
 from fitball.studies.bench.clock import Pace, by_turns
 from fitball.studies.bench.costs import batch_costs
 from fitball.studies.bench.densities import OURS, SCRIPT, by_order_8, by_solve_ivp, density_costs, plain_log_posterior
-from fitball.studies.bench.integrators import fixed_steps, set_up
+from fitball.studies.bench.integrators import adaptive, fixed_steps, set_up
 from fitball.studies.bench.measure import Bench
 from fitball.studies.bench.precision import CAREFUL, FASTEST, LOCATED_8, errors, work_precision
 from fitball.studies.bench.ratios import RATIO, WORK
@@ -304,7 +303,7 @@ def test_files_and_words(precision, densities, tmp_path, monkeypatch, capsys):
     assert json.loads(capsys.readouterr().out)["machine"] == "a machine"
     (tmp_path / "file").write_text("")
     assert main(["bench", "--quick", "--out", str(tmp_path / "file")]) == 2
-    assert "--out" in capsys.readouterr().err
+    assert "is a file; name a folder" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

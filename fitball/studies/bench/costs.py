@@ -87,21 +87,22 @@ def whole_costs(most: int) -> pd.DataFrame:
 def process_costs(full: bool) -> pd.DataFrame:
     """CPU seconds and most memory of fresh processes, one core; in `full` with an empty compile cache too."""
     rebound = REBOUND.format(values=base_values())
-    rows = []
-
-    def measured(label: str, code: str, **environment: str) -> None:
-        told = fresh_process(code, **environment)
-        rows.append({"process": label, "CPU seconds": told.seconds, "most memory [MB]": told.megabytes})
-
-    measured("python", "pass")
-    measured("fitball --version", "import fitball.cli.main")
-    measured("numpy, scipy.optimize, pandas", "import numpy, scipy.optimize, pandas")
-    measured("first rebound", rebound)
-    if full:
-        with tempfile.TemporaryDirectory() as cache:
-            measured("first rebound, empty compile cache", rebound, NUMBA_CACHE_DIR=cache)
-    for table in ("wang_zero_spin", "wang_all"):
-        with tempfile.TemporaryDirectory() as folder:
-            words = ["calibrate", f"{table}.csv", "--cores", "1", "--quiet", "--out", folder + "/fit"]
-            measured(f"fitball calibrate {table}", VERB.format(words=words))
-    return pd.DataFrame(rows)
+    with tempfile.TemporaryDirectory() as place:
+        asked: list[tuple[str, str, dict[str, str]]] = [
+            ("python", "pass", {}),
+            ("fitball --version", "import fitball.cli.main", {}),
+            ("numpy, scipy.optimize, pandas", "import numpy, scipy.optimize, pandas", {}),
+            ("first rebound", rebound, {}),
+        ]
+        if full:
+            asked.append(("first rebound, empty compile cache", rebound, {"NUMBA_CACHE_DIR": f"{place}/cache"}))
+        for table in ("wang_zero_spin", "wang_all"):
+            words = ["calibrate", f"{table}.csv", "--cores", "1", "--quiet", "--out", f"{place}/{table}"]
+            asked.append((f"fitball calibrate {table}", VERB.format(words=words), {}))
+        told = {label: fresh_process(code, **environment) for label, code, environment in asked}
+    return pd.DataFrame(
+        [
+            {"process": label, "CPU seconds": one.seconds, "most memory [MB]": one.megabytes}
+            for label, one in told.items()
+        ]
+    )

@@ -14,9 +14,8 @@ from scipy.stats import t as student
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.problem.problem import Problem
 from fitball.models.types import Rebound
-from fitball.studies.bench.adaptive_steps import Method, adaptive
 from fitball.studies.bench.clock import Pace, by_turns
-from fitball.studies.bench.integrators import END, fixed_steps, set_up
+from fitball.studies.bench.integrators import END, Method, adaptive, fixed_steps, set_up
 from fitball.studies.bench.precision import CAREFUL
 from fitball.studies.bench.scenes import oracle
 from fitball.studies.bench.tables import spread_coordinates

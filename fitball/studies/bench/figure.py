@@ -24,12 +24,10 @@ def figure(bench: Bench) -> Figure:
     made = new_figure(13.0, 8.2)
     panels = made.subplots(2, 3).ravel()
     for panel, name in zip(panels, names, strict=False):
-        _curves(panel, precision[precision["scene"] == name], "solver")
-        panel.set_title(name, fontsize=11)
+        _curves(panel, precision[precision["scene"] == name], "solver", name)
         panel.set_xlabel("largest error / incident surface speed")
         panel.set_ylabel("CPU microseconds an impact")
-    _curves(panels[4], densities, "log posterior")
-    panels[4].set_title("Log posterior of five tables", fontsize=11)
+    _curves(panels[4], densities, "log posterior", "Log posterior of five tables")
     panels[4].set_xlabel("largest error of the log density")
     panels[4].set_ylabel("CPU microseconds a density")
     panels[5].axis("off")
@@ -42,7 +40,7 @@ def figure(bench: Bench) -> Figure:
     return made
 
 
-def _curves(panel: Axes, rows: pd.DataFrame, by: str) -> None:
+def _curves(panel: Axes, rows: pd.DataFrame, by: str, title: str) -> None:
     for k, (name, mine) in enumerate(rows.groupby(by, sort=False)):
         ours = str(name).startswith(("closed form", OURS))
         color, line = SERIES[k % len(SERIES)], "-" if by == "solver" else ""
@@ -51,6 +49,7 @@ def _curves(panel: Axes, rows: pd.DataFrame, by: str) -> None:
             color=color, markersize=8 if ours else 5, linewidth=1, label=str(name),
             markerfacecolor=color if ours else "none",
         )  # fmt: skip
+    panel.set_title(title, fontsize=11)
     panel.grid(alpha=0.3)
 
 

@@ -1,5 +1,5 @@
 """What one would write without a closed form: the default two-mass ball as differential equations, and compiled
-Runge-Kutta methods of fixed step for them, careless or careful about where a phase ends.
+Runge-Kutta methods of fixed step for them, careless or careful about where a phase ends; and `solve_ivp` of scipy.
 
 The same physics as model `two-mass` with its default closures; landing impulse and release are taken from the kernel,
 so that only the integration of the contact is compared. All is in one file, with whose changes its compiled cache
@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
-from scipy.integrate import DOP853
+from scipy.integrate import DOP853, solve_ivp
 
 from fitball.models.kernels.bounce import tied_inertia_split, tied_shell_share
 from fitball.models.kernels.compiled import compiled, inlined
@@ -28,6 +29,9 @@ PER_RIDING, C_Y, K_Y, K_THETA, C_THETA, PER_CORE, PER_SHELL, PER_MASS, RADIUS, M
 STATE, PHASE = 13, 19
 SIZE = 20
 
+Method = Literal["RK45", "DOP853", "LSODA"]
+# Typical sizes of the state, for absolute tolerances; a short first step, as a share of what is left of the contact.
+SCALE, FIRST = np.array([1e-3, 10.0, 10.0, 300.0, 300.0, 0.1]), 1e-6
 # Ends of phases in one impact that a rival follows, trials of a search for one, and how near it comes to it, as a
 # share of the contact.
 MOST_EVENTS, MOST_TRIALS, NEAR = 64, 60, 1e-15
@@ -252,3 +256,33 @@ def fixed_steps(setups: FloatArray, order: int, steps: int, *, located: bool) ->
     out = np.empty((len(setups), 2))
     stepped(setups, order, steps, located, out)
     return out
+
+
+def adaptive(setup: FloatArray, method: Method, rtol: float, most: float = math.inf) -> tuple[float, float]:
+    """`(v_x2, omega_2)` of a set-up impact; no step is longer than the share `most` of the contact.
+
+    Events are looked for at the ends of steps: a grip that breaks and could grip again within one is stepped over.
+    Who bounds steps makes the first of a phase very short too: slip begins at zero, and may end there soon.
+    """
+    c = setup
+    z, phase, time = first_state(c), float(c[PHASE]), 0.0
+
+    def motion(_t: float, z: FloatArray) -> tuple[float, ...]:
+        return rates(c, phase, tuple(z))
+
+    def ended(_t: float, z: FloatArray) -> float:
+        return margin(c, phase, tuple(z))
+
+    ended.terminal, ended.direction = True, -1.0  # type: ignore[attr-defined]
+    for _ in range(MOST_EVENTS):
+        first = None if math.isinf(most) else FIRST * (c[END] - time)
+        run = solve_ivp(
+            motion, (time, c[END]), z, method, events=ended, rtol=rtol, atol=rtol * SCALE, max_step=most * c[END],
+            first_step=first,
+        )  # fmt: skip
+        y, v_y, v_x, omega_1, omega_2, twist = run.y[:, -1].tolist()
+        z, time = (y, v_y, v_x, omega_1, omega_2, twist), float(run.t[-1])
+        if run.status != 1 or time >= c[END] * (1.0 - 1e-12):
+            break
+        phase, z = after_event(c, phase, z)
+    return outgoing(c, z)

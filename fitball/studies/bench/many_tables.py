@@ -12,9 +12,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import pandas as pd
 
-from fitball.models.registry import DEFAULT_MODEL, model
+from fitball.models.registry import DEFAULT_MODEL
 from fitball.studies.bench.clock import fresh_process
-from fitball.studies.bench.tables import base_values
+from fitball.studies.bench.tables import base_values, simulated_frame
 from fitball.values import impacts
 
 ROWS = 20
@@ -43,15 +43,10 @@ class Family(NamedTuple):
 
 
 class Going(Protocol):
-    """How far a batch is."""
+    """How far a batch is: tables that are `done`, `of` all."""
 
-    @property
-    def done(self) -> int:
-        """Tables that are done."""
-
-    @property
-    def of(self) -> int:
-        """All tables."""
+    done: int
+    of: int
 
 
 class Watch:
@@ -116,16 +111,13 @@ def many_costs(tables: int, cores: int) -> pd.DataFrame:
 def write_tables(folder: Path, count: int) -> None:
     """Simulated tables `0001.csv` and on, each of a ball and a court of its own."""
     folder.mkdir()
-    base, chosen = base_values(), model(DEFAULT_MODEL)
     for number in range(1, count + 1):
         rng = np.random.default_rng([15, number])
         speed, angle = rng.uniform(12.0, 30.0, ROWS), np.radians(rng.uniform(14.0, 40.0, ROWS))
         given = impacts(speed * np.cos(angle), speed * np.sin(angle), rng.uniform(-300.0, 300.0, ROWS))
-        own = {name: value * (1.0 + DIFFERENT.get(name, 0.0) * rng.standard_normal()) for name, value in base.items()}
-        made = chosen.rebound(own, given)
-        exact = zip((made.v_x2, made.v_y2, made.omega_2), NOISE, strict=True)
-        noisy = [column + sd * rng.standard_normal(ROWS) for column, sd in exact]
-        heads = ("v_x1 [m/s]", "v_y1 [m/s]", "omega_1 [rad/s]", "v_x2 [m/s]", "v_y2 [m/s]", "omega_2 [rad/s]")
-        columns = (given.v_x1, given.v_y1, given.omega_1, *noisy)
-        frame = pd.DataFrame(dict(zip(heads, columns, strict=True)))
+        own = {
+            name: value * (1.0 + DIFFERENT.get(name, 0.0) * rng.standard_normal())
+            for name, value in base_values().items()
+        }
+        frame = simulated_frame(DEFAULT_MODEL, own, given, NOISE, rng)
         frame.to_csv(folder / f"{number:04}.csv", index=False, float_format="%.6g")

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from fitball.errors import ResultFolderError
 from fitball.report.figures.save import save_figure
 from fitball.report.form.atomic_write import write_text
+from fitball.report.form.folders import make_folder
 from fitball.studies.bench.figure import figure, samplers_figure
 from fitball.studies.bench.measure import Bench
 from fitball.studies.bench.precision import FASTEST
@@ -30,10 +30,7 @@ HEADS = {
 
 def write(bench: Bench, folder: Path) -> None:
     """Write CSV files, figures and the tables in words. Raises ResultFolderError."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ResultFolderError(f"{folder}: cannot be made: {error.strerror}; name another with --out") from None
+    make_folder(folder)
     for name, frame in bench.frames.items():
         write_text(folder / f"{name}.csv", frame.to_csv(index=False, float_format="%.4g", lineterminator="\n"))
     save_figure(figure(bench), folder / FIGURE)
@@ -47,11 +44,12 @@ def summary(bench: Bench) -> list[str]:
     wang = precision[precision["scene"] == "Wang's 21"].drop(columns=["scene", "median error"])
     fastest = float(wang[wang["solver"] == FASTEST]["microseconds"].iloc[0])
     wang.insert(3, "times slower", wang["microseconds"] / fastest)
-    lines = [f"Measured by `fitball bench` on {bench.machine}; times are of CPU, the least of several rounds.", ""]
-    lines += [*_table(wang), "", "Largest error of the closed form by scene: " + ", ".join(
-        f"{row['scene']} {row['largest error']:.1e}"
-        for row in precision.to_dict("records") if row["solver"] == "closed form, one by one"
-    ) + ".", ""]  # fmt: skip
+    exact = precision[precision["solver"] == "closed form, one by one"]
+    largest = ", ".join(f"{row['scene']} {row['largest error']:.1e}" for row in exact.to_dict("records"))
+    lines = [
+        f"Measured by `fitball bench` on {bench.machine}; times are of CPU, the least of several rounds.", "",
+        *_table(wang), "", f"Largest error of the closed form by scene: {largest}.", "",
+    ]  # fmt: skip
     for name, head in HEADS.items():
         lines += [f"{head}:", "", *_table(bench.frames[name]), ""]
     return [*lines, *missing_words(bench)]

@@ -10,9 +10,8 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from fitball.studies.bench.adaptive_steps import Method, adaptive
 from fitball.studies.bench.clock import Pace, by_turns
-from fitball.studies.bench.integrators import fixed_steps, set_up
+from fitball.studies.bench.integrators import Method, adaptive, fixed_steps, set_up
 from fitball.studies.bench.scenes import HARD, Scene, default_model
 from fitball.values import FloatArray, impacts
 

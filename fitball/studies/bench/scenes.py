@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -55,46 +56,31 @@ def scenes(engine: Engine) -> tuple[Scene, ...]:
 
     `engine` shares the exact answers, half a second per impact.
     """
-    chosen = default_model()
-    names = chosen.parameter_names
+    names = default_model().parameter_names
     base = np.array([BASE[name] for name in names])
-    wang = load_table("wang_all.csv").impacts
     hard = [case for case in hard_cases() if not case.closures and "mass_ratio 1" not in case.name]
-    return (
-        _scene("sliding", names, base,
-               impacts([16.0, 17.0, 25.0, 30.0], [4.0, 4.5, 4.0, 6.0], [0.0, -150.0, 0.0, 1e2]), engine),
-        _scene("slide-grip-slide", names, base,
-               impacts([12.0, 9.0, 14.0, 10.0], [13.0, 15.0, 12.0, 10.0], [0.0, 100.0, 140.0, -100.0]), engine),
-        _scene("grip from the start", names, base,
-               impacts([5.0, 4.0, 3.0, 6.0], [16.0, 15.0, 12.0, 14.0], [145.0, 120.0, 90.0, 180.0]), engine),
-        _scene("Wang's 21", names, base, wang, engine),
-        _scene(
-            HARD,
-            names,
-            np.array([[case.parameters[name] for name in names] for case in hard]),
-            impacts(*np.array([case.impact for case in hard]).T),
-            engine,
-        ),
-    )  # fmt: skip
+    kinds = {
+        "sliding": impacts([16.0, 17.0, 25.0, 30.0], [4.0, 4.5, 4.0, 6.0], [0.0, -150.0, 0.0, 1e2]),
+        "slide-grip-slide": impacts([12.0, 9.0, 14.0, 10.0], [13.0, 15.0, 12.0, 10.0], [0.0, 100.0, 140.0, -100.0]),
+        "grip from the start": impacts([5.0, 4.0, 3.0, 6.0], [16.0, 15.0, 12.0, 14.0], [145.0, 120.0, 90.0, 180.0]),
+        "Wang's 21": load_table("wang_all.csv").impacts,
+        HARD: impacts(*np.array([case.impact for case in hard]).T),
+    }
+    values = dict.fromkeys(kinds, base) | {
+        HARD: np.array([[case.parameters[name] for name in names] for case in hard])
+    }
+    return tuple(_scene(kind, names, values[kind], given, engine) for kind, given in kinds.items())
 
 
 def _scene(name: str, names: tuple[str, ...], values: FloatArray, given: Impacts, engine: Engine) -> Scene:
     rows = np.broadcast_to(values, (len(given), len(names))).copy()
-    singles = [impacts(given.v_x1[k], given.v_y1[k], given.omega_1[k]) for k in range(len(given))]
-    parameters = [dict(zip(names, row.tolist(), strict=True)) for row in rows]
-    solve = _exact_to_sixteen if name == HARD else _exact_to_fifty
-    exact = list(in_order(engine, solve, list(zip(parameters, singles, strict=True))))
-    v_x2, omega_2 = np.array(exact).T
+    bounces = [(dict(zip(names, row.tolist(), strict=True)), given.take(np.array([k]))) for k, row in enumerate(rows)]
+    v_x2, omega_2 = np.array(list(in_order(engine, partial(_exact, None if name == HARD else 50), bounces))).T
     # Two events closer than rounding leave double precision without an answer, and the bench without a rival.
     kept = np.flatnonzero(np.isfinite(v_x2))
     return Scene(name, names, rows[kept], given.take(kept), v_x2[kept], omega_2[kept])
 
 
-def _exact_to_fifty(bounce: tuple[Mapping[str, float], Impacts]) -> tuple[float, float]:
-    exact = oracle().rebound(*bounce, digits=50)
-    return float(exact.v_x2[0]), float(exact.omega_2[0])
-
-
-def _exact_to_sixteen(bounce: tuple[Mapping[str, float], Impacts]) -> tuple[float, float]:
-    exact = oracle().rebound(*bounce)
+def _exact(digits: int | None, bounce: tuple[Mapping[str, float], Impacts]) -> tuple[float, float]:
+    exact = oracle().rebound(*bounce, digits=digits)
     return float(exact.v_x2[0]), float(exact.omega_2[0])

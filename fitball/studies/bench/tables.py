@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -19,6 +19,7 @@ from fitball.models.registry import DEFAULT_MODEL, model
 from fitball.studies.bench.hard_cases import BASE
 from fitball.values import FloatArray, Impacts, impacts
 
+COLUMNS = ("v_x1 [m/s]", "v_y1 [m/s]", "omega_1 [rad/s]", "v_x2 [m/s]", "v_y2 [m/s]", "omega_2 [rad/s]")
 # Noise at which densities are timed [m/s, rad/s]: as large as in Wang's tables.
 VELOCITY, SPIN = 0.4, 14.0
 # Slow impacts that are simulated, and the degrees of freedom of errors with outliers.
@@ -42,17 +43,21 @@ def posed(name: str, rows: int | None = None) -> Problem:
     return build_problem(table if rows is None else enlarged(table, rows), load_scene(f"{name}.csv"), Choices())
 
 
+def simulated_frame(
+    name: str, values: Mapping[str, float], given: Impacts, sds: Sequence[float], rng: np.random.Generator
+) -> pd.DataFrame:
+    """The table that a model makes at incident states, normal noise of `sds` [m/s, m/s, rad/s] added."""
+    made = model(name).rebound(values, given)
+    exact = zip((made.v_x2, made.v_y2, made.omega_2), sds, strict=True)
+    noisy = [column + sd * rng.standard_normal(len(given)) for column, sd in exact]
+    return pd.DataFrame(dict(zip(COLUMNS, (given.v_x1, given.v_y1, given.omega_1, *noisy), strict=True)))
+
+
 def _slow() -> pd.DataFrame:
     """Impacts as of a ball thrown by hand, spins of both signs."""
     rng = np.random.default_rng(14)
     given = impacts(rng.uniform(1.0, 7.0, SLOW), rng.uniform(2.0, 6.0, SLOW), rng.uniform(-150.0, 150.0, SLOW))
-    made = model(DEFAULT_MODEL).rebound(base_values(), given)
-    return pd.DataFrame({
-        "v_x1 [m/s]": given.v_x1, "v_y1 [m/s]": given.v_y1, "omega_1 [rad/s]": given.omega_1,
-        "v_x2 [m/s]": made.v_x2 + 0.1 * rng.standard_normal(SLOW),
-        "v_y2 [m/s]": made.v_y2 + 0.1 * rng.standard_normal(SLOW),
-        "omega_2 [rad/s]": made.omega_2 + 4.0 * rng.standard_normal(SLOW),
-    })  # fmt: skip
+    return simulated_frame(DEFAULT_MODEL, base_values(), given, (0.1, 0.1, 4.0), rng)
 
 
 def _gappy() -> pd.DataFrame:
@@ -73,14 +78,8 @@ def write_simulated(place: Path, rows: int) -> None:
     rng = np.random.default_rng(rows)
     speed, angle = rng.uniform(8.0, 35.0, rows), np.radians(rng.uniform(15.0, 70.0, rows))
     given = impacts(speed * np.cos(angle), speed * np.sin(angle), rng.uniform(-200.0, 300.0, rows))
-    made = model("grip-slip").rebound(SIMULATED, given)
-    seen = [
-        column + sd * rng.standard_normal(rows)
-        for column, sd in zip((made.v_x2, made.v_y2, made.omega_2), (0.3, 0.3, 10.0), strict=True)
-    ]
-    numbers = np.stack([given.v_x1, given.v_y1, given.omega_1, *seen], axis=1)
-    head = "v_x1,v_y1,omega_1,v_x2,v_y2,omega_2"
-    np.savetxt(place, numbers[numbers[:, 4] > 0.0], delimiter=",", header=head, comments="", fmt="%.6g")
+    frame = simulated_frame("grip-slip", SIMULATED, given, (0.3, 0.3, 10.0), rng)
+    frame[frame["v_y2 [m/s]"] > 0.0].to_csv(place, index=False, float_format="%.6g")
 
 
 def enlarged(table: ImpactTable, rows: int) -> ImpactTable:
@@ -92,9 +91,7 @@ def enlarged(table: ImpactTable, rows: int) -> ImpactTable:
     return replace(
         table,
         impacts=Impacts(given.v_x1[take] * stretch, given.v_y1[take] * stretch, given.omega_1[take]),
-        measurements=tuple(
-            Measurement(measurement.name, measurement.values[take]) for measurement in table.measurements
-        ),
+        measurements=tuple(Measurement(item.name, item.values[take]) for item in table.measurements),
         redundant=(),
         ids=tuple(str(k + 1) for k in range(rows)),
         labels={},
