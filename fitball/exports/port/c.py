@@ -12,15 +12,9 @@ from fitball.exports.port.port import Port
 from fitball.exports.port.render import translated_port
 
 _PLAIN = {
-    "d": "double",
-    "i": "int64_t",
-    "b": "bool",
-    "z": "double complex",
-    "A": "double *",
-    "I": "const int64_t *",
-    "S": "double *",
-    "v": "void",
-}
+    "d": "double", "i": "int64_t", "b": "bool", "z": "double complex", "A": "double *", "I": "const int64_t *",
+    "S": "double *", "v": "void",
+}  # fmt: skip
 _FUNCTIONS = (
     "exp", "log", "log1p", "sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh", "hypot", "atan2", "isnan", "isfinite",
     "fabs",

@@ -9,10 +9,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from fitball.exports.port.face import OK
+from fitball.exports.port.face import OK, Ints
 from fitball.models.kernels.bounce import TANGENTIAL, TORSION, TORSION_RIGID, contact_of, vertical_motion
 from fitball.models.kernels.bounce_history import impulse_at, rigid_phase, vertical_at
 from fitball.models.kernels.phases import FREE, SLIDE_BACKWARD, SLIDE_FORWARD
@@ -72,9 +69,8 @@ def last_phase(regime: int) -> int:
 
 
 def moment_of(
-    row: FloatArray, codes: NDArray[np.int64], v_x: float, v_y: float, omega: float, cor: float, share: float,
-    scratch: Scratch,
-) -> Moment:  # fmt: skip
+    row: FloatArray, codes: Ints, v_x: float, v_y: float, omega: float, cor: float, share: float, scratch: Scratch
+) -> Moment:
     """The ball after a `share` (above 0) of the contact time."""
     status, vertical = vertical_motion(row, codes, v_y, cor)
     if status != OK:
@@ -125,9 +121,8 @@ def along_court(contact: Contact[float], rigid: bool, time: float, scratch: Scra
 
 
 def total_moment(
-    row: FloatArray, codes: NDArray[np.int64], v_x1: float, v_y1: float, omega_1: float, cor: float, share: float,
-    scratch: Scratch,
-) -> Moment:  # fmt: skip
+    row: FloatArray, codes: Ints, v_x1: float, v_y1: float, omega_1: float, cor: float, share: float, scratch: Scratch
+) -> Moment:
     """`moment_of` any impact that moves towards the court: outside the valid range that at its nearer end, scaled."""
     at_end = min(max(v_y1, V_Y1_LOW), V_Y1_HIGH)
     scale = v_y1 / at_end

@@ -20,6 +20,7 @@ from fitball.models.thesis.kernel import thesis_bounce
 from fitball.models.types import Status
 from fitball.values import FloatArray
 
+Ints = NDArray[np.int64]
 # Given by the port.
 KERNEL: Any = None
 FITTED: Any = None
@@ -55,14 +56,7 @@ class Solved(NamedTuple):
 
 
 def fitted_impulse(
-    row: FloatArray,
-    codes: NDArray[np.int64],
-    rigid: NDArray[np.int64],
-    v_x1: float,
-    v_y1: float,
-    omega_1: float,
-    cor: float,
-    scratch: Scratch,
+    row: FloatArray, codes: Ints, rigid: Ints, v_x1: float, v_y1: float, omega_1: float, cor: float, scratch: Scratch
 ) -> Solved:
     """The fitted model as it is."""
     status, v_x2, v_y2, omega_2, regime = KERNEL(row, v_x1, v_y1, omega_1)
@@ -70,14 +64,7 @@ def fitted_impulse(
 
 
 def fitted_two_mass(
-    row: FloatArray,
-    codes: NDArray[np.int64],
-    rigid: NDArray[np.int64],
-    v_x1: float,
-    v_y1: float,
-    omega_1: float,
-    cor: float,
-    scratch: Scratch,
+    row: FloatArray, codes: Ints, rigid: Ints, v_x1: float, v_y1: float, omega_1: float, cor: float, scratch: Scratch
 ) -> Solved:
     """The fitted model as it is, and as a ball without twist where it has no solution."""
     extrapolated = 0
@@ -91,14 +78,7 @@ def fitted_two_mass(
 
 
 def fitted_thesis(
-    row: FloatArray,
-    codes: NDArray[np.int64],
-    rigid: NDArray[np.int64],
-    v_x1: float,
-    v_y1: float,
-    omega_1: float,
-    cor: float,
-    scratch: Scratch,
+    row: FloatArray, codes: Ints, rigid: Ints, v_x1: float, v_y1: float, omega_1: float, cor: float, scratch: Scratch
 ) -> Solved:
     """The thesis's computation as it is, and a rigid ball, sliding or rolling, where it has no solution."""
     told = cor
@@ -126,14 +106,7 @@ def fitted_thesis(
 
 
 def total_bounce(
-    row: FloatArray,
-    codes: NDArray[np.int64],
-    rigid: NDArray[np.int64],
-    v_x1: float,
-    v_y1: float,
-    omega_1: float,
-    cor: float,
-    scratch: Scratch,
+    row: FloatArray, codes: Ints, rigid: Ints, v_x1: float, v_y1: float, omega_1: float, cor: float, scratch: Scratch
 ) -> Solved:
     """The rebound of any impact with finite numbers and `v_y1 >= 0`, see `prediction.valid_range.total_rebound`."""
     bad = Solved(math.nan, math.nan, math.nan, math.nan, 0, 0, BAD_INPUT)

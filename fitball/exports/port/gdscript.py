@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
@@ -112,9 +113,4 @@ def gdscript_port(port: Port) -> str:
     """The script's text. Raises UnportableError."""
     text = translated_port(port, GDScript(), "port.gd.j2")
     # One kind of indentation, the editor's.
-    return "\n".join(map(_tabbed, text.split("\n")))
-
-
-def _tabbed(line: str) -> str:
-    bare = line.lstrip(" ")
-    return "\t" * ((len(line) - len(bare)) // 4) + bare
+    return re.sub(r"^(?:    )+", lambda found: "\t" * (len(found[0]) // 4), text, flags=re.MULTILINE)

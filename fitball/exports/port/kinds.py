@@ -29,7 +29,7 @@ Structs = Mapping[str, Struct]
 STRIDE = 5
 _NAMES: dict[str, Type] = {
     "float": "d", "Number": "d", "int": "i", "bool": "b", "complex": "z",
-    "FloatArray": "A", "NumberArray": "A", "Stack": "S",
+    "FloatArray": "A", "NumberArray": "A", "Ints": "I", "Stack": "S",
 }  # fmt: skip
 
 

@@ -34,7 +34,7 @@ SERIES_SIZE = max(SERIES_LENGTH, SIZE)
 class GoldenRow:
     """One golden impact: `(v_x1, v_y1, omega_1, cor)`, its rebound (`OUTPUTS`), and its phases packed."""
 
-    incident: tuple[float, float, float, float]
+    incident: tuple[float, ...]
     rebound: tuple[float, ...]
     regime: int
 
@@ -133,11 +133,8 @@ def make_port(fitted: FittedModel, golden: Golden, origin: str, more: Sequence[C
 def range_sentences(port: Port) -> tuple[str, ...]:
     """What a user of a port has to know of its range."""
     valid, (low, high) = port.valid, port.calibrated
-    gained = "kinetic energy"
-    if valid.gain > 0.0:
-        gained = (
-            f"more kinetic energy than the {100.0 * valid.gain:.2g} % that some gain in the calibrated range already"
-        )
+    some = f"more kinetic energy than the {100.0 * valid.gain:.2g} % that some gain in the calibrated range already"
+    gained = some if valid.gain > 0.0 else "kinetic energy"
     said = [
         f"Valid range: v_y1 from {valid.low:.4g} to {valid.high:.4g} m/s. It holds the range of the impacts that the "
         f"model was fitted to, {low:.4g} to {high:.4g} m/s, and reaches as far beyond as the model has a rebound, "
@@ -165,14 +162,10 @@ def _harmless(text: str) -> str:
 def _golden_rows(golden: Golden) -> tuple[GoldenRow, ...]:
     given, made = golden.impacts, golden.rebound
     cor = np.full(len(given), np.nan) if given.cor is None else given.cor
-    return tuple(
-        GoldenRow(
-            (float(given.v_x1[k]), float(given.v_y1[k]), float(given.omega_1[k]), float(cor[k])),
-            tuple(float(getattr(made, name)[k]) for name in OUTPUTS),
-            int(made.regime[k]),
-        )
-        for k in range(len(given))
-    )
+    incident = np.stack([given.v_x1, given.v_y1, given.omega_1, cor], axis=1).tolist()
+    rebounds = np.stack([getattr(made, name) for name in OUTPUTS], axis=1).tolist()
+    states = zip(incident, rebounds, made.regime.tolist(), strict=True)
+    return tuple(GoldenRow(tuple(before), tuple(after), regime) for before, after, regime in states)
 
 
 def status_reasons(needs_cor: bool) -> dict[int, str]:

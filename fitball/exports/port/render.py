@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import math
 from collections.abc import Sequence
 from functools import cache
@@ -11,7 +10,6 @@ from textwrap import wrap
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from fitball.exports.port.dialect import Dialect
-from fitball.exports.port.expressions import Program
 from fitball.exports.port.face import BEYOND_RESTITUTION, BEYOND_SPEEDS, WITHOUT_TWIST
 from fitball.exports.port.kinds import STRIDE, holds_complex
 from fitball.exports.port.port import SELF_TEST_TOLERANCE, SERIES_SIZE, Port, range_sentences, status_reasons
@@ -70,13 +68,9 @@ def translated_port(port: Port, dialect: Dialect, template: str) -> str:
         literal=dialect.literal,
         constant=dialect.constant,
         number=number,
-        functions=_functions(port.source.functions, program),
+        functions="\n\n".join(translated(item, program) for item in port.source.functions),
         dialect=dialect,
     )
-
-
-def _functions(functions: Sequence[ast.FunctionDef], program: Program) -> str:
-    return "\n\n".join(translated(item, program) for item in functions)
 
 
 def wrapped(sentences: Sequence[str]) -> list[str]:

@@ -20,8 +20,12 @@ def specialised(function: ast.FunctionDef, math_names: AbstractSet[str]) -> ast.
     function.args.args = [argument for argument in function.args.args if argument.arg != PHASE_LOG]
     narrowed = _Narrow(math_names, generic).visit(function)
     assert isinstance(narrowed, ast.FunctionDef)
-    while _drop_unused(narrowed):
-        pass
+    # Until every name that is assigned is read; expressions have no effects here.
+    dropping = True
+    while dropping:
+        dropper = _Drop(narrowed)
+        dropper.visit(narrowed)
+        dropping = dropper.dropped
     return ast.fix_missing_locations(narrowed)
 
 
@@ -62,17 +66,13 @@ def _is_log(node: ast.expr) -> bool:
     return named or (isinstance(node, ast.Constant) and node.value is None)
 
 
-def _drop_unused(function: ast.FunctionDef) -> bool:
-    """Remove assignments to names that nothing reads; whether there were any. Expressions have no effects here."""
-    read = {node.id for node in ast.walk(function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)}
-    dropper = _Drop(read)
-    dropper.visit(function)
-    return dropper.dropped
-
-
 class _Drop(ast.NodeTransformer):
-    def __init__(self, read: AbstractSet[str]) -> None:
-        self.read, self.dropped = read, False
+    """Removes assignments to names that nothing reads."""
+
+    def __init__(self, function: ast.FunctionDef) -> None:
+        names = [node for node in ast.walk(function) if isinstance(node, ast.Name)]
+        self.read = {node.id for node in names if isinstance(node.ctx, ast.Load)}
+        self.dropped = False
 
     def visit_Assign(self, node: ast.Assign) -> ast.AST | None:
         target = node.targets[0]

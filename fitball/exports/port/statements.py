@@ -47,20 +47,17 @@ def translated(function: ast.FunctionDef, program: Program) -> str:
     names = [argument.arg for argument in function.args.args]
     scope.variables.update(zip(names, kinds, strict=True))
     _infer(function, scope)
-    body = _Body(scope, result, _read_names(function))
+    read = {node.id for node in ast.walk(function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)}
+    body = _Body(scope, result, read)
     statements = function.body[1:] if ast.get_docstring(function) else function.body
     lines = [f"    {line}" for item in statements for line in body.statement(item)]
-    own = sorted(scope.variables.keys() - set(names) - body.unread(scope))
+    own = sorted((scope.variables.keys() & read) - set(names))
     heads = [f"    {dialect.local(scope.variables[name], dialect.name(name))}{dialect.end}" for name in own]
-    heads += [f"    {line}" for name in names if name not in body.read for line in dialect.unread(name)]
+    heads += [f"    {line}" for name in names if name not in read for line in dialect.unread(name)]
     taken = [(kind, dialect.name(name)) for kind, name in zip(kinds, names, strict=True)]
     comment = (ast.get_docstring(function) or "").split("\n\n")[0]
     head = dialect.define(comment, result, dialect.function(function.name), taken)
     return "\n".join([*head, *heads, *lines, *dialect.closing])
-
-
-def _read_names(function: ast.FunctionDef) -> set[str]:
-    return {node.id for node in ast.walk(function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)}
 
 
 def _infer(function: ast.FunctionDef, scope: Scope) -> None:
@@ -120,9 +117,6 @@ class _Body:
     result: Type
     read: set[str]
     temporaries: int = field(default=0)
-
-    def unread(self, scope: Scope) -> set[str]:
-        return scope.variables.keys() - self.read
 
     def statement(self, node: ast.stmt) -> list[str]:
         end = self.scope.dialect.end
