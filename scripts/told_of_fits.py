@@ -1,0 +1,213 @@
+"""Numbers and tables of the pages that come from fits and studies, as Markdown."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from statistics import median
+from typing import Any
+
+import pandas as pd
+from measured import ROOT
+
+from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS
+from fitball.models.specs import SPECS
+from fitball.report.form.display_units import handy
+from fitball.report.form.rounding import decimals, fixed
+from fitball.studies.thesis.appendix_d import CASE_IN_APPENDIX_C
+
+VALIDATION = ROOT / "fits" / "validation"
+PUBLISHED = "Table 9, case 1"
+TOLD_OF_THESIS = (
+    *("Appendix C", "Table 9", "Ranking", "Posterior of thesis", "Posterior of thesis-exact"),
+    *("Posterior of two-mass", "Slips", "Damping c_y"),
+)
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A table in Markdown."""
+    lines = [f"| {' | '.join(map(str, row))} |".replace("|  |", "| |") for row in (heads, *rows)]
+    return "\n".join([lines[0], "|" + "---|" * len(heads), *lines[1:]])
+
+
+def priors() -> str:
+    """Parameters with bounds and default priors; those of force records are scaled to the records, and told there."""
+    specs = [spec for spec in (*SPECS.values(), *NOISE_SPECS.values()) if spec.name not in FORCE_NOISE]
+    return table(
+        ("parameter", "unit", "bounds", "default prior", "meaning"),
+        [
+            (f"`{spec.name}`", spec.unit or "-", f"{spec.lower:g} to {spec.upper:g}", f"`{spec.prior}`", spec.meaning)
+            for spec in specs
+        ],
+    )
+
+
+def _value(name: str, item: dict[str, Any]) -> tuple[str, str, str]:
+    """Median and sd, the ends over assumptions, and the unit, in which a person reads them."""
+    scale = handy(name, item["unit"])
+    sd = item["sd"] * scale.factor
+    places = decimals(sd)
+    ends = [fixed(end * scale.factor, places) for end in item["over"] or ()]
+    value = f"{fixed(item['median'] * scale.factor, places)} ± {fixed(sd, places)}"
+    return value, " to ".join(ends) or "-", scale.unit or "-"
+
+
+def wang(numbers: dict[str, Any]) -> str:
+    """The fit of Wang's 21 impacts."""
+    return table(
+        ("parameter of `two-mass`", "median ± sd", "over assumptions", "unit", "verdict"),
+        [(f"`{name}`", *_value(name, item), item["verdict"]) for name, item in numbers["parameters"].items()],
+    )
+
+
+def wang_short(numbers: dict[str, Any]) -> str:
+    """The parameters of the bounce alone."""
+    rows = []
+    for name, item in numbers["parameters"].items():
+        if name in SPECS:
+            value, _over, unit = _value(name, item)
+            rows.append((f"`{name}`, {SPECS[name].meaning}", value, unit, item["verdict"]))
+    return table(("parameter of `two-mass`", "median ± sd", "unit", "verdict"), rows)
+
+
+def compared(numbers: dict[str, Any]) -> str:
+    """Models on Wang's impacts, and the thesis's best case beside them."""
+    rows = []
+    for place, item in enumerate(numbers["compared"]):
+        below = f"{-item['elpd']:.1f} ± {item['se']:.1f}" if place else "-"
+        rows.append((f"`{item['name']}`", item["free"], *_missed(item["rms"]), below))
+    rows.append((f"thesis, {PUBLISHED} (tuned on these rows)", "-", *_missed(numbers["published"][PUBLISHED]), ""))
+    heads = (
+        *("model", "free parameters", "misses left-out `v_x2` by [m/s]", "`v_y2` [m/s]", "`omega_2` [rad/s]"),
+        "log predictive density below the best",
+    )
+    duel = numbers["duel"]
+    decided = "decides it" if abs(duel["value"]) > max(4.0, 2.0 * duel["se"]) else "does not decide it"
+    return (
+        f"{table(heads, rows)}\n\n"
+        f"Do two masses earn their parameters? `two-mass` against `grip-slip`: {duel['value']:+.1f} ± "
+        f"{duel['se']:.1f} in log predictive density; this table {decided}."
+    )
+
+
+def _missed(rms: dict[str, float]) -> tuple[str, str, str]:
+    return f"{rms['v_x2']:.2f}", f"{rms['v_y2']:.2f}", f"{rms['omega_2']:.1f}"
+
+
+def together(numbers: dict[str, Any]) -> str:
+    """What seven impacts tell of parameters together."""
+    return "Of `wang_zero_spin.csv` the report says: " + "; ".join(numbers["known_together"]) + "."
+
+
+def stiffness(numbers: dict[str, Any]) -> str:
+    """`k_y` with force records and without."""
+
+    def words(name: str) -> str:
+        item = numbers["stiffness"][name]
+        low, median, high = (item[key] / 1e3 for key in ("q16", "median", "q84"))
+        places = decimals(0.5 * (high - low))
+        return f"{fixed(median, places)} [{fixed(low, places)}, {fixed(high, places)}] kN/m, {item['verdict']}"
+
+    return (
+        "`fitball calibrate synthetic_drop.csv`, five simulated drops with records that miss the model by 4 % of "
+        f"their peak, true `k_y` 26 kN/m: {words('drop')} (68 %); without the records: {words('bare')}."
+    )
+
+
+def validation() -> str:
+    """Coverage by simulation-based calibration."""
+    frame = pd.read_csv(VALIDATION / "summary.csv")
+    names = " and ".join(f"`{name}`" for name in dict.fromkeys(frame["model"]))
+    low, high = 100.0 * frame["within_95"].min(), 100.0 * frame["within_95"].max()
+    verdict = "hold" if (frame["holds"] == "yes").all() else "do not hold"
+    return (
+        f"Over {frame['replicates'].min()} simulated tables each, {names} {verdict}: quantity by quantity the 95 % "
+        f"intervals have the truth in {low:.0f} to {high:.0f} % of the tables."
+    )
+
+
+def trust() -> str:
+    """Rates of the study of trust, a row a kind of table."""
+    rows = []
+    for _, row in pd.read_csv(VALIDATION / "trust" / "rates.csv").iterrows():
+        name = row["scenario"]
+        made = "" if row["made_by_the_model"] == "yes" or name.startswith("all") else "not made by it: "
+        rates = [_rate(row, what) for what in ("objected", "identified_holds", "pinned_called_prior_dominated")]
+        rows.append((f"{made}{name}", *rates))
+    heads = ("tables", "objected to", "intervals of identified parameters hold", "pinned, called prior-dominated")
+    return table(heads, rows)
+
+
+def _rate(row: Any, what: str) -> str:
+    """A share in per cent with the ends of its 95 % interval, and of how many."""
+    if not row[f"{what}_of"]:
+        return "-"
+    share, low, high = (round(100.0 * row[f"{what}{end}"]) for end in ("", "_low", "_high"))
+    return f"{share} % [{low}, {high}] of {row[f'{what}_of']}"
+
+
+def plan() -> str:
+    """What plans promised and refits found, a row a plan."""
+    folder = VALIDATION / "plan"
+    gains, sds = pd.read_csv(folder / "gains.csv"), pd.read_csv(folder / "sds.csv")
+    words = json.loads((folder / "plan.json").read_text(encoding="utf-8"))["cases"]
+    rows = []
+    for name, both in gains.groupby("case", sort=False):
+        made, again = (both[both["design"] == design].iloc[0] for design in ("planned", "table again"))
+        off = 100.0 * (1.0 + sds[(sds["case"] == name) & (sds["design"] == "planned")]["off"])
+        nested = f"{made['nested [nats]']:.2f} ± {made['nested se']:.2f}"
+        found = [f"{one['found [nats]']:.2f} ± {one['se']:.2f}" for one in (made, again)]
+        promised = f"{made['promised [nats]']:.2f}"
+        rows.append((words[name]["words"], promised, nested, *found, f"{off.min():.0f} to {off.max():.0f} %"))
+    heads = ("plan", "promised", "nested Monte Carlo", "found by refits", "as many of the table", "sds over promised")
+    return table(heads, rows)
+
+
+def population() -> str:
+    """What the study of populations counted, and how joint fits of ten tables compare."""
+    folder = VALIDATION / "population"
+    found = json.loads((folder / "population.json").read_text(encoding="utf-8"))
+    rows = []
+    for (name, what), pair in pd.read_csv(folder / "coverage.csv").groupby(["quantity", "what"], sort=False):
+        by = {row["priors"]: row for _, row in pair.iterrows()}
+        cells = [
+            f"{100.0 * row['share']:.0f} % [{100.0 * row['low']:.0f}, {100.0 * row['high']:.0f}] of {row['of']:,}"
+            for row in (by["divided out"], by["left in"])
+        ]
+        rows.append((f"`{name}`, {what}", *cells))
+    less = " and ".join(
+        f"{100.0 * (1.0 - share):.0f} % (`{name}`)" for name, share in found["error_given_all"].items()
+    )
+    apart = [abs(row["apart"]) for row in found["joint"]]
+    widths = sorted(row["width"] for row in found["joint"])
+    return (
+        f"{table(('interval of', 'priors divided out', 'priors left in (control)'), rows)}\n\n"
+        f"({found['populations']} populations of {found['tables']:,} tables, each fitted by itself: how many "
+        f"95 % intervals hold the truth.) Given all, tables err less than alone, root mean square, by {less}. "
+        f"{sum(found['not_trusted'].values())} of {found['tables'] * len(found['not_trusted']):,} weights are "
+        f"not to be trusted. On {len(apart) // 4} sets of ten tables of 20 rows the joint fit (`--pool`) has its "
+        f"median of centre and spread {median(apart):.2f} sds away (at most {max(apart):.2f}), and intervals "
+        f"by weights are {widths[0]:.2f} to {widths[-1]:.2f} times as wide as its."
+    )
+
+
+def thesis(numbers: dict[str, Any]) -> str:
+    """What is left of the thesis's claims, and the ranking of its sets."""
+    found, rankings = numbers["thesis"], numbers["rankings"]
+    names = [key.partition(":")[0] for key in rankings[0] if key.endswith(": score")]
+    cases = ", ".join(f"case {case} of Table 9 is set {index}" for case, index in CASE_IN_APPENDIX_C.items())
+    rows = [
+        (item["set"], *(f"{item[f'{name}: score']:.2f} ({100.0 * item[f'{name}: first']:.1f} %)" for name in names))
+        for item in rankings
+    ]
+    return "\n".join(
+        [
+            *(f"- **{name}**: {found[name]}" for name in TOLD_OF_THESIS),
+            "",
+            "Root mean square score of each set of Appendix C, and how often it is first when impacts are drawn "
+            "anew: by its printed outputs, with known misprints mended, recomputed as the thesis did, and with its "
+            f"equations solved exactly; {cases}:",
+            "",
+            table(("set", *names), rows),
+        ]
+    )
