@@ -63,7 +63,7 @@ def test_every_exception_has_its_entry_and_every_entry_its_exception(found):
     assert found.appendix_c.unlisted == ()
     assert found.appendix_c.stale == ()
     assert (found.appendix_c.exceptions["cause"] != "").all()
-    assert "unlisted" not in set(appendix_d.deviations(found.appendix_d)["kind"])
+    assert "unlisted" not in set(appendix_d.deviations(found.tables["appendix_d"])["kind"])
 
 
 @pytest.mark.parametrize(
@@ -106,12 +106,12 @@ def test_energies_need_the_inertia_of_appendix_b(monkeypatch):
 def test_the_words_on_inertia_damping_and_angles_follow_the_numbers(found):
     for value, word in ((2.888e-4, "truncated"), (2.803e-4, "rounded"), (2.6e-4, "neither rounded nor truncated")):
         assert f"0.00028, {word}." in chapter_five._check_inertia(ufloat(value, 1e-6)).finding
-    nine = found.damping["place"].str.startswith("Fig.")
-    none = found.damping.assign(obeys=np.where(nine, "none", "Eq. (8)"), **{"Eq. (8)": 1.0})
+    nine = found.tables["damping"]["place"].str.startswith("Fig.")
+    none = found.tables["damping"].assign(obeys=np.where(nine, "none", "Eq. (8)"), **{"Eq. (8)": 1.0})
     told = chapter_five._check_damping(none)
     assert told.finding.startswith("0 of the 9 values of Chapter V") and "no solution for 0 of the 30" in told.finding
     assert not told.holds
-    angles = found.appendix_d.assign(**{"theta_2_error [%]": found.appendix_d["theta_2_printed"]})
+    angles = found.tables["appendix_d"].assign(**{"theta_2_error [%]": found.tables["appendix_d"]["theta_2_printed"]})
     assert "(63 with their sign)" not in chapter_five._check_appendix_d(angles).finding
     assert "prints 63 would" in chapter_five._check_appendix_d(angles).finding
 
@@ -129,7 +129,8 @@ def test_mean_friction_is_the_balance_of_every_impact():
 
 def test_bifilar_inertia_by_hand():
     """(0.127/386.4) 386.4 1.25^2 / (40 in) (1.516 s / 2 pi)^2, lbf s^2 in."""
-    ratio, inertia, shares = printed_tables.bifilar_inertia()
+    found = printed_tables.bifilar_inertia()
+    ratio, inertia, shares = found.ratio, found.moment, found.shares
     expected = 0.127 / 386.4 * 386.4 * 1.25**2 / (1.016 * 39.37) * (1.516 / (2.0 * np.pi)) ** 2
     assert inertia.nominal_value == pytest.approx(expected, rel=1e-12, abs=0)
     assert ratio.nominal_value == pytest.approx(386.4 / (1.016 * 39.37) * (1.516 / (2.0 * np.pi)) ** 2, rel=1e-12)

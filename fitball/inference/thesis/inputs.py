@@ -59,6 +59,12 @@ def case_parameters(
     return values if c_y is None else {**values, "c_y": c_y * DAMPING}
 
 
+def row_parameters(row: Mapping[Any, Any], *, rounded_mass: bool = False) -> dict[str, float]:
+    """`case_parameters` of a row of Appendix C with its own `c_y`."""
+    set_values = (row["mass_ratio"], row["k_y [lb/in]"], row["i1_over_i"], row["c_y [lb s/in]"])
+    return case_parameters(*set_values, rounded_mass=rounded_mass)
+
+
 def printed_model() -> ThesisModel:
     """Model `thesis` as Appendix C and the examples use it: damping, inertia and restitution given."""
     return compose_thesis("thesis", Ball(), True, ThesisClosures("given", "table", "measured"))

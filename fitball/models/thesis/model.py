@@ -24,23 +24,18 @@ DAMPING_CODES = {
     "chapter_three": thesis.DAMPING_CHAPTER_THREE,
     "chapter_five": thesis.DAMPING_CHAPTER_FIVE,
 }
+ALWAYS = ("mass_ratio", "k_y", "k_theta", "mu", "eps_10", "eps_slope")
 
 
 def thesis_parameters(closures: ThesisClosures) -> tuple[str, ...]:
     """Names of the parameters of a composition."""
     wanted = {
-        "mass_ratio": True,
-        "k_y": True,
-        "k_theta": True,
-        "mu": True,
-        "eps_10": True,
-        "eps_slope": True,
         "cor_10": closures.cor != "measured",
         "cor_slope": closures.cor == "line",
         "inertia_split": closures.inertia == "table",
         "c_y": closures.damping == "given",
     }
-    return tuple(name for name, present in wanted.items() if present)
+    return (*ALWAYS, *(name for name, present in wanted.items() if present))
 
 
 @dataclass(frozen=True)
@@ -161,18 +156,14 @@ class ThesisModel(Model):
         """Velocities of one impact (the first) at `times` [s]; raises what `rebound` raises."""
         self.rebound(parameters, impact)
         names = tuple(parameters)
-        rows, _index = self._rows(names, np.array([[float(parameters[name]) for name in names]]))
-        row = rows[0]
+        call = self.kernel_call(names, np.array([float(parameters[name]) for name in names]))
+        row, lines = np.array(call.row), call.lines
         v_x, v_y, omega = (float(column[0]) for column in (impact.v_x1, impact.v_y1, impact.omega_1))
         line = v_y - ANCHOR_SPEED
-        row[thesis.EPS] = parameters["eps_10"] + parameters["eps_slope"] * line
-        if impact.cor is not None:
-            cor = float(impact.cor[0])
-        else:
-            cor = parameters["cor_10"] + parameters.get("cor_slope", 0.0) * line
+        row[thesis.EPS] = lines["eps_10"] + lines["eps_slope"] * line
+        cor = lines["cor_10"] + lines["cor_slope"] * line if impact.cor is None else float(impact.cor[0])
         mass_ratio, k_y = row[thesis.MASS_RATIO], row[thesis.K_Y]
-        core_mass = mass_ratio * row[thesis.BALL_MASS]
-        formula = DAMPING_CODES[self.closures.damping]
+        core_mass, formula = mass_ratio * row[thesis.BALL_MASS], call.codes[0]
         sigma = thesis.thesis_damping(formula, row[thesis.C_Y], core_mass, k_y, mass_ratio, cor)
         motion = thesis.thesis_motion(thesis.contact_of(row, sigma, v_x, v_y, omega))
         z, t_r, t_c = motion.z, motion.t_r, motion.t_c

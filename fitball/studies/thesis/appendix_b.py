@@ -17,13 +17,15 @@ from scipy.optimize import brentq
 from fitball.data.thesis_tables import fraction
 from fitball.inference.thesis import inputs as thesis_inputs
 from fitball.inference.thesis.inputs import DAMPING, INCH, INERTIA, STIFFNESS
-from fitball.models.thesis.kernel import ThesisContact, stray_impulse, thesis_motion
+from fitball.models.thesis.kernel import ThesisContact, ThesisMotion, stray_impulse, thesis_motion
 from fitball.models.types import Status
+from fitball.studies.thesis.appendix_c import COLUMNS
 
 Inputs = Mapping[str, float]
 # A row of the printed table, by its heads.
 Row = Mapping[Any, Any]
-# The four, and the rebound angle, which was worked out after them.
+# The programs, the search for the transition, and the rebound angle, which was worked out after them.
+PROGRAMS = ("velocity", "spin", "rolling")
 CODES = ("velocity", "spin", "transition", "rolling", "angle")
 INPUTS = (
     *("v_x1", "v_y1", "offset_v_y1", "omega_1", "cor", "mass_ratio"),
@@ -38,20 +40,12 @@ def row_inputs(row: Row) -> dict[str, float]:
 
     `offset_v_y1` is the vertical velocity put into Eq. (53), which was worked out apart.
     """
-    ratio = row["mass_ratio"]
     heads = ("v_x1 [m/s]", "v_y1 [m/s]", "v_y1 [m/s]", "omega_1 [rad/s]", "cor")
-    printed = [float(row[name]) for name in heads]
+    incident = [float(row[name]) for name in heads]
     k_y, c_y, i1 = (float(row[name]) for name in ("k_y [lb/in]", "c_y [lb s/in]", "i1_over_i"))
-    rest = (
-        fraction(ratio),
-        k_y,
-        c_y,
-        i1,
-        1.0 - i1,
-        thesis_inputs.INERTIA_OF[ratio],
-        thesis_inputs.BALL_RADIUS / INCH,
-    )
-    return dict(zip(INPUTS, (*printed, *rest), strict=True))
+    inertia, radius = thesis_inputs.INERTIA_OF[row["mass_ratio"]], thesis_inputs.BALL_RADIUS / INCH
+    ball = (fraction(row["mass_ratio"]), k_y, c_y, i1, 1.0 - i1, inertia, radius)
+    return dict(zip(INPUTS, (*incident, *ball), strict=True))
 
 
 @dataclass(frozen=True)
@@ -72,23 +66,7 @@ def filled_in(own: Inputs, clauses: Iterable[Clause]) -> dict[str, Inputs]:
     return made
 
 
-@dataclass(frozen=True)
-class Program:
-    """One worksheet: its `inputs` and the complex amplitudes of `models.thesis.thesis_motion`, SI."""
-
-    inputs: Inputs
-    sign: float
-    z: complex
-    friction: complex
-    slide: complex
-    roll: complex
-
-    def swing(self, n: float) -> complex:
-        """`e^{zt}` at the dimensionless time `n = t/t_c`."""
-        return complex(np.exp(self.z * n * math.pi / self.z.imag))
-
-
-def program(inputs: Inputs, ball_mass: float | None = None) -> Program | None:
+def program(inputs: Inputs, ball_mass: float | None = None) -> ThesisMotion | None:
     """A worksheet filled in, or None where its formulas have no solution."""
     mass = thesis_inputs.BALL_MASS if ball_mass is None else ball_mass
     core_mass = inputs["mass_ratio"] * mass
@@ -112,9 +90,12 @@ def program(inputs: Inputs, ball_mass: float | None = None) -> Program | None:
         omega=inputs["omega_1"],
     )
     motion = thesis_motion(contact)
-    if motion.status != int(Status.OK):
-        return None
-    return Program(inputs, motion.sign, motion.z, motion.friction, motion.slide, motion.roll)
+    return motion if motion.status == int(Status.OK) else None
+
+
+def swing(motion: ThesisMotion, n: Any) -> Any:
+    """`e^{zt}` at the dimensionless time `n = t/t_c`."""
+    return np.exp(motion.z * n * math.pi / motion.z.imag)
 
 
 def outputs(codes: Mapping[str, Inputs]) -> dict[str, float]:
@@ -122,53 +103,41 @@ def outputs(codes: Mapping[str, Inputs]) -> dict[str, float]:
 
     `v_y2` and `contact_time` [ms] are those of the worksheet for velocity.
     """
-    first = codes["velocity"]
-    distinct: dict[int, Program | None] = {}
-    for inputs in codes.values():
-        if id(inputs) not in distinct:
-            distinct[id(inputs)] = program(inputs)
-    velocity, spin, rolling = (distinct[id(codes[name])] for name in ("velocity", "spin", "rolling"))
+    first, last = codes["velocity"], codes["angle"]
+    sheets = {id(codes[name]): codes[name] for name in PROGRAMS}
+    solved = {key: program(inputs) for key, inputs in sheets.items()}
+    velocity, spin, rolling = (solved[id(codes[name])] for name in PROGRAMS)
     # The printed contact times follow the rounded mass; see `thesis_inputs`.
     timing = program(first, thesis_inputs.BALL_MASS_ROUNDED)
     if velocity is None or spin is None or rolling is None or timing is None:
-        return dict.fromkeys(("v_x2", "v_y2", "omega_2", "theta_2", "contact_time"), math.nan)
-    v_x2, omega_2 = _tangential(velocity, spin, rolling, codes["transition"]["radius"] * INCH)
-    last = codes["angle"]
+        return dict.fromkeys(COLUMNS, math.nan)
+    v_x2, omega_2 = _tangential(codes, velocity, spin, rolling)
     angle = -math.degrees(math.atan2(last["cor"] * last["v_y1"], v_x2))
-    time = 1e3 * math.pi / timing.z.imag
-    return {
-        "v_x2": v_x2,
-        "v_y2": -first["cor"] * first["v_y1"],
-        "omega_2": omega_2,
-        "theta_2": angle,
-        "contact_time": time,
-    }
+    return dict(zip(COLUMNS, (v_x2, -first["cor"] * first["v_y1"], omega_2, angle, 1e3 * timing.t_c), strict=True))
 
 
-def _tangential(velocity: Program, spin: Program, rolling: Program, radius: float) -> tuple[float, float]:
-    """`v_x2` [m/s] and `omega_2` [rad/s]; `radius` [m] is that of the search for the transition."""
+def _tangential(
+    codes: Mapping[str, Inputs], velocity: ThesisMotion, spin: ThesisMotion, rolling: ThesisMotion
+) -> tuple[float, float]:
+    """`v_x2` [m/s] and `omega_2` [rad/s]; the search for the transition has a radius of its own."""
+    first, radius = codes["velocity"], codes["transition"]["radius"] * INCH
 
-    def sliding(n: float) -> tuple[float, float]:
-        v_x = velocity.inputs["v_x1"] - (velocity.friction * (velocity.swing(n) - 1.0)).real
-        return v_x, spin.inputs["omega_1"] + (spin.slide * (spin.swing(n) - 1.0)).real
+    def sliding(n: Any) -> tuple[Any, Any]:
+        v_x = first["v_x1"] - (velocity.friction * (swing(velocity, n) - 1.0)).real
+        return v_x, codes["spin"]["omega_1"] + (spin.slide * (swing(spin, n) - 1.0)).real
 
-    def slip(n: float) -> float:
+    def slip(n: Any) -> Any:
         v_x, omega = sliding(n)
         return velocity.sign * (v_x - radius * omega)
 
-    phase_v, phase_s = (np.exp(item.z * STEPS * math.pi / item.z.imag) - 1.0 for item in (velocity, spin))
-    course = velocity.inputs["v_x1"] - (velocity.friction * phase_v).real
-    course = velocity.sign * (course - radius * (spin.inputs["omega_1"] + (spin.slide * phase_s).real))
-    gripped = np.flatnonzero(course <= 0.0)
+    gripped = np.flatnonzero(slip(STEPS) <= 0.0)
     if gripped.size == 0:
-        v_x, omega = sliding(1.0)
-        core_mass = velocity.inputs["mass_ratio"] * thesis_inputs.BALL_MASS
-        stray = stray_impulse(
-            core_mass, -velocity.z.real, velocity.inputs["v_y1"], velocity.z, velocity.swing(1.0)
-        )  # fmt: skip
+        v_x, omega = map(float, sliding(1.0))
+        core_mass, end = first["mass_ratio"] * thesis_inputs.BALL_MASS, complex(swing(velocity, 1.0))
+        stray = stray_impulse(core_mass, -velocity.z.real, first["v_y1"], velocity.z, end)
         return v_x - velocity.sign * thesis_inputs.FRICTION / thesis_inputs.BALL_MASS * stray, omega
     if gripped[0] == 0:
         return math.nan, math.nan
     n = float(brentq(slip, STEPS[gripped[0] - 1], STEPS[gripped[0]], xtol=1e-14))
-    omega = sliding(n)[1] + (rolling.roll * (rolling.swing(1.0) - rolling.swing(n))).real
-    return rolling.inputs["radius"] * INCH * omega, omega
+    omega = float(sliding(n)[1] + (rolling.roll * (swing(rolling, 1.0) - swing(rolling, n))).real)
+    return codes["rolling"]["radius"] * INCH * omega, omega

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from fitball.data.thesis_tables import thesis_table
-from fitball.inference.thesis.inputs import case_parameters, printed_model, relative_error
+from fitball.inference.thesis.inputs import printed_model, relative_error, row_parameters
 from fitball.values import FloatArray, impacts
 
-COLUMNS = ("v_x2", "v_y2", "omega_2", "theta_2", "contact_time")
 HEADS = {
     "v_x2": "v_x2 [m/s]",
     "v_y2": "v_y2 [m/s]",
@@ -19,15 +19,14 @@ HEADS = {
     "theta_2": "theta_2 [deg]",
     "contact_time": "contact_time [ms]",
 }
+COLUMNS = tuple(HEADS)
+# Half of the last printed digit of each.
+HALF_DIGIT = {"v_x2": 0.0005, "v_y2": 0.005, "omega_2": 0.0005, "theta_2": 0.0005, "contact_time": 0.0005}
 LIMITS = (0.1, 0.5, 1.0)
 # A row counts as reproduced within this, in per cent, and must be listed with its cause beyond it.
 REPRODUCED = 0.1
-INPUTS = {
-    "cor": "cor",
-    "v_y1": "v_y1 [m/s]",
-    "k_y": "k_y [lb/in]",
-    "i1_over_i": "i1_over_i",
-}
+# Inputs that are misprinted somewhere.
+INPUTS = {"cor": "cor", "v_y1": "v_y1 [m/s]", "k_y": "k_y [lb/in]", "i1_over_i": "i1_over_i"}
 
 
 @dataclass(frozen=True)
@@ -56,23 +55,18 @@ def with_corrected_inputs(rows: pd.DataFrame, errata: pd.DataFrame) -> pd.DataFr
 
 def recompute(rows: pd.DataFrame) -> pd.DataFrame:
     """`rows` with NAME and NAME_error [%] for every output, from the inputs in `rows`."""
-    chosen = printed_model()
-    columns: dict[str, list[float]] = {name: [] for name in COLUMNS}
+    chosen, outputs = printed_model(), []
     for row in rows.to_dict("records"):
         impact = impacts(row["v_x1 [m/s]"], row["v_y1 [m/s]"], row["omega_1 [rad/s]"], row["cor"])
-        inputs = (row["mass_ratio"], row["k_y [lb/in]"], row["i1_over_i"], row["c_y [lb s/in]"])
-        rebound = chosen.rebound(case_parameters(*inputs), impact)
-        timing = chosen.rebound(case_parameters(*inputs, rounded_mass=True), impact)
+        rebound = chosen.rebound(row_parameters(row), impact)
+        timing = chosen.rebound(row_parameters(row, rounded_mass=True), impact)
         v_x2, v_y2 = float(rebound.v_x2[0]), float(rebound.v_y2[0])
-        columns["v_x2"].append(v_x2)
-        columns["v_y2"].append(-v_y2)
-        columns["omega_2"].append(float(rebound.omega_2[0]))
-        columns["theta_2"].append(-float(np.degrees(np.arctan2(v_y2, v_x2))))
-        columns["contact_time"].append(1e3 * float(timing.contact_time[0]))
+        angle, time = -float(np.degrees(np.arctan2(v_y2, v_x2))), 1e3 * float(timing.contact_time[0])
+        outputs.append((v_x2, -v_y2, float(rebound.omega_2[0]), angle, time))
     result = rows.copy()
-    for name in COLUMNS:
-        result[name] = columns[name]
-        result[f"{name}_error"] = relative_error(columns[name], rows[HEADS[name]])
+    for name, column in zip(COLUMNS, zip(*outputs, strict=True), strict=True):
+        result[name] = column
+        result[f"{name}_error"] = relative_error(column, rows[HEADS[name]])
     return result
 
 
@@ -87,11 +81,7 @@ def shares(rows: pd.DataFrame) -> pd.DataFrame:
     errors |= {name: rows[f"{name}_error"].abs().to_numpy() for name in COLUMNS}
     return pd.DataFrame(
         [
-            {
-                "output": name,
-                "rows": len(rows),
-                **{f"within {limit} %": int(np.sum(error <= limit)) for limit in LIMITS},
-            }
+            {"output": name, "rows": len(rows)} | {f"within {most} %": int(np.sum(error <= most)) for most in LIMITS}
             for name, error in errors.items()
         ]
     )
@@ -119,26 +109,25 @@ def reproduce() -> AppendixC:
         for k in np.flatnonzero(selects(rows, str(item["table"]), str(item["row"])))
     }
     exceptions: list[dict[str, object]] = []
-    unlisted, used = [], set()
-    for k, row in enumerate(rows.to_dict("records")):
-        for name in COLUMNS:
-            if abs(row[f"{name}_error"]) <= _tolerance(name, abs(row[HEADS[name]])):
-                continue
-            entry = notes.get((k, name))
-            place = {"table": row["table"], "case": row["case"], "column": name}
-            values = {"printed": row[HEADS[name]], "recomputed": float(f"{row[name]:.5g}")}
-            error = {"error [%]": round(row[f"{name}_error"], 3)}
-            if entry is None:
-                unlisted.append(f"{row['table']} case {row['case']}, {name}: printed and recomputed {values}")
-                cause = {"kind": "unlisted", "cause": ""}
-            else:
-                used.add(entry)
-                cause = {"kind": entries[entry]["kind"], "cause": entries[entry]["evidence"]}
-            exceptions.append({**place, **values, **error, **cause})
-    stale = tuple(
-        f"{entries[k]['table']} row {entries[k]['row']}, {entries[k]['column']}" for k in set(notes.values()) - used
+    unlisted, unused = [], set(notes.values())
+    for (k, row), name in itertools.product(enumerate(rows.to_dict("records")), COLUMNS):
+        # Or what the rounding of print allows, if that is more.
+        rounding = 100.0 * HALF_DIGIT[name] / abs(row[HEADS[name]])
+        if abs(row[f"{name}_error"]) <= max(0.15 if name in ("v_y2", "theta_2") else REPRODUCED, rounding):
+            continue
+        values = {"printed": row[HEADS[name]], "recomputed": float(f"{row[name]:.5g}")}
+        entry, cause = notes.get((k, name)), {"kind": "unlisted", "cause": ""}
+        if entry is None:
+            unlisted.append(f"{row['table']} case {row['case']}, {name}: printed and recomputed {values}")
+        else:
+            unused.discard(entry)
+            cause = {"kind": entries[entry]["kind"], "cause": entries[entry]["evidence"]}
+        place = {"table": row["table"], "case": row["case"], "column": name}
+        exceptions.append({**place, **values, "error [%]": round(row[f"{name}_error"], 3), **cause})
+    stale = sorted(
+        f"{item['table']} row {item['row']}, {item['column']}" for item in map(entries.__getitem__, unused)
     )
-    return AppendixC(rows, pd.DataFrame(exceptions), tuple(unlisted), tuple(sorted(stale)))
+    return AppendixC(rows, pd.DataFrame(exceptions), tuple(unlisted), tuple(stale))
 
 
 def mended(appendix: AppendixC) -> pd.DataFrame:
@@ -150,13 +139,6 @@ def mended(appendix: AppendixC) -> pd.DataFrame:
         chosen = (rows["table"] == item.table) & (rows["case"] == item.case)
         rows.loc[chosen, HEADS[str(item.column)]] = rows.loc[chosen, str(item.column)]
     return rows
-
-
-def _tolerance(name: str, printed: float) -> float:
-    """Per cent beyond which a cell needs a cause: `REPRODUCED`, or what rounding of print allows if that is more."""
-    last_digit = {"v_x2": 0.0005, "v_y2": 0.005, "omega_2": 0.0005, "theta_2": 0.0005, "contact_time": 0.0005}[name]
-    inputs = 0.15 if name in ("v_y2", "theta_2") else REPRODUCED
-    return float(max(inputs, 100.0 * last_digit / printed))
 
 
 def selects(rows: pd.DataFrame, table: str, case: str) -> FloatArray:

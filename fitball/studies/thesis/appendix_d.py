@@ -35,6 +35,11 @@ def percentage_errors(spin: str, rows: pd.DataFrame) -> dict[str, FloatArray]:
     return {name: 100.0 * (values / wang[name] - 1.0) for name, values in theory.items()}
 
 
+def matches(errors: FloatArray | pd.Series, printed: pd.Series) -> FloatArray:
+    """Which errors match print in size."""
+    return np.asarray(np.abs(np.abs(errors) - np.abs(printed)) <= MATCHES)
+
+
 def recompute() -> pd.DataFrame:
     """The 63 rows with NAME (recomputed, %) beside NAME_error (printed, %), and which of them match in size."""
     printed, theory = thesis_table("appendix_d"), thesis_table("appendix_c")
@@ -44,26 +49,11 @@ def recompute() -> pd.DataFrame:
         part = group.copy()
         for name, error in percentage_errors(str(spin), rows).items():
             part[name] = error
-            part[f"{name}_matches"] = _match(error, part, name)
+            part[f"{name}_matches"] = matches(error, part[HEADS[name]])
         # With the angle that Appendix C prints.
         part["theta_2_printed"] = 100.0 * (-rows["theta_2 [deg]"].to_numpy() / measured(str(spin))["theta_2"] - 1.0)
         parts.append(part)
     return pd.concat(parts, ignore_index=True)
-
-
-def _match(errors: FloatArray, rows: pd.DataFrame, name: str = "theta_2") -> FloatArray:
-    """Which errors match print in size."""
-    return np.asarray(np.abs(np.abs(errors) - np.abs(rows[HEADS[name]].to_numpy())) <= MATCHES)
-
-
-def signed_angles(rows: pd.DataFrame) -> int:
-    """How many angle errors match with their sign."""
-    return int(np.sum(np.abs(rows["theta_2"] - rows[HEADS["theta_2"]]) <= MATCHES))
-
-
-def printed_angles(rows: pd.DataFrame) -> int:
-    """How many angle errors would match, in size, those of the angles that Appendix C prints."""
-    return int(np.sum(_match(rows["theta_2_printed"].to_numpy(), rows)))
 
 
 def deviations(rows: pd.DataFrame) -> pd.DataFrame:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -117,42 +118,51 @@ def glance_figure(fits: Mapping[str, Recalibration]) -> Figure:
     return figure
 
 
-def chapter_v_figure() -> Figure:
-    """Nine panels: angle, velocity and spin by spin of incidence."""
-    points = figures_36_to_44()
-    figure = new_figure(12.0, 10.0)
-    grid = figure.subplots(3, 3)
+def _nine_panels(
+    title: str, heads: Mapping[str, str], draw: Callable[[Axes, str, str], None], grid: Literal["both", "y"] = "both",
+    **shape: Any,
+) -> Figure:  # fmt: skip
+    """Angle, velocity and spin by spin of incidence, drawn by `draw(axis, spin, output)`; `heads` by output."""
+    figure = new_figure(12.0, shape.pop("height"))
+    panels = figure.subplots(3, 3, **shape)
     for column, spin in enumerate(SPINS):
-        for row, (output, (name, unit)) in enumerate(NAMES.items()):
-            axis: Axes = grid[row][column]
-            for case in CASE_IN_APPENDIX_C:
-                colour = SERIES[case - 1]
-                mine = points[(points["spin"] == spin) & (points["case"] == case)]
-                axis.plot(
-                    mine["theta_1 [deg]"],
-                    mine[f"{output}, recomputed [{unit}]"],
-                    color=colour,
-                    linewidth=3.5 if case == 1 else 1.3,
-                    alpha=0.6 if case == 1 else 1.0,
-                    label=f"case {case}, recomputed",
-                )
-                axis.plot(
-                    mine["theta_1 [deg]"], mine[f"{output}, Appendix C [{unit}]"], MARKERS[case - 1], color=colour,
-                    markerfacecolor="none", markersize=5, label=f"case {case}, printed in Appendix C",
-                )  # fmt: skip
-            wang = mine[f"{output}, measured [{unit}]"]
-            axis.plot(mine["theta_1 [deg]"], wang, "ko", markersize=4, label="measured (Wang)")
-            axis.grid(alpha=0.3)
+        for row, output in enumerate(NAMES):
+            axis: Axes = panels[row][column]
+            draw(axis, spin, output)
+            axis.grid(alpha=0.3, axis=grid)
             if row == 0:
                 axis.set_title({"zero": "zero spin"}.get(spin, spin))
             if row == 2:
                 axis.set_xlabel("incidence angle [deg]")
             if column == 0:
-                axis.set_ylabel(f"{name} [{unit}]")
-    handles, labels = grid[0][0].get_legend_handles_labels()
+                axis.set_ylabel(heads[output])
+    handles, labels = panels[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
-    figure.suptitle("Figs 36 to 44 of the thesis, regenerated")
+    figure.suptitle(title)
     return figure
+
+
+def chapter_v_figure() -> Figure:
+    """Rebounds measured, recomputed and printed."""
+    points = figures_36_to_44()
+
+    def draw(axis: Axes, spin: str, output: str) -> None:
+        unit = NAMES[output][1]
+        for case in CASE_IN_APPENDIX_C:
+            mine = points[(points["spin"] == spin) & (points["case"] == case)]
+            angle, colour, first = mine["theta_1 [deg]"], SERIES[case - 1], case == 1
+            axis.plot(
+                angle, mine[f"{output}, recomputed [{unit}]"], color=colour, linewidth=3.5 if first else 1.3,
+                alpha=0.6 if first else 1.0, label=f"case {case}, recomputed",
+            )  # fmt: skip
+            axis.plot(
+                angle, mine[f"{output}, Appendix C [{unit}]"], MARKERS[case - 1], color=colour,
+                markerfacecolor="none", markersize=5, label=f"case {case}, printed in Appendix C",
+            )  # fmt: skip
+        axis.plot(angle, mine[f"{output}, measured [{unit}]"], "ko", markersize=4, label="measured (Wang)")
+
+    heads = {output: f"{name} [{unit}]" for output, (name, unit) in NAMES.items()}
+    return _nine_panels("Figs 36 to 44 of the thesis, regenerated", heads, draw, height=10.0)
 
 
 def _example(
@@ -210,40 +220,31 @@ def offset_figure() -> Figure:
 
 def error_figure(chapter: ChapterFive) -> Figure:
     """Percentage errors of the three cases and of the recalibrated default model, impact by impact."""
-    printed = thesis_table("appendix_c")
-    fit = chapter.fits["two-mass"]
+    printed, fit = thesis_table("appendix_c"), chapter.fits["two-mass"]
     medians = fit.medians()
-    figure = new_figure(12.0, 9.0)
-    grid = figure.subplots(3, 3, sharey="row")
-    for column, spin in enumerate(SPINS):
-        mine = np.array([label == spin for label in fit.problem.table.labels["group"]])
-        wang = measured(spin)
-        angle = np.degrees(np.arctan2(wang["v_y1"], wang["v_x1"]))
-        after = {
-            "v_x2": medians["v_x2"][mine],
-            "omega_2": medians["omega_2"][mine],
-            "theta_2": np.degrees(np.arctan2(medians["v_y2"][mine], medians["v_x2"][mine])),
-        }
-        bars = {
+    medians["theta_2"] = np.degrees(np.arctan2(medians["v_y2"], medians["v_x2"]))
+    groups = np.array(fit.problem.table.labels["group"])
+    bars = {
+        spin: {
             f"case {case}": percentage_errors(spin, printed[(printed["spin"] == spin) & (printed["case"] == index)])
             for case, index in CASE_IN_APPENDIX_C.items()
         }
-        bars["two-mass, fitted"] = {name: 100.0 * (values / wang[name] - 1.0) for name, values in after.items()}
-        for row, (output, (name, _unit)) in enumerate(NAMES.items()):
-            axis: Axes = grid[row][column]
-            for k, (label, errors) in enumerate(bars.items()):
-                colour = "black" if k == 3 else SERIES[k]
-                axis.bar(np.arange(7) + 0.2 * (k - 1.5), errors[output], 0.2, color=colour, label=label)
-            axis.axhline(0.0, color="0.3", linewidth=0.8)
-            axis.set_xticks(np.arange(7), [f"{value:.0f}" for value in angle])
-            axis.grid(alpha=0.3, axis="y")
-            if row == 0:
-                axis.set_title({"zero": "zero spin"}.get(spin, spin))
-            if row == 2:
-                axis.set_xlabel("incidence angle [deg]")
-            if column == 0:
-                axis.set_ylabel(f"error of {name} [%]")
-    handles, labels = grid[0][0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
-    figure.suptitle("Errors of Appendix D, and after recalibration")
-    return figure
+        for spin in SPINS
+    }
+    for spin, listed in bars.items():
+        wang = measured(spin)
+        fitted = {name: 100.0 * (medians[name][groups == spin] / wang[name] - 1.0) for name in NAMES}
+        listed["two-mass, fitted"] = fitted
+
+    def draw(axis: Axes, spin: str, output: str) -> None:
+        for k, (label, errors) in enumerate(bars[spin].items()):
+            colour = "black" if k == 3 else SERIES[k]
+            axis.bar(np.arange(7) + 0.2 * (k - 1.5), errors[output], 0.2, color=colour, label=label)
+        axis.axhline(0.0, color="0.3", linewidth=0.8)
+        wang = measured(spin)
+        angles = np.degrees(np.arctan2(wang["v_y1"], wang["v_x1"]))
+        axis.set_xticks(np.arange(7), [f"{angle:.0f}" for angle in angles])
+
+    heads = {output: f"error of {name} [%]" for output, (name, _unit) in NAMES.items()}
+    title = "Errors of Appendix D, and after recalibration"
+    return _nine_panels(title, heads, draw, "y", height=9.0, sharey="row")

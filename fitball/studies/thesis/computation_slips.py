@@ -10,7 +10,7 @@ import pandas as pd
 from fitball.data.thesis_tables import thesis_table
 from fitball.data.wang import SPINS, measured
 from fitball.inference.prediction.outputs import root_mean_square
-from fitball.inference.thesis.inputs import BALL_RADIUS, INERTIA, INERTIA_OF, case_parameters, printed_model
+from fitball.inference.thesis.inputs import BALL_RADIUS, INERTIA, INERTIA_OF, printed_model, row_parameters
 from fitball.report.form.rounding import digits
 from fitball.report.form.sentences import listed
 from fitball.studies.thesis.ranking import EXACT, RECOMPUTED, UNITS, Ranking
@@ -45,7 +45,7 @@ def slip_table(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
 def _sliding(rows: pd.DataFrame, spin: str) -> Iterator[tuple[float, float, float]]:
     """For each sliding impact: spin gained over the balance, recomputed and printed, and the stray cosine's share."""
     chosen, wang, first = printed_model(), measured(spin), rows.iloc[0]
-    values = case_parameters(first["mass_ratio"], first["k_y [lb/in]"], first["i1_over_i"], first["c_y [lb s/in]"])
+    values = row_parameters(first.to_dict())
     lever = values["ball_mass"] * BALL_RADIUS / (INERTIA_OF[first["mass_ratio"]] * INERTIA)
     for k, row in enumerate(rows.to_dict("records")):
         incident, omega_1 = row["v_x1 [m/s]"], row["omega_1 [rad/s]"]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -81,9 +83,17 @@ def mean_friction() -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def bifilar_inertia() -> tuple[Variable, float, dict[str, float]]:
-    """Table 8 and Eq. (79): the moment of inertia over `M R_s^2` with its standard deviation, the same inertia in
-    lbf s^2 in, and the relative share of each source in the variance.
+@dataclass(frozen=True)
+class Inertia:
+    """The moment of inertia over `M R_s^2` and in lbf s^2 in, and the share of each source in the variance."""
+
+    ratio: Variable
+    moment: Variable
+    shares: Mapping[str, float]
+
+
+def bifilar_inertia() -> Inertia:
+    """Table 8 and Eq. (79).
 
     Timing scatters as the ten runs do; length and radius carry the rounding of their last printed digit, as the
     thesis states nothing else. The mass cancels; `R_s` is the 1.25 in at which the strings were taped.
@@ -94,13 +104,10 @@ def bifilar_inertia() -> tuple[Variable, float, dict[str, float]]:
     length = ufloat(101.6, 0.1 / math.sqrt(12.0)) / 100.0 / INCH
     radius = ufloat(1.25, 0.01 / math.sqrt(12.0))
     ratio = GRAVITY / (length * (2.0 * math.pi / period) ** 2)
-    inertia = MASS * radius**2 * ratio
-    parts = inertia.error_components()
-    named = {"timing": period, "radius": radius}
-    total = inertia.std_dev**2
-    shares = {name: parts.get(item, 0.0) ** 2 / total for name, item in named.items()}
-    shares["string length"] = 1.0 - sum(shares.values())
-    return ratio, inertia, shares
+    moment = MASS * radius**2 * ratio
+    parts, total = moment.error_components(), moment.std_dev**2
+    shares = {name: parts.get(item, 0.0) ** 2 / total for name, item in (("timing", period), ("radius", radius))}
+    return Inertia(ratio, moment, shares | {"string length": 1.0 - sum(shares.values())})
 
 
 def examples() -> pd.DataFrame:

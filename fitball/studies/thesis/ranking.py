@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,30 +91,35 @@ def rank(sets: Mapping[str, Mapping[str, FloatArray]], seed: int = 1) -> Ranking
 
 def printed_sets(rows: pd.DataFrame) -> dict[str, dict[str, FloatArray]]:
     """Errors of the seven sets, from the printed outputs in rows of Appendix C."""
-    sets = {}
-    for _case, mine in rows.groupby("case"):
-        predicted = {}
-        for spin in SPINS:
-            chosen, wang = mine[mine["spin"] == spin], measured(spin)
-            v_x2 = chosen["v_x2 [m/s]"].to_numpy()
-            # The restitution is an input, so the measured one: two tables carry each other's printed V_y2.
-            angle = np.degrees(np.arctan2(wang["v_y2"], v_x2))
-            predicted[spin] = {"v_x2": v_x2, "theta_2": angle, "omega_2": chosen["omega_2 [rad/s]"].to_numpy()}
-        sets[set_name(mine.iloc[0].to_dict())] = errors(predicted)
-    return sets
+
+    def predicted(mine: pd.DataFrame, spin: str) -> dict[str, FloatArray]:
+        v_x2 = mine["v_x2 [m/s]"].to_numpy()
+        # The restitution is an input, so the measured one: two tables carry each other's printed V_y2.
+        angle = np.degrees(np.arctan2(measured(spin)["v_y2"], v_x2))
+        return {"v_x2": v_x2, "theta_2": angle, "omega_2": mine["omega_2 [rad/s]"].to_numpy()}
+
+    return _sets(rows, predicted)
 
 
 def solved_sets(chosen: Model) -> dict[str, dict[str, FloatArray]]:
     """Errors of the seven sets by a model that is told the restitution, at Wang's incident states."""
+
+    def predicted(mine: pd.DataFrame, spin: str) -> dict[str, FloatArray]:
+        row = mine.iloc[0]
+        c_y = row["c_y [lb s/in]"] if "c_y" in chosen.parameter_names else None
+        values = case_parameters(row["mass_ratio"], row["k_y [lb/in]"], row["i1_over_i"], c_y)
+        return spin_predictions(chosen, values, spin)
+
+    return _sets(thesis_table("appendix_c"), predicted)
+
+
+def _sets(
+    rows: pd.DataFrame, predicted: Callable[[pd.DataFrame, str], dict[str, FloatArray]]
+) -> dict[str, dict[str, FloatArray]]:
     sets = {}
-    for _case, mine in thesis_table("appendix_c").groupby("case"):
-        predicted = {}
-        for spin in SPINS:
-            row = mine[mine["spin"] == spin].iloc[0]
-            c_y = row["c_y [lb s/in]"] if "c_y" in chosen.parameter_names else None
-            values = case_parameters(row["mass_ratio"], row["k_y [lb/in]"], row["i1_over_i"], c_y)
-            predicted[spin] = spin_predictions(chosen, values, spin)
-        sets[set_name(mine.iloc[0].to_dict())] = errors(predicted)
+    for _case, mine in rows.groupby("case"):
+        by_spin = {spin: predicted(mine[mine["spin"] == spin], spin) for spin in SPINS}
+        sets[set_name(mine.iloc[0].to_dict())] = errors(by_spin)
     return sets
 
 

@@ -61,11 +61,6 @@ class Recalibration:
     placed: tuple[Placed, ...] = ()
 
     @property
-    def name(self) -> str:
-        """The model."""
-        return self.problem.model.name
-
-    @property
     def offset(self) -> Balance:
         """The model-free offset of each impact."""
         return scene_balances(self.problem.table, self.problem.scene).offset
@@ -73,15 +68,13 @@ class Recalibration:
     @property
     def points(self) -> pd.DataFrame:
         """`placed` as a table."""
-        frame = pd.DataFrame(
-            [
-                {"point": place.point, "credible level": place.level,
-                 **{f"{name} below": share for name, share in place.below.items()}}
-                for place in self.placed
-            ]
-        )  # fmt: skip
+        rows = [
+            {"point": place.point, "credible level": place.level}
+            | {f"{name} below": share for name, share in place.below.items()}
+            for place in self.placed
+        ]
         excluded = ["; ".join(f"{name}: {why}" for name, why in place.excluded.items()) for place in self.placed]
-        return frame.assign(**{"excluded by the model": excluded})
+        return pd.DataFrame(rows).assign(**{"excluded by the model": excluded})
 
     def medians(self) -> dict[str, FloatArray]:
         """Medians of the predictive distribution by output, (21,)."""
@@ -111,29 +104,30 @@ def offset_constants(recalibration: Recalibration) -> tuple[FloatArray, FloatArr
 
 
 def _place(recalibration: Recalibration, rng: np.random.Generator) -> tuple[Placed, ...]:
-    draws = np.array(
-        [
-            recalibration.column("mass_ratio"),
-            np.log(recalibration.column("k_y")),
-            np.log(recalibration.column("k_theta")),
-        ]
-    )
+    names = ("mass_ratio", "k_y", "k_theta")
+    columns = {name: recalibration.column(name) for name in names}
+    draws = _coordinates(columns)
     placed = []
     for case in thesis_table("table_9").to_dict("records"):
-        values = {
-            "mass_ratio": fraction(case["mass_ratio"]),
-            "k_y": float(case["k_y [lb/in]"]) * STIFFNESS,
-            "k_theta": float(case["k_theta [lb in/rad]"]) * TORSION,
-        }
-        point = np.array([values["mass_ratio"], np.log(values["k_y"]), np.log(values["k_theta"])])
-        below = {name: float(np.mean(recalibration.column(name) < value)) for name, value in values.items()}
+        printed = (
+            fraction(case["mass_ratio"]),
+            case["k_y [lb/in]"] * STIFFNESS,
+            case["k_theta [lb in/rad]"] * TORSION,
+        )
+        values = dict(zip(names, map(float, printed), strict=True))
+        below = {name: float(np.mean(columns[name] < value)) for name, value in values.items()}
         refused = {name: _refusal(recalibration, name, value) for name, value in values.items()}
         excluded = {name: why for name, why in refused.items() if why}
-        placed.append(Placed(f"case {case['case']}", credible_level(draws, point, rng), below, excluded))
+        level = credible_level(draws, _coordinates(values), rng)
+        placed.append(Placed(f"case {case['case']}", level, below, excluded))
     c1, c2 = offset_constants(recalibration)
     level = credible_level(np.array([c1, c2]), np.array([C1, C2]), rng)
     placed.append(Placed("Eq. (53)", level, {"C1": float(np.mean(c1 < C1)), "C2": float(np.mean(c2 < C2))}, {}))
     return tuple(placed)
+
+
+def _coordinates(values: Mapping[str, float] | Mapping[str, FloatArray]) -> FloatArray:
+    return np.array([values["mass_ratio"], np.log(values["k_y"]), np.log(values["k_theta"])])
 
 
 def _refusal(recalibration: Recalibration, name: str, value: float) -> str:

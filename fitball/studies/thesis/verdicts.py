@@ -121,7 +121,11 @@ def fit_words(own: pd.DataFrame, case: int, fitted: str, rms: Mapping[str, float
 
 def posterior_verdict(placed: Sequence[Placed]) -> str:
     """How far out in one posterior the published points lie, and by which parameters."""
-    contours = _grouped((_contour(place.level), place.point) for place in placed)
+    beyond = f"beyond the {_percent(CONTOUR)} contour"
+    contours = _grouped(
+        (beyond if place.level > CONTOUR else f"on the {_percent(place.level)} contour", place.point)
+        for place in placed
+    )
     names = dict.fromkeys(name for place in placed for name in place.below)
     outside = {
         name: _grouped((_outside(place, name), place.point) for place in placed if name in place.below)
@@ -130,10 +134,6 @@ def posterior_verdict(placed: Sequence[Placed]) -> str:
     told = [f"{name} {words}" for name, words in outside.items() if words]
     central = f"outside the central {_percent(CENTRAL)}"
     return f"{contours}. Parameter by parameter, {f'{central}: ' + '; '.join(told) if told else f'none {central}'}."
-
-
-def _contour(level: float) -> str:
-    return f"beyond the {_percent(CONTOUR)} contour" if level > CONTOUR else f"on the {_percent(level)} contour"
 
 
 def _outside(place: Placed, name: str) -> str:

@@ -27,27 +27,18 @@ def damping_of(left: float, mass_ratio: float, k_y: float) -> float:
     return 2.0 * zeta * math.sqrt(k_y * STIFFNESS * core) / DAMPING
 
 
-def mean_restitution() -> dict[str, float]:
-    """The mean of the seven measured restitutions of each spin, as Chapter V takes it."""
-    return {spin: float(np.mean(measured(spin)["v_y2"] / measured(spin)["v_y1"])) for spin in SPINS}
-
-
 def formula_table() -> pd.DataFrame:
     """Every distinct printed `c_y`: the nine of Chapter V and those of Appendix C, beside the three formulas."""
-    cor = mean_restitution()
-    nine, best = thesis_table("chapter_five_damping"), thesis_table("table_9").set_index("case")
-    printed = [
-        (f"Fig. {row['figure']}", row["spin"], best.loc[row["case"], "mass_ratio"],
-         float(best.loc[row["case"], "k_y [lb/in]"]), row["c_y [lb s/in]"])
-        for row in nine.to_dict("records")
-    ]  # fmt: skip
+    # As Chapter V takes it.
+    cor = {spin: float(np.mean(measured(spin)["v_y2"] / measured(spin)["v_y1"])) for spin in SPINS}
+    nine = thesis_table("chapter_five_damping").merge(thesis_table("table_9"), on="case", validate="many_to_one")
+    nine["place"] = [f"Fig. {figure}" for figure in nine["figure"]]
     columns = ["spin", "case", "mass_ratio", "k_y [lb/in]", "c_y [lb s/in]"]
     distinct = thesis_table("appendix_c")[columns].drop_duplicates()
-    printed += [
-        (f"Appendix C, case {case}", spin, ratio, k_y, c_y) for spin, case, ratio, k_y, c_y in distinct.to_numpy()
-    ]
+    distinct["place"] = [f"Appendix C, case {case}" for case in distinct["case"]]
+    printed = pd.concat([nine, distinct])[["place", "spin", "mass_ratio", "k_y [lb/in]", "c_y [lb s/in]"]]
     rows = []
-    for place, spin, ratio, k_y, c_y in printed:
+    for place, spin, ratio, k_y, c_y in printed.itertuples(index=False):
         m = fraction(ratio)
         lefts = {"Eq. (8)": cor[spin] / m, "Chapter III": m / cor[spin], "Chapter V": cor[spin]}
         dampings = {name: damping_of(left, m, k_y) for name, left in lefts.items()}
