@@ -25,7 +25,7 @@ from fitball.inference.results.evidence import (
 )
 from fitball.report.figures.kinds import KINDS, drawable_kinds
 from fitball.report.figures.names import FIGURES
-from fitball.report.figures.profile_arrays import profile_panels
+from fitball.report.figures.profiles import profile_panels
 from fitball.report.figures.regimes import OTHERS, regime_bars, regime_colours
 from fitball.report.figures.save import STAMPS
 from fitball.report.fit.alt_texts import WORDS

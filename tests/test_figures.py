@@ -21,12 +21,12 @@ from fitball.inference.problem.choices import Choices
 from fitball.inference.problem.noise import KINDS
 from fitball.models.registry import model
 from fitball.observables import OBSERVABLES
-from fitball.report.figures.corner_arrays import LEVELS, corner_data, pair_density
-from fitball.report.figures.curve_arrays import curve_columns
+from fitball.report.figures.corner import LEVELS, corner_data, pair_density
+from fitball.report.figures.curves import curve_columns
 from fitball.report.figures.kinds import draw
 from fitball.report.figures.measured import measured_outputs
-from fitball.report.figures.predictive_arrays import agreements, interval_band
-from fitball.report.figures.residual_arrays import incident_quantities, residual_data, trend
+from fitball.report.figures.predictive import agreements, interval_band
+from fitball.report.figures.residuals import incident_quantities, residual_data, trend
 from fitball.report.fit.html import page
 from fitball.report.fit.summary import thesis_rows
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,9 +13,11 @@ from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
+from fitball.inference.results.results import Fit
 from fitball.report.figures.shown import ShownFigure
 from fitball.report.form.palette import MEASURED, series_style
 
@@ -29,6 +31,8 @@ DIGITS = (
 LEAST_TICKS, MOST_TICKS, MOST_UNNAMED = 3, 5, 40
 # Groups named in a legend.
 MOST_NAMED = 12
+# Colour and marker of each group.
+Styles: TypeAlias = Mapping[str, tuple[str, str]]
 
 
 def new_figure(width: float, height: float, layout: Literal["constrained"] | None = "constrained") -> Figure:
@@ -104,39 +108,56 @@ def _grid(axis: Axes, across: NDArray[Any], up: NDArray[Any]) -> None:
         axis.add_collection(lines, autolim=False)
 
 
+def filled(count: int, most: int, cell: tuple[float, float], margins: Margins) -> tuple[Figure, NDArray[Any]]:
+    """As `panels`, for `count` of them, at most `most` side by side; places left over stay empty."""
+    columns = min(most, count)
+    figure, axes = panels(-(-count // columns), columns, cell, margins)
+    for spare in axes.ravel()[count:]:
+        spare.set_visible(False)
+    return figure, axes
+
+
 def heading(figure: Figure, text: str) -> None:
     """A title a little below the upper edge."""
     figure.suptitle(text, y=1.0 - 0.08 / figure.get_figheight(), va="top", fontsize=12)
 
 
-def legend_room(count: int, columns: int) -> float:
-    """Inches below the panels for labels of the axis and a legend of so many entries."""
-    return 0.62 + 0.19 * -(-count // min(columns, count))
+def fit_heading(figure: Figure, fit: Fit, words: str, narrow: bool = False) -> None:
+    """What was fitted to what, and what is shown of it; over two lines where the figure is `narrow`."""
+    heading(figure, f"{fit.problem.model.name} on {fit.problem.table.name}:{chr(10) if narrow else ' '}{words}")
 
 
-def legend_below(figure: Figure, handles: Sequence[Any], labels: Sequence[str], columns: int = 4) -> None:
-    """A legend at the lower edge."""
+def legend_below(figure: Figure, handles: Mapping[str, Any], columns: int) -> None:
+    """A legend at the lower edge: what stands for each label."""
     figure.legend(
-        handles, labels, loc="lower center", bbox_to_anchor=(0.5, 0.03 / figure.get_figheight()), frameon=False,
-        ncols=min(columns, max(1, len(labels))), fontsize=9,
+        handles.values(), handles.keys(), loc="lower center", bbox_to_anchor=(0.5, 0.03 / figure.get_figheight()),
+        frameon=False, ncols=min(columns, max(1, len(handles))), fontsize=9,
     )  # fmt: skip
 
 
-def shown_rows(rows: NDArray[np.int64], most: int | None = None) -> NDArray[np.int64]:
+def drawn_handles(*axes: Axes) -> dict[str, Any]:
+    """What was drawn with a label, by label."""
+    return {label: handle for axis in axes for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+
+
+def shown_rows(rows: NDArray[np.int64], most: int = MOST_POINTS) -> NDArray[np.int64]:
     """Of `rows` those that a figure draws, `most` of them, evenly spread; all of them if it can."""
-    count = len(rows)
-    places = (
-        np.linspace(0, count - 1, min(count, MOST_POINTS if most is None else min(most, MOST_POINTS)))
-        .round()
-        .astype(np.int64)
-    )
+    places = np.linspace(0, len(rows) - 1, min(len(rows), most)).round().astype(np.int64)
     return np.asarray(rows[np.unique(places)])
 
 
-def group_styles(groups: Sequence[str]) -> Mapping[str, tuple[str, str]]:
+def group_styles(groups: Sequence[str]) -> Styles:
     """Colour and marker of each group; impacts without groups are all `MEASURED` dots."""
     names = sorted(set(groups))
     return {"": (MEASURED, "o")} if names == [""] else {name: series_style(k) for k, name in enumerate(names)}
+
+
+def group_handles(styles: Styles) -> dict[str, Line2D]:
+    """What a legend shows of the first `MOST_NAMED` groups, by name."""
+    return {
+        name: Line2D([], [], color=colour, marker=marker, linestyle="none", markersize=5)
+        for name, (colour, marker) in [*styles.items()][:MOST_NAMED]
+    }
 
 
 def log_ticks(low: float, high: float) -> tuple[list[float], list[float]]:
@@ -183,8 +204,3 @@ def log_scale(axis: Axes, low: float, high: float, which: Literal["x", "y"] = "x
     side.set_major_formatter(StrMethodFormatter("{x:g}"))
     side.set_minor_formatter(NullFormatter())
     (axis.set_xlim if which == "x" else axis.set_ylim)(low, high)
-
-
-def counted(count: int) -> str:
-    """Which impacts a figure shows, for its title; nothing when it shows all."""
-    return f" ({MOST_POINTS:,} of {count:,} impacts)" if count > MOST_POINTS else ""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,21 +13,85 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from fitball.inference.prediction.curves import curves
+from fitball.inference.results.results import Curve, Fit
 from fitball.report.figures.canvas import (
     MOST_NAMED,
+    MOST_POINTS,
     Margins,
+    fit_heading,
     group_styles,
-    heading,
     inner,
     legend_below,
     panels,
     shown_rows,
 )
-from fitball.report.figures.curve_arrays import CurveColumn, along_label, curve_columns, impacts_along
-from fitball.report.figures.drawable import Drawable
 from fitball.report.figures.measured import Measured, group_of, measured_outputs, output_label
+from fitball.report.form.display_units import output_scale
 from fitball.report.form.palette import FAINT, MEASURED, MODEL
 from fitball.values import FloatArray
+
+
+@dataclass(frozen=True)
+class CurveColumn:
+    """Predictions at one speed and spin, in the units in which people read them.
+
+    `along` (points,) is the angle of incidence [deg], or the speed of a drop test [m/s]; `bands` hold by output
+    quantiles (2.5, 16, 50, 84, 97.5 %) of shape (5, points), or (1, points) of a point fit. `rows` are the impacts
+    near that speed and spin, and `within` the range of `along` that they span.
+    """
+
+    title: str
+    along: FloatArray
+    bands: Mapping[str, FloatArray]
+    rows: NDArray[np.int64]
+    within: tuple[float, float]
+
+
+def impacts_along(fit: Fit) -> FloatArray:
+    """Where impacts stand on the axis of the curves (impacts,)."""
+    impacts = fit.problem.impacts
+    if fit.problem.table.has_tangential:
+        return np.degrees(np.arctan2(impacts.v_y1, impacts.v_x1))
+    return impacts.v_y1
+
+
+def along_label(fit: Fit) -> str:
+    """What is on that axis."""
+    return r"incidence $\theta_1$ [deg]" if fit.problem.table.has_tangential else "vertical incident speed [m/s]"
+
+
+def curve_columns(fit: Fit) -> tuple[CurveColumn, ...]:
+    """A column for each curve of the fit, with the outputs that were measured or follow from such."""
+    if fit.predictive is not None:
+        found = fit.predictive.curves
+    else:
+        found = curves(fit.problem, np.array([[fit.point.values[name] for name in fit.problem.free_names]]))
+    names = list(measured_outputs(fit))
+    place = impacts_along(fit)
+    return tuple(_column(fit, item, names, place) for item in found)
+
+
+def _column(fit: Fit, item: Curve, names: list[str], place: FloatArray) -> CurveColumn:
+    kept = slice(None) if fit.predictive is not None else slice(0, 1)
+    near = place[item.rows]
+    return CurveColumn(
+        title=_title(item, fit.problem.model.needs_cor),
+        along=item.along if item.speed is None else np.degrees(item.along),
+        bands={name: item.outputs[name][kept] * output_scale(name).factor for name in names},
+        rows=item.rows,
+        within=(float(near.min()), float(near.max())),
+    )
+
+
+def _title(item: Curve, needs_cor: bool) -> str:
+    if item.speed is None:
+        return item.label
+    words = f"{item.speed:g} m/s, {item.spin:+g} rad/s".replace("+0 ", "0 ").replace("-0 ", "0 ")
+    cor = item.impacts.cor
+    given = f", COR {cor[0]:.2f}" if needs_cor and cor is not None else ""
+    return f"{item.label}: {words}{given}" if item.label else f"{words}{given}"
+
 
 CELL = (3.1, 1.65)
 # Bars on more points than this would hide the curve.
@@ -35,12 +101,13 @@ MOST_BARS = 60
 BINNED, BINS, LEAST_IN_BIN, MOST_FAR = 200, 24, 5, 300
 
 
-def curves_figure(fit: Drawable) -> Figure:
+def curves_figure(fit: Fit) -> Figure:
     """A column for each speed and spin, a row for each output."""
     columns = curve_columns(fit)
     points = measured_outputs(fit)
-    wide = CELL if len(columns) > 1 else (5.0, 1.9)
-    figure, axes = panels(len(points), len(columns), wide, Margins(top=0.7, bottom=1.15 if len(columns) > 1 else 1.6))
+    narrow = len(columns) == 1
+    size, margins = (5.0, 1.9) if narrow else CELL, Margins(top=0.7, bottom=1.6 if narrow else 1.15)
+    figure, axes = panels(len(points), len(columns), size, margins)
     place, groups = impacts_along(fit), np.array(group_of(fit))
     for k, column in enumerate(columns):
         for axis, (name, item) in zip(axes[:, k], points.items(), strict=True):
@@ -48,22 +115,16 @@ def curves_figure(fit: Drawable) -> Figure:
             _draw_measured(axis, column, item, place, groups)
         axes[0, k].set_title(column.title, fontsize=10)
         axes[-1, k].set_xlabel(along_label(fit))
+        axes[-1, k].tick_params(labelsize=8)
     for row, name in zip(axes, points, strict=True):
         row[0].set_ylabel(output_label(name))
         _same_height(row, points[name], [column.bands[name] for column in columns])
         row[0].tick_params(labelsize=8)
-    for axis in axes[-1]:
-        axis.tick_params(labelsize=8)
     inner(axes)
     _legend(figure, fit, groups, binned=any(column.rows.size > BINNED for column in columns))
-    heading(figure, _title(fit, len(columns)))
-    return figure
-
-
-def _title(fit: Drawable, columns: int) -> str:
     over = "incidence at stated speed and spin" if fit.problem.table.has_tangential else "speed"
-    mark = ":\n" if columns == 1 else ": "
-    return f"{fit.problem.model.name} on {fit.problem.table.name}{mark}rebound over {over}"
+    fit_heading(figure, fit, f"rebound over {over}", narrow)
+    return figure
 
 
 def _draw_model(axis: Axes, column: CurveColumn, bands: FloatArray) -> None:
@@ -82,7 +143,7 @@ def _draw_measured(
 ) -> None:
     near = np.isin(item.rows, column.rows)
     many = np.count_nonzero(near) > BINNED
-    far = shown_rows(np.flatnonzero(~near), MOST_FAR if many else None)
+    far = shown_rows(np.flatnonzero(~near), MOST_FAR if many else MOST_POINTS)
     if far.size:
         axis.plot(place[item.rows[far]], item.values[far], ".", color=FAINT, markersize=4, zorder=1)
     if many:
@@ -126,21 +187,18 @@ def _same_height(row: NDArray[Any], item: Measured, bands: list[FloatArray]) -> 
     row[0].locator_params(axis="y", nbins=5)
 
 
-def _legend(figure: Figure, fit: Drawable, groups: NDArray[np.str_], *, binned: bool) -> None:
-    styles = group_styles(tuple(groups))
-    handles: list[Any] = [Line2D([], [], color=MODEL, linewidth=1.4)]
-    labels = ["model (dotted: beyond the impacts near)" if fit.problem.table.has_tangential else "model"]
+def _legend(figure: Figure, fit: Fit, groups: NDArray[np.str_], *, binned: bool) -> None:
+    along = fit.problem.table.has_tangential
+    model = "model (dotted: beyond the impacts near)" if along else "model"
+    handles: dict[str, Any] = {model: Line2D([], [], color=MODEL, linewidth=1.4)}
     if fit.predictive is not None:
-        handles.append(Patch(color=MODEL, alpha=0.3, linewidth=0))
-        labels.append("its 68 and 95 % bands, without noise")
-    measured = "measured, with noise"
+        handles["its 68 and 95 % bands, without noise"] = Patch(color=MODEL, alpha=0.3, linewidth=0)
+    styles, measured = group_styles(tuple(groups)), "measured, with noise"
     if binned:
-        styles, measured = {"": (MEASURED, "o")}, "measured near it, mean and sd in bins"
-    for name in list(styles)[:MOST_NAMED]:
-        colour, marker = styles[name]
-        handles.append(Line2D([], [], color=colour, marker=marker, markersize=4.5, linewidth=1.0))
-        labels.append(f"measured, with noise: {name}" if name else measured)
-    if fit.problem.table.has_tangential:
-        handles.append(Line2D([], [], color=FAINT, marker=".", linestyle="none", markersize=6))
-        labels.append("other impacts")
-    legend_below(figure, handles, labels, 1 if figure.get_figwidth() < 6.5 else 3)
+        styles, measured = group_styles([""]), "measured near it, mean and sd in bins"
+    for name, (colour, marker) in [*styles.items()][:MOST_NAMED]:
+        mark = Line2D([], [], color=colour, marker=marker, markersize=4.5, linewidth=1.0)
+        handles[f"{measured}: {name}" if name else measured] = mark
+    if along:
+        handles["other impacts"] = Line2D([], [], color=FAINT, marker=".", linestyle="none", markersize=6)
+    legend_below(figure, handles, 1 if figure.get_figwidth() < 6.5 else 3)

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.inference.problem.observables import Observable
-from fitball.inference.results.results import ObservablePrediction
+from fitball.inference.results.results import Fit, ObservablePrediction
 from fitball.observables import OBSERVABLES
-from fitball.report.figures.drawable import Drawable
 from fitball.report.form.display_units import output_scale
 from fitball.values import FloatArray
 
@@ -37,17 +36,23 @@ def output_label(name: str) -> str:
     return axis_label(OBSERVABLES[name].symbol, output_scale(name).unit)
 
 
-def group_of(fit: Drawable) -> tuple[str, ...]:
+def group_of(fit: Fit) -> tuple[str, ...]:
     """The group of each impact, empty where the table has none."""
     labels = fit.problem.groups
     return labels if labels is not None else ("",) * len(fit.problem.table)
 
 
-def prediction_of(fit: Drawable, observable: Observable) -> ObservablePrediction | None:
+def prediction_of(fit: Fit, observable: Observable) -> ObservablePrediction | None:
     """What the posterior says of a column; None for a point fit."""
     if fit.predictive is None:
         return None
     return next(item for item in fit.predictive.observables if item.name == observable.name)
+
+
+def prediction(fit: Fit, observable: Observable) -> FloatArray:
+    """What the fit says of a column (impacts,): the posterior median without noise, or the point estimate."""
+    told = prediction_of(fit, observable)
+    return observable.predict(fit.point.rebound)[0] if told is None else told.median
 
 
 def measured_rows(observable: Observable) -> NDArray[np.int64]:
@@ -64,16 +69,16 @@ def measured_part(observable: Observable, array: FloatArray) -> FloatArray:
     return np.asarray(array[..., entries])
 
 
-def noise_sd(fit: Drawable, observable: Observable) -> FloatArray:
+def noise_sd(fit: Fit, observable: Observable) -> FloatArray:
     """Standard deviation of the noise at `measured_rows`: the posterior's median, or at the point estimate."""
-    prediction = prediction_of(fit, observable)
-    if prediction is not None:
-        return measured_part(observable, prediction.sd)
+    told = prediction_of(fit, observable)
+    if told is not None:
+        return measured_part(observable, told.sd)
     spread = observable.sds(fit.point.values, fit.point.rebound)
     return measured_part(observable, np.broadcast_to(spread, (1, observable.observed.size))[0])
 
 
-def measured_outputs(fit: Drawable) -> Mapping[str, Measured]:
+def measured_outputs(fit: Fit) -> Mapping[str, Measured]:
     """Outputs as measured; speed and angle follow from components, with their noise, where they were not."""
     raw = {
         item.name: Measured(measured_rows(item), measured_part(item, item.observed), noise_sd(fit, item))
@@ -81,12 +86,11 @@ def measured_outputs(fit: Drawable) -> Mapping[str, Measured]:
     }
     if {"v_x2", "v_y2"} <= raw.keys():
         raw = {**_from_components(raw["v_x2"], raw["v_y2"]), **raw}
-    scales = {name: output_scale(name).factor for name in raw}
-    return {
-        name: Measured(raw[name].rows, raw[name].values * scales[name], raw[name].sd * scales[name])
-        for name in OBSERVABLES
-        if name in raw
-    }
+    scaled = {}
+    for name in (name for name in OBSERVABLES if name in raw):
+        item, factor = raw[name], output_scale(name).factor
+        scaled[name] = Measured(item.rows, item.values * factor, item.sd * factor)
+    return scaled
 
 
 def _from_components(along: Measured, up: Measured) -> dict[str, Measured]:

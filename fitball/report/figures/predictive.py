@@ -2,69 +2,146 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from numpy.typing import NDArray
 
+from fitball.inference.problem.observables import Observable
+from fitball.inference.results.results import Fit
 from fitball.observables import OBSERVABLES
 from fitball.report.figures.canvas import (
-    MOST_NAMED,
+    MOST_POINTS,
     Margins,
-    counted,
+    Styles,
+    filled,
+    fit_heading,
+    group_handles,
     group_styles,
-    heading,
     legend_below,
-    legend_room,
-    panels,
     shown_rows,
 )
-from fitball.report.figures.drawable import Drawable
-from fitball.report.figures.measured import group_of, output_label
-from fitball.report.figures.predictive_arrays import Agreement, agreements, interval_band
+from fitball.report.figures.measured import (
+    group_of,
+    measured_part,
+    measured_rows,
+    noise_sd,
+    output_label,
+    prediction,
+    prediction_of,
+)
+from fitball.report.form.display_units import output_scale
 from fitball.report.form.palette import GUIDE, MODEL, NOISE
+from fitball.values import FloatArray
+
+SHARE = 0.95
+# Bins of a band that stands for more intervals than can be told apart.
+BINS = 24
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """One output at the impacts `rows` where it was measured, in the unit in which people read it.
+
+    `predicted` is the posterior median without noise, or the point estimate; 95 % intervals (2, rows) of the model,
+    which is what its parameters leave open (None for a point fit), and of a new `measurement`, which noise widens.
+    """
+
+    name: str
+    rows: NDArray[np.int64]
+    measured: FloatArray
+    predicted: FloatArray
+    model: FloatArray | None
+    measurement: FloatArray
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """Which measurements lie in the interval of a new one."""
+        return np.asarray((self.measured >= self.measurement[0]) & (self.measured <= self.measurement[1]))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square difference of measured and predicted."""
+        return float(np.sqrt(np.mean((self.measured - self.predicted) ** 2)))
+
+    @property
+    def words(self) -> str:
+        """How many measurements lie inside."""
+        return f"{np.count_nonzero(self.inside):,} of {self.inside.size:,} within 95 %"
+
+
+def agreements(fit: Fit) -> tuple[Agreement, ...]:
+    """Every measured column that the fit answers for."""
+    return tuple(_agreement(fit, item) for item in fit.problem.observables)
+
+
+def _agreement(fit: Fit, observable: Observable) -> Agreement:
+    factor = output_scale(observable.name).factor
+
+    def part(*arrays: FloatArray) -> FloatArray:
+        return factor * measured_part(observable, np.stack(arrays))
+
+    told, measured, model = prediction_of(fit, observable), part(observable.observed)[0], None
+    predicted = part(prediction(fit, observable))[0]
+    if told is not None:
+        model, ends = part(told.mean_q025, told.mean_q975), part(told.data_q025, told.data_q975)
+    else:
+        away = fit.problem.noise.reach(SHARE, fit.point.values) * noise_sd(fit, observable)
+        centre = measured_part(observable, prediction(fit, observable)) + _bias(fit, observable)
+        ends = factor * np.stack([centre - away, centre + away])
+    return Agreement(observable.name, measured_rows(observable), measured, predicted, model, ends)
+
+
+def _bias(fit: Fit, observable: Observable) -> FloatArray:
+    """The bias of each impact's group at the point estimate."""
+    if fit.problem.group_bias is None:
+        return np.zeros(1)
+    columns = {name: np.array([value]) for name, value in fit.point.values.items()}
+    return measured_part(observable, fit.problem.group_bias.offset(columns, observable.name)[0])
+
+
+def interval_band(item: Agreement, interval: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Places (bins,) and ends (2, bins) of the interval about the 1:1 line: medians over bins of equal count."""
+    order = np.argsort(item.predicted, kind="stable")
+    parts = [part for part in np.array_split(order, BINS) if part.size]
+    places = np.array([np.median(item.predicted[part]) for part in parts])
+    ends = np.stack([[np.median(side[part] - item.predicted[part]) for part in parts] for side in interval])
+    return places, places + ends
+
 
 COLUMNS = 3
 CELL = (2.85, 2.85)
 # Impacts beyond which intervals become a band, and points small.
 MOST_INTERVALS = 150
-Styles = Mapping[str, tuple[str, str]]
 
 
-def predictive_figure(fit: Drawable) -> Figure:
+def predictive_figure(fit: Fit) -> Figure:
     """A panel for each output."""
     items = agreements(fit)
-    columns = min(COLUMNS, len(items))
-    rows = -(-len(items) // columns)
+    columns, narrow = min(COLUMNS, len(items)), len(items) == 1
     groups = group_of(fit)
     styles = group_styles(groups)
-    entries = min(len(styles), MOST_NAMED) + 1 + (fit.predictive is not None)
-    room = legend_room(entries, columns)
-    figure, axes = panels(
-        rows, columns, CELL, Margins(across=0.8, down=0.85, top=0.65 if columns > 1 else 0.85, bottom=room)
-    )
+    handles = {f"measured: {name}" if name else "measured": mark for name, mark in group_handles(styles).items()}
+    if fit.predictive is not None:
+        handles["95 %: the model, by its parameters"] = _bar(MODEL)
+    handles["95 %: a new measurement, with noise"] = _bar(NOISE)
+    # Labels of the axis and the lines of the legend.
+    below = 0.62 + 0.19 * -(-len(handles) // min(columns, len(handles)))
+    margins = Margins(across=0.8, down=0.85, top=0.85 if narrow else 0.65, bottom=below)
+    figure, axes = filled(len(items), COLUMNS, CELL, margins)
     for axis, item in zip(axes.ravel(), items, strict=False):
         _draw(axis, item, groups, styles)
-    for axis in axes.ravel()[len(items) :]:
-        axis.set_visible(False)
-    named = list(styles)[:MOST_NAMED]
-    handles = [
-        Line2D([], [], color=styles[name][0], marker=styles[name][1], linestyle="none", markersize=5)
-        for name in named
-    ]
-    labels = [f"measured: {name}" if name else "measured" for name in named]
-    if fit.predictive is not None:
-        handles.append(Line2D([], [], color=MODEL, linewidth=4, solid_capstyle="butt"))
-        labels.append("95 %: the model, by its parameters")
-    handles.append(Line2D([], [], color=NOISE, linewidth=4, solid_capstyle="butt"))
-    labels.append("95 %: a new measurement, with noise")
-    legend_below(figure, handles, labels, columns)
-    title = f"{fit.problem.model.name} on {fit.problem.table.name}:"
-    words = f"measured against predicted{counted(len(groups))}"
-    heading(figure, f"{title} {words}" if columns > 1 else f"{title}\n{words}")
+    legend_below(figure, handles, columns)
+    shown = f" ({MOST_POINTS:,} of {len(groups):,} impacts)" if len(groups) > MOST_POINTS else ""
+    fit_heading(figure, fit, f"measured against predicted{shown}", narrow)
     return figure
+
+
+def _bar(colour: str) -> Line2D:
+    return Line2D([], [], color=colour, linewidth=4, solid_capstyle="butt")
 
 
 def _draw(axis: Axes, item: Agreement, groups: tuple[str, ...], styles: Styles) -> None:

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from fitball.inference.results.results import Predictive
-from fitball.report.figures.canvas import heading, legend_below, new_figure
-from fitball.report.figures.drawable import Drawable
+from fitball.inference.results.results import Fit, Predictive
+from fitball.report.figures.canvas import drawn_handles, fit_heading, legend_below, new_figure
 from fitball.report.figures.measured import group_of
 from fitball.report.form.palette import FAINT, REGIMES
 from fitball.values import FloatArray
@@ -36,7 +35,7 @@ class RegimeBars:
     shares: FloatArray
 
 
-def regime_bars(fit: Drawable, predictive: Predictive) -> RegimeBars:
+def regime_bars(fit: Fit, predictive: Predictive) -> RegimeBars:
     """What the figure shows; of many impacts MOST_BARS, evenly spread."""
     impacts = fit.problem.impacts
     angle = np.degrees(np.arctan2(impacts.v_y1, impacts.v_x1))
@@ -79,7 +78,7 @@ def regime_colours(regimes: Sequence[str]) -> list[str]:
     return colours
 
 
-def regimes_figure(fit: Drawable) -> Figure:
+def regimes_figure(fit: Fit) -> Figure:
     """One bar per impact, one colour per phase sequence."""
     assert fit.predictive is not None
     data = regime_bars(fit, fit.predictive)
@@ -101,6 +100,6 @@ def regimes_figure(fit: Drawable) -> Figure:
     widest = max(float(label.get_window_extent().width) for label in axis.get_yticklabels()) / figure.dpi
     room = min(widest + LEFT, 0.6 * WIDTH)
     axis.set_position((room / WIDTH, BELOW / high, 1.0 - (room + 0.2) / WIDTH, 1.0 - ROUND / high))
-    legend_below(figure, *axis.get_legend_handles_labels(), 3)
-    heading(figure, f"{fit.problem.model.name} on {fit.problem.table.name}: regimes")
+    legend_below(figure, drawn_handles(axis), 3)
+    fit_heading(figure, fit, "regimes")
     return figure

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,90 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from fitball.inference.results.results import Fit
 from fitball.observables import OBSERVABLES
-from fitball.report.figures.canvas import MOST_NAMED, Margins, group_styles, heading, legend_below, panels, shown_rows
-from fitball.report.figures.drawable import Drawable
-from fitball.report.figures.measured import group_of
-from fitball.report.figures.residual_arrays import WITHIN, Residuals, incident_quantities, residual_data, trend
+from fitball.report.figures.canvas import (
+    Margins,
+    Styles,
+    fit_heading,
+    group_handles,
+    group_styles,
+    legend_below,
+    panels,
+    shown_rows,
+)
+from fitball.report.figures.measured import group_of, measured_part, measured_rows, noise_sd, prediction
 from fitball.report.form.palette import FAINT, GUIDE, MEASURED, TREND
 from fitball.values import FloatArray
+
+WITHIN = 1.959963984540054
+# A quantity whose values lie as near to each other as this share of the largest does not differ.
+ALIKE = 1e-3
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Standardised residuals of one output, (measured - predicted)/sd, at the impacts `rows` of the table."""
+
+    name: str
+    rows: NDArray[np.int64]
+    values: FloatArray
+
+
+@dataclass(frozen=True)
+class Incident:
+    """One quantity of the incident state with its label, (impacts,) in the unit in which people read it."""
+
+    label: str
+    values: FloatArray
+
+
+@dataclass(frozen=True)
+class Trend:
+    """Means of residuals over bins of equal count, with half of their 95 % intervals, all (bins,)."""
+
+    along: FloatArray
+    mean: FloatArray
+    half: FloatArray
+
+
+def residual_data(fit: Fit) -> tuple[Residuals, ...]:
+    """Residuals of every observable at the posterior median, or the point estimate."""
+    found = []
+    for item in fit.problem.observables:
+        gap = measured_part(item, item.observed) - measured_part(item, prediction(fit, item))
+        found.append(Residuals(item.name, measured_rows(item), gap / noise_sd(fit, item)))
+    return tuple(found)
+
+
+def incident_quantities(fit: Fit) -> Mapping[str, Incident]:
+    """Components, speed, angle and spin by name, those that differ between impacts."""
+    impacts = fit.problem.impacts
+    everything = {
+        "v_x1": Incident(r"$v_{x1}$ [m/s]", impacts.v_x1),
+        "v_y1": Incident(r"$v_{y1}$ [m/s]", impacts.v_y1),
+        "v_1": Incident(r"speed $v_1$ [m/s]", np.hypot(impacts.v_x1, impacts.v_y1)),
+        "theta_1": Incident(r"angle $\theta_1$ [deg]", np.degrees(np.arctan2(impacts.v_y1, impacts.v_x1))),
+        "omega_1": Incident(r"spin $\omega_1$ [rad/s]", impacts.omega_1),
+    }
+    if not fit.problem.table.has_tangential:
+        everything = {name: everything[name] for name in ("v_y1", "omega_1")}
+    return {
+        name: item
+        for name, item in everything.items()
+        if np.ptp(item.values) > ALIKE * float(np.max(np.abs(item.values)))
+    }
+
+
+def trend(along: FloatArray, values: FloatArray, bins: int) -> Trend:
+    """Means over `bins` of equal count along a quantity; equal values of it stay together."""
+    order = np.argsort(along, kind="stable")
+    first = np.searchsorted(along[order], along[order[np.arange(1, bins) * order.size // bins]])
+    parts = [part for part in np.split(order, np.unique(first)) if part.size > 1]
+    means = [float(values[part].mean()) for part in parts]
+    halves = [WITHIN * float(values[part].std(ddof=1)) / float(np.sqrt(part.size)) for part in parts]
+    return Trend(np.array([np.median(along[part]) for part in parts]), np.array(means), np.array(halves))
+
 
 CELL = (1.75, 1.6)
 # From how many impacts on means over bins are shown, and beyond how many the density of dots instead of dots.
@@ -30,10 +108,9 @@ BINS, PIXELS = 12, (36, 36)
 GREYS = LinearSegmentedColormap.from_list("density", ["#ffffff", FAINT, GUIDE, MEASURED])
 # Groups that fit side by side with their names.
 MOST_GROUPS = 8
-Styles = Mapping[str, tuple[str, str]]
 
 
-def residuals_figure(fit: Drawable) -> Figure:
+def residuals_figure(fit: Fit) -> Figure:
     """A row for each output, a column for each quantity, one for groups and one for quantiles."""
     data, quantities = residual_data(fit), incident_quantities(fit)
     groups = np.array(group_of(fit))
@@ -54,23 +131,15 @@ def residuals_figure(fit: Drawable) -> Figure:
         for axis in row:
             _guides(axis, reach, leftmost=axis is row[0])
         row[0].set_ylabel(f"{OBSERVABLES[item.name].symbol}: residual / sd")
-    labels = [
-        *(quantity.label for quantity in quantities.values()),
-        *([fit.problem.grouped_by or ""] if grouped else []),
-        "normal quantile",
-    ]
+    labels = [quantity.label for quantity in quantities.values()]
+    labels += [*([fit.problem.grouped_by or ""] if grouped else []), "normal quantile"]
     for axis, label in zip(axes[-1], labels, strict=True):
         axis.set_xlabel(label)
+        axis.tick_params(labelsize=8)
     for axis in axes[:-1].ravel():
         axis.set_xticks([])
-    for axis in axes[-1]:
-        axis.tick_params(labelsize=8)
     _legend(figure, fit, styles)
-    heading(
-        figure,
-        f"{fit.problem.model.name} on {fit.problem.table.name}:{chr(10) if few else ' '}residuals "
-        f"(measured - predicted) / sd",
-    )
+    fit_heading(figure, fit, "residuals (measured - predicted) / sd", narrow=few)
     return figure
 
 
@@ -131,12 +200,9 @@ def _draw_groups(axis: Axes, item: Residuals, groups: NDArray[np.str_], styles: 
         if values.size > 1:
             half = WITHIN * float(values.std(ddof=1)) / float(np.sqrt(values.size))
             axis.errorbar([k], [values.mean()], [half], fmt="o", color=TREND, markersize=3, linewidth=1.4, zorder=4)
-    names = list(styles)
-    axis.set_xlim(-0.7, len(names) - 0.3)
-    shown = len(names) <= MOST_GROUPS
-    axis.set_xticks(
-        range(len(names)) if shown else [], [name[:12] for name in names] if shown else [], rotation=30, ha="right"
-    )
+    axis.set_xlim(-0.7, len(styles) - 0.3)
+    shown = list(styles) if len(styles) <= MOST_GROUPS else []
+    axis.set_xticks(range(len(shown)), [name[:12] for name in shown], rotation=30, ha="right")
 
 
 def _draw_quantiles(axis: Axes, item: Residuals) -> None:
@@ -150,19 +216,12 @@ def _draw_quantiles(axis: Axes, item: Residuals) -> None:
     axis.locator_params(axis="x", nbins=4)
 
 
-def _legend(figure: Figure, fit: Drawable, styles: Styles) -> None:
-    named = list(styles)[:MOST_NAMED] if len(styles) > 1 else []
-    handles: list[Any] = [
-        Line2D([], [], color=styles[name][0], marker=styles[name][1], linestyle="none", markersize=5)
-        for name in named
-    ]
-    labels = list(named)
-    handles.append(Patch(color=GUIDE, alpha=0.15, linewidth=0))
-    labels.append("1 and 2 sd")
-    if len(fit.problem.table) >= MEANS_FROM or named:
-        handles.append(Line2D([], [], color=TREND, marker="o", markersize=3, linewidth=1.0))
-        labels.append("means with 95 % intervals")
+def _legend(figure: Figure, fit: Fit, styles: Styles) -> None:
+    handles: dict[str, Any] = {**group_handles(styles)} if len(styles) > 1 else {}
+    means = len(fit.problem.table) >= MEANS_FROM or len(styles) > 1
+    handles["1 and 2 sd"] = Patch(color=GUIDE, alpha=0.15, linewidth=0)
+    if means:
+        handles["means with 95 % intervals"] = Line2D([], [], color=TREND, marker="o", markersize=3, linewidth=1.0)
     if len(fit.problem.table) > MOST_DOTS:
-        handles.append(Patch(color=FAINT, linewidth=0))
-        labels.append("density of impacts")
-    legend_below(figure, handles, labels, 6 if figure.get_figwidth() > 7.0 else 3)
+        handles["density of impacts"] = Patch(color=FAINT, linewidth=0)
+    legend_below(figure, handles, 6 if figure.get_figwidth() > 7.0 else 3)

@@ -10,9 +10,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle, FancyArrowPatch
 
+from fitball.inference.results.results import Fit
 from fitball.models.specs import SPECS
 from fitball.report.figures.canvas import new_figure
-from fitball.report.figures.drawable import Drawable
 from fitball.report.form.palette import FAINT, GUIDE, MEASURED, MODEL
 from fitball.values import FloatArray
 
@@ -23,7 +23,7 @@ TURNS = 5
 FORCE = GUIDE
 
 
-def sketch_figure(fit: Drawable) -> Figure:
+def sketch_figure(fit: Fit) -> Figure:
     """The sketch for the parameters that the model of a fit has."""
     return ball_sketch(fit.problem.model.specs, f"{fit.problem.model.name}: symbols and signs")
 

@@ -2,20 +2,66 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from fitball.report.figures.canvas import heading, legend_below
-from fitball.report.figures.drawable import Drawable, drawn
+from fitball.inference.results.results import Fit
+from fitball.report.figures.canvas import fit_heading, legend_below
+from fitball.report.figures.parameter_axis import ParameterAxis, drawn, parameter, parameter_axis
 from fitball.report.figures.sheet import Panel, Sheet, Side
-from fitball.report.figures.trace_arrays import TraceData, trace_data
 from fitball.report.form.palette import SERIES
+from fitball.values import FloatArray
+
+TRACE_WALKERS = 3
+TRACE_STEPS = 300
+MARGINAL_BINS, MARGINAL_SPAN = 40, (0.001, 0.999)
+
+
+@dataclass(frozen=True)
+class TraceData:
+    """One parameter in the unit of its axis: steps (shown,), values (ensembles, walkers, shown), and each ensemble's
+    marginal as edges (bins + 1,) and heights (bins,), the highest of them 1.
+    """
+
+    axis: ParameterAxis
+    steps: FloatArray
+    values: FloatArray
+    marginals: tuple[tuple[FloatArray, FloatArray], ...]
+
+
+def trace_data(fit: Fit) -> tuple[TraceData, ...]:
+    """A few walkers of each ensemble, thinned, and all draws of each as a histogram."""
+    posterior = drawn(fit)
+    ensembles, steps, walkers, _ = posterior.values.shape
+    shown = np.unique(np.linspace(0, steps - 1, min(TRACE_STEPS, steps)).astype(int))
+    some = np.unique(np.linspace(0, walkers - 1, TRACE_WALKERS).astype(int))
+    at = shown.astype(np.float64)
+    if fit.diagnostics is not None:
+        at = fit.diagnostics.warm_up + shown * ((fit.diagnostics.steps - fit.diagnostics.warm_up) / steps)
+    result = []
+    for k, name in enumerate(posterior.names):
+        axis = parameter_axis(parameter(fit, name).spec)
+        values = posterior.values[:, shown][:, :, some, k] * axis.factor
+        marginals = tuple(_marginal(axis, posterior.values[one, :, :, k].ravel()) for one in range(ensembles))
+        result.append(TraceData(axis, at, values.transpose(0, 2, 1), marginals))
+    return tuple(result)
+
+
+def _marginal(axis: ParameterAxis, draws: FloatArray) -> tuple[FloatArray, FloatArray]:
+    low, high = (float(end) for end in np.quantile(draws * axis.factor, MARGINAL_SPAN))
+    edges = axis.between(low, high, MARGINAL_BINS + 1)
+    counts = np.histogram(draws * axis.factor, edges)[0]
+    return edges, counts / counts.max()
+
 
 # Inches: panels of walkers and of marginals, their height, and the room around them.
 WIDE, NARROW, HIGH, LEFT, RIGHT, TOP, BOTTOM, ACROSS, DOWN = 6.6, 1.7, 0.9, 1.1, 0.15, 0.55, 0.9, 0.15, 0.12
 
 
-def trace_figure(fit: Drawable) -> Figure:
+def trace_figure(fit: Fit) -> Figure:
     """A row for each free parameter."""
     data = trace_data(fit)
     height = BOTTOM + TOP + len(data) * (HIGH + DOWN)
@@ -34,12 +80,11 @@ def trace_figure(fit: Drawable) -> Figure:
     sheet.ticks([panels[-1][0]], "x", 7)
     for side, words in ((steps, "step"), (marginal, "marginal")):
         sheet.text(side.start + 0.5 * side.length, BOTTOM - 0.35, words, 10, ha="center", va="center")
-    handles = [Line2D([], [], color=colour) for colour in colours]
     # Draws that were weighed are in chains of one.
     many = drawn(fit).values.shape[2] > 1
     chain, words = ("ensemble", "walkers after warm-up") if many else ("chain", "weighed draws, chain by chain")
-    legend_below(sheet.figure, handles, [f"{chain} {k + 1}" for k in range(len(colours))], 6)
-    heading(sheet.figure, f"{fit.problem.model.name} on {fit.problem.table.name}: {words}")
+    legend_below(sheet.figure, {f"{chain} {k}": Line2D([], [], color=it) for k, it in enumerate(colours, 1)}, 6)
+    fit_heading(sheet.figure, fit, words)
     return sheet.figure
 
 

@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from fitball.inference.results.results import Fit
-from fitball.report.figures.curve_arrays import curve_columns
-from fitball.report.figures.force_arrays import force_panels
-from fitball.report.figures.predictive_arrays import agreements
-from fitball.report.figures.residual_arrays import incident_quantities, residual_data
+from fitball.report.figures.curves import curve_columns
+from fitball.report.figures.force import force_panels
+from fitball.report.figures.predictive import agreements
+from fitball.report.figures.residuals import incident_quantities, residual_data
 from fitball.report.fit.evidence_rows import evidence_rows
 from fitball.report.fit.summary import parameter_rows
 from fitball.report.form.display_units import output_scale

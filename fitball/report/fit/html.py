@@ -9,7 +9,6 @@ from fitball.inference.results.results import Fit, Verdict
 from fitball.report.figures.embed import PageFigure, embed
 from fitball.report.figures.names import FIGURES
 from fitball.report.fit.adequacy_rows import CHECK_HEADS, MISFIT_HEADS, NOISE_HEADS, adequacy_table
-from fitball.report.fit.alt_texts import alt_text
 from fitball.report.fit.assumption_rows import assumption_table
 from fitball.report.fit.balance_table import balance_table
 from fitball.report.fit.budget_rows import budget_table
@@ -67,6 +66,11 @@ def page(fit: Fit, images: Mapping[str, bytes], command: str | None = None) -> s
 def page_figures(fit: Fit, images: Mapping[str, bytes]) -> dict[str, list[PageFigure]]:
     """The figures of each section of the page."""
     sections: dict[str, list[PageFigure]] = {text.section: [] for text in FIGURES.values()}
+    if not images:
+        return sections
+    # What a figure shows is told by what draws it, which whoever wants no figures does not load.
+    from fitball.report.fit.alt_texts import alt_text
+
     for name, text in FIGURES.items():
         if name in images:
             sections[text.section].append(embed(images[name], text.caption, alt_text(name, fit)))
