@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -34,7 +33,7 @@ from fitball.report.figures.embed import PageFigure, embed
 from fitball.report.form.display_units import output_scale
 from fitball.report.form.rounding import fixed
 from fitball.report.form.template import render_template
-from fitball.report.saved.fit_text import package_versions
+from fitball.report.saved.fit_text import versions_line
 from fitball.values import FloatArray
 
 # Impacts listed one by one; compare.json holds them all.
@@ -114,8 +113,7 @@ def compare_page(comparison: Comparison, images: Mapping[str, bytes], command: s
         held_out=held_out,
         notes=known,
         command=command,
-        versions=", ".join(f"{name} {number}" for name, number in package_versions().items())
-        + f"; {platform.system()} {platform.machine()}",
+        versions=versions_line(),
     )
 
 

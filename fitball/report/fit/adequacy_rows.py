@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from fitball.inference.results.adequacy import FALSE_EXCEPT, MOVED, Adequacy, Answer, Check, Misfit, NoiseCheck
 from fitball.inference.results.results import Fit, Verdict
 from fitball.observables import OBSERVABLES
 from fitball.report.form.display_units import output_scale
 from fitball.report.form.rounding import significant
+from fitball.report.form.text_table import Row
 from fitball.wording import option, spoken
 
 # The order in which kinds of checks are shown, of each and each column the surest; the file has them all.
@@ -19,42 +19,12 @@ KINDS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class AdequacyTable:
-    """The rows of the page: noises, the surest check of each kind and column, the largest misfits."""
-
-    sentence: str
-    based_on: str
-    noise: tuple[tuple[str, ...], ...]
-    checks: tuple[tuple[str, ...], ...]
-    misfits: tuple[tuple[str, ...], ...]
-    remarks: tuple[str, ...]
-
-
-NOISE_HEADS = ("noise", "columns", "residuals", "stated or expected", "ratio", "probability", "")
-CHECK_HEADS = ("pattern looked for", "seen", "usual below", "explains", "probability", "")
-MISFIT_HEADS = ("impact", "column", "measured", "point", "distance [sd]")
-
-
-def adequacy_table(fit: Fit) -> AdequacyTable:
-    """All there is to show."""
-    found = _of(fit)
-    return AdequacyTable(
-        found.sentence,
-        found.based_on,
-        tuple(_noise_row(check) for check in found.noise),
-        tuple(_check_row(check) for check in _surest(found.checks)),
-        tuple(_misfit_row(misfit) for misfit in found.misfits),
-        remarks(fit),
-    )
-
-
 def adequacy_lines(fit: Fit) -> list[str]:
     """What stands on a terminal below the answer: what it is based on in one sentence, the rates on the page."""
     found = _of(fit)
     far = ", ".join(
-        f"{row[0]} {row[1]} {row[2]} ({row[3]} at the point, {row[4]} sd)"
-        for row in map(_misfit_row, found.misfits[:3])
+        f"{row['impact']} {row['column']} {row['measured']} ({row['point']} at the point, {row['distance [sd]']} sd)"
+        for row in map(misfit_row, found.misfits[:3])
     )
     based_on, end, _ = found.based_on.partition(". ")
     return [based_on + end.rstrip(), *remarks(fit), *([f"Largest misfits: {far}."] if far else [])]
@@ -102,50 +72,54 @@ def _of(fit: Fit) -> Adequacy:
     return fit.adequacy
 
 
-def _surest(checks: Sequence[Check]) -> list[Check]:
+def surest(checks: Sequence[Check]) -> list[Check]:
+    """The surest check of each kind and column, in the order of kinds."""
     kept: dict[tuple[str, str], Check] = {}
     for check in sorted(checks, key=lambda check: (check.p, -(check.explained or 0.0))):
         kept.setdefault((check.kind, check.column), check)
     return sorted(kept.values(), key=lambda check: (KINDS.index(check.kind), check.column))
 
 
-def _noise_row(check: NoiseCheck) -> tuple[str, ...]:
+def noise_row(check: NoiseCheck) -> Row:
+    """A noise as fitted beside what was known of it."""
     scale, unit = 1.0, check.unit
     shown = OBSERVABLES[check.columns[0]].shown if check.columns[0] in OBSERVABLES else None
     if shown is not None and check.unit == OBSERVABLES[check.columns[0]].unit:
         unit, scale = shown
-    return (
-        check.noise,
-        ", ".join(check.columns),
-        f"{significant(check.fitted * scale)} {unit}".rstrip(),
-        f"{significant(check.reference * scale)} {unit}".rstrip() + (" stated" if check.stated else " expected"),
-        significant(check.ratio, 2),
-        _chance(check.adjusted),
-        "exception" if check.found else "",
-    )
+    known = "stated" if check.stated else "expected"
+    return {
+        "noise": check.noise,
+        "columns": ", ".join(check.columns),
+        "residuals": f"{significant(check.fitted * scale)} {unit}".rstrip(),
+        "stated or expected": f"{f'{significant(check.reference * scale)} {unit}'.rstrip()} {known}",
+        "ratio": significant(check.ratio, 2),
+        "probability": _chance(check.adjusted),
+        "": "exception" if check.found else "",
+    }
 
 
-def _check_row(check: Check) -> tuple[str, ...]:
-    return (
-        check.words,
-        significant(check.statistic, 2),
-        significant(check.usual, 2),
-        "-" if check.explained is None else f"{100.0 * check.explained:.0f} %",
-        _chance(check.p),
-        "exception" if check.found else "not found" if check.p > FALSE_EXCEPT else "far below the noise",
-    )
+def check_row(check: Check) -> Row:
+    """A pattern that was looked for in the residuals."""
+    return {
+        "pattern looked for": check.words,
+        "seen": significant(check.statistic, 2),
+        "usual below": significant(check.usual, 2),
+        "explains": "-" if check.explained is None else f"{100.0 * check.explained:.0f} %",
+        "probability": _chance(check.p),
+        "": "exception" if check.found else "not found" if check.p > FALSE_EXCEPT else "far below the noise",
+    }
 
 
-def _misfit_row(misfit: Misfit) -> tuple[str, ...]:
+def misfit_row(misfit: Misfit) -> Row:
+    """A measurement that lies far from the point estimate."""
     scale = output_scale(misfit.column)
-    measured, predicted = (f"{significant(value * scale.factor, 4)}" for value in (misfit.measured, misfit.predicted))
-    return (
-        misfit.id,
-        misfit.column,
-        f"{measured} {scale.unit}",
-        f"{predicted} {scale.unit}",
-        f"{misfit.distance:+.1f}",
-    )
+    return {
+        "impact": misfit.id,
+        "column": misfit.column,
+        "measured": f"{significant(misfit.measured * scale.factor, 4)} {scale.unit}",
+        "point": f"{significant(misfit.predicted * scale.factor, 4)} {scale.unit}",
+        "distance [sd]": f"{misfit.distance:+.1f}",
+    }
 
 
 def _chance(p: float) -> str:

@@ -84,9 +84,9 @@ def _residuals(fit: Fit) -> str:
 
 def _profiles(fit: Fit) -> str:
     parts = [
-        f"{row.name} {row.profile} {row.unit}".rstrip()
-        for row in evidence_rows(fit).rows
-        if row.profile not in ("-",)
+        f"{row['parameter']} {row['profile, 95 %']} {row['unit']}".rstrip()
+        for row in evidence_rows(fit)
+        if row["profile, 95 %"] != "-"
     ]
     return "Profile likelihoods with their 95 % intervals: " + "; ".join(parts) + "."
 

@@ -9,6 +9,7 @@ import numpy as np
 from fitball.inference.results.quantiles import SUMMARY
 from fitball.inference.results.results import Fit, Predictive
 from fitball.inference.thesis.published_cases import wang_rows
+from fitball.report.figures.measured import prediction_of
 from fitball.report.form.display_units import THESIS
 from fitball.report.form.listed import listed_places
 
@@ -17,30 +18,16 @@ def summary_rows(fit: Fit) -> list[dict[str, object]]:
     """One row per parameter, SI at full precision; where the data are the thesis's with the factor to its unit."""
     rows: list[dict[str, object]] = []
     theirs = wang_rows(fit.problem.table) is not None
-    for estimate in fit.estimates:
-        scale = THESIS.get(estimate.name)
-        rows.append(
-            {
-                "parameter": estimate.name,
-                "unit": estimate.unit,
-                **{name: getattr(estimate, name) for name in SUMMARY},
-                "point": estimate.point,
-                "least_squares": fit.least_squares.values[estimate.name],
-                "least_squares_stderr": fit.least_squares.stderr[estimate.name],
-                "prior": estimate.prior,
-                "contraction": estimate.contraction,
-                "verdict": estimate.verdict_words,
-                "reason": estimate.reason,
-                "ess_bulk": estimate.ess_bulk,
-                "ess_tail": estimate.ess_tail,
-                "r_hat": estimate.r_hat,
-            }
-        )
+    for item in fit.estimates:
+        squares, scale = fit.least_squares, THESIS.get(item.name)
+        row: dict[str, object] = {"parameter": item.name}
+        row |= {name: getattr(item, name) for name in ("unit", *SUMMARY, "point")}
+        row |= {"least_squares": squares.values[item.name], "least_squares_stderr": squares.stderr[item.name]}
+        row |= {"prior": item.prior, "contraction": item.contraction, "verdict": item.verdict_words}
+        row |= {name: getattr(item, name) for name in ("reason", "ess_bulk", "ess_tail", "r_hat")}
         if theirs:
-            rows[-1] |= {
-                "thesis_unit": None if scale is None else scale.unit,
-                "thesis_factor": None if scale is None else scale.factor,
-            }
+            row |= {"thesis_unit": getattr(scale, "unit", None), "thesis_factor": getattr(scale, "factor", None)}
+        rows.append(row)
     return rows
 
 
@@ -49,12 +36,7 @@ def prediction_rows(fit: Fit) -> Iterator[dict[str, object]]:
     (angles in radians).
     """
     for observable in (item.everywhere(len(fit.problem.table)) for item in fit.problem.observables):
-        point = observable.predict(fit.point.rebound)[0]
-        prediction = None
-        if fit.predictive is not None:
-            prediction = next(
-                prediction for prediction in fit.predictive.observables if prediction.name == observable.name
-            )
+        point, prediction = observable.predict(fit.point.rebound)[0], prediction_of(fit, observable)
         for k in listed_places(len(fit.problem.table)):
             row: dict[str, object] = {
                 "id": fit.problem.table.ids[k],

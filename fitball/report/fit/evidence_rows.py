@@ -2,106 +2,66 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from markupsafe import Markup
-
 from fitball.inference.results.evidence import InformationEvidence, Profile
 from fitball.inference.results.results import Fit
-from fitball.report.fit.summary import parameter_symbols
+from fitball.report.fit.summary import named, verdict_cell
 from fitball.report.form.display_units import Scale, handy
-from fitball.report.form.palette import verdict_mark
-from fitball.report.form.rounding import decimals, fixed, significant
+from fitball.report.form.rounding import decimals, interval, significant
+from fitball.report.form.text_table import Row
 
 # Ratio of the ends of an interval from which each has digits of its own.
 WIDE = 20.0
 
 
-@dataclass(frozen=True)
-class LookRow:
-    """One free parameter: every look as text, dashes where there is none."""
-
-    name: str
-    unit: str
-    profile: str
-    alone: str
-    information: str
-    contraction: str
-    power: str
-    active_impacts: str
-    verdict: str
-    mark: str
-    symbol: Markup
-
-
-@dataclass(frozen=True)
-class EvidenceTable:
-    """All rows, remarks (what cannot be told apart, where evidence disagree), whether the scene takes part, and how
-    often a 95 % interval of a profile holds the truth.
-    """
-
-    rows: tuple[LookRow, ...]
-    remarks: tuple[str, ...]
-    scene: bool
-    coverage: str
-
-
-def evidence_rows(fit: Fit) -> EvidenceTable:
-    """The looks at every free parameter."""
+def evidence_rows(fit: Fit) -> tuple[Row, ...]:
+    """Every look at every free parameter, dashes where there is none."""
     scene = fit.problem.contact_time is not None
     rows = []
-    remarks = list(fit.identifiability.eigendirections.sentences)
-    if fit.identifiability.profiles_missing:
-        remarks.append(f"there are no profiles: {fit.identifiability.profiles_missing}")
-    symbols = parameter_symbols(fit)
-    for name, evidence in fit.identifiability.evidence.items():
+    for name, item in fit.identifiability.evidence.items():
         estimate = fit.parameters[name]
         scale = handy(name, estimate.unit)
+        row = named(fit, name, scale) | {"profile, 95 %": _interval(item.profile, scale)}
+        if scene:
+            row["without scene"] = "the same" if item.alone is None else _interval(item.alone, scale)
+        power, acts = item.power, item.active_impacts
         rows.append(
-            LookRow(
-                name=name,
-                unit=scale.unit,
-                profile=_interval(evidence.profile, scale),
-                alone=_interval(evidence.alone, scale)
-                if evidence.alone is not None
-                else "the same"
-                if scene
-                else "-",
-                information=_information(evidence.information, scene),
-                contraction="-" if evidence.contraction is None else f"{evidence.contraction.contraction:.2f}",
-                power="-"
-                if evidence.power is None
-                else f"{evidence.power.prior:.2f} | {evidence.power.likelihood:.2f}",
-                active_impacts="-"
-                if evidence.active_impacts is None
-                else f"{evidence.active_impacts.acting} of {evidence.active_impacts.of}",
-                verdict=estimate.verdict_words,
-                mark=verdict_mark(estimate.verdict),
-                symbol=symbols[name],
-            )
+            row
+            | {
+                "information": _information(item.information, scene),
+                "contraction": "-" if item.contraction is None else f"{item.contraction.contraction:.2f}",
+                "power: priors | likelihood": "-" if power is None else f"{power.prior:.2f} | {power.likelihood:.2f}",
+                "acts in": "-" if acts is None else f"{acts.acting} of {acts.of}",
+                "verdict": verdict_cell(estimate),
+            }
         )
-        if evidence.disagreement:
-            remarks.append(f"{name}: {evidence.disagreement}")
-    return EvidenceTable(tuple(rows), tuple(remarks), scene, f"{100.0 * fit.identifiability.profile_coverage:.0f} %")
+    return tuple(rows)
+
+
+def evidence_remarks(fit: Fit) -> tuple[str, ...]:
+    """What cannot be told apart, why there are no profiles, and where the looks disagree."""
+    found = fit.identifiability
+    return (
+        *found.eigendirections.sentences,
+        *([f"there are no profiles: {found.profiles_missing}"] if found.profiles_missing else []),
+        *(f"{name}: {item.disagreement}" for name, item in found.evidence.items() if item.disagreement),
+    )
 
 
 def _interval(profile: Profile | None, scale: Scale) -> str:
     """The 95 % interval with the decimals a quarter of it supports; an open end is said to be open."""
     if profile is None:
         return "-"
-    low, high = profile.interval_95
-    if low is None and high is None:
-        return "open"
+    low, high = (None if end is None else end * scale.factor for end in profile.interval_95)
     if low is not None and high is not None:
-        low, high = low * scale.factor, high * scale.factor
-        places = decimals(0.25 * (high - low))
-        text = f"[{fixed(low, places)}, {fixed(high, places)}]"
+        text = interval(low, high, decimals(0.25 * (high - low)))
         if high > WIDE * low > 0.0:
             text = f"[{significant(low, 2)}, {significant(high, 2)}]"
     elif low is not None:
-        text = f"> {significant(low * scale.factor)}"
+        text = f"> {significant(low)}"
+    elif high is not None:
+        text = f"< {significant(high)}"
     else:
-        text = f"< {significant(high * scale.factor)}" if high is not None else "open"
+        return "open"
     leaning = sorted({name for names in profile.leans_on for name in names})
     return f"{text} by the bounds of {', '.join(leaning)}" if leaning else text
 
@@ -109,12 +69,8 @@ def _interval(profile: Profile | None, scale: Scale) -> str:
 def _information(look: InformationEvidence | None, scene: bool) -> str:
     if look is None:
         return "-"
-    error = _error(look.error)
-    return f"{error} | {_error(look.error_without_scene)}" if scene else error
-
-
-def _error(error: float | None) -> str:
-    return "none" if error is None else significant(error, 2)
+    errors = [look.error, look.error_without_scene] if scene else [look.error]
+    return " | ".join("none" if error is None else significant(error, 2) for error in errors)
 
 
 def direction_rows(fit: Fit) -> tuple[tuple[str, ...], ...]:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Mapping
 
 from fitball.inference.results.results import Fit, Verdict
 from fitball.report.figures.embed import PageFigure, embed
 from fitball.report.figures.names import FIGURES
-from fitball.report.fit.adequacy_rows import CHECK_HEADS, MISFIT_HEADS, NOISE_HEADS, adequacy_table
+from fitball.report.fit.adequacy_rows import check_row, misfit_row, noise_row, remarks, surest
 from fitball.report.fit.assumption_rows import assumption_table
 from fitball.report.fit.balance_table import balance_table
-from fitball.report.fit.budget_rows import budget_table
+from fitball.report.fit.budget_rows import budget_rows, budget_sentence
 from fitball.report.fit.drop_rows import drop_table
-from fitball.report.fit.evidence_rows import direction_rows, evidence_rows
+from fitball.report.fit.evidence_rows import direction_rows, evidence_remarks, evidence_rows
 from fitball.report.fit.headline import NOT_TOLD, TOLD, headline, told_rows
 from fitball.report.fit.pace_rows import pace_table
 from fitball.report.fit.published_rows import case_table
@@ -21,14 +20,15 @@ from fitball.report.fit.summary import (
     diagnosis_lines,
     level_rows,
     notes,
-    parameter_rows,
+    numbers_of,
+    parameter_table,
     prediction_table,
     sampler_words,
     thesis_rows,
 )
 from fitball.report.form.listed import file_words
 from fitball.report.form.template import render_template
-from fitball.report.saved.fit_text import package_versions
+from fitball.report.saved.fit_text import versions_line
 from fitball.wording import speaking_to_command_line
 
 # Impacts listed one by one; the files beside the page hold them all.
@@ -78,18 +78,18 @@ def page_figures(fit: Fit, images: Mapping[str, bytes]) -> dict[str, list[PageFi
 
 
 def _page(fit: Fit, images: Mapping[str, bytes], command: str | None) -> str:
-    problem = fit.problem
-    pace, cases, remarks = pace_table(fit), case_table(fit), notes(fit)
-    assumed = assumption_table(fit)
+    problem, sampled = fit.problem, fit.posterior is not None
+    pace, assumed = pace_table(fit), assumption_table(fit)
     dropped = None if fit.drop_test is None else drop_table(fit.drop_test)
-    absent = {
-        "drop-test": dropped is None,
-        "assumptions": assumed is None,
-        "court-pace": pace is None,
-        "thesis": cases is None,
-        "notes": not remarks,
+    cases = case_table(fit)
+    sections = {
+        "drop-test": dropped,
+        "assumptions": assumed,
+        "court-pace": pace,
+        "thesis": cases,
+        "notes": notes(fit),
     }
-    predictions, balances = prediction_table(fit, MOST_ROWS), balance_table(fit.balances, MOST_ROWS)
+    assert fit.adequacy is not None
     return render_template(
         "fitball.report",
         "report.html.j2",
@@ -97,34 +97,38 @@ def _page(fit: Fit, images: Mapping[str, bytes], command: str | None) -> str:
         table=problem.table,
         scene=problem.scene,
         model=problem.model,
-        sampled=fit.posterior is not None,
+        sampled=sampled,
         phases=problem.table.has_tangential,
         headline=headline(fit),
         sampler=None if fit.diagnostics is None else sampler_words(fit.diagnostics),
-        contents=[(name, title) for name, title in SECTIONS.items() if not absent.get(name, False)],
-        adequacy=adequacy_table(fit),
-        adequacy_heads=(NOISE_HEADS, CHECK_HEADS, MISFIT_HEADS),
+        contents=[(name, title) for name, title in SECTIONS.items() if sections.get(name, True)],
+        remarks=remarks(fit),
+        noise=[noise_row(check) for check in fit.adequacy.noise],
+        checks=[check_row(check) for check in surest(fit.adequacy.checks)],
+        misfits=[misfit_row(misfit) for misfit in fit.adequacy.misfits],
         told=told_rows(fit, TOLD),
         not_told=told_rows(fit, NOT_TOLD),
         fixed=told_rows(fit, (Verdict.FIXED,)),
-        parameters=parameter_rows(fit),
-        thesis=thesis_rows(fit),
+        parameters=parameter_table(fit),
+        thesis=[{"parameter": row.name, "unit": row.unit, **numbers_of(row, sampled)} for row in thesis_rows(fit)],
         levels=level_rows(fit),
         assumed=assumed,
         pace=pace,
         dropped=dropped,
         cases=cases,
-        predictions=predictions,
-        balances=balances,
+        predictions=prediction_table(fit, MOST_ROWS),
+        balances=balance_table(fit.balances, MOST_ROWS),
         not_shown=max(0, len(problem.table) - MOST_ROWS),
         listed=file_words("", len(problem.table)),
         diagnosis=diagnosis_lines(fit, budget=False),
-        budget=budget_table(fit.error_budget),
-        notes=remarks,
+        budget=budget_rows(fit.error_budget),
+        budget_sentence=budget_sentence(fit.error_budget),
+        notes=sections["notes"],
         evidence=evidence_rows(fit),
+        evidence_remarks=evidence_remarks(fit),
+        told_by_scene=problem.contact_time is not None,
         eigendirections=direction_rows(fit),
         figures=page_figures(fit, images),
         command=command,
-        versions=", ".join(f"{name} {number}" for name, number in package_versions().items())
-        + f"; {platform.system()} {platform.machine()}",
+        versions=versions_line(),
     )

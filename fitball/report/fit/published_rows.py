@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fitball.inference.results.results import Fit
 from fitball.inference.thesis.published_cases import CaseComparison, PublishedCase, compare_cases
 from fitball.observables import COMPARED, OBSERVABLES
-from fitball.report.fit.summary import parameter_rows, thesis_rows
+from fitball.report.fit.summary import ParameterRow, parameter_rows, thesis_rows
 from fitball.report.form.display_units import THESIS, Scale, handy, output_scale
 from fitball.report.form.rounding import digits
 
@@ -63,9 +63,8 @@ def _of(cases: CaseComparison, name: str, scale: Scale | None = None) -> list[st
     return [digits(case.values[name] * chosen.factor, 3) for case in cases.cases]
 
 
-def _text(row: object) -> str:
-    median, within, point = (getattr(row, key) for key in ("median", "interval_95", "point"))
-    return str(point) if median == "-" else f"{median} {within}"
+def _text(row: ParameterRow) -> str:
+    return row.point if row.median == "-" else f"{row.median} {row.interval_95}"
 
 
 def _errors(cases: CaseComparison) -> tuple[tuple[str, ...], ...]:
@@ -84,16 +83,13 @@ def _rms(errors: Mapping[str, float], name: str, scale: Scale) -> str:
 
 
 def _sentence(fit: Fit, cases: CaseComparison) -> str:
-    free = sum(name in fit.problem.model_names for name in fit.problem.free_names)
+    free, mine = sum(name in fit.problem.model_names for name in fit.problem.free_names), cases.fitted_rms
     return (
         f"On these {len(fit.problem.table)} impacts the point estimate ({free} free parameters of the model) misses "
-        f"{_miss(cases.fitted_rms)}, the three cases, hand-tuned on Wang's impacts, "
-        f"{_range(cases.cases, 'v_x2', 'm/s')} and {_range(cases.cases, 'omega_2', 'rad/s')} (root mean square)."
+        f"v_x2 by {digits(mine['v_x2'], 2)} m/s and omega_2 by {digits(mine['omega_2'], 2)} rad/s, the three cases, "
+        f"hand-tuned on Wang's impacts, {_range(cases.cases, 'v_x2', 'm/s')} and "
+        f"{_range(cases.cases, 'omega_2', 'rad/s')} (root mean square)."
     )
-
-
-def _miss(errors: Mapping[str, float]) -> str:
-    return f"v_x2 by {digits(errors['v_x2'], 2)} m/s and omega_2 by {digits(errors['omega_2'], 2)} rad/s"
 
 
 def _range(cases: tuple[PublishedCase, ...], name: str, unit: str) -> str:

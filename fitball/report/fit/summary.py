@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
-from fitball.inference.results.results import Diagnostics, ErrorBudget, Estimate, Fit, LevelEstimate, RunStatus
+from fitball.inference.results.quantiles import ESSENTIALS, quantiles
+from fitball.inference.results.results import Diagnostics, Estimate, Fit, RunStatus
 from fitball.inference.thesis.published_cases import wang_rows
+from fitball.models.types import regime_name
+from fitball.report.figures.measured import prediction, prediction_of
+from fitball.report.fit.budget_rows import budget_line
 from fitball.report.form.display_units import THESIS, Scale, handy, output_scale
 from fitball.report.form.palette import verdict_mark
 from fitball.report.form.rounding import decimals, fixed, interval, significant
@@ -16,10 +22,8 @@ from fitball.report.form.sentences import listed
 from fitball.report.form.symbols import symbol_html
 from fitball.report.form.text_table import Row
 from fitball.report.saved.fit_file import DiagnosticsPart
-from fitball.values import FloatArray
 from fitball.wording import spoken
 
-NO_SYMBOL = Markup("")
 # Heads of the columns that show fields of a `ParameterRow`.
 NUMBERS = {"median": "median", "68 %": "interval_68", "95 %": "interval_95", "point": "point"}
 
@@ -27,7 +31,7 @@ NUMBERS = {"median": "median", "68 %": "interval_68", "95 %": "interval_95", "po
 @dataclass(frozen=True)
 class ParameterRow:
     """One parameter as text, in one system of units; intervals are empty without a posterior. `mark` is the verdict
-    as style sheets name it, `symbol` that of figures as HTML.
+    as style sheets name it.
     """
 
     name: str
@@ -42,46 +46,21 @@ class ParameterRow:
     verdict: str
     reason: str
     mark: str = ""
-    symbol: Markup = NO_SYMBOL
-    meaning: str = ""
 
 
-@dataclass(frozen=True)
-class PredictionRow:
-    """One impact: incidence, regime with its probability, and each output measured and predicted."""
-
-    id: str
-    theta_1: str
-    v_1: str
-    regime: str
-    cells: tuple[tuple[str, str], ...]
-
-
-@dataclass(frozen=True)
-class PredictionTable:
-    """All impacts; `heads` names the outputs with units, in the order of `PredictionRow.cells`."""
-
-    heads: tuple[str, ...]
-    rows: tuple[PredictionRow, ...]
-
-
-def _rounded(numbers: Estimate | LevelEstimate, scale: Scale) -> dict[str, str]:
-    """Point, median, sd and intervals in the unit of `scale`, as text to the places that the sd tells; "-" for what a
-    run without posterior has not.
+def _rounded(numbers: Mapping[str, Any], factor: float) -> dict[str, str]:
+    """Point, median, sd and intervals, times a factor, as text to the places that the sd tells; "-" for what a run
+    without posterior has not.
     """
-
-    def scaled(name: str) -> float | None:
-        value = getattr(numbers, name)
-        return None if value is None else value * scale.factor
-
-    if numbers.median is None or numbers.sd is None:
+    scaled = {name: None if numbers[name] is None else numbers[name] * factor for name in ("point", *ESSENTIALS)}
+    if scaled["median"] is None or scaled["sd"] is None:
         absent = dict.fromkeys(("median", "sd", "interval_68", "interval_95"), "-")
-        return absent | {"point": significant(scaled("point"), 4)}
-    places = decimals(numbers.sd * scale.factor)
+        return absent | {"point": significant(scaled["point"], 4)}
+    places = decimals(scaled["sd"])
     return {
-        **{name: fixed(scaled(name), places) for name in ("median", "sd", "point")},
-        "interval_68": interval(scaled("q16"), scaled("q84"), places),
-        "interval_95": interval(scaled("q025"), scaled("q975"), places),
+        **{name: fixed(scaled[name], places) for name in ("median", "sd", "point")},
+        "interval_68": interval(scaled["q16"], scaled["q84"], places),
+        "interval_95": interval(scaled["q025"], scaled["q975"], places),
     }
 
 
@@ -95,26 +74,45 @@ def _row(estimate: Estimate, scale: Scale) -> ParameterRow:
         verdict=estimate.verdict_words,
         reason=estimate.reason,
         mark=verdict_mark(estimate.verdict),
-        symbol=NO_SYMBOL,
-        meaning=estimate.meaning,
-        **_rounded(estimate, scale),
+        **_rounded(vars(estimate), scale.factor),
     )
 
 
-def parameter_rows(fit: Fit) -> tuple[ParameterRow, ...]:
-    """Every parameter in handy multiples of SI; priors are quoted in SI itself."""
-    symbols = parameter_symbols(fit)
-    return tuple(replace(parameter_row(item), symbol=symbols[item.name]) for item in fit.estimates)
-
-
-def parameter_symbols(fit: Fit) -> dict[str, Markup]:
-    """The symbol of every parameter, as on figures."""
-    return {item.name: symbol_html(item.spec.label) for item in fit.problem.parameters}
-
-
 def parameter_row(estimate: Estimate) -> ParameterRow:
-    """One parameter in handy multiples of SI."""
+    """One parameter in handy multiples of SI; its prior is quoted in SI itself."""
     return _row(estimate, handy(estimate.name, estimate.unit))
+
+
+def parameter_rows(fit: Fit) -> tuple[ParameterRow, ...]:
+    """Every parameter."""
+    return tuple(map(parameter_row, fit.estimates))
+
+
+def named(fit: Fit, name: str, scale: Scale) -> Row:
+    """How a row of the page that is about a parameter begins: name, symbol as on figures, unit."""
+    spec = next(item.spec for item in fit.problem.parameters if item.name == name)
+    return {"parameter": name, "": symbol_html(spec.label), "unit": scale.unit}
+
+
+def verdict_cell(estimate: Estimate) -> Markup:
+    """A verdict in its colour; the reason shows where one points at it."""
+    cell = Markup('<span class="v-{}" title="{}">{}</span>')
+    return cell.format(verdict_mark(estimate.verdict), estimate.reason, estimate.verdict_words)
+
+
+def numbers_of(row: ParameterRow, sampled: bool) -> Row:
+    """Median and intervals, where there is a posterior, and the point estimate, by their heads."""
+    return {head: getattr(row, field) for head, field in NUMBERS.items() if sampled or field == "point"}
+
+
+def parameter_table(fit: Fit) -> tuple[Row, ...]:
+    """Every parameter, as the page has it."""
+    sampled, rows = fit.posterior is not None, []
+    for item, row in zip(fit.estimates, parameter_rows(fit), strict=True):
+        cells = named(fit, item.name, handy(item.name, item.unit)) | {"meaning": item.meaning}
+        cells |= numbers_of(row, sampled) | {"prior (SI)": item.prior}
+        rows.append(cells | ({"contraction": row.contraction} if sampled else {}) | {"verdict": verdict_cell(item)})
+    return tuple(rows)
 
 
 def level_rows(fit: Fit) -> tuple[Row, ...]:
@@ -122,9 +120,9 @@ def level_rows(fit: Fit) -> tuple[Row, ...]:
     rows = []
     for level in fit.levels:
         scale = handy(level.parameter, level.unit)
-        numbers = _rounded(level, scale)
-        named = {"level": f"{level.parameter}[{level.label}]", "unit": scale.unit, "impacts": str(level.impacts)}
-        rows.append(named | {head: numbers[field] for head, field in NUMBERS.items()})
+        numbers = _rounded(vars(level), scale.factor)
+        place = {"level": f"{level.parameter}[{level.label}]", "unit": scale.unit, "impacts": str(level.impacts)}
+        rows.append(place | {head: numbers[field] for head, field in NUMBERS.items()})
     return tuple(rows)
 
 
@@ -141,80 +139,54 @@ def thesis_rows(fit: Fit) -> tuple[ParameterRow, ...]:
 
 def _offset_at_zero(fit: Fit) -> list[ParameterRow]:
     """`C2` of `eps = C1 v_y + C2`: the offset line at zero speed, `eps_10 - 10 eps_slope`, draw by draw."""
-    values = fit.point.values
-    if "eps_10" not in values or "eps_slope" not in values:
+    if not {"eps_10", "eps_slope"} <= fit.point.values.keys():
         return []
-    inch = THESIS["eps_10"].factor
-    point = (values["eps_10"] - 10.0 * values["eps_slope"]) * inch
-    columns = {} if fit.posterior is None else dict(fit.problem.all_values(fit.posterior.draws))
-    if not {"eps_10", "eps_slope"} & set(fit.problem.free_names) or not columns:
-        return [ParameterRow("C2", "in", "-", "-", "-", "-", significant(point, 4), "", "-", "", "derived")]
-    draws = (columns["eps_10"] - 10.0 * columns["eps_slope"]) * inch
-    places = decimals(float(np.std(draws)))
-    low, mid_low, median, mid_high, high = (float(x) for x in np.quantile(draws, (0.025, 0.16, 0.5, 0.84, 0.975)))
-    return [
-        ParameterRow(
-            name="C2",
-            unit="in",
-            median=fixed(median, places),
-            sd=fixed(float(np.std(draws)), places),
-            interval_68=interval(mid_low, mid_high, places),
-            interval_95=interval(low, high, places),
-            point=fixed(point, places),
-            prior="",
-            contraction="-",
-            verdict="",
-            reason="derived: eps_10 - 10 eps_slope",
-        )
-    ]
+
+    def at_zero(values: Mapping[str, Any]) -> Any:
+        return (values["eps_10"] - 10.0 * values["eps_slope"]) * THESIS["eps_10"].factor
+
+    numbers: dict[str, float | None] = dict.fromkeys(ESSENTIALS) | {"point": at_zero(fit.point.values)}
+    if fit.posterior is not None and {"eps_10", "eps_slope"} & set(fit.problem.free_names):
+        draws = at_zero(fit.problem.all_values(fit.posterior.draws))
+        numbers |= {"sd": float(np.std(draws)), **quantiles(draws)}
+    reason = "derived: eps_10 - 10 eps_slope"
+    return [ParameterRow("C2", "in", prior="", contraction="-", verdict="", reason=reason, **_rounded(numbers, 1.0))]
 
 
-def prediction_table(fit: Fit, most: int | None = None) -> PredictionTable:
-    """Measured against predicted: the posterior median with the 68 % half-width of the noise-free prediction, or
-    the point estimate where there is no posterior; of the first `most` impacts.
+def prediction_table(fit: Fit, most: int | None = None) -> tuple[Row, ...]:
+    """Measured | predicted: the posterior median with the 68 % half-width of the noise-free prediction, or the point
+    estimate where there is no posterior; of the first `most` impacts, with the regime and its probability.
     """
     problem = fit.problem
     impacts = problem.impacts
     shown = range(len(impacts))[:most]
     theta = np.degrees(np.arctan2(impacts.v_y1, impacts.v_x1))
     speed = np.hypot(impacts.v_x1, impacts.v_y1)
-    heads, columns = [], []
+    columns: dict[str, list[str]] = {}
     for observable in (item.everywhere(len(impacts)) for item in problem.observables):
         scale = output_scale(observable.name)
-        heads.append(f"{observable.name} [{scale.unit}]")
-        predicted = observable.predict(fit.point.rebound)[0] * scale.factor
-        half = None
-        if fit.predictive is not None:
-            prediction = next(
-                prediction for prediction in fit.predictive.observables if prediction.name == observable.name
-            )
-            predicted = prediction.median * scale.factor
-            half = 0.5 * (prediction.mean_q84 - prediction.mean_q16) * scale.factor
-        columns.append([_cell(observable.observed[k] * scale.factor, predicted[k], half, k) for k in shown])
-    rows = tuple(
-        PredictionRow(
-            id=problem.table.ids[k],
-            theta_1=f"{theta[k]:.1f}",
-            v_1=f"{speed[k]:.1f}",
-            regime=_regime(fit, k),
-            cells=tuple(column[k] for column in columns),
-        )
+        told, observed = prediction_of(fit, observable), observable.observed * scale.factor
+        predicted = prediction(fit, observable) * scale.factor
+        half = None if told is None else 0.5 * (told.mean_q84 - told.mean_q16) * scale.factor
+        cells = [_cell(observed[k], predicted[k], None if half is None else half[k]) for k in shown]
+        columns[f"{observable.name} [{scale.unit}]"] = cells
+    return tuple(
+        {"impact": problem.table.ids[k], "incidence [deg]": f"{theta[k]:.1f}", "speed [m/s]": f"{speed[k]:.1f}"}
+        | {head: column[k] for head, column in columns.items()}
+        | {"contact": _regime(fit, k)}
         for k in shown
     )
-    return PredictionTable(tuple(heads), rows)
 
 
-def _cell(observed: float, predicted: float, half: FloatArray | None, k: int) -> tuple[str, str]:
+def _cell(observed: float, predicted: float, half: float | None) -> str:
     if half is None:
-        return significant(observed, 4), significant(predicted, 4)
+        return f"{significant(observed, 4)} | {significant(predicted, 4)}"
     # Measurement and prediction side by side need the same decimals; never finer than three.
-    places = min(max(decimals(float(half[k])), 0), 3)
-    return fixed(observed, places), f"{fixed(float(predicted), places)} +- {fixed(float(half[k]), places)}"
+    places = min(max(decimals(half), 0), 3)
+    return f"{fixed(observed, places)} | {fixed(predicted, places)} +- {fixed(half, places)}"
 
 
 def _regime(fit: Fit, k: int) -> str:
-    from fitball.models.types import regime_name
-
     if fit.predictive is None:
         return regime_name(int(fit.point.rebound.regime[0, k]))
     name, share = next(iter(fit.predictive.regimes[k].items()))
@@ -244,7 +216,7 @@ def diagnosis_lines(fit: Fit, *, budget: bool = True) -> tuple[str, ...]:
             f"largest R-hat {diagnostics.max_r_hat:.4f}{_tail(diagnostics)}."
         )
     if budget:
-        lines.append(_budget_line(fit.error_budget))
+        lines.append(budget_line(fit.error_budget))
     for cause in dict.fromkeys(squares.missing.values()):
         names = [name for name, why in squares.missing.items() if why == cause]
         lines.append(f"No standard error of {listed(names)} by least squares: {cause}.")
@@ -276,21 +248,6 @@ def thinning(diagnostics: Diagnostics) -> str:
     """That of a long run not all steps are kept, in words; nothing where they are."""
     after = diagnostics.steps - diagnostics.warm_up
     return "" if diagnostics.kept == after else f", {diagnostics.kept} of the other {after} kept"
-
-
-def _budget_line(budget: ErrorBudget) -> str:
-    def text(name: str, value: float) -> str:
-        scale = output_scale(name)
-        return f"{value * scale.factor:.1e} {scale.unit}"
-
-    parts = []
-    for name, line in budget.lines.items():
-        width = "" if line.posterior is None else f", prediction {text(name, line.posterior)}"
-        parts.append(f"{name} {text(name, line.numerical)} (measurement {text(name, line.measurement)}{width})")
-    return (
-        f"Error budget: numerical error at most {budget.share:.0e} of the others, over {budget.impacts} impacts "
-        f"against {budget.reference}: " + ", ".join(parts) + "."
-    )
 
 
 def notes(fit: Fit) -> tuple[str, ...]:

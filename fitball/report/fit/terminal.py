@@ -13,7 +13,7 @@ from fitball.report.fit.adequacy_rows import adequacy_lines
 from fitball.report.fit.assumption_rows import assumption_lines
 from fitball.report.fit.balance_table import balance_table
 from fitball.report.fit.drop_rows import drop_remarks, lead_lines
-from fitball.report.fit.evidence_rows import evidence_rows
+from fitball.report.fit.evidence_rows import evidence_remarks
 from fitball.report.fit.pace_rows import pace_lines
 from fitball.report.fit.summary import (
     diagnosis_lines,
@@ -73,15 +73,10 @@ def render(fit: Fit, folder: Path) -> str:
     parts.append("What the table says of each parameter:")
     for row in rows:
         parts += _wrapped(f"{row.name}: {row.verdict}; {row.reason}")
-    parts += [line for remark in evidence_rows(fit).remarks for line in _wrapped(f"note: {remark}")]
+    parts += [line for remark in evidence_remarks(fit) for line in _wrapped(f"note: {remark}")]
     parts += ["", "Measured | predicted (median +- half of the 68 % interval, without noise):", ""]
-    predictions = prediction_table(fit, MOST_LINES)
-    top = ["impact", "theta_1 [deg]", *predictions.heads, "contact"]
-    cells = [
-        [row.id, row.theta_1, *(f"{measured} | {predicted}" for measured, predicted in row.cells), row.regime]
-        for row in predictions.rows
-    ]
-    parts += [*columns([top, *cells]), *more(len(table), file_words("predictions.csv", len(table)))]
+    parts += listed_rows(prediction_table(fit, MOST_LINES), without="speed [m/s]")
+    parts += more(len(table), file_words("predictions.csv", len(table)))
     balances = balance_table(fit.balances, MOST_LINES)
     parts += ["", "Model-free, from the measurements alone:", "", *columns([balances.heads, *balances.rows])]
     parts += more(len(table), file_words("balances.csv", len(table)))

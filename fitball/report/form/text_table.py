@@ -30,9 +30,10 @@ def columns(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
     return lines
 
 
-def listed_rows(rows: Sequence[Row], left: int = 1) -> list[str]:
-    """Rows under their heads, as lines."""
-    return columns([list(rows[0]), *(list(row.values()) for row in rows)], left)
+def listed_rows(rows: Sequence[Row], left: int = 1, without: str = "") -> list[str]:
+    """Rows under their heads, as lines; one column may be left out."""
+    heads = [head for head in rows[0] if head != without]
+    return columns([heads, *([row[head] for head in heads] for row in rows)], left)
 
 
 def more(count: int, where: str) -> list[str]:

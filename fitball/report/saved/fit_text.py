@@ -73,6 +73,12 @@ def package_versions() -> Mapping[str, str]:
     return {"fitball": __version__, "python": platform.python_version()} | {name: version(name) for name in PACKAGES}
 
 
+def versions_line() -> str:
+    """The same in a line, with system and machine."""
+    versions = ", ".join(f"{name} {number}" for name, number in package_versions().items())
+    return f"{versions}; {platform.system()} {platform.machine()}"
+
+
 def fit_text(fit: Fit) -> str:
     """`fit.json` as text; NaN cannot occur."""
     return json_text(plain(fit_file(fit)))
