@@ -9,13 +9,13 @@ from math import pi
 
 import numpy as np
 
-from fitball.data.impact_text import _NAMES
+from fitball.data.impact_text import SIZE, named_value
 from fitball.data.limits import refuse_beyond
 from fitball.data.units import Unit, parse_unit
-from fitball.errors import ParameterError, UnitError, suggestion
+from fitball.errors import ParameterError, UnitError
 from fitball.values import FloatArray, Impacts
 
-_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_NUMBER = rf"[+-]?{SIZE}"
 _RANGE = re.compile(rf"^(?P<low>{_NUMBER})\s*\.\.\s*(?P<high>{_NUMBER})\s*(?P<unit>[^:]*?)\s*:\s*(?P<count>[0-9]+)$")
 _SINGLE = re.compile(rf"^(?P<low>{_NUMBER})\s*(?P<unit>[^:]*?)$")
 _FORM = "expected LOW..HIGH UNIT:COUNT, such as theta=10..60 deg:16, or one VALUE UNIT"
@@ -53,12 +53,7 @@ def parse_grid(text: str) -> tuple[Axis, ...]:
 
 
 def _axis(item: str) -> Axis:
-    key, equals, value = (part.strip() for part in item.partition("="))
-    if not equals:
-        raise ParameterError(f"read '{item.strip()}', {_FORM}")
-    if key not in _NAMES:
-        raise ParameterError(f"unknown quantity '{key}': {suggestion(key, _NAMES)}")
-    name, dimension = _NAMES[key]
+    key, value, name, dimension = named_value(item, _FORM)
     several, single = _RANGE.match(value), _SINGLE.match(value)
     match = several or single
     if match is None or (several is None and ".." in value):

@@ -17,21 +17,16 @@ from fitball.values import FloatArray, Impacts
 
 # What a quantity may be called, and what it measures; the first name of each is that of the tables.
 _NAMES = {
-    "v_1": ("v_1", Dimension.SPEED),
-    "v": ("v_1", Dimension.SPEED),
-    "theta_1": ("theta_1", Dimension.ANGLE),
-    "theta": ("theta_1", Dimension.ANGLE),
-    "v_x1": ("v_x1", Dimension.SPEED),
-    "v_x": ("v_x1", Dimension.SPEED),
-    "v_y1": ("v_y1", Dimension.SPEED),
-    "v_y": ("v_y1", Dimension.SPEED),
-    "omega_1": ("omega_1", Dimension.SPIN),
-    "omega": ("omega_1", Dimension.SPIN),
-    "spin": ("omega_1", Dimension.SPIN),
+    **dict.fromkeys(("v_1", "v"), ("v_1", Dimension.SPEED)),
+    **dict.fromkeys(("theta_1", "theta"), ("theta_1", Dimension.ANGLE)),
+    **dict.fromkeys(("v_x1", "v_x"), ("v_x1", Dimension.SPEED)),
+    **dict.fromkeys(("v_y1", "v_y"), ("v_y1", Dimension.SPEED)),
+    **dict.fromkeys(("omega_1", "omega", "spin"), ("omega_1", Dimension.SPIN)),
 }
 _SENSES = {"top": 1.0, "topspin": 1.0, "back": -1.0, "backspin": -1.0}
-_SIZE = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_VALUE = re.compile(rf"^(?P<number>[+-]?{_SIZE})\s*(?:(?:±|\+/-|\+-)\s*(?P<sd>{_SIZE}))?\s*(?P<rest>.*)$")
+SIZE = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_VALUE = re.compile(rf"^(?P<number>[+-]?{SIZE})\s*(?:(?:±|\+/-|\+-)\s*(?P<sd>{SIZE}))?\s*(?P<rest>.*)$")
+_FORM = "expected NAME=VALUE UNIT, such as v=38 mph"
 _FORMS = "expected v and theta, or v_x and v_y, or v_y alone for a dropped ball; spin where there is any"
 
 
@@ -59,12 +54,7 @@ def _values(text: str) -> dict[str, Uncertain]:
     """Quantities by the tables' names, in SI."""
     quantities: dict[str, Uncertain] = {}
     for item in text.split(","):
-        key, equals, value = (part.strip() for part in item.partition("="))
-        if not equals or not key or not value:
-            raise ParameterError(f"read '{item.strip()}', expected NAME=VALUE UNIT, such as v=38 mph")
-        if key not in _NAMES:
-            raise ParameterError(f"unknown quantity '{key}': {suggestion(key, _NAMES)}")
-        name, dimension = _NAMES[key]
+        key, value, name, dimension = named_value(item, _FORM)
         if name in quantities:
             raise ParameterError(f"{key} is given twice")
         number, sd = _number(key, value, dimension)
@@ -74,6 +64,18 @@ def _values(text: str) -> dict[str, Uncertain]:
             refuse_beyond(name + SD_SUFFIX, np.array([sd]))
         quantities[name] = Uncertain.exact(at) if sd is None else Uncertain.measured(name, at, np.array([sd]))
     return quantities
+
+
+def named_value(item: str, form: str) -> tuple[str, str, str, Dimension]:
+    """Key and value of an item KEY=VALUE, the tables' name of the quantity, and what it measures. Raises
+    ParameterError, which says what `form` was expected.
+    """
+    key, _equals, value = (part.strip() for part in item.partition("="))
+    if not key or not value:
+        raise ParameterError(f"read '{item.strip()}', {form}")
+    if key not in _NAMES:
+        raise ParameterError(f"unknown quantity '{key}': {suggestion(key, _NAMES)}")
+    return key, value, *_NAMES[key]
 
 
 def _number(key: str, text: str, dimension: Dimension) -> tuple[float, float | None]:

@@ -8,11 +8,12 @@ from math import isfinite, pi
 
 import numpy as np
 
+from fitball.data.impact_text import SIZE
 from fitball.data.limits import refuse_beyond
 from fitball.data.units import Dimension, parse_unit
 from fitball.errors import ParameterError, UnitError
 
-_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_NUMBER = rf"[+-]?{SIZE}"
 _RANGE = re.compile(
     rf"^\s*(?P<low>{_NUMBER})\s*(?::\s*(?P<high>{_NUMBER}))?\s*(?::\s*(?P<count>\d{{1,3}}))?\s*(?P<unit>[^:]*?)\s*$"
 )
@@ -36,23 +37,21 @@ def parse_range(quantity: str, text: str) -> Range:
 
     Raises ParameterError that quotes the text.
     """
-    name, dimension = QUANTITIES[quantity]
     matched = _RANGE.match(text)
     if matched is None:
         raise ParameterError(f"{quantity} '{text}': {FORM}")
     try:
-        unit = parse_unit(matched["unit"] or None, dimension)
+        unit = parse_unit(matched["unit"] or None, QUANTITIES[quantity][1])
     except UnitError as error:
         raise ParameterError(f"{quantity} '{text}': {error}") from None
     low = unit.to_si(float(matched["low"]))
     high = low if matched["high"] is None else unit.to_si(float(matched["high"]))
     count = None if matched["count"] is None else int(matched["count"])
-    return checked_range(quantity, Range(low, high, count), f"{quantity} '{text}'", name)
+    return checked_range(quantity, Range(low, high, count), f"{quantity} '{text}'")
 
 
-def checked_range(quantity: str, given: Range, said: str, name: str | None = None) -> Range:
+def checked_range(quantity: str, given: Range, said: str) -> Range:
     """The range, if impacts can have it. Raises ParameterError that begins with what was `said`."""
-    name = name or QUANTITIES[quantity][0]
     if not (isfinite(given.low) and isfinite(given.high)) or given.low > given.high:
         raise ParameterError(f"{said}: expected a range of finite numbers that rises")
     if given.count is not None and (given.count < 2 or given.low == given.high):
@@ -62,7 +61,7 @@ def checked_range(quantity: str, given: Range, said: str, name: str | None = Non
     if quantity == "angle" and not 0.0 < given.low <= given.high <= pi / 2.0 * (1.0 + 1e-12):
         raise ParameterError(f"{said}: expected angles to the court above 0 and up to 90 deg")
     try:
-        refuse_beyond(name, np.array([given.low, given.high]))
+        refuse_beyond(QUANTITIES[quantity][0], np.array([given.low, given.high]))
     except ParameterError as error:
         raise ParameterError(f"{said}: {error}") from None
     return given
