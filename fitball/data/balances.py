@@ -59,23 +59,20 @@ class Balances:
     @property
     def all(self) -> tuple[Balance, ...]:
         """Every balance, in the order of the columns."""
-        return (self.mu_bar, self.e_x, self.offset, self.cor, self.energy_lost, self.energy_fraction)
+        return tuple(getattr(self, name) for name in _MEANING)
 
     def rows(self, places: Sequence[int] | None = None) -> Iterator[dict[str, str]]:
         """One row per impact for a CSV file, or for those at `places`: names with units as keys; absent values empty,
         with a remark.
         """
-        return (self._row(index) for index in (range(len(self.ids)) if places is None else places))
-
-    def _row(self, index: int) -> dict[str, str]:
-        row = {"id": self.ids[index]}
-        for balance in self.all:
-            bracket = f" [{balance.unit}]" if balance.unit else ""
-            for name, column in ((balance.name, balance.values), (f"{balance.name}_sd", balance.sd)):
-                row[name + bracket] = "" if balance.reasons[index] else f"{column[index]:.6g}"
-        remarks = [f"{balance.name}: {balance.reasons[index]}" for balance in self.all if balance.reasons[index]]
-        row["remark"] = "; ".join(remarks)
-        return row
+        for k in range(len(self.ids)) if places is None else places:
+            row = {"id": self.ids[k]}
+            for balance in self.all:
+                bracket = f" [{balance.unit}]" if balance.unit else ""
+                for name, column in ((balance.name, balance.values), (f"{balance.name}_sd", balance.sd)):
+                    row[name + bracket] = "" if balance.reasons[k] else f"{column[k]:.6g}"
+            remarks = [f"{balance.name}: {balance.reasons[k]}" for balance in self.all if balance.reasons[k]]
+            yield row | {"remark": "; ".join(remarks)}
 
 
 def scene_balances(table: ImpactTable, scene: Scene) -> Balances:
@@ -90,12 +87,7 @@ def scene_balances(table: ImpactTable, scene: Scene) -> Balances:
 
 
 def balances(
-    table: ImpactTable,
-    ball: Ball,
-    velocity_sd: float,
-    spin_sd: float,
-    *,
-    known: Mapping[str, float] | None = None,
+    table: ImpactTable, ball: Ball, velocity_sd: float, spin_sd: float, *, known: Mapping[str, float] | None = None
 ) -> Balances:
     """Balances of every impact.
 
@@ -238,14 +230,8 @@ def _finish(name: str, quantity: Quantity, missing: Mapping[str, NDArray[np.bool
     for k in np.flatnonzero(np.any([missing[column] for column in used], axis=0)).tolist() if used else ():
         reasons[k] = f"{' and '.join(column for column in used if missing[column][k])} not measured"
     nan = np.float64("nan")
-    return Balance(
-        name,
-        unit,
-        meaning,
-        frozen(np.where(finite, quantity.value, nan)),
-        frozen(np.where(finite, sd, nan)),
-        tuple(reasons),
-    )
+    values, sds = frozen(np.where(finite, quantity.value, nan)), frozen(np.where(finite, sd, nan))
+    return Balance(name, unit, meaning, values, sds, tuple(reasons))
 
 
 _NOT_FINITE = {"e_x": "the ball arrives without slip (v_x1 = R omega_1), so there is nothing to restore"}

@@ -69,16 +69,6 @@ class Header:
         return tuple(row.cells[index] for row in rows)
 
 
-@dataclass(frozen=True)
-class _Named:
-    """A header cell: its place, the `name` in it, ours where it `means` one, and its unit as text."""
-
-    index: int
-    name: str
-    means: str | None
-    unit: str | None
-
-
 def vocabulary(naming: Naming) -> Vocabulary:
     """What a header of impacts is told by, where `naming` gives some columns names of their own."""
 
@@ -129,50 +119,40 @@ def read_header(cells: tuple[str, ...], found: Findings, naming: Naming | None =
     that probably means one of ours is an extra column until `--columns` says so.
     """
     naming = naming or Naming()
+    parsed = [split_cell(cell, naming, found) for cell in cells]
+    asked = [naming.ours(cell, name) for cell, (name, _) in zip(cells, parsed, strict=True)]
+    names = [name for name, _ in parsed]
+    taken = {*filter(None, asked), *names}
     numbers: dict[str, Column] = {}
     texts: dict[str, Column] = {}
     extras: list[str] = []
-    for item in _meant(cells, found, naming):
-        meant = item.means or item.name
-        if not item.name:
-            extras.append(f"(column {item.index + 1}, without a name)")
-            continue
-        if meant in numbers or meant in texts:
-            read = f"read '{cells[item.index]}'"
-            found.header_fault(f"{read}, but another column is '{meant}' already; keep one of them", meant)
-        elif meant in NUMBERS:
-            numbers[meant] = Column(item.index, meant, _unit(meant, item.unit, found))
-        else:
-            texts[meant] = Column(item.index, meant, None)
-            if item.means is None:
-                extras.append(item.name)
-    naming.check_absent({*numbers, *texts}, [split_cell(cell, naming)[0] for cell in cells], found)
-    return Header(numbers, texts, tuple(extras))
-
-
-def _meant(cells: tuple[str, ...], found: Findings, naming: Naming) -> list[_Named]:
-    """Each cell's name, our name for it, and its unit; a notice says which names were taken for ours."""
-    parsed = [split_cell(cell, naming, found) for cell in cells]
-    asked = [naming.ours(cell, name) for cell, (name, _) in zip(cells, parsed, strict=True)]
-    taken = {*filter(None, asked), *(name for name, _ in parsed)}
-    exact_id = "id" in taken
     spelled: list[str] = []
-    meant = []
     for index, ((name, unit), named) in enumerate(zip(parsed, asked, strict=True)):
         ours = named if named is not None else _same(name)
-        if named is None and ours == "id" and name != "id" and exact_id:
-            ours = None
         if named is not None:
             unit = naming.unit(named, unit, found)
+        elif ours == "id" != name and "id" in names:
+            ours = None
         elif ours is None and name:
             ours = _misspelt(name, taken, found)
         elif ours is not None and ours != name:
             spelled.append(f"'{name}' as {ours}")
-        taken.add(ours or name)
-        meant.append(_Named(index, name, ours, unit))
+        meant = ours or name
+        taken.add(meant)
+        if not name:
+            extras.append(f"(column {index + 1}, without a name)")
+        elif meant in numbers or meant in texts:
+            message = f"read '{cells[index]}', but another column is '{meant}' already; keep one of them"
+            found.header_fault(message, meant)
+        elif meant in NUMBERS:
+            numbers[meant] = Column(index, meant, _unit(meant, unit, found))
+        else:
+            texts[meant] = Column(index, meant, None)
+            extras += [name] if ours is None else []
     if spelled:
         found.notice(f"columns read under other spellings: {', '.join(spelled)}")
-    return meant
+    naming.check_absent({*numbers, *texts}, names, found)
+    return Header(numbers, texts, tuple(extras))
 
 
 def _unit(name: str, text: str | None, found: Findings) -> Unit | None:

@@ -120,12 +120,9 @@ def density_fault(ball: Ball) -> str | None:
     density = _density(ball)
     if LIGHTEST <= density <= DENSEST:
         return None
-    than = "any metal" if density > DENSEST else "air"
-    word = "denser than" if density > DENSEST else "lighter than"
-    return (
-        f"a mass of {ball.mass:g} kg in a ball of radius {ball.radius:g} m is {word} {than} ({density:.3g} kg/m^3)"
-        f"{_meant_ball(ball)}"
-    )
+    than = "denser than any metal" if density > DENSEST else "lighter than air"
+    mass = f"a mass of {ball.mass:g} kg in a ball of radius {ball.radius:g} m"
+    return f"{mass} is {than} ({density:.3g} kg/m^3){_meant_ball(ball)}"
 
 
 def unlikely_density(ball: Ball) -> str | None:

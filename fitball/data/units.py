@@ -78,15 +78,8 @@ _UNITS = (
 
 UNITS = {unit.symbol: unit for unit in _UNITS}
 
-# The unit of a number that stands without one.
-DEFAULT_UNIT = {
-    Dimension.SPEED: UNITS["m/s"],
-    Dimension.SPIN: UNITS["rad/s"],
-    Dimension.ANGLE: UNITS["deg"],
-    Dimension.TIME: UNITS["s"],
-    Dimension.FORCE: UNITS["N"],
-    Dimension.LENGTH: UNITS["m"],
-}
+# The unit of a number that stands without one: the first of its dimension.
+DEFAULT_UNIT = {unit.dimension: unit for unit in reversed(_UNITS)}
 
 
 def symbols(dimension: Dimension) -> tuple[str, ...]:

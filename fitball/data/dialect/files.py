@@ -8,13 +8,7 @@ from typing import TYPE_CHECKING
 from fitball.data.dialect.cells import RawTable, Record, Vocabulary, refusal
 from fitball.data.dialect.delimited import DELIMITERS, Delimiter, all_records, comments, lines_of, sample
 from fitball.data.dialect.encoding import decode
-from fitball.data.dialect.frames import (
-    PARQUET_SUFFIXES,
-    WORKBOOKS,
-    frame_records,
-    parquet_frame,
-    workbook_records,
-)
+from fitball.data.dialect.frames import PARQUET_SUFFIXES, WORKBOOKS, frame_records, parquet_frame, workbook_records
 from fitball.data.dialect.layout import find_header, laid_out
 
 if TYPE_CHECKING:
@@ -32,9 +26,7 @@ def read_raw(path: Path, vocabulary: Vocabulary, sheet: str | None = None) -> Ra
     """
     source, suffix = str(path), path.suffix.lower()
     if any("\ud800" <= letter <= "\udfff" for letter in str(path.resolve())):
-        raise refusal(
-            source, "the name of this file or of its folder is no UTF-8, and result files name it: rename it"
-        )
+        raise refusal(source, "the name of this file or its folder is no UTF-8, and result files name it: rename it")
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -77,7 +69,7 @@ def _text_table(source: str, text: str, vocabulary: Vocabulary, data: bytes, not
 
 def _delimiter(lines: list[str], vocabulary: Vocabulary) -> Delimiter | None:
     """What divides the cells: that by which a header has most names that are known; None where there is no header."""
-    worths = {item: find_header(sample(item, lines), vocabulary).worth for item in DELIMITERS}
+    worths = {item: find_header(sample(item, lines), vocabulary)[1] for item in DELIMITERS}
     best = max(DELIMITERS, key=lambda item: worths[item])
     return best if worths[best] > 0.0 else None
 

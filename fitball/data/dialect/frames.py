@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 import io
-from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -55,7 +54,7 @@ def workbook_records(
     filled = {name: records for name, records in found.items() if any(any(cells) for _, cells in records)}
     if not filled:
         raise refusal(source, "every sheet is empty; expected a header and at least two rows")
-    tables = [name for name, records in filled.items() if find_header(records, vocabulary).worth >= _NAMES]
+    tables = [name for name, records in filled.items() if find_header(records, vocabulary)[1] >= _NAMES]
     if len(tables) > 1:
         ways = ", ".join(f"'{source}{SHEET_MARK}{name}'" for name in tables[:8])
         raise refusal(source, f"{len(tables)} sheets hold tables of impacts; name the one that is meant: {ways}")
@@ -88,22 +87,14 @@ def frame_records(frame: pandas.DataFrame) -> list[Record]:
     """Header and rows of a DataFrame; an index that has a name is a column."""
     if any(name is not None for name in frame.index.names):
         frame = frame.reset_index()
-    header = tuple(" ".join(map(str, name)) for name in _levels(frame))
+    names: list[Any] = frame.columns.tolist()
+    # A name may have several levels.
+    header = tuple(" ".join(map(str, name if isinstance(name, tuple) else (name,))).strip() for name in names)
     columns = [
         ["" if gap else _text(value) for value, gap in zip(column, column.isna(), strict=True)]
         for column in (frame.iloc[:, k] for k in range(len(header)))
     ]
-    return [(None, tuple(name.strip() for name in header)), *((None, row) for row in _rows(columns))]
-
-
-def _levels(frame: pandas.DataFrame) -> list[tuple[object, ...]]:
-    """The name of each column, level by level where it has several."""
-    names: list[Any] = frame.columns.tolist()
-    return [name if isinstance(name, tuple) else (name,) for name in names]
-
-
-def _rows(columns: Sequence[Sequence[str]]) -> Iterable[tuple[str, ...]]:
-    return zip(*columns, strict=True)
+    return [(None, header), *((None, row) for row in zip(*columns, strict=True))]
 
 
 def _text(value: Any) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from fitball.data.dialect.cells import RawRow, RawTable, Record, Vocabulary, refusal
 from fitball.errors import Fault
@@ -24,24 +23,18 @@ _SUMMARY = re.compile(
 _SHOWN = 60
 
 
-@dataclass(frozen=True)
-class Header:
-    """Where the header is among the records, and the `worth` of its names."""
-
-    place: int
-    worth: float
-
-
 def is_number(cell: str) -> bool:
     """Whether a cell looks like a number, whatever its decimal sign."""
     return _NUMBER.fullmatch(cell) is not None
 
 
-def find_header(records: Sequence[Record], vocabulary: Vocabulary) -> Header:
-    """The first record whose names are worth most; the first of all where no record has any."""
+def find_header(records: Sequence[Record], vocabulary: Vocabulary) -> tuple[int, float]:
+    """The place of the first record whose names are worth most, and what they are; the first of all, worth nothing,
+    where no record has any.
+    """
     worths = [sum(map(vocabulary.worth, cells)) for _, cells in records[:_REACH]]
     best = max(worths, default=0.0)
-    return Header(worths.index(best), best) if best >= _LEAST else Header(0, 0.0)
+    return (worths.index(best), best) if best >= _LEAST else (0, 0.0)
 
 
 def laid_out(
@@ -51,10 +44,10 @@ def laid_out(
 
     Raises TableError where numbers stand above the header.
     """
-    found = find_header(records, vocabulary)
-    line, header = records[found.place]
-    told = [*notes, *_above(source, records[: found.place], len(header))]
-    rest = list(records[found.place + 1 :])
+    at, _worth = find_header(records, vocabulary)
+    line, header = records[at]
+    told = [*notes, *_above(source, records[:at], len(header))]
+    rest = list(records[at + 1 :])
     faults: list[Fault] = []
     if rest and _is_units(rest[0][1], header, vocabulary):
         header = _with_units(header, rest.pop(0), vocabulary, faults)
@@ -66,9 +59,9 @@ def laid_out(
         fitted = _fitted(cells, width)
         if not any(cells):
             empty += 1
-        elif cells == records[found.place][1]:
-            again.append(_where(place, number))
-        elif (word := _summary(cells)) is not None:
+        elif cells == records[at][1]:
+            again.append(f"in row {number}" if place is None else f"in line {place}")
+        elif _SUMMARY.fullmatch(word := next(filter(None, cells))):
             message = f"begins with '{word}', as a row below a table that sums it up; expected impacts: delete it"
             faults.append(Fault(message, row=number, line=place))
         elif len(fitted) != width:
@@ -83,16 +76,6 @@ def laid_out(
     if empty:
         told.append(f"{empty} empty row{'s were' if empty > 1 else ' was'} passed over")
     return RawTable(header, line, tuple(rows), data, tuple(faults), tuple(told))
-
-
-def _where(line: int | None, number: int) -> str:
-    return f"in row {number}" if line is None else f"in line {line}"
-
-
-def _summary(cells: Sequence[str]) -> str | None:
-    """The word with which a row sums up those above it; None for a row of its own."""
-    first = next((cell for cell in cells if cell), "")
-    return first if _SUMMARY.fullmatch(first) else None
 
 
 def _width(header: tuple[str, ...], rest: Sequence[Record]) -> int:

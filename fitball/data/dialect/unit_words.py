@@ -9,9 +9,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-_WORDS: Mapping[str, str] = {
-    word: symbol
-    for symbol, words in {
+
+def _by_word(words_of: Mapping[str, str]) -> dict[str, str]:
+    return {word: symbol for symbol, words in words_of.items() for word in words.split()}
+
+
+_WORDS = _by_word(
+    {
         "m": "m meter meters metre metres",
         "cm": "cm centimeter centimeters centimetre centimetres",
         "mm": "mm millimeter millimeters millimetre millimetres",
@@ -31,42 +35,25 @@ _WORDS: Mapping[str, str] = {
         "N": "n newton newtons",
         "kN": "kn kilonewton kilonewtons",
         "lbf": "lbf",
-    }.items()
-    for word in words.split()
-}
-# What is one word, or no product of the words above.
-_WHOLE: Mapping[str, str] = {
-    "mph": "mph",
-    "mi/h": "mph",
-    "kph": "km/h",
-    "kmh": "km/h",
-    "kmph": "km/h",
-    "mps": "m/s",
-    "cmps": "cm/s",
-    "fps": "ft/s",
-    "ips": "in/s",
-    "kn": "kn",
-    "kt": "kn",
-    "kts": "kn",
-    "knot": "kn",
-    "knots": "kn",
-    "rpm": "rpm",
-    "r p m": "rpm",
-    "rev/min": "rpm",
-    "1/min": "rpm",
-    "min^-1": "rpm",
-    "rps": "rev/s",
-    "hz": "rev/s",
-    "hertz": "rev/s",
-    "dps": "deg/s",
-    # Nobody counts in inverse milliseconds here.
-    "ms^-1": "m/s",
-    "cms^-1": "cm/s",
-    "mms^-1": "mm/s",
-    "kmh^-1": "km/h",
-    "rads^-1": "rad/s",
-    "degs^-1": "deg/s",
-}
+    }
+)
+# What is one word, or no product of the words above; nobody counts in inverse milliseconds here.
+_WHOLE = {"r p m": "rpm"} | _by_word(
+    {
+        "mph": "mph mi/h",
+        "km/h": "kph kmh kmph kmh^-1",
+        "m/s": "mps ms^-1",
+        "cm/s": "cmps cms^-1",
+        "mm/s": "mms^-1",
+        "ft/s": "fps",
+        "in/s": "ips",
+        "kn": "kn kt kts knot knots",
+        "rpm": "rpm rev/min 1/min min^-1",
+        "rev/s": "rps hz hertz",
+        "rad/s": "rads^-1",
+        "deg/s": "dps degs^-1",
+    }
+)
 # Spellings that mean two things, and what to write for each.
 AMBIGUOUS: Mapping[str, str] = {
     "1/s": "rad/s or rev/s",

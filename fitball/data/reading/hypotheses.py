@@ -55,13 +55,8 @@ def hypotheses(columns: Columns, units: Mapping[str, str]) -> tuple[Hypothesis, 
     """All that make sense of these columns, simple ones first. `units` are symbols by column, as the header says,
     those of stated sds among them.
     """
-    found = [
-        *_signs(columns),
-        *_from_normal(columns),
-        *_towards(columns),
-        *_unit_slips(columns, units),
-        *_swaps(columns, units),
-    ]
+    simple = (*_signs(columns), *_from_normal(columns), *_towards(columns))
+    found = (*simple, *_unit_slips(columns, units), *_swaps(columns, units))
     return tuple(sorted(found, key=lambda item: item.parts))
 
 
@@ -93,9 +88,7 @@ def _flip(names: tuple[str, ...], words: str, parts: int) -> Hypothesis:
     return Hypothesis(
         f"with {listed(names)} {words}",
         "",
-        lambda columns: {
-            name: flipped(name, values) if name in names else values for name, values in columns.items()
-        },
+        lambda columns: {**columns, **{name: flipped(name, columns[name]) for name in names}},
         parts,
         flips=names,
     )
@@ -146,15 +139,12 @@ def _unit(names: tuple[str, ...], symbol: str, units: Mapping[str, str], parts: 
         return []
 
     def apply(columns: Columns) -> Columns:
-        return {
-            name: meant.to_si(before[name].from_si(values)) if name in before else values
-            for name, values in columns.items()
-        }
+        return {**columns, **{name: meant.to_si(before[name].from_si(columns[name])) for name in names}}
 
     was = sorted({unit.symbol for unit in before.values()})
-    cells = [f"{name} [{symbol}]" for name in (*names, *_sds(names, units))]
+    cells = [f"'{name} [{symbol}]'" for name in (*names, *_sds(names, units))]
     words = f"with {listed(names)} in {symbol} instead of {' and '.join(was)}"
-    return [Hypothesis(words, f"write in the header {_quoted(cells)}", apply, parts, parts > 1, scales=True)]
+    return [Hypothesis(words, f"write in the header {listed(cells)}", apply, parts, parts > 1, scales=True)]
 
 
 def _sds(names: Sequence[str], units: Mapping[str, str]) -> list[str]:
@@ -181,7 +171,7 @@ def _swap(
     pairs: Sequence[tuple[str, str]], words: str, units: Mapping[str, str], needs_spin: bool = False
 ) -> Hypothesis:
     other = dict(pairs) | {two: one for one, two in pairs}
-    sds = [name + SD_SUFFIX for name in other if name + SD_SUFFIX in units]
+    sds = _sds(tuple(other), units)
     exchanged = ", ".join(f"{one} and {two}" for one, two in pairs)
     also = f" (and the columns {listed(sds)} likewise)" if sds else ""
     return Hypothesis(
@@ -190,7 +180,3 @@ def _swap(
         lambda columns: {other.get(name, name): values for name, values in columns.items()},
         needs_spin=needs_spin,
     )
-
-
-def _quoted(cells: Sequence[str]) -> str:
-    return listed([f"'{cell}'" for cell in cells])
