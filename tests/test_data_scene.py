@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from fitball.data.bundled import bundled_names, bundled_tables
-from fitball.data.force_place import find_force
+from fitball.data.force_file import find_force
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
-from fitball.data.scene_file import FREE, KEYS, Kind
+from fitball.data.scene_file import KEYS, Kind
 from fitball.data.scene_limits import range_fault
 from fitball.errors import SceneError, TableError
 from fitball.inference.problem.build import Choices, build_problem
@@ -211,7 +211,7 @@ def test_scenes_of_wang(name: str) -> None:
 def keys_of(known: Mapping[str, Any]) -> dict[str, Any]:
     """KEYS as nested names; a section of free names is `None`."""
     return {
-        name: keys_of(kind) if isinstance(kind, Mapping) else (None if kind in FREE else kind)
+        name: keys_of(kind) if isinstance(kind, Mapping) else (None if kind.name.startswith("FREE") else kind)
         for name, kind in known.items()
     }
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, Unpack
 from fitball.api.asked import checked_choices, flips, sources_of
 from fitball.api.fit import Fit
 from fitball.api.progress import Report, Wanted, reporting, silent
-from fitball.data.force_place import find_force
+from fitball.data.force_file import find_force
+from fitball.data.join import trusted_table
 from fitball.data.scene import Scene, likely_scene, load_scene
 from fitball.data.table import ImpactTable
-from fitball.data.trusted import trusted_table
 from fitball.inference.calibrate import fingerprint, run
 from fitball.inference.effort import MAX_STEPS, Effort
 from fitball.inference.problem.build import Choices, build_problem

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from fitball.api.asked import flips, sources_of
 from fitball.api.calibrating import PathLike, Table
-from fitball.data.force_place import find_force
+from fitball.data.force_file import find_force
+from fitball.data.join import trusted_table
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable, Notice
-from fitball.data.trusted import trusted_table
-from fitball.errors import FitballError, ReadingError, SceneError, TableError
+from fitball.errors import Fault, FitballError, ReadingError, SceneError, TableError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -106,21 +106,7 @@ def check(
 
 def _faults(error: FitballError) -> list[dict[str, Any]]:
     if isinstance(error, TableError):
-        listed = [
-            {
-                "file": error.source,
-                "message": fault.message,
-                "row": fault.row,
-                "line": fault.line,
-                "column": fault.column,
-            }
-            for fault in error.faults
-        ]
-        return listed + [_fault(error.source, f"what may be meant: {hint}") for hint in error.hints]
-    if isinstance(error, ReadingError):
-        return [_fault(error.source, reading) for reading in error.readings]
-    return [_fault(None, str(error))]
-
-
-def _fault(file: str | None, message: str) -> dict[str, Any]:
-    return {"file": file, "message": message, "row": None, "line": None, "column": None}
+        faults = [*error.faults, *(Fault(f"what may be meant: {hint}") for hint in error.hints)]
+    else:
+        faults = [Fault(text) for text in (error.readings if isinstance(error, ReadingError) else [str(error)])]
+    return [{"file": getattr(error, "source", None), **asdict(fault)} for fault in faults]

@@ -1,8 +1,9 @@
-"""Several tables as one: rows one below the other, each labelled with the table it came from."""
+"""The road by which tables come to a fit: read one by one, refused while another reading explains them much better,
+and joined, rows one below the other, each labelled with the table it came from.
+"""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
 
@@ -10,12 +11,13 @@ import numpy as np
 
 from fitball.data.frozen import FrozenMapping, frozen
 from fitball.data.read import load_table
+from fitball.data.reading.doubt import doubt_of_table
 from fitball.data.reading.flip import check_flips
 from fitball.data.redundancy import independent
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable, Measurement, Notice
 from fitball.data.written import Source, framed, name_of
-from fitball.errors import Fault, TableError
+from fitball.errors import Fault, ParameterError, ReadingError, TableError
 from fitball.observables import INCIDENT_UNITS, OBSERVABLES, VELOCITIES
 from fitball.values import FloatArray, Impacts
 
@@ -23,7 +25,7 @@ ORIGIN = "table"
 
 
 def load_tables(
-    sources: Sequence[str | os.PathLike[str]],
+    sources: Sequence[ImpactTable | Source],
     scene: Scene | None = None,
     flip: Sequence[str] = (),
     columns: Mapping[str, str] | None = None,
@@ -32,26 +34,57 @@ def load_tables(
     is flipped as `TABLE:COLUMN`. Raises as `load_table` does for each, TableError for tables that differ,
     ParameterError for a table that is not there.
     """
-    return joined(read_each(sources, scene, flip, columns))
+    return joined(_read_each(sources, scene, flip, columns, None))
 
 
-def read_each(
-    sources: Sequence[ImpactTable | Source],
-    scene: Scene | None = None,
+def trusted_table(
+    data: Sequence[ImpactTable | Source],
+    scene: Scene,
     flip: Sequence[str] = (),
+    as_read: bool = False,
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
-) -> list[ImpactTable]:
-    """The tables of `load_tables` one by one, those that were read already as they are. Raises as `load_table` does,
-    ParameterError as `load_tables`.
+) -> tuple[ImpactTable, tuple[str, ...]]:
+    """A table, or the one joined from several, and what is to be said of how it was read.
+
+    Each table is looked at by itself, as one of the scene's ball. With `as_read` one that another reading explains
+    much better is taken all the same, and a sentence tells. Raises ReadingError for it otherwise, ParameterError for
+    a table that was read already and is to be flipped or to have other names (`columns`), and as `load_tables` does.
     """
+    for what, given in (("flip", flip), ("columns", columns), ("units", units)):
+        if given and any(isinstance(item, ImpactTable) for item in data):
+            raise ParameterError(
+                f"{what}: this table was read already; say so where it is read, load_table(file, {what}=...)"
+            )
+    tables = _read_each(data, scene, flip, columns, units)
+    notes = []
+    for table in tables:
+        doubt = doubt_of_table(table, scene.ball)
+        if doubt is not None and not as_read:
+            raise ReadingError(table.source, doubt.lines(scene))
+        if doubt is not None:
+            notes.append(
+                f"{table.name}: taken as its header says, on request (as_read), although {doubt.lines(scene)[0]}"
+            )
+    return joined(tables), tuple(notes)
+
+
+def _read_each(
+    sources: Sequence[ImpactTable | Source],
+    scene: Scene | None,
+    flip: Sequence[str],
+    columns: Mapping[str, str] | None,
+    units: Mapping[str, str] | None,
+) -> list[ImpactTable]:
+    """The tables one by one, those that were read already as they are."""
     check_flips(flip, [name_of(framed(source)) for source in sources if not isinstance(source, ImpactTable)])
-    return [
-        source
-        if isinstance(source, ImpactTable)
-        else load_table(source, scene=scene, flip=flip, columns=columns, units=units)
-        for source in sources
-    ]
+
+    def read(source: ImpactTable | Source) -> ImpactTable:
+        if isinstance(source, ImpactTable):
+            return source
+        return load_table(source, scene=scene, flip=flip, columns=columns, units=units)
+
+    return [read(source) for source in sources]
 
 
 def joined(tables: Sequence[ImpactTable]) -> ImpactTable:

@@ -6,11 +6,12 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from fitball.data.ball_types import BALL_TYPES
 from fitball.data.bundled import resolve_table
 from fitball.data.frozen import FrozenMapping
-from fitball.data.scene_file import Quantity, SceneFile, read_scene_file
+from fitball.data.scene_file import Quantity, read_scene_file
 from fitball.data.scene_limits import density_fault, meant_inertia, range_fault, unlikely, unlikely_density
 from fitball.errors import ParameterError, SceneError, fault_list, suggestion
 from fitball.observables import NOISE_OF, SHARED_SD
@@ -107,12 +108,12 @@ def load_scene(
     'acrylic'
     """
     if config is not None:
-        return likely_scene(_make_scene(read_scene_file(Path(config))), as_read)
+        return likely_scene(_read_scene(Path(config)), as_read)
     if table_source is None:
-        return _make_scene(None)
+        return _make_scene(None, {})
     beside = resolve_table(table_source).with_suffix(".toml")
     # A folder or a link to nowhere of that name is no scene, and reading it says so.
-    return likely_scene(_make_scene(read_scene_file(beside) if os.path.lexists(beside) else None), as_read)
+    return likely_scene(_read_scene(beside) if os.path.lexists(beside) else _make_scene(None, {}), as_read)
 
 
 def likely_scene(scene: Scene, as_read: bool = False) -> Scene:
@@ -131,105 +132,88 @@ def likely_scene(scene: Scene, as_read: bool = False) -> Scene:
 
 def _doubts(scene: Scene) -> list[str]:
     ball = scene.ball
+    time, time_sd = scene.contact_time or (None, None)
     stated = {
-        "ball.mass": ball.mass,
-        "ball.radius": ball.radius,
-        "ball.inertia_ratio": ball.inertia_ratio,
-        "surface.mu": None if scene.mu is None else scene.mu[0],
-        "contact_time.value": None if scene.contact_time is None else scene.contact_time[0],
-        "contact_time.sd": None if scene.contact_time is None else scene.contact_time[1],
-        "force.sd": scene.force_sd,
-        "force.start_sd": scene.force_start_sd,
-    }
+        "ball.mass": ball.mass, "ball.radius": ball.radius, "ball.inertia_ratio": ball.inertia_ratio,
+        "surface.mu": scene.mu[0] if scene.mu else None, "contact_time.value": time, "contact_time.sd": time_sd,
+        "force.sd": scene.force_sd, "force.start_sd": scene.force_start_sd,
+    }  # fmt: skip
     noises = (SHARED_SD, *NOISE_OF.values(), "nominal_velocity_sd", "nominal_spin_sd")
     stated |= {f"measurement.{name}": getattr(scene, name) for name in noises}
     doubts = [unlikely(key, value) for key, value in stated.items() if value is not None]
     return [doubt for doubt in (*doubts, unlikely_density(ball)) if doubt is not None]
 
 
-def _make_scene(file: SceneFile | None) -> Scene:
-    known = file or SceneFile(None, {})
-    ball, ball_sd = _ball(known)
-    mu, time, time_sd = (known.quantity(key) for key in ("surface.mu", "contact_time.value", "contact_time.sd"))
-    warmth = known.quantity("ball.temperature")
-    sds = {name: known.number(f"measurement.{name}") for name in (SHARED_SD, *NOISE_OF.values())}
-    nominal_velocity, nominal_spin = (
-        known.number("measurement.nominal_velocity_sd"),
-        known.number("measurement.nominal_spin_sd"),
-    )
+def _read_scene(path: Path) -> Scene:
+    return _make_scene(str(path), read_scene_file(path))
+
+
+def _make_scene(source: str | None, known: Mapping[str, Any]) -> Scene:
+    ball, ball_sd = _ball(source, known)
+    mu, time, warmth = (known.get(key) for key in ("surface.mu", "contact_time.value", "ball.temperature"))
+    sds: dict[str, Any] = {name: known.get(f"measurement.{name}") for name in (SHARED_SD, *NOISE_OF.values())}
+    nominal_velocity, nominal_spin = (known.get(f"measurement.nominal_{name}_sd") for name in ("velocity", "spin"))
+    free: dict[str, Any] = {name: FrozenMapping(known.get(name)) for name in ("priors", "fix", "pool", "columns")}
+    told = known.keys() | ({"ball.inertia_ratio"} if "ball.inertia" in known else set())
+    kind = known.get("ball.type")
+    if kind is not None and kind not in BALL_TYPES:
+        raise SceneError(f'{source}: ball.type = "{kind}": {suggestion(kind, BALL_TYPES)}')
     silences = {
-        _NO_FILE: file is None,
-        **{f"assumed {words}": not _says(known, name) for name, words in _BALL_WORDS.items()},
+        _NO_FILE: source is None,
+        **{f"assumed {words}": f"ball.{name}" not in told for name, words in _BALL_WORDS.items()},
         NO_MU: mu is None,
         NO_CONTACT_TIME: time is None,
         NO_VELOCITY_SD: sds[SHARED_SD] is None and nominal_velocity is None,
         NO_SPIN_SD: sds["spin_sd"] is None and nominal_spin is None,
     }
     return Scene(
-        source=known.source,
+        source=source,
         ball=ball,
         ball_sd=FrozenMapping(ball_sd),
-        ball_type=_ball_type(known),
+        ball_type=kind,
         ball_temperature=None if warmth is None else warmth.value,
         ball_temperature_sd=None if warmth is None else warmth.sd,
-        surface=known.text("surface.name"),
+        surface=known.get("surface.name"),
         mu=None if mu is None else (mu.value, mu.sd),
-        contact_time=None if time is None or time_sd is None else (time.value, time_sd.value),
-        nominal_velocity_sd=NOMINAL_VELOCITY_SD if nominal_velocity is None else nominal_velocity,
-        nominal_spin_sd=NOMINAL_SPIN_SD if nominal_spin is None else nominal_spin,
-        model=known.text("model.name") or DEFAULT_MODEL,
-        closures=FrozenMapping(known.texts("model.closures")),
-        priors=FrozenMapping(known.texts("priors")),
-        fix=FrozenMapping(known.numbers("fix")),
-        velocity_noise=known.text("measurement.velocity_noise"),
-        distribution=known.text("measurement.distribution") or "normal",
-        pool=FrozenMapping(known.texts("pool")),
-        columns=FrozenMapping(known.texts("columns")),
-        offsets=known.text("measurement.offsets"),
-        force_file=known.text("force.file"),
-        force_sd=known.number("force.sd"),
-        force_start_sd=known.number("force.start_sd"),
+        contact_time=None if time is None else (time, known["contact_time.sd"]),
+        nominal_velocity_sd=nominal_velocity or NOMINAL_VELOCITY_SD,
+        nominal_spin_sd=nominal_spin or NOMINAL_SPIN_SD,
+        model=known.get("model.name", DEFAULT_MODEL),
+        closures=FrozenMapping(known.get("model.closures")),
+        velocity_noise=known.get("measurement.velocity_noise"),
+        distribution=known.get("measurement.distribution", "normal"),
+        offsets=known.get("measurement.offsets"),
+        force_file=known.get("force.file"),
+        force_sd=known.get("force.sd"),
+        force_start_sd=known.get("force.start_sd"),
         assumed=tuple(sentence for sentence, silent in silences.items() if silent),
-        description=known.text("source.description") or "",
-        citation=known.text("source.citation") or "",
+        description=known.get("source.description", ""),
+        citation=known.get("source.citation", ""),
         **sds,
+        **free,
     )
 
 
-def _ball_type(known: SceneFile) -> str | None:
-    """The stated type. Raises SceneError for one that the ITF does not have."""
-    name = known.text("ball.type")
-    if name is not None and name not in BALL_TYPES:
-        raise SceneError(f'{known.source}: ball.type = "{name}": {suggestion(name, BALL_TYPES)}')
-    return name
-
-
-def _says(known: SceneFile, name: str) -> bool:
-    if name == "inertia_ratio" and known.quantity("ball.inertia") is not None:
-        return True
-    return known.quantity(f"ball.{name}") is not None
-
-
-def _ball(known: SceneFile) -> tuple[Ball, dict[str, float]]:
+def _ball(source: str | None, known: Mapping[str, Any]) -> tuple[Ball, dict[str, float]]:
     """The ball and the stated sds; an sd of the inertia becomes one of the ratio, M and R being as stated."""
-    mass = known.quantity("ball.mass") or Quantity(WANG_MASS)
-    radius = known.quantity("ball.radius") or Quantity(WANG_RADIUS)
+    mass = known.get("ball.mass", Quantity(WANG_MASS))
+    radius = known.get("ball.radius", Quantity(WANG_RADIUS))
     unit = mass.value * radius.value**2
-    inertia = known.quantity("ball.inertia")
-    ratio = known.quantity("ball.inertia_ratio") or Quantity(WANG_INERTIA_RATIO)
+    inertia = known.get("ball.inertia")
+    ratio = known.get("ball.inertia_ratio", Quantity(WANG_INERTIA_RATIO))
     if inertia is not None:
         ratio = Quantity(inertia.value / unit, None if inertia.sd is None else inertia.sd / unit)
     moment = ratio.value * unit if inertia is None else inertia.value
     try:
         ball = Ball(mass.value, radius.value, moment)
     except ParameterError as error:
-        raise SceneError(f"{known.source}: [ball]: {error}{meant_inertia(moment / unit, moment)}") from None
+        raise SceneError(f"{source}: [ball]: {error}{meant_inertia(moment / unit, moment)}") from None
     dense = density_fault(ball)
     if dense is not None:
-        raise SceneError(f"{known.source}: [ball]: {dense}")
+        raise SceneError(f"{source}: [ball]: {dense}")
     fault = range_fault("ball.inertia_ratio", ball.inertia_ratio, ratio.sd)
     if fault is not None:
         meant = meant_inertia(ball.inertia_ratio, moment)
-        raise SceneError(f"{known.source}: [ball]: inertia {moment:g} kg m^2 makes {fault}{meant}")
+        raise SceneError(f"{source}: [ball]: inertia {moment:g} kg m^2 makes {fault}{meant}")
     stated = {"mass": mass.sd, "radius": radius.sd, "inertia_ratio": ratio.sd}
     return ball, {name: sd for name, sd in stated.items() if sd is not None}

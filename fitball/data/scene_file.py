@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 from math import isfinite
 from pathlib import Path
+from typing import Any
 
 from fitball.data.scene_limits import range_fault
 from fitball.errors import SceneError, fault_list, suggestion
@@ -30,8 +31,6 @@ class Kind(Enum):
     FREE_NUMBERS = "a section of names and numbers"
     FREE_PRIORS = 'a section of names and priors such as "normal(0.55, 0.05)"'
 
-
-FREE = (Kind.FREE_TEXTS, Kind.FREE_NUMBERS, Kind.FREE_PRIORS)
 
 # Every key a scene may have. A section is a mapping; sections of the kinds FREE_* take any name.
 KEYS: Mapping[str, Kind | Mapping[str, Kind]] = {
@@ -72,15 +71,11 @@ _NUMBER = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
 _PRIOR = re.compile(
     rf"\s*([A-Za-z_][A-Za-z0-9_]*\s*\(\s*{_NUMBER}\s*(,\s*{_NUMBER}\s*)*\)|literature:\s*[A-Za-z0-9_-]+)\s*"
 )
-_FREE_FORM = {
-    Kind.FREE_TEXTS: re.compile(r".*\S.*", re.DOTALL),
-    Kind.FREE_PRIORS: _PRIOR,
-    Kind.FREE_NUMBERS: re.compile(r"(?!)"),  # no text is a number
-}
-_FREE_ENTRY = {
-    Kind.FREE_TEXTS: "a text in quotes",
-    Kind.FREE_NUMBERS: "a finite number",
-    Kind.FREE_PRIORS: 'a word and numbers in brackets, such as "normal(0.55, 0.05)", or "literature:KEY"',
+# How an entry of a free section is written (None: a number), and in words.
+_FREE = {
+    Kind.FREE_TEXTS: (re.compile(r".*\S.*", re.DOTALL), "a text in quotes"),
+    Kind.FREE_NUMBERS: (None, "a finite number"),
+    Kind.FREE_PRIORS: (_PRIOR, 'a word and numbers in brackets, such as "normal(0.55, 0.05)", or "literature:KEY"'),
 }
 
 
@@ -92,46 +87,10 @@ class Quantity:
     sd: float | None = None
 
 
-Value = str | float | Quantity | Mapping[str, str] | Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class SceneFile:
-    """The checked content of a scene file by dotted key, such as `ball.mass`; absent keys give None or {}."""
-
-    source: str | None
-    values: Mapping[str, Value]
-
-    def text(self, key: str) -> str | None:
-        """The string at `key`, or None."""
-        value = self.values.get(key)
-        return value if isinstance(value, str) else None
-
-    def number(self, key: str) -> float | None:
-        """The number at `key`, or None."""
-        value = self.values.get(key)
-        return value if isinstance(value, float) else None
-
-    def quantity(self, key: str) -> Quantity | None:
-        """The number with its sd at `key`, or None."""
-        value = self.values.get(key)
-        if isinstance(value, float):
-            return Quantity(value)
-        return value if isinstance(value, Quantity) else None
-
-    def texts(self, key: str) -> dict[str, str]:
-        """The strings of a table at `key`."""
-        value = self.values.get(key)
-        return {k: v for k, v in value.items() if isinstance(v, str)} if isinstance(value, Mapping) else {}
-
-    def numbers(self, key: str) -> dict[str, float]:
-        """The numbers of a table at `key`."""
-        value = self.values.get(key)
-        return {k: v for k, v in value.items() if isinstance(v, float)} if isinstance(value, Mapping) else {}
-
-
-def read_scene_file(path: Path) -> SceneFile:
-    """Read and check a scene file. Raises SceneError that lists every fault."""
+def read_scene_file(path: Path) -> Mapping[str, Any]:
+    """The checked content of a scene file by dotted key, such as `ball.mass`: texts, numbers, `Quantity`, and what is
+    in the free sections. Raises SceneError that lists every fault.
+    """
     try:
         tree = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except OSError as error:
@@ -142,7 +101,7 @@ def read_scene_file(path: Path) -> SceneFile:
     except (ValueError, RecursionError) as error:  # TOMLDecodeError, an integer of thousands of digits, deep nesting
         raise SceneError(f"{path}: not TOML: {error}; mend that place") from None
     faults: list[str] = []
-    values: dict[str, Value] = {}
+    values: dict[str, Any] = {}
     for section, content in tree.items():
         if section in KEYS:
             _read(section, content, KEYS[section], values, faults)
@@ -158,7 +117,7 @@ def read_scene_file(path: Path) -> SceneFile:
         faults.append("[contact_time]: expected both value and sd")
     if faults:
         raise SceneError(fault_list(str(path), len(faults), folded((kind_of(fault), fault) for fault in faults)))
-    return SceneFile(str(path), values)
+    return values
 
 
 def _unknown(where: str, name: str, known: Mapping[str, object]) -> str:
@@ -166,7 +125,7 @@ def _unknown(where: str, name: str, known: Mapping[str, object]) -> str:
 
 
 def _read(
-    key: str, content: object, kind: Kind | Mapping[str, Kind], values: dict[str, Value], faults: list[str]
+    key: str, content: object, kind: Kind | Mapping[str, Kind], values: dict[str, Any], faults: list[str]
 ) -> None:
     if not isinstance(kind, Kind):
         if not isinstance(content, dict):
@@ -178,49 +137,46 @@ def _read(
             else:
                 faults.append(_unknown(f"{key}.{name}", name, kind))
         return
-    if kind in FREE:
-        _read_free(key, content, kind, values, faults)
-        return
-    value = _checked(content, kind)
+    value = _free(key, content, kind, faults) if kind in _FREE else _checked(content, kind)
     if value is None:
         faults.append(f"{key} = {_shown(content)}: expected {kind.value}")
         return
-    if not isinstance(value, str):
+    if isinstance(value, float | Quantity):
         number, sd = (value.value, value.sd) if isinstance(value, Quantity) else (value, None)
         fault = range_fault(key, number, sd)
         faults += [fault] if fault is not None else []
     values[key] = value
 
 
-def _read_free(key: str, content: object, kind: Kind, values: dict[str, Value], faults: list[str]) -> None:
+def _free(key: str, content: object, kind: Kind, faults: list[str]) -> dict[str, str | float] | None:
+    """The entries of a free section, each if it is of its kind; None where it is no section."""
     if not isinstance(content, dict):
-        faults.append(f"{key} = {_shown(content)}: expected {kind.value}")
-        return
-    texts: dict[str, str] = {}
-    numbers: dict[str, float] = {}
+        return None
+    form, expected = _FREE[kind]
+    entries: dict[str, str | float] = {}
     for name, value in content.items():
         number = _number(value)
-        if kind is Kind.FREE_NUMBERS and number is not None:
-            numbers[name] = number
-        elif isinstance(value, str) and _FREE_FORM[kind].fullmatch(value):
-            texts[name] = value
+        if form is None and number is not None:
+            entries[name] = number
+        elif form is not None and isinstance(value, str) and form.fullmatch(value):
+            entries[name] = value
         else:
-            faults.append(f"{key}.{name} = {_shown(value)}: expected {_FREE_ENTRY[kind]}")
-    values[key] = numbers if kind is Kind.FREE_NUMBERS else texts
+            faults.append(f"{key}.{name} = {_shown(value)}: expected {expected}")
+    return entries
 
 
 def _checked(content: object, kind: Kind) -> str | float | Quantity | None:
     """The value when it is of its kind, else None."""
     if kind is Kind.TEXT:
         return content if isinstance(content, str) and content.strip() else None
-    number = _number(content)
-    if number is not None:
-        return number if number > 0.0 or kind is Kind.DEGREES else None
-    if kind in (Kind.QUANTITY, Kind.DEGREES) and isinstance(content, dict) and set(content) == {"value", "sd"}:
-        value, sd = _number(content["value"]), _number(content["sd"])
-        if value is not None and sd is not None and (value > 0.0 or kind is Kind.DEGREES) and sd > 0.0:
-            return Quantity(value, sd)
-    return None
+    number, sd = _number(content), None
+    if kind is not Kind.POSITIVE and isinstance(content, dict) and set(content) == {"value", "sd"}:
+        number, sd = _number(content["value"]), _number(content["sd"])
+        if sd is None or sd <= 0.0:
+            return None
+    if number is None or (number <= 0.0 and kind is not Kind.DEGREES):
+        return None
+    return number if kind is Kind.POSITIVE else Quantity(number, sd)
 
 
 def _number(content: object) -> float | None:
