@@ -1,6 +1,5 @@
 """The verb `datasets`: what it prints, its exit codes, and what it does not import."""
 
-import argparse
 import json
 import subprocess
 import sys
@@ -8,16 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from fitball.cli.datasets import add_parser, run
+from fitball.cli.datasets import run
+from fitball.cli.main import make_parser
 from fitball.errors import SceneError, TableError
 
 BAD = "v_x1,v_y1,v_x2,v_y2\n15,5,fast,4\n15,5,10,6\n"
 
 
 def call(*words: str) -> int:
-    parser = argparse.ArgumentParser(prog="fitball")
-    add_parser(parser.add_subparsers())
-    return run(parser.parse_args(["datasets", *words]))
+    return run(make_parser().parse_args(["datasets", *words]))
 
 
 def test_list_names_every_table(capsys: pytest.CaptureFixture[str]) -> None:
@@ -134,8 +132,7 @@ def test_help_shows_an_example(words: list[str], capsys: pytest.CaptureFixture[s
 
 def test_parser_imports_nothing_heavy() -> None:
     code = (
-        "import argparse, sys; from fitball.cli.datasets import add_parser;"
-        "add_parser(argparse.ArgumentParser().add_subparsers());"
+        "import sys; from fitball.cli.main import make_parser; make_parser();"
         "print(sorted({'numba', 'scipy', 'pandas', 'matplotlib'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -120,10 +120,7 @@ def test_profiles_that_are_not_stored_are_computed(point_folder, tmp_path, capsy
     ("change", "words"),
     [
         (lambda here: ["plot", str(here), "cornr"], ["unknown figure 'cornr'", "did you mean 'corner'"]),
-        (
-            lambda here: ["plot", str(here), "corner", "--format", "pgn"],
-            ["unknown format 'pgn': did you mean 'png'"],
-        ),
+        (lambda here: ["plot", str(here), "corner", "--format", "pgn"], ["unknown format 'pgn': did you mean 'png'"]),
         (lambda here: ["plot", str(here / "nowhere.json"), "corner"], ["there is no such file"]),
         (lambda here: ["plot", str(here / "run.toml"), "corner"], ["not readable as JSON"]),
         (lambda here: ["plot", str(here), "corner", "--out", str(here / "fit.json")], ["is a file; name a folder"]),
@@ -164,12 +161,7 @@ def test_missing_damaged_and_older_files(small_fit, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("seed = 4", "seed = 5"),
-        ("mass = 0.05", "mass = 0.06"),
-        ('mu = "normal(', 'mu = "lognormal('),
-    ],
+    ("old", "new"), [("seed = 4", "seed = 5"), ("mass = 0.05", "mass = 0.06"), ('mu = "normal(', 'mu = "lognormal(')]
 )
 def test_a_run_of_another_fit_is_refused(small_fit, tmp_path, capsys, old, new):
     here = tmp_path / "fit"

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitball.cli.fitting import add_fitting, choices_of, make_effort
-from fitball.cli.options import add_scheduler, add_verb
+from fitball.cli.options import add_scheduler
 from fitball.cli.progress import time_left
 
 if TYPE_CHECKING:
@@ -28,9 +28,8 @@ table with fit.json (--full: all that calibrate writes). The same line goes on a
 a table failed or a posterior did not converge."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the verb to the command line."""
-    parser = add_verb(subparsers, "batch", run, help=HELP, epilog=EXAMPLE)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the verb may be asked."""
     parser.add_argument(
         "data", nargs="+", metavar="DATA", help="tables, folders of tables, or patterns in quotes ('courts/*.csv')"
     )

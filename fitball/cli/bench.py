@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fitball.cli.options import add_study, add_verb, stages
+from fitball.cli.options import add_study, stages
 
 if TYPE_CHECKING:
     from fitball.studies.bench.clock import Pace
@@ -16,17 +16,16 @@ if TYPE_CHECKING:
 DEFAULT_FOLDER = Path("fits") / "bench"
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the verb `bench`."""
-    parser = add_verb(
-        subparsers, "bench", run,
-        help="speed against error, and where time goes",
-        description="Measure CPU time per impact and per log posterior against error, beside careless and careful "
-        "integrators; effective draws a CPU second beside other samplers, where these are installed "
-        "(pip install 'fitball[bench]'); growth with rows, many tables; time and memory of whole runs. Writes CSV "
-        "files, figures and a summary.",
-        epilog="examples:\n  fitball bench --quick\n  fitball bench --check\n",
-    )  # fmt: skip
+HELP = "speed against error, and where time goes"
+DESCRIPTION = """Measure CPU time per impact and per log posterior against error, beside careless and careful
+integrators; effective draws a CPU second beside other samplers, where these are installed (pip install
+'fitball[bench]'); growth with rows, many tables; time and memory of whole runs. Writes CSV files, figures and a
+summary."""
+EXAMPLE = "examples:\n  fitball bench --quick\n  fitball bench --check\n"
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the verb may be asked."""
     parser.add_argument("--quick", action="store_true", help="a minute or two instead of many")
     parser.add_argument(
         "--check", nargs="?", const=DEFAULT_FOLDER / "ratios.csv", type=Path, metavar="FILE",

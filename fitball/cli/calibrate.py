@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from fitball.cli.fitting import add_fitting, choices_of, make_effort
-from fitball.cli.options import add_verb, reading_of, tell_notes
+from fitball.cli.options import reading_of, tell_notes
 from fitball.errors import ParameterError
 
 HELP = "fit a model to a table of impacts: parameters, uncertainty, verdicts, figures, exported files"
@@ -21,9 +21,8 @@ EXAMPLE = """examples:
 Results go to fits/<table>/<model>/ below the current folder unless --out names another."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the verb to the command line."""
-    parser = add_verb(subparsers, "calibrate", run, help=HELP, epilog=EXAMPLE)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the verb may be asked."""
     parser.add_argument(
         "data", nargs="+", metavar="DATA", help="a table (CSV, workbook, Parquet), or the name of a bundled one"
     )

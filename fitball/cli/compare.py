@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fitball.cli.options import add_reading, add_scheduler, add_verb, reading_of, tell_notes, whole
+from fitball.cli.options import add_reading, add_scheduler, reading_of, tell_notes, whole
 from fitball.errors import ModelError
 
 HELP = "compare models on a table of impacts by predictions of impacts left out"
@@ -22,9 +22,8 @@ Results go to fits/<table>/compare/ below the current folder unless --out names 
 did not converge."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the verb to the command line."""
-    parser = add_verb(subparsers, "compare", run, help=HELP, epilog=EXAMPLE)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the verb may be asked."""
     parser.add_argument("data", metavar="DATA", help="a table (CSV, workbook, Parquet), or the name of a bundled one")
     parser.add_argument("--models", metavar="A,B,...", help="models to compare (default: those that can differ here)")
     parser.add_argument("--config", metavar="FILE.toml", help="scene file (default: the .toml beside DATA)")

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from fitball.cli import known_names
-from fitball.cli.options import add_verb
 from fitball.errors import ParameterError, suggestion
 from fitball.exports.names import FORMAT_NAMES
 from fitball.report.figures.names import FIGURES
@@ -21,6 +20,8 @@ SHELLS = ("bash", "zsh", "fish")
 # Set by the script when the shell asks.
 ASKED = "_ARGCOMPLETE"
 TABLES = (".csv", ".tsv", ".txt", ".parquet", ".xlsx", ".ods")
+HELP = "a script that completes the command line with Tab (bash, zsh, fish)"
+DESCRIPTION = "Print a script with which a shell completes the command line."
 EXAMPLE = """examples:
   eval "$(fitball completion bash)"                                        in ~/.bashrc
   eval "$(fitball completion zsh)"                                         in ~/.zshrc, after compinit
@@ -32,14 +33,8 @@ Then Tab completes verbs, options, tables, result folders, models, closures, par
 Offer = Callable[[str, argparse.Namespace], Iterable[str]]
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the verb `completion`."""
-    parser = add_verb(
-        subparsers, "completion", run,
-        help="a script that completes the command line with Tab (bash, zsh, fish)",
-        description="Print a script with which a shell completes the command line.",
-        epilog=EXAMPLE,
-    )  # fmt: skip
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the verb may be asked."""
     parser.add_argument("shell", metavar="SHELL", help=f"{', '.join(SHELLS[:-1])} or {SHELLS[-1]}")
 
 

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from fitball.data.scene import Scene
     from fitball.data.table import ImpactTable, Notice
 
-_EXAMPLES = """examples:
+HELP = "list, show and check impact tables; list priors from the literature"
+DESCRIPTION = "List the tables that come with fitball, show one, or check a file and name every fault."
+EXAMPLE = """examples:
   fitball datasets list
   fitball datasets show wang_zero_spin.csv
   fitball datasets check my_impacts.csv
@@ -25,14 +27,8 @@ _EXAMPLES = """examples:
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the verb `datasets` with its actions."""
-    parser = add_verb(
-        subparsers, "datasets", run,
-        help="list, show and check impact tables; list priors from the literature",
-        description="List the tables that come with fitball, show one, or check a file and name every fault.",
-        epilog=_EXAMPLES,
-    )  # fmt: skip
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the verb may be asked."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
 
     def action(name: str, text: str, example: str) -> argparse.ArgumentParser:

@@ -6,10 +6,12 @@ import argparse
 import sys
 from pathlib import Path
 
-from fitball.cli.options import add_verb, tell_notes
+from fitball.cli.options import tell_notes
 from fitball.errors import ParameterError, suggestion
 from fitball.exports.names import FORMAT_NAMES, OWNERS
 
+HELP = "a fitted parameter set in another form: C, Python, JavaScript, C#, GDScript, tables, engines"
+DESCRIPTION = "Write a fit in another form. Nothing is fitted or sampled again."
 EXAMPLE = """formats:
   python     a module that needs only math: rebound(v_x1, v_y1, omega_1), with a self-test
   c          a C99 header with the same, self-test under FITBALL_SELF_TEST
@@ -37,14 +39,8 @@ examples:
 Check a port with fitball verify."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the verb to the command line."""
-    parser = add_verb(
-        subparsers, "export", run,
-        help="a fitted parameter set in another form: C, Python, JavaScript, C#, GDScript, tables, engines",
-        description="Write a fit in another form. Nothing is fitted or sampled again.",
-        epilog=EXAMPLE,
-    )  # fmt: skip
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the verb may be asked."""
     parser.add_argument("fit", metavar="FIT", help="a result folder of fitball calibrate, or its fit.json")
     parser.add_argument("--to", metavar="FORMAT", required=True, help=", ".join(FORMAT_NAMES))
     parser.add_argument("--out", metavar="FILE", help="file, or - for stdout (default: a name beside fit.json)")

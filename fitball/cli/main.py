@@ -28,6 +28,7 @@ from fitball.cli import (
     simulate,
     verify,
 )
+from fitball.cli.options import add_verb
 from fitball.cli.parser import Parser
 from fitball.cli.progress import told_of_compiling
 from fitball.cli.visible_stream import visible_streams
@@ -43,7 +44,7 @@ EPILOG = """examples:
   fitball VERB --help                      what a verb does, with an example"""
 
 
-# Each adds its parser, which says what to `run`.
+# Each says what it is (HELP, EXAMPLE, and DESCRIPTION where that is more), what it may be asked, and how it runs.
 VERBS = (
     calibrate, plot, predict, simulate, compare, batch, population, plan, export, verify, repeat, datasets, rederive,
     bench, completion,
@@ -58,7 +59,10 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"fitball {__version__}")
     subparsers = parser.add_subparsers(dest="verb", metavar="VERB", title="verbs")
     for verb in VERBS:
-        verb.add_parser(subparsers)
+        name = verb.__name__.rpartition(".")[2]
+        verb.add_options(
+            add_verb(subparsers, name, verb.run, verb.HELP, verb.EXAMPLE, getattr(verb, "DESCRIPTION", None))
+        )
     return parser
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fitball.cli.options import add_verb, count, pairs, whole
+from fitball.cli.options import count, pairs, whole
 
 HELP = "what to measure next: the impacts and sensors that would tell most"
 DESCRIPTION = """What to measure next, from the posterior of a fit.
@@ -26,9 +26,8 @@ force plate, a camera twice as good and the ITF's drop test are looked at, as fa
 Results go to the folder plan beside fit.json unless --out names another."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the verb to the command line."""
-    parser = add_verb(subparsers, "plan", run, help=HELP, description=DESCRIPTION, epilog=EXAMPLE)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the verb may be asked."""
     parser.add_argument("fit", metavar="FIT", help="a result folder of fitball calibrate, or its fit.json")
     parser.add_argument(
         "--for", dest="target", metavar="TARGET",

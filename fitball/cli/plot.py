@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fitball.cli.options import add_scheduler, add_verb, count, tell_notes
+from fitball.cli.options import add_scheduler, count, tell_notes
 from fitball.errors import ParameterError, suggestion
 from fitball.report.figures.names import FIGURES
 
 KIND_LINES = "\n".join(f"  {name:10}  {text.summary}" for name, text in FIGURES.items())
 FORMATS = ("png", "svg", "pdf")
+HELP = "figures of a fit from its saved files"
+DESCRIPTION = "Draw figures of a fit from fit.json and the draws beside it."
 EXAMPLE = f"""kinds:
 {KIND_LINES}
   all         every one of them that the fit can show
@@ -23,12 +25,8 @@ Nothing is fitted or sampled again. A map of regimes over angle and spin:
   fitball simulate --map --fit FIT"""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the verb `plot`."""
-    drawn = "Draw figures of a fit from fit.json and the draws beside it."
-    parser = add_verb(
-        subparsers, "plot", run, help="figures of a fit from its saved files", description=drawn, epilog=EXAMPLE
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the verb may be asked."""
     parser.add_argument("fit", metavar="FIT", help="a fit.json, or the folder that holds one")
     parser.add_argument("kind", metavar="KIND", help=f"{', '.join(FIGURES)} or all")
     parser.add_argument("--format", default="png", metavar="FORMAT", help="png (default), svg or pdf")

@@ -6,8 +6,6 @@ import argparse
 import sys
 from pathlib import Path
 
-from fitball.cli.options import add_verb
-
 HELP = "what the tables of a batch have in common: mean and spread of a parameter, each table given the others"
 EXAMPLE = """examples:
   fitball population
@@ -19,9 +17,8 @@ population.csv, population.json and the page of the batch anew. Exit code 1 if t
 trusted."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the verb to the command line."""
-    parser = add_verb(subparsers, "population", run, help=HELP, epilog=EXAMPLE)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the verb may be asked."""
     parser.add_argument("folder", nargs="?", metavar="FOLDER", help="result folder of a batch (default: fits/batch)")
     parser.add_argument(
         "--of", metavar="A,B,...", default="",

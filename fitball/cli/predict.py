@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fitball.cli.options import add_columns, add_flip, add_verb, tell_notes, whole
+from fitball.cli.options import add_columns, add_flip, tell_notes, whole
 from fitball.errors import ParameterError
 
 HELP = "predict rebounds of new impacts from a fit, with intervals"
@@ -23,9 +23,8 @@ EXAMPLE = """examples:
   fitball predict fits/wang_topspin/two-mass wang_backspin.csv --out predicted.csv"""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the verb to the command line."""
-    parser = add_verb(subparsers, "predict", run, help=HELP, description=DESCRIPTION, epilog=EXAMPLE)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the verb may be asked."""
     parser.add_argument("fit", metavar="FIT", help="a result folder of fitball calibrate, or its fit.json")
     parser.add_argument("data", metavar="DATA", nargs="?", help="impacts: a table, or the name of a bundled one")
     parser.add_argument(

@@ -6,21 +6,20 @@ import argparse
 import json
 from pathlib import Path
 
-from fitball.cli.options import add_study, add_verb, stages, whole
+from fitball.cli.options import add_study, stages, whole
 
 DEFAULT_FOLDER = Path("fits") / "chapter_five"
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the verb `rederive`."""
-    parser = add_verb(
-        subparsers, "rederive", run,
-        help="Chapter V and Appendices C and D of Jafri (2004) from their tables",
-        description="Recompute the printed tables of Jafri (2004), judge its three best cases against Wang's "
-        "measurements, and write a page. Exit code 1 if a comparison with print no longer gives the counts and "
-        "numbers that it gave when a person last looked.",
-        epilog="example:\n  fitball rederive\n  fitball rederive --out judged --json\n",
-    )  # fmt: skip
+HELP = "Chapter V and Appendices C and D of Jafri (2004) from their tables"
+DESCRIPTION = """Recompute the printed tables of Jafri (2004), judge its three best cases against Wang's measurements,
+and write a page. Exit code 1 if a comparison with print no longer gives the counts and numbers that it gave when a
+person last looked."""
+EXAMPLE = "example:\n  fitball rederive\n  fitball rederive --out judged --json\n"
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the verb may be asked."""
     parser.add_argument("--seed", type=whole, default=1, help="seed of fits and resampling (default: 1)")
     add_study(parser, DEFAULT_FOLDER)
 

@@ -8,7 +8,7 @@ import tempfile
 from contextlib import nullcontext
 from pathlib import Path
 
-from fitball.cli.options import add_cores, add_verb, tell_notes
+from fitball.cli.options import add_cores, tell_notes
 
 HELP = "run a fit again and say whether the result is the same"
 DESCRIPTION = """Run a fit again from its run.toml and compare.
@@ -22,9 +22,8 @@ EXAMPLE = """examples:
   fitball repeat fits/my_balls/grip-slip/run-seed-2.toml --out fits/my_balls/again"""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the verb to the command line."""
-    parser = add_verb(subparsers, "repeat", run, help=HELP, description=DESCRIPTION, epilog=EXAMPLE)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the verb may be asked."""
     parser.add_argument(
         "fit", metavar="FIT",
         help="a result folder of fitball calibrate, its fit.json or run.toml, or a copy of run.toml beside it",

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fitball.cli.options import add_verb, count, pairs, tell_files, tell_notes
+from fitball.cli.options import count, pairs, tell_files, tell_notes
 from fitball.errors import ParameterError, suggestion
 
 if TYPE_CHECKING:
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 FORMATS = ("png", "svg", "pdf")
 DEFAULT_FOLDER = Path("fits") / "simulations"
+HELP = "one impact through time: velocities, spins, forces, slip and grip"
 DESCRIPTION = """Follow one impact through time: compression, velocities, both spins, forces, slip and grip; as a film
 too (--animate). Or map the regimes of contact over angle and spin (--map).
 
@@ -33,14 +34,8 @@ EXAMPLE = """examples:
   fitball simulate --html --fit fits/wang_all/two-mass --out lecture.html"""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the verb `simulate`."""
-    parser = add_verb(
-        subparsers, "simulate", run,
-        help="one impact through time: velocities, spins, forces, slip and grip",
-        description=DESCRIPTION,
-        epilog=EXAMPLE,
-    )  # fmt: skip
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the verb may be asked."""
     parser.add_argument(
         "--impact", metavar="TEXT", help='the impact, e.g. "v=17, theta=18, spin=100" (default: m/s, deg, rad/s)'
     )

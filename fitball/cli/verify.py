@@ -7,7 +7,6 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fitball.cli.options import add_verb
 from fitball.errors import Fault, ParameterError, ResultFolderError, TableError
 
 if TYPE_CHECKING:
@@ -16,6 +15,8 @@ if TYPE_CHECKING:
     from fitball.values import FloatArray
 
 DEFAULT_TOLERANCE = 1e-9
+HELP = "check a port of a fitted model against its golden impacts"
+DESCRIPTION = "Compare the outputs of another program with the golden impacts of a fit."
 EXAMPLE = """PORT.csv holds what the port answers to the golden impacts: columns by name, with units as in impact
 tables (v_x2, v_y2, omega_2, contact_time, v_2, theta_2; without a unit m/s, rad/s, s, deg), any of them, and a
 column id, or the order of the golden impacts. A column regime, if there is one, is compared too.
@@ -31,14 +32,8 @@ examples:
 Exit code 0 if every impact passes, 1 if one fails."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the verb to the command line."""
-    parser = add_verb(
-        subparsers, "verify", run,
-        help="check a port of a fitted model against its golden impacts",
-        description="Compare the outputs of another program with the golden impacts of a fit.",
-        epilog=EXAMPLE,
-    )  # fmt: skip
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the verb may be asked."""
     parser.add_argument("port", metavar="PORT.csv", help="outputs of the port for the golden impacts")
     parser.add_argument("--fit", metavar="FIT", help="result folder or fit.json (default: beside PORT.csv)")
     parser.add_argument(
