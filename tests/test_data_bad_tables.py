@@ -107,10 +107,7 @@ def test_header_faults(tmp_path: Path, header: str, expected: str) -> None:
     ],
 )
 def test_text_in_a_number(tmp_path: Path, cell: str, expected: str) -> None:
-    fault = only(
-        tmp_path,
-        f"{GOOD}\n# this and a blank line shift lines, not rows\n{ROW}15.6,4.8,0,{cell},4.2,239\n",
-    )
+    fault = only(tmp_path, f"{GOOD}\n# this and a blank line shift lines, not rows\n{ROW}15.6,4.8,0,{cell},4.2,239\n")
     assert (fault.row, fault.line, fault.column) == (2, 5, "v_x2")
     assert expected in fault.message
 

@@ -156,12 +156,7 @@ def test_polar_columns_give_the_same_balances(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("pair", ["v_x2,theta_2", "v_y2,theta_2", "v_x2,v_2"])
 def test_mixed_columns_give_the_same_values(tmp_path: Path, pair: str) -> None:
-    cells = {
-        "v_x2": 9.0,
-        "v_y2": 4.0,
-        "v_2": float(np.hypot(9, 4)),
-        "theta_2": float(np.degrees(np.arctan2(4, 9))),
-    }
+    cells = {"v_x2": 9.0, "v_y2": 4.0, "v_2": float(np.hypot(9, 4)), "theta_2": float(np.degrees(np.arctan2(4, 9)))}
     by_parts = made(tmp_path, FULL, [(12, 5, 0, 9, 4, 200)] * 2)
     row = (12, 5, 0, *(cells[name] for name in pair.split(",")), 200)
     mixed = made(tmp_path, f"v_x1,v_y1,omega_1,{pair},omega_2", [row] * 2)

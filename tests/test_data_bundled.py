@@ -163,12 +163,7 @@ def test_an_installed_package_carries_its_tables(tmp_path: Path) -> None:
     )
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=tmp_path,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=True,
+        [sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
     )
     folder = tmp_path / "fitball" / "_datasets"
     assert done.stdout.splitlines() == [str(folder / "wang_all.csv"), str(folder / "wang_all.toml")]

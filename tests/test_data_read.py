@@ -132,14 +132,7 @@ def test_a_negative_incident_angle_is_turned_once(tmp_path: Path) -> None:
     ],
 )
 def test_each_quantity_counts_once(tmp_path: Path, columns: str, counted: str, redundant: str) -> None:
-    cells = {
-        "v_x2": "6",
-        "v_y2": "4.5",
-        "v_2": "7.5",
-        "theta_2": "36.87",
-        "omega_2": "100",
-        "contact_time": "0.005",
-    }
+    cells = {"v_x2": "6", "v_y2": "4.5", "v_2": "7.5", "theta_2": "36.87", "omega_2": "100", "contact_time": "0.005"}
     names = columns.split()
     row = ",".join(cells[name] for name in names)
     table = read(tmp_path, f"v_x1,v_y1,omega_1,{','.join(names)}\n10,6,0,{row}\n10,6,0,{row}\n")
@@ -199,8 +192,7 @@ def test_rebound_spin_without_incident_spin_says_what_is_assumed(tmp_path: Path)
 
 def test_a_ball_may_bounce_back(tmp_path: Path) -> None:
     table = read(
-        tmp_path,
-        "v_x1,v_y1,omega_1,v_x2,v_y2,v_2,theta_2\n3,10,-500,-3,4,5,126.87\n3,10,-500,-3,4,5,126.87\n",
+        tmp_path, "v_x1,v_y1,omega_1,v_x2,v_y2,v_2,theta_2\n3,10,-500,-3,4,5,126.87\n3,10,-500,-3,4,5,126.87\n"
     )
     assert table.notices == ()
 

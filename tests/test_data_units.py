@@ -37,12 +37,7 @@ EXACT = {
     "ft": Fraction(254, 10000) * 12,
     "lbf": Fraction(45359237, 10**8) * Fraction(980665, 10**5),
 }
-TURNS = {
-    "deg": Fraction(1, 360),
-    "deg/s": Fraction(1, 360),
-    "rev/s": Fraction(1),
-    "rpm": Fraction(1, 60),
-}
+TURNS = {"deg": Fraction(1, 360), "deg/s": Fraction(1, 360), "rev/s": Fraction(1), "rpm": Fraction(1, 60)}
 
 
 def test_factors_are_the_definitions() -> None:

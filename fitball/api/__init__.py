@@ -14,21 +14,6 @@ from fitball.api.simulating import Course
 from fitball.api.verbs import export, plan, plot, predict, simulate
 
 __all__ = [
-    "Checked",
-    "Comparison",
-    "Course",
-    "Fit",
-    "Plan",
-    "Run",
-    "begin",
-    "calibrate",
-    "check",
-    "compare",
-    "export",
-    "load_fit",
-    "plan",
-    "plot",
-    "pose",
-    "predict",
-    "simulate",
-]
+    "Checked", "Comparison", "Course", "Fit", "Plan", "Run", "begin", "calibrate", "check", "compare", "export",
+    "load_fit", "plan", "plot", "pose", "predict", "simulate",
+]  # fmt: skip

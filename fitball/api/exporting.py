@@ -30,30 +30,24 @@ class Exported:
     note: str = ""
     tree: xr.DataTree | None = None
 
-    def places(self, out: Path) -> dict[str, Path]:
-        """Where each ending goes: in a folder under the name of the form, else as named; of several, the endings
-        follow the stem of what was named.
+    def write(self, out: Path, overwrite: bool = False) -> tuple[Path, ...]:
+        """Write the files, each whole or not at all: in a folder under the name of the form, else as named; of
+        several, the endings follow the stem of what was named. Raises ResultFolderError, for files that exist too
+        unless they may be replaced.
         """
         endings = [*self.texts] if self.tree is None else [".nc"]
         if out.is_dir():
-            return {ending: out / f"{self.stem}{ending}" for ending in endings}
-        if len(endings) == 1:
-            return dict.fromkeys(endings, out)
-        return {ending: out.with_suffix(ending) for ending in endings}
-
-    def write(self, out: Path, overwrite: bool = False) -> tuple[Path, ...]:
-        """Write the files, each whole or not at all. Raises ResultFolderError, for files that exist too unless they
-        may be replaced.
-        """
-        places = self.places(out)
-        for place in places.values():
+            places = tuple(out / f"{self.stem}{ending}" for ending in endings)
+        else:
+            places = (out,) if len(endings) == 1 else tuple(out.with_suffix(ending) for ending in endings)
+        for place in places:
             refuse_existing(place, overwrite)
-        for ending, place in places.items():
+        for ending, place in zip(endings, places, strict=True):
             if self.tree is None:
                 write_text(place, self.texts[ending])
             else:
                 write_whole(place, self._write_tree)
-        return tuple(places.values())
+        return places
 
     def _write_tree(self, place: Path) -> None:
         assert self.tree is not None

@@ -75,11 +75,7 @@ class Foretold:
 
 
 def new_impacts(
-    data: Any,
-    ball: Ball,
-    units: Mapping[str, str] | None,
-    flip: Sequence[str],
-    columns: Mapping[str, str] | None,
+    data: Any, ball: Ball, units: Mapping[str, str] | None, flip: Sequence[str], columns: Mapping[str, str] | None
 ) -> New:
     """What a caller hands over as impacts to predict; see `Fit.predict`. Raises as reading does, ParameterError for
     what is none.
