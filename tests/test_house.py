@@ -144,22 +144,23 @@ def test_the_compile_cache_expires_when_a_called_kernel_changes(tmp_path):
 
     shutil.copytree(ROOT / "fitball", tmp_path / "fitball", ignore=shutil.ignore_patterns("__pycache__"))
     code = (
-        "import sys\nsys.path.insert(0, '.')\nfrom fitball.models.kernels.oscillator import oscillator\n"
+        "import sys\nsys.path.insert(0, '.')\nfrom fitball.models.kernels.bounce_history import vertical_at\n"
+        "from fitball.models.kernels.quantities import Oscillator\n"
         "from fitball.models.kernels.first_compile import when_compiling\ntold = []\nwhen_compiling(told.append)\n"
-        "print(oscillator(1.0, 4.0, 5.0).frequency, *(one and one.kernel for one in told))"
+        "print(vertical_at(Oscillator(1.0, 4.0, 5.0, 2.0), 1.0, 0.5)[0], *(one and one.kernel for one in told))"
     )
     env = {"PATH": "", "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "NUMBA_NUM_THREADS": "1"}
     first = python(code, cwd=tmp_path, env=env)
     callee = tmp_path / "fitball" / "models" / "kernels" / "dual.py"
     text = callee.read_text(encoding="utf-8")
-    line = "return carry(abs(x.real), x,"
+    line = "return carry(math.sin(x.real), x,"
     assert line in text
-    callee.write_text(text.replace(line, line.replace("abs", "0.25 * abs")), encoding="utf-8")
+    callee.write_text(text.replace(line, line.replace("math.sin", "0.5 * math.sin")), encoding="utf-8")
     second = python(code, cwd=tmp_path, env=env)
     (value, *known), (other_value, *stale) = first.stdout.split(), second.stdout.split()
     assert float(value) == pytest.approx(2.0 * float(other_value)), first.stderr + second.stderr
     # What is compiled is told, and that it is done; what comes from disk is not.
-    assert known == stale == ["oscillator", "None"]
+    assert known == stale == ["vertical_at", "None"]
     assert python(code, cwd=tmp_path, env=env).stdout.split()[1:] == []
     other = python(
         "import fitball.models.kernels.batch as b; print(len(b.bounce_batch._cache._cache_file._source_stamp))"

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.inference.likelihood.ahead import compile_ahead
 from fitball.inference.likelihood.density_kernels import log_densities
 from fitball.inference.likelihood.force import force_log_likelihood
 from fitball.inference.likelihood.incident_marginal import marginal_terms
@@ -54,7 +55,9 @@ def layout_of(problem: Problem) -> Layout | None:
     """The layout of a problem, made once; None where its density is not compiled."""
     key = id(problem)
     if key not in _layouts:
-        _layouts[key] = None if why_not_compiled(problem) else laid_out(problem, call_of(problem))
+        _layouts[key] = layout = None if why_not_compiled(problem) else laid_out(problem, call_of(problem))
+        if layout is not None:
+            compile_ahead(layout, problem.threads)
         weakref.finalize(problem, _layouts.pop, key)
     return _layouts[key]
 

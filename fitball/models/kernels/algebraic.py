@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.models.kernels.compiled import compiled
+from fitball.models.kernels.compiled import compiled, inner
 from fitball.models.kernels.dual import Number, NumberArray
 from fitball.models.kernels.phases import GRIP, SLIDE_BACKWARD, SLIDE_FORWARD
 from fitball.models.kernels.restitution import ANCHOR_SPEED, saturating_restitution
@@ -28,7 +28,7 @@ COR_OUT_OF_RANGE = int(Status.COR_OUT_OF_RANGE)
 REBOUND_FALLS = int(Status.REBOUND_FALLS)
 
 
-@compiled
+@inner
 def algebraic_bounce(
     row: NumberArray, v_x: Number, v_y: Number, omega: Number
 ) -> tuple[int, Number, Number, Number, int]:

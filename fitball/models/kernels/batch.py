@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fitball.models.kernels.alone import BOUNCE
 from fitball.models.kernels.bounce import COLUMNS, OK, TANGENTIAL, TORSION, TORSION_RIGID, vertical_motion
 from fitball.models.kernels.compiled import calling, inner
-from fitball.models.kernels.entry import Entry
+from fitball.models.kernels.entry import Entry, read_only
 from fitball.models.kernels.lanes.contact import (
     CONTACT_TIME,
     OMEGA_2,
@@ -109,17 +109,10 @@ def bounce_batch(
     return careful
 
 
-def _given(shape: tuple[int, ...]) -> FloatArray:
-    """An array as impacts have it."""
-    column = np.zeros(shape)
-    column.flags.writeable = False
-    return column
-
-
 BATCH = Entry(
     bounce_batch,
     (
-        np.zeros((1, len(COLUMNS))), np.zeros(TANGENTIAL + 1, dtype=np.int64), *(_given((1, 1)) for _ in range(4)),
+        np.zeros((1, len(COLUMNS))), np.zeros(TANGENTIAL + 1, dtype=np.int64), *(read_only((1, 1)) for _ in range(4)),
         np.zeros((4, 1, 1)), np.zeros((1, 1), dtype=np.int64), np.zeros((1, 1), dtype=np.int8),
     ),
     0,

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.models.kernels.compiled import compiled, inlined, inner
+from fitball.models.kernels.compiled import inlined, inner
 from fitball.models.kernels.contact import vertical_contact
 from fitball.models.kernels.dual import Number, NumberArray, sqrt
 from fitball.models.kernels.oscillator import oscillator
@@ -59,14 +59,14 @@ NO_INERTIA = int(Status.NO_INERTIA)
 REBOUND_FALLS = int(Status.REBOUND_FALLS)
 
 
-@compiled
+@inner
 def tied_inertia_split(mass_ratio: Number) -> Number:
     """`I1/I` of a solid core in a thin shell (Eqs 67 and 69 with their fractions in the right order)."""
     core = 0.4 * CORE_RADIUS_RATIO * CORE_RADIUS_RATIO * mass_ratio
     return core / (core + 2.0 / 3.0 * (1.0 - mass_ratio))
 
 
-@compiled
+@inner
 def tied_shell_share(mass_ratio: Number) -> Number:
     """`1 - I1/I` of `tied_inertia_split`, to full precision where the shell is light."""
     shell = 2.0 / 3.0 * (1.0 - mass_ratio)

@@ -26,6 +26,7 @@ from fitball.models.kernels.bounce import (
 )
 from fitball.models.kernels.compiled import calling, inlined, inner_allocating
 from fitball.models.kernels.dual import STEP
+from fitball.models.kernels.entry import Entry, read_only
 from fitball.models.kernels.gradient import SLOPES, GradientArray, gradient_array
 from fitball.models.kernels.oscillator import SERIES_LENGTH
 from fitball.models.kernels.phases import PIECE_SIZE
@@ -132,3 +133,13 @@ def jacobian_batch(
                         slopes[i, j, output, first + place] = carrying.rebound[output, 1 + place] / STEP
             if codes[RESTITUTION] != COR_MEASURED:
                 slopes[i, j, :, COR] = 0.0
+
+
+JACOBIAN = Entry(
+    jacobian_batch,
+    (
+        np.zeros((1, len(COLUMNS))), np.zeros((1, 1, len(COLUMNS))), np.zeros(TANGENTIAL + 1, dtype=np.int64),
+        *(read_only((1, 1)) for _ in range(4)), np.zeros((1, 1, 4, INPUTS)),
+    ),
+    None,
+)  # fmt: skip

@@ -13,7 +13,6 @@ from numba.core import event
 from fitball.models.kernels import first_compile
 from fitball.models.kernels.entry import Entry
 from fitball.models.kernels.link_only import LinkOnlyCompiler
-from fitball.models.kernels.typing_memo import TypingMemo
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -49,18 +48,18 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def inner(function: Callable[P, R]) -> Callable[P, R]:
-    """As `compiled`, for what kernels alone call; from Python it raises TypeError."""
-    return cast("Callable[P, R]", _without_entry(_compile(function, INNER)))
+    """As `compiled`, for what kernels call: linked into them, not kept on disk; called from Python it is Python."""
+    return cast("Callable[P, R]", _inner(function, INNER))
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
     """As `inner`, always expanded where it is called: for what is apart for order's sake, called once or twice."""
-    return cast("Callable[P, R]", _without_entry(_compile(function, {**INNER, "forceinline": True})))
+    return cast("Callable[P, R]", _inner(function, {**INNER, "forceinline": True}))
 
 
 def inner_allocating(function: Callable[P, R]) -> Callable[P, R]:
     """As `inner`, for kernels that make arrays."""
-    return cast("Callable[P, R]", _without_entry(_compile(function, {**INNER, "_nrt": True})))
+    return cast("Callable[P, R]", _inner(function, {**INNER, "_nrt": True}))
 
 
 def compiled_allocating(function: Callable[P, R]) -> Callable[P, R]:
@@ -76,9 +75,16 @@ def calling(*entries: Entry[..., Any]) -> Callable[[Callable[P, R]], Callable[P,
         alone = dispatcher.compile
 
         def compile_with(signature: Any) -> Any:
+            if on_disk(dispatcher, signature):
+                for entry in entries:
+                    entry.link()
             for entry in entries:
-                entry.link()
-            return alone(signature)
+                entry.named += 1
+            try:
+                return alone(signature)
+            finally:
+                for entry in entries:
+                    entry.named -= 1
 
         dispatcher.compile = compile_with
         return cast("Callable[P, R]", dispatcher)
@@ -92,7 +98,7 @@ def apart(function: Callable[P, R]) -> Callable[P, R]:
     return cast("Callable[P, R]", _without_entry(_compile(function, options)))
 
 
-def _compile(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+def _made(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     njit: Any = numba.njit
     common = {"nogil": True, "error_model": "numpy"}
     try:
@@ -100,24 +106,43 @@ def _compile(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     except KeyError:
         # The option is numba's own affair; a numba without it counts references, which costs time only.
         dispatcher = njit(**common)(function)
+    _blind_to_literals(dispatcher)
+    return dispatcher
+
+
+def _inner(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    # Two processes may compile kernels that call the same inner one: on disk their copies would be mixed up.
+    return _without_entry(_made(function, options))
+
+
+def _compile(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    dispatcher = _made(function, options)
     try:
         dispatcher.enable_caching()
     except RuntimeError:
         # Neither the folder of the sources nor that of the user can be written to: each run compiles for itself.
         return dispatcher
     _depend_on_all_kernels(dispatcher)
-    _blind_to_literals(dispatcher)
     return dispatcher
 
 
+def on_disk(kernel: Any, kinds: Any) -> bool:
+    """Whether there is a kernel on disk that is compiled for these kinds of arguments."""
+    if not kept(kernel):
+        return False
+    cache = kernel._cache
+    return cache._index_key(kinds, kernel.targetctx.codegen()) in cache._cache_file._load_index()
+
+
+def kept(kernel: Any) -> bool:
+    """Whether a kernel that is compiled is kept on disk."""
+    return hasattr(kernel._cache, "_cache_file")
+
+
 def _without_entry(dispatcher: Any) -> Any:
-    """Refuse calls from Python: numba would jump to the entry point that is not there."""
-
-    def refuse(*_args: Any, **_named: Any) -> None:
-        raise TypeError(f"{dispatcher.py_func.__name__} is compiled for kernels only; from Python call its py_func")
-
+    """Let calls from Python run the function as it is written: the compiled one has no way in for them."""
     dispatcher._insert = lambda *_entry: None
-    dispatcher._compile_for_args = refuse
+    dispatcher._compile_for_args = lambda *_args, **_named: dispatcher.py_func
     return dispatcher
 
 
@@ -138,7 +163,6 @@ class _Compilations(event.Listener):
     def __init__(self) -> None:
         self.kernels: list[bool] = []
         self.collected = False
-        self.memo = TypingMemo()
 
     def on_start(self, event: Any) -> None:
         """A function is about to be compiled, perhaps for one that is being compiled."""
@@ -149,14 +173,12 @@ class _Compilations(event.Listener):
             # A compiler makes little but objects that stay: a seventh of its time went into looking through them.
             self.collected = gc.isenabled()
             gc.disable()
-            self.memo.use()
             folder = dispatcher.stats.cache_path
             first_compile.tell(first_compile.Compiling(dispatcher.py_func.__name__, folder))
 
     def on_end(self, event: Any) -> None:  # noqa: ARG002 - numba's face
         """It is compiled, or failed."""
         if self.kernels.pop():
-            self.memo.leave()
             if self.collected:
                 gc.enable()
             first_compile.tell(None)

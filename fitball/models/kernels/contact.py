@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from fitball.models.kernels.compiled import compiled, inner
+from fitball.models.kernels.compiled import inner
 from fitball.models.kernels.dual import Number, carry, cos, cosh, log, sin, sinh, sqrt
 from fitball.models.types import Status
 
@@ -90,7 +90,7 @@ def squared_angle(x: Number) -> Number:
     return carry(z, x, 1.0 / slope)
 
 
-@compiled
+@inner
 def zero_force_release(e: Number) -> tuple[Number, Number, Number]:
     """Damping for which the core leaves at restitution `e` when its force returns to zero.
 
@@ -130,7 +130,7 @@ def zero_displacement_release(e: Number) -> tuple[Number, Number, Number, Number
     return zeta, root * root, 2.0 * angle / root, math.pi / root
 
 
-@compiled
+@inner
 def vertical_contact(
     cor: Number, cor_over_e: Number, natural_squared: Number, zero_force: bool
 ) -> tuple[int, Number, Number, Number, Number]:

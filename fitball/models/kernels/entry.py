@@ -9,9 +9,12 @@ from typing import Any, Generic, ParamSpec, TypeVar, cast
 
 import llvmlite.binding as llvm
 import numba
+import numpy as np
 from numba.core import cgutils
 from numba.core.typing.templates import Signature as Kinds
 from numba.extending import intrinsic
+
+from fitball.values import FloatArray
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -19,7 +22,8 @@ R = TypeVar("R")
 
 class Entry(Generic[P, R]):
     """A compiled kernel that the linker knows by name, for one kind of arguments: of these and of the result it is
-    given examples. Kernels that `call` it name it in their decorator, `calling`, so that it is linked before them.
+    given examples. Kernels that `call` it name it in their decorator, `calling`, so that it is linked before them
+    where these come from disk; where they are compiled it is linked last, when another process may have compiled it.
     """
 
     def __init__(self, kernel: Callable[P, R], arguments: Sequence[Any], result: R) -> None:
@@ -27,6 +31,8 @@ class Entry(Generic[P, R]):
         self.name = f"fitball.{self.kernel.__name__}"
         self.signature = Kinds(numba.typeof(result), tuple(map(numba.typeof, arguments)), None)
         self.call = cast("Callable[P, R]", intrinsic(self._typed()))
+        # How many of the kernels that are being compiled name it.
+        self.named = 0
         self._linked = False
 
     def link(self) -> None:
@@ -47,8 +53,8 @@ class Entry(Generic[P, R]):
         """The call, as numba wants it from `intrinsic`."""
 
         def typed(_context: Any, *_kinds: Any) -> Any:
-            if not self._linked:
-                # The code would call nothing, and end the process.
+            if not self.named:
+                # From disk the code would call nothing, and end the process.
                 raise numba.TypingError(f"{self.name} is not linked: name it in @calling")
             return self.signature, self._emit
 
@@ -57,6 +63,7 @@ class Entry(Generic[P, R]):
         return typed
 
     def _emit(self, context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+        self.link()
         conventions, given, taken = context.call_conv, self.signature.return_type, self.signature.args
         kind = conventions.get_function_type(given, taken)
         function = cgutils.get_or_insert_function(builder.module, kind, self.name)
@@ -64,3 +71,10 @@ class Entry(Generic[P, R]):
         with cgutils.if_unlikely(builder, status.is_error):
             conventions.return_status_propagate(builder, status)
         return result
+
+
+def read_only(shape: tuple[int, ...]) -> FloatArray:
+    """An array as kernels are given impacts."""
+    array = np.zeros(shape)
+    array.flags.writeable = False
+    return array

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 
-from fitball.models.kernels.compiled import compiled, inner
+from fitball.models.kernels.compiled import inner
 from fitball.models.kernels.dual import Number, NumberArray, choose
 from fitball.models.kernels.oscillator import series_value, shift_swing, swing_at
 from fitball.models.kernels.quantities import Basis, Oscillator, Oscillators, Series, Stack, Swing
@@ -130,7 +130,7 @@ def bernstein(
     return f0 + d0, f0 + 2.0 * d0 + s0, f1 - 2.0 * d1 + s1, f1 - d1
 
 
-@compiled
+@inner
 def zero_free(order: int, b0: float, b1: float, b2: float, b3: float, b4: float, b5: float, error: float) -> bool:
     """Whether f > 0 on the interval is proved; `order` counts the zeros known to sit at its left end.
 
@@ -144,7 +144,7 @@ def zero_free(order: int, b0: float, b1: float, b2: float, b3: float, b4: float,
     return min(min(10.0 * b2, 10.0 / 3.0 * b3), min(5.0 / 3.0 * b4, b5)) > error * (1.0 / 6826.0)
 
 
-@compiled
+@inner
 def falls_once(b0: float, b1: float, b2: float, b3: float, b4: float, b5: float, error: float) -> bool:
     """Whether f decreases throughout the interval is proved: then a sign change means one zero."""
     steepest = max(max(b1 - b0, b2 - b1), max(b3 - b2, max(b4 - b3, b5 - b4)))

@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.models.kernels.bounce import OK, vertical_motion
-from fitball.models.kernels.compiled import compiled, compiled_allocating
+from fitball.models.kernels.compiled import compiled_allocating, inner
 from fitball.models.kernels.dual import Number, NumberArray
 from fitball.models.kernels.oscillator import swing_at
 from fitball.models.kernels.quantities import VerticalMotion
 from fitball.values import FloatArray
 
 
-@compiled
+@inner
 def spring_integrals(vertical: VerticalMotion[Number], v_y: Number, t: Number) -> tuple[Number, Number]:
     """`(P, Q)` [N s, N s^2] at a time `t` during the contact."""
     swing = swing_at(vertical.spring, t)

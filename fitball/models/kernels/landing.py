@@ -8,12 +8,12 @@ one (`I_s = I`).
 
 from __future__ import annotations
 
-from fitball.models.kernels.compiled import compiled, inlined
+from fitball.models.kernels.compiled import inlined, inner
 from fitball.models.kernels.dual import Number
 from fitball.models.kernels.quantities import Contact
 
 
-@compiled
+@inner
 def friction_impulse(
     slip: Number, impulse: Number, mu: Number, drive_slide: Number, drive_grip: Number, compliance: Number
 ) -> tuple[Number, Number, Number, float]:

@@ -24,7 +24,7 @@ IDLE = (
 
 
 class LinkOnlyLibrary(codegen.JITCodeLibrary):
-    """Compiled code that is kept as LLVM's bitcode, for the libraries it is linked into."""
+    """Code for the libraries it is linked into."""
 
     def _optimize_final_module(self) -> None:
         """Leave it to these."""
@@ -33,10 +33,6 @@ class LinkOnlyLibrary(codegen.JITCodeLibrary):
         self._finalize_dynamic_globals()
         self._verify_declare_only_symbols()
         self._finalized = True
-
-    def serialize_using_object_code(self) -> Any:
-        """What the cache on disk keeps: there is no object code."""
-        return self.serialize_using_bitcode()
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)

@@ -13,7 +13,7 @@ pole of the other. There the partial fractions cancel, and a Taylor series (`ser
 
 from __future__ import annotations
 
-from fitball.models.kernels.compiled import compiled, inner
+from fitball.models.kernels.compiled import inner
 from fitball.models.kernels.dual import Number, NumberArray, cos, exp, magnitude, sin, sqrt
 from fitball.models.kernels.quantities import Oscillator, Oscillators, Swing
 
@@ -30,7 +30,7 @@ SERIES_REACH = 4.0
 SERIES_LENGTH = 44
 
 
-@compiled
+@inner
 def oscillator(decay: Number, damped_squared: Number, natural_squared: Number) -> Oscillator[Number]:
     """An oscillator whose squared frequencies are both known."""
     return Oscillator(decay, damped_squared, natural_squared, sqrt(magnitude(damped_squared)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from fitball.models.kernels.compiled import compiled
+from fitball.models.kernels.compiled import inner
 from fitball.models.kernels.dual import Number, exp, log, log1p
 
 # Speed at which every law has the value `cor_10` and the slope `cor_slope` [m/s].
@@ -13,7 +13,7 @@ ANCHOR_SPEED = 10.0
 LARGE = 600.0
 
 
-@compiled
+@inner
 def saturating_restitution(cor_10: Number, cor_slope: Number, cap: Number, v_y: Number) -> Number:
     """A restitution within (0, `cap`) at every speed whose rebound speed `COR v_y` grows at every speed.
 

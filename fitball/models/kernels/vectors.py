@@ -66,6 +66,9 @@ def operation(function: Any, own: type[types.Type], kinds: list[tuple[Any, ...]]
     """
 
     class Template(AbstractTemplate):
+        # Asked before those of any target: there are dozens for an operator.
+        metadata = {"target": "cpu"}  # noqa: RUF012 - numba's face
+
         def generic(self, args: Any, kws: Any) -> Any:  # noqa: ARG002 - numba's face
             if any(isinstance(kind, own) for kind in args) and any(_fit(args, wanted) for wanted in kinds):
                 return signature(result, *args)
