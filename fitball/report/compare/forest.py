@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from fitball.inference.problem.parameters import NOISE_SPECS
-from fitball.inference.results.assumptions import Quantity, Summary
+from fitball.inference.results.assumptions import Quantity
 from fitball.models.registry import parameter_spec
 from fitball.report.compare.figure import broken
 from fitball.report.figures.canvas import log_scale, new_figure
@@ -21,38 +20,6 @@ from fitball.report.form.palette import FAINT, MODEL
 
 STACKED = "stacked mixture"
 PANELS, TICKS = 4, 4
-
-
-@dataclass(frozen=True)
-class Bar:
-    """One line of a panel: median and ends of the 68 % (to first order) and 95 % intervals, in the panel's unit."""
-
-    row: int
-    median: float
-    sd: float
-    low: float
-    high: float
-    as_good: bool
-
-
-def forest_bars(quantity: Quantity, name: str, models: Sequence[str]) -> tuple[Bar, ...]:
-    """The bars of one quantity, at the rows of the models, the mixture below them; none for those without it."""
-    factor = handy(name, quantity.unit).factor
-    known: dict[str, Summary] = dict(quantity.by_model)
-    if quantity.stacked is not None:
-        known[STACKED] = quantity.stacked
-    return tuple(
-        Bar(
-            row,
-            item.median * factor,
-            item.sd * factor,
-            item.q025 * factor,
-            item.q975 * factor,
-            model == STACKED or model in quantity.as_good,
-        )
-        for row, model in enumerate([*models, STACKED])
-        if (item := known.get(model)) is not None
-    )
 
 
 def shown(quantities: Mapping[str, Quantity]) -> list[str]:
@@ -67,10 +34,10 @@ def forest_figure(quantities: Mapping[str, Quantity], models: Sequence[str], tit
     down = -(-len(names) // across)
     figure = new_figure(2.2 + 2.5 * across, 1.2 + down * (0.7 + 0.27 * (len(models) + 1)))
     panels = figure.subplots(down, across, sharey=True, squeeze=False)
-    labels = [broken(name) for name in models]
+    labels = [*(broken(name) for name in models), STACKED]
     for panel, name in zip(panels.flat, names, strict=False):
-        _draw(panel, name, quantities[name], forest_bars(quantities[name], name, models), len(models))
-        panel.set_yticks(range(len(models) + 1), [*labels, STACKED], fontsize=7)
+        _draw(panel, name, quantities[name], models)
+        panel.set_yticks(range(len(labels)), labels, fontsize=7)
         panel.set_ylim(len(models) + 0.6, -0.6)
     for panel in list(panels.flat)[len(names) :]:
         panel.set_axis_off()
@@ -78,16 +45,22 @@ def forest_figure(quantities: Mapping[str, Quantity], models: Sequence[str], tit
     return figure
 
 
-def _draw(panel: Axes, name: str, quantity: Quantity, bars: Sequence[Bar], count: int) -> None:
+def _draw(panel: Axes, name: str, quantity: Quantity, models: Sequence[str]) -> None:
+    """Median, 68 % (to first order) and 95 % interval under each model that has the quantity, and in the mixture."""
+    factor, count = handy(name, quantity.unit).factor, len(models)
     if quantity.span is not None:
-        factor = handy(name, quantity.unit).factor
         panel.axvspan(quantity.span.low * factor, quantity.span.high * factor, color="0.92", linewidth=0)
-    for bar in bars:
-        colour = MODEL if bar.as_good else FAINT
-        panel.plot([bar.low, bar.high], [bar.row, bar.row], color=colour, linewidth=1.0)
-        thick = max(bar.low, bar.median - bar.sd), min(bar.high, bar.median + bar.sd)
-        panel.plot(thick, [bar.row, bar.row], color=colour, linewidth=3.0)
-        panel.plot(bar.median, bar.row, "D" if bar.row == count else "o", color=colour, markersize=4.5)
+    ends: list[float] = []
+    for row, model in enumerate([*models, STACKED]):
+        item = quantity.stacked if row == count else quantity.by_model.get(model)
+        if item is None:
+            continue
+        colour = MODEL if row == count or model in quantity.as_good else FAINT
+        median, sd, low, high = (value * factor for value in (item.median, item.sd, item.q025, item.q975))
+        panel.plot([low, high], [row, row], color=colour, linewidth=1.0)
+        panel.plot([max(low, median - sd), min(high, median + sd)], [row, row], color=colour, linewidth=3.0)
+        panel.plot(median, row, "D" if row == count else "o", color=colour, markersize=4.5)
+        ends += [low, high]
     panel.axhline(count - 0.5, color="0.5", linewidth=0.8)
     panel.grid(alpha=0.3, axis="x")
     panel.tick_params(axis="x", labelsize=8)
@@ -98,7 +71,7 @@ def _draw(panel: Axes, name: str, quantity: Quantity, bars: Sequence[Bar], count
     else:
         shown = parameter_axis(spec)
     if shown.logarithmic:
-        log_scale(panel, *shown.margins(min(bar.low for bar in bars), max(bar.high for bar in bars)))
+        log_scale(panel, *shown.margins(min(ends), max(ends)))
     else:
         panel.xaxis.set_major_locator(MaxNLocator(TICKS))
     panel.set_xlabel(shown.label, fontsize=9)

@@ -10,7 +10,6 @@ import numpy as np
 from fitball.inference.comparison.cross_validation import IMPACTS
 from fitball.inference.comparison.results import Comparison, ModelScore
 from fitball.inference.prediction.outputs import measured_outputs
-from fitball.inference.results.results import Verdict
 from fitball.report.compare.rows import (
     assumption_table,
     error_table,
@@ -29,8 +28,9 @@ from fitball.report.compare.text import (
     untold,
 )
 from fitball.report.compare.words import sentences
-from fitball.report.figures.embed import PageFigure, embed
+from fitball.report.figures.embed import embed
 from fitball.report.form.display_units import output_scale
+from fitball.report.form.palette import verdict_html
 from fitball.report.form.rounding import fixed
 from fitball.report.form.template import render_template
 from fitball.report.saved.fit_text import versions_line
@@ -78,16 +78,15 @@ def compare_page(comparison: Comparison, images: Mapping[str, bytes], command: s
     said, held_out, known = sentences(comparison), held_out_table(comparison), remarks(comparison)
     beyond = extrapolation_table(comparison)
     adequate, assumed = adequacy_lines(comparison), assumption_table(comparison)
-    absent = {
-        "adequacy": not adequate,
-        "parameters": not assumed and "forest" not in images,
-        "predictions": held_out is None,
-        "notes": not known,
+    there = {
+        "adequacy": adequate,
+        "parameters": assumed or "forest" in images,
+        "predictions": held_out,
+        "notes": known,
     }
-    shown: dict[str, PageFigure | None] = {"forest": None}
-    shown["ranking"] = embed(images["ranking"], RANKING_CAPTION, _ranking_alt(comparison))
+    figures = {"ranking": embed(images["ranking"], RANKING_CAPTION, _ranking_alt(comparison))}
     if "forest" in images:
-        shown["forest"] = embed(images["forest"], FOREST_CAPTION, _forest_alt(comparison))
+        figures["forest"] = embed(images["forest"], FOREST_CAPTION, _forest_alt(comparison))
     return render_template(
         "fitball.report",
         "compare.html.j2",
@@ -95,9 +94,9 @@ def compare_page(comparison: Comparison, images: Mapping[str, bytes], command: s
         heading=heading(comparison),
         headline=said[0],
         points=said[1:],
-        contents=[(name, title) for name, title in SECTIONS.items() if not absent.get(name, False)],
+        contents=[(name, title) for name, title in SECTIONS.items() if there.get(name, True)],
         sections=SECTIONS,
-        figures=shown,
+        figures=figures,
         scores=score_table(comparison),
         legend=LEGEND,
         adequacy=adequate,
@@ -108,7 +107,6 @@ def compare_page(comparison: Comparison, images: Mapping[str, bytes], command: s
         assumed=assumed,
         assumed_legend=ASSUMED,
         verdicts=verdict_table(comparison),
-        verdict_class=verdict_class,
         untold=[(scored.name, untold(scored)) for scored in comparison.models],
         held_out=held_out,
         notes=known,
@@ -133,7 +131,7 @@ def verdict_table(comparison: Comparison) -> list[list[str]]:
     told = [{one.name: one.verdict for one in scored.fit.estimates} for scored in comparison.models]
     names = dict.fromkeys(name for one in told for name in one)
     rows = [["parameter", *(scored.name for scored in comparison.models)]]
-    rows += [[name, *(str(one[name]) if name in one else "" for one in told)] for name in names]
+    rows += [[name, *(verdict_html(one[name], one[name]) if name in one else "" for one in told)] for name in names]
     return rows
 
 
@@ -141,12 +139,8 @@ def held_out_table(comparison: Comparison) -> HeldOut | None:
     """Each impact beside its predictions by fits without it, by the best model and the simplest that is not surely
     worse (else the second); None where no model has any.
     """
-    chosen = [comparison.models[0]]
-    rival = comparison.simplest
-    if rival is chosen[0] and len(comparison.models) > 1:
-        rival = comparison.models[1]
-    if rival is not chosen[0]:
-        chosen.append(rival)
+    best, simplest = comparison.models[0], comparison.simplest
+    chosen = [best, simplest] if simplest is not best else [*comparison.models[:2]]
     errors = [_by_impact(comparison, scored) for scored in chosen]
     outputs = [name for name in scored_outputs(comparison) if any(name in one for one in errors)]
     if not outputs:
@@ -163,12 +157,8 @@ def held_out_table(comparison: Comparison) -> HeldOut | None:
             row.append(f"{np.degrees(np.arctan2(impacts.v_y1[k], impacts.v_x1[k])):.1f}")
         row.append(f"{np.hypot(impacts.v_x1[k], impacts.v_y1[k]):.1f}")
         for name in outputs:
-            value = float(measured[name][k])
-            cells = [_cell(name, value, places[name])]
-            cells += [
-                _cell(name, value + float(one[name][k]), places[name]) if name in one else "-" for one in errors
-            ]
-            row.append(" | ".join(cells))
+            misses = [0.0, *(one[name][k] if name in one else np.nan for one in errors)]
+            row.append(" | ".join(_cell(name, float(measured[name][k] + miss), places[name]) for miss in misses))
         rows.append((*row, fixed(float(gap[k]), 1)) if len(chosen) > 1 else tuple(row))
     heads = ("impact", *incident, "speed [m/s]", *(head(name) for name in outputs))
     heads += ("elpd, first less second",) if len(chosen) > 1 else ()
@@ -207,10 +197,3 @@ def _forest_alt(comparison: Comparison) -> str:
     rows = assumption_table(comparison)
     parts = [f"{row[0]} {row[2]} {row[1]}".strip() + f", over as good {row[3]}" for row in rows[1:]]
     return "Each quantity under each model. By the best model: " + "; ".join(parts) + "."
-
-
-def verdict_class(verdict: str) -> str:
-    """The class of a verdict in the style of the pages."""
-    if verdict == Verdict.GIVEN:
-        return "v-conditional"
-    return "v-" + verdict.replace(" ", "-")

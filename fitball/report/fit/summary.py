@@ -16,7 +16,7 @@ from fitball.models.types import regime_name
 from fitball.report.figures.measured import prediction, prediction_of
 from fitball.report.fit.budget_rows import budget_line
 from fitball.report.form.display_units import THESIS, Scale, handy, output_scale
-from fitball.report.form.palette import verdict_mark
+from fitball.report.form.palette import verdict_html, verdict_mark
 from fitball.report.form.rounding import decimals, fixed, interval, significant
 from fitball.report.form.sentences import listed
 from fitball.report.form.symbols import symbol_html
@@ -95,9 +95,8 @@ def named(fit: Fit, name: str, scale: Scale) -> Row:
 
 
 def verdict_cell(estimate: Estimate) -> Markup:
-    """A verdict in its colour; the reason shows where one points at it."""
-    cell = Markup('<span class="v-{}" title="{}">{}</span>')
-    return cell.format(verdict_mark(estimate.verdict), estimate.reason, estimate.verdict_words)
+    """The verdict of a parameter as the page has it."""
+    return verdict_html(estimate.verdict, estimate.verdict_words, estimate.reason)
 
 
 def numbers_of(row: ParameterRow, sampled: bool) -> Row:

@@ -30,7 +30,7 @@ def columns(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
     return lines
 
 
-def listed_rows(rows: Sequence[Row], left: int = 1, without: str = "") -> list[str]:
+def listed_rows(rows: Sequence[Row], left: int = 1, without: str | None = None) -> list[str]:
     """Rows under their heads, as lines; one column may be left out."""
     heads = [head for head in rows[0] if head != without]
     return columns([heads, *([row[head] for head in heads] for row in rows)], left)

@@ -14,8 +14,9 @@ from matplotlib.patheffects import withStroke
 
 from fitball.inference.design.results import Plan
 from fitball.inference.design.sensor import AS_BEFORE
-from fitball.report.figures.canvas import Margins, heading, new_figure, panels
+from fitball.report.figures.canvas import Margins, filled, heading, new_figure
 from fitball.report.form.palette import FAINT, MEASURED, MODEL, TREND, series_style
+from fitball.report.plan.words import spin_text
 from fitball.values import FloatArray
 
 CELL = (2.5, 2.6)
@@ -37,15 +38,11 @@ def plan_figure(plan: Plan, title: str) -> Figure:
         gains = np.nanmax(plan.gains, axis=0)
     if found.speeds.size == 1 or found.angles.size == 1:
         return _lines(plan, gains, title)
-    count = found.spins.size
-    columns = min(count, MOST_COLUMNS)
-    rows = -(-count // columns)
-    figure, axes = panels(rows, columns, CELL, Margins(left=0.7, right=1.0, top=0.85, bottom=0.85, down=0.45))
+    count, columns = found.spins.size, min(found.spins.size, MOST_COLUMNS)
+    margins = Margins(left=0.7, right=1.0, top=0.85, bottom=0.85, down=0.45)
+    figure, axes = filled(count, MOST_COLUMNS, CELL, margins)
     norm = Normalize(0.0, float(np.nanmax(gains)))
-    for k, axis in enumerate(axes.ravel()):
-        if k >= count:
-            axis.set_axis_off()
-            continue
+    for k, axis in enumerate(axes.ravel()[:count]):
         _panel(axis, plan, gains[:, :, k], k, norm)
         if k % columns == 0:
             axis.set_ylabel("speed [m/s]")
@@ -93,16 +90,11 @@ def _panel(axis: Axes, plan: Plan, gains: FloatArray, place: int, norm: Normaliz
         )  # fmt: skip
     axis.set_xlim(*_edges(angles)[[0, -1]])
     axis.set_ylim(*_edges(found.speeds)[[0, -1]])
-    axis.set_title(spin_title(spin), fontsize=9.5)
+    axis.set_title(spin_text(spin), fontsize=9.5)
 
 
 def _on_grid(plan: Plan, angle: float, sensor: str) -> bool:
     return sensor == AS_BEFORE or bool(np.any(np.isclose(plan.settings.angles, angle)))
-
-
-def spin_title(spin: float) -> str:
-    """The spin of a panel."""
-    return "no spin" if abs(spin) < 0.5 else f"{abs(spin):.0f} rad/s {'topspin' if spin > 0.0 else 'backspin'}"
 
 
 def _lines(plan: Plan, gains: FloatArray, title: str) -> Figure:
@@ -115,7 +107,7 @@ def _lines(plan: Plan, gains: FloatArray, title: str) -> Figure:
     for place, spin in enumerate(found.spins):
         colour, marker = series_style(place) if found.spins.size > 1 else (MODEL, "o")
         line = gains[:, 0, place] if over_speed else gains[0, :, place]
-        axis.plot(along, line, color=colour, marker=marker, markersize=4.0, label=spin_title(float(spin)))
+        axis.plot(along, line, color=colour, marker=marker, markersize=4.0, label=spin_text(float(spin)))
     for number, one in enumerate(plan.chosen, 1):
         where = one.setting.speed if over_speed else math.degrees(one.setting.angle)
         axis.axvline(where, color=TREND, linewidth=0.8)

@@ -6,7 +6,7 @@ import textwrap
 from pathlib import Path
 
 from fitball.inference.design.results import Plan
-from fitball.report.form.text_table import WIDTH, columns
+from fitball.report.form.text_table import WIDTH, listed_rows
 from fitball.report.plan.words import chosen_table, headline, points, sensors_table
 
 
@@ -15,9 +15,9 @@ def render(plan: Plan, folder: Path | None = None) -> str:
     lines = textwrap.wrap(headline(plan), WIDTH)
     for point in points(plan):
         lines += textwrap.wrap(point, WIDTH, initial_indent="- ", subsequent_indent="  ")
-    lines += ["", *columns(chosen_table(plan))]
+    lines += ["", *listed_rows(chosen_table(plan))]
     if len(plan.worths) > 1:
-        lines += ["", *columns(sensors_table(plan), 2)]
+        lines += ["", *listed_rows(sensors_table(plan), 2)]
     if folder is not None:
         lines += ["", f"{folder / 'plan.html'}; plan.csv has the impacts to measure, with empty columns to fill in"]
     return "\n".join(lines)

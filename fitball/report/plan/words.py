@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from fitball.inference.design.target import Part
 from fitball.report.form.display_units import handy
 from fitball.report.form.rounding import digits
 from fitball.report.form.sentences import listed
+from fitball.report.form.text_table import Row
 from fitball.values import FloatArray
 from fitball.wording import spoken
 
@@ -24,6 +24,8 @@ TELLING = 0.05
 NARROWER = 0.9
 # Parts of a target that are named in a sentence.
 MOST_NAMED = 3
+# Parts with a column of their own on a terminal.
+MOST_COLUMNS = 4
 LEGEND = (
     "Gain: nats that the impact is expected to tell beyond those before it, to first order, averaged over the "
     "posterior; one nat narrows one quantity to 37 % of its sd. Behind it the expected sd of each part of the target."
@@ -49,16 +51,16 @@ def sd_text(part: Part, sd: float) -> str:
 def setting_text(setting: Setting) -> str:
     """An incident state in words."""
     angle = math.degrees(setting.angle)
+    way = f"at {angle:.0f} deg, {spin_text(setting.spin)}"
     if angle > 89.99 and setting.spin == 0.0:
-        text = f"{digits(setting.speed, 3)} m/s straight down"
-        return f"{text}, {setting.surface}" if setting.surface else text
-    spin = "no spin" if abs(setting.spin) < 0.5 else f"{abs(setting.spin):.0f} rad/s {_sense(setting.spin)}"
-    text = f"{digits(setting.speed, 3)} m/s at {angle:.0f} deg, {spin}"
+        way = "straight down"
+    text = f"{digits(setting.speed, 3)} m/s {way}"
     return f"{text}, {setting.surface}" if setting.surface else text
 
 
-def _sense(spin: float) -> str:
-    return "topspin" if spin > 0.0 else "backspin"
+def spin_text(spin: float) -> str:
+    """A spin in words."""
+    return "no spin" if abs(spin) < 0.5 else f"{abs(spin):.0f} rad/s {'topspin' if spin > 0.0 else 'backspin'}"
 
 
 def nats(gain: float) -> str:
@@ -146,19 +148,27 @@ def _range(values: FloatArray) -> str:
 
 def _narrowed(plan: Plan, sds: FloatArray) -> str:
     """The parts that narrow most, with their sds now and then."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = np.where(plan.sds > 0.0, sds / plan.sds, 1.0)
-    order = [int(k) for k in np.argsort(ratios, kind="stable") if ratios[k] <= NARROWER][:MOST_NAMED]
+    ratios = _ratios(sds, plan.sds)
+    order = [k for k in _narrowest(plan, sds) if ratios[k] <= NARROWER][:MOST_NAMED]
     if not order:
         return "No sd falls by a tenth."
-    told = [
-        f"{plan.parts[k].name} from {sd_text(plan.parts[k], plan.sds[k])} to {_about(plan, k, sds)}" for k in order
-    ]
-    return f"Expected sd of {listed(told)}."
+    return f"Expected sd of {listed([f'{plan.parts[k].name} {_change(plan, k, sds)}' for k in order])}."
 
 
-def _about(plan: Plan, k: int, sds: FloatArray) -> str:
-    return f"about {sd_text(plan.parts[k], float(sds[k]))}"
+def _ratios(sds: FloatArray, before: FloatArray) -> FloatArray:
+    """What is left of each sd."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(before > 0.0, sds / before, 1.0)
+
+
+def _narrowest(plan: Plan, sds: FloatArray) -> list[int]:
+    """The parts, those that narrow most first."""
+    return [int(k) for k in np.argsort(_ratios(sds, plan.sds), kind="stable")]
+
+
+def _change(plan: Plan, k: int, sds: FloatArray) -> str:
+    part = plan.parts[k]
+    return f"from {sd_text(part, plan.sds[k])} to about {sd_text(part, float(sds[k]))}"
 
 
 def sensor_text(plan: Plan, worth: Worth) -> str:
@@ -172,78 +182,55 @@ def sensor_text(plan: Plan, worth: Worth) -> str:
     more = worth.batch - base.batch
     if more < TELLING:
         return f"{what} adds next to nothing to the impacts below ({more:+.2f} nats)."
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = np.where(base.sds > 0.0, worth.sds / base.sds, 1.0)
+    ratios = _ratios(worth.sds, base.sds)
     k = int(np.argmin(ratios))
-    part = plan.parts[k]
-    text = f"{what} would add {more:.2f} nats to the impacts below"
+    part, told = plan.parts[k], ""
     if ratios[k] <= NARROWER:
-        text += (
-            f" and tell {part.name}: sd from {sd_text(part, plan.sds[k])} to {_about(plan, k, worth.sds)}"
-            f" (without it {sd_text(part, float(base.sds[k]))})"
-        )
-    return text + "."
+        without = sd_text(part, float(base.sds[k]))
+        told = f" and tell {part.name}: sd {_change(plan, k, worth.sds)} (without it {without})"
+    return f"{what} would add {more:.2f} nats to the impacts below{told}."
 
 
-def chosen_table(plan: Plan) -> list[list[str]]:
-    """The batch, heads first."""
+def chosen_table(plan: Plan) -> list[Row]:
+    """The batch, below the sds as they are now."""
     surfaces = any(one.setting.surface for one in plan.chosen)
-    shown = _shown_parts(plan)
     along = any(one.regimes for one in plan.chosen)
-    heads = [
-        "",
-        "speed [m/s]",
-        *(["angle [deg]", "spin [rad/s]"] if along else []),
-        *(["surface"] if surfaces else []),
-    ]
-    heads += [*(["times"] if plan.repeats > 1 else []), *(["sensor"] if plan.by_cost else []), "gain"]
-    heads += ["contact"] if along else []
-    heads += [f"sd of {plan.parts[k].name}" for k in shown]
-    blank = ["now", *([""] * (len(heads) - 1 - len(shown)))]
-    rows = [heads, [*blank, *(sd_text(plan.parts[k], float(plan.sds[k])) for k in shown)]]
+    shown = sorted(_narrowest(plan, plan.chosen[-1].sds)[:MOST_COLUMNS])
+
+    def told(sds: FloatArray) -> Row:
+        return {f"sd of {plan.parts[k].name}": sd_text(plan.parts[k], float(sds[k])) for k in shown}
+
+    rows = []
     for place, one in enumerate(plan.chosen, 1):
         state = one.setting
-        row = [str(place), digits(state.speed, 3)]
-        row += [f"{math.degrees(state.angle):.0f}", f"{state.spin:.0f}"] if along else []
-        row += [state.surface] if surfaces else []
-        row += [*([str(plan.repeats)] if plan.repeats > 1 else []), *([one.sensor] if plan.by_cost else [])]
-        row += [nats(one.gain), *([next(iter(one.regimes), "-")] if along else [])]
-        rows.append([*row, *(sd_text(plan.parts[k], float(one.sds[k])) for k in shown)])
-    return rows
+        row = {"": str(place), "speed [m/s]": digits(state.speed, 3)}
+        row |= (
+            {"angle [deg]": f"{math.degrees(state.angle):.0f}", "spin [rad/s]": f"{state.spin:.0f}"} if along else {}
+        )
+        row |= {"surface": state.surface} if surfaces else {}
+        row |= {"times": str(plan.repeats)} if plan.repeats > 1 else {}
+        row |= {"sensor": one.sensor} if plan.by_cost else {}
+        row |= {"gain": nats(one.gain)} | ({"contact": next(iter(one.regimes), "-")} if along else {})
+        rows.append(row | told(one.sds))
+    return [dict.fromkeys(rows[0], "") | {"": "now"} | told(plan.sds), *rows]
 
 
-# Parts with a column of their own on a terminal.
-MOST_COLUMNS = 4
-
-
-def _shown_parts(plan: Plan) -> list[int]:
-    """The parts that narrow most, in their order."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = np.where(plan.sds > 0.0, plan.chosen[-1].sds / plan.sds, 1.0)
-    return sorted(int(k) for k in np.argsort(ratios, kind="stable")[:MOST_COLUMNS])
-
-
-def sensors_table(plan: Plan) -> list[list[str]]:
-    """Ways of measuring side by side, heads first."""
-    rows = [
-        ["measured by", "what it reads", *(["cost"] if plan.by_cost else []), "best impact", "nested", "same batch"]
-    ]
+def sensors_table(plan: Plan) -> list[Row]:
+    """Ways of measuring side by side."""
+    rows = []
     for worth in plan.worths:
-        row = [worth.sensor, worth.words, *([f"{worth.cost:g}"] if plan.by_cost else [])]
-        rows.append([*row, nats(worth.gain), nested_text(worth.nested), nats(worth.batch)])
+        row = {"measured by": worth.sensor, "what it reads": worth.words}
+        row |= {"cost": f"{worth.cost:g}"} if plan.by_cost else {}
+        row |= {"best impact": nats(worth.gain), "nested": nested_text(worth.nested), "same batch": nats(worth.batch)}
+        rows.append(row)
     return rows
 
 
 def parts_table(plan: Plan) -> list[list[str]]:
-    """Every part of the target: sd now, after as many impacts of the table, and after the batch by each sensor."""
-    heads = ["", "now", "table again", *(worth.sensor for worth in plan.worths)]
-    rows = [heads]
-    for k, part in enumerate(plan.parts):
-        after = [plan.sds, plan.again_sds, *(worth.sds for worth in plan.worths)]
-        rows.append([part.name, *(sd_text(part, float(sds[k])) for sds in after)])
+    """Every part of the target: sd now, after as many impacts of the table, and after the batch by each sensor; heads
+    first.
+    """
+    after = [plan.sds, plan.again_sds, *(worth.sds for worth in plan.worths)]
+    rows = [["", "now", "table again", *(worth.sensor for worth in plan.worths)]]
+    rows += [[part.name, *(sd_text(part, float(sds[k])) for sds in after)] for k, part in enumerate(plan.parts)]
     return rows
-
-
-def surfaces_of(plan: Plan) -> Sequence[str]:
-    """Surfaces that settings differ by; none where there is one only."""
-    return [name for name in plan.settings.surfaces if name]
