@@ -117,6 +117,21 @@ def filled(count: int, most: int, cell: tuple[float, float], margins: Margins) -
     return figure, axes
 
 
+def other_scale(axis: Axes, side: Literal["top", "right"], factor: float, label: str) -> Any:
+    """A scale on the other `side` that shows `factor` times what the axis does."""
+    make: Any = axis.secondary_xaxis if side == "top" else axis.secondary_yaxis
+
+    def there(value: Any) -> Any:
+        return value * factor
+
+    def back(value: Any) -> Any:
+        return value / factor
+
+    scale = make(side, functions=(there, back))
+    (scale.set_xlabel if side == "top" else scale.set_ylabel)(label)
+    return scale
+
+
 def heading(figure: Figure, text: str) -> None:
     """A title a little below the upper edge."""
     figure.suptitle(text, y=1.0 - 0.08 / figure.get_figheight(), va="top", fontsize=12)

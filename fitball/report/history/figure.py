@@ -15,9 +15,8 @@ from matplotlib.patches import Patch
 from fitball.inference.prediction.simulate import Simulation
 from fitball.models.history import History
 from fitball.models.types import PHASE_SYMBOL, Phase
-from fitball.report.figures.canvas import new_figure
+from fitball.report.figures.canvas import new_figure, other_scale
 from fitball.report.form.palette import PHASES, SERIES
-from fitball.values import FloatArray
 
 # Pale, so that lines of any colour stand out.
 SHADES: Mapping[Phase, str] = dict(zip(Phase, PHASES, strict=True))
@@ -75,7 +74,9 @@ def history_figure(
     # Contact times that print alike are one.
     if max(lengths) - min(lengths) <= 5e-6 * max(lengths):
         for axis in axes[:columns]:
-            _time_axis(axis, lengths[0])
+            upper = other_scale(axis, "top", 1e3 * lengths[0], "time [ms]")
+            upper.xaxis.label.set_fontsize(9)
+            upper.tick_params(labelsize=8)
     _legend(figure, simulations, wrapped, shown)
     figure.suptitle(title, fontsize=12)
     return figure
@@ -85,20 +86,6 @@ def _band_words(simulation: Simulation) -> str:
     assert simulation.band is not None
     low, *_middle, high = 1e3 * simulation.band.contact_time
     return BAND_CAPTION.format(draws=simulation.band.draws, low=low, high=high)
-
-
-def _time_axis(axis: Axes, contact_time: float) -> None:
-    length = 1e3 * contact_time
-
-    def to_time(share: Any) -> Any:
-        return share * length
-
-    def to_share(time: Any) -> Any:
-        return time / length
-
-    upper = axis.secondary_xaxis("top", functions=(to_time, to_share))
-    upper.set_xlabel("time [ms]", fontsize=9)
-    upper.tick_params(labelsize=8)
 
 
 def _shade(axis: Axes, history: History) -> None:
@@ -121,12 +108,8 @@ def _line(
     axis.plot(shares, course, **options)
     # Slip and grip do not touch the vertical motion.
     if not alone and name not in VERTICAL_PANELS:
-        _dots(axis, simulation, course, colour)
-
-
-def _dots(axis: Axes, simulation: Simulation, course: FloatArray, colour: str) -> None:
-    at = simulation.history.transition_shares
-    axis.plot(at, np.interp(at, simulation.shares, course), "o", color=colour, markersize=4, markerfacecolor="white")
+        at = simulation.history.transition_shares
+        axis.plot(at, np.interp(at, shares, course), "o", color=colour, markersize=4, markerfacecolor="white")
 
 
 def _velocities(axis: Axes, simulation: Simulation, colour: str, alone: bool) -> None:
@@ -141,14 +124,14 @@ def _velocities(axis: Axes, simulation: Simulation, colour: str, alone: bool) ->
     _line(axis, simulation, "omega_1", "0.25", alone, history.radius, label=r"$R\,\omega_1$ core", linestyle="-.")
     # What jumps at landing and at release shows as a gap between mark and line.
     for share, motion in ((0.0, history.landing.before), (1.0, history.release.after)):
-        for value, colour_of, mark in (
-            (motion.v_x, SERIES[0], "o"),
-            (history.radius * motion.omega_2, SERIES[1], "s"),
-        ):
-            axis.plot(
-                share, value, mark, color=colour_of, markersize=5, markerfacecolor="white", clip_on=False, zorder=5
-            )
+        for value, own, mark in ((motion.v_x, SERIES[0], "o"), (history.radius * motion.omega_2, SERIES[1], "s")):
+            axis.plot(share, value, mark, color=own, markersize=5, markerfacecolor="white", clip_on=False, zorder=5)
     axis.plot([], [], "o", color="0.3", markersize=5, markerfacecolor="white", label="in flight")
+    _explained(axis)
+
+
+def _explained(axis: Axes) -> None:
+    """A legend where it hides least."""
     axis.legend(loc="best", fontsize=8, frameon=True, framealpha=0.7)
 
 
@@ -161,7 +144,7 @@ def _friction(axis: Axes, simulation: Simulation, colour: str, alone: bool) -> N
         axis.plot(simulation.shares, sign * limit, color="0.4", linestyle="--", linewidth=0.9, label=label)
     _line(axis, simulation, "friction_force", colour, alone, label="$F_x$")
     if alone:
-        axis.legend(loc="best", fontsize=8, frameon=True, framealpha=0.7)
+        _explained(axis)
 
 
 def _forces(axis: Axes, simulation: Simulation, colour: str, alone: bool) -> None:
@@ -170,7 +153,7 @@ def _forces(axis: Axes, simulation: Simulation, colour: str, alone: bool) -> Non
     other = SERIES[1] if alone else colour
     _line(axis, simulation, "friction_force", other, alone, label="friction $F_x$", linestyle="--")
     if alone:
-        axis.legend(loc="best", fontsize=8, frameon=True, framealpha=0.7)
+        _explained(axis)
 
 
 def _plain(name: str, factor: float = 1.0) -> Callable[[Axes, Simulation, str, bool], None]:
@@ -208,12 +191,10 @@ def _legend(figure: Figure, simulations: Sequence[Simulation], caption: Sequence
         ]
         if "v_x" in shown:
             handles.append(Line2D([], [], color="0.3", linestyle="--", linewidth=1.2, label=r"surface $R\,\omega_2$"))
-        if not set(shown) <= set(VERTICAL_PANELS) and any(
-            len(simulation.history.spans) > 1 for simulation in simulations
-        ):
-            handles.append(
-                Line2D([], [], color="0.3", marker="o", markerfacecolor="white", linestyle="none", label="transition")
-            )
+        changing = any(len(simulation.history.spans) > 1 for simulation in simulations)
+        if changing and not set(shown) <= set(VERTICAL_PANELS):
+            dot: dict[str, Any] = {"marker": "o", "markerfacecolor": "white", "linestyle": "none"}
+            handles.append(Line2D([], [], color="0.3", label="transition", **dot))
     if handles:
         legend = figure.legend(
             handles=handles, loc="outside lower center", ncols=min(6, len(handles)), frameon=False, fontsize=9,

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from fitball.inference.prediction.simulate import Simulation
 from fitball.models.history import History
@@ -55,56 +55,44 @@ def motion(simulation: Simulation, frames_per_second: float) -> Motion:
     time = np.linspace(-flight, whole - flight, count)
     before, after = history.landing.before, history.release.after
     early, late = np.minimum(time, 0.0), np.maximum(time - history.contact_time, 0.0)
-    moved = [_integral(history, course) for course in (history.v_x, history.omega_1, history.omega_2)]
 
-    def placed(course: FloatArray, rate_before: float, rate_after: float) -> FloatArray:
-        return _inside(history, time, course) + rate_before * early + rate_after * late
+    def moved(name: str) -> FloatArray:
+        """How far, by the integral of a velocity."""
+        way: FloatArray = cumulative_trapezoid(getattr(history, name), history.times, initial=0)
+        inside = np.interp(time, history.times, way)
+        rates: tuple[float, float] = getattr(before, name), getattr(after, name)
+        return inside + rates[0] * early + rates[1] * late
 
-    def in_contact(course: FloatArray, outside: tuple[float, float]) -> FloatArray:
-        inside = _inside(history, time, course)
+    def in_contact(name: str, outside: tuple[float, float] = (0.0, 0.0)) -> FloatArray:
+        inside = np.interp(time, history.times, getattr(history, name))
         return np.where(early < 0.0, outside[0], np.where(late > 0.0, outside[1], inside))
 
-    nothing = (0.0, 0.0)
+    def always(name: str) -> FloatArray:
+        return in_contact(name, (getattr(before, name), getattr(after, name)))
+
     return Motion(
         time=time,
-        x=placed(moved[0], before.v_x, after.v_x),
+        x=moved("v_x"),
         height=-before.v_y * early - after.v_y * late,
-        compression=in_contact(history.y, nothing),
-        core_turned=placed(moved[1], before.omega_1, after.omega_1),
-        shell_turned=placed(moved[2], before.omega_2, after.omega_2),
-        normal_force=in_contact(history.normal_force, nothing),
-        friction_force=in_contact(history.friction_force, nothing),
-        slip=in_contact(history.slip, nothing),
-        v_x=in_contact(history.v_x, (before.v_x, after.v_x)),
-        v_y=in_contact(history.v_y, (before.v_y, after.v_y)),
-        omega_1=in_contact(history.omega_1, (before.omega_1, after.omega_1)),
-        omega_2=in_contact(history.omega_2, (before.omega_2, after.omega_2)),
-        state=tuple(map(_state(history), time.tolist())),
+        compression=in_contact("y"),
+        core_turned=moved("omega_1"),
+        shell_turned=moved("omega_2"),
+        normal_force=in_contact("normal_force"),
+        friction_force=in_contact("friction_force"),
+        slip=in_contact("slip"),
+        v_x=always("v_x"),
+        v_y=always("v_y"),
+        omega_1=always("omega_1"),
+        omega_2=always("omega_2"),
+        state=tuple(_state(history, at) for at in time.tolist()),
         slowed=slowed,
     )
 
 
-def _inside(history: History, time: FloatArray, course: FloatArray) -> FloatArray:
-    """A course at `time`, its ends outside of the contact."""
-    return np.interp(time, history.times, course)
-
-
-def _integral(history: History, course: FloatArray) -> FloatArray:
-    """The integral of a course from landing on, by trapezoids."""
-    steps = 0.5 * (course[1:] + course[:-1]) * np.diff(history.times)
-    return np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def _state(history: History) -> Callable[[float], str]:
-    def at(time: float) -> str:
-        if not 0.0 <= time <= history.contact_time:
-            return IN_FLIGHT
-        for span in history.spans:
-            if time <= span.end:
-                return PHASE_SYMBOL[span.phase]
-        return IN_CONTACT
-
-    return at
+def _state(history: History, time: float) -> str:
+    if not 0.0 <= time <= history.contact_time:
+        return IN_FLIGHT
+    return next((PHASE_SYMBOL[span.phase] for span in history.spans if time <= span.end), IN_CONTACT)
 
 
 def phase_of(state: str) -> Phase | None:

@@ -20,7 +20,7 @@ from scipy.ndimage import distance_transform_edt
 from fitball.inference.prediction.regime_map import NONE, RegimeMap, Sure
 from fitball.models.types import STATUS_REASON, Status, regime_name
 from fitball.observables import OBSERVABLES
-from fitball.report.figures.canvas import new_figure
+from fitball.report.figures.canvas import new_figure, other_scale
 from fitball.report.figures.regimes import OTHERS, regime_colours
 from fitball.report.form.display_units import output_scale
 from fitball.report.form.palette import REGIMES
@@ -52,12 +52,9 @@ class Areas:
 def _numbered(codes: NDArray[np.int64], names: Sequence[str]) -> NDArray[np.int64]:
     """For each packed sequence the place of its name, or of the others."""
     known, inverse = np.unique(codes, return_inverse=True)
-    places = [names.index(name if (name := _named(code)) in names else OTHERS) for code in known.tolist()]
+    words = [NO_SOLUTION if code == NONE else regime_name(code) for code in known.tolist()]
+    places = [names.index(name if name in names else OTHERS) for name in words]
     return np.array(places, dtype=np.int64)[inverse].reshape(codes.shape)
-
-
-def _named(code: int) -> str:
-    return NO_SOLUTION if code == NONE else regime_name(code)
 
 
 def areas(found: RegimeMap) -> Areas:
@@ -112,8 +109,7 @@ def map_figure(
         axis.axhline(0.0, color="0.35", linewidth=0.7, linestyle=":")
         axis.set_xlabel("incidence, angle to the court [deg]")
     axes[0].set_ylabel("spin [rad/s]: back (below 0), top (above)")
-    right = axes[-1].secondary_yaxis("right", functions=(_to_rpm, _from_rpm))
-    right.set_ylabel("spin [rpm]")
+    other_scale(axes[-1], "right", RPM, "spin [rpm]")
     figure.legend(handles=handles, loc="outside lower center", ncols=1 + panels, frameon=False, fontsize=8.5)
     figure.suptitle(f"{title}: regimes of contact at {found.window.speed:.4g} m/s", fontsize=12)
     _uncover(figure, names, labels)
@@ -126,14 +122,6 @@ def _uncover(figure: Figure, names: Sequence[Text], labels: Sequence[Text]) -> N
     boxes = [name.get_window_extent().padded(2.0) for name in names]
     for label in labels:
         label.set_visible(not any(box.overlaps(label.get_window_extent()) for box in boxes))
-
-
-def _to_rpm(spin: FloatArray) -> FloatArray:
-    return spin * RPM
-
-
-def _from_rpm(spin: FloatArray) -> FloatArray:
-    return spin / RPM
 
 
 def _extent(found: RegimeMap) -> tuple[float, float, float, float]:
@@ -269,16 +257,11 @@ def map_rows(found: RegimeMap) -> list[dict[str, object]]:
                 "omega_1 [rad/s]": float(found.spins[row]),
                 "regime": regime_name(int(found.regime[row, column])),
             }
-            cell |= {
-                f"{name} [{OBSERVABLES[name].unit}]": _number(values[row, column])
-                for name, values in found.outputs.items()
-            }
+            for name, values in found.outputs.items():
+                value = float(values[row, column])
+                cell[f"{name} [{OBSERVABLES[name].unit}]"] = value if np.isfinite(value) else None
             rows.append(cell)
     return rows
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def contour_names() -> Mapping[str, str]:

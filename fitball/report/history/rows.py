@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from fitball.inference.prediction.simulate import COURSES, Band, Simulation
 from fitball.inference.results.quantiles import BAND_LEVELS
-from fitball.models.history import Jump, Motion, Span
 from fitball.models.types import PHASE_SYMBOL, Phase
 
 LEVELS = tuple(f"q{1000 * level:03.0f}".rstrip("0") for level in BAND_LEVELS)
@@ -15,11 +15,6 @@ UNITS = {
     "y": "m", "v_y": "m/s", "v_x": "m/s", "omega_1": "rad/s", "omega_2": "rad/s", "twist": "rad", "slip": "m/s",
     "normal_force": "N", "friction_force": "N",
 }  # fmt: skip
-
-
-def phase_name(code: int) -> str:
-    """A phase in a word; empty where motion along the court is not followed."""
-    return PHASE_SYMBOL[Phase(code)] if code else ""
 
 
 def history_rows(simulations: Sequence[Simulation]) -> list[dict[str, object]]:
@@ -30,7 +25,8 @@ def history_rows(simulations: Sequence[Simulation]) -> list[dict[str, object]]:
         for k, (share, time) in enumerate(zip(simulation.shares, history.times, strict=True)):
             row: dict[str, object] = {"curve": simulation.label, "share": float(share), "time [s]": float(time)}
             row |= {f"{name} [{UNITS[name]}]": float(getattr(history, name)[k]) for name in COURSES}
-            row["phase"] = phase_name(int(history.phase[k]))
+            # Empty where motion along the court is not followed.
+            row["phase"] = PHASE_SYMBOL[Phase(history.phase[k])] if history.phase[k] else ""
             if simulation.band is not None:
                 for name in COURSES:
                     levels = simulation.band.quantiles[name][:, k]
@@ -43,8 +39,7 @@ def history_rows(simulations: Sequence[Simulation]) -> list[dict[str, object]]:
 
 def simulation_json(simulation: Simulation) -> dict[str, Any]:
     """One curve without its courses: what went in, the phases, the peaks, the jumps, the rebound."""
-    history, after = simulation.history, simulation.history.release.after
-    impact = simulation.impact
+    history, after, impact = simulation.history, simulation.history.release.after, simulation.impact
     return {
         "label": simulation.label,
         "model": simulation.model.name,
@@ -53,37 +48,14 @@ def simulation_json(simulation: Simulation) -> dict[str, Any]:
         "impact": {name: float(getattr(impact, name)[0]) for name in ("v_x1", "v_y1", "omega_1")},
         "regime": history.regime_name,
         "contact_time": history.contact_time,
-        "phases": [_span(span) for span in history.spans],
-        "peak_compression": {"value": history.peak_compression.value, "time": history.peak_compression.time},
-        "peak_normal_force": {"value": history.peak_force.value, "time": history.peak_force.time},
-        "landing": _jump(history.landing),
-        "release": _jump(history.release),
+        "phases": [asdict(span) | {"phase": PHASE_SYMBOL[span.phase]} for span in history.spans],
+        "peak_compression": asdict(history.peak_compression),
+        "peak_normal_force": asdict(history.peak_force),
+        "landing": asdict(history.landing),
+        "release": asdict(history.release),
         "rebound": {"v_x2": after.v_x, "v_y2": -after.v_y, "omega_2": after.omega_2},
         "posterior": None if simulation.band is None else _band(simulation.band),
         "unsolved": simulation.unsolved,
-    }
-
-
-def _span(span: Span) -> dict[str, object]:
-    return {
-        "phase": PHASE_SYMBOL[span.phase],
-        "start": span.start,
-        "end": span.end,
-        "start_share": span.start_share,
-        "end_share": span.end_share,
-    }
-
-
-def _motion(motion: Motion) -> dict[str, float]:
-    return {"v_x": motion.v_x, "v_y": motion.v_y, "omega_1": motion.omega_1, "omega_2": motion.omega_2}
-
-
-def _jump(jump: Jump) -> dict[str, object]:
-    return {
-        "before": _motion(jump.before),
-        "after": _motion(jump.after),
-        "normal_impulse": jump.normal_impulse,
-        "friction_impulse": jump.friction_impulse,
     }
 
 
@@ -91,6 +63,6 @@ def _band(band: Band) -> dict[str, object]:
     return {
         "draws": band.draws,
         "failed": band.failed,
-        "contact_time": dict(zip(LEVELS, (float(value) for value in band.contact_time), strict=True)),
+        "contact_time": dict(zip(LEVELS, band.contact_time.tolist(), strict=True)),
         "regimes": dict(band.regimes),
     }

@@ -27,16 +27,9 @@ def render_simulation(simulation: Simulation) -> str:
     if history.spans:
         lines += [f"phases: {history.regime_name}", ""]
         rows = [["phase", "from [ms]", "to [ms]", "from", "to"]]
-        rows += [
-            [
-                PHASE_SYMBOL[span.phase],
-                _ms(span.start),
-                _ms(span.end),
-                f"{span.start_share:.4f}",
-                f"{span.end_share:.4f}",
-            ]
-            for span in history.spans
-        ]
+        for span in history.spans:
+            ends = [_ms(span.start), _ms(span.end), f"{span.start_share:.4f}", f"{span.end_share:.4f}"]
+            rows.append([PHASE_SYMBOL[span.phase], *ends])
         lines += [*columns(rows), "(last two columns: shares of the contact time)", ""]
     force, deep = history.peak_force, history.peak_compression
     facts = [
@@ -57,18 +50,15 @@ def render_simulation(simulation: Simulation) -> str:
         _state("rebound", history.release.after),
     ]
     lines += ["", *columns(states), "(v_y counts towards the court; topspin is positive)"]
+    lost = f"{100.0 * simulation.unsolved:.0f} %"
     if simulation.band is not None:
         shares = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in simulation.band.regimes.items() if name)
         said = f"{simulation.band.draws} draws of the posterior: {shares or 'no motion along the court'}."
         if simulation.band.failed:
-            said += (
-                f" {simulation.band.failed} more, {100.0 * simulation.unsolved:.0f} %, cannot be solved at this "
-                "impact: bands are of the rest."
-            )
+            said += f" {simulation.band.failed} more, {lost}, cannot be solved at this impact: bands are of the rest."
         lines += ["", *textwrap.wrap(said, WIDTH)]
     elif simulation.unsolved > 0.0:
-        said = f"{100.0 * simulation.unsolved:.0f} % of the draws cannot be solved at this impact: no bands."
-        lines += ["", said]
+        lines += ["", f"{lost} of the draws cannot be solved at this impact: no bands."]
     return "\n".join(lines)
 
 
