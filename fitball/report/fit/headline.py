@@ -14,6 +14,15 @@ STATUS_WORDS = {
     RunStatus.POINT_ONLY: "A point fit without posterior",
     RunStatus.INTERRUPTED: "The run was interrupted",
 }
+# What the impacts do to parameters with a verdict.
+VERDICT_WORDS = {
+    Verdict.IDENTIFIED: "identify {}",
+    Verdict.GIVEN: "identify {} only given assumptions",
+    Verdict.CONDITIONAL: "would identify {} if the model described them",
+    Verdict.ONE_SIDED: "bound {} from one side only",
+    Verdict.PRIOR_DOMINATED: "do not tell {}",
+    Verdict.NOT_JUDGED: "leave {} without a judgement",
+}
 TOLD = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.CONDITIONAL)
 NOT_TOLD = (Verdict.ONE_SIDED, Verdict.PRIOR_DOMINATED, Verdict.NOT_JUDGED)
 
@@ -21,28 +30,11 @@ NOT_TOLD = (Verdict.ONE_SIDED, Verdict.PRIOR_DOMINATED, Verdict.NOT_JUDGED)
 def headline(fit: Fit) -> str:
     """Whether the model describes the table, and the verdict in one sentence."""
     pooled = _pooling(fit)
-    names = {
-        verdict: [
-            estimate.name for estimate in fit.estimates if estimate.verdict is verdict and estimate.name not in pooled
-        ]
-        for verdict in Verdict
-    }
-    free = len(fit.problem.free_names)
-    parts = []
-    if names[Verdict.IDENTIFIED]:
-        parts.append(f"identify {listed(names[Verdict.IDENTIFIED])}")
-    if names[Verdict.GIVEN]:
-        parts.append(f"identify {listed(names[Verdict.GIVEN])} only given assumptions")
-    if names[Verdict.CONDITIONAL]:
-        parts.append(f"would identify {listed(names[Verdict.CONDITIONAL])} if the model described them")
-    if names[Verdict.ONE_SIDED]:
-        parts.append(f"bound {listed(names[Verdict.ONE_SIDED])} from one side only")
-    if names[Verdict.PRIOR_DOMINATED]:
-        parts.append(f"do not tell {listed(names[Verdict.PRIOR_DOMINATED])}")
-    if names[Verdict.NOT_JUDGED]:
-        parts.append(f"leave {listed(names[Verdict.NOT_JUDGED])} without a judgement")
-    if not parts:
-        parts.append("judge none by itself")
+    free, parts = len(fit.problem.free_names), []
+    for verdict, words in VERDICT_WORDS.items():
+        names = [item.name for item in fit.estimates if item.verdict is verdict and item.name not in pooled]
+        if names:
+            parts.append(words.format(listed(names)))
     levels = "".join(
         f"; {pooled.parameter} differs between {len(pooled.labels)} {pooled.column}s and is told for each of them"
         for pooled in fit.problem.pooling
@@ -50,7 +42,7 @@ def headline(fit: Fit) -> str:
     described = "" if fit.adequacy is None else f"{fit.adequacy.sentence} "
     return (
         f"{described}{STATUS_WORDS[fit.status]}: of {free} free parameters the {len(fit.problem.table)} impacts "
-        f"{listed(parts)}{levels}."
+        f"{listed(parts or ['judge none by itself'])}{levels}."
     )
 
 

@@ -15,7 +15,7 @@ from fitball.inference.results.results import RunStatus, Verdict
 from fitball.models.registry import model, parameter_spec
 from fitball.models.specs import ParameterSpec
 from fitball.models.types import regime_name
-from fitball.report.saved.fit_file import FitFile, GoldenPart, ParameterPart
+from fitball.report.saved.fit_file import FitFile
 from fitball.values import FloatArray
 
 # A value at a bound is the exponential of a logarithm: rounding may take it this share of the bounds' width beyond.
@@ -39,10 +39,15 @@ def beyond(spec: ParameterSpec, values: FloatArray) -> bool:
     return bool(np.any((values < spec.lower - slack) | (values > spec.upper + slack)))
 
 
-def first_contradiction(file: FitFile) -> str | None:
-    """A sentence on the first two places that contradict each other, None where all agree."""
-    parts = (_shapes, _names, _parameters, _model, _adequacy, _assumptions)
-    return next(chain(*(part(file) for part in parts), _golden(file.golden)), None)
+def checked(file: FitFile) -> str | None:
+    """A sentence on the first two places that contradict each other, or what a model or a prior says of itself; None
+    where all agree.
+    """
+    parts = (_shapes, _names, _parameters, _model, _adequacy, _assumptions, _golden)
+    try:
+        return next(chain.from_iterable(part(file) for part in parts), None)
+    except FitballError as error:
+        return str(error)
 
 
 def _shapes(file: FitFile) -> Iterator[str]:
@@ -70,13 +75,10 @@ def _names(file: FitFile) -> Iterator[str]:
         if matrix is None:
             continue
         yield from _other_names(f"{what}.names", matrix.names, free)
-        yield from _unequal({f"{what}.names": len(free), f"{what}.values": len(matrix.values)})
-        yield from _unequal({f"{what}.names": len(free)} | {f"{what} row {k}": len(row) for k, row in
-                                                            enumerate(matrix.values)})  # fmt: skip
+        lengths = {f"{what}.names": len(free), f"{what}.values": len(matrix.values)}
+        yield from _unequal(lengths | {f"{what} row {k}": len(row) for k, row in enumerate(matrix.values)})
     for name, evidence in file.identifiability.evidence.items():
-        for profile in (evidence.profile, evidence.alone):
-            if profile is None:
-                continue
+        for profile in filter(None, (evidence.profile, evidence.alone)):
             if profile.values.size != profile.drop.size or profile.values.size < 2:
                 yield f"profile of {name}: {profile.values.size} values and {profile.drop.size} drops"
             elif np.any(np.diff(profile.values) <= 0.0) or np.any(profile.drop < 0.0):
@@ -90,7 +92,7 @@ def _parameters(file: FitFile) -> Iterator[str]:
         spec = spec_of(name)
         if spec is None:
             continue
-        listed = [item.point, *(value for value in _quantiles(item) if value is not None)]
+        listed = [value for name in ("point", *QUANTILES) if (value := getattr(item, name)) is not None]
         for what, values in (
             (f"parameters.{name}", np.array(listed)),
             (f"golden.parameters.{name}", np.array([file.golden.parameters[name]])),
@@ -104,12 +106,8 @@ def _parameters(file: FitFile) -> Iterator[str]:
         parse_prior(name, item.prior, spec.lower, spec.upper, spec.unit)
 
 
-def _quantiles(parameter: ParameterPart) -> list[float | None]:
-    return [getattr(parameter, name) for name in QUANTILES]
-
-
-def _golden(golden: GoldenPart) -> Iterator[str]:
-    given, made = golden.impacts, golden.rebound
+def _golden(file: FitFile) -> Iterator[str]:
+    given, made = file.golden.impacts, file.golden.rebound
     lengths = {
         f"golden.{name}": len(column)
         for part in (given, made)
@@ -175,11 +173,3 @@ def _other_names(what: str, names: Iterable[str], expected: Iterable[str]) -> It
 
 def _listed(names: Sequence[str]) -> str:
     return ", ".join(names)[:300] or "none"
-
-
-def checked(file: FitFile) -> str | None:
-    """As `first_contradiction`, with what a model or a prior says of itself."""
-    try:
-        return first_contradiction(file)
-    except FitballError as error:
-        return str(error)
