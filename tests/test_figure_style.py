@@ -17,7 +17,6 @@ from fitball.report.figures.kinds import draw
 from fitball.report.figures.parameter_axis import parameter_axis
 from fitball.report.figures.sketch import ball_sketch
 from fitball.report.fit.html import page
-from fitball.report.fit.summary import parameter_rows
 from fitball.report.form.palette import (
     MEASURED,
     MODEL,
@@ -84,9 +83,8 @@ def test_every_symbol_is_one_parameters_and_reads_on_a_page():
 
 
 def test_the_table_of_parameters_says_what_they_mean(point_fit):
-    rows = {row.name: row for row in parameter_rows(point_fit)}
-    assert rows["mu"].symbol == "\u03bc" and rows["mu"].meaning == SPECS["mu"].meaning
     text = page(point_fit, {})
+    assert f'<td class="text">\u03bc</td><td class="text"></td><td class="meaning">{SPECS["mu"].meaning}</td>' in text
     assert '<td class="meaning">vertical stiffness between core and shell</td>' in text
     assert "K<sub>y</sub>" in text
 
@@ -146,4 +144,4 @@ def test_every_verdict_has_a_colour_that_can_be_read(grip_slip_fit):
     assert used <= {verdict_mark(verdict) for verdict in Verdict}
     rules = style_rules()
     assert all(f".v-{mark} {{ color: " in rules and rules.count(f".v-{mark} ") == 2 for mark in used)
-    assert "identified, given offset=contact</td>" in text
+    assert "identified, given offset=contact</span></td>" in text
