@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 from headless import find_browser
+from samples import save_without_figures
 from test_court_pace import sliding_rows
 
 import fitball
@@ -188,6 +189,15 @@ def drops(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module")
+def dropped(drops, tmp_path_factory):
+    """Its fit, as it is read from a folder."""
+    fit = fitball.calibrate(
+        drops / "drops.csv", "brody", priors={"cor_10": "literature:itf-type-2"}, point_only=True, cores=1
+    )
+    return fitball.load_fit(save_without_figures(fit, tmp_path_factory.mktemp("dropped") / "fit")).saved
+
+
 def test_a_drop_test_from_table_to_certificate(drops, capsys, without_figures):
     out = drops / "fit"
     words = ["--model", "brody", "--prior", "cor_10=literature:itf-type-2", "--point-only", "--out", str(out)]
@@ -227,26 +237,24 @@ def test_priors_are_listed(capsys):
     assert len(rows) == len(published_priors()) and all(row["source"] and row["note"] for row in rows)
 
 
-def test_a_certificate_of_a_court(drops, court):
-    saved = fitball.load_fit(drops / "fit").saved
+def test_a_certificate_of_a_court(dropped, court):
     pace = CourtPace((), "", temperature=31.0, measured=measured(load_table(court), ball_temperature=31.0))
-    page = certificate(replace(saved, file=msgspec.structs.replace(saved.file, drop_test=None, court_pace=pace)))
+    page = certificate(replace(dropped, file=msgspec.structs.replace(dropped.file, drop_test=None, court_pace=pace)))
     for words in ("<h1>Court pace</h1>", "mean of 5 places (location)", "+3.6 points", "<td>A</td>"):
         assert words in page
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(find_browser() is None, reason="no browser")
-def test_a_full_certificate_prints_on_one_page(drops, tmp_path):
+def test_a_full_certificate_prints_on_one_page(dropped, tmp_path):
     """Two dozen balls, every remark, a long verdict: still one sheet of A4."""
-    saved = fitball.load_fit(drops / "fit").saved
     rebound = Spread(1.4, 1.4, 1.38, 1.39, 1.41, 1.42)
     balls = tuple(BallRebound(f"ball number {k}", 4, rebound, 0.6) for k in range(30))
-    test = replace(saved.file.drop_test, balls=balls, shared_error=0.01)
-    adequacy = replace(saved.file.adequacy, sentence=(saved.file.adequacy.sentence + " ") * 3)
-    file = msgspec.structs.replace(saved.file, drop_test=test, adequacy=adequacy)
+    test = replace(dropped.file.drop_test, balls=balls, shared_error=0.01)
+    adequacy = replace(dropped.file.adequacy, sentence=(dropped.file.adequacy.sentence + " ") * 3)
+    file = msgspec.structs.replace(dropped.file, drop_test=test, adequacy=adequacy)
     page = tmp_path / "certificate.html"
-    page.write_text(certificate(replace(saved, file=file)), encoding="utf-8")
+    page.write_text(certificate(replace(dropped, file=file)), encoding="utf-8")
     pdf = tmp_path / "certificate.pdf"
     words = ["--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer", f"--print-to-pdf={pdf}"]
     subprocess.run([find_browser(), *words, page.as_uri()], check=True, capture_output=True, timeout=300)

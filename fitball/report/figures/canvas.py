@@ -155,10 +155,10 @@ def drawn_handles(*axes: Axes) -> dict[str, Any]:
     return {label: handle for axis in axes for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
 
 
-def shown_rows(rows: NDArray[np.int64], most: int = MOST_POINTS) -> NDArray[np.int64]:
-    """Of `rows` those that a figure draws, `most` of them, evenly spread; all of them if it can."""
-    places = np.linspace(0, len(rows) - 1, min(len(rows), most)).round().astype(np.int64)
-    return np.asarray(rows[np.unique(places)])
+def shown_rows(rows: NDArray[np.int64], most: int | None = None) -> NDArray[np.int64]:
+    """Of `rows` those that a figure draws, `MOST_POINTS` or as `most` fewer, evenly spread; all of them if it can."""
+    count = min(len(rows), MOST_POINTS, len(rows) if most is None else most)
+    return np.asarray(rows[np.unique(np.linspace(0, len(rows) - 1, count).round().astype(np.int64))])
 
 
 def group_styles(groups: Sequence[str]) -> Styles:

@@ -17,7 +17,6 @@ from fitball.inference.prediction.curves import curves
 from fitball.inference.results.results import Curve, Fit
 from fitball.report.figures.canvas import (
     MOST_NAMED,
-    MOST_POINTS,
     Margins,
     fit_heading,
     group_styles,
@@ -143,7 +142,7 @@ def _draw_measured(
 ) -> None:
     near = np.isin(item.rows, column.rows)
     many = np.count_nonzero(near) > BINNED
-    far = shown_rows(np.flatnonzero(~near), MOST_FAR if many else MOST_POINTS)
+    far = shown_rows(np.flatnonzero(~near), MOST_FAR if many else None)
     if far.size:
         axis.plot(place[item.rows[far]], item.values[far], ".", color=FAINT, markersize=4, zorder=1)
     if many:
