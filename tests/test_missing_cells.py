@@ -16,8 +16,8 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Measurement
 from fitball.errors import FitError, ResultFolderError
+from fitball.inference.adequacy.describe import largest_misfits
 from fitball.inference.adequacy.looks import distributions, links
-from fitball.inference.adequacy.misfits import largest_misfits
 from fitball.inference.adequacy.refit import refit
 from fitball.inference.comparison.information_criteria import criteria
 from fitball.inference.identifiability.active_impacts import active_impacts

@@ -1,4 +1,4 @@
-"""Does the model describe the table? All checks, and the answer they add up to."""
+"""Does the model describe the table? All checks, what lies farthest off, and the answer they add up to."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from scipy.special import chdtri, stdtrit
 
 from fitball.inference.adequacy.directions import Direction, directions
 from fitball.inference.adequacy.loo_pit import LEFT_OUT
-from fitball.inference.adequacy.looks import Look, family, spanned
+from fitball.inference.adequacy.looks import Look, family, spanned, standardised
 from fitball.inference.adequacy.made_tables import look_at
-from fitball.inference.adequacy.misfits import distances, largest_misfits
 from fitball.inference.adequacy.noise_size import noise_checks
 from fitball.inference.adequacy.refit import Refit, influence, refit
 from fitball.inference.adequacy.words import ALL, based_on, check_words, noise_words, sentence, strongest
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.adequacy import FALSE_EXCEPT, FALSE_FAILS, Adequacy, Answer, Check, NoiseCheck
+from fitball.inference.results.adequacy import FALSE_EXCEPT, FALSE_FAILS, Adequacy, Answer, Check, Misfit, NoiseCheck
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.values import FloatArray
 
@@ -33,6 +32,8 @@ BLIND = 0.6
 # Patterns that count as the model's own: a group may be biased for reasons of its own.
 SMOOTH = ("trend", "bend", "together", "regime")
 PATTERNS = (*SMOOTH, "group")
+# Misfits that are told.
+TOLD = 5
 
 
 def adequacy(problem: Problem, point: PointFit, posterior: Posterior | None, seed: int) -> Adequacy:
@@ -175,3 +176,29 @@ def explained(fit: Refit, found: Sequence[Direction], column: int) -> float:
         return 1.0 - (1.0 - part) * freedom / (freedom - rank) if freedom - rank >= 1.0 else 0.0
 
     return max(share(mine), *(share([one]) for one in mine))
+
+
+def distances(fit: Refit) -> FloatArray:
+    """Each measurement's distance from its prediction by all others, in sds of that prediction (measurements,)."""
+    own: FloatArray = standardised(fit, fit.measured[None, :])[0]
+    return own
+
+
+def largest_misfits(problem: Problem, point: PointFit, fit: Refit) -> tuple[Misfit, ...]:
+    """The largest, farthest first."""
+    far = distances(fit)
+    columns = problem.all_values(np.array([[point.values[name] for name in problem.free_names]]))
+    told = []
+    for k in np.argsort(-np.abs(far), kind="stable")[:TOLD]:
+        column = int(np.searchsorted(fit.starts, k, side="right")) - 1
+        own = int(k - fit.starts[column])
+        observable = problem.observables[column]
+        gap = problem.deviation(columns, observable, point.rebound)[0]
+        measured = float(observable.observed[own])
+        told.append(
+            Misfit(
+                problem.table.ids[fit.places[column][own]], observable.name, observable.column.unit, measured,
+                measured - float(gap[own]), float(far[k]),
+            )
+        )  # fmt: skip
+    return tuple(told)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from scipy.special import fdtrc, kolmogorov, ndtr, stdtr
@@ -48,11 +49,10 @@ class Look:
     p: FloatArray
 
 
-def patterns(fit: Refit, found: Sequence[Direction], residual: FloatArray) -> list[Look]:
+def patterns(fit: Refit, found: Sequence[Direction], residual: FloatArray) -> Iterator[Look]:
     """Trends and biases: the share of the residual variance that each explains, with its sign."""
     even = residual / fit.scales(residual)[:, fit.noise]
     taken = even @ fit.own
-    looks = []
     for number, direction in enumerate(found):
         # A refit spreads a pattern over columns, whose noises are known to different degrees (Satterthwaite 1946).
         parts = np.bincount(fit.noise, direction.left(fit) ** 2, len(fit.noises))
@@ -60,21 +60,16 @@ def patterns(fit: Refit, found: Sequence[Direction], residual: FloatArray) -> li
         z = direction.along(fit, even, taken)
         share = np.minimum(z**2 / freedom, WHOLE)
         ratio = np.sqrt(share * (freedom - 1.0) / (1.0 - share))
-        looks.append(
-            Look(
-                direction.kind, direction.column, direction.over, direction.words, number,
-                np.copysign(share, z), 2.0 * np.asarray(stdtr(freedom - 1.0, -ratio), dtype=np.float64),
-            )
-        )  # fmt: skip
-    return looks
+        p = 2.0 * np.asarray(stdtr(freedom - 1.0, -ratio), dtype=np.float64)
+        about = direction.kind, direction.column, direction.over, direction.words
+        yield Look(*about, number, np.copysign(share, z), p)
 
 
-def together(fit: Refit, found: Sequence[Direction], residual: FloatArray) -> list[Look]:
+def together(fit: Refit, found: Sequence[Direction], residual: FloatArray) -> Iterator[Look]:
     """All patterns over one quantity, or of one kind of groups, in all columns at once: their common share."""
     even = residual / fit.scales(residual)[:, fit.noise]
     taken = even @ fit.own
     freedom = float(fit.freedom.sum())
-    looks = []
     for number, over in enumerate(dict.fromkeys(direction.over for direction in found)):
         mine = [k for k, direction in enumerate(found) if direction.over == over]
         if not 2 <= len(mine) < freedom - 2.0:
@@ -83,8 +78,7 @@ def together(fit: Refit, found: Sequence[Direction], residual: FloatArray) -> li
         share = np.minimum(square / freedom, WHOLE)
         ratio = share / len(mine) * (freedom - len(mine)) / (1.0 - share)
         p = np.asarray(fdtrc(len(mine), freedom - len(mine), ratio), dtype=np.float64)
-        looks.append(Look("jointly", -1, over, f"they depend on {over}", number, share, p))
-    return looks
+        yield Look("jointly", -1, over, f"they depend on {over}", number, share, p)
 
 
 def spanned(fit: Refit, mine: Sequence[Direction], even: FloatArray, taken: FloatArray) -> tuple[FloatArray, int]:
@@ -98,18 +92,13 @@ def spanned(fit: Refit, mine: Sequence[Direction], even: FloatArray, taken: Floa
     return np.sum((along @ axes[:, kept]) ** 2 / sizes[kept], axis=1), int(kept.sum())
 
 
-def orders(fit: Refit, known: Mapping[str, FloatArray], residual: FloatArray) -> list[Look]:
+def orders(fit: Refit, known: Mapping[str, FloatArray], residual: FloatArray) -> Iterator[Look]:
     """Whether neighbours along each covariate deviate alike: the correlation of one residual with the next."""
-
-    def correlation(column: int, along: FloatArray) -> FloatArray:
-        own = residual[:, fit.rows(column)][:, np.argsort(along, kind="stable")]
-        return np.asarray(np.sum(own[:, 1:] * own[:, :-1], axis=1) / np.sum(own**2, axis=1))
-
-    return [
-        _scored("order", column, name, f"neighbours along {name} deviate alike", correlation(column, along), sides=1)
-        for column, name, along in _measured_along(fit, known)
-        if np.unique(along).size >= max(ORDERED, along.size // 2)
-    ]
+    for column, name, along in _measured_along(fit, known):
+        if np.unique(along).size >= max(ORDERED, along.size // 2):
+            own = residual[:, fit.rows(column)][:, np.argsort(along, kind="stable")]
+            seen = np.sum(own[:, 1:] * own[:, :-1], axis=1) / np.sum(own**2, axis=1)
+            yield _scored("order", column, name, f"neighbours along {name} deviate alike", seen, sides=1)
 
 
 def _measured_along(fit: Refit, known: Mapping[str, FloatArray]) -> Iterator[tuple[int, str, FloatArray]]:
@@ -119,10 +108,9 @@ def _measured_along(fit: Refit, known: Mapping[str, FloatArray]) -> Iterator[tup
             yield column, name, along[places]
 
 
-def scatters(fit: Refit, known: Mapping[str, FloatArray], residual: FloatArray) -> list[Look]:
+def scatters(fit: Refit, known: Mapping[str, FloatArray], residual: FloatArray) -> Iterator[Look]:
     """Whether residuals scatter more at one end of each covariate: a correlation of their sizes."""
     sizes = np.abs(standardised(fit, residual))
-    looks = []
     for column, name, along in _measured_along(fit, known):
         if along.size < SCATTERED or np.ptp(along) <= 0.0:
             continue
@@ -130,52 +118,43 @@ def scatters(fit: Refit, known: Mapping[str, FloatArray], residual: FloatArray) 
         size = size - size.mean(axis=1, keepdims=True)
         length = np.linalg.norm(size, axis=1)
         centred = (along - along.mean()) / np.linalg.norm(along - along.mean())
-        looks.append(_scored("scatter", column, name, f"scatter that changes with {name}", size @ centred / length))
-    return looks
+        yield _scored("scatter", column, name, f"scatter that changes with {name}", size @ centred / length)
 
 
-def links(fit: Refit, residual: FloatArray) -> list[Look]:
+def links(fit: Refit, residual: FloatArray) -> Iterator[Look]:
     """Whether two columns deviate together, as they do where the incident state is not what the table says."""
-    looks = []
-    for one in range(len(fit.columns)):
-        for other in range(one + 1, len(fit.columns)):
-            both = np.isin(fit.places[one], fit.places[other]), np.isin(fit.places[other], fit.places[one])
-            if both[0].sum() < LINKED:
-                continue
+    for one, other in combinations(range(len(fit.columns)), 2):
+        both = np.isin(fit.places[one], fit.places[other]), np.isin(fit.places[other], fit.places[one])
+        if both[0].sum() >= LINKED:
             a, b = residual[:, fit.rows(one)][:, both[0]], residual[:, fit.rows(other)][:, both[1]]
             seen = np.sum(a * b, axis=1) / np.sqrt(np.sum(a * a, axis=1) * np.sum(b * b, axis=1))
             words = f"it deviates together with {fit.columns[other]}"
-            looks.append(_scored("linked", one, fit.columns[other], words, seen))
-    return looks
+            yield _scored("linked", one, fit.columns[other], words, seen)
 
 
-def outliers(fit: Refit, residual: FloatArray) -> list[Look]:
+def outliers(fit: Refit, residual: FloatArray) -> Iterator[Look]:
     """The largest residual of each column, and how heavy the tails are."""
     studentised = standardised(fit, residual)
-    looks = []
     for column in range(len(fit.columns)):
         own = np.abs(studentised[:, fit.rows(column)])
         freedom = fit.freedom[fit.noise_of(column)]
         if freedom <= LEAST_FREEDOM:
             continue
         p = 2.0 * stdtr(freedom - 1.0, -_deleted(own.max(axis=1), freedom))
-        looks.append(
-            Look("outlier", column, "impacts", "single impacts lie far off", column, own.max(axis=1),
-                 -np.expm1(own.shape[1] * np.log1p(-p)))
-        )  # fmt: skip
+        any_of_all = -np.expm1(own.shape[1] * np.log1p(-p))
+        words = "single impacts lie far off"
+        yield Look("outlier", column, "impacts", words, column, own.max(axis=1), any_of_all)
         if own.shape[1] >= TAILED:
             z = kurtosis_score(studentised[:, fit.rows(column)])
-            looks.append(Look("tails", column, "impacts", "the tails are heavy", column, z, np.asarray(ndtr(-z))))
-    return looks
+            yield Look("tails", column, "impacts", "the tails are heavy", column, z, np.asarray(ndtr(-z)))
 
 
-def distributions(fit: Refit, residual: FloatArray, left_out: FloatArray | None) -> list[Look]:
+def distributions(fit: Refit, residual: FloatArray, left_out: FloatArray | None) -> Iterator[Look]:
     """Whether the probability that a measurement exceeds what all others predict is uniform: its largest distance
     from that. Of the made tables to first order, where a deleted residual has Student's distribution (Cook and
     Weisberg 1982); of the observed one as in `left_out` (columns, impacts), if there is that.
     """
     studentised = standardised(fit, residual)
-    looks = []
     for column in range(len(fit.columns)):
         freedom = fit.freedom[fit.noise_of(column)]
         own = studentised[:, fit.rows(column)]
@@ -191,8 +170,7 @@ def distributions(fit: Refit, residual: FloatArray, left_out: FloatArray | None)
         step = np.arange(count + 1) / count
         seen = np.maximum((step[1:] - ordered).max(axis=1), (ordered - step[:-1]).max(axis=1))
         words = "predictions from the other impacts are too wide, too narrow or off"
-        looks.append(Look("loo-pit", column, "all impacts", words, column, seen, kolmogorov(seen * stretched)))
-    return looks
+        yield Look("loo-pit", column, "all impacts", words, column, seen, kolmogorov(seen * stretched))
 
 
 def standardised(fit: Refit, residual: FloatArray) -> FloatArray:
@@ -216,9 +194,7 @@ def _scored(kind: str, column: int, over: str, words: str, seen: FloatArray, sid
 
 
 def scored(seen: FloatArray, made: FloatArray, sides: int, shorter: float = 1.0) -> FloatArray:
-    """Probabilities of statistics `seen` (tables,) as `made` tables (tables,) have them, which are `shorter` by so
-    much.
-    """
+    """Probabilities of statistics `seen` (tables,) as `made` tables have them, whose rows are a share `shorter`."""
     z = (seen - shorter * made.mean()) / (shorter**0.5 * made.std())
     return np.asarray(ndtr(-z) if sides == 1 else 2.0 * ndtr(-np.abs(z)))
 

@@ -21,9 +21,7 @@ WORSE = 1.2
 
 
 def noise_checks(problem: Problem, point: PointFit, fit: Refit, share: float) -> tuple[NoiseCheck, ...]:
-    """Each noise against what was known of it, adjusted for their number (Holm 1979) and `share`, the number of such
-    families.
-    """
+    """Each noise against what was known of it, adjusted for their number (Holm 1979) times `share` families."""
     known = {parameter.name: parameter for parameter in problem.parameters}
     checks = []
     for number, name in enumerate(fit.noises):

@@ -31,9 +31,7 @@ class Left:
     towards: FloatArray
 
     def gains(self, rows: FloatArray) -> FloatArray:
-        """Nats (draws, impacts) that further impacts with information `rows` (draws, impacts, rows, directions) tell
-        of the target.
-        """
+        """Nats (draws, impacts) that impacts with `rows` (draws, impacts, rows, directions) tell of the target."""
         return np.asarray(0.5 * (_log_det(rows, self.whole) - _log_det(rows, self._given)))
 
     def after(self, rows: FloatArray) -> Left:

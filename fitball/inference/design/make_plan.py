@@ -168,9 +168,7 @@ def _worth(search: Search, name: str, batch: Batch, repeats: int, now: FloatArra
 
 
 def _table_again(search: Search, problem: Problem, count: int) -> tuple[float, FloatArray]:
-    """What `count` impacts of the fitted table would tell, each of its impacts as often as any other, and by what
-    factor sds would fall.
-    """
+    """What `count` impacts of the fitted table, all of it alike, would tell, and by what factor sds would fall."""
     total = len(problem.impacts)
     rows = np.linspace(0, total - 1, min(total, OF_TABLE)).round().astype(np.int64)
     sensor = next(iter(search.sensors.values()))

@@ -256,9 +256,7 @@ def _given_target(
 
 
 def _regression(coordinates: FloatArray, quantities: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The regression (free, parts) of coordinates on the target, and a matrix that makes the target's parts
-    independent with variance one.
-    """
+    """The regression (free, parts) of coordinates on the target, and a matrix that whitens the target's parts."""
     centred, about = coordinates - coordinates.mean(axis=0), quantities - quantities.mean(axis=0)
     scale = np.maximum(np.std(about, axis=0), np.finfo(np.float64).tiny)
     about = about / scale

@@ -68,13 +68,13 @@ class Sensor:
     plate: float | None = None
 
 
-def as_before(problem: Problem, cost: float = 1.0) -> Sensor:
+def as_before(problem: Problem) -> Sensor:
     """The columns of the fitted table, each as well as it was measured there (a stated sd: its median)."""
     columns = tuple(
         PlannedColumn(item.name, sd=None if item.sd is None else np.asarray(np.nanmedian(item.sd)), noise=item.noise)
         for item in problem.observables
     )
-    return Sensor(AS_BEFORE, "measured as before", columns, cost)
+    return Sensor(AS_BEFORE, "measured as before", columns)
 
 
 def usual_sensors(problem: Problem) -> tuple[str, ...]:

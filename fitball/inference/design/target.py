@@ -94,9 +94,7 @@ def of_parameters(problem: Problem, names: tuple[str, ...], words: str = "") -> 
 
 
 def of_impact(known: Knowledge, impact: Impacts, text: str) -> Target:
-    """The rebound of an impact on a court in the middle of all levels. Raises ParameterError for one along the court
-    where the fit knows no such motion.
-    """
+    """The rebound of an impact in the middle of all levels. Raises ParameterError for one it cannot know."""
     problem = known.problem
     if not problem.table.has_tangential and (impact.v_x1[0] or impact.omega_1[0]):
         raise ParameterError(f"impact '{text}': this fit of a drop test knows the vertical motion only")

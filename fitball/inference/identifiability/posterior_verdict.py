@@ -47,9 +47,7 @@ class Judgement:
 def judge(
     problem: Problem, posterior: Posterior, correlation: FloatArray, alone: Mapping[str, float]
 ) -> dict[str, Judgement]:
-    """Judge every free parameter; `alone` is the contraction by table and priors of those that the
-    scene's contact time touches.
-    """
+    """Judge every free parameter; `alone` is the contraction without the scene of those that the scene touches."""
     return {
         parameter.name: _judge(problem, posterior, correlation, parameter, alone.get(parameter.name))
         for parameter in problem.free

@@ -97,9 +97,7 @@ class _Path:
         self.running = point.cost - lowest < DEPTH and not point.bound and len(self.points) < MOST_POINTS
 
     def _next_step(self, point: Point, lowest: float) -> float:
-        """The step that would lower a parabola from its top through this point by the aim more; at most twice the
-        last.
-        """
+        """The step that lowers a parabola from the top through this point by the aim; at most twice the last."""
         last = abs(point.at - self.points[-2].at)
         drop = point.cost - lowest
         if drop < FLAT:

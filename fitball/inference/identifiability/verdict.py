@@ -104,15 +104,12 @@ def interval(profile: Profile, unit: str) -> str:
     return f"[{low}, {high}] {unit}".rstrip()
 
 
-def _end(end: float | None, unit: str) -> str:
-    return "..." if end is None else plain(end, unit)
-
-
 def _one_sided_words(problem: Problem, parameter: Parameter, profile: Profile) -> str:
     (low, high), right = profile.interval_95, profile.open_sides[1]
     side, end, sign = ("below", low, ">") if right else ("above", high, "<")
+    known = "..." if end is None else plain(end, parameter.spec.unit)
     return (
-        f"the table bounds it from {side} only ({sign} {_end(end, parameter.spec.unit)} with 95 %); "
+        f"the table bounds it from {side} only ({sign} {known} with 95 %); "
         f"{'upwards' if right else 'downwards'} {_why_open(problem, parameter, profile, right)}"
     )
 

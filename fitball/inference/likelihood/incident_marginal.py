@@ -27,35 +27,35 @@ PAIRS = 2000
 
 @dataclass(frozen=True)
 class Seen:
-    """A measured column beside what it is compared with: `observed`, its stated `sd` or None, and the `bias` of its
-    group, all broadcastable to (draws, impacts); `observed` is NaN where nothing was measured.
+    """A measured column beside what it is compared with: `observable`, whose numbers are broadcastable to (draws,
+    impacts), NaN where nothing was measured; the `bias` of its group; and the `typical` of stated sds, else None.
     """
 
     observable: Observable
-    observed: FloatArray
-    sd: FloatArray | None
     bias: FloatArray
+    typical: FloatArray | None
 
     def paired(self, draws: NDArray[np.int64], rows: NDArray[np.int64]) -> Seen:
         """For pairs of a draw and an impact, each of shape (pairs, 1)."""
-        sd = None if self.sd is None else self.sd[rows][:, None]
+        given = self.observable
+        sd = None if given.sd is None else given.sd[rows][:, None]
         bias = self.bias[draws, rows][:, None] if self.bias.ndim == 2 else self.bias
-        return Seen(self.observable, self.observed[rows][:, None], sd, bias)
+        return Seen(replace(given, observed=given.observed[rows][:, None], sd=sd), bias, self.typical)
 
 
 def seen(problem: Problem, columns: Columns) -> tuple[Seen, ...]:
     """All measured columns of the table."""
     measured = []
-    for observable in problem.observables:
-        whole = observable.everywhere(len(problem.impacts))
+    for observable in (item.everywhere(len(problem.impacts)) for item in problem.observables):
         bias = np.zeros(()) if problem.group_bias is None else problem.group_bias.offset(columns, observable.name)
-        measured.append(Seen(whole, whole.observed, whole.sd, bias))
+        typical = None if observable.sd is None else np.asarray(np.nanmedian(observable.sd))
+        measured.append(Seen(observable, bias, typical))
     return tuple(measured)
 
 
 def measured_of(measured: Sequence[Seen], arrays: Sequence[FloatArray]) -> list[FloatArray]:
     """Of `arrays` (draws, impacts), one for each column, what belongs to a measurement, (draws, measurements)."""
-    known = [np.flatnonzero(~np.isnan(item.observed)) for item in measured]
+    known = [np.flatnonzero(~np.isnan(item.observable.observed)) for item in measured]
     return [
         array if places.size == array.shape[1] else array[:, places]
         for places, array in zip(known, arrays, strict=True)
@@ -118,9 +118,9 @@ def standardised(
     )
     gaps, spreads = [], []
     for measurement in measured:
-        observable = replace(measurement.observable, observed=measurement.observed, sd=measurement.sd)
-        gap = measurement.observed - observable.predict(rebound) - measurement.bias
-        missing = np.broadcast_to(np.isnan(measurement.observed), gap.shape)
+        observable = measurement.observable
+        gap = observable.observed - observable.predict(rebound) - measurement.bias
+        missing = np.broadcast_to(np.isnan(observable.observed), gap.shape)
         gaps.append(np.where(missing, 0.0, gap))
         spreads.append(np.where(missing, UNKNOWN, np.broadcast_to(observable.sds(columns, rebound), gap.shape)))
     return whitened(gaps, spreads, spread_by_input(by_observable, covariance))
@@ -201,7 +201,7 @@ def _upright(problem: Problem, rows: NDArray[np.int64]) -> regime_mixture.States
 
 def _typical_noise(measurement: Seen, columns: Columns) -> FloatArray:
     """A noise of the measured column, (pairs, 1, 1) or one number."""
-    if measurement.observable.sd is not None:
-        return np.asarray(np.nanmedian(measurement.observable.sd))
+    if measurement.typical is not None:
+        return measurement.typical
     size = columns[str(measurement.observable.noise)][:, None, None]
     return TURN * size if measurement.observable.turned else size

@@ -172,9 +172,7 @@ def log_likelihood(problem: Problem, values: FloatArray, rebound: Rebound) -> Fl
 
 
 def log_posterior(problem: Problem, coordinates: FloatArray) -> FloatArray:
-    """Log posterior density of coordinates (draws, free) up to a constant, (draws,); -inf where it is zero or the
-    model has no answer.
-    """
+    """Log posterior density (draws,) of coordinates (draws, free) but for a constant; -inf without an answer."""
     layout = layout_of(problem)
     if layout is not None:
         prior, scene, likelihood = compiled_densities(problem, layout, coordinates, from_coordinates=True)

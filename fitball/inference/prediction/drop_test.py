@@ -76,6 +76,8 @@ def drop_test(
     if found is not None:
         law = _law_of_balls(found, law, table.impacts.v_y1[known], speed)
     settings = _settings(table.impacts.v_y1[known])
+    # What one error of all landing speeds would be.
+    sd = table.incident_sd.get("v_y1")
     return DropTest(
         speeds=tuple(_tested(law, table.impacts.v_y1[known], measured[known], rows) for rows in settings),
         rebound=_rebound(problem, law, found, kind, rng, posterior),
@@ -85,7 +87,7 @@ def drop_test(
         from_heights=any(set(notice.columns) == set(HEIGHTS) for notice in table.notices),
         variation=variation,
         balls=() if found is None or variation is None else _each(found, variation, kind),
-        shared_error=_shared_error(problem, known, measured[known]),
+        shared_error=None if sd is None else float(np.mean(measured[known] * sd[known] / table.impacts.v_y1[known])),
         temperature=scene.ball_temperature,
         missing="",
     )
@@ -138,9 +140,8 @@ def _balls(
     found = one_way(cor, _design(problem.table.impacts.v_y1[known], speed), index, rng)
     if isinstance(found, str):
         return None, Variation(BALLS, None, None, (), found)
-    level = found.coefficients[:, :1] + found.shifts
     levels = tuple(
-        Level(name, int(np.sum(index == k)), float(cor[index == k].mean()), spread_of(level[:, k]))
+        Level(name, int(np.sum(index == k)), float(cor[index == k].mean()), spread_of(found.levels[:, k]))
         for k, name in enumerate(names)
     )
     return found, Variation(BALLS, spread_of(found.between), spread_of(found.within), levels, "")
@@ -241,16 +242,8 @@ def _one_drop(problem: Problem, posterior: Posterior, speed: float, rng: np.rand
 
 
 def _each(found: OneWay, variation: Variation, kind: str) -> tuple[BallRebound, ...]:
-    heights = rise_height((found.coefficients[:, :1] + found.shifts) * fall_speed(DROP_HEIGHT))
+    heights = rise_height(found.levels * fall_speed(DROP_HEIGHT))
     return tuple(
         BallRebound(level.label, level.impacts, spread_of(heights[:, k]), share_within(heights[:, k], kind))
         for k, level in enumerate(variation.levels)
     )
-
-
-def _shared_error(problem: Problem, known: NDArray[np.int64], cor: FloatArray) -> float | None:
-    """By how much (one sd) a restitution is off if the stated error of the landing speed is one for all drops."""
-    sd = problem.table.incident_sd.get("v_y1")
-    if sd is None:
-        return None
-    return float(np.mean(cor * sd[known] / problem.table.impacts.v_y1[known]))

@@ -65,8 +65,6 @@ def _by_rounding(fitted: FittedModel, golden: Golden) -> Mapping[str, FloatArray
 
 
 def _differences(one: Rebound, other: Rebound) -> Mapping[str, FloatArray]:
-    """Absolute differences of every column that can be measured; zero where one is not known, as a rounding beyond a
-    bound is.
-    """
+    """Absolute differences of every column that can be measured; zero where one is beyond a bound, not known."""
     gaps = {name: np.abs(column.predict(one) - column.predict(other)) for name, column in OBSERVABLES.items()}
     return {name: np.where(np.isfinite(gap), gap, 0.0) for name, gap in gaps.items()}

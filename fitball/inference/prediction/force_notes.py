@@ -43,7 +43,8 @@ def force_notes(problem: Problem, point: PointFit) -> tuple[str, ...]:
     excess = math.sqrt(float(np.sum(rows**2)) / max(1, int(records.mask.sum()) - len(records.records)))
     ratios = np.array(
         [
-            _ratio(record.means, record.spacing, course)
+            # Tiny where the record has none.
+            max(float(np.sum(record.means) * record.spacing), 1e-12) / float(np.sum(course) * record.spacing)
             for record, course in zip(records.records, seen[0], strict=True)
         ]
     )
@@ -63,8 +64,3 @@ def force_notes(problem: Problem, point: PointFit) -> tuple[str, ...]:
             "calibration of the sensor and the ball's mass"
         )
     return tuple(notes)
-
-
-def _ratio(means: tuple[float, ...], spacing: float, course: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
-    """Impulse of a record over the model's; tiny where the record has none."""
-    return max(float(np.sum(means) * spacing), 1e-12) / float(np.sum(course) * spacing)

@@ -6,10 +6,7 @@ revolutions a second) are rated as they were measured.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
@@ -38,9 +35,7 @@ LEAST = 3
 
 
 def temperatures(scene: Scene, draws: int, rng: np.random.Generator) -> FloatArray:
-    """The temperature of the ball (draws,) [degrees Celsius], with the error of its measurement; zeros where none is
-    known.
-    """
+    """The temperature of the ball (draws,) [degrees Celsius] with its error; zeros where none is known."""
     return (scene.ball_temperature or 0.0) + (scene.ball_temperature_sd or 0.0) * rng.standard_normal(draws)
 
 
@@ -69,19 +64,28 @@ def measured_pace(table: ImpactTable, scene: Scene, rng: np.random.Generator) ->
     named = [table.labels[column][k] for k in rows] if column else [""] * rows.size
     labels = tuple(dict.fromkeys(named))
     index = np.array([labels.index(name) for name in named], dtype=np.int64)
-    told = _told_apart(rating, index, rng)
+    between = elsewhere = levels = None
+    remark = ""
+    found = one_way(rating, np.ones((rating.size, 1)), index, rng) if len(labels) > 1 else ""
+    if isinstance(found, str):
+        mean, within = plain_mean(rating, rng)
+        remark = found and f"differences between places are not told from noise: {found}"
+    else:
+        elsewhere = found.coefficients[:, 0] + found.between * rng.standard_normal(DRAWS)
+        mean, within = found.levels @ (np.bincount(index) / index.size), found.within
+        between, levels = found.between, found.levels
     # The thermometer's error is one for all impacts.
     warm = PER_KELVIN * (scene.ball_temperature_sd or 0.0) * rng.standard_normal(DRAWS)
     means = np.array([rating[index == k].mean() for k in range(len(labels))])
     court = CourtMean(
         column=column,
         places=len(labels),
-        rating=spread_of(told.mean + warm, float(rating.mean())),
-        elsewhere=None if told.elsewhere is None else spread_of(told.elsewhere + warm),
-        between=None if told.between is None else spread_of(told.between),
-        within=spread_of(told.within),
+        rating=spread_of(mean + warm, float(rating.mean())),
+        elsewhere=None if elsewhere is None else spread_of(elsewhere + warm),
+        between=None if between is None else spread_of(between),
+        within=spread_of(within),
         largest_difference=float(np.ptp(means)) if len(labels) > 1 else None,
-        categories=pace_categories(told.mean + warm),
+        categories=pace_categories(mean + warm),
     )
     places = tuple(
         PlaceRating(
@@ -90,38 +94,11 @@ def measured_pace(table: ImpactTable, scene: Scene, rng: np.random.Generator) ->
             mean=float(means[k]),
             friction=float(friction[index == k].mean()),
             restitution=float(restitution[index == k].mean()),
-            rating=None if told.levels is None else spread_of(told.levels[:, k] + warm),
+            rating=None if levels is None else spread_of(levels[:, k] + warm),
         )
         for k, name in enumerate(labels)
     )
-    return MeasuredPace(rows.size, len(table), court, places if column else (), told.remark)
-
-
-@dataclass(frozen=True)
-class _Told:
-    """Draws: mean of the tested impacts, sd within a place and, where places are told from noise, sd between them,
-    each of them (draws, places) and one that was not tested; else what stands against it.
-    """
-
-    mean: FloatArray
-    within: FloatArray
-    between: FloatArray | None = None
-    levels: FloatArray | None = None
-    elsewhere: FloatArray | None = None
-    remark: str = ""
-
-
-def _told_apart(rating: FloatArray, index: NDArray[np.int64], rng: np.random.Generator) -> _Told:
-    if index.max() == 0:
-        return _Told(*plain_mean(rating, rng))
-    found = one_way(rating, np.ones((rating.size, 1)), index, rng)
-    if isinstance(found, str):
-        said = f"differences between places are not told from noise: {found}"
-        return _Told(*plain_mean(rating, rng), remark=said)
-    levels = found.coefficients[:, :1] + found.shifts
-    other = found.coefficients[:, 0] + found.between * rng.standard_normal(DRAWS)
-    shares = np.bincount(index) / index.size
-    return _Told(levels @ shares, found.within, found.between, levels, other)
+    return MeasuredPace(rows.size, len(table), court, places if column else (), remark)
 
 
 def _rebound(table: ImpactTable) -> tuple[FloatArray, FloatArray]:

@@ -38,6 +38,11 @@ class OneWay:
     within: FloatArray
     shifts: FloatArray
 
+    @property
+    def levels(self) -> FloatArray:
+        """Each label (draws, labels), where the first column of the design is one."""
+        return self.coefficients[:, :1] + self.shifts
+
 
 def plain_mean(values: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     """Draws of mean and standard deviation, each (draws,), of independent `values` (at least three)."""
@@ -50,9 +55,7 @@ def plain_mean(values: FloatArray, rng: np.random.Generator) -> tuple[FloatArray
 def one_way(
     values: FloatArray, design: FloatArray, index: NDArray[np.int64], rng: np.random.Generator
 ) -> OneWay | str:
-    """Draws for `values` (rows,) with `design` (rows, columns) and labels `index` (rows,), 0, 1, ...; or the reason
-    why they do not tell labels and noise apart.
-    """
+    """Draws for `values` (rows,) with `design` (rows, columns) and labels `index` (rows,), or why there are none."""
     labels = np.eye(int(index.max()) + 1)[index]
     rank = int(np.linalg.matrix_rank(np.hstack([design, labels])))
     shared = int(np.linalg.matrix_rank(design)) + labels.shape[1] - rank

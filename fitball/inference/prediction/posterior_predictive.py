@@ -7,7 +7,6 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitball.inference.likelihood.incident_marginal import incident_sds
 from fitball.inference.likelihood.posterior import impact_terms
@@ -159,14 +158,12 @@ def regime_shares(rebound: Rebound) -> tuple[Mapping[str, float], ...]:
     # Of kinds that are met as often the one that comes first is named first.
     rank = met.sum(axis=1) * (len(solved) + 1) - np.where(met.any(axis=1), met.argmax(axis=1), 0)
     distinct, which = np.unique(rank, axis=1, return_inverse=True)
-    shares = [_named_shares(kinds, column, len(solved) + 1) for column in distinct.T]
+    counts = -(-distinct // (len(solved) + 1))
+    shares = [
+        {regime_name(int(kinds[k])): float(met[k] / met.sum()) for k in np.argsort(-order) if met[k]}
+        for order, met in zip(distinct.T, counts.T, strict=True)
+    ]
     return tuple(shares[k] for k in which.ravel())
-
-
-def _named_shares(kinds: NDArray[np.integer[Any]], rank: NDArray[np.int64], unit: int) -> Mapping[str, float]:
-    """Shares of kinds by name, from how often each was met, times `unit`, less where it was first."""
-    counts = -(-rank // unit)
-    return {regime_name(int(kinds[k])): float(counts[k] / counts.sum()) for k in np.argsort(-rank) if counts[k]}
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,7 @@ SCANNED, HALVINGS = 2001, 40
 
 @dataclass(frozen=True)
 class Window:
-    """What a map shows: one incident `speed` [m/s], lowest and highest `angle` to the court [rad] and
-    `spin` [rad/s].
-    """
+    """What a map shows: one incident `speed` [m/s], and the range of `angle` [rad] and of `spin` [rad/s]."""
 
     speed: float
     angle: tuple[float, float]

@@ -21,7 +21,7 @@ from fitball.inference.problem.noise import NoiseKind, noise_kind
 from fitball.inference.problem.observables import Observable, build_observables
 from fitball.inference.problem.parameters import build_parameters
 from fitball.inference.problem.pooling import Pooling, build_pooling
-from fitball.inference.problem.priors import Prior, parse_prior
+from fitball.inference.problem.priors import parse_prior
 from fitball.inference.problem.problem import Problem
 from fitball.models.model import Model
 from fitball.models.registry import Reduced, entry, model
@@ -147,12 +147,14 @@ def _structure(
     noise: NoiseKind,
     pool: Mapping[str, str],
 ) -> tuple[tuple[Pooling, ...], GroupBias | None, dict[str, ParameterSpec]]:
-    """The `pool`ing asked for, group offsets that scene or user ask for, and the parameters that these and `noise`
-    bring.
-    """
+    """The `pool`ing and group offsets asked for, and the parameters that these and `noise` bring."""
     extra = {spec.name: spec for spec in noise.parameters}
     specs = chosen.specs
-    known = {name: _prior_of(specs[name], priors) for name in pool if name in chosen.parameter_names}
+    known = {
+        name: parse_prior(name, priors.get(name, spec.prior), spec.lower, spec.upper, spec.unit)
+        for name, spec in specs.items()
+        if name in pool and name in chosen.parameter_names
+    }
     levels = build_pooling(table, pool, chosen.parameter_names, known)
     for pooling in levels:
         extra |= pooling.specs(specs[pooling.parameter].unit, known[pooling.parameter])
@@ -168,10 +170,6 @@ def _names_places(table: ImpactTable) -> bool:
     """Whether a table holds several places on a court, with impacts enough on each to tell their friction apart."""
     labels = table.labels.get(LOCATION, ())
     return 2 <= len(set(labels)) <= min(MOST_PLACES, len(labels) // 2)
-
-
-def _prior_of(spec: ParameterSpec, priors: Mapping[str, str]) -> Prior:
-    return parse_prior(spec.name, priors.get(spec.name, spec.prior), spec.lower, spec.upper, spec.unit)
 
 
 def reduction(table: ImpactTable, name: str) -> Reduced | None:

@@ -6,7 +6,7 @@ SI for the others.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -154,13 +154,12 @@ class Problem:
         self, columns: Mapping[str, FloatArray], impacts: Impacts, rows: NDArray[np.int64]
     ) -> Mapping[str, FloatArray]:
         """Derivatives (draws, impacts, 3) of each output of such rebounds with respect to the incident state."""
-        derivatives, order = [], []
-        for mine, own in self._blocks(columns, rows):
-            values = self._model_rows({**columns, **own})
-            derivatives.append(self.model.jacobian(self.model_names, values, impacts.take(mine), ()).inputs)
-            order.append(mine)
-        back = np.argsort(np.concatenate(order), kind="stable")
-        return by_output(np.concatenate(derivatives, axis=1)[:, back])
+        (inputs,) = self._by_level(
+            columns,
+            rows,
+            lambda values, mine: (self.model.jacobian(self.model_names, values, impacts.take(mine), ()).inputs,),
+        )
+        return by_output(inputs)
 
     def differentiated(self, coordinates: FloatArray) -> tuple[Rebound, dict[str, FloatArray]]:
         """Rebounds (draws, impacts) of the table's impacts at `coordinates` (draws, free), and of each output the
@@ -237,20 +236,30 @@ class Problem:
         count: int,
     ) -> tuple[NumberArray, NumberArray, NumberArray]:
         """See `Model.force_integrals`, for the table's impacts `rows`; `columns` may be complex."""
-        integrals = None
+        impulse, integral, centroid = self._by_level(
+            columns,
+            rows,
+            lambda values, mine: self.model.force_integrals(
+                self.model_names, values, self.impacts.take(rows[mine]), first[:, mine], spacing[mine], count
+            ),
+        )
+        return impulse, integral, centroid
+
+    def _by_level(
+        self,
+        columns: Mapping[str, NumberArray],
+        rows: NDArray[np.int64],
+        of: Callable[[NumberArray, NDArray[np.int64]], Sequence[NumberArray]],
+    ) -> list[NumberArray]:
+        """Arrays (draws, rows, ...): those `of` values of the model (draws, its parameters) and places among `rows`,
+        level by level.
+        """
+        made, order = [], []
         for mine, own in self._blocks(columns, rows):
-            values = self._model_rows({**columns, **own})
-            impacts = self.impacts.take(rows[mine])
-            parts = self.model.force_integrals(
-                self.model_names, values, impacts, first[:, mine], spacing[mine], count
-            )
-            integrals = integrals or tuple(
-                np.empty((len(values), len(rows), *part.shape[2:]), part.dtype) for part in parts
-            )
-            for whole, part in zip(integrals, parts, strict=True):
-                whole[:, mine] = part
-        assert integrals is not None
-        return integrals[0], integrals[1], integrals[2]
+            made.append(of(self._model_rows({**columns, **own}), mine))
+            order.append(mine)
+        back = np.argsort(np.concatenate(order), kind="stable")
+        return [np.concatenate(parts, axis=1)[:, back] for parts in zip(*made, strict=True)]
 
     def _blocks(
         self, columns: Mapping[str, FloatArray], rows: NDArray[np.int64]

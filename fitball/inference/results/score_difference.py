@@ -30,8 +30,6 @@ class ElpdDifference:
 
 
 def elpd_difference(one: FloatArray, other: FloatArray) -> ElpdDifference:
-    """Score of `one` minus that of `other`, each (impacts,); standard error sqrt(n) times the sd of the impacts'
-    differences.
-    """
+    """Score of `one` minus that of `other`, each (impacts,); its standard error by the impacts' differences."""
     gaps = one - other
     return ElpdDifference(float(gaps.sum()), float(np.sqrt(gaps.size) * np.std(gaps, ddof=1)))
