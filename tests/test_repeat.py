@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from contextlib import contextmanager
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -150,10 +151,24 @@ def test_a_standard_error_is_the_scatter_of_numbers_sampled_anew():
     assert scatter["median"] > 1.5 * np.sqrt(np.pi / 2.0 / (2 * 400 * 8))
 
 
+@contextmanager
+def changed(folder):
+    """What `fit.json` says, to be changed."""
+    said = json.loads((folder / "fit.json").read_text(encoding="utf-8"))
+    yield said
+    (folder / "fit.json").write_text(json.dumps(said), encoding="utf-8")
+
+
 def spoil_number(folder, name, number, factor):
-    text = json.loads((folder / "fit.json").read_text(encoding="utf-8"))
-    text["parameters"][name][number] *= factor
-    (folder / "fit.json").write_text(json.dumps(text), encoding="utf-8")
+    with changed(folder) as said:
+        said["parameters"][name][number] *= factor
+
+
+def beside_other_draws(problem, copy, home):
+    """A spoilt fit compared where bits say nothing."""
+    other = read_kept(home / "fit")
+    shifted = replace(other.posterior, values=other.posterior.values * (1.0 + 1e-7))
+    return compared(problem, read_kept(copy / "fit"), replace(other, posterior=shifted, chains=None))
 
 
 def spoil_draw(folder, name):
@@ -189,37 +204,27 @@ def test_a_number_changed_by_hand_is_found_and_named(home, copy, problem, spoil,
 
 def test_a_changed_number_is_found_beside_another_seed_too(home, copy, problem):
     """There the bits say nothing: the draws of the fit itself must bear its numbers out."""
-    other = read_kept(home / "fit")
-    shifted = replace(other.posterior, values=other.posterior.values * (1.0 + 1e-7))
     spoil_number(copy / "fit", "e_x", "sd", 1.0 + 1e-6)
-    found = compared(problem, read_kept(copy / "fit"), replace(other, posterior=shifted, chains=None))
-    assert [item.what for item in found.different] == ["e_x sd"]
+    assert [item.what for item in beside_other_draws(problem, copy, home).different] == ["e_x sd"]
 
 
 def test_golden_impacts_are_bounced_anew(home, copy, problem):
-    text = json.loads((copy / "fit" / "fit.json").read_text(encoding="utf-8"))
-    text["golden"]["rebound"]["v_x2"][3] += 1e-6
-    (copy / "fit" / "fit.json").write_text(json.dumps(text), encoding="utf-8")
+    with changed(copy / "fit") as said:
+        said["golden"]["rebound"]["v_x2"][3] += 1e-6
     found = compared(problem, read_kept(copy / "fit"), read_kept(home / "fit"))
     assert "golden impact 4 v_x2" in [item.what for item in found.different]
 
 
 def test_a_changed_verdict_is_a_difference(home, copy, problem):
-    text = json.loads((copy / "fit" / "fit.json").read_text(encoding="utf-8"))
-    text["parameters"]["mu"]["verdict"] = "prior-dominated"
-    (copy / "fit" / "fit.json").write_text(json.dumps(text), encoding="utf-8")
-    # Beside other draws, where bits say nothing.
-    other = read_kept(home / "fit")
-    shifted = replace(other.posterior, values=other.posterior.values * (1.0 + 1e-7))
-    found = compared(problem, read_kept(copy / "fit"), replace(other, posterior=shifted, chains=None))
-    assert [item.what for item in found.different] == ["mu verdict"]
+    with changed(copy / "fit") as said:
+        said["parameters"]["mu"]["verdict"] = "prior-dominated"
+    assert [item.what for item in beside_other_draws(problem, copy, home).different] == ["mu verdict"]
 
 
 def test_other_versions_are_said_and_their_rounding_allowed(home, copy, problem):
-    text = json.loads((copy / "fit" / "fit.json").read_text(encoding="utf-8"))
-    text["versions"]["numba"] = "0.1"
-    text["covariance"]["values"][0][0] *= 1.0 + 1e-6
-    (copy / "fit" / "fit.json").write_text(json.dumps(text), encoding="utf-8")
+    with changed(copy / "fit") as said:
+        said["versions"]["numba"] = "0.1"
+        said["covariance"]["values"][0][0] *= 1.0 + 1e-6
     found = compared(problem, read_kept(copy / "fit"), read_kept(home / "fit"))
     assert found.outcome is Outcome.WITHIN
     assert "numba 0.1, now" in found.notes[0]
@@ -251,15 +256,14 @@ def test_changed_and_missing_data(copy, capsys):
 def test_measurements_changed_since_are_refused(copy, capsys):
     place = copy / "fit" / "data.nc"
     with xr.open_dataset(place, engine="h5netcdf") as found:
-        changed = found.load()
-    changed["v_y2"][1] += 0.1
-    changed.to_netcdf(place, engine="h5netcdf")
+        spoilt = found.load()
+    spoilt["v_y2"][1] += 0.1
+    spoilt.to_netcdf(place, engine="h5netcdf")
     assert main(["repeat", str(copy / "fit")]) == 2
     assert "these measurements are not those" in capsys.readouterr().err
     # A fit of a table that was changed in Python before: its own files agree, but not with the table's file.
-    content = json.loads((copy / "fit" / "fit.json").read_text(encoding="utf-8"))
-    content["data"]["sha256"] = digest({name: changed[name].to_numpy() for name in changed.variables})
-    (copy / "fit" / "fit.json").write_text(json.dumps(content), encoding="utf-8")
+    with changed(copy / "fit") as said:
+        said["data"]["sha256"] = digest({name: spoilt[name].to_numpy() for name in spoilt.variables})
     assert main(["repeat", str(copy / "fit")]) == 2
     assert "its v_y2 are not those of" in capsys.readouterr().err
 

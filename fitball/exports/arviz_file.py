@@ -114,38 +114,26 @@ def _sampled(
 
 def _draws(known: Mapping[str, Estimate], names: tuple[str, ...], chains: FloatArray) -> xr.Dataset:
     """`chains` (chains, draws, names) as a dataset with units and meanings."""
-    return xr.Dataset(
-        {
-            variable(name): (
-                ("chain", "draw"),
-                chains[:, :, k],
-                {"units": known[name].unit, "long_name": known[name].meaning},
-            )
-            for k, name in enumerate(names)
-        },
-        coords={"chain": np.arange(chains.shape[0]), "draw": np.arange(chains.shape[1])},
-    )
+    said = {name: {"units": known[name].unit, "long_name": known[name].meaning} for name in names}
+    columns = {variable(name): (("chain", "draw"), chains[:, :, k], said[name]) for k, name in enumerate(names)}
+    return xr.Dataset(columns, {"chain": np.arange(chains.shape[0]), "draw": np.arange(chains.shape[1])})
 
 
 def _by_impact(columns: Mapping[str, FloatArray], shape: tuple[int, int, int], ids: list[str]) -> xr.Dataset:
     """Columns (draws, impacts) as (chain, draw, impact)."""
-    return xr.Dataset(
-        {
-            name: (("chain", "draw", "impact"), values.reshape(shape), {"units": SI_UNITS.get(name, "")})
-            for name, values in columns.items()
-        },
-        coords={"chain": np.arange(shape[0]), "draw": np.arange(shape[1]), "impact": ids},
-    )
+    dims = ("chain", "draw", "impact")
+    made = {name: (dims, one.reshape(shape), {"units": SI_UNITS.get(name, "")}) for name, one in columns.items()}
+    return xr.Dataset(made, {"chain": np.arange(shape[0]), "draw": np.arange(shape[1]), "impact": ids})
 
 
 def _measured(table: ImpactTable) -> dict[str, xr.Dataset]:
     """Rebounds and incident states, as the fit took them."""
-    rebounds = {measurement.name: measurement.values for measurement in table.measurements}
-    incident = {name: getattr(table.impacts, name) for name in INCIDENT}
+    groups = {
+        "observed_data": {measurement.name: measurement.values for measurement in table.measurements},
+        "constant_data": {name: getattr(table.impacts, name) for name in INCIDENT},
+    }
+    coords = {"impact": list(table.ids)}
     return {
-        group: xr.Dataset(
-            {name: ("impact", column, {"units": SI_UNITS[name]}) for name, column in columns.items()},
-            coords={"impact": list(table.ids)},
-        )
-        for group, columns in (("observed_data", rebounds), ("constant_data", incident))
+        group: xr.Dataset({name: ("impact", one, {"units": SI_UNITS[name]}) for name, one in columns.items()}, coords)
+        for group, columns in groups.items()
     }

@@ -131,11 +131,10 @@ def _of_court(pace: CourtPace) -> _Content:
 
 def _of_parameters(saved: SavedFit) -> _Content:
     told = [item for item in saved.parameters.values() if item.verdict in (Verdict.IDENTIFIED, Verdict.GIVEN)]
-    rows = [parameter_row(item) for item in told[:MOST_ROWS]]
     listed = [
         {"parameter": row.name, "unit": row.unit, "value": row.median if row.median != "-" else row.point,
          "95 %": row.interval_95}
-        for row in rows
+        for row in map(parameter_row, told[:MOST_ROWS])
     ]  # fmt: skip
     parts = (Part("Parameters that the table tells", tuple(listed[0]), listed, "", True),) if listed else ()
     return _Content(f"Fit of model {saved.file.model.name}", (saved.verdict,), parts, ())

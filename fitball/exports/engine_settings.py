@@ -84,19 +84,15 @@ def _engines(engine: EngineFit) -> dict[str, Any]:
     """
     e, mu = engine.at_point.e, engine.at_point.mu
     multiply = {"frictionCombine": "Multiply", "bounceCombine": "Multiply"}
+    free = {"rough": False, "absorbent": False}
     return {
         "unity": {
             "ball": {"bounciness": e, "dynamicFriction": mu, "staticFriction": mu, **multiply},
             "court": {"bounciness": 1.0, "dynamicFriction": 1.0, "staticFriction": 1.0, **multiply},
         },
         "godot": {
-            "ball": {"bounce": e, "friction": mu, "rough": False, "absorbent": False},
-            "court": {
-                "bounce": 0.0,
-                "friction": 1.0 if mu is None else max(1.0, mu),
-                "rough": False,
-                "absorbent": False,
-            },
+            "ball": {"bounce": e, "friction": mu, **free},
+            "court": {"bounce": 0.0, "friction": 1.0 if mu is None else max(1.0, mu), **free},
         },
         "bullet": {
             "ball": {"restitution": e, "friction": mu, "rollingFriction": 0.0, "spinningFriction": 0.0},
@@ -178,17 +174,15 @@ def _mu(value: float | None) -> str:
 
 
 def _row(name: str, found: EngineFit) -> str:
-    scale = output_scale(name)
-    values = (
-        found.fitted[name], found.engine[name], found.at_point.errors[name], found.at_point.rms[name],
-        found.over_range.rms[name],
-    )  # fmt: skip
-    fitted, engine, error, rms, wide = (value * scale.factor for value in values)
-    return f"| {name} [{scale.unit}] | {fitted:.3f} | {engine:.3f} | {error:+.3f} | {rms:.3f} | {wide:.3f} |"
+    scale, near, wide = output_scale(name), found.at_point, found.over_range
+    values = (found.fitted[name], found.engine[name], near.errors[name], near.rms[name], wide.rms[name])
+    fitted, engine, error, near_rms, wide_rms = (value * scale.factor for value in values)
+    numbers = f"{fitted:.3f} | {engine:.3f} | {error:+.3f} | {near_rms:.3f} | {wide_rms:.3f}"
+    return f"| {name} [{scale.unit}] | {numbers} |"
 
 
 def _advice(engine: EngineFit) -> list[str]:
-    e, mu = f"{engine.at_point.e:.4f}", _mu(engine.at_point.mu) if engine.at_point.mu is not None else "1"
+    e, mu = f"{engine.at_point.e:.4f}", "1" if engine.at_point.mu is None else _mu(engine.at_point.mu)
     soft = mujoco(engine)
     stiffness, damping = soft["solref"]
     known = "" if soft["contact_time_known"] else " (assumed: this model has none)"

@@ -49,11 +49,6 @@ def _parameters(ending: str, make: Callable[[SavedFit], str]) -> TextFormat:
     return TextFormat("parameters", lambda saved, _options: {ending: make(saved)})
 
 
-def saved_port(saved: SavedFit) -> Port:
-    """The port of a saved fit."""
-    return make_port(saved.fitted, saved.golden, origin_of(saved))
-
-
 def origin_of(saved: SavedFit) -> str:
     """Which fit a port is of, in a line."""
     table = saved.content["table"]
@@ -69,7 +64,7 @@ def _port(make: Callable[[Port, str], Mapping[str, str]]) -> TextFormat:
         prefix = options.prefix
         if not (prefix.isidentifier() and prefix.isascii() and prefix.strip("_")):
             raise ParameterError(f"{option('prefix', prefix)}: expected the beginning of a name, such as clay_")
-        return make(saved_port(saved), prefix)
+        return make(make_port(saved.fitted, saved.golden, origin_of(saved)), prefix)
 
     return TextFormat("bounce", texts)
 

@@ -83,23 +83,21 @@ def round_impact(fitted: FittedModel) -> Impacts:
 
 def _settings(port: Port, fitted: FittedModel, impact: Impacts, followed: bool) -> dict[str, Any]:
     v_x, v_y, omega = (float(column[0]) for column in (impact.v_x1, impact.v_y1, impact.omega_1))
-    names = [name for name, _value in port.row]
     values = dict(port.row)
-    cor_name = "cor_10" if "cor_10" in names and not port.needs_cor else None
-    told = 0.75 if impact.cor is None else float(impact.cor[0])
-    cor = values[cor_name] if cor_name else told
+    names, cor = list(values), 0.75 if impact.cor is None else float(impact.cor[0])
+    own = "cor_10" in values and not port.needs_cor
     sliders = {
         "speed": _slider(SPEED, math.hypot(v_x, v_y)),
         "angle": _slider(ANGLE, math.degrees(math.atan2(v_y, v_x)) if fitted.tangential else 90.0),
         "spin": _slider(SPIN, omega * RPM),
         "mu": _slider(MU, values.get("mu", 0.0)),
-        "cor": _slider(COR, cor),
+        "cor": _slider(COR, values["cor_10"] if own else cor),
     }
     return {
         "tangential": fitted.tangential,
         "followed": followed,
         "toldCor": port.needs_cor,
-        "place": {"mu": names.index("mu") if "mu" in names else None, "cor": cor_name and names.index(cor_name)},
+        "place": {"mu": names.index("mu") if "mu" in values else None, "cor": names.index("cor_10") if own else None},
         "ball": {"mass": fitted.ball.mass, "radius": port.radius, "inertia": fitted.ball.inertia},
         "phases": {int(code): name for code, name in PHASE_SYMBOL.items()},
         "sliders": sliders,

@@ -67,11 +67,7 @@ def _content(saved: SavedFit, lookup: Lookup) -> dict[str, Any]:
         "parameters": dict(saved.golden.parameters),
         "order": "the last axis varies fastest",
         "axes": [
-            {
-                "name": axis.name,
-                "unit": axis.unit.symbol,
-                "values": [axis.unit.from_si(float(value)) for value in axis.values],
-            }
+            {"name": axis.name, "unit": axis.unit.symbol, "values": [*map(axis.unit.from_si, axis.values.tolist())]}
             for axis in lookup.axes
         ],
         "outputs": {name: SI_UNITS[name] for name in lookup.outputs},

@@ -31,9 +31,9 @@ class PaperRow:
     meaning: str
     unit: str
     value: str
-    sd: str
-    interval_95: str
-    mark: str
+    sd: str = ""
+    interval_95: str = ""
+    mark: str = ""
 
 
 MARKS = {Verdict.PRIOR_DOMINATED: "a", Verdict.ONE_SIDED: "b", Verdict.GIVEN: "c", Verdict.CONDITIONAL: "d"}
@@ -54,21 +54,13 @@ def _row(parameter: Estimate) -> PaperRow:
     scale = handy(parameter.name, parameter.unit)
     spec = parameter_spec(parameter.name) or NOISE_SPECS.get(parameter.name)
     label = spec.label if spec is not None else ""
+    head = (parameter.name, label, parameter.meaning, scale.unit)
     if parameter.median is None or parameter.sd is None or parameter.verdict is Verdict.FIXED:
-        value = significant(parameter.point * scale.factor, 4)
-        return PaperRow(parameter.name, label, parameter.meaning, scale.unit, value, "", "", "")
+        return PaperRow(*head, significant(parameter.point * scale.factor, 4))
     places = decimals(parameter.sd * scale.factor)
     low, high = (None if end is None else end * scale.factor for end in (parameter.q025, parameter.q975))
-    return PaperRow(
-        name=parameter.name,
-        label=label,
-        meaning=parameter.meaning,
-        unit=scale.unit,
-        value=fixed(parameter.median * scale.factor, places),
-        sd=fixed(parameter.sd * scale.factor, places),
-        interval_95=interval(low, high, places),
-        mark=MARKS.get(parameter.verdict, ""),
-    )
+    value, sd = (fixed(number * scale.factor, places) for number in (parameter.median, parameter.sd))
+    return PaperRow(*head, value, sd, interval(low, high, places), MARKS.get(parameter.verdict, ""))
 
 
 def _caption(saved: SavedFit) -> str:
@@ -77,10 +69,8 @@ def _caption(saved: SavedFit) -> str:
     what = "point estimates"
     if saved.status is not RunStatus.POINT_ONLY:
         what = "posterior median, standard deviation and 95 % interval; without them: a fixed value"
-    text = (
-        f"Parameters of the model {saved.fitted.model_name} fitted to {table['impacts']} impacts ({table['name']}): "
-    )
-    text += f"{what}."
+    fitted_to = f"fitted to {table['impacts']} impacts ({table['name']})"
+    text = f"Parameters of the model {saved.fitted.model_name} {fitted_to}: {what}."
     described = saved.file.adequacy
     if described is not None and described.answer is Answer.FAILS:
         text += " The model does not describe these impacts."

@@ -41,8 +41,8 @@ def parameter_content(saved: SavedFit) -> dict[str, Any]:
     if content["correlation"] is not None:
         parameter_set["correlation"] = content["correlation"]
     parameter_set["golden"] = {
-        "impacts": {name: column for name, column in golden["impacts"].items() if column is not None},
-        "rebound": {name: column for name, column in golden["rebound"].items() if column is not None},
+        part: {name: column for name, column in golden[part].items() if column is not None}
+        for part in ("impacts", "rebound")
     }
     return parameter_set
 
@@ -93,16 +93,15 @@ def toml_text(saved: SavedFit) -> str:
 def parameter_table(saved: SavedFit) -> str:
     """CSV: one row per parameter, in SI; where the data are the thesis's also in its units."""
     rows: list[dict[str, object]] = []
-    theirs = any(_thesis_scale(saved, name) is not None for name in saved.parameters)
+    scales = {name: _thesis_scale(saved, name) for name in saved.parameters}
     for parameter in saved.parameters.values():
-        row: dict[str, object] = {"parameter": parameter.name, "role": role(parameter.name), "unit": parameter.unit}
-        row |= {name: getattr(parameter, name) for name in NUMBERS}
+        numbers = {name: getattr(parameter, name) for name in NUMBERS}
+        row = {"parameter": parameter.name, "role": role(parameter.name), "unit": parameter.unit, **numbers}
         row["verdict"] = parameter.verdict_words
-        if theirs:
-            scale = _thesis_scale(saved, parameter.name)
+        if any(scales.values()):
+            scale = scales[parameter.name]
             row["thesis_unit"] = None if scale is None else scale.unit
-            for name in NUMBERS:
-                value = getattr(parameter, name)
+            for name, value in numbers.items():
                 row[f"thesis_{name}"] = None if scale is None or value is None else value * scale.factor
         rows.append(row)
     return csv_text(rows)

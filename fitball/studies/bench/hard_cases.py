@@ -63,18 +63,11 @@ FREE = {"torsion": "free"}
 
 def hard_cases() -> tuple[HardCase, ...]:
     """The whole catalogue; names are unique."""
-    cases = (
-        *_torsional_damping(),
-        *_resonance(),
-        *_stiffness(),
-        *_restitution(),
-        *_friction(),
-        *_start_without_slip(),
-        *_events(),
-        *_many_cycles(),
-        *_mass_ratio(),
-        *_extremes(),
+    kinds = (
+        *(_torsional_damping, _resonance, _stiffness, _restitution, _friction, _start_without_slip, _events),
+        *(_many_cycles, _mass_ratio, _extremes),
     )
+    cases = tuple(case for kind in kinds for case in kind())
     assert len({case.name for case in cases}) == len(cases)
     return cases
 

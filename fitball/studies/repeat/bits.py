@@ -12,8 +12,6 @@ from fitball.studies.repeat.kept import Kept
 
 # What says where and with what a fit was made, not what it found.
 IGNORED = ("versions", "table.name", "table.file", "data.force.file")
-# Places where list entries are named by their place alone.
-_JOINT = "."
 
 
 def differing_leaves(one: Any, other: Any, at: str = "") -> Iterator[tuple[str, Any, Any]]:
@@ -22,7 +20,7 @@ def differing_leaves(one: Any, other: Any, at: str = "") -> Iterator[tuple[str, 
         return
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         for key in dict.fromkeys([*one, *other]):
-            place = f"{at}{_JOINT}{key}" if at else key
+            place = f"{at}.{key}" if at else key
             yield from differing_leaves(one.get(key), other.get(key), place)
     elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
         for k, (a, b) in enumerate(zip(one, other, strict=True)):
@@ -37,14 +35,9 @@ def same_bytes(original: Kept, repeated: Kept) -> dict[str, bool]:
     equal = {"fit.json": next(differing_leaves(original.content, repeated.content), None) is None}
     one, other = original.posterior, repeated.posterior
     if one is not None and other is not None:
-        equal["draws"] = one.names == other.names and all(
-            a.shape == b.shape and a.tobytes() == b.tobytes()
-            for a, b in (
-                (one.values, other.values),
-                (one.log_posterior, other.log_posterior),
-                (one.prior_draws, other.prior_draws),
-            )
-        )
+        parts = [(getattr(one, part), getattr(other, part)) for part in ("values", "log_posterior", "prior_draws")]
+        same = all(a.shape == b.shape and a.tobytes() == b.tobytes() for a, b in parts)
+        equal["draws"] = one.names == other.names and same
     elif one is not None or other is not None:
         equal["draws"] = False
     if original.chains is not None and repeated.chains is not None:
@@ -55,13 +48,9 @@ def same_bytes(original: Kept, repeated: Kept) -> dict[str, bool]:
 def _same_chains(original: Kept, repeated: Kept) -> bool:
     """Whether the steps that both results used are equal; a resumed run may have made some more."""
     one, other = original.chains or (), repeated.chains or ()
-    steps = min(_steps(original), _steps(repeated))
+    steps = min(int(kept.content["diagnostics"]["steps"]) for kept in (original, repeated))
     return len(one) == len(other) and all(
         np.array_equal(a.chain[:steps], b.chain[:steps])
         and np.array_equal(a.log_posterior[:steps], b.log_posterior[:steps])
         for a, b in zip(one, other, strict=True)
     )
-
-
-def _steps(kept: Kept) -> int:
-    return int(kept.content["diagnostics"]["steps"])

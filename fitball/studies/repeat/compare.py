@@ -141,15 +141,14 @@ def _notes(original: Kept, repeated: Kept) -> Iterator[str]:
 
 def _words(original: Kept, repeated: Kept) -> Iterator[Finding]:
     old, new = original.content, repeated.content
-    yield _equal("status", old["status"], new["status"])
-    yield _equal("free parameters", _free(original), _free(repeated))
-    for name, item in old["parameters"].items():
-        if name in new["parameters"]:
-            yield _equal(f"{name} verdict", item["verdict"], new["parameters"][name]["verdict"])
-
-
-def _equal(what: str, old: str, new: str) -> Finding:
-    return Finding(what, old, new, "the same word", old != new)
+    told = [("status", old["status"], new["status"]), ("free parameters", _free(original), _free(repeated))]
+    told += [
+        (f"{name} verdict", item["verdict"], new["parameters"][name]["verdict"])
+        for name, item in old["parameters"].items()
+        if name in new["parameters"]
+    ]
+    for what, before, now in told:
+        yield Finding(what, before, now, "the same word", before != now)
 
 
 def _free(kept: Kept) -> str:
@@ -188,14 +187,11 @@ def _point(problem: Problem, original: Kept, repeated: Kept) -> Iterator[Finding
     for parameter in problem.parameters:
         if parameter.name not in old["parameters"]:
             continue
-        values = np.array([old["parameters"][parameter.name]["point"], new["parameters"][parameter.name]["point"]])
-        if parameter.free:
-            # One width of the prior along its coordinate, as a difference in value there.
-            scale = float(values[0]) if parameter.prior.log else 1.0
-            width = OF_WIDTH * parameter.prior.width * abs(scale)
-        else:
-            width = 0.0
-        yield _number(f"{parameter.name} point", float(values[0]), float(values[1]), width, basis)
+        before, now = (float(item["parameters"][parameter.name]["point"]) for item in (old, new))
+        # One width of the prior along its coordinate, as a difference in value there.
+        scale = abs(before) if parameter.prior.log else 1.0
+        width = OF_WIDTH * parameter.prior.width * scale if parameter.free else 0.0
+        yield _number(f"{parameter.name} point", before, now, width, basis)
 
 
 def _golden(original: Kept) -> Iterator[Finding]:
@@ -227,11 +223,9 @@ def _derived(original: Kept, repeated: Kept, same: Mapping[str, bool], told: set
     if not source:
         return
     for place, one, other in differing_leaves(old, new):
-        what = place.removeprefix("parameters.").replace(".", " ") if place.startswith("parameters.") else place
+        inside = place.removeprefix("parameters.")
+        what = place if inside == place else inside.replace(".", " ")
         numbers = isinstance(one, int | float) and isinstance(other, int | float)
-        if what in told or (numbers and abs(one - other) <= ROUNDING * abs(one)):
-            continue
-        yield Finding(
-            what, one if numbers else str(one), other if numbers else str(other),
-            "draws or point are the same bytes", True,
-        )  # fmt: skip
+        if what not in told and not (numbers and abs(one - other) <= ROUNDING * abs(one)):
+            before, now = (one, other) if numbers else (str(one), str(other))
+            yield Finding(what, before, now, "draws or point are the same bytes", True)

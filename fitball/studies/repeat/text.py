@@ -26,13 +26,8 @@ def render(repetition: Repetition, original: Kept) -> str:
     same = [name for name, equal in repetition.same.items() if equal]
     if same:
         lines += [f"  The same bytes: {', '.join(same)}.", ""]
-    if repetition.different:
-        lines += _table(repetition.different, repetition.limit)
-    else:
-        lines += _table(
-            [finding for finding in repetition.findings if finding.what.endswith((" median", " point"))],
-            repetition.limit,
-        )
+    usual = [finding for finding in repetition.findings if finding.what.endswith((" median", " point"))]
+    lines += _table(repetition.different or usual, repetition.limit)
     largest = repetition.largest
     if largest is not None:
         lines += ["", f"  Largest difference: {largest.what}, {largest.ratio or 0.0:.2g} standard errors."]
