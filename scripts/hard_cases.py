@@ -1,7 +1,6 @@
 """Solve the catalogue of hard cases with fifty digits and keep the answers in `tests/data/hard_cases.csv`.
 
-Takes some minutes. Joints too stiff for fifty digits (days of Taylor steps) are solved by matrix exponentials in
-double precision, and say so in the column `digits`.
+Takes some minutes. Joints too stiff for fifty digits are solved in double precision; the column `digits` says so.
 """
 
 from __future__ import annotations

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from fitball.models.types import Closures
-from fitball.values import Ball
+import numpy as np
+
+from fitball.models.types import Closures, Rebound
+from fitball.values import Ball, Impacts
 
 BALL = Ball()
 DEFAULT = Closures("zero_force", "momentum", "contact", "mean", "tied", "matched", "line")
@@ -20,3 +22,10 @@ PARAMETERS = {
     "zeta_theta": 0.3,
     "inertia_split": 0.5,
 }
+
+
+def distance(one: Rebound, other: Rebound, at: Impacts) -> float:
+    """Largest difference of the rebounds over the largest incident speed."""
+    size = np.abs(at.v_x1) + at.v_y1 + BALL.radius * np.abs(at.omega_1)
+    apart = [one.v_x2 - other.v_x2, one.v_y2 - other.v_y2, BALL.radius * (one.omega_2 - other.omega_2)]
+    return float(np.max(np.abs(apart) / size))

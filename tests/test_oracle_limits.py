@@ -8,21 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from oracle_case import AS_THE_THESIS, BALL, DEFAULT, PARAMETERS
+from oracle_case import AS_THE_THESIS, BALL, DEFAULT, PARAMETERS, distance
 from scipy.integrate import solve_ivp
 
 from fitball.errors import ParameterError
 from fitball.models.oracle import phases as oracle_phases
 from fitball.models.oracle.oracle import oracle_rebound
-from fitball.models.types import Closures, Phase, Rebound, Status, unpack_regime
-from fitball.values import Impacts, impacts
-
-
-def distance(one: Rebound, other: Rebound, at: Impacts) -> float:
-    """Largest difference of the rebounds over the largest incident speed."""
-    size = np.abs(at.v_x1) + at.v_y1 + BALL.radius * np.abs(at.omega_1)
-    apart = [one.v_x2 - other.v_x2, one.v_y2 - other.v_y2, BALL.radius * (one.omega_2 - other.omega_2)]
-    return float(np.max(np.abs(apart) / size))
+from fitball.models.types import Closures, Phase, Status, unpack_regime
+from fitball.values import impacts
 
 
 def test_rigid_ball_slides_or_rolls() -> None:
@@ -126,10 +119,7 @@ def test_undamped_start_without_slip_grips() -> None:
     closures = Closures("zero_displacement", "total", "contact", "mean", "tied", "free", "mean")
     parameters = PARAMETERS | {"cor_10": 1.0, "eps_10": 1e-3, "eps_slope": 0.0}
     at = impacts(0.0, 10.0, 0.0)
-    double, exact = (
-        oracle_rebound(closures, BALL, parameters, at),
-        oracle_rebound(closures, BALL, parameters, at, digits=50),
-    )
+    double, exact = (oracle_rebound(closures, BALL, parameters, at, digits) for digits in (None, 50))
     assert unpack_regime(int(double.regime[0]))[0] is Phase.GRIP
     assert double.regime[0] == exact.regime[0]
     assert distance(double, exact, at) < 1e-13

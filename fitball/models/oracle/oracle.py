@@ -1,34 +1,22 @@
 """The slow, independent solution of the two-mass ball: what the fast solver is compared with.
 
 No closed form of the driven torsional oscillator is used here. Each phase of the contact is one linear
-autonomous system, carried on by matrix exponentials in double precision or by Taylor series at any number of digits.
+autonomous system, carried on by matrix exponentials in double precision or at any number of digits.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import hyp2f1
 
+from fitball.models.oracle.arithmetic import DOUBLE, digits_arithmetic
 from fitball.models.oracle.expm import STEPS_PER_POLE_TIME, ExpmMarch
-from fitball.models.oracle.phases import Equations, March, bounce
-from fitball.models.oracle.setup import Arithmetic, arrange
-from fitball.models.oracle.taylor import TaylorMarch, digits_arithmetic
+from fitball.models.oracle.phases import Equations, bounce
+from fitball.models.oracle.setup import arrange
 from fitball.models.types import MAX_PACKED_PHASES, PHASE_BITS, Closures, Phase, Rebound, Status
 from fitball.values import Ball, Impacts
-
-DOUBLE = Arithmetic(
-    number=float,
-    sqrt=math.sqrt,
-    log=math.log,
-    log1p=math.log1p,
-    hyp2f1=hyp2f1,
-    pi=math.pi,
-    unit_roundoff=float(np.finfo(float).eps),
-)
 
 
 def oracle_rebound(
@@ -41,7 +29,7 @@ def oracle_rebound(
     without a solution hold NaN and their `Status`. Raises ParameterError for a missing parameter.
     """
     kind = DOUBLE if digits is None else digits_arithmetic(digits)
-    march: March = ExpmMarch() if digits is None else TaylorMarch(kind, digits)
+    march = ExpmMarch(kind)
     count = len(impacts)
     regime, status = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int8)
     v_x2, v_y2, omega_2, contact_time = np.full((4, count), np.nan)

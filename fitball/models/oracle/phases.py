@@ -10,7 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from fitball.models.oracle.setup import Number, Problem
+from fitball.models.oracle.arithmetic import Number
+from fitball.models.oracle.setup import Problem
 from fitball.models.types import Phase
 
 Row = list[Any]

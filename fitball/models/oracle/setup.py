@@ -9,31 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from fitball.errors import ParameterError
+from fitball.models.oracle.arithmetic import Arithmetic, Number
 from fitball.models.types import Closures, Status
 from fitball.values import Ball, Impacts
-
-# A float or an mpmath number; mpmath has no types of its own to name here.
-Number = Any
 
 NEWTON_STEPS = 400
 # A COR and a mass_ratio meant to be equal differ by the rounding of the line COR(v) at most.
 RATIO_ROUNDING = 1e-14
-
-
-@dataclass(frozen=True)
-class Arithmetic:
-    """The kind of number to compute with; `unit_roundoff` is the spacing of its numbers at 1."""
-
-    number: Callable[[float], Number]
-    sqrt: Callable[[Number], Number]
-    log: Callable[[Number], Number]
-    log1p: Callable[[Number], Number]
-    hyp2f1: Callable[[int, int, Number, Number], Number]
-    pi: Number
-    unit_roundoff: Number
 
 
 @dataclass(frozen=True)
