@@ -1,4 +1,5 @@
-# Sourced by scripts/fitball and scripts/test: makes .venv once, with the pinned versions, and keeps it current.
+# Sourced by scripts/fitball and scripts/test: makes .venv once, with the pinned versions, keeps it current, and has the
+# kernels compiled in it.
 # Needs nothing but a Python of version 3.11 or newer. Sets `root` and `venv`.
 
 root=$(CDPATH= cd -- "$(dirname -- "$0")/.." && pwd)
@@ -48,11 +49,19 @@ make_with_pip() {
         fail "fitball: the project itself could not be installed; the lines above say why."
 }
 
+compile_kernels() {
+    [ -z "${FITBALL_NO_COMPILE:-}" ] || return 0
+    printf 'fitball: compiling its kernels on two cores (once; some ten seconds; FITBALL_NO_COMPILE=1 leaves it to the first fit) ...\n' >&2
+    "$venv/bin/python" "$root/scripts/compile_kernels.py" ||
+        printf 'fitball: that failed, see above; the first fit tries again.\n' >&2
+}
+
 build_environment() {
     python=$(find_python) || exit 2
     rm -f "$venv/fitball.stamp"
     make_with_uv || make_with_pip
     fingerprint >"$venv/fitball.stamp.new" && mv "$venv/fitball.stamp.new" "$venv/fitball.stamp"
+    compile_kernels
 }
 
 current() {

@@ -1,0 +1,8 @@
+"""Compiles the kernels of a fit where the disk has none of them, so that the first fit does not wait for them."""
+
+from dataclasses import replace
+
+from fitball.inference.likelihood.posterior import layout_of
+from fitball.studies.bench.tables import posed
+
+layout_of(replace(posed("wang_zero_spin"), threads=2))
