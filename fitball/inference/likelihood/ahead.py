@@ -26,14 +26,13 @@ Wanted = tuple[str, str, tuple[Any, ...]]
 
 def compile_ahead(layout: Layout, cores: int) -> None:
     """Compile what densities with this `layout` and their derivatives call, unless it is on disk or would not be kept
-    there.
+    there. What an algebraic bounce takes is not worth a second process.
     """
     arguments = (read_only((1, 1)), True, True, layout, np.empty((3, 1)))
     density = log_densities, tuple(map(numba.typeof, arguments))
-    if cores == 1 or not kept(log_densities) or on_disk(*density):
+    if layout.row.algebraic or cores == 1 or not kept(log_densities) or on_disk(*density):
         return
-    entries = (BOUNCE,) if layout.row.algebraic else (BOUNCE, JACOBIAN)
-    others = [(entry.kernel, entry.signature.args) for entry in entries]
+    others = [(entry.kernel, entry.signature.args) for entry in (BOUNCE, JACOBIAN)]
     parts = [[_wanted(*one) for one in part] for part in (others, [density])]
     for _ in engine(2).unordered(_compile, parts):
         pass

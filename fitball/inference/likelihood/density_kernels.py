@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from fitball.inference.problem.layout import ANGLE, SPEED, Cells, KernelRow, Layout, Levels, Transform
 from fitball.models.kernels.algebraic import algebraic_batch
 from fitball.models.kernels.batch import BATCH
-from fitball.models.kernels.compiled import calling, inner, inner_allocating
+from fitball.models.kernels.compiled import calling, compiled_allocating, inner, inner_allocating
 from fitball.values import FloatArray
 
 # Rebounds made before they are looked at: they stay in the cache of a core, and fill any lanes of the kernels.
@@ -173,13 +173,12 @@ def rows_of(values: FloatArray, layout: Layout, block: int) -> tuple[FloatArray,
 bounce_batch = BATCH.call
 
 
-@calling(BATCH)
-def log_densities(
-    points: FloatArray, from_coordinates: bool, measured: bool, layout: Layout, out: FloatArray
-) -> None:
-    """Fill `out` (3, draws) with log densities of `points` (draws, free): their prior (0 for values instead of
-    coordinates), what the scene says, and the likelihood: 0 unless `measured`, -inf where any impact has no answer.
-    """
+@inner_allocating
+def fill(
+    points: FloatArray, from_coordinates: bool, measured: bool, layout: Layout, codes: NDArray[np.int64] | None,
+    out: FloatArray,
+) -> None:  # fmt: skip
+    """See `log_densities`; without `codes` the bounce is algebraic, and the other is not compiled."""
     values = np.empty((points.shape[0], points.shape[1] + layout.transform.rest.size))
     draws = np.empty(points.shape[0], dtype=np.int64)
     count = begin(points, from_coordinates, layout.transform, values, draws, out)
@@ -194,9 +193,27 @@ def log_densities(
             omega, cor = incident.omega_1[mine].reshape(1, -1), incident.cor[mine].reshape(1, -1)
             rebounds = np.empty((4, *shape))
             regime, status = np.empty(shape, dtype=np.int64), np.empty(shape, dtype=np.int8)
-            if layout.row.algebraic:
+            if codes is None:
                 algebraic_batch(rows, v_x, v_y, omega, rebounds, regime, status)
             else:
-                bounce_batch(rows, layout.row.codes, v_x, v_y, omega, cor, rebounds, regime, status)
+                bounce_batch(rows, codes, v_x, v_y, omega, cor, rebounds, regime, status)
             add(layout, measured, block, values[some], draws[some], inside, rebounds, status, out)
     finish(layout, draws[:count], incident.v_x1.size, out)
+
+
+@calling(BATCH)
+def log_densities(
+    points: FloatArray, from_coordinates: bool, measured: bool, layout: Layout, out: FloatArray
+) -> None:
+    """Fill `out` (3, draws) with log densities of `points` (draws, free): their prior (0 for values instead of
+    coordinates), what the scene says, and the likelihood: 0 unless `measured`, -inf where any impact has no answer.
+    """
+    fill(points, from_coordinates, measured, layout, layout.row.codes, out)
+
+
+@compiled_allocating
+def algebraic_log_densities(
+    points: FloatArray, from_coordinates: bool, measured: bool, layout: Layout, out: FloatArray
+) -> None:
+    """As `log_densities`, of the algebraic bounce."""
+    fill(points, from_coordinates, measured, layout, None, out)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.inference.likelihood.ahead import compile_ahead
-from fitball.inference.likelihood.density_kernels import log_densities
+from fitball.inference.likelihood.density_kernels import algebraic_log_densities, log_densities
 from fitball.inference.likelihood.force import force_log_likelihood
 from fitball.inference.likelihood.incident_marginal import marginal_terms
 from fitball.inference.problem.layout import MEASURES, Layout, laid_out
@@ -73,14 +73,15 @@ def compiled_densities(
     rows = np.ascontiguousarray(points, dtype=np.float64).view()
     rows.flags.writeable = False
     out = np.empty((3, len(rows)))
+    fill = algebraic_log_densities if layout.row.algebraic else log_densities
     if problem.threads == 1 or rows.shape[0] * len(problem.impacts) <= LARGE_BATCH:
-        log_densities(rows, from_coordinates, measured, layout, out)
+        fill(rows, from_coordinates, measured, layout, out)
         return out
     parts = np.array_split(np.arange(len(rows)), min(len(rows), 4 * problem.threads))
     made = [np.empty((3, part.size)) for part in parts]
     with ThreadPoolExecutor(problem.threads) as pool:
         tasks = [
-            pool.submit(log_densities, rows[part[0] : part[-1] + 1], from_coordinates, measured, layout, mine)
+            pool.submit(fill, rows[part[0] : part[-1] + 1], from_coordinates, measured, layout, mine)
             for part, mine in zip(parts, made, strict=True)
         ]
         for task in tasks:
