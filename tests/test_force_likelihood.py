@@ -30,7 +30,7 @@ from fitball.inference.likelihood.force import (
     noise_held,
 )
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
-from fitball.inference.point.maximum_posterior import follow_maximum
+from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.prediction.force_notes import force_notes
 from fitball.inference.problem.priors import parse_prior
 from fitball.inference.problem.subsample import thinned_problem, withheld
@@ -286,7 +286,7 @@ def test_a_force_of_twice_the_size_is_flagged(tmp_path):
     table = write_case(tmp_path, 3, scale=2.0)
     bad = problem_of(table, scene=Scene(force_sd=4.0))
     assert {item.name: item.fixed for item in bad.parameters}["force_sd"] == 4.0
-    flagged = [note for note in force_notes(bad, follow_maximum(bad, values_of(bad), {})) if "MISFIT" in note]
+    flagged = [note for note in force_notes(bad, maximum_posterior(bad, values_of(bad))) if "MISFIT" in note]
     assert any("impulse of the force records is 2." in note for note in flagged)
     assert any("of their peak" in note for note in flagged)
     # With the misfit forbidden the stated noise is seen to be wrong.

@@ -24,7 +24,6 @@ from fitball.inference.prediction.posterior_predictive import with_noise
 from fitball.inference.problem import noise, parameters
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.noise import KINDS, NORMAL, NoiseKind, noise_with
-from fitball.inference.problem.priors import parse_prior
 from fitball.models.specs import ParameterSpec
 from fitball.report.fit.folder import prepare_folder, write_all
 from fitball.report.saved.restore import restore
@@ -80,29 +79,6 @@ def test_every_kind_is_scipys(case):
 
     known = 2.0 * integrate.quad(score, 1e-4, 40.0, limit=400, points=[1.0, 5.0])[0]
     assert kind.information(sizes) == pytest.approx(known, rel=1e-3)
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_the_best_scale_is_where_density_and_prior_peak(case):
-    kind, sizes, expected = CASES[case]
-    gaps = np.array([0.3, -0.1, 0.8, -0.4, 0.05, 0.2, -0.25])
-    prior = parse_prior("v_x_sd", "lognormal(0.25, 0.7)", 1e-4, 10.0, "m/s")
-    grid = np.geomspace(0.02, 3.0, 20_001)
-    density = np.array([np.sum(expected.logpdf(gaps / s) - np.log(s)) for s in grid])
-    best = grid[np.argmax(density + prior.log_density(np.log(grid)))]
-    assert kind.best_scale(prior, gaps, sizes) == pytest.approx(best, rel=0.03)
-
-
-def test_the_best_shape_is_where_density_and_prior_peak():
-    z = stats.t(3.0).ppf((np.arange(60) + 0.5) / 60)
-    prior = parse_prior("degrees_of_freedom", "lognormal(8, 0.8)", 2.0, 100.0, "")
-    grid = np.geomspace(2.0, 100.0, 5001)
-    density = np.array([stats.t(nu).logpdf(z).sum() for nu in grid]) + prior.log_density(np.log(grid))
-    found = STUDENT.best_shape({"degrees_of_freedom": prior}, z, {"degrees_of_freedom": 50.0})
-    assert found["degrees_of_freedom"] == pytest.approx(grid[np.argmax(density)], rel=0.02)
-    # One that is held keeps its value.
-    assert STUDENT.best_shape({}, z, {"degrees_of_freedom": 50.0}) == {"degrees_of_freedom": 50.0}
-    assert NORMAL.best_shape({}, z, {}) == {}
 
 
 def test_each_kind_is_known_by_a_parameter_of_its_own_and_named_to_the_user(capsys):

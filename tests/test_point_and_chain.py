@@ -22,6 +22,7 @@ from fitball.inference import calibrate
 from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import log_posterior
+from fitball.inference.point.gauss_newton import Reached
 from fitball.inference.point.least_squares import deeper, least_squares
 from fitball.inference.point.maximum_posterior import higher_maximum, maximum_posterior
 from fitball.inference.point.point_fit import point_fit
@@ -155,9 +156,7 @@ def test_a_draw_that_no_search_improves_becomes_the_point(sphere, monkeypatch):
     draw = row(problem, point.values) * 1.002
     score = log_posterior(problem, problem.to_coordinates(draw))
     assert missed.log_posterior < score[0]
-    monkeypatch.setattr(
-        "fitball.inference.point.maximum_posterior._with_best_noise", lambda *_, **__: lost(problem, missed)
-    )
+    monkeypatch.setattr("fitball.inference.point.maximum_posterior.descend", lost(problem, missed))
     monkeypatch.setattr("fitball.inference.point.maximum_posterior._climb", lambda _problem, start: start)
     _, found, notes = search_again(problem, squares, missed, chains(problem, draw))
     assert found.log_posterior >= score[0] - 1e-9
@@ -165,9 +164,13 @@ def test_a_draw_that_no_search_improves_becomes_the_point(sphere, monkeypatch):
 
 
 def lost(problem, point):
-    from fitball.inference.point.maximum_posterior import Candidate
+    """A search that always ends at `point`."""
 
-    return Candidate(point.log_posterior, problem.to_coordinates(row(problem, point.values))[0], np.empty(0), {})
+    def descend(surface, searches, **_):
+        x = np.repeat(surface.from_values(row(problem, point.values)), len(searches.x), axis=0)
+        return Reached(x, surface.cost(x, searches.given), np.zeros(len(x), dtype=bool))
+
+    return descend
 
 
 def test_known_optima_are_kept_where_a_search_finds_nothing_better(sphere):

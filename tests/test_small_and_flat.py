@@ -91,7 +91,7 @@ def test_distinct_optima_are_all_kept():
     def candidate(move, below):
         moved = at.copy()
         moved[0] += move * problem.prior.width[0]
-        return Candidate(best.log_posterior - below, moved, moved, {})
+        return Candidate(best.log_posterior - below, moved, settled=True)
 
     items = [candidate(0.0, 0.0), candidate(1e-4, 0.1), candidate(0.1, 0.2), candidate(0.1005, 0.3)]
     found = _best_of(problem, items)

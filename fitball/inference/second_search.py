@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from fitball.inference.point.general_surface import SEARCHED
 from fitball.inference.point.least_squares import deeper
-from fitball.inference.point.maximum_posterior import CLIMBED, higher_maximum
+from fitball.inference.point.maximum_posterior import higher_maximum
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import LeastSquares, PointFit
 from fitball.inference.sampling.ensembles import Sampled
@@ -28,7 +29,7 @@ def search_again(
     draws = sampled.chains.reshape(-1, sampled.chains.shape[-1])
     scores = sampled.log_posterior.ravel()
     # Each search costs as many evaluations as the table has rows.
-    count = BEGUN if len(problem.impacts) <= CLIMBED else 1
+    count = BEGUN if len(problem.impacts) <= SEARCHED else 1
     starts = _best_apart(draws, scores, point.log_posterior, count)
     if not starts.size:
         return squares, point, ()

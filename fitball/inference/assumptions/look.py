@@ -15,8 +15,7 @@ from fitball.inference.assumptions.importance_posterior import (
     importance_posterior,
 )
 from fitball.inference.likelihood.posterior import pointwise
-from fitball.inference.likelihood.residuals import Weighting, default_noise
-from fitball.inference.point.lmfit_minimiser import Minimiser, minima
+from fitball.inference.point.maximum_posterior import distinct, maxima
 from fitball.inference.prediction.court_pace import pace_by_surface
 from fitball.inference.problem.noise import NoiseKind
 from fitball.inference.problem.parameters import NOISE_SPECS
@@ -32,6 +31,8 @@ from fitball.values import FloatArray
 ROWS, DIMENSIONS = 100, 16
 # Draws of the fit's own posterior that are scored.
 OWN_DRAWS = 2000
+# Gain of log posterior below which a search for an optimum of an alternative ends: the draws about it tell the rest.
+NEAR = 0.01
 # Optima of the fit from which each alternative is searched, with these quantiles of the priors of parameters that
 # only the alternative has.
 FOLLOWED, NEW_STARTS = 2, (0.16, 0.5, 0.84)
@@ -161,17 +162,10 @@ def _fitted(
 
 
 def _optima(problem: Problem, point: PointFit) -> FloatArray:
-    """Coordinates (optima, free) of the best that searches from the optima of another problem lead to, at its noise:
-    the draws will tell the rest.
-    """
+    """Coordinates (optima, free) of the best that searches from the optima of another problem lead to."""
     starts = np.concatenate([_starts(problem, optimum) for optimum in point.optima[:FOLLOWED]])
-    known = {name: value for name, value in point.values.items() if name in NOISE_SPECS}
-    weighting = Weighting({**default_noise(problem), **known}, penalised=True)
-    reached, _evaluations = minima(problem, weighting, starts)
-    at = [minimum.at for minimum in reached[:DRAWN_ABOUT]]
-    if not at:
-        return np.empty((0, problem.dimension))
-    return problem.to_coordinates(Minimiser(problem, weighting).values(np.array(at)))
+    reached = distinct(maxima(problem, starts, NEAR), problem.prior.width)
+    return np.array([optimum.coordinates for optimum in reached[:DRAWN_ABOUT]]).reshape(-1, problem.dimension)
 
 
 def _starts(problem: Problem, values: Mapping[str, float]) -> FloatArray:

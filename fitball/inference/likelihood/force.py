@@ -27,8 +27,6 @@ SD, MISFIT = FORCE_NOISE
 PASSES = 3
 # Longest of these steps, as a share of the contact: a trust region for parameters far from the record.
 LONGEST = 0.25
-# The grid on which the best noise is looked for, and how often each takes its turn.
-GRID, TURNS = 401, 4
 
 
 @dataclass(frozen=True)
@@ -190,29 +188,6 @@ def force_cost(problem: Problem, columns: Mapping[str, FloatArray]) -> FloatArra
     alignment = aligned(problem, records, columns)
     logs = np.sum(np.where(records.mask, np.log(alignment.spread), 0.0), axis=(1, 2))
     return np.asarray(0.5 * np.sum(alignment.rows(records) ** 2, axis=(1, 2)) + logs - records.constant)
-
-
-def best_force_noise(
-    problem: Problem, records: ForceRecords, columns: Mapping[str, FloatArray], current: Mapping[str, float]
-) -> dict[str, float]:
-    """Noise that maximises the posterior for the deviations at `columns` (1,), starting from `current`."""
-    best = {name: current[name] for name in FORCE_NOISE}
-    alignment = aligned(problem, records, {**columns, **{name: np.array([value]) for name, value in best.items()}})
-    rest = (alignment.z - alignment.slope * alignment.move[..., None]) * alignment.spread
-    # Each start that the record itself decides leaves that much less to scatter.
-    freedom = 1.0 - np.mean(1.0 - 1.0 / (alignment.information * records.start[1] ** 2)) / records.nodes
-    free = [parameter for parameter in problem.free if parameter.name in FORCE_NOISE]
-    for _ in range(TURNS):
-        for parameter in free:
-            values = parameter.prior.value(np.linspace(*parameter.prior.support, GRID))
-            tried = {name: np.full(GRID, value) for name, value in best.items()} | {parameter.name: values}
-            spreads = spread(records, tried[SD], tried[MISFIT])
-            cost = np.where(records.mask, 0.5 * (rest / spreads) ** 2 + freedom * np.log(spreads), 0.0).sum(
-                axis=(1, 2)
-            )
-            density = parameter.prior.log_density(parameter.prior.coordinate(values))
-            best[parameter.name] = float(values[np.argmax(density - cost)])
-    return best
 
 
 def noise_held(problem: Problem, values: Mapping[str, float]) -> Problem:

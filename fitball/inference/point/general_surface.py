@@ -1,5 +1,5 @@
 """The likelihood of a table as a surface over all its free parameters, for noise whose best size has no closed form:
-heavy tails, and uncertain incident states, where the spread of a rebound depends on every parameter.
+heavy tails, uncertain incident states, where the spread of a rebound depends on every parameter, and force records.
 
 What is minimised is the negative log likelihood itself, mixtures at changes of regime included. Its gradient is taken
 by differences; its expected curvature is that of location and scale, `I (m m' + 2 s s')` with `m` the slope of a
@@ -8,16 +8,15 @@ prediction in units of its spread, `s` that of the spread's logarithm, and `I` w
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from fitball.inference.likelihood.force import force_slopes
+from fitball.inference.likelihood.force import force_information_rows
 from fitball.inference.likelihood.incident_marginal import measured_of, seen, standardised
 from fitball.inference.likelihood.posterior import impact_terms, log_likelihood, log_scene_density
-from fitball.inference.likelihood.residuals import differentiable
-from fitball.inference.point.surface import Conditions, Surface
+from fitball.inference.point.surface import Conditions, Linear, Surface
 from fitball.inference.problem.noise import NormalNoise
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import batches
@@ -26,27 +25,22 @@ from fitball.values import FloatArray
 
 # Step of differences in widths of the priors: it moves a minimum by half of itself, far less than any error.
 STEP = 1e-6
-# Rows up to which all starts of a search advance together.
+# Rows up to which a search begins from many places.
 SEARCHED = 1000
-
-
-def smooth(problem: Problem) -> bool:
-    """Whether the surface of a problem has exact derivatives of all it knows, and no more rows than a surface is
-    searched over from every start.
-    """
-    return isinstance(problem.noise, NormalNoise) and differentiable(problem) and len(problem.impacts) <= SEARCHED
 
 
 def surface_of(problem: Problem, promised: float = 1e-3, *, penalised: bool = False) -> Surface:
     """The surface of a problem's likelihood, or posterior; see `Surface` for `promised` and `penalised`."""
-    closed = isinstance(problem.noise, NormalNoise) and problem.incident is None
+    # With records the noise of a likelihood is held, see `noise_held`; that of a posterior is not.
+    recorded = penalised and problem.force is not None
+    closed = isinstance(problem.noise, NormalNoise) and problem.incident is None and not recorded
     return (Surface if closed else GeneralSurface)(problem, promised=promised, penalised=penalised)
 
 
 @dataclass(frozen=True)
 class _Deviations:
-    """At each row: the `cost` (rows,), deviations `z` and logarithms `log_sd` (rows, measurements) of their spreads,
-    and the mean contact time `time` (rows,).
+    """At each row: the `cost` (rows,) of what was measured, deviations `z` and logarithms `log_sd` (rows,
+    measurements) of their spreads, and the mean contact time `time` (rows,).
     """
 
     cost: FloatArray
@@ -63,10 +57,6 @@ class GeneralSurface(Surface):
     def noise_columns(self) -> list[int]:
         """None: noise is a column like others."""
         return []
-
-    def values(self, x: FloatArray, given: Conditions) -> FloatArray:  # noqa: ARG002
-        """Free values (rows, free)."""
-        return self.problem.to_values(self._coordinates(x))
 
     def cost(self, x: FloatArray, given: Conditions) -> FloatArray:
         """See `Surface`."""
@@ -86,8 +76,7 @@ class GeneralSurface(Surface):
             total = total - log_scene_density(self.problem, rebound)
         return np.where(np.any(rebound.status, axis=1) | np.isnan(total), np.inf, total)
 
-    def linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray]:
-        """See `Surface`."""
+    def _linearised(self, x: FloatArray, given: Conditions) -> Linear:
         rows, count = x.shape
         steps = self._steps(x)
         moves = np.concatenate([np.zeros((rows, 1, count)), steps[:, :, None] * np.eye(count)], axis=1)
@@ -104,14 +93,11 @@ class GeneralSurface(Surface):
         told = np.broadcast_to(self.problem.noise.information(self._sizes(x)), (rows,))[:, None, None]
         curvature = told * (centre @ centre.transpose(0, 2, 1) + 2.0 * spread @ spread.transpose(0, 2, 1))
         self._add_shape(curvature, x, z[:, 0])
-        if given.scene and self.problem.contact_time is not None:
-            slope = clock / self.problem.contact_time[1]
-            curvature += slope[:, :, None] * slope[:, None, :]
         if self.problem.force is not None:
-            _, slopes, _ = force_slopes(self.problem, self.problem.force, self._coordinates(x))
-            slopes = slopes.reshape(rows, -1, count)
-            curvature += slopes.transpose(0, 2, 1) @ slopes
-        return self._with_held(x, gradient, curvature)
+            told_by = force_information_rows(self.problem, self.problem.force, self._coordinates(x))
+            slopes, growth = (part.reshape(rows, -1, count) * self._chain(x)[:, None] for part in told_by)
+            curvature += slopes.transpose(0, 2, 1) @ slopes + 2.0 * growth.transpose(0, 2, 1) @ growth
+        return Linear(gradient, curvature, time[:, 0], clock)
 
     def _steps(self, x: FloatArray) -> FloatArray:
         """Steps (rows, columns) of differences, away from bounds and walls that are near."""
@@ -147,7 +133,7 @@ class GeneralSurface(Surface):
             z, log_sd = (np.where(counted, part, 0.0) for part in self._standardised(values, rebound))
             # A model without a time axis has none that counts.
             time = rebound.contact_time.mean(axis=1) if given.scene else np.zeros(values.shape[0])
-            parts.append((self._negative(values, rebound, here), z, log_sd, time))
+            parts.append((self._negative(values, rebound, replace(here, scene=False)), z, log_sd, time))
         return _Deviations(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def _standardised(self, values: FloatArray, rebound: Rebound) -> tuple[FloatArray, FloatArray]:

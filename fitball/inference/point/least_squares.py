@@ -16,8 +16,9 @@ from fitball.inference.likelihood.residuals import (
     root_mean_squares,
 )
 from fitball.inference.point.gauss_newton import Searches, descend
-from fitball.inference.point.general_surface import smooth, surface_of
+from fitball.inference.point.general_surface import SEARCHED
 from fitball.inference.point.lmfit_minimiser import SAME_OPTIMUM, Minimiser, minima
+from fitball.inference.point.surface import Surface
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import LeastSquares
@@ -35,7 +36,10 @@ def least_squares(problem: Problem, starts: FloatArray) -> LeastSquares:
     Raises FitError when no start leads to parameters the model can evaluate.
     """
     weighting = Weighting(default_noise(problem), penalised=False)
-    begun = _descended(problem, starts, weighting.noise) if smooth(problem) else starts
+    # With errors of the incident state spreads depend on all parameters: the surface of a likelihood is not that of
+    # squares then. Of a long table few places are searched, which are near already.
+    together = problem.incident is None and len(problem.impacts) <= SEARCHED
+    begun = _descended(problem, starts, weighting.noise) if together else starts
     distinct, evaluations = minima(problem, weighting, begun)
     if not distinct:
         raise FitError(f"model {problem.model.name}: least squares found no parameters the model can evaluate")
@@ -63,7 +67,7 @@ def _descended(problem: Problem, starts: FloatArray, noise: Mapping[str, float])
     """The lowest free values (found, free) that searches from `starts` (starts, free), advanced together at the given
     noise, lead to: from these the minimiser has only to settle.
     """
-    surface = surface_of(problem)
+    surface = Surface(problem)
     x = surface.from_values(starts)
     held = [problem.free[k].prior.coordinate(np.array(noise[problem.free_names[k]])) for k in surface.noise_columns]
     given = replace(surface.free(x), noise=np.tile(np.array(held, dtype=np.float64), (len(x), 1)))

@@ -53,8 +53,6 @@ class Minimiser:
             parameter = problem.free[self.walled]
             # The parameter lies between the wall, or this if it is higher, and this.
             self.lowest, self.highest = parameter.spec.lower, parameter.spec.upper
-            if weighting.penalised:
-                self.lowest, self.highest = parameter.prior.value(np.array(parameter.prior.support))
         self.evaluations = 0
         # Of the derivatives of a long table only the triangle is kept.
         self.long = len(problem.impacts) > PART and differentiable(problem)
@@ -191,9 +189,8 @@ class Minimiser:
         return [bool(above | below) for above, below in ended.reshape(2, -1).T]
 
     def limits(self) -> tuple[FloatArray, FloatArray]:
-        """Bounds of the fitted coordinates, (fitted,) each; where priors take part, a uniform one brings its ends."""
-        priors = [self.problem.free[k].prior for k in self.columns]
-        ends = [prior.support if self.weighting.penalised else prior.ends for prior in priors]
+        """Bounds of the fitted coordinates, (fitted,) each."""
+        ends = [self.problem.free[k].prior.ends for k in self.columns]
         low, high = np.array(
             [(0.0, 1.0) if k == self.walled else end for k, end in zip(self.columns, ends, strict=True)]
         ).T

@@ -8,9 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from fitball.inference.point.least_squares import deeper, least_squares
-from fitball.inference.point.maximum_posterior import follow_maximum, higher_maximum, maximum_posterior
+from fitball.inference.point.maximum_posterior import (
+    follow_maximum,
+    higher_maximum,
+    maximum_posterior,
+    with_best_noise,
+)
 from fitball.inference.point.starts import STARTS, starting_points
-from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import thinned_problem
 from fitball.inference.results.results import LeastSquares, PointFit
@@ -58,9 +62,8 @@ def _searched(problem: Problem, rng: np.random.Generator) -> tuple[LeastSquares,
             if chi_square < RIVAL * squares.chi_square
         ]
         squares = replace(least_squares(level, _starts(problem, near[:followed])), starts=len(starts))
-        noise = {name: value for name, value in point.values.items() if name in NOISE_SPECS}
-        optima = (*squares.optima[:followed], *point.optima[:followed])
-        point = follow_maximum(level, _starts(problem, optima), noise)
+        begun = with_best_noise(level, _starts(problem, squares.optima[:followed]))
+        point = follow_maximum(level, np.concatenate([begun, _starts(problem, point.optima[:followed])]))
     return squares, point
 
 

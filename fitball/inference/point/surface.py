@@ -8,8 +8,9 @@ and what the model can evaluate, do.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from fitball.inference.point.searched_columns import SearchedColumns
 from fitball.inference.problem.noise import LOG_TAU
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parameters import NOISE_SPECS
-from fitball.inference.problem.subsample import batches
+from fitball.inference.problem.subsample import PART, batches, part_of
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
 
@@ -43,11 +44,26 @@ class Conditions:
         """Those of some rows."""
         return Conditions(self.noise[rows], self.scene, None if self.counted is None else self.counted[rows])
 
+    def of(self, impacts: NDArray[np.int64]) -> Conditions:
+        """Those of a problem that consists of some `impacts` alone."""
+        return self if self.counted is None else replace(self, counted=self.counted[:, impacts])
+
     def measurements(self, observable: Observable) -> NDArray[np.bool_]:
         """Which measurements of an observable count, broadcastable to (rows, measurements)."""
         if self.counted is None:
             return np.ones((1, observable.observed.size), dtype=bool)
         return self.counted[:, observable.places(self.counted.shape[1])]
+
+
+class Linear(NamedTuple):
+    """The first order of what was measured: `gradient` (rows, columns) of its cost, its expected `curvature` (rows,
+    columns, columns), the mean contact `time` (rows,) and the derivatives of that, `pace` (rows, columns).
+    """
+
+    gradient: FloatArray
+    curvature: FloatArray
+    time: FloatArray
+    pace: FloatArray
 
 
 @dataclass(frozen=True)
@@ -66,9 +82,11 @@ class Surface(SearchedColumns):
     def values(self, x: FloatArray, given: Conditions) -> FloatArray:
         """Free values (rows, free), the noise as held or at its best."""
         values = self.problem.to_values(self._coordinates(x))
-        sizes = self._noise(self.problem.all_values(values), self.problem.rebound(values), given)
-        for k in self.noise_columns:
-            values[:, k] = sizes[self.problem.free[k].name]
+        for some in batches(self.problem, x.shape[0]) if self.noise_columns else ():
+            here = values[some]
+            sizes = self._noise(self.problem.all_values(here), self.problem.rebound(here), given.take(some))
+            for k in self.noise_columns:
+                here[:, k] = sizes[self.problem.free[k].name]
         return values
 
     def _noise(self, columns: Columns, rebound: Rebound, given: Conditions) -> dict[str, FloatArray]:
@@ -119,10 +137,6 @@ class Surface(SearchedColumns):
         priors = [item.prior for item in self.parameters]
         return np.array([item.b**-2.0 if item.normal else 0.0 for item in priors]), np.array([p.a for p in priors])
 
-    def _with_held(self, x: FloatArray, gradient: FloatArray, curvature: FloatArray) -> tuple[FloatArray, FloatArray]:
-        _, slopes, curvatures = self._held(x)
-        return gradient + slopes, curvature + curvatures[:, :, None] * np.eye(x.shape[1])
-
     def cost(self, x: FloatArray, given: Conditions) -> FloatArray:
         """Negative log likelihood (rows,) of the measurements, and of the scene's contact time where it counts; inf
         where the model has no answer.
@@ -153,12 +167,32 @@ class Surface(SearchedColumns):
         At the best noise the gradient is that for given noise, because the cost is level in the noise there. The
         curvature is Gauss's and Newton's: products of first derivatives of the residuals.
         """
-        split = batches(self.problem, x.shape[0], cost=2 * self.problem.dimension + 1)
-        parts = [self._linearised(x[some], given.take(some)) for some in split]
-        gradient, curvature = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return self._with_held(x, gradient, curvature)
+        told = self._measured(x, given)
+        gradient, curvature = told.gradient, told.curvature
+        if given.scene and self.problem.contact_time is not None:
+            value, sd = self.problem.contact_time
+            slope = told.pace / sd
+            gradient = gradient + ((told.time - value) / sd)[:, None] * slope
+            curvature = curvature + slope[:, :, None] * slope[:, None, :]
+        _, slopes, curvatures = self._held(x)
+        return gradient + slopes, curvature + curvatures[:, :, None] * np.eye(x.shape[1])
 
-    def _linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray]:
+    def _measured(self, x: FloatArray, given: Conditions) -> Linear:
+        """Of a long table some impacts at a time, where no noise is the best for all of them."""
+        count = len(self.problem.impacts)
+        if count <= PART or self.noise_columns:
+            split = batches(self.problem, x.shape[0], cost=2 * self.problem.dimension + 1)
+            parts = [self._linearised(x[some], given.take(some)) for some in split]
+            return Linear(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        whole = Linear(*(np.zeros((1,) * axes) for axes in (2, 3, 1, 2)))
+        for rows in np.array_split(np.arange(count), -(-count // PART)):
+            told = replace(self, problem=part_of(self.problem, rows))._measured(x, given.of(rows))
+            share = rows.size / count
+            told = told._replace(time=share * told.time, pace=share * told.pace)
+            whole = Linear(*(one + other for one, other in zip(whole, told, strict=True)))
+        return whole
+
+    def _linearised(self, x: FloatArray, given: Conditions) -> Linear:
         coordinates = self._coordinates(x)
         rebound, slopes = self.problem.differentiated(coordinates)
         columns = self.problem.all_values(self.problem.to_values(coordinates))
@@ -191,8 +225,5 @@ class Surface(SearchedColumns):
             z, slope, _shares = force_slopes(self.problem, self.problem.force, coordinates)
             slope = slope[..., self.columns].reshape(rows, -1, count) * chain[:, None, :]
             gather(z.reshape(rows, -1), slope)
-        if given.scene and self.problem.contact_time is not None:
-            value, sd = self.problem.contact_time
-            slope = slopes["contact_time"][..., self.columns].mean(axis=1, keepdims=True) * chain[:, None, :]
-            gather((rebound.contact_time.mean(axis=1, keepdims=True) - value) / sd, slope / sd)
-        return gradient, curvature
+        pace = slopes["contact_time"][..., self.columns].mean(axis=1) * chain
+        return Linear(gradient, curvature, rebound.contact_time.mean(axis=1), pace)

@@ -8,24 +8,18 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from scipy.special import gammaln, ndtri
 
 from fitball.errors import ParameterError, suggestion
-from fitball.inference.problem.priors import Prior
 from fitball.models.specs import ParameterSpec
 from fitball.values import FloatArray
 
 # Noise parameters by name, (draws,) or numbers.
 Sizes = Mapping[str, FloatArray] | Mapping[str, float]
 LOG_TAU = math.log(2.0 * math.pi)
-# Points of the prior's range among which the best scale or shape is looked for.
-GRID = 401
-# Deviations that know their scale better than such a grid; finer grids then follow, of so many points, so often.
-SHARP = 3000
-ZOOMED, ZOOMS = 21, 6
 # Step of differences, in standard deviations: their errors, curvature and rounding, are some 1e-10 of a slope.
 DIFFERENCE = 1e-5
 # Draws that tell a quantile.
@@ -71,27 +65,6 @@ class NoiseKind(ABC):
         """Derivative of `residual` with respect to `z`: a difference, for kinds that do not know it exactly."""
         return (self.residual(z + DIFFERENCE, sizes) - self.residual(z - DIFFERENCE, sizes)) / (2.0 * DIFFERENCE)
 
-    def best_scale(self, prior: Prior, gaps: FloatArray, sizes: Sizes) -> float:
-        """Scale at which deviations `gaps` (impacts,), standardised for a scale of one, are most probable."""
-
-        def score(scale: FloatArray) -> FloatArray:
-            return np.array([self.log_density(gaps / s, sizes).sum() - gaps.size * np.log(s) for s in scale])
-
-        return peak(prior, GRID, score, sharp=gaps.size > SHARP)
-
-    def best_shape(self, priors: Mapping[str, Prior], z: FloatArray, sizes: Mapping[str, float]) -> dict[str, float]:
-        """Its own parameters, of those with one of `priors` the values at which `z` (impacts,) is most probable, one
-        after the other.
-        """
-        best = {parameter.name: sizes[parameter.name] for parameter in self.parameters}
-        for name in (parameter.name for parameter in self.parameters if parameter.name in priors):
-
-            def score(values: FloatArray, name: str = name) -> FloatArray:
-                return np.array([self.log_density(z, {**best, name: value}).sum() for value in values])
-
-            best[name] = peak(priors[name], GRID, score, sharp=z.size > SHARP)
-        return best
-
 
 class NormalNoise(NoiseKind):
     """The normal distribution, whose scale is its standard deviation."""
@@ -121,16 +94,6 @@ class NormalNoise(NoiseKind):
     def residual_rate(self, z: FloatArray, sizes: Sizes) -> FloatArray:  # noqa: ARG002
         """See `NoiseKind`."""
         return np.ones_like(z)
-
-    def best_scale(self, prior: Prior, gaps: FloatArray, sizes: Sizes) -> float:  # noqa: ARG002
-        """See `NoiseKind`."""
-        square = float(np.sum(gaps**2))
-        return peak(
-            prior,
-            10 * GRID - 9,
-            lambda scale: np.asarray(-0.5 * square / scale**2 - gaps.size * np.log(scale)),
-            sharp=gaps.size > SHARP,
-        )
 
 
 class StudentNoise(NoiseKind):
@@ -198,16 +161,3 @@ def noise_with(names: Collection[str]) -> NoiseKind:
     """The kind of noise of a fit with parameters `names`."""
     own = (kind for kind in KINDS.values() if kind.parameters and kind.parameters[0].name in names)
     return next(own, NORMAL)
-
-
-def peak(prior: Prior, count: int, score: Callable[[FloatArray], FloatArray], *, sharp: bool = False) -> float:
-    """The value on an even grid of the prior's coordinate at which prior and `score` together are highest; where that
-    is a `sharp` peak, on ever finer grids of few points.
-    """
-    low, high = prior.support
-    for _ in range(ZOOMS if sharp else 1):
-        grid = np.linspace(low, high, ZOOMED if sharp else count)
-        values = prior.value(grid)
-        best = int(np.argmax(score(values) + prior.log_density(grid)))
-        low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-    return float(values[best])
