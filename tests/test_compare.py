@@ -127,12 +127,12 @@ def test_an_interrupted_comparison_keeps_what_is_done(brief):
         compare(table, candidates, effort, engine(1), quick=True, report=stop("(1 of 3 done)"))
 
 
-def test_fewer_draws_take_fewer_steps_down_to_those_of_the_validation():
+def test_fewer_draws_take_fewer_steps_after_the_warm_up_of_the_validation():
     assert Schedule.for_ess(1000.0) == Schedule()
-    assert Schedule.for_ess(400.0) == Schedule(warm_up=160, first_check=280, target_ess=400.0)
+    assert Schedule.for_ess(400.0) == Schedule(warm_up=160, first_check=240, target_ess=400.0)
     least, more = Schedule.for_ess(10.0), Schedule.for_ess(4000.0)
-    assert (least.warm_up, least.target_ess) == (SCHEDULE.warm_up, 10.0)
-    assert (more.warm_up, more.first_check, more.target_ess) == (400, 700, 4000.0)
+    assert (least.warm_up, least.first_check) == (SCHEDULE.warm_up, 240)
+    assert (more.warm_up, more.first_check, more.target_ess) == (SCHEDULE.warm_up, SCHEDULE.first_check, 4000.0)
 
 
 # --- the candidates

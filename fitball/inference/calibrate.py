@@ -65,7 +65,7 @@ def fingerprint(problem: Problem, effort: Effort) -> str:
         if problem.group_bias is None
         else [problem.group_bias.column, problem.group_bias.index.tolist()],
         "incident": None if problem.incident is None else problem.incident.covariance.tolist(),
-        "sampler": [settings.walkers, settings.ensembles, settings.seed],
+        "sampler": [settings.walkers, settings.ensembles, settings.seed, settings.schedule.warm_up],
     }
     if problem.table.flipped:
         content["flipped"] = problem.table.flipped
