@@ -26,6 +26,8 @@ from fitball.values import FloatArray
 
 # Share of a chi-square by which a minimum must be lower to be another one and not the same, settled differently.
 DEEPER = 1e-6
+# Gain of log likelihood below which searches leave the rest to the minimiser.
+PROMISED = 1e-5
 # Minima that are told, and how far above the best (in half a chi-square) a search that creeps is worth its rounds.
 KEPT, WORTH_TELLING = 5, 30.0
 
@@ -67,7 +69,7 @@ def _descended(problem: Problem, starts: FloatArray, noise: Mapping[str, float])
     """The lowest free values (found, free) that searches from `starts` (starts, free), advanced together at the given
     noise, lead to: from these the minimiser has only to settle.
     """
-    surface = Surface(problem)
+    surface = Surface(problem, promised=PROMISED)
     x = surface.from_values(starts)
     held = [problem.free[k].prior.coordinate(np.array(noise[problem.free_names[k]])) for k in surface.noise_columns]
     given = replace(surface.free(x), noise=np.tile(np.array(held, dtype=np.float64), (len(x), 1)))
@@ -75,7 +77,9 @@ def _descended(problem: Problem, starts: FloatArray, noise: Mapping[str, float])
     chosen: list[int] = []
     for k in np.argsort(reached.cost, kind="stable"):
         apart = np.max(np.abs(reached.x[chosen] - reached.x[k]) / surface.width, axis=1, initial=0.0)
-        if np.isfinite(reached.cost[k]) and len(chosen) < KEPT and np.all(apart > SAME_OPTIMUM):
+        # What still creeps, above one that is lower, is no minimum.
+        worthy = np.isfinite(reached.cost[k]) and (reached.settled[k] or not chosen)
+        if worthy and len(chosen) < KEPT and np.all(apart > SAME_OPTIMUM):
             chosen.append(int(k))
     return surface.values(reached.x[chosen], given.take(np.array(chosen))) if chosen else starts
 
