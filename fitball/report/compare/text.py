@@ -15,7 +15,7 @@ from fitball.report.compare.rows import (
     score_table,
     scored_outputs,
 )
-from fitball.report.form.text_table import WIDTH, columns
+from fitball.report.form.text_table import WIDTH, columns, wrapped
 
 LEGEND = (
     "elpd: log predictive density of impacts left out one at a time, summed over the scored columns (Pareto smoothed "
@@ -48,15 +48,15 @@ PUBLISHED = (
 def render(comparison: Comparison, words: str, folder: Path | None = None) -> str:
     """The end of a comparison as a person reads it."""
     top = heading(comparison)
-    parts = [top, "=" * len(top), "", *columns(score_table(comparison)), "", *textwrap.wrap(LEGEND, WIDTH), ""]
+    parts = [top, "=" * len(top), "", *columns(score_table(comparison)), "", *wrapped([LEGEND]), ""]
     parts += [*columns(error_table(comparison)), ""]
     beyond = extrapolation_table(comparison)
     if beyond:
         parts += [*columns(beyond), ""]
-    parts += textwrap.wrap(errors_legend(comparison), WIDTH)
+    parts += wrapped([errors_legend(comparison)])
     assumed = assumption_table(comparison)
     if assumed:
-        parts += ["", *columns(assumed, left=2), "", *textwrap.wrap(ASSUMED, WIDTH)]
+        parts += ["", *columns(assumed, left=2), "", *wrapped([ASSUMED])]
     for title, lines in (
         ("Does each model describe the table?", [f"{name}: {line}" for name, line in adequacy_lines(comparison)]),
         ("What the table does not tell of each model's parameters:",
@@ -64,9 +64,7 @@ def render(comparison: Comparison, words: str, folder: Path | None = None) -> st
         ("Notes:", [f"{note}." for note in remarks(comparison)]),
     ):  # fmt: skip
         if lines:
-            parts += ["", title]
-        for line in lines:
-            parts += textwrap.wrap(line, WIDTH, initial_indent="  ", subsequent_indent="      ")
+            parts += ["", title, *wrapped(lines, "  ", " " * 6)]
     parts += [
         "",
         *textwrap.wrap(words, WIDTH, break_on_hyphens=False),

@@ -20,6 +20,7 @@ from fitball.inference.results.pace_rating import (
 from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import Fit, Verdict
 from fitball.report.fit.adequacy_rows import conditional_words
+from fitball.report.form.display_units import INCIDENT
 from fitball.report.form.rounding import decimals, fixed, interval
 from fitball.report.form.text_table import Row
 
@@ -27,8 +28,7 @@ from fitball.report.form.text_table import Row
 EQUAL = 0.05
 # Probability below which a category of a court is not worth a word.
 LIKELY = 0.005
-QUANTITIES = {"v_y1": ("vertical speed", 1.0, "m/s"), "theta_1": ("angle", 57.29577951308232, "deg")}
-QUANTITIES["omega_1"] = ("spin", 1.0, "rad/s")
+QUANTITIES = {"v_y1": "vertical speed", "theta_1": "angle", "omega_1": "spin"}
 
 
 @dataclass(frozen=True)
@@ -231,9 +231,8 @@ def reach_words(reach: Reach) -> str:
     """Where the test impact lies, seen from the impacts of the table."""
     parts = []
     for name, value in reach.beyond.items():
-        words, factor, unit = QUANTITIES[name]
-        side = "above" if value > 0.0 else "below"
-        parts.append(f"{abs(value) * factor:.2g} {unit} {side} its range of {words}")
+        scale, side = INCIDENT[name], "above" if value > 0.0 else "below"
+        parts.append(f"{abs(value) * scale.factor:.2g} {scale.unit} {side} its range of {QUANTITIES[name]}")
     if reach.distance > reach.slack:
         parts.append(f"{reach.distance:.1f} m/s from the nearest combination measured")
     return " and ".join(parts) if parts else "within what was measured"

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping, Sequence
 from html import escape
 
 from fitball.inference.results.quantiles import SUMMARY
 from fitball.inference.results.results import Estimate, Verdict
 from fitball.report.fit.summary import ParameterRow, parameter_row, sampler_words
-from fitball.report.form.text_table import WIDTH, columns
+from fitball.report.form.text_table import columns, wrapped
 from fitball.report.saved.saved_fit import SavedFit
 
 # Correlations that a report lists.
@@ -34,10 +33,6 @@ def _value(row: ParameterRow) -> str:
     return f"{number} {row.unit}".rstrip()
 
 
-def _wrapped(text: str, indent: str = "  ", beyond: str = "") -> list[str]:
-    return textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=indent + beyond)
-
-
 def _brief(saved: SavedFit) -> list[str]:
     """Whether the model describes the table, and the parameters that were fitted by what the table says of them."""
     adequacy, rows = saved.file.adequacy, _rows(saved)
@@ -51,8 +46,7 @@ def _brief(saved: SavedFit) -> list[str]:
 
 def short_text(saved: SavedFit) -> str:
     """What it is and what it found, in a few lines."""
-    lines = [line for text in _brief(saved) for line in _wrapped(text, beyond="  ")]
-    return "\n".join([f"<Fit of {_head(saved)}>", *lines])
+    return "\n".join([f"<Fit of {_head(saved)}>", *wrapped(_brief(saved), "  ", " " * 4)])
 
 
 def html_text(saved: SavedFit) -> str:
@@ -79,12 +73,12 @@ def report_text(saved: SavedFit) -> str:
     closures = ", ".join(f"{name} = {value}" for name, value in saved.fitted.options.items())
     lines = ["[[Fit]]", f"    {head}, {len(saved.free_names)} free parameters"]
     lines += [f"    closures: {closures}"] if closures else []
-    lines += _wrapped(saved.verdict, "    ")
+    lines += wrapped([saved.verdict], " " * 4, " " * 4)
     lines += ["[[Statistics]]", *(f"    {name:<24} = {value}" for name, value in _statistics(saved).items())]
     lines += ["[[Parameters]] (median +- sd; 95 % interval; prior in SI)", *_parameter_lines(saved)]
     lines += [] if file.correlation is None else _correlations(file.correlation.names, file.correlation.values)
     if file.notes:
-        lines += ["[[Notes]]", *(line for note in file.notes for line in _wrapped(note, "    ", "  "))]
+        lines += ["[[Notes]]", *wrapped(file.notes, " " * 4, " " * 6)]
     return "\n".join(lines)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import textwrap
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 
@@ -24,11 +24,11 @@ from fitball.report.fit.summary import (
     thesis_rows,
 )
 from fitball.report.form.listed import file_words
-from fitball.report.form.text_table import MOST_LINES, WIDTH, columns, listed_rows, more
+from fitball.report.form.text_table import MOST_LINES, columns, listed_rows, more, wrapped
 
 
-def _wrapped(text: str) -> list[str]:
-    return textwrap.wrap(text, WIDTH, initial_indent="  ", subsequent_indent="      ")
+def _listed(texts: Iterable[str]) -> list[str]:
+    return wrapped(texts, "  ", " " * 6)
 
 
 def render(fit: Fit, folder: Path) -> str:
@@ -36,14 +36,10 @@ def render(fit: Fit, folder: Path) -> str:
     table = fit.problem.table
     head = f"{fit.problem.model.name} fitted to {table.name} ({len(table)} impacts)"
     parts = [head, "=" * len(head)]
-    first = [
-        line for words in lead_lines(fit.drop_test) for line in textwrap.wrap(words, WIDTH, subsequent_indent="  ")
-    ]
-    parts += [*first, *([""] if first else []), *textwrap.wrap(fit.verdict, WIDTH)]
-    parts += [line for words in adequacy_lines(fit) for line in _wrapped(words)]
+    first = wrapped(lead_lines(fit.drop_test), others="  ")
+    parts += [*first, *([""] if first else []), *wrapped([fit.verdict]), *_listed(adequacy_lines(fit))]
     # The notes of the problem stood there before the fit began.
-    parts += [line for note in fit.notes if note not in fit.problem.notes for line in _wrapped(f"note: {note}")]
-    parts.append("")
+    parts += [*_listed(f"note: {note}" for note in fit.notes if note not in fit.problem.notes), ""]
     rows = parameter_rows(fit)
     heads = ["parameter", "unit", "median", "68 %", "95 %", "point", "prior (SI)", "verdict"]
     body = [
@@ -63,28 +59,22 @@ def render(fit: Fit, folder: Path) -> str:
     if levels:
         parts += ["Level by level, pooled in part:", "", *listed_rows(levels, left=2), ""]
     if fit.drop_test is not None and not fit.drop_test.missing:
-        said = (line for item in drop_remarks(fit.drop_test) for line in _wrapped(item))
-        parts += ["What the drop test rests on:", *said, ""]
+        parts += ["What the drop test rests on:", *_listed(drop_remarks(fit.drop_test)), ""]
     for line in pace_lines(fit):
-        parts += [*textwrap.wrap(line, WIDTH, subsequent_indent="  "), ""]
+        parts += [*wrapped([line], others="  "), ""]
     assumed = assumption_lines(fit)
     if assumed:
-        parts += ["What rests on assumptions:", *(line for item in assumed for line in _wrapped(item)), ""]
+        parts += ["What rests on assumptions:", *_listed(assumed), ""]
     parts.append("What the table says of each parameter:")
-    for row in rows:
-        parts += _wrapped(f"{row.name}: {row.verdict}; {row.reason}")
-    parts += [line for remark in evidence_remarks(fit) for line in _wrapped(f"note: {remark}")]
+    parts += _listed(f"{row.name}: {row.verdict}; {row.reason}" for row in rows)
+    parts += _listed(f"note: {remark}" for remark in evidence_remarks(fit))
     parts += ["", "Measured | predicted (median +- half of the 68 % interval, without noise):", ""]
     parts += listed_rows(prediction_table(fit, MOST_LINES), without="speed [m/s]")
     parts += more(len(table), file_words("predictions.csv", len(table)))
     balances = balance_table(fit.balances, MOST_LINES)
     parts += ["", "Model-free, from the measurements alone:", "", *columns([balances.heads, *balances.rows])]
     parts += more(len(table), file_words("balances.csv", len(table)))
-    for item in balances.legend:
-        parts += _wrapped(item)
-    parts.append("")
-    for line in diagnosis_lines(fit):
-        parts += textwrap.wrap(line, WIDTH, subsequent_indent="  ")
+    parts += [*_listed(balances.legend), "", *wrapped(diagnosis_lines(fit), others="  ")]
     times = ", ".join(f"{timing.stage} {timing.seconds:.1f} s" for timing in fit.timings)
     parts += ["", f"Time: {times}.", f"Results: {folder}"]
     parts += [f"  {item.name}" for item in sorted(folder.iterdir())] if folder.is_dir() else []

@@ -42,6 +42,14 @@ THESIS: Mapping[str, Scale] = {
 }
 
 
+# Quantities of an incident state, in the units that people read.
+INCIDENT: Mapping[str, Scale] = {
+    "v_y1": Scale("m/s", 1.0),
+    "theta_1": Scale("deg", 57.29577951308232),
+    "omega_1": Scale("rad/s", 1.0),
+}
+
+
 def handy(name: str, unit: str) -> Scale:
     """The handy multiple for a parameter or output, SI itself where none is listed."""
     return HANDY.get(name, Scale(unit, 1.0))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Iterable, Sequence
 from typing import TypeAlias
 
 from fitball.visible import one_line
@@ -34,6 +35,13 @@ def listed_rows(rows: Sequence[Row], left: int = 1, without: str | None = None) 
     """Rows under their heads, as lines; one column may be left out."""
     heads = [head for head in rows[0] if head != without]
     return columns([heads, *([row[head] for head in heads] for row in rows)], left)
+
+
+def wrapped(texts: Iterable[str], first: str = "", others: str = "") -> list[str]:
+    """Texts as lines of `WIDTH`, the first line of each indented by `first`, its others by `others`."""
+    return [
+        line for text in texts for line in textwrap.wrap(text, WIDTH, initial_indent=first, subsequent_indent=others)
+    ]
 
 
 def more(count: int, where: str) -> list[str]:

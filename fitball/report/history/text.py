@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from fitball.inference.prediction.simulate import Simulation
 from fitball.models.history import Motion
 from fitball.models.types import PHASE_SYMBOL
-from fitball.report.form.text_table import WIDTH, columns
+from fitball.report.form.text_table import columns, wrapped
 
 
 def render_simulation(simulation: Simulation) -> str:
@@ -56,7 +55,7 @@ def render_simulation(simulation: Simulation) -> str:
         said = f"{simulation.band.draws} draws of the posterior: {shares or 'no motion along the court'}."
         if simulation.band.failed:
             said += f" {simulation.band.failed} more, {lost}, cannot be solved at this impact: bands are of the rest."
-        lines += ["", *textwrap.wrap(said, WIDTH)]
+        lines += ["", *wrapped([said])]
     elif simulation.unsolved > 0.0:
         lines += ["", f"{lost} of the draws cannot be solved at this impact: no bands."]
     return "\n".join(lines)

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import textwrap
 from pathlib import Path
 
 from fitball.inference.design.results import Plan
-from fitball.report.form.text_table import WIDTH, listed_rows
+from fitball.report.form.text_table import listed_rows, wrapped
 from fitball.report.plan.words import chosen_table, headline, points, sensors_table
 
 
 def render(plan: Plan, folder: Path | None = None) -> str:
     """Headline, what stands out, the batch, the sensors, where the files are."""
-    lines = textwrap.wrap(headline(plan), WIDTH)
-    for point in points(plan):
-        lines += textwrap.wrap(point, WIDTH, initial_indent="- ", subsequent_indent="  ")
-    lines += ["", *listed_rows(chosen_table(plan))]
+    lines = [*wrapped([headline(plan)]), *wrapped(points(plan), "- ", "  "), "", *listed_rows(chosen_table(plan))]
     if len(plan.worths) > 1:
         lines += ["", *listed_rows(sensors_table(plan), 2)]
     if folder is not None:

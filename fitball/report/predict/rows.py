@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -13,16 +13,8 @@ from fitball.inference.prediction.holdout_scores import ObservableScore
 from fitball.inference.prediction.new_impacts import NewPrediction, OutputPrediction
 from fitball.inference.results.quantiles import BAND
 from fitball.observables import OBSERVABLES
-from fitball.report.form.display_units import Scale, output_scale
+from fitball.report.form.display_units import INCIDENT, output_scale
 from fitball.values import FloatArray
-
-DEGREE = 57.29577951308232
-# Quantities of the calibrated range and the unit they are shown in.
-RANGE_UNITS: Mapping[str, Scale] = {
-    "v_y1": Scale("m/s", 1.0),
-    "theta_1": Scale("deg", DEGREE),
-    "omega_1": Scale("rad/s", 1.0),
-}
 
 
 def _columns(output: OutputPrediction) -> dict[str, FloatArray]:
@@ -75,7 +67,7 @@ def prediction_csv_rows(prediction: NewPrediction, ids: Sequence[str]) -> list[d
     columns["intervals"] = [intervals_of(prediction, k) for k in range(len(impacts))]
     columns["outside"] = ["yes" if flag else "no" for flag in reach.outside]
     for name, beyond in reach.beyond.items():
-        scale = RANGE_UNITS[name]
+        scale = INCIDENT[name]
         columns[f"{name}_beyond [{scale.unit}]"] = (beyond * scale.factor).tolist()
     if reach.hull_distance is not None:
         columns["hull_distance [m/s]"] = reach.hull_distance.tolist()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,10 +9,9 @@ import numpy as np
 from fitball.inference.prediction.holdout_scores import ObservableScore
 from fitball.inference.prediction.new_impacts import NewPrediction, OutputPrediction
 from fitball.observables import COMPARED
-from fitball.report.form.display_units import output_scale
+from fitball.report.form.display_units import INCIDENT, output_scale
 from fitball.report.form.rounding import decimals, fixed, interval, significant
-from fitball.report.form.text_table import MOST_LINES, WIDTH, columns, more
-from fitball.report.predict.rows import RANGE_UNITS
+from fitball.report.form.text_table import MOST_LINES, columns, more, wrapped
 from fitball.wording import spoken
 
 # Up to so many impacts each has a table of its own; more stand one per line.
@@ -32,11 +30,9 @@ def render_prediction(prediction: NewPrediction, ids: Sequence[str]) -> str:
     odd = [k for k in range(count) if prediction.range.outside[k] or prediction.failures[k]]
     remarks = [(ids[k], text) for k in odd for text in remarks_on(prediction, k)]
     if remarks:
-        lines += [
-            "",
-            f"* outside what the fit was calibrated on ({np.count_nonzero(prediction.range.outside)} impacts)",
-        ]
-        lines += [line for name, text in remarks[:REMARKS] for line in _wrapped(f"{name}: {text}")]
+        outside = np.count_nonzero(prediction.range.outside)
+        lines += ["", f"* outside what the fit was calibrated on ({outside} impacts)"]
+        lines += _wrapped(*(f"{name}: {text}" for name, text in remarks[:REMARKS]))
         if len(remarks) > REMARKS:
             lines.append(f"  and {len(remarks) - REMARKS} more: {_all()}")
     return "\n".join(lines)
@@ -46,8 +42,8 @@ def _all() -> str:
     return spoken("see --out or --json", "see the data frame")
 
 
-def _wrapped(text: str) -> list[str]:
-    return textwrap.wrap(text, WIDTH, initial_indent="  ", subsequent_indent="    ")
+def _wrapped(*texts: str) -> list[str]:
+    return wrapped(texts, "  ", " " * 4)
 
 
 def _heading(prediction: NewPrediction, row: int, name: str) -> str:
@@ -72,7 +68,7 @@ def _in_full(prediction: NewPrediction, row: int, name: str) -> list[str]:
     lines += _over(prediction, row)
     if prediction.regimes[row]:
         lines += _wrapped("regime: " + _regimes(prediction, row))
-    return lines + [line for text in remarks_on(prediction, row) for line in _wrapped(text)]
+    return lines + _wrapped(*remarks_on(prediction, row))
 
 
 def _shares(prediction: NewPrediction, row: int) -> list[str]:
@@ -116,19 +112,16 @@ def _places(output: OutputPrediction, row: int) -> int:
 def _cells(output: OutputPrediction, row: int, measured: bool) -> list[str]:
     scale, places = output_scale(output.name), _places(output, row)
     cells = [f"{output.name} [{scale.unit}]"]
-    observed = [] if not measured else ["-"]
+    observed = ["-"] if measured else []
     if output.observed is not None:
         observed = [fixed(float(output.observed[row] * scale.factor), places)]
     if output.rebound is None:
         return [*cells, fixed(float(output.point[row] * scale.factor), places), *observed]
     cells.append(fixed(float(output.rebound[2, row] * scale.factor), places))
     for levels in (output.rebound, output.measured):
+        ends = None if levels is None else levels[:, row] * scale.factor
         for low, high in ((1, 3), (0, 4)):
-            if levels is None:
-                cells.append("-")
-            else:
-                ends = levels[:, row] * scale.factor
-                cells.append(interval(float(ends[low]), float(ends[high]), places))
+            cells.append("-" if ends is None else interval(float(ends[low]), float(ends[high]), places))
     if measured:
         cells += [*observed, "-" if output.z is None else fixed(float(output.z[row]), 1)]
     return cells
@@ -189,7 +182,7 @@ def remarks_on(prediction: NewPrediction, row: int) -> list[str]:
     parts = []
     for name, beyond in reach.beyond.items():
         if beyond[row] != 0.0:
-            scale = RANGE_UNITS[name]
+            scale = INCIDENT[name]
             low, high = (end * scale.factor for end in reach.limits[name])
             word = "above" if beyond[row] > 0.0 else "below"
             amount = abs(beyond[row]) * scale.factor
@@ -220,17 +213,11 @@ def render_scores(scores: Sequence[ObservableScore], seen: int, count: int) -> s
     heads = ["output", "impacts", "mean residual", "rms residual", "rms z", "within 68 %", "within 95 %"]
     rows = []
     for score in scores:
-        scale = output_scale(score.output)
-        rows.append(
-            [
-                f"{score.output} [{scale.unit}]",
-                str(score.impacts),
-                significant(score.bias * scale.factor),
-                significant(score.rms * scale.factor),
-                significant(score.rms_z),
-                *("-" if share is None else f"{100.0 * share:.0f} %" for share in (score.within_68, score.within_95)),
-            ]
-        )
+        scale, within = output_scale(score.output), (score.within_68, score.within_95)
+        sizes = (score.bias * scale.factor, score.rms * scale.factor, score.rms_z)
+        shares = ["-" if share is None else f"{100.0 * share:.0f} %" for share in within]
+        head = [f"{score.output} [{scale.unit}]", str(score.impacts)]
+        rows.append([*head, *map(significant, sizes), *shares])
     title = "Measured against predicted: validation on unseen impacts"
     if seen:
         title = f"Measured against predicted: no validation, {seen} of {count} impacts are among those of the fit"
