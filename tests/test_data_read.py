@@ -220,6 +220,8 @@ def test_extra_columns_are_kept_and_named(tmp_path: Path) -> None:
     assert table.labels["temperature"] == ("20", "21")
     assert table.labels["surface"] == ("clay", "grass")
     assert table.ids == ("a", "b")
+    # A number beside a name is a column of its own.
+    assert read(tmp_path, "no,id,v_y1,v_y2\n7,a,4,3\n8,b,5,4\n").ids == ("a", "b")
     (notice,) = table.notices
     assert "temperature" in notice.message and "column 1, without a name" in notice.message
 

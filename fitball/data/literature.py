@@ -69,15 +69,11 @@ def published_prior(parameter: str, text: str) -> PublishedPrior | None:
             f"prior of {parameter}: read '{text}', but the literature table has none of {parameter} (it has {named}; "
             "fitball datasets priors lists them)"
         )
-    raise ParameterError(
-        f"prior of {parameter}: read '{text}': {_nearest(key, known)}known keys of {parameter}: {', '.join(known)}; "
-        "fitball datasets priors lists them with their sources"
-    )
-
-
-def _nearest(key: str, known: Mapping[str, PublishedPrior]) -> str:
     hint = suggestion(key, known)
-    return f"{hint} " if hint.startswith("did") else ""
+    raise ParameterError(
+        f"prior of {parameter}: read '{text}': {hint + ' ' if hint.startswith('did') else ''}known keys of "
+        f"{parameter}: {', '.join(known)}; fitball datasets priors lists them with their sources"
+    )
 
 
 def with_published(priors: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:

@@ -163,15 +163,10 @@ def _incident(
     along = velocity(known, "1")
     state = {"v_x1": along.x, "v_y1": along.y, "omega_1": known.get("omega_1")}
     present = {name: item for name, item in state.items() if item is not None}
-    zeros = np.zeros(count)
-    values_of = {name: present[name].value if name in present else zeros for name in state}
-    impacts = Impacts(
-        values_of["v_x1"], values_of["v_y1"], values_of["omega_1"], _measured_cor(columns, values_of["v_y1"])
-    )
+    v_x, v_y, omega = (np.zeros(count) if item is None else item.value for item in state.values())
+    impacts = Impacts(v_x, v_y, omega, _measured_cor(columns, v_y))
     sds = {name: frozen(item.sd) for name, item in present.items() if item.parts}
-    covariance = None
-    if sds:
-        covariance = frozen(covariance_matrix(list(state.values()), count))
+    covariance = frozen(covariance_matrix(list(state.values()), count)) if sds else None
     return impacts, tuple(present), sds, covariance
 
 
