@@ -137,4 +137,4 @@ def test_two_processes_compile_what_a_fit_calls(tmp_path):
     assert told == [["bounce_alone", "jacobian_batch", "0"], ["0"]]
     # No kernel that both compiled is kept: the files of one would stand in the index of the other.
     kept = {file.name.partition("-")[0].partition(".")[2] for file in tmp_path.rglob("*.nbc")}
-    assert kept == {"bounce_alone", "bounce_batch", "jacobian_batch", "log_densities"}
+    assert kept == {"bounce_alone", "bounce_batch", "jacobian_batch", "log_densities", "algebraic_batch"}
