@@ -295,6 +295,8 @@ def test_a_table_that_is_refused_is_told_what_it_may_mean(tmp_path, kind, remedy
         TableError, match=f"what may be meant.*{remedy} if that is meant|what may be meant(.|\n)*{remedy}"
     ):
         fitball.load_table(place)
+    # A check lists it among the faults, behind those of rows.
+    assert fitball.check(place).faults[-1]["message"].startswith("what may be meant: ")
 
 
 def test_the_one_unit_in_which_a_time_can_be_is_named(tmp_path):
