@@ -182,7 +182,8 @@ def population() -> str:
     widths = sorted(row["width"] for row in found["joint"])
     return (
         f"{table(('interval of', 'priors divided out', 'priors left in (control)'), rows)}\n\n"
-        f"({found['populations']} populations of {found['tables']:,} tables, each fitted by itself: how many "
+        f"({found['populations']} populations of {found['tables']:,} tables, each fitted by itself, and "
+        f"{found['on_levels']} of three levels of four tables: how many "
         f"95 % intervals hold the truth.) Given all, tables err less than alone, root mean square, by {less}. "
         f"{sum(found['not_trusted'].values())} of {found['tables'] * len(found['not_trusted']):,} weights are "
         f"not to be trusted. On {len(apart) // 4} sets of ten tables of 20 rows the joint fit (`--pool`) has its "

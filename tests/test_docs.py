@@ -33,7 +33,7 @@ from fitball.inference.identifiability import power_scaling, profile, profile_en
 from fitball.inference.identifiability.examine import PROFILED
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.likelihood.posterior import log_posterior
-from fitball.inference.population.reweighting import SMOOTH
+from fitball.inference.population.draws import SMOOTH
 from fitball.inference.population.trend import LEAST_TABLES
 from fitball.inference.prediction.extrapolation import SLACK
 from fitball.inference.problem import force_records, measurement_noise

@@ -14,8 +14,10 @@ import fitball
 from fitball.cli.main import main
 from fitball.errors import FitballError
 from fitball.inference.population.box import covering_grid
+from fitball.inference.population.draws import TableDraws, log_likelihood, log_mass
+from fitball.inference.population.hyper import Before
 from fitball.inference.population.quantity import log_density, prior_of, quantity
-from fitball.inference.population.reweighting import Before, TableDraws, log_likelihood, log_mass, population
+from fitball.inference.population.reweighting import population
 from fitball.report.batch.folder import write_results
 from fitball.report.batch.rows import read_rows, row_of
 

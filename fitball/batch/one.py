@@ -16,7 +16,9 @@ from fitball.report.batch.rows import Row, failed_row, row_of
 from fitball.report.fit.folder import prepare_folder, write_all
 from fitball.report.form.atomic_write import remove, write_text
 from fitball.report.form.json_text import json_text
+from fitball.report.saved.data_file import DATA_NAME, write_data
 from fitball.report.saved.fit_text import fit_text
+from fitball.report.saved.run_file import RUN_NAME, run_text
 from fitball.report.saved.saved_fit import FIT_NAME
 from fitball.wording import option
 
@@ -73,8 +75,11 @@ def _fitted(plan: Plan, task: Task) -> Done:
 def _write(fit: Fit, folder: Path, full: bool) -> None:
     if full:
         write_all(fit, folder)
-    else:
-        write_text(folder / FIT_NAME, fit_text(fit))
+        return
+    # What a joint fit is made from: measurements and settings.
+    write_data(fit.problem, folder / DATA_NAME)
+    write_text(folder / RUN_NAME, run_text(fit, folder))
+    write_text(folder / FIT_NAME, fit_text(fit))
 
 
 def kept_row(folder: Path, mark: str) -> Row | None:

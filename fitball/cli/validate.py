@@ -74,8 +74,8 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--population",
         action="store_true",
-        help="instead: populations of 20 tables each with known centre and spread: how often do intervals hold them, "
-        "and do joint fits of ten tables say the same",
+        help="instead: populations of 20 tables each with known centre and spread, and of 3 levels of 4 tables: how "
+        "often do intervals hold them, and do joint fits of ten tables say the same",
     )
     parser.add_argument("--scenarios", metavar="A,B", help="of --trust: kinds of tables (default: all)")
     parser.add_argument(
@@ -183,18 +183,28 @@ def _population(args: argparse.Namespace) -> int:
     _checked(args, 50)
     from fitball.report.form.text_table import columns
     from fitball.studies.population.coverage import run_populations
-    from fitball.studies.population.findings import Coverage, coverages, findings_json, findings_text
+    from fitball.studies.population.findings import (
+        Coverage,
+        coverages,
+        findings_json,
+        findings_text,
+        level_coverages,
+    )
     from fitball.studies.population.joint import against_joint_fit
+    from fitball.studies.population.levels import run_levels
 
     folder, workers = _place_and_workers(args, "population")
     sets = max(1, args.replicates // 10)
     joint = against_joint_fit(args.seed, sets, Counter(args.line, "joint fits", sets, "sets of ten tables"))
     counter = Counter(args.line, "populations", args.replicates, "populations")
     rows = run_populations(args.seed, args.replicates, folder / "populations.csv", workers, counter)
-    found = coverages(rows)
+    few = -(-args.replicates // 5)
+    counter = Counter(args.line, "levels", few, "populations on levels")
+    levels = run_levels(args.seed, few, folder / "levels.csv", workers, counter)
+    found = [*coverages(rows), *level_coverages(levels)]
     text = "\n".join(columns(findings_text(found), 3)) + "\n"
     tables = {"joint": joint, "coverage": map(Coverage.row, found)}
-    return _end(args, folder / "population.json", findings_json(rows, joint, args.seed), tables, text)
+    return _end(args, folder / "population.json", findings_json(rows, joint, levels, args.seed), tables, text)
 
 
 def _place_and_workers(args: argparse.Namespace, study: str) -> tuple[Path, Engine]:

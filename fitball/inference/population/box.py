@@ -1,9 +1,10 @@
-"""A density of two numbers on a grid that covers it closely: boxes are cut down until little of them is empty."""
+"""A density of a few numbers on a grid that covers it closely: boxes are cut down until little of them is empty."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -19,14 +20,17 @@ MOST_CUTS = 12
 
 @dataclass(frozen=True)
 class Grid:
-    """`sides` of a grid, each (POINTS,), and the `shares` (POINTS, POINTS) of the mass that its points stand for."""
+    """`sides` of a grid, each (points,), and the `shares` (points, points, ...) of the mass that its points stand
+    for; `log_mass` is the logarithm of all of it.
+    """
 
-    sides: tuple[FloatArray, FloatArray]
+    sides: tuple[FloatArray, ...]
     shares: FloatArray
+    log_mass: float
 
     @property
     def points(self) -> FloatArray:
-        """All points, (points, 2), in the order of the shares."""
+        """All points, (all points, sides), in the order of the shares."""
         return _mesh(self.sides)
 
 
@@ -35,28 +39,31 @@ def covering_grid(
     exactly: Callable[[FloatArray], FloatArray],
     low: FloatArray,
     high: FloatArray,
+    points: int = POINTS,
+    empty: float = EMPTY,
 ) -> Grid:
-    """The density whose logarithm at points (points, 2) is `exactly`, (points,), on a grid within the box of these
-    ends (2,), which is cut down as far as the cheaper `roughly` falls off. It has one peak, or several that the first
-    box shows.
+    """The density whose logarithm at places (places, sides) is `exactly`, (places,), on a grid of so many `points` a
+    side within the box of these ends (sides,), which is cut down as far as the cheaper `roughly` falls off by
+    `empty`. It has one peak, or several that the first box shows.
     """
+    shape = (points,) * len(low)
     for _ in range(MOST_CUTS):
-        sides = _sides(low, high)
-        low, high, narrower = _cut(sides, roughly(_mesh(sides)).reshape(POINTS, POINTS))
+        sides = _sides(low, high, points)
+        low, high, narrower = _cut(sides, roughly(_mesh(sides)).reshape(shape), empty)
         if not narrower:
             break
-    sides = _sides(low, high)
-    density = exactly(_mesh(sides)).reshape(POINTS, POINTS)
-    shares = np.exp(density - density.max()) * np.outer(*(_trapezoid(side) for side in sides))
-    return Grid(sides, shares / shares.sum())
+    sides = _sides(low, high, points)
+    density = exactly(_mesh(sides)).reshape(shape)
+    top = float(density.max())
+    mass = np.exp(density - top) * reduce(np.multiply.outer, map(_trapezoid, sides))
+    return Grid(sides, mass / mass.sum(), top + float(np.log(mass.sum())))
 
 
-def _sides(low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-    first, second = (np.linspace(*ends, POINTS) for ends in zip(low, high, strict=True))
-    return first, second
+def _sides(low: FloatArray, high: FloatArray, points: int) -> tuple[FloatArray, ...]:
+    return tuple(np.linspace(*ends, points) for ends in zip(low, high, strict=True))
 
 
-def _mesh(sides: tuple[FloatArray, FloatArray]) -> FloatArray:
+def _mesh(sides: tuple[FloatArray, ...]) -> FloatArray:
     return np.stack([side.ravel() for side in np.meshgrid(*sides, indexing="ij")], axis=1)
 
 
@@ -66,12 +73,13 @@ def _trapezoid(side: FloatArray) -> FloatArray:
     return widths
 
 
-def _cut(sides: tuple[FloatArray, FloatArray], table: FloatArray) -> tuple[FloatArray, FloatArray, bool]:
+def _cut(sides: tuple[FloatArray, ...], table: FloatArray, empty: float) -> tuple[FloatArray, FloatArray, bool]:
     """Ends of the box in which the table is not empty, one point wider, and whether that is narrower by much."""
-    full = table > table.max() - EMPTY
+    full = table > table.max() - empty
     ends = []
-    for side, where in zip(sides, (np.flatnonzero(full.any(axis=1)), np.flatnonzero(full.any(axis=0))), strict=True):
-        ends.append((side[max(where[0] - 1, 0)], side[min(where[-1] + 1, POINTS - 1)]))
+    for axis, side in enumerate(sides):
+        where = np.flatnonzero(np.moveaxis(full, axis, 0).reshape(len(side), -1).any(axis=1))
+        ends.append((side[max(where[0] - 1, 0)], side[min(where[-1] + 1, len(side) - 1)]))
     low, high = np.array(ends).T
     shares = (high - low) / [side[-1] - side[0] for side in sides]
     return low, high, bool(np.min(shares) < 0.8)

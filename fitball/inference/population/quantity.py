@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from fitball.errors import ParameterError
-from fitball.inference.population.reweighting import Before
+from fitball.inference.population.hyper import Before
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.pooling import expected_spread
 from fitball.inference.problem.priors import Prior, parse_prior

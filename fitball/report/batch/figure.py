@@ -35,7 +35,7 @@ def batch_figure(
     series: Sequence[Series], tables: Sequence[str], along: Along | None = None, populated: Sequence[Populated] = ()
 ) -> Figure:
     """A panel a quantity over the tables in their order, or along something; `populated` are known populations."""
-    known = {one.quantity.name: one for one in populated}
+    known = {one.quantity.name: one for one in populated if not one.joint}
     figure = new_figure(WIDTH, 0.9 + HEIGHT * len(series))
     panels = figure.subplots(len(series), 1, sharex=True, squeeze=False)[:, 0]
     for panel, one in zip(panels, series, strict=True):
@@ -79,6 +79,8 @@ def _draw(panel: Axes, series: Series, along: Along | None, populated: Populated
         places[rings], series.median[rings] * shown.factor, "o", markersize=11, markerfacecolor="none", color=TREND
     )
     _lines(panel, series, along, places, shown, populated)
+    if populated is not None:
+        _levels(panel, series, places, shown, populated)
     if populated is not None and not crowded:
         _pooled(panel, series, places, shown, populated)
     _limit(panel, series, shown)
@@ -97,6 +99,16 @@ def _limit(panel: Axes, series: Series, shown: ParameterAxis) -> None:
         log_scale(panel, *shown.margins(float(low), float(high)), "y")
     elif high > low:
         panel.set_ylim(*replace(shown, logarithmic=False).margins(float(low), float(high), 0.08))
+
+
+def _levels(panel: Axes, series: Series, places: FloatArray, shown: ParameterAxis, populated: Populated) -> None:
+    """Behind each table the value of its level with its interval."""
+    for level in populated.population.levels:
+        here = [k for k, name in enumerate(series.names) if name in level.tables]
+        middle, low, high = (end * shown.factor for end in populated.ends(level.known))
+        ends = places[here] - 0.5, places[here] + 0.5
+        panel.bar(places[here], high - low, 1.0, low, color=pale(GUIDE, 0.15), zorder=0)
+        panel.hlines([middle] * len(here), *ends, color=GUIDE, linewidth=0.8)
 
 
 def _pooled(panel: Axes, series: Series, places: FloatArray, shown: ParameterAxis, populated: Populated) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
 from fitball.report.batch.figure import batch_figure
+from fitball.report.batch.grouping import Over
 from fitball.report.batch.page import batch_page
 from fitball.report.batch.population_files import write_populations
 from fitball.report.batch.populations import Populated, default_names, populations
@@ -30,15 +31,22 @@ class Shown:
 
 
 def write_results(
-    rows: Sequence[Row], folder: Path, command: str | None = None, quantities: Sequence[str] = ()
+    rows: Sequence[Row],
+    folder: Path,
+    command: str | None = None,
+    quantities: Sequence[str] = (),
+    over: Over = None,
+    beside: Callable[[Sequence[Populated]], Sequence[Populated]] = lambda _weighted: (),
 ) -> Shown:
     """Write every file, each whole or not at all; `command` is the line that asked. Returns what they show.
 
-    Populations are those of parameters that enough tables tell, and of `quantities`. Parquet needs pyarrow, and is
+    Populations are those of parameters that enough tables tell, and of `quantities`, `over` levels or not, and what
+    `beside` makes of them. Parquet needs pyarrow, and is
     left out without it. Raises ResultFolderError, ParameterError as `populations` does.
     """
     series = all_series(rows)
-    populated = populations(rows, folder, [*default_names(series), *quantities])
+    populated = populations(rows, folder, [*default_names(series), *quantities], over)
+    populated = (*populated, *beside(populated))
     write_populations(populated, folder)
     write_csv(folder / CSV_NAME, rows)
     if find_spec("pyarrow") is not None:

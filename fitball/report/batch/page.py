@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from fitball.inference.population.reweighting import Known
+from fitball.inference.population.hyper import Known
 from fitball.report.batch.populations import Populated
 from fitball.report.batch.rows import DONE, NAME, Row
 from fitball.report.batch.series import Series
-from fitball.report.batch.words import CENTRE_HEADS, LEGEND, centre_rows, told
+from fitball.report.batch.words import LEGEND, LEVEL_HEADS, centre_heads, centre_rows, level_rows, told
 from fitball.report.figures.embed import embed
 from fitball.report.form.display_units import handy
 from fitball.report.form.rounding import decimals, fixed, significant
@@ -22,7 +22,8 @@ MOST_FAILED = 50
 CAPTIONS = {
     "parameters.png": "Each quantity over the tables: median and 95 % interval. Pale where a table does not tell the "
     "value itself and the prior does; dashed the centre of the population, beside each table, unless they crowd, in "
-    "purple what it has given all others; ringed what lies outside their bulk.",
+    "purple what it has given all others; grey behind, where tables lie on levels, the value of the level; ringed "
+    "what lies outside their bulk.",
     "drift.png": "Quantities that drift: the line over what they drift along, with each table's median and interval.",
 }
 
@@ -50,8 +51,10 @@ def batch_page(
             for name in CAPTIONS
             if name in images
         ],
-        centre_heads=CENTRE_HEADS,
+        centre_heads=centre_heads(populated),
         centres=centre_rows(series, populated),
+        level_heads=LEVEL_HEADS,
+        levels=level_rows(populated),
         legend=LEGEND,
         heads=("table", "impacts", "outcome", "describes", *(head(one) for one in series)),
         tables=[cells(row, place, series) for place, row in enumerate(rows[:MOST_ROWS])],
@@ -72,11 +75,11 @@ def head(series: Series) -> str:
     return f"{series.name}{f' [{unit}]' if unit else ''}"
 
 
-def pooled_heads(populated: Populated) -> tuple[str, str]:
-    """Heads of the two columns of a quantity: alone, and given the other tables."""
+def pooled_heads(populated: Populated) -> tuple[str, ...]:
+    """Heads of the columns of a quantity: alone, and given the other tables; of a joint fit the latter alone."""
     unit = handy(populated.quantity.name, populated.quantity.unit).unit
-    name = f"{populated.quantity.name}{f' [{unit}]' if unit else ''}"
-    return f"{name} alone", "given all"
+    name = f"{populated.name}{f' [{unit}]' if unit else ''}"
+    return (name,) if populated.joint else (f"{name} alone", "given all")
 
 
 def pooled_cells(name: str, place: int, series: Sequence[Series], populated: Sequence[Populated]) -> tuple[str, ...]:
@@ -86,12 +89,13 @@ def pooled_cells(name: str, place: int, series: Sequence[Series], populated: Seq
     for one in populated:
         table = next((table for table in one.population.tables if table.name == name), None)
         if table is None:
-            shown += ["-", "-"]
+            shown += ["-"] * len(pooled_heads(one))
             continue
         column = columns.get(one.quantity.name)
         # A ratio is no column of the tables: its draws are all there is.
         alone = cell(column, place) if column is not None else _drawn(one, one.own[name], one.own_sds[name])
-        shown += [alone, _drawn(one, table.known, table.sd) + ("" if table.trusted else " ?")]
+        shown += [] if one.joint else [alone]
+        shown.append(_drawn(one, table.known, table.sd) + ("" if table.trusted else " ?"))
     return tuple(shown)
 
 

@@ -9,11 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from fitball.errors import ParameterError
+from fitball.inference.population.draws import TableDraws
+from fitball.inference.population.hyper import Known
+from fitball.inference.population.levels import population_over
 from fitball.inference.population.quantity import Quantity, known, prior_of, quantity
-from fitball.inference.population.reweighting import Known, Population, TableDraws, population
+from fitball.inference.population.reweighting import Population, population
 from fitball.inference.population.trend import LEAST_TABLES
 from fitball.inference.problem.priors import Prior
 from fitball.inference.results.results import Verdict
+from fitball.report.batch.grouping import Grouping, Over, grouped
 from fitball.report.batch.rows import DONE, NAME, Row
 from fitball.report.batch.series import Series
 from fitball.report.saved.saved_fit import SavedFit, read_fit
@@ -23,7 +27,8 @@ from fitball.values import FloatArray
 @dataclass(frozen=True)
 class Populated:
     """A quantity over tables: its `population` in the coordinate, and `own`, what each table says alone, by name;
-    `left_out` are tables that have no draws of it, with the reason.
+    `left_out` are tables that have no draws of it, with the reason; `over` is what its levels are of, empty without
+    levels, and `said` what is to be said of them. `joint` tells a fit of all tables together from weighted ones.
     """
 
     quantity: Quantity
@@ -31,6 +36,14 @@ class Populated:
     own: Mapping[str, Known]
     own_sds: Mapping[str, float]
     left_out: Mapping[str, str]
+    over: str = ""
+    said: tuple[str, ...] = ()
+    joint: bool = False
+
+    @property
+    def name(self) -> str:
+        """What it is called beside others."""
+        return f"{self.quantity.name} (joint fit)" if self.joint else self.quantity.name
 
     def ends(self, known: Known) -> tuple[float, float, float]:
         """Median, low and high end of something in the coordinate, in SI."""
@@ -54,21 +67,28 @@ def default_names(series: Sequence[Series]) -> tuple[str, ...]:
     )
 
 
-def populations(rows: Sequence[Row], folder: Path, names: Sequence[str]) -> tuple[Populated, ...]:
-    """The populations of quantities over the tables whose fits lie below the folder.
+def populations(rows: Sequence[Row], folder: Path, names: Sequence[str], over: Over = None) -> tuple[Populated, ...]:
+    """The populations of quantities over the tables whose fits lie below the folder, on levels where `over` says so.
 
-    Raises ParameterError for what is no quantity, or one that too few tables have draws of; ResultFolderError for a
-    fit that cannot be read.
+    Raises ParameterError for what is no quantity, or one that too few tables have draws of, and as `grouped` does;
+    ResultFolderError for a fit that cannot be read.
     """
     asked = [_Gathered(quantity(name)) for name in dict.fromkeys(names)]
+    grouping = grouped(rows, over)
     if not asked:
         return ()
     for row in rows:
-        if row["outcome"] == DONE:
-            saved = read_fit(folder / str(row[NAME]))
+        name = str(row[NAME])
+        if row["outcome"] != DONE:
+            continue
+        if grouping.levels and name not in grouping.levels:
             for one in asked:
-                _gather(one, str(row[NAME]), saved)
-    return tuple(map(_populated, asked))
+                one.left_out[name] = f"it has no one {grouping.over}"
+            continue
+        saved = read_fit(folder / name)
+        for one in asked:
+            _gather(one, name, saved)
+    return tuple(_populated(one, grouping) for one in asked)
 
 
 def _gather(one: _Gathered, name: str, saved: SavedFit) -> None:
@@ -91,7 +111,7 @@ def _gather(one: _Gathered, name: str, saved: SavedFit) -> None:
     one.tables.append((name, one.quantity.coordinates(columns), priors, min(1.0, min(sizes) / count)))
 
 
-def _populated(one: _Gathered) -> Populated:
+def _populated(one: _Gathered, grouping: Grouping) -> Populated:
     asked = one.quantity
     if len(one.tables) < LEAST_TABLES:
         raise ParameterError(
@@ -115,4 +135,14 @@ def _populated(one: _Gathered) -> Populated:
         low, median, high = (float(end) for end in np.quantile(draws, (0.025, 0.5, 0.975)))
         own[name] = Known(median, low, high)
     sds = {name: float(draws.std()) for name, draws, _priors, _efficiency in one.tables}
-    return Populated(asked, population(tables, asked.before(ends)), own, sds, one.left_out)
+    levels: dict[str, list[TableDraws]] = {}
+    for table in tables:
+        levels.setdefault(grouping.levels.get(table.name, table.name), []).append(table)
+    if len(levels) < 2:
+        raise ParameterError(
+            f"population of {asked.name} over {grouping.over}: all tables that have draws of it have the same "
+            f"{grouping.over}, {', '.join(levels)}; expected at least two levels"
+        )
+    before = asked.before(ends)
+    found = population_over(levels, before) if grouping.levels else population(tables, before)
+    return Populated(asked, found, own, sds, one.left_out, grouping.over, grouping.said)

@@ -23,8 +23,8 @@ def failed_row(name: str, reason: str) -> Row:
 
 
 def row_of(name: str, fit: Fit) -> Row:
-    """The row of a fit: outcome, adequacy, labels that the whole table has in common, each parameter, court pace and
-    what a drop test tells.
+    """The row of a fit: outcome, adequacy, labels that the whole table has in common or its scene states, each
+    parameter, court pace and what a drop test tells.
     """
     adequacy = fit.adequacy
     row: Row = {
@@ -37,9 +37,12 @@ def row_of(name: str, fit: Fit) -> Row:
         "adequacy": None if adequacy is None else str(adequacy.answer),
         "described": None if adequacy is None else adequacy.sentence,
     }
-    for column, labels in fit.problem.table.labels.items():
-        if len(set(labels)) == 1:
-            row[f"{LABEL}{column}"] = labels[0]
+    scene, labels = fit.problem.scene, fit.problem.table.labels
+    for column, cells in labels.items():
+        if len(set(cells)) == 1:
+            row[f"{LABEL}{column}"] = cells[0]
+    stated = {"surface": scene.surface, "ball_type": scene.ball_type}
+    row |= {f"{LABEL}{name}": text for name, text in stated.items() if text is not None and name not in labels}
     for estimate in fit.estimates:
         head = f"{estimate.name}{f' [{estimate.unit}]' if estimate.unit else ''}"
         row[head] = estimate.point if estimate.median is None else estimate.median

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitball.inference.population.hyper import Known
 from fitball.inference.population.trend import Line
 from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.results import RunStatus
@@ -21,6 +22,9 @@ from fitball.report.form.sentences import listed
 from fitball.wording import spoken
 
 CENTRE_HEADS = ("quantity", "unit", "told by", "centre", "95 %", "spread", "95 %", "typical sd")
+# The same where tables lie on levels.
+OVER_HEADS = (*CENTRE_HEADS[:5], "between levels", "95 %", "within levels", "95 %", "typical sd")
+LEVEL_HEADS = ("quantity", "unit", "level", "tables", "value", "95 %", "a new table there, 95 %")
 LEGEND = (
     "Told by: tables that tell the value themselves, not their prior alone. Centre: about what the tables' true "
     "values scatter, with its 95 % interval; spread: their standard deviation, of the logarithm where it stands in "
@@ -68,6 +72,7 @@ def told(rows: Sequence[Row], series: Sequence[Series], populated: Sequence[Popu
                 f"Not described: {_some(refused)}. What is said of their parameters holds within the model only."
             )
     points += [sentence for one in series for sentence in _standing_out(one)]
+    points += dict.fromkeys(sentence for one in populated for sentence in one.said)
     points += doubts_of_all(populated)
     return Told("; ".join(parts) + ".", tuple(points), failed)
 
@@ -127,7 +132,7 @@ def centre_of(series: Series, line: Line) -> tuple[float, float, float]:
 def centre_rows(series: Sequence[Series], populated: Sequence[Populated] = ()) -> list[tuple[str, ...]]:
     """For each quantity about what it scatters over the tables, in the unit people read."""
     rows: list[tuple[str, ...]] = []
-    known = {one.quantity.name: one for one in populated}
+    known = {one.name: one for one in populated}
     for one in series:
         name, factor, unit = _shown(one)
         counted = np.array(one.told) & np.isfinite(one.sd)
@@ -143,44 +148,65 @@ def centre_rows(series: Sequence[Series], populated: Sequence[Populated] = ()) -
         # Of logarithms a small spread is a share.
         spread = one.centre.spread * (middle if one.logarithmic else factor)
         typical = float(np.median(one.sd[counted])) * factor
-        rows.append(
-            (
-                *head,
-                fixed(middle, places),
-                interval(low, high, places),
-                significant(spread, 2),
-                "-",
-                significant(typical, 2),
+        cells = fixed(middle, places), interval(low, high, places), significant(spread, 2), "-"
+        rows.append((*head, *cells, significant(typical, 2)))
+    rows += [(*head_of(one), *population_cells(one)) for one in known.values()]
+    heads = centre_heads(populated)
+    # What has no levels has no spread within them.
+    return [row if len(row) == len(heads) else (*row[:7], "-", "-", row[7]) for row in rows]
+
+
+def centre_heads(populated: Sequence[Populated]) -> tuple[str, ...]:
+    """Heads of the rows about what quantities scatter."""
+    return OVER_HEADS if any(one.population.levels for one in populated) else CENTRE_HEADS
+
+
+def level_rows(populated: Sequence[Populated]) -> list[tuple[str, ...]]:
+    """For each quantity the value of each level, and of one to come, with what a new table there would have."""
+    rows: list[tuple[str, ...]] = []
+    for one in populated:
+        head = head_of(one)[:2]
+        found = one.population
+        for level in found.levels:
+            new = "-" if level.new is None else _known_cells(one, level.new)[1]
+            rows.append((*head, level.name, f"{len(level.tables):,}", *_known_cells(one, level.known), new))
+        if found.new_level is not None:
+            rows.append(
+                (*head, "a new one", "-", *_known_cells(one, found.new_level), _known_cells(one, found.new)[1])
             )
-        )
-    return rows + [(*head_of(one), *population_cells(one)) for one in known.values()]
+    return rows
+
+
+def _known_cells(populated: Populated, known: Known) -> tuple[str, str]:
+    """Something in the coordinate with its interval, in the unit people read."""
+    quantity = populated.quantity
+    factor = handy(quantity.name, quantity.unit).factor
+    middle, low, high = (end * factor for end in populated.ends(known))
+    places = decimals((high - low) / (2.0 * REACH))
+    return fixed(middle, places), interval(low, high, places)
 
 
 def head_of(populated: Populated) -> tuple[str, str, str]:
     """Name, unit and number of tables of a quantity that is no column of theirs, such as a ratio."""
     scale = handy(populated.quantity.name, populated.quantity.unit)
-    return populated.quantity.name, scale.unit, f"- of {len(populated.own):,}"
+    return populated.name, scale.unit, f"- of {len(populated.own):,}"
 
 
 def population_cells(populated: Populated) -> tuple[str, ...]:
     """Centre and spread with their intervals, and the typical sd of a table, in the unit people read."""
     one = populated.quantity
     factor = handy(one.name, one.unit).factor
-    middle, low, high = (end * factor for end in populated.ends(populated.population.centre))
-    places = decimals((high - low) / (2.0 * REACH))
-    spread = populated.population.spread
+    found = populated.population
     # Of logarithms a spread is a share, and so is the uncertainty of a table.
     scale, sign = (100.0, " %") if one.log else (factor, "")
-    ends = [scale * end for end in (spread.median, spread.low, spread.high)]
-    few = decimals((ends[2] - ends[1]) / (2.0 * REACH))
+    cells = list(_known_cells(populated, found.centre))
+    for spread in (found.spread, found.within):
+        if spread is not None:
+            ends = [scale * end for end in (spread.median, spread.low, spread.high)]
+            few = decimals((ends[2] - ends[1]) / (2.0 * REACH))
+            cells += [f"{fixed(ends[0], few)}{sign}", interval(ends[1], ends[2], few)]
     typical = float(np.median(list(populated.own_sds.values()))) * scale
-    return (
-        fixed(middle, places),
-        interval(low, high, places),
-        f"{fixed(ends[0], few)}{sign}",
-        interval(ends[1], ends[2], few),
-        f"{significant(typical, 2)}{sign}",
-    )
+    return (*cells, f"{significant(typical, 2)}{sign}")
 
 
 def doubts_of_all(populated: Sequence[Populated]) -> list[str]:
@@ -199,10 +225,10 @@ def doubts_of_all(populated: Sequence[Populated]) -> list[str]:
 
 def doubts(populated: Populated) -> list[str]:
     """What of a population is not to be trusted, and what would help."""
-    found, name = populated.population, populated.quantity.name
+    found, name = populated.population, populated.name
     said = []
-    for words, number in (("centre", found.centre), ("spread", found.spread)):
-        if number.error > MOST_ERROR * (number.high - number.low):
+    for words, number in (("centre", found.centre), ("spread", found.spread), ("spread within", found.within)):
+        if number is not None and number.error > MOST_ERROR * (number.high - number.low):
             share = number.error / (number.high - number.low)
             said.append(
                 f"The {words} of {name} is known to {100.0 * share:.0f} % of its interval only, for want of draws."
@@ -214,9 +240,7 @@ def doubts(populated: Populated) -> list[str]:
             f"{len(found.doubtful)} {few} ({_some(found.doubtful)}), nor what the others say of {each}: few draws "
             "there meet the population."
         )
-    if said and len(populated.quantity.parts) == 1 and len(found.tables) <= MOST_JOINT:
-        how = spoken(
-            f"fitball calibrate TABLES --pool {name}=table", f"fitball.calibrate(tables, pool={{'{name}': 'table'}})"
-        )
+    if said and not populated.joint and len(populated.quantity.parts) == 1 and len(found.tables) <= MOST_JOINT:
+        how = spoken(f"fitball population FOLDER --of {name} --joint", f"batch.population('{name}', joint=True)")
         said[-1] += f" So few tables can be fitted together instead: {how}."
     return said

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from fitball.api.calibrating import pose
+from fitball.inference.population.draws import TableDraws
 from fitball.inference.population.quantity import prior_of, quantity
-from fitball.inference.population.reweighting import Population, TableDraws, population
+from fitball.inference.population.reweighting import Population, population
 from fitball.inference.problem.choices import Choices
 from fitball.report.form.growing_csv import GrowingCsv
 from fitball.scheduling.engine import Engine, in_order
@@ -74,10 +75,14 @@ def fitted_tables(seed: int, number: int) -> Fitted:
 
 def found_of(name: str, draws: FloatArray, divided: bool = True) -> Population:
     """The population of a quantity from draws (tables, draws); the priors left in where not `divided`."""
+    return population(table_draws(name, draws, divided), before(name))
+
+
+def table_draws(name: str, draws: FloatArray, divided: bool = True) -> list[TableDraws]:
+    """The tables as a population takes them, from draws (tables, draws); the priors left in where not `divided`."""
     asked = quantity(name)
     log_prior = asked.log_prior({name: prior_of(asked.parts[0], INTERIM[name])}) if divided else np.zeros_like
-    tables = [TableDraws.of(str(k), asked.coordinates({name: own}), log_prior) for k, own in enumerate(draws)]
-    return population(tables, before(name))
+    return [TableDraws.of(str(k), asked.coordinates({name: own}), log_prior) for k, own in enumerate(draws)]
 
 
 def replicate(seed: int, number: int) -> tuple[str, ...]:
@@ -115,16 +120,32 @@ def run_populations(
     """Populations 0 to `replicates` - 1, those that the file at `path` holds read and the others made by `engine` and
     appended; `report` is told how many are done. Raises ResultFolderError. After Ctrl-C the same call goes on.
     """
+    return grown(seed, replicates, path, engine, report, partial(replicate, seed), columns(), {"tables": TABLES})
+
+
+def grown(
+    seed: int,
+    replicates: int,
+    path: Path,
+    engine: Engine,
+    report: Callable[[int], None],
+    make: Callable[[int], tuple[str, ...]],
+    heads: tuple[str, ...],
+    own: Mapping[str, object],
+) -> list[Mapping[str, float]]:
+    """Replicates that `make` makes of their number, in a file with these heads that grows; `own` are settings beside
+    those of every study of populations.
+    """
     settings = {
         "version": __version__, "seed": seed, "model": MODEL,
         "priors": {**INTERIM, **OTHERS}, "populations": dict(POPULATIONS),
-        "tables": TABLES, "rows": ROWS, "draws": DRAWS, "max_steps": MAX_STEPS, **asdict(SCHEDULE),
+        "rows": ROWS, "draws": DRAWS, "max_steps": MAX_STEPS, **own, **asdict(SCHEDULE),
     }  # fmt: skip
-    file = GrowingCsv(path, columns(), settings, "populations")
+    file = GrowingCsv(path, heads, settings, "populations")
     done = file.open()
     report(min(done, replicates))
     numbers = range(done, replicates)
-    for number, cells in zip(numbers, in_order(engine, partial(replicate, seed), numbers), strict=True):
+    for number, cells in zip(numbers, in_order(engine, make, numbers), strict=True):
         file.append(number, cells)
         report(number + 1)
     return [_numbers(file, number, row) for number, row in file.rows(replicates)]
@@ -132,6 +153,6 @@ def run_populations(
 
 def _numbers(file: GrowingCsv, number: int, row: Mapping[str, str]) -> Mapping[str, float]:
     try:
-        return {name: float(row[name]) for name in columns()}
+        return {name: float(cell) for name, cell in row.items()}
     except ValueError:
         raise file.damaged(number) from None

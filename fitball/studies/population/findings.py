@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import beta
 
 from fitball.studies.population.coverage import CONTROL, TABLES
+from fitball.studies.population.levels import COUNTED, LEVELS
 from fitball.studies.population.tables import QUANTITIES
 
 LEVEL = 0.95
@@ -68,6 +69,25 @@ def coverages(rows: Sequence[Mapping[str, float]]) -> list[Coverage]:
     return found
 
 
+def level_coverages(rows: Sequence[Mapping[str, float]]) -> list[Coverage]:
+    """Of populations on levels: centre, spread between and within levels, and the levels."""
+    found = []
+    for control in (False, True):
+        for name in QUANTITIES:
+            head = f"{CONTROL}:{name}" if control else name
+            for what in COUNTED:
+                held = int(sum(row[f"{head}:{what}_holds"] for row in rows))
+                each = LEVELS if what == "levels" else 1
+                found.append(Coverage(name, WORDS[what], control, held, each * len(rows)))
+    return found
+
+
+WORDS = {
+    "centre": "centre of levels", "between": "spread between levels", "within": "spread within levels",
+    "levels": "levels",
+}  # fmt: skip
+
+
 def error_shares(rows: Sequence[Mapping[str, float]]) -> Mapping[str, float]:
     """Root mean square error of tables given all over that of tables alone, by quantity."""
     return {
@@ -101,19 +121,23 @@ def apart(rows: Sequence[Mapping[str, object]]) -> list[dict[str, object]]:
 
 
 def findings_json(
-    rows: Sequence[Mapping[str, float]], joint: Sequence[Mapping[str, object]], seed: int
+    rows: Sequence[Mapping[str, float]],
+    joint: Sequence[Mapping[str, object]],
+    levels: Sequence[Mapping[str, float]],
+    seed: int,
 ) -> dict[str, object]:
-    """Everything that is told; `holds` unless intervals of centre or spread do not hold as often as they say, the
-    control does, or joint fits find something else.
+    """Everything that is told; `holds` unless intervals of centre, spreads or levels do not hold as often as they
+    say, the control does, or joint fits find something else.
     """
-    found, far = coverages(rows), apart(joint)
-    wanted = [one for one in found if one.what in ("centre", "spread")]
+    found, far = [*coverages(rows), *level_coverages(levels)], apart(joint)
+    wanted = [one for one in found if not one.what.startswith("tables")]
     good = all(one.holds for one in wanted if not one.control) and not all(one.holds for one in wanted if one.control)
     typical = float(np.median([abs(float(str(row["apart"]))) for row in far]))
     return {
         "seed": seed,
         "populations": len(rows),
         "tables": TABLES * len(rows),
+        "on_levels": len(levels),
         "coverages": [one.row() for one in found],
         "error_given_all": error_shares(rows),
         "not_trusted": {name: int(sum(row[f"{name}:not_trusted"] for row in rows)) for name in QUANTITIES},

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from fitball.api.calibrating import pose
+from fitball.inference.population.draws import TableDraws
 from fitball.inference.population.quantity import default_prior, quantity
-from fitball.inference.population.reweighting import TableDraws, population
+from fitball.inference.population.reweighting import population
 from fitball.inference.problem.choices import Choices
 from fitball.inference.sampling.ensembles import Schedule
 from fitball.studies.population.tables import (

@@ -11,8 +11,8 @@ from fitball.api.calibrating import pose
 from fitball.data.table import ImpactTable
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.starts import STARTS, starting_points
+from fitball.inference.population.hyper import Before
 from fitball.inference.population.quantity import prior_of, quantity
-from fitball.inference.population.reweighting import Before
 from fitball.inference.problem.choices import Choices
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
