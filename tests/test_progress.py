@@ -83,7 +83,7 @@ def test_compiling_is_announced_once_with_how_long_and_where():
         line.compile(BATCH)
         line.compile(None)
     stage, said = stream.getvalue().splitlines()
-    assert stage == "point fit ..." and "once" in said and "half a minute" in said
+    assert stage == "point fit ..." and "once" in said and "ten to thirty seconds" in said
     assert "kept in where/kernels/are/kept" in said
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from fitball.inference.sampling.ensembles import Progress
 
 # Measured on an idle core of 2023; the second sentence says where.
-COMPILING = "compiling the kernels of the bounce: once for this version of fitball, half a minute or so; {kept}"
+COMPILING = "compiling the kernels of the bounce: once for this version of fitball, ten to thirty seconds; {kept}"
 KEPT = "kept in {folder}"
 NOT_KEPT = (
     "not kept, since neither the folder of fitball nor that of your cache can be written to: set NUMBA_CACHE_DIR"
