@@ -66,9 +66,7 @@ def grouped(rows: Sequence[Row], over: Over) -> Grouping:
     return Grouping(name, levels, (*said, *_weak(name, count, len(levels))))
 
 
-_DRIFT = (
-    "{name} holds {kind}, and every table another: tables are set along it; drift is told, and there are no levels."
-)
+_DRIFT = "{name} holds {kind}, and every table another: there are no levels; what drifts along it is told."
 
 
 def _labelled(done: Mapping[str, Row], over: str) -> dict[str, str]:
