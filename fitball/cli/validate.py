@@ -198,7 +198,7 @@ def _population(args: argparse.Namespace) -> int:
     joint = against_joint_fit(args.seed, sets, Counter(args.line, "joint fits", sets, "sets of ten tables"))
     counter = Counter(args.line, "populations", args.replicates, "populations")
     rows = run_populations(args.seed, args.replicates, folder / "populations.csv", workers, counter)
-    few = -(-args.replicates // 5)
+    few = -(-4 * args.replicates // 5)
     counter = Counter(args.line, "levels", few, "populations on levels")
     levels = run_levels(args.seed, few, folder / "levels.csv", workers, counter)
     found = [*coverages(rows), *level_coverages(levels)]
