@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import gc
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -37,7 +35,7 @@ def write_groups(path: Path, groups: Mapping[str, Iterable[Variable]], **attribu
 
     def write(place: Path) -> None:
         told = {"created_by": f"fitball {__version__}", **attributes}
-        with _collected_later(), h5netcdf.File(place, "w") as file:
+        with h5netcdf.File(place, "w") as file:
             for name, variables in groups.items():
                 group = file.create_group(name) if name else file
                 group.attrs.update(told)
@@ -46,18 +44,6 @@ def write_groups(path: Path, groups: Mapping[str, Iterable[Variable]], **attribu
                     _write(group, variable)
 
     write_whole(path, write)
-
-
-@contextmanager
-def _collected_later() -> Iterator[None]:
-    """No garbage is collected in here: handles of HDF5 that are closed halfway through a file change its layout."""
-    collected = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collected:
-            gc.enable()
 
 
 def _write(group: Any, variable: Variable) -> None:
