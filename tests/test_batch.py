@@ -7,7 +7,6 @@ import shutil
 import signal
 import time
 
-import h5py
 import numpy as np
 import pandas as pd
 import pytest
@@ -60,26 +59,10 @@ def alone(courts, tmp_path_factory):
 
 
 def contents(folder):
-    """Every file below a folder by its path: its bytes, or of HDF5, laid out as it comes, the arrays."""
+    """Every file below a folder by its path."""
     return {
-        place.relative_to(folder).as_posix(): arrays(place) if place.suffix == ".nc" else place.read_bytes()
-        for place in folder.rglob("*")
-        if place.is_file()
+        place.relative_to(folder).as_posix(): place.read_bytes() for place in folder.rglob("*") if place.is_file()
     }
-
-
-def arrays(place):
-    """Kind and content of every array of a file by its name."""
-    found = {}
-
-    def keep(name, item):
-        if isinstance(item, h5py.Dataset):
-            values = item[()]
-            found[name] = item.dtype.str, values.tolist() if values.dtype.kind == "O" else values.tobytes()
-
-    with h5py.File(place) as file:
-        file.visititems(keep)
-    return found
 
 
 @pytest.mark.parametrize("given", ["", "/", "/*", "/*.csv", "/court_?.csv"])

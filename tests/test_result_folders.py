@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 from dataclasses import replace
 from importlib.resources import files
 
@@ -22,7 +23,9 @@ from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.sampling.chain_file import ChainFile, EnsembleChain
+from fitball.report.saved.data_file import write_data
 from fitball.report.saved.fit_file import fit_schema
+from fitball.report.saved.posterior_file import write_netcdf
 from fitball.report.saved.structure import read_json, read_toml
 from fitball.studies.repeat.kept import write_numbers
 from fitball.values import Ball
@@ -235,6 +238,24 @@ def test_an_array_longer_than_its_file_is_not_read(copy):
         file["prior"].create_dataset("mu", shape=(1, 10**12), dtype="f8", chunks=(1, 1000))
     with pytest.raises(ResultFolderError, match="more than the file has room for"):
         fitball.load_fit(copy).saved.posterior()
+
+
+def test_no_profiler_changes_the_bytes_of_a_netcdf_file(short_fit, tmp_path):
+    # A frame that a profiler holds keeps what it knows alive, and HDF5 the room of a deleted array taken.
+    files = {}
+    for held in (False, True):
+        frames = []
+        before = sys.getprofile()
+        if held:
+            sys.setprofile(lambda frame, *_: frames.append(frame))  # noqa: B023 - called within this turn
+        try:
+            write_data(short_fit.problem, tmp_path / "data.nc")
+            write_netcdf(short_fit, short_fit.posterior, tmp_path / "posterior.nc")
+        finally:
+            sys.setprofile(before)
+        assert bool(frames) is held
+        files[held] = [(tmp_path / name).read_bytes() for name in ("data.nc", "posterior.nc")]
+    assert files[False] == files[True]
 
 
 def test_a_label_with_a_slash_ends_in_no_other_group(tmp_path, brief):

@@ -35,22 +35,27 @@ def write_groups(path: Path, groups: Mapping[str, Iterable[Variable]], **attribu
 
     def write(place: Path) -> None:
         told = {"created_by": f"fitball {__version__}", **attributes}
-        with h5netcdf.File(place, "w") as file:
+        held: list[h5py.Dataset] = []
+        with h5py.File(place, "w", track_order=True) as below, h5netcdf.File(below, "w") as file:
             for name, variables in groups.items():
                 group = file.create_group(name) if name else file
                 group.attrs.update(told)
                 told = {}
                 for variable in variables:
-                    _write(group, variable)
+                    _write(group, below[group.name], variable, held)
 
     write_whole(path, write)
 
 
-def _write(group: Any, variable: Variable) -> None:
+def _write(group: Any, below: h5py.Group, variable: Variable, held: list[h5py.Dataset]) -> None:
     values = variable.values
     for name, size in zip(variable.dimensions, values.shape, strict=True):
         if name not in group.dimensions:
             group.dimensions[name] = size
+            # The variable of a dimension takes the place of what stood for it, whose room in the file is free once
+            # nobody holds it. A profiler may hold it for a while, as Dask's does: then so do we, always, to the end,
+            # or the same content would give other bytes.
+            held.append(below[name])
     kind = h5py.string_dtype() if values.dtype.kind == "O" else values.dtype
     # As xarray marks what is missing.
     missing = np.nan if values.dtype.kind == "f" else None
