@@ -151,6 +151,16 @@ def test_course_starts_and_ends_where_the_impact_does():
     np.testing.assert_allclose(around.v_x, around.surface, rtol=1e-5)
 
 
+def test_a_course_has_the_restitution_of_its_rebound():
+    """A measured one that an impact brings counts for a model that is told it, and for no other."""
+    chosen = fitball.model("thesis")
+    values = {**{spec.name: spec.typical for spec in chosen.parameters}, "k_theta": 60.0}
+    impact = fitball.impacts(12.63, 12.55, 136.32, 0.5)
+    rebound = chosen.rebound(values, impact)
+    end = chosen.course(values, impact, rebound.contact_time)
+    assert end.omega_2[0] == pytest.approx(rebound.omega_2[0], rel=1e-12)
+
+
 def test_first_sign_change_against_a_fine_grid():
     rng = np.random.default_rng(6)
     met = 0

@@ -161,7 +161,8 @@ class ThesisModel(Model):
         v_x, v_y, omega = (float(column[0]) for column in (impact.v_x1, impact.v_y1, impact.omega_1))
         line = v_y - ANCHOR_SPEED
         row[thesis.EPS] = lines["eps_10"] + lines["eps_slope"] * line
-        cor = lines["cor_10"] + lines["cor_slope"] * line if impact.cor is None else float(impact.cor[0])
+        told = impact.cor if self.needs_cor else None
+        cor = lines["cor_10"] + lines["cor_slope"] * line if told is None else float(told[0])
         mass_ratio, k_y = row[thesis.MASS_RATIO], row[thesis.K_Y]
         core_mass, formula = mass_ratio * row[thesis.BALL_MASS], call.codes[0]
         sigma = thesis.thesis_damping(formula, row[thesis.C_Y], core_mass, k_y, mass_ratio, cor)
