@@ -21,6 +21,7 @@ from fitball.errors import FitError, ParameterError, TableError
 from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import impact_terms, log_likelihood, log_posterior
+from fitball.inference.likelihood.residuals import root_mean_squares
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.starts import starting_points
 from fitball.models.types import Status
@@ -180,6 +181,10 @@ def test_the_bias_of_a_group_is_an_offset_not_noise():
     )
     assert gap == pytest.approx(40.0, abs=12.0)
     assert values["spin_sd"] < 0.6 * best(biased)["spin_sd"]
+    # What is left of a column is told without the bias, as chi-square beside it counts.
+    problem = problem_of(biased, "grip-slip", offsets="group")
+    left = root_mean_squares(problem, np.array([values[name] for name in problem.free_names]))
+    assert left["omega_2"] < 2.0 * values["spin_sd"]
 
 
 def test_joined_tables_are_the_rows_of_both():

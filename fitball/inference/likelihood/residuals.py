@@ -70,10 +70,10 @@ def _held(weighting: Weighting, draws: int) -> dict[str, FloatArray]:
 
 
 def root_mean_squares(problem: Problem, values: FloatArray) -> dict[str, float]:
-    """Unweighted root mean square residual of each observable at free values (free,)."""
-    rebound = problem.rebound(values[None, :])
+    """Unweighted root mean square residual of each observable at free values (free,), biases of groups taken off."""
+    rebound, columns = problem.rebound(values[None, :]), problem.all_values(values[None, :])
     return {
-        observable.name: float(np.sqrt(np.mean((observable.predict(rebound)[0] - observable.observed) ** 2)))
+        observable.name: float(np.sqrt(np.mean(problem.deviation(columns, observable, rebound) ** 2)))
         for observable in problem.observables
     }
 
