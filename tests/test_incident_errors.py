@@ -17,7 +17,7 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.likelihood.incident_marginal import seen, standardised
-from fitball.inference.likelihood.posterior import log_likelihood_terms
+from fitball.inference.likelihood.posterior import log_likelihood_terms, pointwise
 from fitball.inference.problem.incident import whitened
 from fitball.inference.problem.noise import NORMAL
 from fitball.studies.bench.hard_cases import BASE
@@ -142,6 +142,17 @@ def test_first_order_fails_at_the_kink_where_the_mixture_does_not():
     exact = np.array([by_quadrature(problem, values, k) for k in range(12)])
     assert np.max(np.abs(first_order(problem, values) - exact)) > 0.3
     assert np.max(np.abs(total(problem, values) - exact)) < 0.1
+
+
+def test_columns_that_are_not_scored_are_integrated_out():
+    """Beside a model that is told v_y2 others are scored by the rest: its density whatever v_y2 was, at kinks too."""
+    table = simulated("grip-slip", np.linspace(20.0, 45.0, 40)[:12], covariances(12, 0.3, 10.0), 4)
+    problem = problem_of(table, "grip-slip")
+    values, scored = at_truth(problem), ("v_x2", "omega_2")
+    rest = replace(problem, observables=tuple(item for item in problem.observables if item.name in scored))
+    whole, found = pointwise(problem, values, scored)
+    np.testing.assert_array_equal(whole[0], total(problem, values))
+    assert np.max(np.abs(found[0] - [by_quadrature(rest, values, k) for k in range(12)])) < 0.1
 
 
 def test_the_mixture_is_laid_across_the_boundary():

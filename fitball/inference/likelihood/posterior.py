@@ -9,7 +9,7 @@ import math
 import weakref
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,11 +154,16 @@ def impact_terms(problem: Problem, values: FloatArray, rebound: Rebound) -> Mapp
 
 
 def pointwise(problem: Problem, values: FloatArray, columns: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-    """Log likelihood of each impact at free values (draws, free), all its measurements and those in `columns`, each
-    (draws, impacts).
+    """Log likelihood of each impact at free values (draws, free), all its measurements and those in `columns`
+    whatever the others, each (draws, impacts).
     """
-    terms = impact_terms(problem, values, problem.rebound(values))
+    rebound = problem.rebound(values)
+    terms = impact_terms(problem, values, rebound)
     whole = np.sum(list(terms.values()), axis=0)
+    if problem.incident is not None and terms.keys() - set(columns):
+        # Errors of the incident state are common to the columns, of which each term is given those before it.
+        kept = tuple(item for item in problem.observables if item.name in columns)
+        terms = impact_terms(replace(problem, observables=kept), values, rebound)
     return whole, np.sum([terms[name] for name in columns], axis=0)
 
 
