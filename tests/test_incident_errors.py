@@ -15,8 +15,9 @@ import fitball
 from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
+from fitball.inference.identifiability.fisher import fisher_information
 from fitball.inference.likelihood import regime_mixture
-from fitball.inference.likelihood.incident_marginal import seen, standardised
+from fitball.inference.likelihood.incident_marginal import incident_sds, seen, standardised
 from fitball.inference.likelihood.posterior import log_likelihood_terms, pointwise
 from fitball.inference.problem.incident import whitened
 from fitball.inference.problem.noise import NORMAL
@@ -223,6 +224,21 @@ def test_speed_and_angle_leave_the_components_correlated(tmp_path):
         np.testing.assert_allclose(found[row, :2, :2], drawn, rtol=0.03, atol=1e-3)
     assert found[0, 0, 1] > 0.99 * np.sqrt(found[0, 0, 0] * found[0, 1, 1])
     np.testing.assert_array_equal(found[:, 2], 0.0)
+
+
+def test_noise_is_told_by_what_the_incidence_does_not_explain():
+    """Half the squared slope of the logarithm of a column's whole variance, by its own noise, cell by cell."""
+    table = simulated("grip-slip", np.linspace(10.0, 70.0, 8), covariances(8, 0.6, 25.0), 7)
+    problem = problem_of(table, "grip-slip")
+    values = at_truth(problem)
+    columns = problem.all_values(values)
+    k = problem.free_names.index("spin_sd")
+    found = fisher_information(problem, problem.to_coordinates(values)[0], scene=False)[k, k]
+    beside = incident_sds(problem, columns, problem.rebound(values))["omega_2"][0]
+    logs = [np.log(64.0 * np.exp(2.0 * step) + beside**2) for step in (-1e-5, 1e-5)]
+    expected = 0.5 * np.sum(((logs[1] - logs[0]) / 2e-5) ** 2) * problem.prior.width[k] ** 2
+    assert found == pytest.approx(expected, rel=1e-6)
+    assert expected < 0.8 * 2.0 * 8 * problem.prior.width[k] ** 2
 
 
 def test_errors_of_the_incidence_no_longer_count_as_noise():

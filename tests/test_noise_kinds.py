@@ -17,6 +17,7 @@ from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import ParameterError
+from fitball.inference.identifiability.fisher import fisher_information, information_evidence
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
 from fitball.inference.likelihood.residuals import Weighting, default_noise, prediction_slopes, residuals
 from fitball.inference.prediction.new_impacts import predict_new
@@ -79,6 +80,38 @@ def test_every_kind_is_scipys(case):
 
     known = 2.0 * integrate.quad(score, 1e-4, 40.0, limit=400, points=[1.0, 5.0])[0]
     assert kind.information(sizes) == pytest.approx(known, rel=1e-3)
+
+
+@pytest.mark.parametrize("case", ["normal", "Student", "between"])
+def test_a_deviation_tells_of_scale_and_shape_what_its_density_says(case):
+    """The covariance of the slopes of the log density, by quadrature."""
+    kind, sizes, expected = CASES[case]
+    step = 1e-4
+    grid = np.sinh(np.linspace(-14.0, 14.0, 40_001))[None]
+    moved = [{name: np.array([value + side * step]) for name, value in sizes.items()} for side in (1.0, -1.0)]
+    known = {name: np.array([value]) for name, value in sizes.items()}
+    ends = [[kind.log_density(grid * np.exp(-side * step), known)[0] - side * step for side in (1.0, -1.0)]]
+    ends += [[kind.log_density(grid, one)[0] for one in moved]] if sizes else []
+    slopes = np.array([(up - down) / (2.0 * step) for up, down in ends])
+    exact = np.trapezoid(slopes[:, None] * slopes * expected.pdf(grid[0]), grid[0])
+    np.testing.assert_allclose(kind.shape_information(sizes), exact, rtol=0.06 if kind is TOY else 1e-4)
+
+
+def test_heavy_tails_tell_of_scale_and_shape_in_a_table():
+    """What a table says of noise is what its deviations say, in widths of the priors: it is not left to the prior."""
+    problem = build_problem(load_table("wang_zero_spin.csv"), Scene(), Choices(model="grip-slip", noise="student-t"))
+    names = ["velocity_sd", "spin_sd", "degrees_of_freedom"]
+    sizes = {**default_noise(problem), "degrees_of_freedom": 3.0}
+    values = np.array([[sizes.get(item.name, item.prior.quantile(np.array([0.5]))[0]) for item in problem.free]])
+    places = [problem.free_names.index(name) for name in names]
+    found = fisher_information(problem, problem.to_coordinates(values)[0], scene=False)[np.ix_(places, places)]
+    # Seven impacts of three columns, two of which share a noise; of nu the logarithm is fitted.
+    told = STUDENT.shape_information({"degrees_of_freedom": 3.0})
+    rates = [np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 3.0]]), np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 3.0]])]
+    expected = sum(count * rate.T @ told @ rate for count, rate in zip((14, 7), rates, strict=True))
+    width = problem.prior.width[places]
+    np.testing.assert_allclose(found, expected * np.outer(width, width), rtol=1e-9, atol=1e-12)
+    assert information_evidence(problem, problem.to_coordinates(values)[0])["degrees_of_freedom"].contraction > 0.5
 
 
 def test_each_kind_is_known_by_a_parameter_of_its_own_and_named_to_the_user(capsys):

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.inference.likelihood.force import force_information
+from fitball.inference.likelihood.incident_marginal import incident_sds
 from fitball.inference.likelihood.residuals import prediction_slopes
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import LOOKED_AT, thinned_problem
@@ -40,9 +41,10 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
     of the priors; with `scene` the scene's contact time counts as a measurement.
 
     Where a spread depends on a parameter, twice the squared slope of its logarithm adds to that of the prediction: so
-    it is with a fitted noise, and with an angle, whose spread falls with the rebound speed. Of a large table a part
-    is looked at and counted for the whole. Rows and columns of a parameter that has no room to either side
-    (LEAST_ROOM) are NaN.
+    it is with a fitted noise, as far as the spread is not that of uncertain incidence, and with an angle, whose
+    spread falls with the rebound speed. Of heavy tails it is what they tell of their scale and of their shape. Of a
+    large table a part is looked at and counted for the whole. Rows and columns of a parameter that has no room to
+    either side (LEAST_ROOM) are NaN.
     """
     whole, problem = problem, thinned_problem(problem, LOOKED_AT)
     share = len(whole.impacts) / len(problem.impacts)
@@ -55,19 +57,25 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
     rows *= np.sqrt(np.repeat(own, [len(observable.observed) for observable in problem.observables]))[:, None]
     information = rows.T @ rows
     rebound, slopes = problem.differentiated(coordinates[None, :])
-    width = problem.prior.width
+    columns = problem.all_values(problem.to_values(coordinates[None, :]))
+    by_incidence, width = incident_sds(problem, columns, rebound), problem.prior.width
+    kinds = [parameter.name for parameter in problem.noise.parameters]
+    told = problem.noise.shape_information({name: float(columns[name][0]) for name in kinds})
     for observable, weight in zip(problem.observables, own, strict=True):
-        if observable.noise is None:
-            continue
-        growth = np.zeros((observable.observed.size, problem.dimension))
+        places = observable.places(len(problem.impacts))
+        # Of the logarithm of the spread, and of each parameter of the kind of noise.
+        growth = np.zeros((places.size, len(told), problem.dimension))
         if observable.turned:
             speed = np.hypot(rebound.v_x2, rebound.v_y2)[0, :, None]
-            turning = OBSERVABLES["v_2"].slopes(rebound, slopes)[0] / speed * width
-            growth -= turning[observable.places(len(problem.impacts))]
-        if observable.noise in problem.free_names:
-            k = problem.free_names.index(observable.noise)
-            growth[:, k] = width[k] if problem.free[k].prior.log else width[k] / coordinates[k]
-        information += 2.0 * weight * growth.T @ growth
+            growth[:, 0] -= (OBSERVABLES["v_2"].slopes(rebound, slopes)[0] / speed * width)[places]
+        for row, name in enumerate((observable.noise, *kinds)):
+            if name in problem.free_names:
+                k = problem.free_names.index(name)
+                value = columns[name][0] if problem.free[k].prior.log else 1.0
+                growth[:, row, k] = width[k] * (value if row else value / columns[name][0])
+        beside = np.broadcast_to(by_incidence[observable.name], rebound.v_x2.shape)[:, places]
+        growth[:, 0] /= 1.0 + (beside / observable.sds(columns, rebound))[0, :, None] ** 2
+        information += weight * np.einsum("mki,kl,mlj->ij", growth, told, growth, optimize=True)
     information *= share
     if whole.force is not None:
         information += force_information(whole, whole.force, coordinates) * np.outer(width, width)

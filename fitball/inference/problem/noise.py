@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
 
 import numpy as np
-from scipy.special import gammaln, ndtri
+from scipy.special import gammaln, ndtri, polygamma
 
 from fitball.errors import ParameterError, suggestion
 from fitball.models.specs import ParameterSpec
@@ -22,7 +22,7 @@ Sizes = Mapping[str, FloatArray] | Mapping[str, float]
 LOG_TAU = math.log(2.0 * math.pi)
 # Step of differences, in standard deviations: their errors, curvature and rounding, are some 1e-10 of a slope.
 DIFFERENCE = 1e-5
-# Draws that tell a quantile.
+# Draws that tell a quantile or an average.
 REACH_DRAWS = 20_000
 
 
@@ -47,6 +47,22 @@ class NoiseKind(ABC):
     def scale_information(self, sizes: Sizes) -> FloatArray:  # noqa: ARG002
         """What one deviation tells of the logarithm of its scale (Fisher), () or (draws,); as of a normal one."""
         return np.asarray(2.0)
+
+    def shape_information(self, sizes: Mapping[str, float]) -> FloatArray:
+        """What one deviation tells of the logarithm of its scale and of each of the kind's own `parameters` together
+        (Fisher), (1 + parameters, 1 + parameters); by draws, for kinds that do not know it exactly.
+        """
+        columns = {name: np.full(REACH_DRAWS, value) for name, value in sizes.items()}
+        z = self.draw(np.random.default_rng(0), (REACH_DRAWS, 1), columns)
+
+        def moved(step: float, name: str) -> FloatArray:
+            own = {key: column + (step if key == name else 0.0) for key, column in columns.items()}
+            scale = 0.0 if name else step
+            return self.log_density(z * math.exp(-scale), own)[:, 0] - scale
+
+        names = ("", *(spec.name for spec in self.parameters))
+        slopes = [(moved(DIFFERENCE, name) - moved(-DIFFERENCE, name)) / (2.0 * DIFFERENCE) for name in names]
+        return np.asarray(np.array(slopes) @ np.array(slopes).T / REACH_DRAWS)
 
     def reach(self, share: float, sizes: Mapping[str, float]) -> float:
         """The deviation within which lies `share` of all, by draws; for kinds that do not know it exactly."""
@@ -82,6 +98,10 @@ class NormalNoise(NoiseKind):
     def information(self, sizes: Sizes) -> FloatArray:  # noqa: ARG002
         """See `NoiseKind`."""
         return np.ones(())
+
+    def shape_information(self, sizes: Mapping[str, float]) -> FloatArray:  # noqa: ARG002
+        """See `NoiseKind`."""
+        return np.full((1, 1), 2.0)
 
     def reach(self, share: float, sizes: Mapping[str, float]) -> float:  # noqa: ARG002
         """See `NoiseKind`."""
@@ -131,6 +151,14 @@ class StudentNoise(NoiseKind):
         """See `NoiseKind`: 2 nu/(nu + 3), of the same source."""
         nu = self._freedom(sizes)
         return np.asarray(2.0 * nu / (nu + 3.0))
+
+    def shape_information(self, sizes: Mapping[str, float]) -> FloatArray:
+        """See `NoiseKind`, of the same source."""
+        nu = float(self._freedom(sizes))
+        both = -2.0 / ((nu + 1.0) * (nu + 3.0))
+        own = 0.25 * float(polygamma(1, 0.5 * nu) - polygamma(1, 0.5 * (nu + 1.0)))
+        own -= (nu + 5.0) / (2.0 * nu * (nu + 1.0) * (nu + 3.0))
+        return np.array([[float(self.scale_information(sizes)), both], [both, own]])
 
     def residual(self, z: FloatArray, sizes: Sizes) -> FloatArray:
         """See `NoiseKind`; without the difference of large densities."""
