@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 from test_design import first_order, posterior_from
 
 import fitball
+from fitball.data.join import joined
 from fitball.data.range_text import Range, parse_range
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
@@ -18,9 +21,12 @@ from fitball.inference.design.information import covariances, differentiated, in
 from fitball.inference.design.knowledge import NEXT, Knowledge, knowledge
 from fitball.inference.design.make_plan import Asked, make_plan
 from fitball.inference.design.nested import Planned, nested_gain
+from fitball.inference.design.results import Chosen
 from fitball.inference.design.sensor import as_before, parse_sensor, usual_sensors
-from fitball.inference.design.target import parse_target
+from fitball.inference.design.settings import build_settings
+from fitball.inference.design.target import Part, parse_target
 from fitball.inference.problem.build import Choices, build_problem
+from fitball.report.plan.rows import plan_rows
 from fitball.values import Impacts
 
 RNG = np.random.default_rng(11)
@@ -211,6 +217,35 @@ def test_costs_decide_between_sensors(grip_slip_fit, finalists_briefly):
     assert cheap.chosen[0].sensor == "camera" and dear.chosen[0].sensor == "as before"
     assert cheap.chosen[0].gain > dear.chosen[0].gain
     assert cheap.worths[1].sds[0] < cheap.worths[0].sds[0] < cheap.sds[0]
+
+
+def test_the_table_to_be_filled_in_can_be_fitted_with_the_first(known):
+    """With stated sds, levels whose labels hold commas, two parameters over them, and columns of other sensors."""
+    frame = known.problem.table.to_frame()
+    frame["group"] = [f"{label}, old" for label in known.problem.table.labels["group"]]
+    stated = {"v_x2": "m/s", "v_y2": "m/s", "omega_2": "rad/s", "v_x1": "m/s", "v_y1": "m/s", "omega_1": "rad/s"}
+    for name, unit in stated.items():
+        frame[f"{name}_sd [{unit}]"] = 0.1
+    table = load_table(frame, name="first")
+    problem = build_problem(table, Scene(), Choices(model="grip-slip", pool={"mu": "group", "cor_10": "group"}))
+    settings = build_settings(
+        problem, *(parse_range(*one) for one in (("speed", "20"), ("angle", "30"), ("spin", "0")))
+    )
+    labels = list(dict.fromkeys(frame["group"]))
+    assert list(settings.surfaces) == labels
+    chosen = [
+        Chosen(settings.setting(place), sensor, 1.0, np.array([0.1]), 0.0, {})
+        for place, sensor in ((1, "as before"), (0, "contact_time+camera"))
+    ]
+    plan = SimpleNamespace(chosen=chosen, repeats=2, parts=(Part("v_x2", "m/s"),), settings=settings)
+    rows = pd.DataFrame(plan_rows(plan, problem))
+    assert rows["group"].tolist() == [labels[1]] * 2 + [labels[0]] * 2
+    values = {"v_x2": 8.0, "v_y2": 7.0, "omega_2": 250.0, "contact_time": 4.0, "theta_1_sd": 0.5}
+    for column in rows.columns[rows.isna().all()]:
+        rows[column] = values.get(column.partition(" ")[0], 0.1)
+    both = joined([table, load_table(rows, name="second")])
+    assert len(both) == len(table) + 4
+    assert {item.name for item in both.measurements} == {"v_x2", "v_y2", "omega_2", "contact_time"}
 
 
 def test_fits_that_cannot_be_planned_from_say_why(drop_page, grip_slip_fit):

@@ -150,4 +150,9 @@ def first_rows(problem: Problem) -> list[int]:
 
 def surfaces(problem: Problem, rows: Sequence[int]) -> list[str]:
     """What tells the table's `rows` apart: the labels of their levels, empty where there are none."""
-    return [", ".join(pooling.labels[int(pooling.index[row])] for pooling in problem.pooling) for row in rows]
+    return [", ".join(levels_at(problem, row).values()) for row in rows]
+
+
+def levels_at(problem: Problem, row: int) -> dict[str, str]:
+    """The label of a row of the table in each column over which parameters are pooled."""
+    return {pooling.column: pooling.labels[int(pooling.index[row])] for pooling in problem.pooling}

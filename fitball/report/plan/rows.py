@@ -9,32 +9,50 @@ import numpy as np
 from fitball.inference.design.nested import NestedGain
 from fitball.inference.design.results import Plan
 from fitball.inference.design.settings import Setting
+from fitball.inference.design.target import levels_at
 from fitball.inference.problem.problem import Problem
+from fitball.observables import OBSERVABLES
 from fitball.report.form.display_units import output_scale
 from fitball.values import FloatArray
 
 Row = dict[str, object]
+# What states the uncertainty of an incident state, by whether that is speed and angle or vertical, and which stated
+# sds of a table call for it.
+INCIDENT_SDS = {
+    True: {
+        "v_1_sd [m/s]": {"v_x1", "v_y1"}, "theta_1_sd [deg]": {"v_x1", "v_y1"}, "omega_1_sd [rad/s]": {"omega_1"},
+    },
+    False: {"v_y1_sd [m/s]": {"v_y1"}},
+}  # fmt: skip
 
 
 def plan_rows(plan: Plan, problem: Problem) -> list[Row]:
-    """A row an impact, repeats included, in the columns that tables have: incident state, labels of the surface, what
-    is to be measured (empty), and behind it gains and expected sds, which reading leaves aside.
+    """A row an impact, repeats included, in the columns that the fitted table has, so that both can be fitted
+    together: incident state, labels of the surface, what is to be measured and stated (empty), and behind it gains
+    and expected sds, which reading leaves aside.
     """
-    labels = [pooling.column for pooling in problem.pooling]
+    table, found = problem.table, plan.settings
+    empty = [name for one in plan.chosen for name in one.sensor.split("+") if name in OBSERVABLES]
+    empty = list(dict.fromkeys([*(item.name for item in problem.observables), *empty]))
+    stated = [f"{item.name}_sd" for item in problem.observables if item.sd is not None]
+    incident = [
+        head for head, names in INCIDENT_SDS[table.has_tangential].items() if names & table.incident_sd.keys()
+    ]
+    spun = "omega_1" in table.incident_columns or any(one.setting.spin for one in plan.chosen)
     rows: list[Row] = []
     for place, one in enumerate(plan.chosen, 1):
         state = one.setting
         for repeat in range(1, plan.repeats + 1):
             row: Row = {"id": f"{place}.{repeat}" if plan.repeats > 1 else str(place)}
-            if problem.table.has_tangential:
+            if table.has_tangential:
                 row |= {"v_1 [m/s]": _number(state.speed), "theta_1 [deg]": _number(math.degrees(state.angle))}
-                row |= {"omega_1 [rad/s]": _number(state.spin)} if problem.table.has_spin else {}
+                row |= {"omega_1 [rad/s]": _number(state.spin)} if spun else {}
             else:
                 row["v_y1 [m/s]"] = _number(state.speed)
-            row |= dict(zip(labels, state.surface.split(", "), strict=False)) if labels else {}
-            for item in problem.observables:
-                scale = output_scale(item.name)
-                row[f"{item.name} [{scale.unit}]"] = None
+            row |= levels_at(problem, found.rows[found.surfaces.index(state.surface)])
+            row |= dict.fromkeys(f"{name} [{output_scale(name).unit}]" for name in empty)
+            row |= dict.fromkeys(f"{name} [{output_scale(name.removesuffix('_sd')).unit}]" for name in stated)
+            row |= dict.fromkeys(incident)
             row |= {"sensor": one.sensor, "gain of all repeats [nats]": _number(one.gain)}
             for part, sd in zip(plan.parts, one.sds, strict=True):
                 unit = "" if part.log or not part.unit else f" [{part.unit}]"
