@@ -115,6 +115,11 @@ def test_folder_is_refused_or_replaced(fit, folder, tmp_path):
     with pytest.raises(ResultFolderError, match="overwrite=True"):
         prepare_folder(folder, overwrite=False, resume=False)
     prepare_folder(folder, overwrite=False, resume=True)
+    place = shutil.copytree(folder, tmp_path / "older")
+    (place / "mine.txt").touch()
+    # Whatever the new result has not must not stand beside it.
+    prepare_folder(place, overwrite=True, resume=False)
+    assert [item.name for item in place.iterdir()] == ["mine.txt"]
     file = tmp_path / "file"
     file.write_text("x", encoding="utf-8")
     with pytest.raises(ResultFolderError, match="is a file"):

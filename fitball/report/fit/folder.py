@@ -21,20 +21,20 @@ from fitball.report.saved.saved_fit import FIT_NAME, POSTERIOR_NAME
 from fitball.wording import spoken
 
 CHAIN_NAME = "posterior.h5"
+# What is derived from a fit, figures besides.
+DERIVED = ("summary.csv", "predictions.csv", "balances.csv", "regimes.csv", "report.html")
 
 
 def prepare_folder(folder: Path, *, overwrite: bool, resume: bool) -> None:
     """Make the folder, or refuse.
 
     Raises ResultFolderError when it cannot be made or written, or when it holds an older result and neither
-    `overwrite` nor `resume` was asked for. With `overwrite` an old chain and `fit.json` are removed first, so
-    that no mixture of two results can remain.
+    `overwrite` nor `resume` was asked for. With `overwrite` all files of an old one are removed first, so that no
+    mixture of two results can remain: the new one may have fewer.
     """
     make_folder(folder)
     older = [name for name in (FIT_NAME, CHAIN_NAME) if (folder / name).exists()]
-    if not older or resume:
-        return
-    if not overwrite:
+    if older and not (overwrite or resume):
         raise ResultFolderError(
             f"{folder}: holds {' and '.join(older)} of an older run; use "
             + spoken(
@@ -42,8 +42,10 @@ def prepare_folder(folder: Path, *, overwrite: bool, resume: bool) -> None:
                 "overwrite=True to replace it, or name another folder",
             )
         )
-    for name in older:
-        remove(folder / name)
+    if overwrite and not resume:
+        pictures = (f"{name}.png" for name in FIGURES)
+        for name in (FIT_NAME, CHAIN_NAME, DATA_NAME, POSTERIOR_NAME, RUN_NAME, *DERIVED, *pictures):
+            remove(folder / name)
 
 
 def write_all(fit: Fit, folder: Path, command: str | None = None, *, figures: bool = True) -> None:
