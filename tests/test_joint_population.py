@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import fitball
@@ -56,6 +59,35 @@ def test_tables_that_differ_are_left_out_and_the_others_are_pooled_over_themselv
 def test_what_no_joint_fit_has_is_refused(season, words, said):
     with pytest.raises(FitballError, match=said):
         joint_populations(fitball.load_batch(season).rows, season, (), words, Effort(cores=1))
+
+
+def test_what_scenes_tell_and_no_fit_rests_on_may_differ_and_is_then_not_told_of_all(season):
+    text = (season / "b" / "run.toml").read_text("utf-8")
+    assert 'surface = "acrylic"' in text
+    other = text.replace('surface = "acrylic"', 'surface = "clay"\nball_temperature = 31.0')
+    (season / "b" / "run.toml").write_text(other, encoding="utf-8")
+    members, _left_out = poolable(fitball.load_batch(season).rows, season)
+    scene = posed(members, ["mu"]).scene
+    assert list(members) == ["a", "b", "c"]
+    assert (scene.surface, scene.ball_temperature) == (None, None)
+
+
+def test_tables_measured_otherwise_than_most_are_left_out():
+    table = fitball.load_table("wang_zero_spin")
+    angles = replace(table, measurements=(*(item for item in table.redundant), table.measurement("omega_2")))
+    stated = [replace(item, sd=0.1 * np.ones(len(table))) for item in table.measurements]
+    fewer = replace(table, measurements=table.measurements[:2])
+    tables = {"a": table, "polar": angles, "b": table, "fewer": fewer, "sds": replace(table, measurements=stated)}
+    tables = {name: replace(table, name=name) for name, table in tables.items()}
+    odd = joint._measured_otherwise(tables)
+    assert list(odd) == ["polar", "sds"]
+    assert "told in different ways" in odd["polar"] and "stated sd" in odd["sds"]
+
+
+def test_who_is_left_out_of_a_population_is_left_out_of_the_joint_fit(season):
+    weighted = (SimpleNamespace(name="mu", left_out={"a": "it has no one surface"}),)
+    with pytest.raises(FitballError, match="2 tables can be fitted together"):
+        joint_populations(fitball.load_batch(season).rows, season, weighted, ["mu"], Effort(cores=1))
 
 
 def test_batches_without_measurements_and_too_few_tables_are_refused(season):

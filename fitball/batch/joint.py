@@ -11,9 +11,10 @@ import numpy as np
 
 from fitball.api import begin, load_fit, pose
 from fitball.api.progress import Report, silent
-from fitball.data.join import ORIGIN
+from fitball.data.join import ORIGIN, joined
+from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
-from fitball.errors import ParameterError, ResultFolderError
+from fitball.errors import ParameterError, ResultFolderError, TableError
 from fitball.inference.calibrate import fingerprint
 from fitball.inference.effort import Effort
 from fitball.inference.population.draws import drawn_new
@@ -30,7 +31,7 @@ from fitball.report.batch.rows import DONE, NAME, Row
 from fitball.report.fit.folder import write_all
 from fitball.report.form.atomic_write import write_text
 from fitball.report.saved.data_file import DATA_NAME
-from fitball.report.saved.run_file import RUN_NAME, SCENE_TEXTS
+from fitball.report.saved.run_file import RUN_NAME
 from fitball.report.saved.run_record import RunRecord, read_run
 from fitball.report.saved.saved_fit import FIT_NAME, read_fit
 from fitball.values import FloatArray
@@ -40,6 +41,8 @@ from fitball.wording import option
 BEGUN_NAME, DONE_NAME = "begun.txt", "done.txt"
 # Draws from which a population is told.
 DRAWS = 4000
+# What a scene tells of a table and no fit of it rests on.
+TOLD = ("surface", "ball_type", "ball_temperature", "ball_temperature_sd", "description", "citation")
 Member = tuple[RunRecord, ImpactTable]
 
 
@@ -67,7 +70,11 @@ def joint_populations(
             raise ParameterError(
                 f"{option('joint')}: {name} is a ratio, and tables pool parameters; ask for a parameter, such as mu"
             )
-    members, left_out = poolable(rows, folder)
+    known = {one.name: one for one in weighted if one.name in names}
+    # Who has no part in the population, for want of a level or of the parameter, has none in the fit beside it.
+    without = {table: why for one in known.values() for table, why in one.left_out.items()}
+    members, odd = poolable([row for row in rows if row[NAME] not in without], folder)
+    left_out = {**without, **odd}
     problem = posed(members, names)
     place = folder / f"joint_{'+'.join(names)}"
     fit = _fitted(problem, replace(effort, seed=next(iter(members.values()))[0].effort.seed), place, report)
@@ -75,7 +82,6 @@ def joint_populations(
     said += [f"Not in the joint fit: {name}: {why}." for name, why in left_out.items()]
     if fit.status is RunStatus.NOT_CONVERGED:
         said.append(f"The joint fit did not converge: more than {effort.max_steps:,} steps go on with it.")
-    known = {one.name: one for one in weighted}
     return tuple(replace(_told(known[name], fit), left_out=left_out, said=tuple(said)) for name in names)
 
 
@@ -120,6 +126,8 @@ def poolable(rows: Sequence[Row], folder: Path) -> tuple[dict[str, Member], dict
         odd = [f"{key} = {mine[key]} ({text})" for key, text in typical.items() if mine[key] != text]
         if odd:
             left_out[name] = f"other settings than most tables, {'; '.join(odd[:3])}"
+    alike = {name: table for name, (_record, table) in members.items() if name not in left_out}
+    left_out |= _measured_otherwise(alike)
     members = {name: member for name, member in members.items() if name not in left_out}
     if len(members) < LEAST_TABLES:
         raise ParameterError(
@@ -129,10 +137,29 @@ def poolable(rows: Sequence[Row], folder: Path) -> tuple[dict[str, Member], dict
     return members, left_out
 
 
+def _measured_otherwise(tables: Mapping[str, ImpactTable]) -> dict[str, str]:
+    """Tables whose columns cannot stand below those that most tables have, by name, and why."""
+    columns = {name: _columns(table) for name, table in tables.items()}
+    usual = Counter(columns.values()).most_common(1)
+    odd = {}
+    for name in (name for name, own in columns.items() if own != usual[0][0]):
+        typical = next(tables[other] for other, own in columns.items() if own == usual[0][0])
+        try:
+            joined([typical, tables[name]])
+        except TableError as error:
+            odd[name] = "; ".join(map(str, error.faults))
+    return odd
+
+
+def _columns(table: ImpactTable) -> tuple[object, ...]:
+    measured = tuple((item.name, item.sd is None) for item in table.measurements)
+    return table.incident_columns, tuple(table.incident_sd), measured
+
+
 def _settings(record: RunRecord) -> Mapping[str, str]:
     """All that tables must have in common, as texts by name; sizes of noise are read off each table."""
     choices, scene = record.choices, record.scene
-    free = ("source", "assumed", *SCENE_TEXTS)
+    free = ("source", "assumed", "model", *TOLD)
     known = {name: value for name, value in vars(scene).items() if name not in free}
     known |= {name: getattr(choices, name) for name in ("model", "closures", "noise", "offsets", "incident_errors")}
     known |= {f"prior of {name}": text for name, text in choices.priors.items() if name not in NOISE_SPECS}
@@ -158,12 +185,13 @@ def posed(members: Mapping[str, Member], names: Sequence[str]) -> Problem:
         for name, text in choices.priors.items()
         if all(record.choices.priors.get(name) == text for record in records)
     }
+    scene, silent_scene = records[0].scene, Scene()
+    differing = [key for key in TOLD if any(getattr(one.scene, key) != getattr(scene, key) for one in records)]
+    scene = replace(scene, **{key: getattr(silent_scene, key) for key in differing})
     tied = all(SHARED_SD in {**record.choices.priors, **record.choices.fix} for record in records)
     pool = {**choices.pool, **dict.fromkeys(names, ORIGIN)}
     together = replace(choices, priors=priors, pool=pool, velocity_noise="tied" if tied else None)
-    return pose(
-        [table for _record, table in members.values()], together, scene=records[0].scene, force="none", as_read=True
-    )
+    return pose([table for _record, table in members.values()], together, scene=scene, force="none", as_read=True)
 
 
 def _told(base: Populated, fit: Fit) -> Populated:
