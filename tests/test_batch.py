@@ -6,6 +6,7 @@ import csv
 import shutil
 import signal
 import time
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -20,9 +21,10 @@ from fitball.cli.main import main
 from fitball.errors import FitballError
 from fitball.inference.effort import Effort
 from fitball.inference.problem.choices import Choices
-from fitball.report.batch.rows import HEAD, NAME
+from fitball.report.batch.rows import HEAD, NAME, read_rows, row_of
 from fitball.report.batch.series import all_series, things_along
 from fitball.report.batch.words import centre_rows, told
+from fitball.report.form.csv import csv_text
 from fitball.scheduling.engine import engine
 
 FILES = ("batch.csv", "batch.html", "batch.parquet")
@@ -76,7 +78,7 @@ def test_files_are_named_by_their_path_below_what_they_have_in_common(tmp_path):
         (tmp_path / place).parent.mkdir(exist_ok=True)
         (tmp_path / place).touch()
     assert [task.name for task in tasks_of(f"{tmp_path}/**/*")] == ["a/x", "a/y", "b/x.csv", "b/x.tsv"]
-    assert [task.name for task in tasks_of([f"{tmp_path}/a/x.csv"] * 2)] == ["x"]
+    assert [task.name for task in tasks_of([f"{tmp_path}/a/x.csv", f"{tmp_path}/./a/x.csv"])] == ["x"]
 
 
 def test_what_an_earlier_run_wrote_is_no_table(tmp_path):
@@ -90,7 +92,8 @@ def test_what_an_earlier_run_wrote_is_no_table(tmp_path):
     ("given", "said"),
     [
         ("nothing/*.csv", "no file matches"), ([], "no table"), ([{"v_1": [1.0]}], "mapping"),
-        ({"../up": "x.csv"}, "a folder can have"), ({"/etc": "x.csv"}, "a folder can have"),
+        (pd.DataFrame({"v_1": [1.0]}), "mapping"),
+        *(({name: "x.csv"}, "can be called") for name in ("../up", "/etc", "a/", "a//b", "./a", ".", " ", 3)),
     ],
 )  # fmt: skip
 def test_what_is_no_list_of_tables_is_refused(given, said):
@@ -159,6 +162,8 @@ def test_what_is_finished_is_not_fitted_again_and_other_settings_are_refused(cou
     fitted = []
 
     def note(fit, place, full):
+        # The table of all is gone before what it tells of is.
+        assert not (folder / "batch.csv").exists()
         fitted.append(place.name)
         write(fit, place, full)
 
@@ -169,6 +174,7 @@ def test_what_is_finished_is_not_fitted_again_and_other_settings_are_refused(cou
     tasks = tasks_of(courts)
     # A damaged record is no finished table; but it may be of other settings, so it needs a word.
     assert "overwrite=True" in run_tasks(tasks, quick(folder), engine(1))[2]["reason"]
+    assert (folder / "batch.csv").exists()
     run_tasks(tasks, quick(folder, overwrite=True), engine(1))
     assert fitted == ["court_2"]
     assert {name: text for name, text in contents(folder).items() if "/" in name} == {
@@ -176,6 +182,30 @@ def test_what_is_finished_is_not_fitted_again_and_other_settings_are_refused(cou
     }
     other = run_tasks(tasks, quick(folder, full=True), engine(1))
     assert all("other settings" in row["reason"] for row in other if row["table"] != "court_3"), other
+
+
+def test_another_scene_is_another_setting_wherever_its_file_lies(short_fit, tmp_path):
+    """What is told of a fit rests on it beyond its parameters: court pace on the temperature of the ball, a label."""
+    problem, plan = short_fit.result.problem, quick(tmp_path)
+
+    def mark(**scene):
+        return plan.mark(replace(problem, scene=replace(problem.scene, **scene)))
+
+    assert len({mark(), mark(surface="grass"), mark(ball_temperature=31.0), mark(ball_type="2")}) == 4
+    assert mark(source="elsewhere.toml") == mark()
+
+
+def test_labels_of_whole_tables_are_read_back_as_they_were(short_fit):
+    """With line breaks in them, as cells of workbooks have; an empty one is none."""
+    result = short_fit.result
+    count = len(result.problem.table)
+    labels = {"note": ("",) * count, "court": ("one\nsouth\u2028side, old",) * count}
+    table = replace(result.problem.table, labels=labels)
+    row = row_of("a\x85b", replace(result, problem=replace(result.problem, table=table)))
+    assert {key: cell for key, cell in row.items() if key.startswith(("label:c", "label:n"))} == {
+        "label:court": labels["court"][0]
+    }
+    assert read_rows(csv_text([row])) == (row,)
 
 
 def test_a_batch_that_was_killed_goes_on_with_two_processes_to_the_same_bytes(courts, alone, tmp_path, start):
@@ -261,6 +291,7 @@ def test_an_outlier_is_named_and_values_that_the_prior_gave_are_not_counted():
         (["1", "2", "3.5"], [0.0, 1.0, 2.5]), (["2026-01-01", "2026-01-02T12:00", "2026-02-01"], [0.0, 1.5, 31.0]),
         (["a", "b", "c"], None), (["1", "1", "1"], None),
         (["2026-01-01", "2026-01-02T12:00+02:00", "2026-02-01"], None),
+        (["20260131", "20260201", "20260203"], [0.0, 1.0, 3.0]), (["1_1", "1_2", "2_1"], None),
     ],
 )  # fmt: skip
 def test_labels_that_are_numbers_or_dates_order_the_tables(cells, found):

@@ -19,10 +19,10 @@ from fitball.batch.task import tasks_of
 from fitball.errors import ResultFolderError, suggestion
 from fitball.inference.effort import MAX_STEPS, Effort
 from fitball.inference.problem.choices import Choices
-from fitball.report.batch.folder import CSV_NAME, Shown, write_results
+from fitball.report.batch.folder import Shown, write_results
 from fitball.report.batch.grouping import Over
 from fitball.report.batch.populations import Populated, default_names, populations
-from fitball.report.batch.rows import FAILED, NAME, Row, read_rows
+from fitball.report.batch.rows import CSV_NAME, FAILED, NAME, Row, read_rows
 from fitball.report.batch.series import all_series
 from fitball.report.batch.text import render
 from fitball.scheduling.engine import engine

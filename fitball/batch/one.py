@@ -12,7 +12,7 @@ from fitball.batch.plan import Plan
 from fitball.batch.task import Task
 from fitball.errors import FitballError, ResultFolderError
 from fitball.inference.results.results import Fit
-from fitball.report.batch.rows import Row, failed_row, row_of
+from fitball.report.batch.rows import CSV_NAME, Row, failed_row, row_of
 from fitball.report.fit.folder import prepare_folder, write_all
 from fitball.report.form.atomic_write import remove, write_text
 from fitball.report.form.json_text import json_text
@@ -63,8 +63,10 @@ def _fitted(plan: Plan, task: Task) -> Done:
         raise ResultFolderError(
             f"{folder}: holds a fit of another table or with other settings; use {option('overwrite')} to replace it"
         )
+    # The table of all tells of the fit that goes: nobody shall read it beside the new one.
+    for place in (plan.folder / CSV_NAME, folder / ROW_NAME):
+        remove(place)
     prepare_folder(folder, overwrite=True, resume=False)
-    remove(folder / ROW_NAME)
     fit = Run(problem, plan.effort).fit().result
     row = row_of(task.name, fit)
     _write(fit, folder, plan.full)

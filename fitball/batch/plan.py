@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from fitball.inference.calibrate import fingerprint
@@ -36,5 +36,7 @@ class Plan:
         """SHA-256 over all that the result of a table depends on."""
         effort = self.effort
         parts = [fingerprint(problem, effort), *map(repr, (self.choices, effort.max_steps, effort.point_only))]
-        parts += map(repr, (self.full, self.as_read, sorted(self.units.items()), problem.notes))
+        # What is told of a fit depends on the scene beyond its parameters: surface, type of ball, temperature.
+        scene = replace(problem.scene, source=None)
+        parts += map(repr, (self.full, self.as_read, sorted(self.units.items()), problem.notes, scene))
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import glob
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from typing import Any
 
 from fitball.api.calibrating import PathLike, Table
+from fitball.data.written import in_memory
 from fitball.errors import ParameterError
 
 # Endings of tables; a pattern such as `courts/*` meets scenes and notes too.
@@ -34,15 +36,18 @@ def tasks_of(
     """
     if isinstance(tables, Mapping):
         return tuple(Task(_folder_name(name), table) for name, table in tables.items())
-    given = [tables] if isinstance(tables, (str, os.PathLike)) else list(tables)
-    found: dict[str, None] = {}
+    given: list[Any] = [tables]
+    if isinstance(tables, Iterable) and not isinstance(tables, (str, os.PathLike)) and not in_memory(tables):
+        given = list(tables)
+    found: dict[Path, str] = {}
     for item in given:
         if not isinstance(item, (str, os.PathLike)):
             raise ParameterError("tables that are no files have no names: pass a mapping, {name: table}")
-        found |= dict.fromkeys(path for path in _files(os.fspath(item)) if not _within(path, results))
+        # `courts/a.csv` and `./courts/a.csv` are one table.
+        found |= {Path(path).absolute(): path for path in _files(os.fspath(item)) if not _within(path, results)}
     if not found:
         raise ParameterError("no table was named")
-    return tuple(Task(name, path) for name, path in sorted(zip(_names(list(found)), found, strict=True)))
+    return tuple(Task(name, path) for name, path in sorted(zip(_names(list(found)), found.values(), strict=True)))
 
 
 def _within(path: str, folder: Path | None) -> bool:
@@ -72,17 +77,18 @@ def _files(text: str) -> list[str]:
     return inside
 
 
-def _names(paths: Sequence[str]) -> list[str]:
-    """Paths below their common folder without endings; with them where two would be the same."""
-    whole = [Path(path).absolute() for path in paths]
-    common = Path(os.path.commonpath([path.parent for path in whole]))
-    below = [path.relative_to(common) for path in whole]
+def _names(paths: Sequence[Path]) -> list[str]:
+    """Absolute paths below their common folder without endings; with them where two would be the same."""
+    common = Path(os.path.commonpath([path.parent for path in paths]))
+    below = [path.relative_to(common) for path in paths]
     bare = [path.with_suffix("").as_posix() for path in below]
     return [path.as_posix() if bare.count(name) > 1 else name for name, path in zip(bare, below, strict=True)]
 
 
-def _folder_name(name: str) -> str:
-    """A name that a folder can have. Raises ParameterError for another."""
-    if not name.strip() or name.startswith("/") or ".." in Path(name).parts or "\0" in name:
-        raise ParameterError(f"table '{name}': expected a name that a folder can have")
-    return name
+def _folder_name(name: object) -> str:
+    """A name that a folder below another can have, in one spelling. Raises ParameterError for another."""
+    if isinstance(name, str) and name.strip() and "\0" not in name:
+        place = PurePosixPath(name)
+        if place.as_posix() == name and not place.is_absolute() and not {"..", "."} & {*place.parts, name}:
+            return name
+    raise ParameterError(f"table {name!r}: expected a text that a folder can be called, such as 'court 3'")

@@ -12,13 +12,13 @@ from fitball.report.batch.grouping import Over
 from fitball.report.batch.page import batch_page
 from fitball.report.batch.population_files import write_populations
 from fitball.report.batch.populations import Populated, default_names, populations
-from fitball.report.batch.rows import NAME, Row
+from fitball.report.batch.rows import CSV_NAME, NAME, Row
 from fitball.report.batch.series import Along, Series, all_series
 from fitball.report.figures.save import save_figure
 from fitball.report.form.atomic_write import remove, write_text, write_whole
 from fitball.report.form.csv import write_csv
 
-PAGE_NAME, CSV_NAME, PARQUET_NAME = "batch.html", "batch.csv", "batch.parquet"
+PAGE_NAME, PARQUET_NAME = "batch.html", "batch.parquet"
 PICTURE, DRIFT = "parameters.png", "drift.png"
 
 

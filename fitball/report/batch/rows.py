@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import io
 
 from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import Fit
 
 Row = dict[str, str | float | int | None]
+CSV_NAME = "batch.csv"
 NAME = "table"
 DONE, FAILED = "done", "failed"
 # Before the names of label columns.
@@ -39,7 +41,7 @@ def row_of(name: str, fit: Fit) -> Row:
     }
     scene, labels = fit.problem.scene, fit.problem.table.labels
     for column, cells in labels.items():
-        if len(set(cells)) == 1:
+        if len(set(cells)) == 1 and cells[0]:
             row[f"{LABEL}{column}"] = cells[0]
     stated = {"surface": scene.surface, "ball_type": scene.ball_type}
     row |= {f"{LABEL}{name}": text for name, text in stated.items() if text is not None and name not in labels}
@@ -58,7 +60,7 @@ def row_of(name: str, fit: Fit) -> Row:
 
 def read_rows(text: str) -> tuple[Row, ...]:
     """The rows of a `batch.csv`; ValueError where it is none."""
-    rows = list(csv.DictReader(text.splitlines()))
+    rows = list(csv.DictReader(io.StringIO(text, newline="")))
     if not rows or not set(HEAD) <= set(rows[0]):
         raise ValueError(f"expected rows with the columns {', '.join(HEAD)}")
     return tuple({head: _cell(head, cell) for head, cell in row.items()} for row in rows)

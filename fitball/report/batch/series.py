@@ -94,7 +94,8 @@ def things_along(rows: Sequence[Row]) -> tuple[Along, ...]:
 
 def _along(name: str, cells: Sequence[object]) -> Along | None:
     texts = [None if cell is None else str(cell).strip() for cell in cells]
-    for read in (_numbers, _days):
+    # Dates first: 20261122 is one.
+    for read in (_days, _numbers):
         made = read(name, texts)
         if made is not None and len(np.unique(made.values[np.isfinite(made.values)])) > 2:
             return made
@@ -102,6 +103,9 @@ def _along(name: str, cells: Sequence[object]) -> Along | None:
 
 
 def _numbers(name: str, texts: Sequence[str | None]) -> Along | None:
+    if any("_" in text for text in texts if text is not None):
+        # A name such as 1_2, which Python takes for twelve.
+        return None
     try:
         values = np.array([np.nan if text is None else float(text) for text in texts])
     except ValueError:
