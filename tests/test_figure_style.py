@@ -12,6 +12,9 @@ from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.results import Verdict
 from fitball.models.registry import model
 from fitball.models.specs import SPECS
+from fitball.report.batch.figure import batch_figure
+from fitball.report.batch.rows import row_of
+from fitball.report.batch.series import all_series
 from fitball.report.figures.canvas import group_styles, log_ticks
 from fitball.report.figures.kinds import draw
 from fitball.report.figures.parameter_axis import parameter_axis
@@ -145,3 +148,15 @@ def test_every_verdict_has_a_colour_that_can_be_read(grip_slip_fit):
     rules = style_rules()
     assert all(f".v-{mark} {{ color: " in rules and rules.count(f".v-{mark} ") == 2 for mark in used)
     assert "identified, given offset=contact</span></td>" in text
+
+
+def test_dollars_of_the_user_begin_no_formula(grip_slip_fit):
+    """In names of tables, in groups, surfaces and names of impacts: a formula of theirs may be none."""
+    odd, result = "a$^$b", grip_slip_fit.result
+    table = result.problem.table
+    labels = {name: tuple(f"{odd}{cell}" for cell in column) for name, column in table.labels.items()}
+    table = replace(table, name=odd, labels=labels, ids=tuple(f"{odd}{name}" for name in table.ids))
+    fit = replace(result, problem=replace(result.problem, table=table))
+    figures = [draw(name, fit) for name in ("regimes", "curves", "residuals", "corner")]
+    for figure in (*figures, batch_figure(all_series([row_of(odd, fit)])[:1], [odd])):
+        figure.draw_without_rendering()

@@ -15,7 +15,7 @@ from fitball.models.registry import parameter_spec
 from fitball.report.batch.populations import Populated
 from fitball.report.batch.series import Along, Series
 from fitball.report.batch.words import centre_of
-from fitball.report.figures.canvas import log_scale, new_figure
+from fitball.report.figures.canvas import log_scale, new_figure, verbatim
 from fitball.report.figures.parameter_axis import ParameterAxis, parameter_axis
 from fitball.report.form.palette import FAINT, GUIDE, MODEL, TREND, pale
 from fitball.values import FloatArray
@@ -43,7 +43,7 @@ def batch_figure(
     if along is None:
         _name_tables(panels[-1], tables)
     else:
-        panels[-1].set_xlabel(along.name)
+        panels[-1].set_xlabel(verbatim(along.name))
         if along.first_day is not None:
             panels[-1].xaxis.set_major_locator(MaxNLocator(8, integer=True))
             panels[-1].xaxis.set_major_formatter(FuncFormatter(lambda value, _place: along.text(value)))
@@ -150,6 +150,6 @@ def _name_tables(panel: Axes, tables: Sequence[str]) -> None:
     step = -(-len(tables) // MOST_NAMED)
     places = list(range(0, len(tables), step))
     panel.xaxis.set_major_locator(FixedLocator(places))
-    panel.set_xticklabels([tables[place] for place in places], rotation=90, fontsize=7)
+    panel.set_xticklabels([verbatim(tables[place]) for place in places], rotation=90, fontsize=7)
     panel.set_xlim(-0.7, len(tables) - 0.3)
     panel.set_xlabel("table" if step == 1 else f"table (every {step}th named)")

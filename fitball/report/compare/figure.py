@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from fitball.inference.comparison.results import Comparison
 from fitball.report.compare.rows import published_rms, schemes, scored_outputs
-from fitball.report.figures.canvas import log_scale, new_figure
+from fitball.report.figures.canvas import log_scale, new_figure, verbatim
 from fitball.report.figures.measured import output_label
 from fitball.report.form.display_units import output_scale
 from fitball.report.form.palette import GUIDE, MODEL, series_style
@@ -41,7 +41,7 @@ def compare_figure(comparison: Comparison) -> Figure:
     handles, names = axes[1].get_legend_handles_labels()
     columns = max(1, int(figure.get_figwidth() / LEGEND_ENTRY))
     figure.legend(handles, names, loc="outside lower center", ncols=min(columns, len(names)), frameon=False)
-    figure.suptitle(f"Models on {comparison.table.name}: predictions of impacts left out")
+    figure.suptitle(verbatim(f"Models on {comparison.table.name}: predictions of impacts left out"))
     return figure
 
 

@@ -12,7 +12,7 @@ from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.assumptions import Quantity
 from fitball.models.registry import parameter_spec
 from fitball.report.compare.figure import broken
-from fitball.report.figures.canvas import log_scale, new_figure
+from fitball.report.figures.canvas import log_scale, new_figure, verbatim
 from fitball.report.figures.measured import axis_label
 from fitball.report.figures.parameter_axis import ParameterAxis, parameter_axis
 from fitball.report.form.display_units import handy
@@ -41,7 +41,7 @@ def forest_figure(quantities: Mapping[str, Quantity], models: Sequence[str], tit
         panel.set_ylim(len(models) + 0.6, -0.6)
     for panel in list(panels.flat)[len(names) :]:
         panel.set_axis_off()
-    figure.suptitle(title)
+    figure.suptitle(verbatim(title))
     return figure
 
 
@@ -67,7 +67,7 @@ def _draw(panel: Axes, name: str, quantity: Quantity, models: Sequence[str]) -> 
     spec = parameter_spec(name)
     if spec is None:
         # The pace of one of several surfaces keeps its name.
-        shown = ParameterAxis(axis_label(name, handy(name, quantity.unit).unit), 1.0, False)
+        shown = ParameterAxis(axis_label(verbatim(name), handy(name, quantity.unit).unit), 1.0, False)
     else:
         shown = parameter_axis(spec)
     if shown.logarithmic:

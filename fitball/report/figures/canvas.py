@@ -132,9 +132,14 @@ def other_scale(axis: Axes, side: Literal["top", "right"], factor: float, label:
     return scale
 
 
+def verbatim(text: str) -> str:
+    """A text of the user's, such as a label or the name of a table: a dollar sign in it begins no formula."""
+    return text.replace("$", r"\$")
+
+
 def heading(figure: Figure, text: str) -> None:
     """A title a little below the upper edge."""
-    figure.suptitle(text, y=1.0 - 0.08 / figure.get_figheight(), va="top", fontsize=12)
+    figure.suptitle(verbatim(text), y=1.0 - 0.08 / figure.get_figheight(), va="top", fontsize=12)
 
 
 def fit_heading(figure: Figure, fit: Fit, words: str, narrow: bool = False) -> None:
@@ -145,8 +150,9 @@ def fit_heading(figure: Figure, fit: Fit, words: str, narrow: bool = False) -> N
 def legend_below(figure: Figure, handles: Mapping[str, Any], columns: int) -> None:
     """A legend at the lower edge: what stands for each label."""
     figure.legend(
-        handles.values(), handles.keys(), loc="lower center", bbox_to_anchor=(0.5, 0.03 / figure.get_figheight()),
-        frameon=False, ncols=min(columns, max(1, len(handles))), fontsize=9,
+        handles.values(), map(verbatim, handles), loc="lower center",
+        bbox_to_anchor=(0.5, 0.03 / figure.get_figheight()), frameon=False, fontsize=9,
+        ncols=min(columns, max(1, len(handles))),
     )  # fmt: skip
 
 

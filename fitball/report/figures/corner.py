@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from fitball.inference.results.results import Fit
+from fitball.report.figures.canvas import verbatim
 from fitball.report.figures.parameter_axis import ParameterAxis, drawn, parameter, parameter_axis
 from fitball.report.figures.sheet import Panel, Sheet, Side
 from fitball.report.form.palette import MEASURED, MODEL, PRIOR, pale
@@ -143,7 +144,7 @@ def corner_figure(fit: Fit) -> Figure:
         sheet.text(across[k].start + 0.5 * size, LABELS, axis.label, letters, ha="center", va="center")
         if k:
             sheet.text(LABELS, up[k].start + 0.5 * size, axis.label, letters, ha="center", va="center", rotation=90)
-    _legend(sheet, f"{fit.problem.model.name} on {fit.problem.table.name}", count < 4)
+    _legend(sheet, verbatim(f"{fit.problem.model.name} on {fit.problem.table.name}"), count < 4)
     return sheet.figure
 
 

@@ -24,6 +24,7 @@ from fitball.report.figures.canvas import (
     legend_below,
     panels,
     shown_rows,
+    verbatim,
 )
 from fitball.report.figures.measured import Measured, group_of, measured_outputs, output_label
 from fitball.report.form.display_units import output_scale
@@ -112,7 +113,7 @@ def curves_figure(fit: Fit) -> Figure:
         for axis, (name, item) in zip(axes[:, k], points.items(), strict=True):
             _draw_model(axis, column, column.bands[name])
             _draw_measured(axis, column, item, place, groups)
-        axes[0, k].set_title(column.title, fontsize=10)
+        axes[0, k].set_title(verbatim(column.title), fontsize=10)
         axes[-1, k].set_xlabel(along_label(fit))
         axes[-1, k].tick_params(labelsize=8)
     for row, name in zip(axes, points, strict=True):

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from fitball.inference.likelihood.force import MISFIT, SD, aligned, mean_forces
 from fitball.inference.results.results import Fit, thinned
-from fitball.report.figures.canvas import Margins, drawn_handles, filled, fit_heading, legend_below
+from fitball.report.figures.canvas import Margins, drawn_handles, filled, fit_heading, legend_below, verbatim
 from fitball.report.form.palette import MEASURED, MODEL, NOISE
 from fitball.values import FloatArray
 
@@ -94,7 +94,7 @@ def force_figure(fit: Fit) -> Figure:
             panel.times, panel.means, panel.sd, fmt="o", color=MEASURED, markersize=2.5, linewidth=0.8,
             label="measured (means of samples)",
         )  # fmt: skip
-        axis.set_title(panel.title, fontsize=10)
+        axis.set_title(verbatim(panel.title), fontsize=10)
         axis.set_xlabel("time after landing [ms]")
         axis.grid(alpha=0.3)
         axis.tick_params(labelsize=8)

@@ -11,7 +11,15 @@ from matplotlib.figure import Figure
 from fitball.inference.identifiability.profile import DROP_68, DROP_95
 from fitball.inference.results.evidence import Profile
 from fitball.inference.results.results import Fit
-from fitball.report.figures.canvas import Margins, drawn_handles, filled, fit_heading, legend_below, log_scale
+from fitball.report.figures.canvas import (
+    Margins,
+    drawn_handles,
+    filled,
+    fit_heading,
+    legend_below,
+    log_scale,
+    verbatim,
+)
 from fitball.report.figures.parameter_axis import ParameterAxis, parameter, parameter_axis
 from fitball.report.form.palette import GUIDE, MEASURED, MODEL
 from fitball.values import FloatArray
@@ -116,6 +124,6 @@ def _draw(axis: Axes, panel: ProfilePanel, words: str) -> None:
         axis.set_xlim(*panel.span)
         axis.locator_params(axis="x", nbins=4)
     axis.set_ylim(LOWEST, 0.15)
-    axis.set_title(panel.name, fontsize=9, pad=3)
+    axis.set_title(verbatim(panel.name), fontsize=9, pad=3)
     axis.set_xlabel(panel.axis.label, labelpad=2)
     axis.tick_params(labelsize=8)

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fitball.inference.results.results import Fit, Predictive
-from fitball.report.figures.canvas import drawn_handles, fit_heading, legend_below, new_figure
+from fitball.report.figures.canvas import drawn_handles, fit_heading, legend_below, new_figure, verbatim
 from fitball.report.figures.measured import group_of
 from fitball.report.form.palette import FAINT, REGIMES
 from fitball.values import FloatArray
@@ -91,7 +91,7 @@ def regimes_figure(fit: Fit) -> Figure:
     for k, name in enumerate(data.regimes):
         axis.barh(places, data.shares[:, k], left=left, color=colours[k], height=0.8, label=name)
         left = left + data.shares[:, k]
-    axis.set_yticks(places, data.labels, fontsize=8)
+    axis.set_yticks(places, [*map(verbatim, data.labels)], fontsize=8)
     axis.set_ylim(len(data.labels) - 0.4, -0.6)
     axis.set_xlim(0.0, 1.0)
     axis.set_xlabel("posterior probability of the phase sequence")

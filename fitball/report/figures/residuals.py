@@ -27,6 +27,7 @@ from fitball.report.figures.canvas import (
     legend_below,
     panels,
     shown_rows,
+    verbatim,
 )
 from fitball.report.figures.measured import group_of, measured_part, measured_rows, noise_sd, prediction
 from fitball.report.form.palette import FAINT, GUIDE, MEASURED, TREND
@@ -132,7 +133,7 @@ def residuals_figure(fit: Fit) -> Figure:
             _guides(axis, reach, leftmost=axis is row[0])
         row[0].set_ylabel(f"{OBSERVABLES[item.name].symbol}: residual / sd")
     labels = [quantity.label for quantity in quantities.values()]
-    labels += [*([fit.problem.grouped_by or ""] if grouped else []), "normal quantile"]
+    labels += [*([verbatim(fit.problem.grouped_by or "")] if grouped else []), "normal quantile"]
     for axis, label in zip(axes[-1], labels, strict=True):
         axis.set_xlabel(label)
         axis.tick_params(labelsize=8)
@@ -202,7 +203,7 @@ def _draw_groups(axis: Axes, item: Residuals, groups: NDArray[np.str_], styles: 
             axis.errorbar([k], [values.mean()], [half], fmt="o", color=TREND, markersize=3, linewidth=1.4, zorder=4)
     axis.set_xlim(-0.7, len(styles) - 0.3)
     shown = list(styles) if len(styles) <= MOST_GROUPS else []
-    axis.set_xticks(range(len(shown)), [name[:12] for name in shown], rotation=30, ha="right")
+    axis.set_xticks(range(len(shown)), [verbatim(name[:12]) for name in shown], rotation=30, ha="right")
 
 
 def _draw_quantiles(axis: Axes, item: Residuals) -> None:

@@ -20,7 +20,7 @@ from scipy.ndimage import distance_transform_edt
 from fitball.inference.prediction.regime_map import NONE, RegimeMap, Sure
 from fitball.models.types import STATUS_REASON, Status, regime_name
 from fitball.observables import OBSERVABLES
-from fitball.report.figures.canvas import new_figure, other_scale
+from fitball.report.figures.canvas import new_figure, other_scale, verbatim
 from fitball.report.figures.regimes import OTHERS, regime_colours
 from fitball.report.form.display_units import output_scale
 from fitball.report.form.palette import REGIMES
@@ -111,7 +111,7 @@ def map_figure(
     axes[0].set_ylabel("spin [rad/s]: back (below 0), top (above)")
     other_scale(axes[-1], "right", RPM, "spin [rpm]")
     figure.legend(handles=handles, loc="outside lower center", ncols=1 + panels, frameon=False, fontsize=8.5)
-    figure.suptitle(f"{title}: regimes of contact at {found.window.speed:.4g} m/s", fontsize=12)
+    figure.suptitle(verbatim(f"{title}: regimes of contact at {found.window.speed:.4g} m/s"), fontsize=12)
     _uncover(figure, names, labels)
     return figure
 
@@ -200,7 +200,7 @@ def _draw_impacts(axis: Axes, found: RegimeMap, impacts: Impacts, source: str) -
         (mark,) = axis.plot(
             angle[chosen], impacts.omega_1[chosen], "o", markersize=5 if face == "black" else 4.5,
             markerfacecolor=face, markeredgecolor="white" if face == "black" else "0.15", markeredgewidth=0.8,
-            linestyle="none", label=f"{source}: {words} ({int(chosen.sum())})", zorder=5,
+            linestyle="none", label=verbatim(f"{source}: {words} ({int(chosen.sum())})"), zorder=5,
         )  # fmt: skip
         if chosen.any():
             handles.append(mark)

@@ -14,7 +14,7 @@ from matplotlib.patheffects import withStroke
 
 from fitball.inference.design.results import Plan
 from fitball.inference.design.sensor import AS_BEFORE
-from fitball.report.figures.canvas import Margins, filled, heading, new_figure
+from fitball.report.figures.canvas import Margins, filled, heading, new_figure, verbatim
 from fitball.report.form.palette import FAINT, MEASURED, MODEL, TREND, series_style
 from fitball.report.plan.words import spin_text
 from fitball.values import FloatArray
@@ -121,5 +121,5 @@ def _lines(plan: Plan, gains: FloatArray, title: str) -> Figure:
     axis.grid(alpha=0.3)
     if found.spins.size > 1:
         axis.legend(fontsize=9)
-    figure.suptitle(title, fontsize=12)
+    figure.suptitle(verbatim(title), fontsize=12)
     return figure
