@@ -153,6 +153,14 @@ def test_predictions_come_in_the_rows_of_the_frame_and_are_those_of_the_verb(
     assert texts.index.tolist() == ["impact 1", "impact 2"] and "v_x2_sd_incident [m/s]" in texts
 
 
+def test_a_restitution_that_is_told_stays_with_a_fit(short_fit):
+    """What ports of such a fit are made with; other fits have none."""
+    known = short_fit.fitted.impacts
+    told = replace(short_fit.fitted, impacts=replace(known, cor=np.linspace(0.7, 0.8, len(known))))
+    assert fitball.Fit(replace(short_fit.result, fitted=told)).saved.fitted.impacts == told.impacts
+    assert short_fit.saved.fitted.impacts.cor is short_fit.saved.golden.impacts.cor is known.cor is None
+
+
 def test_what_is_no_impact_is_refused(short_fit):
     with pytest.raises(ParameterError, match="read impacts of type int"):
         short_fit.predict(3)

@@ -84,9 +84,11 @@ def test_probabilities_are_shares_of_the_draws():
     assert regime_map(brody(), WINDOW).sure is None
 
 
-def test_a_drop_test_has_no_map():
+def test_what_has_no_map_is_refused():
     with pytest.raises(ModelError, match="no motion along the court"):
         regime_map(replace(brody(), tangential=False), WINDOW)
+    with pytest.raises(ModelError, match="told each impact's restitution and predicts none"):
+        regime_map(at_values(fitball.model("two-mass", cor="measured"), {}), WINDOW)
 
 
 def test_figure_marks_what_belongs_to_the_speed():

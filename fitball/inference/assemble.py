@@ -200,7 +200,7 @@ def _fitted(problem: Problem, point: PointFit, posterior: Posterior | None) -> F
         names=names,
         point=np.array([point.values[name] for name in names]),
         draws=draws,
-        impacts=spanning_impacts(problem.table.impacts, problem.model.ball.radius),
+        impacts=spanning_impacts(problem.impacts, problem.model.ball.radius),
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.errors import ModelError
+from fitball.inference.prediction.engine_fit import refuse_told
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.types import Rebound, regime_name
 from fitball.observables import OBSERVABLES
@@ -85,10 +86,11 @@ class RegimeMap:
 def regime_map(fitted: FittedModel, window: Window) -> RegimeMap:
     """The map at the point estimate, and how sure it is where there are draws.
 
-    Raises ModelError for a model that follows no motion along the court.
+    Raises ModelError for a model that follows no motion along the court, or is told each impact's restitution.
     """
     if not fitted.tangential:
         raise ModelError("a drop test follows no motion along the court: there are no regimes to map")
+    refuse_told(fitted)
     angles, spins = window.grid(ANGLES, SPINS)
     rebound = fitted.rebound(_meshed(window, angles, spins))
     shape = (spins.size, angles.size)

@@ -220,12 +220,12 @@ def _scene_priors(scene: Scene, fixed: dict[str, tuple[float, str]]) -> dict[str
 
 
 def impacts_with_cor(table: ImpactTable, chosen: Model) -> Impacts:
-    """The impacts, each with its measured restitution where the model wants it.
+    """The impacts, each with its measured restitution where the model wants it, and only there.
 
     Raises FitError without `v_y2`, in any row, and where noise has put a restitution above 1.
     """
     if not chosen.needs_cor:
-        return table.impacts
+        return replace(table.impacts, cor=None)
     rebound = table.measurement("v_y2")
     if rebound is None:
         raise FitError(f"{table.source}: closure cor = 'measured' needs a column v_y2")

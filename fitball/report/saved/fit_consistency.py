@@ -16,6 +16,7 @@ from fitball.models.registry import model, parameter_spec
 from fitball.models.specs import ParameterSpec
 from fitball.models.types import regime_name
 from fitball.report.saved.fit_file import FitFile
+from fitball.report.saved.structure import Part
 from fitball.values import FloatArray
 
 # A value at a bound is the exponential of a logarithm: rounding may take it this share of the bounds' width beyond.
@@ -54,7 +55,7 @@ def _shapes(file: FitFile) -> Iterator[str]:
     fitted, data = file.fitted, file.data
     width = {"fitted.names": len(fitted.names), "fitted.point": len(fitted.point)}
     yield from _unequal(width | {f"fitted.draws[{k}]": len(row) for k, row in enumerate(fitted.draws)})
-    yield from _unequal({name: len(getattr(fitted.impacts, name)) for name in ("v_x1", "v_y1", "omega_1")})
+    yield from _unequal(_lengths("fitted.impacts", fitted.impacts))
     for name in ("incident_columns", "incident_sd", "measurements", "with_sd", "labels"):
         listed: Sequence[str] = getattr(data, name)
         if len(set(listed)) < len(listed):
@@ -108,13 +109,7 @@ def _parameters(file: FitFile) -> Iterator[str]:
 
 def _golden(file: FitFile) -> Iterator[str]:
     given, made = file.golden.impacts, file.golden.rebound
-    lengths = {
-        f"golden.{name}": len(column)
-        for part in (given, made)
-        for name in part.__struct_fields__
-        if (column := getattr(part, name)) is not None
-    }
-    yield from _unequal(lengths)
+    yield from _unequal(_lengths("golden", given) | _lengths("golden", made))
     for code in made.regime:
         try:
             regime_name(code)
@@ -156,6 +151,12 @@ def _adequacy(file: FitFile) -> Iterator[str]:
     for values in (chances, described.unseen.values(), *described.loo_pit.values()):
         if not all(0.0 <= value <= 1.0 + ROUNDING for value in values):
             yield "adequacy: a probability or share lies outside of 0 to 1"
+
+
+def _lengths(where: str, part: Part) -> dict[str, int]:
+    """How many numbers each column of a section has that is there."""
+    columns = {name: getattr(part, name) for name in part.__struct_fields__}
+    return {f"{where}.{name}": len(column) for name, column in columns.items() if column is not None}
 
 
 def _unequal(lengths: dict[str, int]) -> Iterator[str]:

@@ -173,17 +173,12 @@ class Budget(Part, frozen=True):
 
 
 class Incident(Part, frozen=True):
-    """Incident states, columns of equal length in SI."""
+    """Incident states, columns of equal length in SI; cor is null unless the model takes the measured restitution."""
 
     v_x1: Motions
     v_y1: Motions
     omega_1: Motions
-
-
-class GoldenImpacts(Incident, frozen=True):
-    """Incident states in SI; cor is null unless the model takes the measured restitution."""
-
-    cor: Numbers | None
+    cor: Numbers | None = None
 
 
 class GoldenRebound(Part, frozen=True):
@@ -200,7 +195,7 @@ class GoldenPart(Part, frozen=True):
     """Impacts with their rebounds to the last digit, for checking a port of the model."""
 
     parameters: Mapping[str, float]
-    impacts: GoldenImpacts
+    impacts: Incident
     rebound: GoldenRebound
 
 

@@ -102,6 +102,6 @@ def _golden(golden: Golden) -> parts.GoldenPart:
     time = golden.rebound.contact_time
     return parts.GoldenPart(
         parameters=golden.parameters,
-        impacts=part(parts.GoldenImpacts, golden.impacts),
+        impacts=part(parts.Incident, golden.impacts),
         rebound=part(parts.GoldenRebound, golden.rebound, contact_time=None if np.isnan(time).any() else time),
     )

@@ -28,7 +28,15 @@ from fitball.inference.results.results import (
 from fitball.models.types import OUTPUTS, Rebound
 from fitball.report.saved.data_file import DATA_NAME, read_data
 from fitball.report.saved.fit_consistency import checked, outside
-from fitball.report.saved.fit_file import KIND, SCHEMA_VERSION, FitFile, FittedPart, GoldenPart, ParameterPart
+from fitball.report.saved.fit_file import (
+    KIND,
+    SCHEMA_VERSION,
+    FitFile,
+    FittedPart,
+    GoldenPart,
+    Incident,
+    ParameterPart,
+)
 from fitball.report.saved.fit_text import fit_text
 from fitball.report.saved.posterior_file import read_netcdf
 from fitball.report.saved.run_file import RUN_NAME
@@ -154,7 +162,6 @@ def _estimate(name: str, part: ParameterPart) -> Estimate:
 
 
 def _fitted(file: FitFile, part: FittedPart) -> FittedModel:
-    given = part.impacts
     return FittedModel(
         model_name=file.model.name,
         options=file.model.closures,
@@ -163,7 +170,7 @@ def _fitted(file: FitFile, part: FittedPart) -> FittedModel:
         names=part.names,
         point=np.array(part.point),
         draws=np.array(part.draws, dtype=np.float64).reshape(-1, len(part.names)),
-        impacts=Impacts(np.array(given.v_x1), np.array(given.v_y1), np.array(given.omega_1)),
+        impacts=_impacts(part.impacts),
     )
 
 
@@ -172,12 +179,15 @@ def _known(values: Sequence[float] | None, count: int) -> FloatArray:
 
 
 def _golden(part: GoldenPart) -> Golden:
-    given, made = part.impacts, part.rebound
-    count = len(made.v_x2)
-    cor = None if given.cor is None else np.array(given.cor)
+    made, count = part.rebound, len(part.rebound.v_x2)
     return Golden(
         parameters=part.parameters,
-        impacts=Impacts(np.array(given.v_x1), np.array(given.v_y1), np.array(given.omega_1), cor),
+        impacts=_impacts(part.impacts),
+def _impacts(part: Incident) -> Impacts:
+    cor = None if part.cor is None else np.array(part.cor)
+    return Impacts(np.array(part.v_x1), np.array(part.v_y1), np.array(part.omega_1), cor)
+
+
         rebound=Rebound(
             **{name: _known(getattr(made, name), count) for name in OUTPUTS},
             regime=np.array(made.regime, dtype=np.int64),
