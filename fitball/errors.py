@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
+from numbers import Integral
 
 from fitball.visible import folded, kind_of, one_line
 from fitball.wording import option, spoken
@@ -25,6 +26,13 @@ class ModelError(FitballError):
 
 class ParameterError(FitballError):
     """A parameter value or prior that is unknown, out of bounds or impossible for the model."""
+
+
+def check_whole(**numbers: object) -> None:
+    """Raise ParameterError for what is no whole number, or negative; None stands for a default."""
+    for name, value in numbers.items():
+        if value is not None and (isinstance(value, bool) or not isinstance(value, Integral) or value < 0):
+            raise ParameterError(f"{name} = {value!r}: expected a whole number not below 0")
 
 
 class UnitError(FitballError):
@@ -111,6 +119,10 @@ class TableError(FitballError):
             message += "\n" + _bulleted("what may be meant, since it explains the table much better:", self.hints)
         super().__init__(message)
 
+    def __reduce__(self) -> tuple[type[TableError], tuple[str, tuple[Fault, ...], tuple[str, ...]]]:
+        # It may come from another process.
+        return type(self), (self.source, self.faults, self.hints)
+
 
 def _grouped(faults: Sequence[Fault]) -> list[str]:
     """One line a kind of fault: the fault, or of several rows which these are and the first in full."""
@@ -145,6 +157,9 @@ class ReadingError(FitballError):
             _bulleted(f"{one_line(source)}: another reading explains it much better than its header:", self.readings)
             + f"\n  if it is right as it stands, pass {option('as_read')}; nothing was changed"
         )
+
+    def __reduce__(self) -> tuple[type[ReadingError], tuple[str, tuple[str, ...]]]:
+        return type(self), (self.source, self.readings)
 
 
 def _bulleted(head: str, lines: Iterable[str]) -> str:

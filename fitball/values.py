@@ -6,6 +6,7 @@ strangers to each other and both need them.
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 
@@ -23,6 +24,14 @@ WANG_RADIUS = 0.03302
 WANG_INERTIA_RATIO = 0.56
 # Beyond any ball, and far from where products of masses and lengths overflow or vanish.
 SMALLEST, LARGEST = 1e-30, 1e6
+
+
+def numbers(name: str, values: ArrayLike) -> FloatArray:
+    """`values` as float64, NaN where they are masked. Raises ParameterError for what are no numbers."""
+    try:
+        return np.ma.asarray(values, dtype=np.float64).filled(np.nan)
+    except (TypeError, ValueError):
+        raise ParameterError(f"{name}: read {reprlib.repr(values)}, expected a number or an array of them") from None
 
 
 def same(one: object, other: object) -> bool:
@@ -91,7 +100,7 @@ class Impacts:
     def __post_init__(self) -> None:
         names = ["v_x1", "v_y1", "omega_1"] + (["cor"] if self.cor is not None else [])
         for name in names:
-            array = np.array(getattr(self, name), dtype=np.float64, ndmin=1)
+            array = np.array(numbers(name, getattr(self, name)), ndmin=1)
             if array.ndim != 1:
                 raise ParameterError(f"{name} has shape {array.shape}: expected one value per impact")
             bad = np.flatnonzero(~np.isfinite(array))
@@ -173,9 +182,9 @@ def impacts(v_x1: ArrayLike, v_y1: ArrayLike, omega_1: ArrayLike = 0.0, cor: Arr
     >>> len(fitball.impacts(v_x1=15.0, v_y1=[6.0, 8.0]))
     2
     """
-    given = [v_x1, v_y1, omega_1] + ([cor] if cor is not None else [])
+    given = {"v_x1": v_x1, "v_y1": v_y1, "omega_1": omega_1} | ({"cor": cor} if cor is not None else {})
     try:
-        arrays = np.broadcast_arrays(*[np.asarray(value, dtype=np.float64) for value in given])
+        arrays = np.broadcast_arrays(*[numbers(name, value) for name, value in given.items()])
     except ValueError as error:
         raise ParameterError(f"impacts: {error}") from None
     return Impacts(*[np.array(array, dtype=np.float64, ndmin=1) for array in arrays])

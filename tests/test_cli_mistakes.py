@@ -56,4 +56,4 @@ def test_values_are_told_in_the_same_words(words, said, capsys):
 
 def test_a_negative_number_is_no_option(capsys, small_fit):
     assert main(["predict", str(small_fit), "--impact", "v=17, theta=18", "--seed", "-1"]) == 2
-    assert "expected a number not below 0" in capsys.readouterr().err
+    assert "expected a whole number not below 0" in capsys.readouterr().err

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import pickle
 import re
 from contextlib import suppress
 from pathlib import Path
@@ -15,7 +16,7 @@ import pytest
 
 import fitball
 from fitball.cli.main import main
-from fitball.errors import FitballError, ParameterError, ResultFolderError
+from fitball.errors import Fault, FitballError, ParameterError, ReadingError, ResultFolderError, TableError
 from fitball.values import same
 from fitball.wording import on_command_line, option, speaking_to_command_line, spoken
 
@@ -98,6 +99,8 @@ def test_a_check_tells_every_fault(tmp_path, capsys):
     assert found.to_frame()["column"].tolist() == ["v_y1", "v_y2"] and "row 3 (line 4)" in repr(found)
     good = fitball.check("wang_all")
     assert good.ok and good.table is not None and "no fault" in repr(good)
+    with pytest.raises(ParameterError, match="a list of 2 tables, expected one"):
+        fitball.check([place, "wang_all"])
 
 
 def test_models_are_compared_as_by_the_verb(tmp_path, capsys):
@@ -135,6 +138,8 @@ def test_models_are_compared_as_by_the_verb(tmp_path, capsys):
         ({"pool": {"mu": "colour"}}, r"pool={'mu': 'colour'}"),
         ({"offsets": "colour"}, "offsets='colour'"),
         ({"seed": -1}, "seed = -1"),
+        ({"seed": 1.0}, "seed = 1.0: expected a whole number"),
+        ({"max_steps": "500"}, "max_steps = '500': expected a whole number"),
     ],
 )
 def test_a_mistake_in_python_is_told_in_python(asked, said):
@@ -143,10 +148,39 @@ def test_a_mistake_in_python_is_told_in_python(asked, said):
     assert "--" not in str(caught.value)
 
 
-@pytest.mark.parametrize("data", [3, [], [3], None])
+@pytest.mark.parametrize("data", [3, [], [3], None, pd.Series({"v_1": 17.0})])
 def test_what_is_no_table_is_refused(data):
-    with pytest.raises((FitballError, TypeError), match=r"read (a table|an empty list)|os\.PathLike"):
-        fitball.calibrate(data)
+    for read in (fitball.calibrate, fitball.load_table):
+        with pytest.raises(ParameterError, match=r"read (a table of type|an empty list)"):
+            read(data)
+
+
+def test_a_name_that_index_and_columns_share_is_told():
+    frame = pd.DataFrame(
+        {"v_y1": [5.0, 6.0], "v_y2": [4.0, 4.7], "id": ["a", "b"]}, index=pd.Index([1, 2], name="id")
+    )
+    with pytest.raises(TableError, match="column 'id'"):
+        fitball.load_table(frame)
+
+
+def test_what_is_no_number_is_refused():
+    """What is masked was not measured: it is no number either."""
+    for given, said in (("fast", "v_x1: read 'fast', expected a number"), ({}, "v_x1: read {}")):
+        with pytest.raises(ParameterError, match=said):
+            fitball.impacts(given, 5.0)
+    with pytest.raises(ParameterError, match=r"v_x1\[1\] = nan: expected finite"):
+        fitball.impacts(np.ma.array([15.0, 99.0], mask=[False, True]), 5.0)
+    ball = {"mu": "rough", "cor_10": 0.75, "cor_slope": 0.0}
+    with pytest.raises(ParameterError, match="mu: read 'rough'"):
+        fitball.model("brody").rebound(ball, fitball.impacts(15.0, 5.0))
+
+
+@pytest.mark.parametrize(
+    "error", [TableError("a.csv", [Fault("read x", row=1, column="v_1")], ["--flip"]), ReadingError("a.csv", ["rpm"])]
+)
+def test_errors_come_from_other_processes(error):
+    again = pickle.loads(pickle.dumps(error))
+    assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))
 
 
 def test_messages_speak_to_who_listens(short_fit, small_fit, capsys):

@@ -9,7 +9,7 @@ from numbers import Real
 from typing import Any
 
 from fitball.data.table import ImpactTable
-from fitball.data.written import in_memory
+from fitball.data.written import check_source, in_memory
 from fitball.errors import ParameterError
 from fitball.inference.problem.choices import Choices
 from fitball.inference.problem.priors import FAMILIES
@@ -18,12 +18,7 @@ from fitball.inference.problem.priors import FAMILIES
 def sources_of(data: Any) -> tuple[list[Any], tuple[str, ...]]:
     """The tables that were handed over, one by one, and the files they were or are read from."""
     alone = isinstance(data, ImpactTable | str | os.PathLike) or in_memory(data)
-    if not alone and not isinstance(data, Sequence):
-        raise ParameterError(
-            f"read a table of type {type(data).__name__}, expected a data frame, a path, the name of a bundled "
-            "table, columns by name, what load_table gives, or a list of these"
-        )
-    sources = [data] if alone else list(data)
+    sources = list(data) if not alone and isinstance(data, Sequence) else [data]
     if not sources:
         raise ParameterError("read an empty list of tables, expected at least one")
     files = []
@@ -31,6 +26,7 @@ def sources_of(data: Any) -> tuple[list[Any], tuple[str, ...]]:
         if isinstance(source, ImpactTable):
             files += [place for place, _digest in source.files]
         elif not in_memory(source):
+            check_source(source)
             files.append(os.fspath(source))
     return sources, tuple(files)
 

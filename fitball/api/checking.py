@@ -14,7 +14,7 @@ from fitball.data.join import trusted_table
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable, Notice
-from fitball.errors import Fault, FitballError, ReadingError, SceneError, TableError
+from fitball.errors import Fault, FitballError, ParameterError, ReadingError, SceneError, TableError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -72,7 +72,7 @@ def check(
 ) -> Checked:
     """Look for every fault of a table, its scene and its force records, as the verb `datasets check` does.
 
-    For what is handed over see `calibrate`. Raises nothing that is a fault of the table.
+    For what is handed over, one table, see `calibrate`. Raises nothing that is a fault of the table.
 
     >>> fitball.check({"v_y1": [4.0, 6.0], "v_y2": [3.2, -4.7]}).ok
     False
@@ -81,6 +81,8 @@ def check(
     table: ImpactTable | None = None
     extra: tuple[str, ...] = ()
     sources, files = sources_of(data)
+    if len(sources) > 1:
+        raise ParameterError(f"read a list of {len(sources)} tables, expected one: check each by itself")
     known = scene
     try:
         if known is None:

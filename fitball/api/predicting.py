@@ -17,7 +17,7 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable
 from fitball.data.written import framed, in_memory, written_table
-from fitball.errors import ParameterError
+from fitball.errors import ParameterError, check_whole
 from fitball.inference.prediction.holdout_scores import ObservableScore, scores
 from fitball.inference.prediction.new_impacts import NewPrediction, observed_observables, predict_new
 from fitball.inference.prediction.over_assumptions import with_assumptions
@@ -129,8 +129,7 @@ def foretell(
     """Predict impacts from `fitted`, the model of `saved` with the draws to use. Raises as `new_impacts` and
     `predict_new` do.
     """
-    if seed < 0:
-        raise ParameterError(f"seed = {seed}: expected a number not below 0")
+    check_whole(seed=seed)
     columns, assumed = _named_as_before(data, columns, saved.file.table.columns)
     new = new_impacts(data, fitted.ball, units, flips(flip), columns)
     stated, table = new.covariance is not None, new.table

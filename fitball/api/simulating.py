@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from fitball.data.impact_text import parse_impact
-from fitball.errors import ParameterError
+from fitball.errors import ParameterError, check_whole
 from fitball.inference.comparison.candidates import parse_name
 from fitball.inference.prediction.new_impacts import predict_new
 from fitball.inference.prediction.simulate import Simulation, chosen_parameters, simulate_fit
@@ -84,6 +84,7 @@ def _course(simulation: Simulation, source: str, notes: Sequence[str]) -> Course
 def course_of_fit(saved: SavedFit, impact: Impacts | str, draws: int) -> Course:
     """Point estimate and bands of a fit. Raises ParameterError, and what `Model.history` raises."""
     given = impact_of(impact)
+    check_whole(draws=draws)
     if draws < 1:
         raise ParameterError(f"draws = {draws}: expected at least 1")
     simulation = simulate_fit(saved.fitted, given, draws)

@@ -47,11 +47,23 @@ class Written:
 
 def in_memory(source: object) -> bool:
     """Whether a source is a DataFrame or a mapping of columns, and no file."""
-    return isinstance(source, Mapping) or hasattr(source, "iloc")
+    return isinstance(source, Mapping) or (hasattr(source, "iloc") and hasattr(source, "columns"))
+
+
+def check_source(source: object) -> None:
+    """Raise ParameterError for what is no source of a table."""
+    if not (isinstance(source, PATHS) or in_memory(source)):
+        raise ParameterError(
+            f"read a table of type {type(source).__name__}, expected a data frame, a path, the name of a bundled "
+            "table, or columns by name"
+        )
 
 
 def framed(source: Any) -> str | os.PathLike[str] | pandas.DataFrame:
-    """A source, columns by name as a DataFrame. Raises ParameterError for columns of unequal length."""
+    """A source, columns by name as a DataFrame. Raises ParameterError for columns of unequal length, and as
+    `check_source` does.
+    """
+    check_source(source)
     if not isinstance(source, Mapping):
         return source  # type: ignore[no-any-return]
     import pandas

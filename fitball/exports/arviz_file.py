@@ -9,7 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from fitball.data.table import ImpactTable
-from fitball.errors import ParameterError, ResultFolderError
+from fitball.errors import ParameterError, ResultFolderError, check_whole
 from fitball.inference.prediction.posterior_predictive import replicated
 from fitball.inference.results.results import Estimate, Fit, Posterior, RunStatus
 from fitball.observables import SI_UNITS
@@ -37,6 +37,7 @@ def whole_tree(fit: Fit, draws: int | None = None) -> xr.DataTree:
     """
     if fit.posterior is None:
         raise _no_draws()
+    check_whole(draws=draws)
     posterior, problem = fit.posterior, fit.problem
     ensembles, steps, walkers, _ = posterior.values.shape
     held = steps * walkers

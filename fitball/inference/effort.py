@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from fitball.errors import ParameterError
+from fitball.errors import ParameterError, check_whole
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import TARGET_ESS, Timing
 from fitball.inference.sampling.ensembles import ENSEMBLES, Schedule, Settings, default_walkers
@@ -33,6 +33,9 @@ class Effort:
 
     def settings(self, problem: Problem) -> Settings:
         """Sampler settings for a problem. Raises ParameterError for numbers that cannot work."""
+        check_whole(
+            seed=self.seed, walkers=self.walkers, ensembles=self.ensembles, max_steps=self.max_steps, cores=self.cores
+        )
         walkers = default_walkers(problem.dimension) if self.walkers is None else self.walkers
         least = max(4, 2 * problem.dimension)
         if walkers < least or walkers % 2:
@@ -50,8 +53,6 @@ class Effort:
             raise ParameterError(
                 f"walkers = {walkers} in each of {self.ensembles} ensembles: expected at most {MOST_WALKERS} in all"
             )
-        if self.seed < 0:
-            raise ParameterError(f"seed = {self.seed}: expected a number not below 0")
         return Settings(walkers, self.ensembles, self.max_steps, self.cores, self.seed, Schedule.for_ess(self.ess))
 
 

@@ -14,7 +14,7 @@ from fitball.models.kernels.bounce import BALL_MASS, BALL_RADIUS, MU, SPIN, SPIN
 from fitball.models.kernels.phases import PIECE_ENDING, PIECE_PHASE, PIECE_TIME, UNFINISHED
 from fitball.models.kernels.quantities import VerticalMotion
 from fitball.models.types import Phase, Rebound, regime_name
-from fitball.values import FloatArray, Impacts
+from fitball.values import FloatArray, Impacts, numbers
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class History:
 
 def checked_times(times: ArrayLike, contact_time: float) -> FloatArray:
     """Times as an array (times,). Raises ParameterError for NaN, or a time before landing or after release."""
-    array = np.array(times, dtype=np.float64, ndmin=1)
+    array = np.array(numbers("times", times), ndmin=1)
     if array.ndim != 1:
         raise ParameterError(f"times have shape {array.shape}: expected a list of times")
     bad = np.flatnonzero(~((array >= 0.0) & (array <= contact_time)))

@@ -19,7 +19,8 @@ from fitball.models.kernels.dual import NumberArray
 from fitball.models.kernels.restitution import ANCHOR_SPEED
 from fitball.models.specs import BALL_PARAMETERS, BALL_SPECS, ParameterSpec
 from fitball.models.types import STATUS_REASON, Rebound, Status
-from fitball.values import Ball, FloatArray, Impacts, OwnImpacts
+from fitball.values import Ball, FloatArray, Impacts, OwnImpacts, numbers
+from fitball.wording import spoken
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,10 @@ class Model(ABC):
         """
         names, values, single = self._checked(parameters)
         if self.needs_cor and impacts.cor is None:
-            raise ModelError("closure cor = 'measured' needs each impact's own `cor`: pass impacts(..., cor=...)")
+            raise ModelError(
+                "closure cor = 'measured' needs each impact's own coefficient of restitution: "
+                + spoken("take a model with cor = line or mean", "pass impacts(..., cor=...)")
+            )
         rebound = self.evaluate(names, values, impacts)
         if not single:
             return rebound
@@ -183,7 +187,7 @@ class Model(ABC):
         if missing:
             raise ParameterError(f"model {self.name} needs a value of {', '.join(missing)}")
         names = tuple(parameters)
-        columns = [np.asarray(parameters[name], dtype=np.float64) for name in names]
+        columns = [numbers(name, parameters[name]) for name in names]
         for name, column in zip(names, columns, strict=True):
             spec = self.specs[name]
             if column.ndim > 1:

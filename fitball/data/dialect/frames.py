@@ -86,7 +86,7 @@ def parquet_frame(path: Path, data: bytes) -> pandas.DataFrame:
 def frame_records(frame: pandas.DataFrame) -> list[Record]:
     """Header and rows of a DataFrame; an index that has a name is a column."""
     if any(name is not None for name in frame.index.names):
-        frame = frame.reset_index()
+        frame = frame.reset_index(allow_duplicates=True)
     names: list[Any] = frame.columns.tolist()
     # A name may have several levels.
     header = tuple(" ".join(map(str, name if isinstance(name, tuple) else (name,))).strip() for name in names)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Integral
 
 import numpy as np
 
 from fitball.data.range_text import Range
-from fitball.errors import ParameterError
+from fitball.errors import ParameterError, check_whole
 from fitball.inference.design.force_plate import with_plate
 from fitball.inference.design.gain import Left, over_draws
 from fitball.inference.design.knowledge import knowledge
@@ -45,11 +46,11 @@ class Asked:
 
     def __post_init__(self) -> None:
         """Raise ParameterError for numbers that cannot work."""
+        check_whole(seed=self.seed)
         for name, most in (("impacts", MOST_IMPACTS), ("repeats", MOST_REPEATS)):
-            if not 1 <= getattr(self, name) <= most:
-                raise ParameterError(f"{option(name, getattr(self, name))}: expected a number from 1 to {most:,}")
-        if self.seed < 0:
-            raise ParameterError(f"seed = {self.seed}: expected a number not below 0")
+            value = getattr(self, name)
+            if not (isinstance(value, Integral) and 1 <= int(value) <= most):
+                raise ParameterError(f"{option(name, value)}: expected a number from 1 to {most:,}")
 
 
 def make_plan(
