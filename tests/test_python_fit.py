@@ -153,6 +153,16 @@ def test_predictions_come_in_the_rows_of_the_frame_and_are_those_of_the_verb(
     assert texts.index.tolist() == ["impact 1", "impact 2"] and "v_x2_sd_incident [m/s]" in texts
 
 
+def test_rows_that_cannot_be_predicted_are_left_out_of_the_frame(short_fit, tmp_path):
+    """One without its incident state, one of units; a file may have a name like an impact."""
+    frame = pd.DataFrame({"v_1": ["m/s", 17.0, None, 18.0], "theta_1": ["deg", 20.0, 25.0, 30.0]})
+    found = short_fit.predict(frame)
+    assert found.index.tolist() == [1, 3] and "row 3: left out" in " ".join(found.attrs["notes"])
+    place = tmp_path / "run=3.csv"
+    frame.to_csv(place, index=False)
+    assert (short_fit.predict(str(place)).to_numpy() == found.to_numpy()).all()
+
+
 def test_a_restitution_that_is_told_stays_with_a_fit(short_fit):
     """What ports of such a fit are made with; other fits have none."""
     known = short_fit.fitted.impacts

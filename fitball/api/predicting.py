@@ -87,8 +87,9 @@ def new_impacts(
     if in_memory(data):
         frame: Any = framed(data)
         table = load_table(frame, rebound=False, scene=Scene(ball=ball), flip=flip, columns=columns, units=units)
-        return New(table.impacts, table.ids, table, table.incident_covariance, frame.index)
-    if isinstance(data, str) and "=" in data:
+        index = frame.index[[row - 1 for row in table.rows]]
+        return New(table.impacts, table.ids, table, table.incident_covariance, index)
+    if _in_words(data):
         return _written([data])
     if isinstance(data, str | os.PathLike):
         # The table's own scene says how its columns are called, the fit what ball it is.
@@ -101,6 +102,11 @@ def new_impacts(
         f"read impacts of type {type(data).__name__}, expected a data frame, a path, the name of a bundled table, "
         "Impacts, columns by name, or texts such as 'v=17, theta=18, spin=100'"
     )
+
+
+def _in_words(data: Any) -> bool:
+    """Whether an impact is written out; a file may have such a name too."""
+    return isinstance(data, str) and "=" in data and not os.path.isfile(data)  # noqa: PTH113 - of texts of any length
 
 
 def _numbered(count: int) -> tuple[str, ...]:
@@ -151,7 +157,7 @@ def _named_as_before(
 ) -> tuple[Mapping[str, str] | None, tuple[str, ...]]:
     """The names of columns, and a note: those `asked`, else those of the fit's own table that stand in this one."""
     own = {ours: text for ours, text in fitted.items() if naming({ours: text}, (ours,)).theirs[ours] != ours}
-    read = in_memory(data) or isinstance(data, os.PathLike) or (isinstance(data, str) and "=" not in data)
+    read = in_memory(data) or (isinstance(data, str | os.PathLike) and not _in_words(data))
     if asked or not own or not read:
         return asked, ()
     known = naming(own, tuple(own))

@@ -139,6 +139,7 @@ def _assembled(text: Written, columns: Mapping[str, NumberColumn], ids: tuple[st
         notices=tuple(sorted(text.found.notices, key=lambda notice: notice.row or 0)),
         incident_covariance=covariance,
         files=text.files,
+        rows=tuple(row.number for row in rows),
     )
 
 

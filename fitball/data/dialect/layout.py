@@ -47,15 +47,17 @@ def laid_out(
     at, _worth = find_header(records, vocabulary)
     line, header = records[at]
     told = [*notes, *_above(source, records[:at], len(header))]
-    rest = list(records[at + 1 :])
+    rest, first = list(records[at + 1 :]), 1
     faults: list[Fault] = []
     if rest and _is_units(rest[0][1], header, vocabulary):
         header = _with_units(header, rest.pop(0), vocabulary, faults)
         told.append("the units were read from the row beneath the header")
+        # In a DataFrame, which has no lines, they are a row as any other.
+        first += line is None
     width = _width(header, rest)
     header = header[:width]
     rows, empty, again = [], 0, list[str]()
-    for number, (place, cells) in enumerate(rest, start=1):
+    for number, (place, cells) in enumerate(rest, start=first):
         fitted = _fitted(cells, width)
         if not any(cells):
             empty += 1
