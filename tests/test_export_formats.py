@@ -7,6 +7,7 @@ import math
 import re
 import shutil
 import tomllib
+from dataclasses import replace
 from decimal import ROUND_HALF_EVEN, Decimal
 from importlib.resources import files
 
@@ -21,6 +22,7 @@ import fitball
 from fitball.cli.export import FORMAT_NAMES
 from fitball.cli.main import main
 from fitball.exports.formats import TEXT_FORMATS
+from fitball.exports.names import OWNERS
 from fitball.exports.paper_table import latex_table, markdown_table, paper_rows
 from fitball.exports.parameter_set import parameter_content, toml_text
 from fitball.report.form.rounding import decimals, fixed
@@ -89,7 +91,7 @@ def test_json_says_what_the_fit_says(small_fit, saved):
 
 
 def test_levels_of_a_pooled_parameter_come_along(small_fit, tmp_path, capsys):
-    """A port is at the common value and says so; the set holds the value on each level, whatever its name."""
+    """What answers impacts is at the common value and says so; the set holds each level's, whatever its name."""
     content = json.loads((small_fit / "fit.json").read_text(encoding="utf-8"))
     numbers = {"median": 0.5, "sd": 0.02, "q025": 0.46, "q16": 0.48, "q84": 0.52, "q975": 0.54}
     content["levels"] = [
@@ -105,6 +107,11 @@ def test_levels_of_a_pooled_parameter_come_along(small_fit, tmp_path, capsys):
     assert main(["export", str(tmp_path), "--to", "c", "--out", "-"]) == 0
     comment = " ".join(capsys.readouterr().out.split("*/")[0].replace("*", " ").split())
     assert "mu at the value common to all levels" in comment
+    shutil.copy(small_fit / "posterior.nc", tmp_path)
+    fit, said = fitball.load_fit(tmp_path), "mu differs between surfaces: taken at the value common to all"
+    assert said in fit.exported("c", {}).note and said in fit.exported("lookup", {"range": "v_y=5"}).note
+    assert said in fit.export("engine")[".md"] and said not in fit.exported("json", {}).note
+    assert any(said in note for note in fit.predict("v=17, theta=25").attrs["notes"])
 
 
 def test_toml_reads_back_as_the_same_content(small_fit, saved, capsys):
@@ -225,6 +232,13 @@ def test_markdown_has_one_row_a_parameter(saved):
     assert all(line.count("|") == 6 for line in rows)
 
 
+def test_labels_of_a_user_keep_tables_whole(saved):
+    odd = replace(saved.parameters["mu"], name="mu_place[a|b <c>]", meaning="of a|b\n<c>")
+    shown = replace(saved, parameters={odd.name: odd})
+    assert "\n| `mu_place[a\\|b <c>]` | of a\\|b <c> |" in markdown_table(shown)
+    assert r"mu\_place[a\textbar{}b \textless{}c\textgreater{}] & \raggedright of a\textbar{}b" in latex_table(shown)
+
+
 def test_netcdf_holds_the_draws_for_arviz(small_fit, saved, tmp_path):
     place = tmp_path / "draws.nc"
     assert main(["export", str(small_fit), "--to", "netcdf", "--out", str(place)]) == 0
@@ -285,6 +299,8 @@ def test_every_format_of_a_point_fit(point_only):
 
 def test_names_on_the_command_line_are_those_that_exist():
     assert {*TEXT_FORMATS, "netcdf"} == set(FORMAT_NAMES)
+    told = fitball.export.__doc__
+    assert [name for name in (*FORMAT_NAMES, *OWNERS) if f"`{name}`" not in told] == []
 
 
 def test_manners(small_fit, tmp_path, capsys):
@@ -301,7 +317,9 @@ def test_manners(small_fit, tmp_path, capsys):
         (["netcdf", "--out", "-"], "no text"),
         (["json", "--range", "v=1"], "--range belongs to --to lookup"),
         (["c", "--prefix", "9-"], "the beginning of a name"),
+        (["csharp", "--prefix", "_9"], "the beginning of a name"),
         (["engine", "--engine-inertia", "2"], "at most 1"),
+        (["engine", "--engine-inertia", "0"], "above 0"),
     ):
         assert main([*call, *words]) == 2, words
         assert refused in capsys.readouterr().err

@@ -62,7 +62,7 @@ def exported(
     """
     if to not in FORMAT_NAMES:
         raise ParameterError(f"unknown format '{to}': {suggestion(to, FORMAT_NAMES)}")
-    given = {name: value for name, value in options.items() if value not in (None, False)}
+    given = {name: value for name, value in options.items() if value is not None and value is not False}
     for name in given:
         if name not in OWNERS:
             raise ParameterError(f"unknown option '{name}': {suggestion(name, OWNERS)}")
@@ -83,5 +83,5 @@ def exported(
     chosen = TEXT_FORMATS[to]
     json_alone = given.pop("json", False)
     texts = chosen.make(saved, Options(**given))
-    note = chosen.note(texts)
-    return Exported(chosen.stem, {".json": texts[".json"]} if json_alone else texts, note)
+    notes = (chosen.note(texts), saved.at_common if chosen.bounces else "")
+    return Exported(chosen.stem, {".json": texts[".json"]} if json_alone else texts, "; ".join(filter(None, notes)))

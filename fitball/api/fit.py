@@ -162,9 +162,10 @@ class Fit(Found):
         """The fit in another form, as the verb `export` writes it: texts by the ending of their file, or with `out`
         (a file or a folder) the places that were written.
 
-        Forms are `python`, `c`, `golden`, `lookup`, `engine`, `json`, `toml`, `csv`, `latex`, `markdown` and `netcdf`
-        (a file only). Options: `prefix` (c), `inputs_only` (golden), `range` (lookup), `at` and `engine_inertia`
-        (engine). Raises ParameterError, ResultFolderError.
+        Forms are `python`, `c`, `javascript`, `csharp`, `gdscript`, `golden`, `lookup`, `engine`, `json`, `toml`,
+        `csv`, `latex`, `markdown`, `certificate` and `netcdf` (a file only). Options: `prefix` (c, javascript,
+        csharp), `inputs_only` (golden), `range` (lookup), `at` and `engine_inertia` (engine), `json` (engine, lookup:
+        the JSON alone). Raises ParameterError, ResultFolderError.
 
         >>> print(fit.export("csv")[".csv"].splitlines()[1])
         mu,model,,...
@@ -191,7 +192,7 @@ class Fit(Found):
         """Draws and data for ArviZ: groups posterior, sample_stats, log_likelihood, posterior_predictive, prior,
         observed_data and constant_data, as `arviz_base` makes them (a DataTree), in four chains of `draws` each.
 
-        By default a thousand, fewer for long tables (see `export.arviz_file`). `log_likelihood` is that of whole
+        By default a thousand, fewer for long tables (see `exports.arviz_file`). `log_likelihood` is that of whole
         impacts, which is what can be left out. Raises ResultFolderError for a point fit.
 
         >>> fit.to_inferencedata(draws=100)["posterior"].sizes["chain"]

@@ -170,7 +170,7 @@ def _named_as_before(
 
 def _cautions(saved: SavedFit, fitted: FittedModel, prediction: NewPrediction) -> list[str]:
     """What the fit itself leaves open."""
-    notes = []
+    notes = [f"{saved.at_common}; no interval contains how far they differ"] if saved.at_common else []
     if saved.status is RunStatus.NOT_CONVERGED:
         notes.append("the sampler of this fit did not converge: intervals may change")
     unknown = [output.name for output in prediction.outputs if output.rebound is not None and output.measured is None]

@@ -88,7 +88,7 @@ def course_of_fit(saved: SavedFit, impact: Impacts | str, draws: int) -> Course:
     if draws < 1:
         raise ParameterError(f"draws = {draws}: expected at least 1")
     simulation = simulate_fit(saved.fitted, given, draws)
-    notes = remarks_on(predict_new(saved.fitted, given), 0)
+    notes = [*remarks_on(predict_new(saved.fitted, given), 0), *filter(None, [saved.at_common])]
     if saved.status is RunStatus.POINT_ONLY:
         notes.append("a point fit has no posterior: courses at the point estimate, without bands")
     if saved.status is RunStatus.NOT_CONVERGED:

@@ -71,11 +71,11 @@ def run(args: argparse.Namespace) -> int:
         if made.tree is not None:
             raise ParameterError("--out -: netCDF is no text; name a file")
         sys.stdout.write(next(iter(made.texts.values())))
-        return 0
-    path = Path(args.fit)
-    beside = path if path.is_dir() else path.parent
-    for place in made.write(beside if args.out is None else Path(args.out), args.overwrite):
-        print(place)
+    else:
+        path = Path(args.fit)
+        beside = path if path.is_dir() else path.parent
+        for place in made.write(beside if args.out is None else Path(args.out), args.overwrite):
+            print(place)
     if made.note:
         tell_notes([made.note])
     return 0

@@ -37,7 +37,7 @@ def run_map(args: argparse.Namespace) -> int:
     if contours not in contour_names():
         raise ParameterError(f"unknown quantity '{contours}': {suggestion(contours, contour_names())}")
     asked = parse_window(args.map)
-    fitted, title, impacts, source = _from_fit(args.fit) if args.fit is not None else _from_values(args)
+    fitted, title, impacts, source = _from_fit(args) if args.fit is not None else _from_values(args)
     if contours == "contact_time" and not fitted.model.has_time:
         raise ParameterError(f"--contours contact_time: model {fitted.model.name} has none")
     found = regime_map(fitted, _window(asked, impacts))
@@ -54,11 +54,13 @@ def run_map(args: argparse.Namespace) -> int:
     return 0
 
 
-def _from_fit(path: str) -> tuple[FittedModel, str, Impacts | None, str]:
+def _from_fit(args: argparse.Namespace) -> tuple[FittedModel, str, Impacts | None, str]:
     """A fit, and the impacts it was made from."""
     from fitball.api import load_fit
 
-    saved = load_fit(path).saved
+    saved = load_fit(args.fit).saved
+    if saved.at_common and not args.quiet:
+        tell_notes([saved.at_common])
     table = saved.file.table.name
     return saved.fitted, f"{saved.fitted.model.name} fitted to {table}", saved.impacts, table
 

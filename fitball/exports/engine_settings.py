@@ -151,7 +151,7 @@ def _outside(saved: SavedFit, engine: EngineFit) -> bool:
 
 
 def _warning(saved: SavedFit, engine: EngineFit) -> list[str]:
-    said = []
+    said = [f"**{saved.at_common}.**"] if saved.at_common else []
     if _outside(saved, engine):
         said.append("**The operating point lies outside the calibrated range.**")
     if engine.extrapolated:

@@ -37,16 +37,17 @@ class Options:
 @dataclass(frozen=True)
 class TextFormat:
     """A form made of text: `stem` of its file by default, and `make`, which gives one text for each ending; `note`
-    finds in them what a user should know at once.
+    finds in them what a user should know at once. What `bounces` answers impacts.
     """
 
     stem: str
     make: Callable[[SavedFit, Options], Mapping[str, str]]
     note: Callable[[Mapping[str, str]], str] = lambda _texts: ""
+    bounces: bool = True
 
 
 def _parameters(ending: str, make: Callable[[SavedFit], str]) -> TextFormat:
-    return TextFormat("parameters", lambda saved, _options: {ending: make(saved)})
+    return TextFormat("parameters", lambda saved, _options: {ending: make(saved)}, bounces=False)
 
 
 def origin_of(saved: SavedFit) -> str:
@@ -62,7 +63,7 @@ def origin_of(saved: SavedFit) -> str:
 def _port(make: Callable[[Port, str], Mapping[str, str]]) -> TextFormat:
     def texts(saved: SavedFit, options: Options) -> Mapping[str, str]:
         prefix = options.prefix
-        if not (prefix.isidentifier() and prefix.isascii() and prefix.strip("_")):
+        if not (prefix.isascii() and prefix.lstrip("_").isidentifier()):
             raise ParameterError(f"{option('prefix', prefix)}: expected the beginning of a name, such as clay_")
         return make(make_port(saved.fitted, saved.golden, origin_of(saved)), prefix)
 
@@ -82,7 +83,7 @@ TEXT_FORMATS: Mapping[str, TextFormat] = {
     "csv": _parameters(".csv", parameter_table),
     "latex": _parameters(".tex", latex_table),
     "markdown": _parameters(".md", markdown_table),
-    "certificate": TextFormat("certificate", lambda saved, _options: {".html": certificate(saved)}),
+    "certificate": TextFormat("certificate", lambda saved, _options: {".html": certificate(saved)}, bounces=False),
     "golden": TextFormat(
         "golden", lambda saved, options: {".csv": golden_table(saved.fitted, saved.golden, options.inputs_only)}
     ),

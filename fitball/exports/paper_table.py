@@ -15,7 +15,8 @@ from fitball.report.saved.saved_fit import SavedFit
 
 _ESCAPES = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
-    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "|": r"\textbar{}", "<": r"\textless{}",
+    ">": r"\textgreater{}",
 }  # fmt: skip
 
 
@@ -130,8 +131,9 @@ def markdown_table(saved: SavedFit) -> str:
     for row in paper_rows(saved):
         superscript = f" ({row.mark})" if row.mark else ""
         value = f"{row.value} ± {row.sd}{superscript}" if row.sd else row.value
-        lines.append(
-            f"| `{row.name}` | {row.meaning} | {value} | {row.interval_95} | {row.unit} |".replace("|  |", "| |")
-        )
+        cells = (f"`{row.name}`", row.meaning, value, row.interval_95, row.unit)
+        # A label may hold what divides cells, or a line break.
+        plain = (" ".join(cell.split()).replace("|", r"\|") for cell in cells)
+        lines.append("|" + "".join(f" {cell} |" if cell else " |" for cell in plain))
     notes = [f"({mark}) {note}." for mark, note in _notes(saved)]
     return "\n".join([*lines, *([""] if notes else []), *notes]) + "\n"

@@ -67,6 +67,17 @@ class SavedFit:
         """The parameters that were fitted, in order."""
         return tuple(name for name, parameter in self.parameters.items() if parameter.verdict is not Verdict.FIXED)
 
+    @property
+    def at_common(self) -> str:
+        """What is to be said of a bounce without a level, where parameters differ between levels; empty where none
+        does.
+        """
+        pooled = {item.parameter: item.column for item in self.file.levels}
+        return "; ".join(
+            f"{name} differs between {column}s: taken at the value common to all, which is that of none of them"
+            for name, column in pooled.items()
+        )
+
     def beside(self, name: str) -> Path:
         """The file called `name` beside `fit.json`. Raises ResultFolderError for a fit that was never saved."""
         if self.place is None:
@@ -174,6 +185,11 @@ def _fitted(file: FitFile, part: FittedPart) -> FittedModel:
     )
 
 
+def _impacts(part: Incident) -> Impacts:
+    cor = None if part.cor is None else np.array(part.cor)
+    return Impacts(np.array(part.v_x1), np.array(part.v_y1), np.array(part.omega_1), cor)
+
+
 def _known(values: Sequence[float] | None, count: int) -> FloatArray:
     return np.full(count, np.nan) if values is None else np.array(values)
 
@@ -183,11 +199,6 @@ def _golden(part: GoldenPart) -> Golden:
     return Golden(
         parameters=part.parameters,
         impacts=_impacts(part.impacts),
-def _impacts(part: Incident) -> Impacts:
-    cor = None if part.cor is None else np.array(part.cor)
-    return Impacts(np.array(part.v_x1), np.array(part.v_y1), np.array(part.omega_1), cor)
-
-
         rebound=Rebound(
             **{name: _known(getattr(made, name), count) for name in OUTPUTS},
             regime=np.array(made.regime, dtype=np.int64),
