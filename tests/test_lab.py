@@ -244,6 +244,12 @@ def test_a_certificate_of_a_court(dropped, court):
         assert words in page
 
 
+def test_a_certificate_says_what_it_leaves_out(dropped, monkeypatch):
+    assert "remarks stand" not in certificate(dropped)
+    monkeypatch.setattr("fitball.exports.certificate.MOST_REMARKS", 2)
+    assert "more remarks stand in report.html" in certificate(dropped)
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(find_browser() is None, reason="no browser")
 def test_a_full_certificate_prints_on_one_page(dropped, tmp_path):

@@ -161,10 +161,10 @@ def column_of(known, name, rng):
 
 
 def test_levels_are_places_to_measure_at(known, finalists_briefly):
-    """A surface of which little is known is the one to measure on."""
-    problem = build_problem(
-        known.problem.table, known.problem.scene, Choices(model="grip-slip", pool={"mu": "group"})
-    )
+    """A surface of which little is known is the one to measure on, under its whole name."""
+    group = tuple(f"{label}, wet" for label in known.problem.table.labels["group"])
+    table = replace(known.problem.table, labels={"group": group})
+    problem = build_problem(table, known.problem.scene, Choices(model="grip-slip", pool={"mu": "group"}))
     labels = problem.pooling[0].labels
     rng, values = np.random.default_rng(9), []
     for name in problem.free_names:
@@ -179,7 +179,7 @@ def test_levels_are_places_to_measure_at(known, finalists_briefly):
         problem, posterior_from(problem, np.column_stack(values)), Asked("court pace", *where, 1, sensors=["none"])
     )
     assert plan.settings.surfaces == labels and len(plan.parts) == len(labels)
-    assert plan.chosen[0].setting.surface == labels[1]
+    assert plan.chosen[0].setting.surface == plan_rows(plan, problem)[0]["group"] == labels[1]
     assert np.argmin(plan.chosen[0].sds / plan.sds) == 1
 
 

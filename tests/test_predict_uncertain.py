@@ -151,6 +151,8 @@ def test_an_uncertain_impact_in_words():
     assert not covariance[0, 2, :2].any()
     assert impacts.omega_1[0] == pytest.approx(-950.0 * math.pi / 30.0)
     assert impacts.v_x1[0] == parse_impact("v=38 mph, theta=18, spin=950 rpm back").v_x1[0]
+    with pytest.raises(ParameterError, match="which predictions alone take"):
+        parse_impact("v=38±1 mph, theta=18")
     assert parse_uncertain_impact("v=38 mph, theta=18")[1] is None
 
 

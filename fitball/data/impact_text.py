@@ -31,8 +31,11 @@ _FORMS = "expected v and theta, or v_x and v_y, or v_y alone for a dropped ball;
 
 
 def parse_impact(text: str) -> Impacts:
-    """One impact; see `parse_uncertain_impact`, of which this is the state alone."""
-    return parse_uncertain_impact(text)[0]
+    """One impact as `parse_uncertain_impact` reads it. Raises ParameterError for a stated uncertainty too."""
+    impact, covariance = parse_uncertain_impact(text)
+    if covariance is not None:
+        raise ParameterError(f"impact '{text}': states an uncertainty, which predictions alone take: leave it out")
+    return impact
 
 
 def parse_uncertain_impact(text: str) -> tuple[Impacts, FloatArray | None]:

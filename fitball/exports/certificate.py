@@ -70,7 +70,8 @@ def certificate(saved: SavedFit) -> str:
         for name, item in saved.parameters.items()
         if item.prior_source
     )
-    remarks = (*sources, *content.remarks)[:MOST_REMARKS]
+    remarks = (*sources, *content.remarks)
+    more = _left_out(len(remarks), "remarks", MOST_REMARKS)
     return render_template(
         "fitball.report",
         "certificate.html.j2",
@@ -80,7 +81,7 @@ def certificate(saved: SavedFit) -> str:
         result=content.result,
         parts=content.parts,
         adequacy="Not looked at." if file.adequacy is None else file.adequacy.sentence,
-        remarks=remarks or ("Nothing besides the table and its scene.",),
+        remarks=[*remarks[:MOST_REMARKS], *([more] if more else [])] or ["Nothing besides the table and its scene."],
         facts=_facts(saved),
     )
 

@@ -68,8 +68,8 @@ def html_text(saved: SavedFit) -> str:
 def report_text(saved: SavedFit) -> str:
     """Outcome, statistics, parameters, correlations and notes."""
     file = saved.file
-    count = sum(1 for _ in file.data.measurements) * file.table.impacts
-    head = f"{saved.fitted.model_name} on {file.table.name}: {file.table.impacts:,} impacts, {count:,} measurements"
+    measured = ", ".join(file.data.measurements)
+    head = f"{saved.fitted.model_name} on {file.table.name}: {file.table.impacts:,} impacts with {measured}"
     closures = ", ".join(f"{name} = {value}" for name, value in saved.fitted.options.items())
     lines = ["[[Fit]]", f"    {head}, {len(saved.free_names)} free parameters"]
     lines += [f"    closures: {closures}"] if closures else []
