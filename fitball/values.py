@@ -29,7 +29,9 @@ SMALLEST, LARGEST = 1e-30, 1e6
 def numbers(name: str, values: ArrayLike) -> FloatArray:
     """`values` as float64, NaN where they are masked. Raises ParameterError for what are no numbers."""
     try:
-        return np.ma.asarray(values, dtype=np.float64).filled(np.nan)
+        if isinstance(values, np.ma.MaskedArray):
+            return np.ma.filled(values.astype(np.float64), np.nan)
+        return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
         raise ParameterError(f"{name}: read {reprlib.repr(values)}, expected a number or an array of them") from None
 
