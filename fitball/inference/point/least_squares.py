@@ -51,6 +51,9 @@ def least_squares(problem: Problem, starts: FloatArray) -> LeastSquares:
     measured = sum(observable.observed.size for observable in problem.observables) + (
         problem.contact_time is not None
     )
+    if problem.force is not None:
+        # The start of contact of each record is a residual, and fitted.
+        measured += int(problem.force.mask.sum())
     return LeastSquares(
         values=named_values(problem, values),
         stderr=stderr,
