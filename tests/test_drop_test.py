@@ -146,6 +146,7 @@ def test_air_is_that_of_an_integrated_fall():
     assert fall_speed_in_air(2.54, 1e-9) == pytest.approx(V0, rel=1e-6)
     found, _ = told(dropped([V0] * 6, [0.745] * 6))
     assert found.rebound.with_air.median == pytest.approx(0.933 * found.rebound.height.median, rel=0.01)
+    assert found.rebound.with_air.point == pytest.approx(0.933 * found.rebound.height.point, rel=0.01)
     assert found.rebound.passing_with_air < 0.1 < found.rebound.passing["type-2"].mean
 
 
