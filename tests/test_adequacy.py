@@ -279,6 +279,14 @@ def test_an_expected_noise_is_held_against_its_prior():
         assert check.p == pytest.approx(norm.sf(np.log(check.fitted / check.reference) / wide), rel=1e-6)
 
 
+def test_a_noise_beyond_the_end_of_its_prior_is_as_probable_as_its_error_is_large():
+    _, found = described(simulated(40), priors={"v_y_sd": "uniform(0.01, 0.2)"})
+    check = next(item for item in found.noise if item.noise == "v_y_sd")
+    assert check.fitted > 0.2
+    error = check.fitted / np.sqrt(2.0 * check.degrees_of_freedom)
+    assert check.p == pytest.approx(norm.sf((check.fitted - 0.2) / error), rel=1e-6)
+
+
 @pytest.mark.parametrize("n", [20, 23, 200])
 def test_heavy_tails_are_scored_as_scipy_scores_them(n):
     random = np.random.default_rng(1)

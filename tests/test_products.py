@@ -36,6 +36,13 @@ def test_a_product_that_is_known_is_found_with_its_exponents(exponents):
     assert found.error == pytest.approx(0.03, rel=0.01)
 
 
+def test_of_several_exponents_those_that_are_known_best_are_told():
+    """Known to 0.78 of its best factor with exponents 1 and 1, to 0.4 with 1 and 2."""
+    (found,) = known_products(np.array([[1.0, -0.57], [-0.57, 0.36]]))
+    np.testing.assert_array_equal(found.exponents, [1, 2])
+    assert found.error == pytest.approx(0.4)
+
+
 def test_sparse_products_come_first_and_hide_what_only_repeats_them():
     found = known_products(covariance_of([[1, 1, 0, 0], [0, 0, 1, -1]], 0.05))
     assert [item.exponents.tolist() for item in found] == [[1, 1, 0, 0], [0, 0, 1, -1]]
