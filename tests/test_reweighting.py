@@ -123,6 +123,18 @@ def test_a_normal_prior_is_divided_out_exactly(interim):
     assert np.diff(log_likelihood(table, points)) == pytest.approx(np.diff(expected), abs=0.02)
 
 
+def test_a_second_mode_does_not_blur_the_first():
+    """Its draws make the sd fifteen times that of the first; under a flat prior the likelihood is a closed form."""
+    shares, modes = np.array([0.9, 0.1]), (stats.norm(0.0, 0.03), stats.norm(1.5, 0.3))
+    draws = [
+        mode.ppf((np.arange(400 * share) + 0.5) / (400 * share)) for mode, share in zip(modes, shares, strict=True)
+    ]
+    table = TableDraws.of("t", np.concatenate(draws), np.zeros_like)
+    points = np.array([[0.0, 0.0], [0.05, 0.0], [0.0, 0.05], [0.1, 0.05], [1.5, 0.1]])
+    each = [stats.norm.pdf(points[:, 0], mode.mean(), np.hypot(points[:, 1], mode.std())) for mode in modes]
+    assert np.diff(log_likelihood(table, points)) == pytest.approx(np.diff(np.log(shares @ each)), abs=0.25)
+
+
 def test_draws_that_repeat_each_other_count_for_less():
     """Twice the same draws, known to be worth half as many, are worth what they were."""
     rng = np.random.default_rng(9)

@@ -5,9 +5,9 @@ normal population of centre `m` and spread `tau` put in its place, the likelihoo
 the weights of the draws (Hogg, Myers and Bovy 2010, ApJ 725, 2166). Everything here is in the coordinate of the
 quantity.
 
-A draw stands for a normal density about it, `SMOOTH` sds of its table wide, and draws are drawn together by as much,
-so that mean and variance stay what they are (West 1993, J. R. Stat. Soc. B 55, 409): else a spread of zero had no
-likelihood.
+A draw stands for a normal density about it, `SMOOTH` sds of its table wide (of its middle half where that is
+narrower), and draws are drawn together by as much, so that mean and variance stay what they are (West 1993, J. R.
+Stat. Soc. B 55, 409): else a spread of zero had no likelihood.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
+from scipy.stats import iqr
 
 from fitball.values import FloatArray
 
@@ -45,8 +46,10 @@ class TableDraws:
         A normal density over a normal one is normal again, elsewhere and wider: with the slope and the mean curvature
         of the logarithm of the prior, division by it is exact for normal and for flat priors.
         """
-        centre, width = draws.mean(), SMOOTH * float(draws.std())
-        places = centre + np.sqrt(1.0 - SMOOTH**2) * (draws - centre)
+        centre, sd = draws.mean(), float(draws.std())
+        # A long tail, or a second mode, is no reason to blur the first.
+        width = SMOOTH * (min(sd, float(iqr(draws, scale="normal"))) or sd)
+        places = centre + np.sqrt(1.0 - (width / sd) ** 2) * (draws - centre)
         left, here, right = (interim(places + step) for step in (-width, 0.0, width))
         # At a bound there is no slope to be had.
         inside = np.isfinite(left + right)
