@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from pathlib import Path
 
 from fitball.errors import FitError
 from fitball.wording import on_command_line
@@ -14,6 +15,11 @@ def slow_to_fast(number):
     """The later, the sooner done."""
     time.sleep(0.05 * max(0, 4 - number))
     return number, os.getpid(), on_command_line()
+
+
+def folder_elsewhere(task):
+    """The folder that another process works in; the `parent` waits until it has begun."""
+    return elsewhere((*task, "")), str(Path.cwd())
 
 
 def elsewhere(task):

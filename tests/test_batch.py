@@ -14,6 +14,7 @@ import pytest
 from samples import HANG
 
 import fitball
+from fitball.batch.one import fit_one
 from fitball.batch.plan import Plan
 from fitball.batch.run import run_tasks
 from fitball.batch.task import tasks_of
@@ -136,6 +137,12 @@ def test_the_table_of_all_is_the_same_as_csv_and_parquet(alone):
     frame = pd.read_parquet(folder / "batch.parquet")
     assert [row[NAME] for row in rows] == frame[NAME].tolist() == [f"court_{k}" for k in range(5)]
     assert float(rows[0]["mu"]) == frame["mu"][0] == batch.rows[0]["mu"]
+
+
+def test_a_process_that_does_not_see_the_folder_writes_nothing_elsewhere(courts, tmp_path):
+    done = fit_one(quick(tmp_path / "there"), tasks_of(f"{courts}/court_0.csv")[0])
+    assert "not the folder of the batch in the process that works" in done.row["reason"]
+    assert not (tmp_path / "there").exists()
 
 
 def test_a_fault_of_ours_in_one_table_is_a_row_too(courts, tmp_path, monkeypatch):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from door_tasks import elsewhere, slow_to_fast
+from door_tasks import elsewhere, folder_elsewhere, slow_to_fast
 from samples import drop_table, problem_of
 from toy_experiment import Toy
 
@@ -41,6 +41,14 @@ def test_a_process_that_is_killed_or_fails_ends_all_with_a_word(tmp_path):
     # The next who ask are served.
     again = engine(2).unordered(elsewhere, [(tmp_path / "begun", os.getpid(), "")] * 2)
     assert sorted(again) == ["elsewhere", "here"]
+
+
+def test_other_processes_name_files_from_the_folder_of_who_asks(cluster, tmp_path, monkeypatch):
+    for name, workers in (("one", engine(2)), ("two", engine(2)), ("three", engine(scheduler=cluster))):
+        (tmp_path / name).mkdir()
+        monkeypatch.chdir(tmp_path / name)
+        made = dict(workers.unordered(folder_elsewhere, [(tmp_path / name / "begun", os.getpid())] * 2))
+        assert made["elsewhere"] == str(tmp_path / name)
 
 
 def test_a_cluster_that_loses_a_worker_says_so(cluster, monkeypatch):

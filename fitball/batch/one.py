@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fitball.api.calibrating import Run, pose
-from fitball.batch.plan import Plan
+from fitball.batch.plan import RECORD_NAME, Plan
 from fitball.batch.task import Task
 from fitball.errors import FitballError, ResultFolderError
 from fitball.inference.results.results import Fit
@@ -51,6 +51,11 @@ def fit_one(plan: Plan, task: Task) -> Done:
 
 
 def _fitted(plan: Plan, task: Task) -> Done:
+    if not (plan.folder / RECORD_NAME).is_file():
+        raise ResultFolderError(
+            f"{plan.folder.absolute()}: not the folder of the batch in the process that works; workers on other "
+            "machines need the files of this one at the same place"
+        )
     problem = pose(
         task.table, plan.choices, config=plan.config, flip=plan.flip, columns=plan.columns, as_read=plan.as_read,
         units=plan.units,

@@ -12,6 +12,9 @@ from fitball.inference.effort import Effort
 from fitball.inference.problem.choices import Choices
 from fitball.inference.problem.problem import Problem
 
+# What marks a folder as that of a batch.
+RECORD_NAME = "batch.json"
+
 
 @dataclass(frozen=True)
 class Plan:

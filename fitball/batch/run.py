@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from fitball.batch.one import Done, fit_one
-from fitball.batch.plan import Plan
+from fitball.batch.plan import RECORD_NAME, Plan
 from fitball.batch.task import Task
 from fitball.errors import ParameterError, ResultFolderError
 from fitball.report.batch.rows import FAILED, HEAD, NAME, Row
@@ -16,7 +16,6 @@ from fitball.report.form.folders import make_folder
 from fitball.report.form.json_text import json_text
 from fitball.scheduling.engine import Engine
 
-RECORD_NAME = "batch.json"
 KIND = "fitball batch"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Generic, Protocol, TypeVar
 
 from fitball.errors import ParameterError
@@ -77,13 +78,18 @@ class _Placed(Generic[Item, Made]):
 
 
 class Elsewhere(Generic[Item, Made]):
-    """A task as another process runs it: its messages speak to whom they speak to here."""
+    """A task as another process runs it: its messages speak to whom they speak to here, and files are named from the
+    same folder, if it is there.
+    """
 
     def __init__(self, make: Callable[[Item], Made]) -> None:
         self.make = make
         self.command_line = on_command_line()
+        self.folder = Path.cwd()
 
     def __call__(self, item: Item) -> Made:
         """Run it on `item`."""
         listen(self.command_line)
+        if self.folder.is_dir():
+            os.chdir(self.folder)
         return self.make(item)

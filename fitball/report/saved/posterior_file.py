@@ -12,6 +12,7 @@ from fitball.inference.results.results import Fit, Posterior
 from fitball.report.form.listed import listed_places
 from fitball.report.saved.netcdf import Variable, write_groups
 from fitball.values import FloatArray
+from fitball.wording import option
 
 CHAINS = ("chain", "draw")
 
@@ -72,7 +73,8 @@ def read_netcdf(path: Path, names: Sequence[str], shape: tuple[int, int, int]) -
     """
     ensembles, steps, walkers = shape
     chains = (ensembles * walkers, steps)
-    with opened(path, "the posterior draws that belong to the fit.json beside it") as file:
+    what = f"the posterior draws that belong to the fit.json beside it (a batch keeps them with {option('full')})"
+    with opened(path, what) as file:
         kept, known = group(file, "posterior"), group(file, "prior")
         owner = array(kept, "ensemble", chains[:1], "iu")
         if not np.array_equal(owner, np.repeat(np.arange(ensembles), walkers)):
