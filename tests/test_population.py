@@ -82,6 +82,17 @@ def test_one_table_far_off_is_found_and_hides_nothing(population):
     assert np.mean(false) < 0.16
 
 
+def test_a_table_known_much_better_than_the_others_is_no_outlier_for_that(population):
+    """All of one value: they scatter by their errors alone, and their median by more than the error of the best."""
+    sds = population[1][:, :12].copy()
+    sds[:, 3] *= 0.02
+    y = sds * np.random.default_rng(5).standard_normal(sds.shape)
+    y[200:, 3] += 12.0
+    named = [np.any(np.abs(d) > limit) for d, limit in (outliers(*one) for one in zip(y, sds, strict=True))]
+    assert np.mean(named[:200]) < 0.1
+    assert np.mean(named[200:]) > 0.95
+
+
 def test_equal_tables_have_no_outlier():
     distance, limit = outliers(np.ones(5), np.zeros(5))
     assert np.all(np.abs(distance) < limit)

@@ -84,12 +84,17 @@ def outliers(estimates: FloatArray, sds: FloatArray) -> tuple[FloatArray, FloatA
     its scatter has beyond the typical `sd`. That is known as well as from `EFFICIENCY` times as many tables by an
     ordinary standard deviation, so that limits are Student's, with the degrees of freedom of a sum of a known and an
     estimated variance (Satterthwaite 1946, Biometrics Bull. 2, 110).
+
+    A table that is known much better than most lies from their median as far as that errs: its variance is
+    `pi s^2/(2 n)` for `n` of typical sd `s`, its covariance with one of them `s` times that one's sd over `n`.
     """
     count = len(estimates)
     centre = float(np.median(estimates))
     scatter = float(mad(estimates, scale="normal"))
     spread = max(0.0, scatter**2 - float(np.median(sds)) ** 2)
     whole = sds**2 + spread
+    usual = float(np.median(np.sqrt(whole)))
+    whole += np.maximum(0.0, 0.5 * np.pi * usual**2 - 2.0 * np.sqrt(whole) * usual) / count
     distance = np.divide(estimates - centre, np.sqrt(whole), out=np.zeros_like(estimates), where=whole > 0.0)
     share = np.divide(spread, whole, out=np.zeros_like(whole), where=whole > 0.0)
     freedom = np.minimum(EFFICIENCY * (count - 1) / np.maximum(share, 1e-3) ** 2, 1e6)
