@@ -245,4 +245,14 @@ def test_large_tables_are_left_out_in_folds():
     assert any("20 random folds" in note for note in notes)
 
 
+@pytest.mark.parametrize("higher", [0, 5])
+def test_drops_from_one_height_have_no_slowest_third(higher):
+    table = drop_table(np.random.default_rng(1), count=18)
+    speeds = np.where(np.arange(18) < higher, 9.0, 7.06)
+    table = replace(table, impacts=type(table.impacts)(0.0 * speeds, speeds, 0.0 * speeds))
+    folds, notes = make_folds(table, np.random.default_rng(0))
+    assert {fold.scheme for fold in folds} == {IMPACTS}
+    assert any("have the same speed" in note for note in notes)
+
+
 # --- published sets

@@ -74,8 +74,12 @@ def make_folds(table: ImpactTable, rng: np.random.Generator) -> tuple[tuple[Fold
         return tuple(folds), notes
     given = table.impacts
     angle = table.has_tangential
-    order = np.argsort(np.arctan2(given.v_y1, np.abs(given.v_x1)) if angle else given.v_y1, kind="stable")
+    along = np.arctan2(given.v_y1, np.abs(given.v_x1)) if angle else given.v_y1
+    order = np.argsort(along, kind="stable")
     third = count // 3
+    if along[order[third - 1]] == along[order[-third]]:
+        notes.append(f"too many impacts have the same {'angle' if angle else 'speed'} to leave out either end of it")
+        return tuple(folds), notes
     low, high = ("shallowest third", "steepest third") if angle else ("slowest third", "fastest third")
     folds += [Fold(low, low, np.sort(order[:third])), Fold(high, high, np.sort(order[-third:]))]
     return tuple(folds), notes
