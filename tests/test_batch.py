@@ -22,6 +22,7 @@ from fitball.cli.main import main
 from fitball.errors import FitballError
 from fitball.inference.effort import Effort
 from fitball.inference.problem.choices import Choices
+from fitball.report.batch.figure import batch_figure
 from fitball.report.batch.rows import HEAD, NAME, read_rows, row_of
 from fitball.report.batch.series import all_series, things_along
 from fitball.report.batch.words import centre_rows, told
@@ -280,6 +281,14 @@ def test_a_drift_is_told_in_the_unit_of_what_it_is_along():
     assert not any("spin_sd" in point for point in points)
     level = told(made_rows(np.zeros(12)), all_series(made_rows(0.5 + wobble))).points
     assert not any("drifts" in point for point in level)
+    # Where the line is drawn a table far off that has no date is not, nor does it set the scale.
+    rows = made_rows(
+        [9.0, *(0.5 + 0.01 * np.arange(12) + wobble)], cells=["", *(f"2026-05-{k:02d}" for k in range(1, 13))]
+    )
+    rows[0]["label:date"] = None
+    mu = all_series(rows)[0]
+    (panel,) = batch_figure([mu], [str(row[NAME]) for row in rows], mu.drifts[0][0]).axes
+    assert panel.get_ylim()[1] < 1.0
 
 
 def test_an_outlier_is_named_and_values_that_the_prior_gave_are_not_counted():

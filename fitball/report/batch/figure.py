@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
+from numpy.typing import NDArray
 
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.models.registry import parameter_spec
@@ -83,17 +84,19 @@ def _draw(panel: Axes, series: Series, along: Along | None, populated: Populated
         _levels(panel, series, places, shown, populated)
     if populated is not None and not crowded:
         _pooled(panel, series, places, shown, populated)
-    _limit(panel, series, shown)
+    _limit(panel, series, np.isfinite(places), shown)
     panel.set_ylabel(shown.label, fontsize=9)
     panel.tick_params(labelsize=8)
     panel.grid(alpha=0.3, axis="y")
 
 
-def _limit(panel: Axes, series: Series, shown: ParameterAxis) -> None:
-    """Show the intervals of tables that tell the value, and the medians of all: priors may reach far."""
-    told = np.array(series.told) if any(series.told) else np.ones(len(series.told), dtype=bool)
-    low = np.nanmin([*series.low[told], *series.median]) * shown.factor
-    high = np.nanmax([*series.high[told], *series.median]) * shown.factor
+def _limit(panel: Axes, series: Series, there: NDArray[np.bool_], shown: ParameterAxis) -> None:
+    """Show the intervals of tables that tell the value, and the medians of all that are `there`: priors may reach
+    far.
+    """
+    told = there & np.array(series.told) if any(series.told) else there
+    low = np.nanmin([*series.low[told], *series.median[there]]) * shown.factor
+    high = np.nanmax([*series.high[told], *series.median[there]]) * shown.factor
     # One value alone spans nothing.
     if shown.logarithmic and 0.0 < low < high:
         log_scale(panel, *shown.margins(float(low), float(high)), "y")
