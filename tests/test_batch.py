@@ -93,7 +93,7 @@ def test_what_an_earlier_run_wrote_is_no_table(tmp_path):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ("nothing/*.csv", "no file matches"), ([], "no table"), ([{"v_1": [1.0]}], "mapping"),
+        ("nothing/*.csv", "no file matches"), ([], "no table"), ({}, "no table"), ([{"v_1": [1.0]}], "mapping"),
         (pd.DataFrame({"v_1": [1.0]}), "mapping"),
         *(({name: "x.csv"}, "can be called") for name in ("../up", "/etc", "a/", "a//b", "./a", ".", " ", 3)),
     ],

@@ -273,6 +273,19 @@ def test_sensors_are_refused_with_their_text(known, text, said):
     assert text in str(raised.value)
 
 
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"target": 3}, "target='3': expected parameters"), ({"target": ["mu", 3]}, "expected parameters"),
+        ({"cost": {"camera": "3"}}, "cost={'camera': '3'}: expected a number above 0"),
+        ({"speed": [5.0, 20.0, 7.0]}, "expected a text such as '5:20'"),
+    ],
+)  # fmt: skip
+def test_what_no_plan_can_be_asked_is_refused(grip_slip_fit, asked, said):
+    with pytest.raises(ParameterError, match=said):
+        grip_slip_fit.plan(**{"speed": np.int64(20), "angle": "30", "spin": 0, "sensors": "camera=0.5"} | asked)
+
+
 def test_sensors_that_nobody_asked_for_are_as_good_as_they_usually_are():
     table = load_table("wang_zero_spin.csv")
     asked = usual_sensors(build_problem(table, Scene(), Choices()))

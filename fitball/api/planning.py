@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -101,7 +102,7 @@ def parsed(quantity: str, given: Span | None) -> Range | None:
     if isinstance(given, str):
         return parse_range(quantity, given)
     try:
-        low, high = (given, given) if isinstance(given, int | float) else (float(end) for end in given)
+        low, high = (given, given) if isinstance(given, int | float | Integral) else (float(end) for end in given)
     except (TypeError, ValueError):
         raise ParameterError(
             f"{option(quantity, str(given))}: expected a text such as '5:20', a number, or two (low, high), in SI"

@@ -35,6 +35,8 @@ def tasks_of(
     Raises ParameterError for a pattern or folder without a table, and for tables without a name.
     """
     if isinstance(tables, Mapping):
+        if not tables:
+            raise ParameterError("no table was named")
         return tuple(Task(_folder_name(name), table) for name, table in tables.items())
     given: list[Any] = [tables]
     if isinstance(tables, Iterable) and not isinstance(tables, (str, os.PathLike)) and not in_memory(tables):

@@ -8,6 +8,8 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite, sqrt
+from numbers import Real
+from typing import Any
 
 import numpy as np
 
@@ -94,7 +96,7 @@ def usual_sensors(problem: Problem) -> tuple[str, ...]:
     return tuple(usual)
 
 
-def build_sensors(problem: Problem, texts: Sequence[str] | None, costs: Mapping[str, float]) -> tuple[Sensor, ...]:
+def build_sensors(problem: Problem, texts: Sequence[str] | None, costs: Mapping[str, Any]) -> tuple[Sensor, ...]:
     """All ways of measuring, that of the fitted table first. Raises ParameterError that quotes a text."""
     if texts is None:
         texts = usual_sensors(problem)
@@ -111,7 +113,7 @@ def build_sensors(problem: Problem, texts: Sequence[str] | None, costs: Mapping[
     for name, cost in costs.items():
         if name not in names:
             raise ParameterError(f"{_cost(name, cost)}: no such sensor is looked at: {suggestion(name, names)}")
-        if not (isfinite(cost) and cost > 0.0):
+        if not (isinstance(cost, Real) and isfinite(cost) and float(cost) > 0.0):
             raise ParameterError(
                 f"{_cost(name, cost)}: expected a number above 0, an impact measured as before being 1"
             )
@@ -123,8 +125,9 @@ def said(text: str) -> str:
     return spoken(f"--sensor {text}", f"sensors=[{text!r}]")
 
 
-def _cost(name: str, cost: float) -> str:
-    return spoken(f"--cost {name}={cost:g}", f"cost={{{name!r}: {cost:g}}}")
+def _cost(name: str, cost: object) -> str:
+    number = f"{cost:g}" if isinstance(cost, Real) else repr(cost)
+    return spoken(f"--cost {name}={number}", f"cost={{{name!r}: {number}}}")
 
 
 def parse_sensor(problem: Problem, text: str) -> Sensor:

@@ -60,7 +60,11 @@ def parse_target(text: str | Sequence[str] | None, known: Knowledge) -> Target:
             raise FitError("no parameter of the model is free: name one that is (a noise) to plan for")
         return of_parameters(problem, names, ALL[min(len(names), 3)].format(len(names)))
     if not isinstance(text, str):
-        return of_parameters(problem, tuple(text))
+        try:
+            names = tuple(map(str, text))
+        except TypeError:
+            raise ParameterError(f"{asked_for(str(text))}: {FORMS}") from None
+        return of_parameters(problem, names)
     kind, equals, rest = (part.strip() for part in text.partition("="))
     if equals:
         if kind != IMPACT:

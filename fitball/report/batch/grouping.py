@@ -43,7 +43,7 @@ def grouped(rows: Sequence[Row], over: Over) -> Grouping:
     done = {str(row[NAME]): row for row in rows if row["outcome"] == DONE}
     if not isinstance(over, str):
         for table in over.keys() - {str(row[NAME]) for row in rows}:
-            raise ParameterError(f"over: no table is called '{table}': {suggestion(table, done)}")
+            raise ParameterError(f"over: no table is called '{table}': {suggestion(str(table), done)}")
         name, levels = LEVEL, {table: str(over[table]) for table in done if table in over}
     else:
         name, levels = over, _labelled(done, over)
