@@ -166,10 +166,10 @@ def _bulleted(head: str, lines: Iterable[str]) -> str:
     return "\n".join([head, *(f"  - {line}" for line in lines)])
 
 
-def suggestion(name: str, known: Iterable[str]) -> str:
+def suggestion(name: object, known: Iterable[str]) -> str:
     """Words that name the nearest known spelling, or list all known ones when none is near."""
     choices = sorted(known)
-    near = get_close_matches(name, choices, n=1, cutoff=0.6)
+    near = get_close_matches(str(name), choices, n=1, cutoff=0.6)
     if near:
         return f"did you mean '{near[0]}'?"
     return "known: " + ", ".join(choices)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -69,7 +70,7 @@ class Ball:
     def __post_init__(self) -> None:
         for name in ("mass", "radius", "inertia"):
             value = getattr(self, name)
-            if not SMALLEST <= value <= LARGEST:
+            if not (isinstance(value, Real) and SMALLEST <= float(value) <= LARGEST):
                 raise ParameterError(
                     f"ball {name} = {value!r}: expected a number from {SMALLEST:g} to {LARGEST:g}, in SI units"
                 )

@@ -16,7 +16,15 @@ import pytest
 
 import fitball
 from fitball.cli.main import main
-from fitball.errors import Fault, FitballError, ParameterError, ReadingError, ResultFolderError, TableError
+from fitball.errors import (
+    Fault,
+    FitballError,
+    ModelError,
+    ParameterError,
+    ReadingError,
+    ResultFolderError,
+    TableError,
+)
 from fitball.values import same
 from fitball.wording import on_command_line, option, speaking_to_command_line, spoken
 
@@ -173,6 +181,14 @@ def test_what_is_no_number_is_refused():
     ball = {"mu": "rough", "cor_10": 0.75, "cor_slope": 0.0}
     with pytest.raises(ParameterError, match="mu: read 'rough'"):
         fitball.model("brody").rebound(ball, fitball.impacts(15.0, 5.0))
+    with pytest.raises(ParameterError, match="read impacts of type tuple"):
+        fitball.model("brody").rebound({**ball, "mu": 0.5}, (15.0, 5.0))
+    with pytest.raises(ParameterError, match=r"mu = \[0.5, 0.6\]: expected one number"):
+        fitball.simulate("v=17, theta=18", values={"mu": [0.5, 0.6]})
+    with pytest.raises(ParameterError, match="ball mass = '57 g': expected a number"):
+        fitball.Ball("57 g")
+    with pytest.raises(ModelError, match="unknown model"):
+        fitball.simulate("v=17, theta=18", model=fitball.model("brody"))
 
 
 @pytest.mark.parametrize(

@@ -176,6 +176,10 @@ def test_what_is_no_impact_is_refused(short_fit):
         short_fit.predict(3)
     with pytest.raises(ParameterError, match="seed = -1"):
         short_fit.predict("v=17, theta=18", seed=-1)
+    with pytest.raises(ParameterError, match="read no impacts"):
+        short_fit.predict(fitball.impacts([], []))
+    with pytest.raises(ParameterError, match="units: read 'mph', expected texts by our names"):
+        short_fit.predict({"v_1": [17.0], "theta_1": [18.0]}, units="mph")
 
 
 def test_inference_data_says_what_the_densities_are(short_fit):
@@ -265,6 +269,20 @@ def test_exports_are_those_of_the_verb(short_fit, folder, tmp_path, capsys):
         short_fit.export("json", prefix="x")
     with pytest.raises(ParameterError, match="unknown option 'prefx'"):
         short_fit.export("c", prefx="x")
+
+
+@pytest.mark.parametrize(
+    ("to", "named", "said"),
+    [
+        ("lookup", {"range": 5}, "range = 5: expected a text"),
+        ("engine", {"engine_inertia": "0.4"}, "engine_inertia = '0.4': expected a number"),
+        ("golden", {"inputs_only": "yes"}, "inputs_only = 'yes': expected True or False"),
+        (5, {}, "unknown format '5'"),
+    ],
+)
+def test_a_wrong_export_is_refused(short_fit, to, named, said):
+    with pytest.raises(ParameterError, match=said):
+        short_fit.export(to, **named)
 
 
 def test_a_course_through_time(folder, point_fit):

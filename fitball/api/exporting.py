@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fitball.errors import ParameterError, suggestion
-from fitball.exports.names import FORMAT_NAMES, OWNERS
+from fitball.exports.names import FORMAT_NAMES, KINDS, OWNERS
 from fitball.report.form.atomic_write import refuse_existing, write_text, write_whole
 from fitball.report.saved.saved_fit import SavedFit
 from fitball.wording import spoken
@@ -74,6 +74,9 @@ def exported(
                     f"{name} belongs to the format {owners}, not to {to}",
                 )
             )
+        kind, words = KINDS[name]
+        if not isinstance(given[name], kind):
+            raise ParameterError(f"{name} = {given[name]!r}: expected {words}")
     if to == NETCDF:
         whole, note = tree()
         return Exported("arviz", {}, note, whole)

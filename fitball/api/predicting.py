@@ -81,6 +81,8 @@ def new_impacts(
     what is none.
     """
     if isinstance(data, Impacts):
+        if not len(data):
+            raise ParameterError("read no impacts, expected at least one")
         return New(data, _numbered(len(data)))
     if isinstance(data, ImpactTable):
         return New(data.impacts, data.ids, data, data.incident_covariance)

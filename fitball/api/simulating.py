@@ -104,7 +104,7 @@ def model_at(name: str | None, values: Mapping[str, float]) -> tuple[Model, dict
     """A model at its defaults, some of them set, and a note that says which were not. Raises ModelError,
     ParameterError.
     """
-    plain, closures = parse_name(name if name is not None else DEFAULT_MODEL)
+    plain, closures = parse_name(str(name) if name is not None else DEFAULT_MODEL)
     chosen = model(plain, ball=None, tangential=True, **closures)
     parameters = chosen_parameters(chosen, values)
     # A model without a history has parameters without a typical value; it is refused when it is followed.

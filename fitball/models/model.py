@@ -136,6 +136,8 @@ class Model(ABC):
         marked in `status`.
         """
         names, values, single = self._checked(parameters)
+        if not isinstance(impacts, Impacts):
+            raise ParameterError(f"read impacts of type {type(impacts).__name__}, expected fitball.impacts(...)")
         if self.needs_cor and impacts.cor is None:
             raise ModelError(
                 "closure cor = 'measured' needs each impact's own coefficient of restitution: "

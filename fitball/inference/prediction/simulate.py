@@ -16,7 +16,7 @@ from fitball.models.model import Model
 from fitball.models.registry import with_history
 from fitball.models.specs import BALL_PARAMETERS
 from fitball.models.types import regime_name
-from fitball.values import FloatArray, Impacts
+from fitball.values import FloatArray, Impacts, numbers
 
 # Points of a course: a thousandth of the contact would not show in a picture.
 POINTS = 401
@@ -114,6 +114,8 @@ def chosen_parameters(model: Model, changed: Mapping[str, float]) -> dict[str, f
     for name in changed:
         if name not in allowed:
             raise ParameterError(f"unknown parameter '{name}' of model {model.name}: {suggestion(name, allowed)}")
+        if numbers(name, changed[name]).ndim:
+            raise ParameterError(f"{name} = {changed[name]!r}: expected one number")
     typical = {spec.name: spec.typical for spec in model.parameters if spec.typical is not None}
     missing = [name for name in model.parameter_names if name not in typical and name not in changed]
     if missing:
