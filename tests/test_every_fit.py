@@ -145,7 +145,11 @@ def test_predict_says_of_files_what_it_says_of_the_fit(made):
     given = {"seed": 5, "incident_covariance": table.incident_covariance}
     saved = fitball.load_fit(made.folder)
     same_values(saved.predict_interval(table.impacts, **given), made.fit.predict_interval(table.impacts, **given))
-    pd.testing.assert_frame_equal(saved.predict(table), made.fit.predict(table))
+    predicted, notes = saved.predict(table), " ".join(saved.predict(table).attrs["notes"])
+    pd.testing.assert_frame_equal(predicted, made.fit.predict(table))
+    # What is not of the row's own surface or group is said to be so.
+    assert ("at the value common to all" in notes) == bool(made.choices.pool)
+    assert ("predictions have no bias" in notes) == (made.choices.offsets is not None)
     assert saved == made.fit
 
 

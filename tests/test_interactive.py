@@ -23,6 +23,7 @@ from fitball.exports.port.port import make_port
 from fitball.inference.prediction.port_check import golden
 from fitball.inference.prediction.valid_range import total_rebound, valid_range
 from fitball.models.types import regime_name
+from fitball.report.form.palette import PHASES
 from fitball.values import Impacts
 
 FOUND, NODE = find_browser(), shutil.which("node")
@@ -215,6 +216,8 @@ def test_the_verb_writes_the_page(small_fit, tmp_path, capsys):
     assert main(["simulate", "--html", "--fit", str(small_fit), "--out", str(place)]) == 0
     text = place.read_text(encoding="utf-8")
     assert "As fitted to" in text and "http" not in text.replace("http://www.w3.org/2000/svg", "")
+    # Slip and grip have the colours that they have in figures and films.
+    assert "--slide: {}; --back: {}; --grip: {}; --hold: {}; --free: {};".format(*PHASES) in text
     assert main(["simulate", "--html", "--model", "brody", "--set", "mu=0.5", "--impact", "v=30, theta=16, spin=100",
                  "--out", str(tmp_path)]) == 0  # fmt: skip
     assert '"start": 30.0' in (tmp_path / "interactive_brody.html").read_text(encoding="utf-8")

@@ -173,6 +173,8 @@ def _named_as_before(
 def _cautions(saved: SavedFit, fitted: FittedModel, prediction: NewPrediction) -> list[str]:
     """What the fit itself leaves open."""
     notes = [f"{saved.at_common}; no interval contains how far they differ"] if saved.at_common else []
+    if any(f"{name}_offset[" in parameter for name in OBSERVABLES for parameter in saved.parameters):
+        notes.append("columns of the fitted table were biased group by group (offsets): predictions have no bias")
     if saved.status is RunStatus.NOT_CONVERGED:
         notes.append("the sampler of this fit did not converge: intervals may change")
     unknown = [output.name for output in prediction.outputs if output.rebound is not None and output.measured is None]

@@ -21,6 +21,7 @@ from fitball.inference.prediction.simulate import chosen_parameters
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.registry import model
 from fitball.models.types import PHASE_SYMBOL
+from fitball.report.form.palette import PHASES
 from fitball.report.form.template import render_template
 from fitball.values import Impacts
 
@@ -30,6 +31,8 @@ MU, COR = (0.0, 1.5, 0.001), (0.2, 0.99, 0.001)
 # Columns of every kernel's row.
 BALL = ("ball_mass", "ball_radius", "ball_inertia")
 RPM = 30.0 / math.pi
+# Areas of slip and grip by the names of the page, coloured as in figures and films.
+SHADES = dict(zip(("slide", "back", "grip", "hold", "free"), PHASES, strict=True))
 
 
 def interactive_page(fitted: FittedModel, impact: Impacts, intro: str, origin: str) -> str:
@@ -50,6 +53,7 @@ def interactive_page(fitted: FittedModel, impact: Impacts, intro: str, origin: s
         script=_inline(javascript_script(port, more)),
         settings=_inline(json.dumps(_settings(port, fitted, impact, followed), indent=1)),
         sentences=range_sentences(port),
+        shades=SHADES,
         parameters=[(name, value) for name, value in port.row if name in {*fitted.names, *BALL}],
     )
 
