@@ -330,4 +330,6 @@ def test_manners(small_fit, tmp_path, capsys):
     assert main([*call, "c", "--prefix", "clay_", "--out", "-"]) == 0
     header = capsys.readouterr().out
     assert "clay_rebound(" in header
+    assert main([*call, "engine", "--out", str(tmp_path / "speed-1.5")]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"p.json", "speed-1.5.md", "speed-1.5.json"}
     assert "fitball_" not in header

@@ -39,7 +39,9 @@ class Exported:
         if out.is_dir():
             places = tuple(out / f"{self.stem}{ending}" for ending in endings)
         else:
-            places = (out,) if len(endings) == 1 else tuple(out.with_suffix(ending) for ending in endings)
+            # `speed-1.5` has no ending of its own.
+            stem = out.stem if out.suffix in endings else out.name
+            places = (out,) if len(endings) == 1 else tuple(out.with_name(f"{stem}{ending}") for ending in endings)
         for place in places:
             refuse_existing(place, overwrite)
         for ending, place in zip(endings, places, strict=True):

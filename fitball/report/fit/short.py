@@ -71,7 +71,7 @@ def report_text(saved: SavedFit) -> str:
     measured = ", ".join(file.data.measurements)
     head = f"{saved.fitted.model_name} on {file.table.name}: {file.table.impacts:,} impacts with {measured}"
     closures = ", ".join(f"{name} = {value}" for name, value in saved.fitted.options.items())
-    lines = ["[[Fit]]", f"    {head}, {len(saved.free_names)} free parameters"]
+    lines = ["[[Fit]]", f"    {head}; {len(saved.free_names)} free parameters"]
     lines += [f"    closures: {closures}"] if closures else []
     lines += wrapped([saved.verdict], " " * 4, " " * 4)
     lines += ["[[Statistics]]", *(f"    {name:<24} = {value}" for name, value in _statistics(saved).items())]
