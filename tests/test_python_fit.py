@@ -19,6 +19,7 @@ from fitball.cli.main import main
 from fitball.errors import ParameterError, ResultFolderError
 from fitball.inference.comparison.psis_loo import leave_one_out
 from fitball.inference.effort import Effort
+from fitball.inference.prediction.simulate import COURSES, Band
 from fitball.report.figures.names import FIGURES
 from fitball.values import same
 
@@ -293,6 +294,13 @@ def test_a_course_through_time(folder, point_fit):
     told = point_fit.fitted.rebound(fitball.impacts(17 * np.cos(np.radians(18)), 17 * np.sin(np.radians(18)), 100.0))
     assert rebound["v_x2"] == pytest.approx(told.v_x2[0, 0], rel=1e-9)
     assert "contact time" in course.report() and len(course.plot().axes) >= 4 and plt.get_fignums() == []
+    levels = np.arange(5.0)
+    band = Band({name: np.tile(levels[:, None], 401) for name in COURSES}, levels, {"slide": 1.0}, draws=9, failed=0)
+    told = replace(course, simulations=(replace(course.simulations[0], band=band),))
+    # As all files name them.
+    names = ["q025", "q16", "median", "q84", "q975"]
+    assert told.to_frame()[[f"v_x_{name} [m/s]" for name in names]].iloc[0].tolist() == levels.tolist()
+    assert told.summary()["posterior"]["contact_time"] == dict(zip(names, levels, strict=True))
     for wrong in ({"fit": folder, "model": "two-mass"}, {"fit": point_fit, "values": {"mu": 1.0}}):
         with pytest.raises(ParameterError, match="brings its own model"):
             fitball.simulate("v=17, theta=18", **wrong)

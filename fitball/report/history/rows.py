@@ -7,10 +7,9 @@ from dataclasses import asdict
 from typing import Any
 
 from fitball.inference.prediction.simulate import COURSES, Band, Simulation
-from fitball.inference.results.quantiles import BAND_LEVELS
+from fitball.inference.results.quantiles import BAND
 from fitball.models.types import PHASE_SYMBOL, Phase
 
-LEVELS = tuple(f"q{1000 * level:03.0f}".rstrip("0") for level in BAND_LEVELS)
 UNITS = {
     "y": "m", "v_y": "m/s", "v_x": "m/s", "omega_1": "rad/s", "omega_2": "rad/s", "twist": "rad", "slip": "m/s",
     "normal_force": "N", "friction_force": "N",
@@ -31,7 +30,7 @@ def history_rows(simulations: Sequence[Simulation]) -> list[dict[str, object]]:
                 for name in COURSES:
                     levels = simulation.band.quantiles[name][:, k]
                     row |= {
-                        f"{name}_{level} [{UNITS[name]}]": float(v) for level, v in zip(LEVELS, levels, strict=True)
+                        f"{name}_{level} [{UNITS[name]}]": float(v) for level, v in zip(BAND, levels, strict=True)
                     }
             rows.append(row)
     return rows
@@ -63,6 +62,6 @@ def _band(band: Band) -> dict[str, object]:
     return {
         "draws": band.draws,
         "failed": band.failed,
-        "contact_time": dict(zip(LEVELS, band.contact_time.tolist(), strict=True)),
+        "contact_time": dict(zip(BAND, band.contact_time.tolist(), strict=True)),
         "regimes": dict(band.regimes),
     }
