@@ -11,7 +11,7 @@ from samples import search_briefly
 
 import fitball
 from fitball.data.read import load_table
-from fitball.inference.prediction.court_pace import DRAWS, court_pace
+from fitball.inference.prediction.court_pace import DRAWS, court_pace, pace_by_surface
 from fitball.inference.results.pace_rating import apparent_friction, itf_impact, pace_categories, pace_rating
 from fitball.inference.results.results import Verdict, thinned
 from fitball.report.fit.headline import headline
@@ -184,6 +184,14 @@ def test_a_drop_test_has_no_court_pace(tmp_path, grip_slip_fit, brief):
     assert json.loads(fit_text(fit))["court_pace"] is None
     assert "Court pace" not in page(fit, {})
     assert pace_lines(replace(grip_slip_fit.result, court_pace=None)) == ()
+
+
+def test_other_balls_have_no_court_pace(grip_slip_fit):
+    golf = replace(grip_slip_fit.problem.scene, ball=fitball.Ball(0.0459, 0.02135, 0.4 * 0.0459 * 0.02135**2))
+    problem = replace(grip_slip_fit.problem, scene=golf)
+    found = court_pace(problem, grip_slip_fit.point, None, np.random.default_rng(1))
+    assert not found.ratings and found.measured is None and "tennis ball, and this one has 45.9 g" in found.missing
+    assert pace_by_surface(problem, grip_slip_fit.posterior.draws[:5]) == {}
 
 
 def test_a_model_that_needs_the_measured_restitution_says_so(brief):

@@ -87,6 +87,20 @@ def test_one_speed_tells_the_restitution_there():
     assert any("No column says which ball" in line for line in remarks)
 
 
+def test_other_balls_are_not_judged_by_the_rules_of_tennis():
+    """A basketball has a restitution, but no limits of the ITF; a foam ball, and what is stated as a type, have."""
+    drops, basketball = dropped([6.0] * 12, [0.745] * 12), Ball(0.62, 0.12, 0.6 * 0.62 * 0.12**2)
+    found, _ = told(drops, ball=basketball)
+    assert found.rebound is None and not found.missing
+    shown = rows_of(found)
+    assert shown.speeds[0]["COR"].startswith("0.7") and shown.types == ()
+    words = " ".join((*drop_lead(found), *drop_remarks(found)))
+    assert "COR at 6.00 m/s" in words and "are those of tennis balls" in words
+    assert not any(item in words for item in ("passes", "Limits:", "The ITF tests"))
+    foam = Ball(0.03, 0.044, 0.5 * 0.03 * 0.044**2)
+    assert told(drops, ball=foam)[0].rebound and told(drops, ball=basketball, ball_type="stage-1")[0].rebound
+
+
 @pytest.mark.parametrize(
     ("mean", "kind"), [(0.745, "type-2"), (0.760, "type-2"), (0.760, "type-1"), (0.70, "stage-1")]
 )

@@ -10,11 +10,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from fitball.values import Ball
+
 SOURCE = "ITF Approved Tennis Balls, Classified Surfaces & Recognised Courts, test method ITF TB 04/01"
 DROP_HEIGHT = 2.54
 DEFAULT_TYPE = "type-2"
 # What the booklet asks of the room in which balls lie for 24 hours and are tested [degrees Celsius].
 TEST_TEMPERATURE = 20.0
+# Mass [kg] and radius [m] of tennis balls of all types, those of foam among them (Appendix I), with room for wear and
+# for a gauge that is off.
+MASSES, RADII = (0.024, 0.062), (0.0295, 0.0455)
 
 
 @dataclass(frozen=True)
@@ -38,3 +43,8 @@ _ALL = (
     BallType("stage-3-foam", "stage 3 (red, foam)", 0.85, 1.05),
 )
 BALL_TYPES: Mapping[str, BallType] = {item.name: item for item in _ALL}
+
+
+def like_tennis(ball: Ball) -> bool:
+    """Whether a ball is one that the ITF's tests are made for, by its mass and size."""
+    return MASSES[0] <= ball.mass <= MASSES[1] and RADII[0] <= ball.radius <= RADII[1]

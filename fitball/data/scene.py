@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from fitball.data.ball_types import BALL_TYPES
+from fitball.data.ball_types import BALL_TYPES, like_tennis
 from fitball.data.bundled import resolve_table
 from fitball.data.frozen import FrozenMapping
 from fitball.data.scene_file import Quantity, read_scene_file
@@ -88,6 +88,11 @@ class Scene:
     assumed: tuple[str, ...] = ()
     description: str = ""
     citation: str = ""
+
+    @property
+    def tennis(self) -> bool:
+        """Whether its ball is a tennis ball, by what is stated or by mass and size: the ITF's tests are of these."""
+        return self.ball_type is not None or like_tennis(self.ball)
 
     @property
     def states_ball(self) -> bool:

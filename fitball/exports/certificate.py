@@ -105,7 +105,8 @@ def _of_drops(test: DropTest) -> _Content:
     elif len(shown.speeds) > 1:
         heads = ("speed [m/s]", "drops", "COR", "95 %", "measured mean")
         parts.append(Part("Restitution at the tested speeds", heads, shown.speeds))
-    return _Content("Drop test of tennis balls", drop_lead(test), tuple(parts), drop_remarks(test))
+    title = "Drop test" if test.rebound is None else "Drop test of tennis balls"
+    return _Content(title, drop_lead(test), tuple(parts), drop_remarks(test))
 
 
 def _of_court(pace: CourtPace) -> _Content:

@@ -30,6 +30,7 @@ from fitball.models.types import STATUS_REASON, Rebound, Status
 from fitball.values import FloatArray, Impacts
 
 DRAWS = 4000
+NO_TENNIS = "the test is made with a tennis ball, and this one has {:.3g} g and a radius of {:.3g} mm"
 SLIDING = ("slide", "slide back")
 
 
@@ -40,6 +41,8 @@ def court_pace(
     if not problem.table.has_tangential:
         return None
     scene = problem.scene
+    if not scene.tennis:
+        return CourtPace((), NO_TENNIS.format(1e3 * scene.ball.mass, 1e3 * scene.ball.radius))
     known = CourtPace(
         (), "", scene.ball_temperature, scene.ball_temperature_sd, measured=measured_pace(problem.table, scene, rng)
     )
@@ -92,7 +95,7 @@ def pace_by_surface(problem: Problem, values: FloatArray) -> dict[str, FloatArra
     """Ratings (draws,) of every surface by its labels at free values (draws, free); NaN where the model cannot be
     evaluated. Empty where there are none.
     """
-    if not problem.table.has_tangential or _unrated(problem):
+    if not (problem.table.has_tangential and problem.scene.tennis) or _unrated(problem):
         return {}
     columns, impact = dict(problem.all_values(values)), itf_impact()
     ratings = {}

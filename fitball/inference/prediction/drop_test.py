@@ -68,9 +68,10 @@ def drop_test(
     known = np.flatnonzero(np.isfinite(measured))
     if known.size == 0:
         return None
-    speed = fall_speed(DROP_HEIGHT)
+    # Another ball than a tennis ball is judged at no speed but those that were tested.
+    speed = fall_speed(DROP_HEIGHT) if scene.tennis else float(np.median(table.impacts.v_y1[known]))
     found, variation = _balls(problem, known, measured[known], speed, rng)
-    law = _fitted_law(problem, point, posterior)
+    law = _fitted_law(problem, point, posterior, speed)
     if isinstance(law, str):
         return _none(problem, kind, law)
     if found is not None:
@@ -80,13 +81,13 @@ def drop_test(
     sd = table.incident_sd.get("v_y1")
     return DropTest(
         speeds=tuple(_tested(law, table.impacts.v_y1[known], measured[known], rows) for rows in settings),
-        rebound=_rebound(problem, law, found, kind, rng, posterior),
+        rebound=_rebound(problem, law, found, kind, rng, posterior) if scene.tennis else None,
         ball_type=kind,
         type_stated=scene.ball_type is not None,
         balls_counted=found is not None,
         from_heights=any(set(notice.columns) == set(HEIGHTS) for notice in table.notices),
         variation=variation,
-        balls=() if found is None or variation is None else _each(found, variation, kind),
+        balls=() if found is None or variation is None or not scene.tennis else _each(found, variation, kind),
         shared_error=None if sd is None else float(np.mean(measured[known] * sd[known] / table.impacts.v_y1[known])),
         temperature=scene.ball_temperature,
         missing="",
@@ -110,8 +111,8 @@ def _settings(speeds: FloatArray) -> list[NDArray[np.int64]]:
     return [rows for rows in near if rows.size]
 
 
-def _fitted_law(problem: Problem, point: PointFit, posterior: Posterior | None) -> _Law | str:
-    """Restitution as the model has it; the reason where it has none at the landing speed from 254 cm."""
+def _fitted_law(problem: Problem, point: PointFit, posterior: Posterior | None, speed: float) -> _Law | str:
+    """Restitution as the model has it; the reason where it has none at the landing `speed` [m/s]."""
     best = np.array([[point.values[name] for name in problem.free_names]])
     values = None if posterior is None else thinned(posterior, DRAWS)
 
@@ -120,7 +121,6 @@ def _fitted_law(problem: Problem, point: PointFit, posterior: Posterior | None) 
         solved = rebound.status[:, 0] == 0
         return np.asarray(np.where(solved, rebound.v_y2[:, 0] / speed, np.nan))
 
-    speed = fall_speed(DROP_HEIGHT)
     for rows in (best, values):
         if rows is not None and np.mean(np.isnan(at(rows, speed))) > MOST_UNSOLVED:
             rebound = problem.rebound(rows, _drop(speed))

@@ -34,13 +34,13 @@ class DropTable:
 def drop_table(test: DropTest) -> DropTable:
     """What there is to show of a drop test."""
     rebound = test.rebound
-    if rebound is None:
+    if test.missing:
         return DropTable((), (), (), (), (), test.missing)
-    sampled = rebound.height.median is not None
+    rated = () if rebound is None or rebound.height.median is None else rebound.passing
     return DropTable(
         lead=drop_lead(test),
         speeds=tuple(_speed_row(item) for item in test.speeds),
-        types=tuple(_type_row(test, name) for name in rebound.passing) if sampled else (),
+        types=tuple(_type_row(test, name) for name in rated),
         balls=tuple(_ball_row(ball) for ball in test.balls[:MOST_BALLS]),
         remarks=drop_remarks(test),
         missing="",
@@ -90,19 +90,19 @@ def passing_words(test: DropTest, rebound: StandardRebound) -> str:
 
 def drop_remarks(test: DropTest) -> tuple[str, ...]:
     """What the numbers rest on and what they leave out."""
-    rebound = test.rebound
-    if rebound is None:
+    if test.missing:
         return ()
-    lines = [*_reach(test, rebound), *_ball_remarks(test)]
-    lines.append(_air(test, rebound))
+    rebound = test.rebound
+    lines = [*(() if rebound is None else _reach(test, rebound)), *_ball_remarks(test)]
+    lines += [] if rebound is None else [_air(test, rebound)]
     if test.shared_error:
         lines.append(
             "The stated error of v_y1 counts as another one in each drop. If it is the same in all (one height, one "
             f"gauge), restitutions are off by {significant(test.shared_error, 2)} (one sd) besides."
         )
-    lines.append(_warmth(test))
-    lines.append(f"Limits: {SOURCE}.")
-    return tuple(lines)
+    if rebound is None:
+        return (*lines, "The ITF's drop from 254 cm and its limits are those of tennis balls, which this is not.")
+    return (*lines, _warmth(test), f"Limits: {SOURCE}.")
 
 
 def _air(test: DropTest, rebound: StandardRebound) -> str:
