@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from samples import problem_of
 
+from fitball.data.scene import Scene
 from fitball.errors import FitError
+from fitball.inference.assumptions.known_before import known_before
 from fitball.inference.point import least_squares as least_squares_module
 from fitball.inference.point.gauss_newton import Searches, descend
 from fitball.inference.point.general_surface import surface_of
@@ -45,6 +47,34 @@ def test_prior_draws_do_not_depend_on_the_parts_they_are_looked_at_in(wang, monk
     few = prior_draws(wang, np.random.default_rng(3), 60, 400)
     monkeypatch.setattr(prior_draws_module, "PART", 37)
     np.testing.assert_array_equal(prior_draws(wang, np.random.default_rng(3), 60, 400), few)
+
+
+def test_what_was_known_of_a_ball_that_priors_hardly_reach():
+    """A contact as short as a golf ball's, five sds of the stiffness' prior away: no draw by rejection. Since contact
+    times go as one over the root of `k_y` exactly, all else drawn from its prior leaves one weight.
+    """
+    value, sd = 4.5e-4, 0.5e-4
+    problem = problem_of("wang_zero_spin.csv", scene=Scene(contact_time=(value, sd)))
+    assert len(prior_draws(problem, np.random.default_rng(1))) == 0
+    rng, place = np.random.default_rng(2), problem.free_names.index("k_y")
+    values = problem.prior.draw(rng, 20_000)
+    wanted = value + sd * rng.standard_normal(len(values))
+    made = problem.rebound(values)
+    values[:, place] *= (made.contact_time.mean(axis=1) / wanted) ** 2
+    # Of the shifted ones those are left whose shell can swing with so stiff a core.
+    left = np.isfinite(values[:, place])
+    left[left] = ~problem.rebound(values[left]).status.any(axis=1)
+    stiff = np.log(values[left, place])
+    weight = np.exp(-0.5 * (stiff - np.log(2e4)) ** 2 + 12.0) / wanted[left]
+    expected = np.average(stiff, weights=weight)
+    width = np.sqrt(np.average((stiff - expected) ** 2, weights=weight))
+    begun = problem.to_coordinates(values[left][np.argmax(weight)][None])[0]
+    found = np.log(known_before(problem, begun, rng)[:, place])
+    assert found.mean() == pytest.approx(expected, abs=0.3 * width) and found.std() == pytest.approx(width, rel=0.3)
+    # Where the priors have it, draws are those of the rejection, to the bit.
+    usual = problem_of("wang_zero_spin.csv", scene=Scene(contact_time=(5e-3, 1e-3)))
+    by_rejection = prior_draws(usual, np.random.default_rng(3))
+    np.testing.assert_array_equal(known_before(usual, begun, np.random.default_rng(3)), by_rejection)
 
 
 def test_a_start_that_leads_nowhere_leaves_the_known_minimum(monkeypatch):

@@ -12,6 +12,7 @@ import numpy as np
 
 from fitball.errors import enough_memory
 from fitball.inference.assemble import assemble
+from fitball.inference.assumptions.known_before import known_before
 from fitball.inference.assumptions.look import assumptions_generator, look
 from fitball.inference.effort import Effort, Stopwatch
 from fitball.inference.identifiability.examine import profile_all
@@ -22,7 +23,6 @@ from fitball.inference.results.evidence import Profiles
 from fitball.inference.results.results import Fit, LeastSquares, PointFit, Posterior
 from fitball.inference.sampling.chain_file import ChainFile
 from fitball.inference.sampling.ensembles import Progress, Sampled, Settings, sample
-from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.inference.sampling.stragglers import left_behind_words
 from fitball.inference.second_search import search_again
 from fitball.inference.weigh import WEIGHED, weigh
@@ -153,7 +153,7 @@ def draw(
             problem.free_names,
             problem.to_values(sampled.kept.reshape(-1, shape[-1])).reshape(shape),
             sampled.log_posterior[:, sampled.first :],
-            prior_draws(problem, _generator(effort, 1)),
+            known_before(problem, optima[0], _generator(effort, 1)),
         )
         squares, point, found = search_again(shared, squares, point, sampled)
     return Drawn(squares, point, sampled, posterior, (*said, *left_behind_words(sampled.moved), *found))

@@ -7,7 +7,7 @@ than the search for one maximum.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,9 +70,11 @@ def importance_posterior(
     rng: np.random.Generator,
     beside: Sequence[StudentProposal] = (),
     enough: float = ENOUGH,
+    density: Callable[[Problem, FloatArray], FloatArray] = log_posterior,
 ) -> WeightedDraws:
     """Weighted draws of the posterior, worth `enough` independent ones if so many can be had, begun about each of its
-    `optima` (optima, free), in coordinates, and with the proposals `beside` these.
+    `optima` (optima, free), in coordinates, and with the proposals `beside` these; or of another log `density` of a
+    problem at coordinates (draws, free).
     """
     fitted = [*beside, *(about(problem, optimum) for optimum in optima)]
     proposals: list[tuple[int, StudentProposal]] = []
@@ -87,7 +89,7 @@ def importance_posterior(
         proposals = [*before, *now]
         coordinates, score = (
             np.concatenate([coordinates, drawn]),
-            np.concatenate([score, log_posterior(problem, drawn)]),
+            np.concatenate([score, density(problem, drawn)]),
         )
         drawn_from = np.block([
             [drawn_from, _log_densities(before, drawn)],

@@ -1,0 +1,61 @@
+"""Draws from all that was known before a table, also where a scene's contact time lies far out in the priors."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitball.errors import FitError
+from fitball.inference.assumptions.importance_posterior import importance_posterior
+from fitball.inference.identifiability.fisher import fisher_information, inverse, prior_sds
+from fitball.inference.identifiability.scene_share import scene_words
+from fitball.inference.likelihood.posterior import densities
+from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.subsample import spanning_part
+from fitball.inference.sampling.moves import StudentProposal
+from fitball.inference.sampling.prior_draws import LOOKED_AT, prior_draws
+from fitball.values import FloatArray
+
+# Draws by rejection that tell how wide each parameter was; and draws in their place where they are fewer.
+LEAST, DRAWN = 300, 1500
+
+
+def known_before(problem: Problem, optimum: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Draws (draws, free) in SI: by rejection from the priors, or, where these hardly ever have the contact time that
+    the scene knows, as of another ball than their own, by weights. The `optimum` (free,), in coordinates, has it.
+
+    Raises FitError where no weighted draws are found either.
+    """
+    drawn = prior_draws(problem, rng)
+    if len(drawn) >= LEAST or problem.contact_time is None:
+        return drawn
+    part = spanning_part(problem, LOOKED_AT)
+    weighed = importance_posterior(
+        part, np.empty((0, part.dimension)), rng, [_about(part, optimum)], density=_log_density
+    )
+    if not weighed.settled:
+        raise FitError(
+            f"the priors leave no room for {scene_words(problem)}: state priors of this ball, such as that of "
+            "k_y, or leave the contact time out"
+        )
+    return weighed.values[rng.choice(len(weighed.values), DRAWN, p=np.exp(weighed.log_weights))]
+
+
+def _log_density(problem: Problem, coordinates: FloatArray) -> FloatArray:
+    """Priors, what the model can evaluate, and what the scene knows (draws,), but for a constant."""
+    total = problem.prior.log_density(coordinates)
+    inside = np.flatnonzero(np.isfinite(total))
+    known = densities(problem, problem.to_values(coordinates[inside]), measured=False)
+    total[inside] += np.where(known.possible, known.scene, -np.inf)
+    return total
+
+
+def _about(problem: Problem, optimum: FloatArray) -> StudentProposal:
+    """The priors where the scene leaves them, to first order about a point that has its contact time."""
+    scene = fisher_information(problem, optimum, scene=True) - fisher_information(problem, optimum, scene=False)
+    width = problem.prior.width * prior_sds(problem)
+    covariance = inverse(np.nan_to_num(scene), 1.0)
+    half = np.array([0.5])
+    middle = np.array([float(item.prior.coordinate(item.prior.quantile(half))[0]) for item in problem.free])
+    centre = optimum + width * (covariance @ ((middle - optimum) / width))
+    factor = np.linalg.cholesky(covariance * np.outer(width, width))
+    return StudentProposal(centre, np.asarray(factor, dtype=np.float64))
