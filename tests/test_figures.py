@@ -18,6 +18,7 @@ from fitball.errors import ParameterError
 from fitball.inference.prediction.curves import NEAR, curves
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.choices import Choices
+from fitball.inference.problem.group_bias import build_group_bias
 from fitball.inference.problem.noise import KINDS
 from fitball.models.registry import model
 from fitball.observables import OBSERVABLES
@@ -233,6 +234,22 @@ def test_residuals_are_those_of_the_measurements_against_everything(grip_slip_fi
     assert [label.split(" [")[0] for label in labels] == [
         "$v_{x1}$", "$v_{y1}$", r"speed $v_1$", r"angle $\theta_1$", r"spin $\omega_1$", "group", "normal quantile",
     ]  # fmt: skip
+
+
+def test_residuals_are_what_a_fitted_bias_leaves(grip_slip_fit):
+    """A bias of two noises in each column of one group is a parameter, and no residual."""
+    table, problem = grip_slip_fit.problem.table, grip_slip_fit.problem
+    biased = replace(problem, group_bias=build_group_bias(table, "group"))
+    sizes = {item.name: 2.0 * item.sd[0] for item in grip_slip_fit.predictive.observables}
+    offsets = tuple(
+        replace(grip_slip_fit.estimates[0], name=f"{name}_offset[{group}]", median=size * (group == "zero"))
+        for name, size in sizes.items()
+        for group in sorted(set(table.labels["group"]))
+    )
+    fit = replace(grip_slip_fit, problem=biased, estimates=(*grip_slip_fit.estimates, *offsets))
+    mine = np.array(table.labels["group"]) == "zero"
+    for item, other in zip(residual_data(grip_slip_fit), residual_data(fit), strict=True):
+        np.testing.assert_allclose(item.values - other.values, 2.0 * mine, rtol=0.05)
 
 
 def test_only_what_differs_has_a_panel(tmp_path):

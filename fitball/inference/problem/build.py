@@ -19,7 +19,7 @@ from fitball.inference.problem.incident import IncidentErrors
 from fitball.inference.problem.measurement_noise import expected_sizes, named_noise, noise_by_column, noise_parameters
 from fitball.inference.problem.noise import NoiseKind, noise_kind
 from fitball.inference.problem.observables import Observable, build_observables
-from fitball.inference.problem.parameters import build_parameters
+from fitball.inference.problem.parameters import NOISE_SPECS, build_parameters
 from fitball.inference.problem.pooling import Pooling, build_pooling
 from fitball.inference.problem.priors import parse_prior
 from fitball.inference.problem.problem import Problem
@@ -41,8 +41,8 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     """Spend parameters only on what the table, and its `force` records, can show, and say what was left
     out.
 
-    Raises FitError when the model can answer for no column of the table, and what `model` and
-    `build_parameters` raise.
+    Raises FitError when the model can answer for no column of the table, or nothing is left to fit, and what `model`
+    and `build_parameters` raise.
     """
     name = choices.model or scene.model
     closures = {**(scene.closures if name == scene.model else {}), **choices.closures}
@@ -85,6 +85,11 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     pool = {key: column for key, column in pool.items() if column != NOT_POOLED}
     levels, offsets, extra = _structure(table, scene, choices, chosen, observables, wanted, kind, pool)
     parameters = build_parameters(names, chosen.specs, wanted, fixed, ball_names, extra, published)
+    if all(parameter.name in NOISE_SPECS for parameter in parameters if parameter.free):
+        raise FitError(
+            f"{table.source}: every parameter of model {name} is held, and nothing is left to fit: free at least one "
+            "that is no noise"
+        )
     notes += [f"prior of {key} from {source}" for key, source in published.items()]
     notes += [f"{pooling.parameter} is fitted to each {pooling.column} apart, pooled in part" for pooling in levels]
     return Problem(

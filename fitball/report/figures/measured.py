@@ -55,6 +55,16 @@ def prediction(fit: Fit, observable: Observable) -> FloatArray:
     return observable.predict(fit.point.rebound)[0] if told is None else told.median
 
 
+def bias(fit: Fit, observable: Observable) -> FloatArray:
+    """The bias of each impact's group at `measured_rows`: the posterior median, or at the point estimate; zero
+    without biases.
+    """
+    if fit.problem.group_bias is None:
+        return np.zeros(1)
+    columns = {item.name: np.array([item.point if item.median is None else item.median]) for item in fit.estimates}
+    return measured_part(observable, fit.problem.group_bias.offset(columns, observable.name)[0])
+
+
 def measured_rows(observable: Observable) -> NDArray[np.int64]:
     """Impacts of the table at which the column was measured, one for each of its entries that is a number."""
     entries = np.flatnonzero(np.isfinite(observable.observed))

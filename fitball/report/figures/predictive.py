@@ -25,6 +25,7 @@ from fitball.report.figures.canvas import (
     shown_rows,
 )
 from fitball.report.figures.measured import (
+    bias,
     group_of,
     measured_part,
     measured_rows,
@@ -90,17 +91,9 @@ def _agreement(fit: Fit, observable: Observable) -> Agreement:
         model, ends = part(told.mean_q025, told.mean_q975), part(told.data_q025, told.data_q975)
     else:
         away = fit.problem.noise.reach(SHARE, fit.point.values) * noise_sd(fit, observable)
-        centre = measured_part(observable, prediction(fit, observable)) + _bias(fit, observable)
+        centre = measured_part(observable, prediction(fit, observable)) + bias(fit, observable)
         ends = factor * np.stack([centre - away, centre + away])
     return Agreement(observable.name, measured_rows(observable), measured, predicted, model, ends)
-
-
-def _bias(fit: Fit, observable: Observable) -> FloatArray:
-    """The bias of each impact's group at the point estimate."""
-    if fit.problem.group_bias is None:
-        return np.zeros(1)
-    columns = {name: np.array([value]) for name, value in fit.point.values.items()}
-    return measured_part(observable, fit.problem.group_bias.offset(columns, observable.name)[0])
 
 
 def interval_band(item: Agreement, interval: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -29,7 +29,7 @@ from fitball.report.figures.canvas import (
     shown_rows,
     verbatim,
 )
-from fitball.report.figures.measured import group_of, measured_part, measured_rows, noise_sd, prediction
+from fitball.report.figures.measured import bias, group_of, measured_part, measured_rows, noise_sd, prediction
 from fitball.report.form.palette import FAINT, GUIDE, MEASURED, TREND
 from fitball.values import FloatArray
 
@@ -65,10 +65,10 @@ class Trend:
 
 
 def residual_data(fit: Fit) -> tuple[Residuals, ...]:
-    """Residuals of every observable at the posterior median, or the point estimate."""
+    """Residuals of every observable at the posterior median, or the point estimate, biases of groups taken off."""
     found = []
     for item in fit.problem.observables:
-        gap = measured_part(item, item.observed) - measured_part(item, prediction(fit, item))
+        gap = measured_part(item, item.observed) - measured_part(item, prediction(fit, item)) - bias(fit, item)
         found.append(Residuals(item.name, measured_rows(item), gap / noise_sd(fit, item)))
     return tuple(found)
 
