@@ -234,6 +234,24 @@ def test_few_rows_cannot_tell(rows):
     assert verdict("mu", found) is Verdict.IDENTIFIED
 
 
+def test_impacts_that_all_come_alike_cannot_tell_however_many():
+    """Two hundred drops at one speed: not rows are what is missing."""
+    problem, point = straight(200)
+    rows = 200
+    speed = np.full(rows, 7.06)
+    made = problem.table.measurements[0]
+    alike = replace(
+        problem.table,
+        impacts=Impacts(np.zeros(rows), speed, np.zeros(rows), made.values / speed),
+        measurements=(replace(made, values=5.2 + 0.05 * np.random.default_rng(2).standard_normal(rows)),),
+    )
+    told = linear_problem(alike)
+    start = np.array([[point.values[name] for name in told.free_names]])
+    found = adequacy(told, maximum_posterior(told, start), None, 1)
+    assert found.answer is Answer.UNTOLD
+    assert found.sentence.startswith("Whether the model describes the table cannot be told: its 200 impacts all come")
+
+
 def test_a_sure_pattern_far_below_the_noise_is_no_exception_but_counts():
     """A bias of a sixth of the noise in a quarter of 8,000 rows: it explains half a percent of what is measured,
     and moves what is known of the restitution by many of its sds.

@@ -338,6 +338,9 @@ def test_a_measured_speed_counts_before_a_height(tmp_path: Path) -> None:
     table = read(tmp_path, "drop_height,v_y1,v_y2\n2.54,6.9,5\n2.54,6.91,5\n")
     np.testing.assert_array_equal(table.impacts.v_y1, [6.9, 6.91])
     assert said(table, "drop_height is not used: v_y1 is")
+    # A rebound speed may be counted downwards.
+    down = read(tmp_path, "v_y1,rebound_height,v_y2\n6.9,1.27,-5\n6.91,1.27,-5\n")
+    np.testing.assert_array_equal(down.measurements[0].values, [5.0, 5.0])
 
 
 def test_few_rows_the_other_way_along_the_court_are_told(tmp_path: Path) -> None:
@@ -348,6 +351,17 @@ def test_few_rows_the_other_way_along_the_court_are_told(tmp_path: Path) -> None
     assert "155 deg" in str(read(tmp_path, "v_1,theta_1,v_2\n17,155,11\n17,21,11\n17,22,11\n").notices[0])
     both = "".join(f"{v},6,{0.7 * v},4\n" for v in (-5, 5, -6, 6))
     assert read(tmp_path, f"v_x1,v_y1,v_x2,v_y2\n{both}").notices == ()
+
+
+def test_balls_that_fly_against_x_are_told_where_offsets_show(tmp_path: Path) -> None:
+    """From both sides, all from the other side, and straight down, where the sign is noise."""
+    head, against = "v_x1,v_y1,omega_1,v_x2,v_y2,omega_2\n", "balls fly against x"
+    turn = "".join(f"{v},6,0,{0.7 * v},4,{10 * v}\n" for v in (-5, 5, -6, 6))
+    (notice,) = read(tmp_path, head + turn).notices
+    assert notice.message.startswith(f"2 of 4 {against}") and notice.columns == ("v_x1",)
+    assert said(read(tmp_path, "v_1,theta_1,omega_1,v_y2\n" + "9,140,0,4\n9,150,0,3\n"), f"2 of 2 {against}")
+    down = "".join(f"{v},6,0,0,4,0\n" for v in (-0.05, 0.04, -0.02, 0.03))
+    assert read(tmp_path, head + down).notices == ()
 
 
 def test_a_column_negative_in_every_row_is_one_line_with_what_to_do(tmp_path: Path) -> None:

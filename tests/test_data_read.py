@@ -85,6 +85,9 @@ def test_standard_deviations(tmp_path: Path) -> None:
     np.testing.assert_allclose(table.incident_sd["omega_1"], [pi, 2 * pi], rtol=1e-15)
     assert set(table.incident_sd) == {"v_x1", "omega_1"}
     assert any("v_x1_sd was read in cm/s" in str(notice) for notice in table.notices)
+    # An sd of a rebound column that others say already takes no part, as one of an incident column takes none.
+    (notice,) = read(tmp_path, "v_x1,v_y1,v_x2,v_y2,v_2,v_2_sd\n9,5,3,4,5,0.1\n9,5,6,4,7.21,0.1\n").notices
+    assert notice.message == "v_2_sd is not used: v_x2 and v_y2 are"
 
 
 def test_incident_sd_of_speed_and_angle_against_random_draws(tmp_path: Path) -> None:

@@ -88,6 +88,7 @@ def test_of_a_saved_fit_only_what_is_asked_for_is_read(folder, tmp_path):
     alone.write_bytes((folder / "fit.json").read_bytes())
     fit = fitball.load_fit(alone)
     assert "mu" in repr(fit) and "mu" in fit.report() and len(fit.summary()) == 7
+    assert "7 impacts with v_x2, v_y2 and omega_2; 7 free parameters" in fit.report()
     assert fit.fitted.draws.shape == (400, 7) and "def rebound" in fit.export("python")[".py"]
     assert len(pickle.dumps(fit)) < 400_000
     for ask in (lambda: fit.posterior, lambda: fit.predict("v=17, theta=18"), fit.to_inferencedata, fit.plot.corner):

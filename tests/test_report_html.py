@@ -16,7 +16,7 @@ from PIL import Image
 import fitball
 from fitball.data.read import load_table
 from fitball.inference.prediction.outputs import root_mean_square
-from fitball.inference.results.results import BudgetLine, ErrorBudget
+from fitball.inference.results.results import BudgetLine, ErrorBudget, Verdict
 from fitball.inference.thesis.published_cases import case_errors, compare_cases
 from fitball.report.figures.canvas import new_figure
 from fitball.report.figures.names import DPI, FIGURES
@@ -181,6 +181,13 @@ def test_long_tables_are_cut_and_say_so(grip_slip_fit, monkeypatch):
     cut = page(grip_slip_fit, {})
     assert cut.count("16 more impacts stand in") == 2
     assert faults(cut) == []
+
+
+def test_what_is_conditional_is_not_called_identified(grip_slip_fit):
+    fit = grip_slip_fit.result
+    conditional = tuple(replace(item, verdict=Verdict.CONDITIONAL) for item in fit.estimates)
+    said = page(replace(fit, estimates=conditional), {})
+    assert "every free parameter stands above" in said and "parameter is identified" not in said
 
 
 def test_alt_texts_carry_the_numbers(grip_slip_fit):

@@ -9,12 +9,15 @@ import pytest
 from samples import problem_of
 
 from fitball.cli.main import main
+from fitball.data.read import load_table
 from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
 from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.lmfit_minimiser import SAME_OPTIMUM
 from fitball.inference.point.maximum_posterior import Candidate, _best_of, maximum_posterior
 from fitball.inference.point.starts import starting_points
+from fitball.inference.prediction.posterior_predictive import predictive
+from fitball.inference.results.results import PointFit, Posterior
 from fitball.report.saved.fit_text import fit_text
 
 HEAD = "id,v_x1 [m/s],v_y1 [m/s],omega_1 [rpm],v_x2 [m/s],v_y2 [m/s],omega_2 [rpm]"
@@ -81,6 +84,18 @@ def test_no_optimum_is_kept_twice(table):
     gaps = [np.max(np.abs(at[i] - at[j])) for i in range(len(at)) for j in range(i)]
     assert all(gap > SAME_OPTIMUM for gap in gaps)
     assert list(found.optima_log_posterior) == sorted(found.optima_log_posterior, reverse=True)
+
+
+def test_vertical_motion_alone_has_no_contact_to_name():
+    """Balls that come at an angle, of which v_y2 alone was measured: nothing is known of slip or grip."""
+    table = load_table({"v_x1": [9.0, 7.0, 5.0], "v_y1": [5.0, 8.0, 11.0], "v_y2": [4.0, 6.0, 8.0]})
+    problem = problem_of(table, "grip-slip")
+    row = np.array([[0.75, -0.01, 0.1]])
+    assert problem.free_names == ("cor_10", "cor_slope", "velocity_sd")
+    values = dict(zip(problem.free_names, row[0].tolist(), strict=True))
+    point = PointFit(values, 0.0, 0.0, {}, problem.rebound(row), (values,), (0.0,))
+    posterior = Posterior(problem.free_names, np.repeat(row, 20, axis=0)[None, :, None], np.zeros((1, 20, 1)), row)
+    assert predictive(problem, point, posterior, np.random.default_rng(1)).regimes == ({"": 1.0},) * 3
 
 
 def test_distinct_optima_are_all_kept():

@@ -53,7 +53,7 @@ class Fit(Found):
 
         >>> print(fit.report())
         [[Fit]]
-            grip-slip on wang_zero_spin: 7 impacts with v_x2, v_y2, omega_2; 7 free parameters
+            grip-slip on wang_zero_spin: 7 impacts with v_x2, v_y2 and omega_2; 7 free parameters
         ...
         """
         return report_text(self.saved)

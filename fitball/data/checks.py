@@ -22,6 +22,12 @@ _SIGN_IS_CONVENTION = ("v_y2", "theta_2", "theta_1")
 _UPWARD = ": it is negative in every row, as if counted upward; if so pass "
 # Share of the others up to which rows are few enough to be slips; one row is, beside two.
 FEW = 0.2
+# Share of the speed towards the court below which a ball comes straight down.
+STEEP = 0.1
+AGAINST = (
+    "balls fly against x, along which offsets and topspin are counted: there topspin and offsets ahead of the ball "
+    "are negative; mirrored they say the same (v_x and spins with the other sign, angles from 180 deg)"
+)
 _POSITIVE = {
     "v_y1": "a positive speed towards the court",
     "v_1": "a positive speed",
@@ -69,20 +75,26 @@ def check_ranges(columns: Mapping[str, NumberColumn], found: Findings) -> None:
 
 
 def check_directions(columns: Mapping[str, NumberColumn], found: Findings) -> None:
-    """Add a notice for the few rows whose ball comes the other way along the court than that of all others."""
-    angle, along = columns.get("theta_1"), columns.get("v_x1")
+    """Add a notice for the few rows whose ball comes the other way along the court than that of all others, or one
+    for all rows that come against the direction in which the table counts.
+    """
+    angle, along, up = columns.get("theta_1"), columns.get("v_x1"), columns.get("v_y1")
     if along is not None:
-        column, signs = along, np.sign(along.values)
+        column, course = along, along.values
     elif angle is not None:
-        column, signs = angle, np.sign(np.cos(angle.values))
+        column, course, up = angle, np.cos(angle.values), replace(angle, values=np.sin(angle.values))
     else:
         return
-    backward, forward = signs < 0.0, signs > 0.0
+    backward, forward = course < 0.0, course > 0.0
+    # Of balls that fall straight down the sign is noise.
+    against = backward if up is None else backward & (course < -STEEP * up.values)
     few, many = (backward, forward) if backward.sum() <= forward.sum() else (forward, backward)
-    if not few.any() or many.sum() < 2 or few.sum() > max(1.0, FEW * float(many.sum())):
-        return
+    odd = bool(few.any() and many.sum() >= 2 and few.sum() <= max(1.0, FEW * float(many.sum())))
+    # Without spins no offset is fitted, and the two directions are alike.
+    if against.any() and {"omega_1", "omega_2"} & columns.keys() and not (odd and many is forward):
+        found.notice(f"{int(against.sum())} of {len(course)} {AGAINST}", column.name)
     kind = f"the ball comes the other way along the court than in {int(many.sum())} other rows: misprinted?"
-    for k in np.flatnonzero(few).tolist():
+    for k in np.flatnonzero(few).tolist() if odd else ():
         found.notice(f"{kind}: {column.name} = {column.shown(column.values[k])}", column.name, place=k, kind=kind)
 
 

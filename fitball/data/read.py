@@ -182,14 +182,15 @@ def _measured_cor(columns: Mapping[str, NumberColumn], v_y1: FloatArray) -> Floa
 
 def _tell_of_sds(columns: Mapping[str, NumberColumn], found: Findings) -> None:
     """Add a notice for every sd in another unit than its quantity, since a forgotten bracket looks just so, and for
-    every sd of an incident column that other columns made redundant.
+    every sd of a velocity column that other columns made redundant.
     """
     for name, column in columns.items():
         base = columns[name.removesuffix(SD_SUFFIX)]
         if base.unit != column.unit:
             units = f"{column.unit.symbol}, {base.name} in {base.unit.symbol}"
             found.notice(f"{name} was read in {units}", name, base.name)
-    counted = independent(columns, "1")
-    for name in ("v_x1", "v_y1", "v_1", "theta_1"):
-        if name not in counted and name + SD_SUFFIX in columns:
-            found.notice(f"{name}{SD_SUFFIX} is not used: {' and '.join(counted)} are", name + SD_SUFFIX)
+    for end in ("1", "2"):
+        counted = independent(columns, end)
+        for name in (f"v_x{end}", f"v_y{end}", f"v_{end}", f"theta_{end}"):
+            if name not in counted and name + SD_SUFFIX in columns:
+                found.notice(f"{name}{SD_SUFFIX} is not used: {' and '.join(counted)} are", name + SD_SUFFIX)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from fitball.inference.adequacy.directions import covariates
 from fitball.inference.adequacy.looks import DISTRIBUTED
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.adequacy import FALSE_EXCEPT, FALSE_FAILS, Answer, Check, NoiseCheck
@@ -28,6 +29,11 @@ def sentence(
     rows = len(problem.impacts)
     least = 100.0 * min(unseen.values())
     scatter = "; ".join(noise_words(check) for check in noise)
+    if answer is Answer.UNTOLD and not covariates(problem):
+        return (
+            f"Whether the model describes the table cannot be told: its {rows} impacts all come alike, so that no "
+            f"pattern in the residuals could be found. {_cap(scatter)}."
+        )
     if answer is Answer.UNTOLD:
         blind = (
             "no pattern in the residuals could be found"
@@ -125,8 +131,8 @@ def based_on(
     """What the answer rests on."""
     stated = sum(check.stated for check in noise)
     parts = [
-        f"{len(checks)} checks of the residuals at the best fit, held against {made} that the fitted "
-        "model makes, each refitted to first order"
+        f"{len(checks)} check{'s' * (len(checks) != 1)} of the residuals at the best fit, held against {made} that "
+        "the fitted model makes, each refitted to first order"
         if checks
         else "no check of the residuals: too few rows",
     ]

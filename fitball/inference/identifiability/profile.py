@@ -106,12 +106,14 @@ def _followed(
 def coverage(problem: Problem) -> float:
     """How often a drop of 1.92 holds the truth, for a linear model with one fitted noise of as many measurements and
     parameters: there twice the drop is `n ln(1 + t^2/(n - p))` with Student's t of `n - p` degrees of freedom.
+    Measurements of a stated noise do not count, nor do the parameters that are theirs by their share.
     """
     fitted = [observable for observable in problem.observables if observable.noise in problem.free_names]
     count = sum(observable.observed.size for observable in fitted)
     if not fitted:
         return 1.0 - 2.0 * float(ndtr(-math.sqrt(2.0 * DROP_95)))
-    freedom = count - sum(name not in NOISE_SPECS for name in problem.free_names)
+    measured = sum(observable.observed.size for observable in problem.observables)
+    freedom = count - sum(name not in NOISE_SPECS for name in problem.free_names) * count / measured
     if freedom <= 0:
         return 0.0
     return 1.0 - 2.0 * float(stdtr(freedom, -math.sqrt(freedom * math.expm1(2.0 * DROP_95 / count))))

@@ -90,7 +90,9 @@ def _at_impacts(
                 data_q975=ends[1],
             )
         )
-    return observables, regime_shares(rebound)
+    # Without motion along the court there is neither slip nor grip.
+    shares = regime_shares(rebound) if problem.model.tangential else ({"": 1.0},) * len(problem.impacts)
+    return observables, shares
 
 
 def measurements(

@@ -81,7 +81,7 @@ ANSWERS = {
     Answer.DESCRIBES: "described",
     Answer.EXCEPT: "described with exceptions",
     Answer.FAILS: "not described",
-    Answer.UNTOLD: "with too few rows to tell",
+    Answer.UNTOLD: "that cannot tell",
 }
 
 

@@ -21,7 +21,7 @@ from fitball.version import __version__
 
 SCHEMA_VERSION = 2
 SCHEMES = (IMPACTS, GROUPS, "shallowest third", "steepest third", "slowest third", "fastest third")
-SHORT = {Answer.DESCRIBES: "yes", Answer.EXCEPT: "except", Answer.FAILS: "NO", Answer.UNTOLD: "too few rows"}
+SHORT = {Answer.DESCRIBES: "yes", Answer.EXCEPT: "except", Answer.FAILS: "NO", Answer.UNTOLD: "untold"}
 # Outputs shown for the schemes that leave out many impacts, as far as there is room.
 SHOWN = ("v_x2", "omega_2", "v_y2", "theta_2")
 

@@ -30,7 +30,7 @@ ANSWERS = {
     Answer.DESCRIBES: "yes, no check of the residuals finds a pattern",
     Answer.EXCEPT: "yes, except for {}",
     Answer.FAILS: "NO: {}",
-    Answer.UNTOLD: "too few rows to tell",
+    Answer.UNTOLD: "this table cannot tell",
 }
 ERRORS = "Root mean square errors of predictions at the maximum of the posterior of a fit without those impacts."
 ANGLE = " theta_2 follows from v_x2 and v_y2 where it is not an independent column."

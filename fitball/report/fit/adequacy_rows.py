@@ -37,7 +37,10 @@ def remarks(fit: Fit) -> tuple[str, ...]:
     moved = {name: by for name, by in found.moved.items() if by > MOVED}
     if moved and found.answer is not Answer.FAILS:
         said = ", ".join(f"{name} by {significant(by, 2)}" for name, by in moved.items())
-        lines.append(f"Without what was found parameters would move, in their sds: {said}; they are conditional.")
+        lines.append(
+            f"Without what was found parameters would move, in their sds: {said}; of these is conditional what would "
+            "be identified."
+        )
     kinds = {check.kind for check in found.checks if check.found}
     if "group" in kinds and fit.problem.group_bias is None:
         column = next(check.over for check in found.checks if check.found and check.kind == "group")

@@ -8,6 +8,7 @@ from html import escape
 from fitball.inference.results.quantiles import SUMMARY
 from fitball.inference.results.results import Estimate, Verdict
 from fitball.report.fit.summary import ParameterRow, parameter_row, sampler_words
+from fitball.report.form.sentences import listed
 from fitball.report.form.text_table import columns, wrapped
 from fitball.report.saved.saved_fit import SavedFit
 
@@ -68,7 +69,7 @@ def html_text(saved: SavedFit) -> str:
 def report_text(saved: SavedFit) -> str:
     """Outcome, statistics, parameters, correlations and notes."""
     file = saved.file
-    measured = ", ".join(file.data.measurements)
+    measured = listed(file.data.measurements)
     head = f"{saved.fitted.model_name} on {file.table.name}: {file.table.impacts:,} impacts with {measured}"
     closures = ", ".join(f"{name} = {value}" for name, value in saved.fitted.options.items())
     lines = ["[[Fit]]", f"    {head}; {len(saved.free_names)} free parameters"]

@@ -187,7 +187,7 @@ def _cell(observed: float, predicted: float, half: float | None) -> str:
 
 def _regime(fit: Fit, k: int) -> str:
     if fit.predictive is None:
-        return regime_name(int(fit.point.rebound.regime[0, k]))
+        return regime_name(int(fit.point.rebound.regime[0, k])) if fit.problem.model.tangential else ""
     name, share = next(iter(fit.predictive.regimes[k].items()))
     return name if share > 0.995 else f"{name} ({100.0 * share:.0f} %)"
 
