@@ -11,6 +11,7 @@ from samples import search_briefly
 
 import fitball
 from fitball.data.read import load_table
+from fitball.exports.certificate import certificate
 from fitball.inference.prediction.court_pace import DRAWS, court_pace, pace_by_surface
 from fitball.inference.results.pace_rating import apparent_friction, itf_impact, pace_categories, pace_rating
 from fitball.inference.results.results import Verdict, thinned
@@ -19,6 +20,7 @@ from fitball.report.fit.html import page
 from fitball.report.fit.pace_rows import pace_lines, pace_table
 from fitball.report.fit.terminal import render, render_json
 from fitball.report.saved.fit_text import fit_text
+from fitball.report.saved.saved_fit import as_saved
 
 # 30 m/s at 16 degrees, by a pocket calculator.
 V_X1, V_Y1 = 28.837851, 8.269121
@@ -244,9 +246,16 @@ def test_draws_without_a_rebound_are_told_and_most_of_them_give_no_rating(grip_s
 
 
 def test_a_rating_that_rests_on_the_prior_of_friction_says_so(grip_slip_fit):
-    told = [
-        replace(item, verdict=Verdict.PRIOR_DOMINATED) if item.name == "mu" else item
-        for item in grip_slip_fit.estimates
-    ]
-    assert "the prior of mu" in pace_lines(replace(grip_slip_fit.result, estimates=tuple(told)))[0]
-    assert "prior of mu" not in pace_lines(grip_slip_fit.result)[0]
+    def told(contraction):
+        (mu,) = (item for item in grip_slip_fit.estimates if item.name == "mu")
+        changed = replace(mu, verdict=Verdict.PRIOR_DOMINATED, contraction=contraction)
+        return replace(
+            grip_slip_fit.result,
+            estimates=tuple(changed if item is mu else item for item in grip_slip_fit.estimates),
+        )
+
+    assert "as uncertain as the prior of mu" in pace_lines(told(0.1))[0]
+    # A prior that ends above what the table has leaves a narrow rating, which is not that of the prior either.
+    assert "as uncertain" not in pace_lines(told(0.99))[0] and "decided by priors" in pace_lines(told(0.99))[0]
+    assert "prior" not in pace_lines(grip_slip_fit.result)[0]
+    assert "The rating by the model is as uncertain as the prior of mu" in certificate(as_saved(told(0.1)))

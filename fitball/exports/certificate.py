@@ -17,6 +17,7 @@ from fitball.report.fit.pace_rows import (
     pace_remarks,
     place_rows,
     rating_words,
+    rests,
     surface_rows,
     surface_words,
 )
@@ -91,7 +92,7 @@ def _content(saved: SavedFit) -> _Content:
     if dropped is not None and not dropped.missing:
         return _of_drops(dropped)
     if pace is not None and (pace.ratings or pace.measured is not None):
-        return _of_court(pace)
+        return _of_court(pace, rests(saved.parameters, saved.file.adequacy) if pace.ratings else "")
     return _of_parameters(saved)
 
 
@@ -109,7 +110,7 @@ def _of_drops(test: DropTest) -> _Content:
     return _Content(title, drop_lead(test), tuple(parts), drop_remarks(test))
 
 
-def _of_court(pace: CourtPace) -> _Content:
+def _of_court(pace: CourtPace, said: str) -> _Content:
     parts, places = [], place_rows(pace)
     surfaces = [
         row | {"category": category_words(item)} for row, item in zip(surface_rows(pace), pace.ratings, strict=True)
@@ -128,7 +129,8 @@ def _of_court(pace: CourtPace) -> _Content:
         f"{rating_words(rating)}."
         for rating in pace.ratings[:4]
     )
-    return _Content("Court pace", result, tuple(parts), tuple(pace_remarks(pace)))
+    remarks = [f"The rating by the model is {said}."] if said else []
+    return _Content("Court pace", result, tuple(parts), (*remarks, *pace_remarks(pace)))
 
 
 def _of_parameters(saved: SavedFit) -> _Content:

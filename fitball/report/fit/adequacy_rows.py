@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from fitball.inference.results.adequacy import FALSE_EXCEPT, MOVED, Adequacy, Answer, Check, Misfit, NoiseCheck
-from fitball.inference.results.results import Fit, Verdict
+from fitball.inference.results.results import Estimate, Fit, Verdict
 from fitball.observables import OBSERVABLES
 from fitball.report.form.display_units import output_scale
 from fitball.report.form.rounding import significant
@@ -62,11 +62,11 @@ def remarks(fit: Fit) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def conditional_words(fit: Fit) -> str:
+def conditional_words(parameters: Mapping[str, Estimate], adequacy: Adequacy | None) -> str:
     """What to add to a number that rests on all parameters, "" where the model describes the table."""
-    if fit.adequacy is not None and fit.adequacy.answer is Answer.FAILS:
+    if adequacy is not None and adequacy.answer is Answer.FAILS:
         return "conditional: the model does not describe the table"
-    names = [item.name for item in fit.estimates if item.verdict is Verdict.CONDITIONAL]
+    names = [name for name, item in parameters.items() if item.verdict is Verdict.CONDITIONAL]
     return f"conditional, as {', '.join(names)} is" if names else ""
 
 

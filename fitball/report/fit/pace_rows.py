@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitball.inference.results.adequacy import Adequacy
 from fitball.inference.results.pace_rating import (
     PACE_CONSTANT,
     PER_DEGREE,
@@ -18,7 +19,7 @@ from fitball.inference.results.pace_rating import (
     Reach,
 )
 from fitball.inference.results.quantiles import Spread
-from fitball.inference.results.results import Fit, Verdict
+from fitball.inference.results.results import Estimate, Fit, Verdict
 from fitball.report.fit.adequacy_rows import conditional_words
 from fitball.report.form.display_units import INCIDENT
 from fitball.report.form.rounding import decimals, fixed, interval
@@ -28,6 +29,8 @@ from fitball.report.form.text_table import Row
 EQUAL = 0.05
 # Probability below which a category of a court is not worth a word.
 LIKELY = 0.005
+# Contraction from which the table narrows a friction that priors decide, as where they keep it from its best values.
+NARROWED = 0.2
 QUANTITIES = {"v_y1": "vertical speed", "theta_1": "angle", "omega_1": "spin"}
 
 
@@ -50,7 +53,7 @@ def pace_table(fit: Fit) -> PaceTable | None:
     if pace is None:
         return None
     rows = surface_rows(pace)
-    said = _rests(fit)
+    said = rests(fit.parameters, fit.adequacy)
     remarks = ([f"The rating is {said}."] if said else []) + pace_remarks(pace)
     return PaceTable(rows, tuple(remarks), pace.missing, court_lines(pace), place_rows(pace))
 
@@ -63,22 +66,24 @@ def pace_lines(fit: Fit) -> tuple[str, ...]:
     whole = court_lines(pace)
     if pace.missing:
         return (*whole, f"ITF court pace rating by the model: none, {pace.missing}")
-    said = _rests(fit)
-    rests = f"; {said}" if said else ""
+    said = rests(fit.parameters, fit.adequacy)
+    more = f"; {said}" if said else ""
     lines = [*whole]
     for rating in pace.ratings:
         name = f" of {surface_words(rating)}" if rating.labels else ""
         flag = f"; extrapolated: {reach_words(rating.reach)}" if rating.reach.outside else ""
-        lines.append(f"ITF court pace rating{name}: {rating_words(rating)}{flag}{rests}")
+        lines.append(f"ITF court pace rating{name}: {rating_words(rating)}{flag}{more}")
     return tuple(lines)
 
 
-def _rests(fit: Fit) -> str:
+def rests(parameters: Mapping[str, Estimate], adequacy: Adequacy | None) -> str:
     """What to add to a rating; empty where the table tells what it is made of."""
-    friction = fit.parameters.get("mu")
-    if friction is not None and friction.verdict is Verdict.PRIOR_DOMINATED:
+    friction = parameters.get("mu")
+    if friction is None or friction.verdict is not Verdict.PRIOR_DOMINATED:
+        return conditional_words(parameters, adequacy)
+    if (friction.contraction or 0.0) < NARROWED:
         return "as uncertain as the prior of mu, of which the table tells nothing"
-    return conditional_words(fit)
+    return "decided by priors, as mu is"
 
 
 def court_lines(pace: CourtPace) -> tuple[str, ...]:
