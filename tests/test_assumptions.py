@@ -90,6 +90,8 @@ def test_every_choice_that_acts_is_changed_one_at_a_time(tmp_path):
         "release=zero_displacement", "normal=inner", "normal=total", "offset=grip", "spin=shell", "inertia=table",
         "torsion=free", "torsion=rigid", "cor=mean", "cor=saturating", "noise=student-t",
     ]  # fmt: skip
+    # `repeat` states all priors, among them that of a noise which a model that is told v_y2 has not.
+    assert "cor=measured" not in names(problem_of("wang_all.csv", priors={"v_y_sd": "lognormal(0.25, 0.7)"}))
     assert names(problem_of("wang_all.csv", noise="student-t"))[-1] == "noise=normal"
     assert names(problem_of("wang_all.csv", "brody")) == ["cor=saturating", "noise=student-t"]
     # A ball that turns as one has neither a twist nor a split of its inertia; without spin it is such a ball.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,9 @@ from samples import search_briefly
 
 import fitball
 from fitball.data.read import load_table
+from fitball.errors import FitError
 from fitball.exports.certificate import certificate
+from fitball.inference.design.target import of_court_pace
 from fitball.inference.prediction.court_pace import DRAWS, court_pace, pace_by_surface
 from fitball.inference.results.pace_rating import apparent_friction, itf_impact, pace_categories, pace_rating
 from fitball.inference.results.results import Verdict, thinned
@@ -194,6 +197,8 @@ def test_other_balls_have_no_court_pace(grip_slip_fit):
     found = court_pace(problem, grip_slip_fit.point, None, np.random.default_rng(1))
     assert not found.ratings and found.measured is None and "tennis ball, and this one has 45.9 g" in found.missing
     assert pace_by_surface(problem, grip_slip_fit.posterior.draws[:5]) == {}
+    with pytest.raises(FitError, match="another ball than a tennis ball"):
+        of_court_pace(SimpleNamespace(problem=problem))
 
 
 def test_a_model_that_needs_the_measured_restitution_says_so(brief):

@@ -14,6 +14,7 @@ from fitball.inference.problem.build import build_problem, reduction
 from fitball.inference.problem.choices import Choices
 from fitball.inference.problem.noise import KINDS
 from fitball.inference.problem.problem import Problem
+from fitball.models.model import Model
 from fitball.models.registry import closure_options, model
 from fitball.values import FloatArray
 
@@ -41,12 +42,16 @@ def alternatives(problem: Problem, probes: FloatArray) -> tuple[Change, ...]:
     """
     found = []
     for name, instead_of, changed in _changes(problem):
+        given = problem.model
         try:
-            posed = _posed(problem, changed)
+            there = model(given.name, ball=given.ball, tangential=given.tangential, **changed.closures)
+            if there.needs_cor != given.needs_cor:
+                continue
+            posed = _posed(problem, changed, there)
         except FitballError as error:
             found.append(Change(name, instead_of, None, str(error)))
             continue
-        if posed.model.needs_cor == problem.model.needs_cor and not _same(problem, posed, probes):
+        if not _same(problem, posed, probes):
             found.append(Change(name, instead_of, posed))
     return tuple(found)
 
@@ -70,11 +75,11 @@ def _changes(problem: Problem) -> Iterator[tuple[str, str, Choices]]:
             yield f"noise={kind}", f"noise={problem.noise.name}", replace(chosen, noise=kind)
 
 
-def _posed(problem: Problem, choices: Choices) -> Problem:
-    """The problem of other choices; what is known of parameters that only the given problem has is left out."""
-    given = problem.model
-    there = model(given.name, ball=given.ball, tangential=given.tangential, **choices.closures)
-    gone = set(given.parameter_names) - set(there.parameter_names)
+def _posed(problem: Problem, choices: Choices, there: Model) -> Problem:
+    """The problem of other choices, that is, of the model `there`; what is known of parameters that only the given
+    problem has is left out.
+    """
+    gone = set(problem.model.parameter_names) - set(there.parameter_names)
     if choices.noise != problem.noise.name:
         gone |= {spec.name for spec in problem.noise.parameters}
     scene = replace(problem.scene, priors=_without(problem.scene.priors, gone), fix=_without(problem.scene.fix, gone))

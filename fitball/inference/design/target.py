@@ -124,6 +124,8 @@ def of_court_pace(known: Knowledge) -> Target:
     problem = known.problem
     if not problem.table.has_tangential:
         raise FitError("a fit of a drop test has no court pace rating: no motion along the court was measured")
+    if not problem.scene.tennis:
+        raise FitError("a fit of another ball than a tennis ball has no court pace rating: the test is made with one")
     rows = first_rows(problem)
     impacts = itf_impact().take(np.zeros(len(rows), dtype=np.int64))
     at = replace(known.at(impacts, np.array(rows)), group_bias=None, incident=None)
