@@ -248,6 +248,14 @@ def test_the_table_to_be_filled_in_can_be_fitted_with_the_first(known):
     assert {item.name for item in both.measurements} == {"v_x2", "v_y2", "omega_2", "contact_time"}
 
 
+def test_no_range_is_asked_for_that_would_be_refused():
+    table = load_table({"v_x1": [15.0, 14.0], "v_y1": [5.0, 9.0], "v_x2": [10.0, 9.0], "v_y2": [4.0, 6.5]}, name="t")
+    problem = build_problem(table, Scene(), Choices(model="grip-slip"))
+    assert build_settings(problem, None, None, None).assumed == ("speed", "angle")
+    with pytest.raises(ParameterError, match="no spin was measured"):
+        build_settings(problem, None, None, Range(0.0, 0.0))
+
+
 def test_fits_that_cannot_be_planned_from_say_why(drop_page, grip_slip_fit):
     with pytest.raises(FitError, match="point fit has no posterior"):
         fitball.plan(drop_page.parent)

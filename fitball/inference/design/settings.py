@@ -78,11 +78,12 @@ def build_settings(problem: Problem, speed: Range | None, angle: Range | None, s
     Raises ParameterError for a range of what the fit knows nothing of, and for a grid too fine.
     """
     table = problem.table
-    for name, given, known, words in (
-        ("angle", angle, table.has_tangential, "this fit of a drop test knows the vertical motion only"),
-        ("spin", spin, table.has_tangential and table.has_spin, "no spin was measured, so this fit knows none"),
+    open_to = {"speed": True, "angle": table.has_tangential, "spin": table.has_tangential and table.has_spin}
+    for name, given, words in (
+        ("angle", angle, "this fit of a drop test knows the vertical motion only"),
+        ("spin", spin, "no spin was measured, so this fit knows none"),
     ):
-        if given is not None and not known:
+        if given is not None and not open_to[name]:
             raise ParameterError(f"{option(name, '...')}: {words}; leave it out")
     impacts = problem.impacts
     assumed = []
@@ -95,7 +96,7 @@ def build_settings(problem: Problem, speed: Range | None, angle: Range | None, s
     for name, given, values, steps in measured:
         chosen = given or Range(float(values.min()), float(values.max()))
         # Of a drop test there is but one angle and no spin.
-        if given is None and (table.has_tangential or name == "speed"):
+        if given is None and open_to[name]:
             assumed.append(name)
         count = chosen.count or (steps if chosen.high > chosen.low else 1)
         axes.append(np.linspace(chosen.low, chosen.high, count))
