@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from samples import GRIP_SLIP, drop_table, problem_of, synthetic
+from samples import GRIP_SLIP, TWO_MASS, drop_table, problem_of, synthetic
 from scipy.optimize import minimize
 from scipy.stats import norm, t
 
@@ -123,13 +123,24 @@ def test_the_general_cost_is_the_likelihood_with_mixtures_at_kinks():
     problem = problem_of(
         replace(table, incident_covariance=covariance, incident_sd={"v_x1": np.full(21, 0.3)}), "grip-slip"
     )
-    objective = surface_of(problem)
     values = np.array([[GRIP_SLIP[name] for name in problem.free_names]])
+    slopes_are_differences(problem, values, -log_likelihood(problem, values, problem.rebound(values))[0])
+
+
+def test_the_general_cost_counts_the_contact_time_of_the_scene():
+    problem = problem_of("wang_zero_spin.csv", "two-mass", noise="student-t")
+    values = np.array([[{**TWO_MASS, "degrees_of_freedom": 4.0}[name] for name in problem.free_names]])
+    rebound = problem.rebound(values)
+    time = norm(*problem.contact_time).logpdf(rebound.contact_time.mean())
+    slopes_are_differences(problem, values, -log_likelihood(problem, values, rebound)[0] - time)
+
+
+def slopes_are_differences(problem, values, cost):
+    """The cost of a surface at free values (1, free), and its gradient."""
+    objective = surface_of(problem)
     found, given = objective.from_values(values), free_searches(objective, values, True).given
     gradient, _ = objective.linearised(found, given)
-    assert objective.cost(found, given)[0] == pytest.approx(
-        -log_likelihood(problem, values, problem.rebound(values))[0], rel=1e-12
-    )
+    assert objective.cost(found, given)[0] == pytest.approx(cost, rel=1e-12)
     for k in range(problem.dimension):
         step = np.zeros(problem.dimension)
         step[k] = 1e-4 * objective.width[k]

@@ -176,6 +176,10 @@ def test_a_population_at_a_bound_is_that_of_a_truncated_distribution():
         low, middle, high = np.interp((0.025, 0.5, 0.975), np.cumsum(shares) / shares.sum(), side)
         assert known.median == pytest.approx(middle, abs=0.1 * (high - low))
         assert [known.low, known.high] == pytest.approx([low, high], abs=0.15 * (high - low))
+    # A new table lies within the bounds as well.
+    for level, at in ((0.025, found.new.low), (0.5, found.new.median), (0.975, found.new.high)):
+        below = stats.norm.cdf(at, m, tau) / stats.norm.cdf(1.0, m, tau)
+        assert np.sum(mass * below) / np.sum(mass) == pytest.approx(level, abs=0.03)
 
 
 def test_tables_that_tell_nothing_say_nothing():

@@ -98,6 +98,13 @@ def test_equal_ratios_are_exact():
     assert k == -np.inf
 
 
+def test_a_tail_of_draws_that_depend_on_each_other_is_longer_and_may_be_tied():
+    """A hundred distinct ratios above many that are equal: a tail of 94 independent draws, none of 189."""
+    log_ratios = np.concatenate([np.zeros(900), np.linspace(0.01, 3.0, 100)])
+    assert np.isfinite(smoothed(log_ratios, 1.0)[1])
+    assert smoothed(log_ratios, 0.25)[1] == np.inf
+
+
 @pytest.mark.parametrize("efficiency", [1.0, 0.3, 0.01])
 def test_untied_ratios_are_smoothed_as_arviz_does(efficiency):
     log_ratios = 1.5 * np.random.default_rng(9).standard_normal(3000)
