@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from samples import drop_table, linear_problem, problem_of
 from scipy.integrate import solve_ivp
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 from scipy.stats import t as student
 
 from fitball.data.ball_types import BALL_TYPES
@@ -257,6 +257,13 @@ def test_intervals_of_one_way_hold_the_truth_and_those_that_forget_the_balls_do_
     shares = {name: count / rounds for name, count in inside.items()}
     assert all(0.89 <= shares[name] <= 0.995 for name in ("mean", "between", "within", "ball")), shares
     assert shares["forgetting"] < 0.85
+
+
+def test_a_plain_mean_is_known_as_students_distribution_has_it():
+    mean, spread = plain_mean(np.array([1.0, 2.0, 3.0, 4.0]), rng(4))
+    half = student.ppf(0.975, 3) * np.sqrt(5.0 / 3.0) / 2.0
+    np.testing.assert_allclose(np.quantile(mean, [0.025, 0.975]), [2.5 - half, 2.5 + half], rtol=0.1)
+    np.testing.assert_allclose(np.median(spread), np.sqrt(5.0 / chi2.ppf(0.5, 3)), rtol=0.04)
 
 
 def test_where_nothing_was_dropped_there_is_no_drop_test():
