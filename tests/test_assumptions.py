@@ -120,6 +120,17 @@ def test_knowledge_of_a_parameter_that_an_alternative_lacks_is_left_behind():
     assert kept["zeta_theta"] == "lognormal(0.4, 0.5)"
 
 
+def test_an_alternative_is_the_same_problem_where_defaults_are_stated():
+    """As `repeat` states them: of a ball that turns as one the stiffness acts nowhere, stated or not."""
+    silent = problem_of("wang_all.csv", without=("contact_time",))
+    stated = problem_of(
+        "wang_all.csv", without=("contact_time",), priors={item.name: item.prior.text for item in silent.free}
+    )
+    probes = silent.to_coordinates(silent.prior.draw(np.random.default_rng(1), 20))
+    for one, other in zip(alternatives(silent, probes), alternatives(stated, probes), strict=True):
+        assert (one.name, one.problem.free_names) == (other.name, other.problem.free_names)
+
+
 def test_the_range_over_assumptions_holds_a_truth_that_the_assumed_closure_misses(deceived):
     found, truth = deceived
     eps = found.parameters["eps_10"]
