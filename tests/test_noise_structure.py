@@ -44,6 +44,7 @@ def table_of(**columns):
 
 
 TRUE = {"mu": 0.55, "eps_10": 2e-3, "eps_slope": 0.0, "cor_10": 0.77, "cor_slope": -0.015, "e_x": 0.1, "offset": 0.0}
+BALL = ("mu", "e_x", "offset", "cor_10", "cor_slope")
 
 
 def simulated(mu, seed, labels):
@@ -243,6 +244,8 @@ def test_tables_that_differ_are_not_joined(tmp_path):
         ({"pool": {"mu": "court"}}, FitError, "no label column 'court'"),
         ({"pool": {"mu": "surface"}}, FitError, "one label only"),
         ({"offsets": "court"}, FitError, "no label column 'court'"),
+        # All of the ball is held; noise alone is no fit of a model.
+        ({"fix": {name: TRUE[name] for name in BALL}}, FitError, "nothing is left to fit"),
     ],
 )
 def test_impossible_structures_are_named(choices, error, words):
