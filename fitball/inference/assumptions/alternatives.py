@@ -82,8 +82,16 @@ def _posed(problem: Problem, choices: Choices, there: Model) -> Problem:
     gone = set(problem.model.parameter_names) - set(there.parameter_names)
     if choices.noise != problem.noise.name:
         gone |= {spec.name for spec in problem.noise.parameters}
-    scene = replace(problem.scene, priors=_without(problem.scene.priors, gone), fix=_without(problem.scene.fix, gone))
-    left = replace(choices, priors=_without(choices.priors, gone), fix=_without(choices.fix, gone))
+    stated = {**problem.scene.priors, **choices.priors}
+    silent = set(gone)
+    # Of a ball that turns as one k_y may act nowhere, and is held unless a prior is stated: a repetition states all
+    # those of the given model, defaults too.
+    if "k_theta" in gone and "k_y" in stated and stated["k_y"] == there.specs["k_y"].prior:
+        silent.add("k_y")
+    scene = replace(
+        problem.scene, priors=_without(problem.scene.priors, silent), fix=_without(problem.scene.fix, gone)
+    )
+    left = replace(choices, priors=_without(choices.priors, silent), fix=_without(choices.fix, gone))
     return replace(build_problem(problem.table, scene, left), threads=problem.threads)
 
 

@@ -59,8 +59,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     records = records_for(chosen, scene, force, notes)
     measured_time = any(observable.column.timed for observable in observables)
     timed = contact_time is not None or measured_time or records is not None
-    idle = "k_y" in chosen.parameter_names and "k_theta" not in chosen.parameter_names and not timed
-    if idle:
+    if "k_y" in chosen.parameter_names and "k_theta" not in chosen.parameter_names and not timed:
         fixed["k_y"] = (2.0e4, "it acts on the contact time only, and none is known")
     priors = _scene_priors(scene, fixed)
     noise = noise_parameters(observables, table, scene, priors, fixed)
@@ -73,11 +72,8 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     priors = {key: value for key, value in priors.items() if key in known}
     priors |= {key: value for key, value in scene.priors.items() if name == scene.model or key in known}
     scene_fix = {key: value for key, value in scene.fix.items() if name == scene.model or key in known}
-    for key, text in {**scene.priors, **choices.priors}.items():
-        # What acts nowhere stays held though its default is stated: a repetition states the priors of a whole fit, of
-        # which this may be an alternative.
-        if not (idle and key == "k_y" and text == chosen.specs[key].prior):
-            fixed.pop(key, None)
+    for key in {**scene.priors, **choices.priors}:
+        fixed.pop(key, None)
     fixed |= {key: (value, "fixed by the scene") for key, value in scene_fix.items()}
     fixed |= {key: (value, "fixed on request") for key, value in choices.fix.items()}
     wanted, published = with_published({**priors, **choices.priors})
