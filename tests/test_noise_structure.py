@@ -19,10 +19,12 @@ from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.errors import FitError, ParameterError, TableError
 from fitball.inference.calibrate import run
+from fitball.inference.comparison.cross_validation import GROUPS, IMPACTS, leave_out, make_folds
 from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import impact_terms, log_likelihood, log_posterior
 from fitball.inference.likelihood.residuals import root_mean_squares
 from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.point_fit import point_fit
 from fitball.inference.point.starts import starting_points
 from fitball.models.types import Status
 from fitball.report.saved.fit_text import fit_text
@@ -186,6 +188,14 @@ def test_the_bias_of_a_group_is_an_offset_not_noise():
     problem = problem_of(biased, "grip-slip", offsets="group")
     left = root_mean_squares(problem, np.array([values[name] for name in problem.free_names]))
     assert left["omega_2"] < 2.0 * values["spin_sd"]
+    # The others of its group tell the bias of an impact that is left out; those of other groups do not.
+    _residual, point = point_fit(problem, np.random.default_rng(1))
+    folds, _notes = make_folds(biased, np.random.default_rng(1))
+    chosen = [fold for fold in folds if fold.scheme in (IMPACTS, GROUPS)]
+    missed, _notes = leave_out(problem, point, chosen, (), np.random.default_rng(1))
+    errors = {one.scheme: one.errors["omega_2"][np.argsort(one.rows)] for one in missed}
+    back = np.array(groups) == "backspin"
+    assert abs(errors[IMPACTS][back].mean()) < 10.0 and errors[GROUPS][back].mean() == pytest.approx(-40.0, abs=15.0)
 
 
 def test_joined_tables_are_the_rows_of_both():

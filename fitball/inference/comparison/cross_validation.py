@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,14 +89,28 @@ def leave_out(
     problem: Problem, point: PointFit, folds: Sequence[Fold], given_columns: Sequence[str], rng: np.random.Generator
 ) -> tuple[tuple[Missed, ...], list[str]]:
     """Errors of the refits' predictions, one `Missed` a scheme, and a sentence for each fold without a fit."""
-    measured = measured_outputs(problem.table)
     by_scheme: dict[str, list[tuple[Fold, dict[str, FloatArray]]]] = {}
     fitted, notes = _refitted(problem, point, folds, rng)
     for fold, values in fitted:
+        measured = measured_outputs(_unbiased(problem, values))
         errors = output_errors(measured, predicted_outputs(problem.rebound(values[None, :]), given_columns))
         mine = {name: column[fold.rows] for name, column in errors.items()}
         by_scheme.setdefault(fold.scheme, []).append((fold, mine))
     return tuple(_joined(scheme, parts) for scheme, parts in by_scheme.items()), notes
+
+
+def _unbiased(problem: Problem, values: FloatArray) -> ImpactTable:
+    """The table with the biases of groups at free values (free,) taken off its columns."""
+    if problem.group_bias is None:
+        return problem.table
+    columns, told = problem.all_values(values[None, :]), {item.name for item in problem.observables}
+    measurements = tuple(
+        replace(item, values=item.values - problem.group_bias.offset(columns, item.name)[0])
+        if item.name in told
+        else item
+        for item in problem.table.measurements
+    )
+    return replace(problem.table, measurements=measurements)
 
 
 def _refitted(
