@@ -2,6 +2,7 @@
 
 What a message asks for is passed in one way on the command line (`--overwrite`) and in another in Python
 (`overwrite=True`). Messages ask here for the words; the command line says once that it is the one listening.
+Names that the user gave are cut here to what there is room for.
 """
 
 from __future__ import annotations
@@ -9,6 +10,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+
+# Letters of a user's name that a figure has room for, and of one in a formula.
+MOST_LETTERS, MOST_IN_FORMULA = 22, 12
+
+
+def short(name: str, most: int = MOST_LETTERS) -> str:
+    """A user's name of `most` letters: a longer one loses its middle, where most are alike."""
+    return name if len(name) <= most else f"{name[: most - most // 3 - 1].rstrip()}…{name[-(most // 3) :].lstrip()}"
+
+
+def in_formula(name: str) -> str:
+    """A user's name as an upright index of a formula: letters and digits only."""
+    plain = short("".join(letter for letter in name if letter.isalnum()), MOST_IN_FORMULA)
+    return rf"\mathrm{{{plain}}}"
 
 
 @dataclass

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.lines import Line2D
 
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.results import Verdict
@@ -15,7 +16,7 @@ from fitball.models.specs import SPECS
 from fitball.report.batch.figure import batch_figure
 from fitball.report.batch.rows import row_of
 from fitball.report.batch.series import all_series
-from fitball.report.figures.canvas import group_styles, log_ticks
+from fitball.report.figures.canvas import Margins, group_styles, legend_below, log_ticks, panels
 from fitball.report.figures.kinds import draw
 from fitball.report.figures.parameter_axis import parameter_axis
 from fitball.report.figures.sketch import ball_sketch
@@ -34,6 +35,7 @@ from fitball.report.form.palette import (
     verdict_mark,
 )  # fmt: skip
 from fitball.report.form.symbols import symbol_html
+from fitball.wording import in_formula, short
 
 
 @pytest.mark.parametrize(
@@ -160,3 +162,23 @@ def test_dollars_of_the_user_begin_no_formula(grip_slip_fit):
     figures = [draw(name, fit) for name in ("regimes", "curves", "residuals", "corner")]
     for figure in (*figures, batch_figure(all_series([row_of(odd, fit)])[:1], [odd])):
         figure.draw_without_rendering()
+
+
+def test_long_names_stay_within_the_figure_and_off_the_panels():
+    figure, axes = panels(2, 2, (3.1, 1.65), Margins(bottom=1.15))
+    axes[-1, 0].set_xticks([0, 1], ["acrylic hall", "clay"], rotation=60)
+    axes[-1, 0].set_xlabel("surface")
+    before = [axis.get_window_extent().height for axis in axes.ravel()]
+    handles = {f"measured: cushioned layer of the new hall, court {k}": Line2D([], []) for k in range(7)}
+    legend_below(figure, handles, 3)
+    legend = figure.legends[0].get_window_extent()
+    assert figure.bbox.x0 <= legend.x0
+    assert legend.x1 <= figure.bbox.x1
+    assert legend.y1 <= axes[-1, 0].xaxis.get_tightbbox().y0
+    assert [axis.get_window_extent().height for axis in axes.ravel()] == pytest.approx(before)
+
+
+def test_long_names_keep_both_ends():
+    assert short("clay") == "clay"
+    assert short("court 07 of the club Rot-Weiss", 14) == "court 07…eiss"
+    assert in_formula("Škoda_x^2$y$") == r"\mathrm{Škodax2y}"

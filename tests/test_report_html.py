@@ -15,6 +15,7 @@ from PIL import Image
 
 import fitball
 from fitball.data.read import load_table
+from fitball.inference.identifiability.posterior_verdict import plain
 from fitball.inference.prediction.outputs import root_mean_square
 from fitball.inference.results.results import BudgetLine, ErrorBudget, Verdict
 from fitball.inference.thesis.published_cases import case_errors, compare_cases
@@ -205,6 +206,14 @@ def test_alt_texts_carry_the_numbers(grip_slip_fit):
     strongest = np.abs(grip_slip_fit.correlation - np.eye(len(grip_slip_fit.problem.free_names))).max()
     assert re.search(rf"Strongest correlations: \w+ with \w+ [+-]{strongest:.2f}", found["corner"])
     assert f"{grip_slip_fit.diagnostics.max_r_hat:.3f}" in found["trace"]
+    for r_hat, words in ((1.003, "they are not yet enough; the largest R-hat is 1.003"), (1.02, "do not yet agree")):
+        worst = replace(grip_slip_fit.diagnostics, converged=False, max_r_hat=r_hat)
+        assert words in alt_text("trace", replace(grip_slip_fit.result, diagnostics=worst))
+
+
+def test_bounds_in_words_have_no_powers_of_ten():
+    assert plain(7424.0, "N/m") == "7420 N/m"
+    assert plain(0.00252, "m") == "0.00252 m"
 
 
 # --- beside Table 9

@@ -127,5 +127,5 @@ def _tied_to(names: tuple[str, ...], correlation: FloatArray, column: int) -> st
 
 
 def plain(value: float, unit: str) -> str:
-    """A value with its unit, to three digits."""
-    return f"{value:.3g} {unit}".rstrip()
+    """A value with its unit, to three digits; thousands are written out."""
+    return f"{float(f'{value:.3g}'):g} {unit}".rstrip()

@@ -100,7 +100,7 @@ def _from_information(problem: Problem, look: InformationEvidence, many: bool) -
 
 def interval(profile: Profile, unit: str) -> str:
     """The 95 % interval in words, an open end as dots."""
-    low, high = ("..." if end is None else f"{end:.3g}" for end in profile.interval_95)
+    low, high = ("..." if end is None else plain(end, "") for end in profile.interval_95)
     return f"[{low}, {high}] {unit}".rstrip()
 
 

@@ -13,7 +13,7 @@ from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.pooling import levels_of
 from fitball.models.specs import EVERYTHING, ParameterSpec
 from fitball.values import FloatArray
-from fitball.wording import option
+from fitball.wording import in_formula, option
 
 # A bias of twice the noise is expected: more would have been noticed by who measured.
 EXPECTED = 2.0
@@ -50,14 +50,14 @@ class GroupBias:
         """What the offsets are, by name; `nominal` is the expected noise by noise parameter."""
         made = {}
         for observable in observables:
+            column = observable.column.symbol.strip("$")
             size = EXPECTED * _expected_noise(observable, nominal)
             for label in self.labels:
                 name = self.name(observable.name, label)
-                plain = "".join(character for character in f"{observable.name}{label}" if character.isalnum())
                 made[name] = ParameterSpec(
                     name, observable.column.unit, -50.0 * size, 50.0 * size, f"normal(0, {size:.6g})",
                     f"how much more than the model {observable.name} is in group {label}",
-                    rf"$\Delta_{{\mathrm{{{plain}}}}}$", possible=EVERYTHING,
+                    rf"$\Delta_{{{column},{in_formula(label)}}}$", possible=EVERYTHING,
                 )  # fmt: skip
         return made
 

@@ -18,7 +18,7 @@ from fitball.errors import FitError, ParameterError, suggestion
 from fitball.inference.problem.priors import Prior
 from fitball.models.specs import BALL_PARAMETERS, EVERYTHING, POSITIVE, ParameterSpec
 from fitball.values import FloatArray
-from fitball.wording import spoken
+from fitball.wording import in_formula, spoken
 
 # Spread of a logarithm, and of a value as a share of its prior's median, that is still expected (half-normal prior).
 EXPECTED_SPREAD = 0.3
@@ -81,7 +81,7 @@ class Pooling:
                 self.spread_name, "" if self.log else unit, 0.0, 20.0 * size, f"normal(0, {size:.6g})",
                 f"how far {self.parameter} differs between {self.column}s (one standard deviation"
                 + (" of its logarithm)" if self.log else ")"),
-                rf"$\tau_{{{_plain(self.parameter)}}}$", possible=POSITIVE,
+                rf"$\tau_{{{in_formula(self.parameter)}}}$", possible=POSITIVE,
             )
         }  # fmt: skip
         for label in self.labels:
@@ -89,14 +89,9 @@ class Pooling:
             made[name] = ParameterSpec(
                 name, "", -8.0, 8.0, "normal(0, 1)",
                 f"where {self.parameter} of {self.column} {label} lies, in spreads from the common value",
-                rf"$z_{{{_plain(label)}}}$", possible=EVERYTHING,
+                rf"$z_{{{in_formula(label)}}}$", possible=EVERYTHING,
             )  # fmt: skip
         return made
-
-
-def _plain(text: str) -> str:
-    """Letters and digits only, for a formula."""
-    return r"\mathrm{" + "".join(character for character in text if character.isalnum()) + "}"
 
 
 def levels_of(table: ImpactTable, column: str, asked_by: str) -> tuple[tuple[str, ...], NDArray[np.int64]]:

@@ -47,7 +47,7 @@ def batch_page(
         failed_left=max(0, len(said.failed) - MOST_FAILED),
         heading=f"{len(rows):,} table{'s, each' if len(rows) != 1 else ''} fitted by itself",
         figures=[
-            embed(images[name], CAPTIONS[name], f"{CAPTIONS[name]} {said.headline}")
+            embed(images[name], CAPTIONS[name], f"{CAPTIONS[name]} {said.headline[0].upper()}{said.headline[1:]}")
             for name in CAPTIONS
             if name in images
         ],

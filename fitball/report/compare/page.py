@@ -195,5 +195,5 @@ def _ranking_alt(comparison: Comparison) -> str:
 
 def _forest_alt(comparison: Comparison) -> str:
     rows = assumption_table(comparison)
-    parts = [f"{row[0]} {row[2]} {row[1]}".strip() + f", over as good {row[3]}" for row in rows[1:]]
+    parts = [f"{row[0]} {row[2]} {row[1]}".strip() + f", over as good {row[3]}" * (row[3] != "-") for row in rows[1:]]
     return "Each quantity under each model. By the best model: " + "; ".join(parts) + "."

@@ -148,12 +148,37 @@ def fit_heading(figure: Figure, fit: Fit, words: str, narrow: bool = False) -> N
 
 
 def legend_below(figure: Figure, handles: Mapping[str, Any], columns: int) -> None:
-    """A legend at the lower edge: what stands for each label."""
-    figure.legend(
-        handles.values(), map(verbatim, handles), loc="lower center",
-        bbox_to_anchor=(0.5, 0.03 / figure.get_figheight()), frameon=False, fontsize=9,
-        ncols=min(columns, max(1, len(handles))),
-    )  # fmt: skip
+    """A legend at the lower edge: what stands for each label, in as many columns, `columns` at most, as there is room
+    for. Where it would reach into a grid of panels the figure grows downwards.
+    """
+    for count in range(max(1, min(columns, len(handles))), 0, -1):
+        legend = figure.legend(
+            handles.values(), map(verbatim, handles), loc="lower center", frameon=False, fontsize=9, ncols=count
+        )
+        box = legend.get_window_extent()
+        if box.width <= figure.bbox.width or count == 1:
+            break
+        legend.remove()
+    lowest = [
+        part.y0
+        for axis in figure.axes
+        if axis.get_position().y0 > 0.0 and (part := axis.xaxis.get_tightbbox()) is not None
+    ]
+    _grow_downwards(figure, (box.y1 - min(lowest, default=box.y1)) / figure.dpi)
+    legend.set_bbox_to_anchor((0.5, 0.03 / figure.get_figheight()), figure.transFigure)
+
+
+def _grow_downwards(figure: Figure, inches: float) -> None:
+    """More room below the panels, which keep their sizes; none for a number that is not positive."""
+    if inches <= 0.0:
+        return
+    before = figure.get_figheight()
+    height = before + inches + 0.05
+    figure.set_figheight(height)
+    for axis in figure.axes:
+        x, y, width, high = axis.get_position().bounds
+        above = (1.0 - y - high) * before
+        axis.set_position((x, 1.0 - (above + high * before) / height, width, high * before / height))
 
 
 def drawn_handles(*axes: Axes) -> dict[str, Any]:

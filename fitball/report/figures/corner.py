@@ -141,9 +141,10 @@ def corner_figure(fit: Fit) -> Figure:
     sheet.ticks(left, "y", rotation=45)
     letters = 10.0 if count < 12 else 8.0
     for k, axis in enumerate(data.axes):
-        sheet.text(across[k].start + 0.5 * size, LABELS, axis.label, letters, ha="center", va="center")
+        own = axis.letters(letters)
+        sheet.text(across[k].start + 0.5 * size, LABELS, axis.label, own, ha="center", va="center")
         if k:
-            sheet.text(LABELS, up[k].start + 0.5 * size, axis.label, letters, ha="center", va="center", rotation=90)
+            sheet.text(LABELS, up[k].start + 0.5 * size, axis.label, own, ha="center", va="center", rotation=90)
     _legend(sheet, verbatim(f"{fit.problem.model.name} on {fit.problem.table.name}"), count < 4)
     return sheet.figure
 

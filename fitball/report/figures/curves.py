@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,6 +30,7 @@ from fitball.report.figures.measured import Measured, group_of, measured_outputs
 from fitball.report.form.display_units import output_scale
 from fitball.report.form.palette import FAINT, MEASURED, MODEL
 from fitball.values import FloatArray
+from fitball.wording import short
 
 
 @dataclass(frozen=True)
@@ -94,6 +95,8 @@ def _title(item: Curve, needs_cor: bool) -> str:
 
 
 CELL = (3.1, 1.65)
+# Letters of a title that a panel has room for.
+MOST_IN_TITLE = 36
 # Bars on more points than this would hide the curve.
 MOST_BARS = 60
 # Impacts near a curve that are drawn one by one, bins that stand for more, impacts of a bin at least; and how many of
@@ -113,7 +116,8 @@ def curves_figure(fit: Fit) -> Figure:
         for axis, (name, item) in zip(axes[:, k], points.items(), strict=True):
             _draw_model(axis, column, column.bands[name])
             _draw_measured(axis, column, item, place, groups)
-        axes[0, k].set_title(verbatim(column.title), fontsize=10)
+        label, colon, where = column.title.rpartition(": ")
+        axes[0, k].set_title(verbatim(short(label, MOST_IN_TITLE - len(where)) + colon + where), fontsize=10)
         axes[-1, k].set_xlabel(along_label(fit))
         axes[-1, k].tick_params(labelsize=8)
     for row, name in zip(axes, points, strict=True):
@@ -121,7 +125,7 @@ def curves_figure(fit: Fit) -> Figure:
         _same_height(row, points[name], [column.bands[name] for column in columns])
         row[0].tick_params(labelsize=8)
     inner(axes)
-    _legend(figure, fit, groups, binned=any(column.rows.size > BINNED for column in columns))
+    _legend(figure, fit, groups, columns)
     over = "incidence at stated speed and spin" if fit.problem.table.has_tangential else "speed"
     fit_heading(figure, fit, f"rebound over {over}", narrow)
     return figure
@@ -187,16 +191,18 @@ def _same_height(row: NDArray[Any], item: Measured, bands: list[FloatArray]) -> 
     row[0].locator_params(axis="y", nbins=5)
 
 
-def _legend(figure: Figure, fit: Fit, groups: NDArray[np.str_], *, binned: bool) -> None:
+def _legend(figure: Figure, fit: Fit, groups: NDArray[np.str_], columns: Sequence[CurveColumn]) -> None:
     along = fit.problem.table.has_tangential
     model = "model (dotted: beyond the impacts near)" if along else "model"
     handles: dict[str, Any] = {model: Line2D([], [], color=MODEL, linewidth=1.4)}
     if fit.predictive is not None:
         handles["its 68 and 95 % bands, without noise"] = Patch(color=MODEL, alpha=0.3, linewidth=0)
+    shown = {groups[row] for column in columns for row in column.rows}
     styles, measured = group_styles(tuple(groups)), "measured, with noise"
-    if binned:
+    if any(column.rows.size > BINNED for column in columns):
         styles, measured = group_styles([""]), "measured near it, mean and sd in bins"
-    for name, (colour, marker) in [*styles.items()][:MOST_NAMED]:
+    seen = [item for item in styles.items() if item[0] in shown or not item[0]]
+    for name, (colour, marker) in seen[:MOST_NAMED]:
         mark = Line2D([], [], color=colour, marker=marker, markersize=4.5, linewidth=1.0)
         handles[f"{measured}: {name}" if name else measured] = mark
     if along:

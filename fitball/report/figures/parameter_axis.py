@@ -15,6 +15,9 @@ from fitball.report.form.display_units import handy
 from fitball.values import FloatArray
 from fitball.wording import option
 
+# Signs of a label, as a formula is written, from which on it is long.
+LONG = 34
+
 
 @dataclass(frozen=True)
 class ParameterAxis:
@@ -23,6 +26,10 @@ class ParameterAxis:
     label: str
     factor: float
     logarithmic: bool
+
+    def letters(self, most: float) -> float:
+        """Size of the letters of the label: smaller where names of the user's make it long."""
+        return most if len(self.label) <= LONG else 0.7 * most
 
     def margins(self, low: float, high: float, share: float = 0.05) -> tuple[float, float]:
         """A little more than from `low` to `high`, in the unit of the axis."""

@@ -23,6 +23,7 @@ from fitball.report.figures.canvas import (
 from fitball.report.figures.parameter_axis import ParameterAxis, parameter, parameter_axis
 from fitball.report.form.palette import GUIDE, MEASURED, MODEL
 from fitball.values import FloatArray
+from fitball.wording import short
 
 # Lowest log likelihood shown, a little below the 95 % level at -1.92.
 LOWEST = -2.6
@@ -124,6 +125,6 @@ def _draw(axis: Axes, panel: ProfilePanel, words: str) -> None:
         axis.set_xlim(*panel.span)
         axis.locator_params(axis="x", nbins=4)
     axis.set_ylim(LOWEST, 0.15)
-    axis.set_title(verbatim(panel.name), fontsize=9, pad=3)
+    axis.set_title(verbatim(short(panel.name, 34)), fontsize=9, pad=3)
     axis.set_xlabel(panel.axis.label, labelpad=2)
     axis.tick_params(labelsize=8)

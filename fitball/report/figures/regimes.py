@@ -13,6 +13,7 @@ from fitball.report.figures.canvas import drawn_handles, fit_heading, legend_bel
 from fitball.report.figures.measured import group_of
 from fitball.report.form.palette import FAINT, REGIMES
 from fitball.values import FloatArray
+from fitball.wording import short
 
 # Inches: the figure, one bar, what surrounds them in all, below them, and left of them besides their labels.
 WIDTH, ROW, ROUND, BELOW, LEFT = 8.5, 0.27, 1.6, 1.05, 0.5
@@ -58,9 +59,8 @@ def regime_bars(fit: Fit, predictive: Predictive) -> RegimeBars:
     if np.any(rest > 1e-9):
         named, shares = [*named, OTHERS], np.column_stack([shares, np.maximum(rest, 0.0)])
     labels = tuple(
-        f"{fit.problem.table.ids[k]}  {impacts.v_y1[k]:.1f} m/s, {angle[k]:.0f}°"
-        if fit.problem.table.has_tangential
-        else f"{fit.problem.table.ids[k]}  {impacts.v_y1[k]:.1f} m/s"
+        "  ".join(filter(None, (fit.problem.table.ids[k], short(groups[k]), f"{impacts.v_y1[k]:.1f} m/s")))
+        + (f", {angle[k]:.0f}°" if fit.problem.table.has_tangential else "")
         for k in order
     )
     return RegimeBars(labels, tuple(named), shares)
@@ -95,7 +95,9 @@ def regimes_figure(fit: Fit) -> Figure:
     axis.set_ylim(len(data.labels) - 0.4, -0.6)
     axis.set_xlim(0.0, 1.0)
     axis.set_xlabel("posterior probability of the phase sequence")
-    axis.set_ylabel("impact, normal speed, incidence" if fit.problem.table.has_tangential else "impact, speed")
+    group = f", {fit.problem.grouped_by}" if fit.problem.grouped_by else ""
+    speed = "normal speed, incidence" if fit.problem.table.has_tangential else "speed"
+    axis.set_ylabel(verbatim(f"impact{group}, {speed}"))
     # Identifiers are the user's: as wide as they are.
     widest = max(float(label.get_window_extent().width) for label in axis.get_yticklabels()) / figure.dpi
     room = min(widest + LEFT, 0.6 * WIDTH)

@@ -32,6 +32,7 @@ from fitball.report.figures.canvas import (
 from fitball.report.figures.measured import bias, group_of, measured_part, measured_rows, noise_sd, prediction
 from fitball.report.form.palette import FAINT, GUIDE, MEASURED, TREND
 from fitball.values import FloatArray
+from fitball.wording import short
 
 WITHIN = 1.959963984540054
 # A quantity whose values lie as near to each other as this share of the largest does not differ.
@@ -203,7 +204,7 @@ def _draw_groups(axis: Axes, item: Residuals, groups: NDArray[np.str_], styles: 
             axis.errorbar([k], [values.mean()], [half], fmt="o", color=TREND, markersize=3, linewidth=1.4, zorder=4)
     axis.set_xlim(-0.7, len(styles) - 0.3)
     shown = list(styles) if len(styles) <= MOST_GROUPS else []
-    axis.set_xticks(range(len(shown)), [verbatim(name[:12]) for name in shown], rotation=30, ha="right")
+    axis.set_xticks(range(len(shown)), [verbatim(short(name, 12)) for name in shown], rotation=30, ha="right")
 
 
 def _draw_quantiles(axis: Axes, item: Residuals) -> None:

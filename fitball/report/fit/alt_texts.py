@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from fitball.inference.results.results import Fit
+from fitball.inference.results.results import TARGET_R_HAT, Fit
 from fitball.report.figures.curves import curve_columns
 from fitball.report.figures.force import force_panels
 from fitball.report.figures.predictive import agreements
@@ -53,7 +53,7 @@ def _curves(fit: Fit) -> str:
             for name, band in column.bands.items()
         ]
         where = f"at {column.title}" if column.title else "over all"
-        parts.append(f"{where}, near {column.rows.size} impacts, {', '.join(ends)}")
+        parts.append(f"{where}, near {column.rows.size} impact{'s' * (column.rows.size != 1)}, {', '.join(ends)}")
     return f"Predicted rebounds along {along}: " + "; ".join(parts) + "."
 
 
@@ -114,9 +114,10 @@ def _trace(fit: Fit) -> str:
     worst = max(diagnostics.r_hat, key=lambda name: diagnostics.r_hat[name])
     chains = diagnostics.ensembles
     who = f"Walkers of {chains} ensembles" if diagnostics.pareto_k is None else f"{chains} chains of weighed draws"
-    state = "agree" if diagnostics.converged else "do not yet agree"
+    many = " are not yet enough" if diagnostics.max_r_hat < TARGET_R_HAT else " do not yet agree"
+    state = " agree" if diagnostics.converged else many
     return (
-        f"{who} over steps {diagnostics.warm_up} to {diagnostics.steps}: they {state}; "
+        f"{who} over steps {diagnostics.warm_up} to {diagnostics.steps}: they{state}; "
         f"the largest R-hat is {diagnostics.max_r_hat:.3f}, of {worst}, "
         f"the smallest effective sample size {min(diagnostics.min_ess_bulk, diagnostics.min_ess_tail):.0f}."
     )
