@@ -16,7 +16,7 @@ from fitball.models.specs import SPECS
 from fitball.report.batch.figure import batch_figure
 from fitball.report.batch.rows import row_of
 from fitball.report.batch.series import all_series
-from fitball.report.figures.canvas import Margins, group_styles, legend_below, log_ticks, panels
+from fitball.report.figures.canvas import Margins, group_handles, group_styles, legend_below, log_ticks, panels
 from fitball.report.figures.kinds import draw
 from fitball.report.figures.parameter_axis import parameter_axis
 from fitball.report.figures.sketch import ball_sketch
@@ -176,6 +176,11 @@ def test_long_names_stay_within_the_figure_and_off_the_panels():
     assert legend.x1 <= figure.bbox.x1
     assert legend.y1 <= axes[-1, 0].xaxis.get_tightbbox().y0
     assert [axis.get_window_extent().height for axis in axes.ravel()] == pytest.approx(before)
+
+
+def test_a_legend_says_how_many_groups_it_leaves_out():
+    assert [*group_handles(group_styles([f"{k:02d}" for k in range(40)]))][-2:] == ["11", "28 others"]
+    assert [*group_handles(group_styles(["clay", "grass"]))] == ["clay", "grass"]
 
 
 def test_long_names_keep_both_ends():

@@ -332,6 +332,12 @@ def test_the_package_corner_draws_the_same_in_panels_of_its_own(grip_slip_fit):
         fit.plot.corner(package="korner")
 
 
+def test_a_legend_names_other_impacts_where_some_stand_back(point_fit):
+    told = [text.get_text() for text in draw("curves", point_fit).legends[0].get_texts()]
+    rows = [column.rows.size for column in curve_columns(point_fit)]
+    assert ("other impacts" in told) is any(size < len(point_fit.problem.table) for size in rows)
+
+
 def test_a_drop_test_has_no_spin_and_one_curve(tmp_path):
     (tmp_path / "drop.csv").write_text(DROP, encoding="utf-8")
     fit = fitball.calibrate(tmp_path / "drop.csv", model="brody", point_only=True, cores=1)

@@ -199,11 +199,13 @@ def group_styles(groups: Sequence[str]) -> Styles:
 
 
 def group_handles(styles: Styles) -> dict[str, Line2D]:
-    """What a legend shows of the first `MOST_NAMED` groups, by name."""
-    return {
+    """What a legend shows of the first `MOST_NAMED` groups, by name, and how many it leaves out."""
+    handles = {
         name: Line2D([], [], color=colour, marker=marker, linestyle="none", markersize=5)
         for name, (colour, marker) in [*styles.items()][:MOST_NAMED]
     }
+    left_out = len(styles) - len(handles)
+    return handles | ({f"{left_out} others": Line2D([], [], linestyle="none")} if left_out else {})
 
 
 def log_ticks(low: float, high: float) -> tuple[list[float], list[float]]:

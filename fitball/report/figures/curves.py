@@ -205,6 +205,6 @@ def _legend(figure: Figure, fit: Fit, groups: NDArray[np.str_], columns: Sequenc
     for name, (colour, marker) in seen[:MOST_NAMED]:
         mark = Line2D([], [], color=colour, marker=marker, markersize=4.5, linewidth=1.0)
         handles[f"{measured}: {name}" if name else measured] = mark
-    if along:
+    if any(column.rows.size < groups.size for column in columns):
         handles["other impacts"] = Line2D([], [], color=FAINT, marker=".", linestyle="none", markersize=6)
     legend_below(figure, handles, 1 if figure.get_figwidth() < 6.5 else 3)
