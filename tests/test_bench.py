@@ -303,8 +303,10 @@ def test_files_and_words(precision, densities, tmp_path, monkeypatch, capsys):
     assert main(["bench", "--quick", "--out", str(out), "--json", "--quiet"]) == 0
     assert json.loads(capsys.readouterr().out)["machine"] == "a machine"
     (tmp_path / "file").write_text("")
+    begun = []
+    monkeypatch.setattr(measure, "measure", lambda *rest: begun.append(rest))
     assert main(["bench", "--quick", "--out", str(tmp_path / "file")]) == 2
-    assert "is a file; name a folder" in capsys.readouterr().err
+    assert "is a file; name a folder" in capsys.readouterr().err and not begun
 
 
 @pytest.mark.parametrize(
@@ -317,7 +319,7 @@ def test_files_and_words(precision, densities, tmp_path, monkeypatch, capsys):
         ("work,over the yardstick\na,2\nb,-3\n", 2, "expected 'work' and 'over the yardstick' with positive numbers"),
         ("work,over the yardstick\na,2\nb,many\n", 2, "many"),
         ("nothing\n1\n", 2, "read columns nothing"),
-        (None, 2, "fitball bench"),
+        (None, 2, "kept.csv: read No such file or directory, expected the ratios"),
     ],
 )
 def test_what_became_slower_is_told(text, code, said, tmp_path, monkeypatch, capsys):

@@ -37,6 +37,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure, write the folder, print the summary; or compare ratios."""
+    from fitball.report.form.folders import make_folder
     from fitball.studies.bench.measure import FULL, QUICK, measure
     from fitball.studies.bench.page import missing_words, summary, write
 
@@ -44,6 +45,7 @@ def run(args: argparse.Namespace) -> int:
     if args.check is not None:
         return _check(args, extent.pace)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER
+    make_folder(folder)
     bench = measure(extent, args.cores, stages(args.quiet))
     write(bench, folder)
     if args.json:

@@ -26,14 +26,18 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compute the tables again, write the page, print what holds; 1 where a count has changed."""
+    from fitball.errors import check_whole
     from fitball.inference.effort import Effort
+    from fitball.report.form.folders import make_folder
     from fitball.report.form.text_table import columns
     from fitball.studies.thesis.chapter_five import derive
     from fitball.studies.thesis.chapter_five_page import write
     from fitball.studies.thesis.ranking import in_brief, side_by_side
 
+    check_whole(seed=args.seed)
     report = stages(args.quiet)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER
+    make_folder(folder)
     chapter = derive(Effort(seed=args.seed, cores=args.cores), report)
     report("figures and page")
     write(chapter, folder)

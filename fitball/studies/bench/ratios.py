@@ -94,8 +94,9 @@ def read_ratios(path: Path) -> pd.DataFrame:
         kept = pd.read_csv(path)
         good = {WORK, RATIO} <= set(kept) and len(kept) > 0 and bool((kept[RATIO].astype(float) > 0.0).all())
     except (OSError, UnicodeError, ValueError) as error:
+        what = getattr(error, "strerror", None) or error
         raise ResultFolderError(
-            f"{path}: read {error}, expected the ratios of an earlier run; make them with fitball bench, or name "
+            f"{path}: read {what}, expected the ratios of an earlier run; make them with fitball bench, or name "
             "their file after --check"
         ) from None
     if not good:
