@@ -313,6 +313,9 @@ def test_every_figure_of_chapter_three_is_there(capsys):
     assert main(["simulate", "--example", "list"]) == 0
     said = capsys.readouterr().out
     assert all(example.title in said for example in EXAMPLES)
+    assert main(["simulate", "--example", "list", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [(item["name"], item["title"]) for item in told] == [(example.name, example.title) for example in EXAMPLES]
     assert all(claim.measure in MEASURES for example in EXAMPLES for claim in example.claims)
     # What the thesis does not state is said to be assumed; Figs 25 to 28 state their impact.
     assert all(example.assumed for example in EXAMPLES)

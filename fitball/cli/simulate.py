@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -87,9 +88,9 @@ def run(args: argparse.Namespace) -> int:
 
         return run_map(args)
     if args.example == "list":
-        from fitball.studies.thesis.example_report import list_text
+        from fitball.studies.thesis.example_report import list_json, list_text
 
-        print(list_text())
+        print(json.dumps(list_json(), indent=2) if args.json else list_text())
         return 0
     if args.html:
         from fitball.cli.simulate_page import write_page

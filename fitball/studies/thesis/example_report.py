@@ -18,6 +18,11 @@ def list_text() -> str:
     )
 
 
+def list_json() -> list[dict[str, str]]:
+    """All examples: name and title."""
+    return [{"name": example.name, "title": example.title} for example in EXAMPLES]
+
+
 def example_text(example: Example, results: Sequence[Finding]) -> str:
     """Title, inputs, and each claim with its finding."""
     head = f"{example.name}: {example.title} (Jafri 2004)"
