@@ -291,6 +291,9 @@ def test_a_run_file_that_cannot_be_used(copy, capsys, old, new, words):
 def test_the_new_result_can_be_kept_but_not_over_the_old(copy, capsys, monkeypatch, without_figures):
     monkeypatch.chdir(copy)
     assert main(["repeat", "point", "--out", "point"]) == 2
+    said = capsys.readouterr().err
+    # Only what the verb has is advised.
+    assert "name another folder with --out" in said and "--overwrite" not in said and "--resume" not in said
     assert main(["repeat", "point", "--out", "again"]) == 0
     out = capsys.readouterr().out
     assert "repeated: bit-equal" in out

@@ -45,7 +45,8 @@ def run(args: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from fitball.api import begin
-    from fitball.report.fit.folder import write_all
+    from fitball.errors import ResultFolderError
+    from fitball.report.fit.folder import older_result, write_all
     from fitball.report.form.json_text import json_text
     from fitball.report.saved.run_record import find_records, find_tables, read_run, record_problem
     from fitball.studies.repeat.compare import Outcome, compared
@@ -56,6 +57,11 @@ def run(args: argparse.Namespace) -> int:
     original = read_kept(record.folder)
     problem = record_problem(record, find_tables(record, args.data), find_records(record, args.force))
     check_rows(problem, original)
+    if args.out is not None and (older := older_result(Path(args.out))):
+        raise ResultFolderError(
+            f"{args.out}: holds {' and '.join(older)} of an older run, which is never replaced here; name another "
+            "folder with --out"
+        )
     effort = replace(record.effort, cores=args.cores)
     place = nullcontext(args.out) if args.out is not None else tempfile.TemporaryDirectory(prefix="fitball-repeat-")
     try:

@@ -25,6 +25,11 @@ CHAIN_NAME = "posterior.h5"
 DERIVED = ("summary.csv", "predictions.csv", "balances.csv", "regimes.csv", "report.html")
 
 
+def older_result(folder: Path) -> list[str]:
+    """Names of the files of a fit that lie in the folder."""
+    return [name for name in (FIT_NAME, CHAIN_NAME) if (folder / name).exists()]
+
+
 def prepare_folder(folder: Path, *, overwrite: bool, resume: bool) -> None:
     """Make the folder, or refuse.
 
@@ -33,7 +38,7 @@ def prepare_folder(folder: Path, *, overwrite: bool, resume: bool) -> None:
     mixture of two results can remain: the new one may have fewer.
     """
     make_folder(folder)
-    older = [name for name in (FIT_NAME, CHAIN_NAME) if (folder / name).exists()]
+    older = older_result(folder)
     if older and not (overwrite or resume):
         raise ResultFolderError(
             f"{folder}: holds {' and '.join(older)} of an older run; use "
