@@ -26,7 +26,7 @@ EXAMPLE = "examples:\n  fitball bench --quick\n  fitball bench --check\n"
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what the verb may be asked."""
-    parser.add_argument("--quick", action="store_true", help="a minute or two instead of many")
+    parser.add_argument("--quick", action="store_true", help="some minutes instead of an hour")
     parser.add_argument(
         "--check", nargs="?", const=DEFAULT_FOLDER / "ratios.csv", type=Path, metavar="FILE",
         help=f"measure ratios only and compare them with kept ones (default: {DEFAULT_FOLDER / 'ratios.csv'}); exit "
