@@ -120,6 +120,10 @@ def test_folder_is_refused_or_replaced(fit, folder, tmp_path):
     # Whatever the new result has not must not stand beside it.
     prepare_folder(place, overwrite=True, resume=False)
     assert [item.name for item in place.iterdir()] == ["mine.txt"]
+    # Where no result lies files of such names are somebody's own.
+    (place / "summary.csv").touch()
+    prepare_folder(place, overwrite=True, resume=False)
+    assert (place / "summary.csv").exists()
     file = tmp_path / "file"
     file.write_text("x", encoding="utf-8")
     with pytest.raises(ResultFolderError, match="is a file"):

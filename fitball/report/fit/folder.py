@@ -47,7 +47,7 @@ def prepare_folder(folder: Path, *, overwrite: bool, resume: bool) -> None:
                 "overwrite=True to replace it, or name another folder",
             )
         )
-    if overwrite and not resume:
+    if older and overwrite and not resume:
         pictures = (f"{name}.png" for name in FIGURES)
         for name in (FIT_NAME, CHAIN_NAME, DATA_NAME, POSTERIOR_NAME, RUN_NAME, *DERIVED, *pictures):
             remove(folder / name)
