@@ -275,5 +275,4 @@ def fit_schema() -> dict[str, Any]:
 def _column(kind: type) -> dict[str, Any]:
     if getattr(kind, "__origin__", kind) is np.ndarray:
         return {"type": "array", "items": {"type": "number"}}
-    # What msgspec asks of a schema hook that does not know a type.
-    raise NotImplementedError
+    raise TypeError(f"a field of fit.json is of type {kind!r}, which JSON Schema does not know")
