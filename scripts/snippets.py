@@ -130,7 +130,8 @@ def posix_shell(code: str, folder: Path) -> tuple[int, str]:
     """Run by `sh`, which stops at the first command that fails. What is told is stdout, of a failure stderr too."""
     done = subprocess.run(
         ["sh", "-e", "-c", code], cwd=folder, capture_output=True, text=True, check=False,
-        env=dict(os.environ, COLUMNS=COLUMNS),
+        # A reader has `python`; a machine may have none but that of the environment this runs in.
+        env=dict(os.environ, COLUMNS=COLUMNS, PATH=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"),
     )  # fmt: skip
     return done.returncode, done.stdout + (done.stderr if done.returncode else "")
 
