@@ -10,7 +10,6 @@ from scipy.stats import norm
 
 from fitball.cli import validate
 from fitball.errors import FitError
-from fitball.inference.design import nested
 from fitball.inference.design.sensor import PlannedColumn
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.studies.plan import run
@@ -25,9 +24,7 @@ CASE = Case(
 
 @pytest.fixture(scope="module")
 def ready(grip_slip_fit):
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(nested, "OUTER", 100)
-        return planned_from(CASE, grip_slip_fit.result, 1)
+    return planned_from(CASE, grip_slip_fit.result, 1)
 
 
 def test_new_impacts_enter_the_density_beside_those_of_the_table(ready):

@@ -35,13 +35,10 @@ class Line:
 
 @dataclass(frozen=True)
 class Gain:
-    """Nats of one design: `promised` to first order, `nested` with its error (None where none was made), and `found`
-    by refits with its error.
-    """
+    """Nats of one design: `promised` to first order, and `found` by refits with its error."""
 
     design: str
     promised: float
-    nested: tuple[float, float] | None
     found: float
     se: float
 
@@ -91,8 +88,7 @@ def finding(name: str, ready: Ready, made: Mapping[str, Sequence[Narrowed | None
             share = float(np.exp(mean))
             lines.append(Line(design, part, float(promised), share, share * float(se)))
         nats = np.array([one.nats for one in refits])
-        nested = (ready.plan.batch.nats, ready.plan.batch.se) if design == PLANNED else None
-        gains.append(Gain(design, promise.gain, nested, float(nats.mean()), float(_se(nats))))
+        gains.append(Gain(design, promise.gain, float(nats.mean()), float(_se(nats))))
     gaps = np.array([one.nats - other.nats for one, other in whole])
     lost, more = len(made[PLANNED]) - len(whole), (float(gaps.mean()), float(_se(gaps)))
     return Finding(name, ready.case.words, len(whole), lost, tuple(lines), tuple(gains), *more)
@@ -108,8 +104,6 @@ def gain_rows(found: Sequence[Finding]) -> list[dict[str, object]]:
         {
             "case": one.name, "design": gain.design, "replicates": one.replicates, "lost": one.lost,
             "promised [nats]": round(gain.promised, 4),
-            "nested [nats]": None if gain.nested is None else round(gain.nested[0], 4),
-            "nested se": None if gain.nested is None else round(gain.nested[1], 4),
             "found [nats]": round(gain.found, 4), "se": round(gain.se, 4),
             "more than table [nats]": round(one.more, 4) if gain.design == PLANNED else None,
             "more se": round(one.more_se, 4) if gain.design == PLANNED else None,
@@ -136,10 +130,8 @@ def findings_text(found: Sequence[Finding]) -> str:
     parts = []
     for one in found:
         parts += [f"{one.name}: {one.words}; {one.replicates} simulated tables, {one.lost} without a refit", ""]
-        rows = [["design", "promised", "nested", "found"]]
-        for gain in one.gains:
-            nested = "" if gain.nested is None else f"{gain.nested[0]:.2f} ± {gain.nested[1]:.2f}"
-            rows.append([gain.design, f"{gain.promised:.2f}", nested, f"{gain.found:.2f} ± {gain.se:.2f}"])
+        rows = [["design", "promised", "found"]]
+        rows += [[gain.design, f"{gain.promised:.2f}", f"{gain.found:.2f} ± {gain.se:.2f}"] for gain in one.gains]
         parts += [*columns(rows), ""]
         rows = [["sd as a share of that before", "design", "promised", "found", "off"]]
         for line in one.lines:

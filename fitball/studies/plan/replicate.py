@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from fitball.api.calibrating import calibrate
 from fitball.errors import FitError
 from fitball.inference.assumptions.importance_posterior import importance_posterior
-from fitball.inference.design.knowledge import Knowledge, knowledge
+from fitball.inference.design.knowledge import Knowledge, knowledge, solved
 from fitball.inference.design.make_plan import make_plan
-from fitball.inference.design.nested import Planned, read, simulated
 from fitball.inference.design.results import Plan
 from fitball.inference.design.sensor import Sensor, as_before, parse_sensor
 from fitball.inference.design.target import Target, parse_target
@@ -103,10 +102,9 @@ def replicate(ready: Ready, seed: int, number: int) -> Mapping[str, Narrowed | N
 
 def _narrowed(ready: Ready, design: Design, row: NDArray[np.int64], rng: np.random.Generator) -> Narrowed | None:
     known, truth = ready.known, ready.known.coordinates[row]
-    expected, possible = read([Planned(known.at(design.impacts, design.like), design.sensor)], truth)
-    if not possible[0]:
+    y = _simulated(known.at(design.impacts, design.like), design.sensor, truth, rng)
+    if y is None:
         return None
-    y = np.concatenate(simulated(known, expected, row, rng))
     problem = extended(known.problem, design.impacts, design.sensor, y)
     drawn = importance_posterior(problem, truth, rng, (ready.proposal,), EFFECTIVE)
     if not drawn.settled:
@@ -116,6 +114,17 @@ def _narrowed(ready: Ready, design: Design, row: NDArray[np.int64], rng: np.rand
     before = _covariance(ready.target.values(known.coordinates), np.full(len(known.coordinates), 1.0))
     nats = 0.5 * float(np.linalg.slogdet(before)[1] - np.linalg.slogdet(after)[1])
     return Narrowed(nats, np.sqrt(np.diag(after)), drawn.effective)
+
+
+def _simulated(problem: Problem, sensor: Sensor, truth: FloatArray, rng: np.random.Generator) -> FloatArray | None:
+    """What a sensor reads (impacts, columns) at one draw `truth` (1, free); None where that cannot be evaluated."""
+    values = problem.to_values(truth)
+    columns, rebound = problem.all_values(values), problem.rebound(values)
+    if not np.all(solved(rebound)):
+        return None
+    means = np.stack([column.predict(rebound)[0] for column in sensor.columns], axis=1)
+    sds = np.stack([column.sds(columns, rebound)[0] for column in sensor.columns], axis=1)
+    return np.asarray(means + sds * problem.noise.draw(rng, (1, *means.shape), columns)[0])
 
 
 def _covariance(quantities: FloatArray, weights: FloatArray) -> FloatArray:

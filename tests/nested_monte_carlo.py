@@ -1,4 +1,5 @@
-"""Expected information gain by nested Monte Carlo: no density is taken as normal, no rebound as linear.
+"""Expected information gain by nested Monte Carlo, an oracle for gains to first order: no density is taken as normal,
+no rebound as linear.
 
 Measurements are simulated from draws of the posterior, and of each its density at given target is compared with its
 density whatever the target, `E[ln p(y | target) - ln p(y)]` (Ryan 2003; Rainforth et al. 2018). `p(y)` is the mean
