@@ -21,8 +21,7 @@ EXAMPLE = """formats:
   golden     the impacts a port is checked with, and their rebounds; --inputs-only leaves these out
   lookup     rebounds on a grid, and how wrong interpolation between its points is
   engine     restitution and friction for Unity, Godot, Bullet and MuJoCo, and what they lose; as a page and as JSON
-  json, toml the parameter set for other programs (json has a schema)
-  csv        parameters in SI and in the thesis's units
+  json       the parameter set for other programs, with a schema; summary.csv of the result folder has it as CSV
   latex      a table for booktabs, rounded by the rule of the Particle Data Group
   markdown   the same table
   certificate one page of HTML to print and sign: result, interval, adequacy, table and its SHA-256
