@@ -25,7 +25,7 @@ BREAKS = {
         "fitball.report.form.csv", "fitball.report.saved.structure",
     ),
     "Models: kernels, faces, registry": ("fitball.models.types", "fitball.models.registry"),
-    "Studies do not know each other": ("fitball.studies.bench.page", "fitball.studies.sbc.summary"),
+    "Studies do not know each other": ("fitball.studies.bench.page", "fitball.studies.repeat.text"),
     "Only figures draw": ("fitball.inference.results.results", "matplotlib"),
     "Only the minimiser knows lmfit": ("fitball.inference.point.starts", "lmfit"),
     "Only sampling knows emcee": ("fitball.inference.point.point_fit", "emcee"),

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.studies.sbc.replicate import RANKED, Ranked
-from fitball.studies.sbc.uniformity import (
+from validation.sbc.replicate import RANKED, Ranked
+from validation.sbc.uniformity import (
     COVERAGES,
     Coverage,
     IntArray,

@@ -14,9 +14,10 @@ from fitball.inference.population.draws import TableDraws
 from fitball.inference.population.quantity import prior_of, quantity
 from fitball.inference.population.reweighting import Population, population
 from fitball.inference.problem.choices import Choices
-from fitball.report.form.growing_csv import GrowingCsv
 from fitball.scheduling.engine import Engine, in_order
-from fitball.studies.population.tables import (
+from fitball.values import FloatArray
+from fitball.version import __version__
+from validation.population.tables import (
     DRAWS,
     INTERIM,
     MAX_STEPS,
@@ -32,8 +33,7 @@ from fitball.studies.population.tables import (
     kept_columns,
     posterior_draws,
 )
-from fitball.values import FloatArray
-from fitball.version import __version__
+from validation.shared.growing_csv import GrowingCsv
 
 TABLES, ROWS = 20, 6
 # What is counted of a population of a quantity: truth and interval of centre and of spread, tables whose interval

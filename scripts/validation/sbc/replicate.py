@@ -31,9 +31,9 @@ from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.ensembles import ENSEMBLES, Sampled
-from fitball.studies.shared.simulated import MAX_STEPS, SCHEDULE, drawn_truth, short_chain, simulated_columns
 from fitball.values import FloatArray
 from fitball.version import __version__
+from validation.shared.simulated import MAX_STEPS, SCHEDULE, drawn_truth, short_chain, simulated_columns
 
 # Posterior draws among which a truth is ranked: 200 values have central intervals of exactly 50, 80 and 95 %.
 RANKED = 199

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
-from fitball.report.form.growing_csv import GrowingCsv
 from fitball.scheduling.engine import Engine
-from fitball.studies.sbc.replicate import Experiment, Ranked, run_replicate
-from fitball.studies.shared.replicates import Report, kept_replicates, silent
+from validation.sbc.replicate import Experiment, Ranked, run_replicate
+from validation.shared.growing_csv import GrowingCsv
+from validation.shared.replicates import Report, kept_replicates, silent
 
 ENDING = ("converged", "steps", "ess", "r_hat", "failed")
 

@@ -18,10 +18,10 @@ from fitball.inference.qualify import qualified
 from fitball.inference.results.results import Posterior, Verdict, thinned
 from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.inference.second_search import search_again
-from fitball.studies.shared.simulated import MAX_STEPS, SCHEDULE, short_chain
-from fitball.studies.trust.pinned import pinned
-from fitball.studies.trust.scenarios import SCENARIOS, Scenario
 from fitball.version import __version__
+from validation.shared.simulated import MAX_STEPS, SCHEDULE, short_chain
+from validation.trust.pinned import pinned
+from validation.trust.scenarios import SCENARIOS, Scenario
 
 LEVELS = (0.025, 0.975)
 

@@ -14,9 +14,9 @@ from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.problem import Problem
 from fitball.models.registry import DEFAULT_MODEL, model
 from fitball.models.types import Rebound
-from fitball.studies.shared.simulated import drawn_truth, simulated_columns
-from fitball.studies.trust.designs import DESIGNS, Design
 from fitball.values import FloatArray, Impacts
+from validation.shared.simulated import drawn_truth, simulated_columns
+from validation.trust.designs import DESIGNS, Design
 
 # A ball and court like Wang's, and noises of the expected size [m/s, rad/s].
 TRUTH: Mapping[str, float] = {

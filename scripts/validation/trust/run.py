@@ -7,11 +7,11 @@ from functools import partial
 from pathlib import Path
 
 from fitball.inference.results.results import Verdict
-from fitball.report.form.growing_csv import GrowingCsv
 from fitball.scheduling.engine import Engine
-from fitball.studies.shared.replicates import Report, kept_replicates, silent
-from fitball.studies.trust.replicate import Said, Told, replicate, settings_of
-from fitball.studies.trust.scenarios import SCENARIOS
+from validation.shared.growing_csv import GrowingCsv
+from validation.shared.replicates import Report, kept_replicates, silent
+from validation.trust.replicate import Said, Told, replicate, settings_of
+from validation.trust.scenarios import SCENARIOS
 
 FIRST = ("answer", "p", "converged", "failed")
 # Of each parameter.

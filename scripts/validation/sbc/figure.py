@@ -11,8 +11,8 @@ from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.models.registry import parameter_spec
 from fitball.report.figures.canvas import new_figure
 from fitball.report.form.palette import MODEL, POOR
-from fitball.studies.sbc.summary import VALUES, ModelFinding, QuantityFinding
-from fitball.studies.sbc.uniformity import NullDistribution, bins_for, empirical, null_distribution
+from validation.sbc.summary import VALUES, ModelFinding, QuantityFinding
+from validation.sbc.uniformity import NullDistribution, bins_for, empirical, null_distribution
 
 CONFIDENCE = 0.95
 PAIRS = 2

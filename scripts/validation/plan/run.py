@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from fitball.report.form.growing_csv import GrowingCsv
 from fitball.scheduling.engine import Engine
-from fitball.studies.plan.cases import CASES
-from fitball.studies.plan.findings import Finding, finding
-from fitball.studies.plan.replicate import Narrowed, prepared, replicate
-from fitball.studies.shared.replicates import Report, kept_replicates, silent
 from fitball.version import __version__
+from validation.plan.cases import CASES
+from validation.plan.findings import Finding, finding
+from validation.plan.replicate import Narrowed, prepared, replicate
+from validation.shared.growing_csv import GrowingCsv
+from validation.shared.replicates import Report, kept_replicates, silent
 
 Refits = Mapping[str, Narrowed | None]
 

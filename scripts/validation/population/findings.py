@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import beta
 
-from fitball.studies.population.coverage import CONTROL, TABLES
-from fitball.studies.population.levels import COUNTED, LEVELS
-from fitball.studies.population.tables import QUANTITIES
+from validation.population.coverage import CONTROL, TABLES
+from validation.population.levels import COUNTED, LEVELS
+from validation.population.tables import QUANTITIES
 
 LEVEL = 0.95
 # As far as weights and joint fit may lie apart, in sds of the joint posterior.

@@ -20,8 +20,8 @@ from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit
 from fitball.inference.sampling.moves import StudentProposal
-from fitball.studies.plan.cases import CASES, Case
 from fitball.values import FloatArray, Impacts
+from validation.plan.cases import CASES, Case
 
 PLANNED, AGAIN = "planned", "table again"
 # Independent draws that a refit is worth: an sd is then known within 1.8 %.

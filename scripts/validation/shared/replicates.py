@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TypeVar
 
-from fitball.report.form.growing_csv import GrowingCsv
 from fitball.scheduling.engine import Engine, in_order
+from validation.shared.growing_csv import GrowingCsv
 
 Made = TypeVar("Made")
 # Is told how many replicates are done.

@@ -22,7 +22,7 @@ from fitball.scheduling.engine import Engine, engine
 from fitball.wording import speaking_to_command_line
 
 if TYPE_CHECKING:
-    from fitball.studies.sbc.summary import ModelFinding
+    from validation.sbc.summary import ModelFinding
 
 DEFAULT_FOLDER = Path("fits") / "validation"
 MODELS = "two-mass,grip-slip"
@@ -119,10 +119,10 @@ def _run(args: argparse.Namespace) -> int:
     """Rank truths among draws; 1 where they do not rank uniformly."""
     models = _checked(args, 300)
     from fitball.report.figures.save import save_figure
-    from fitball.studies.sbc.figure import rank_figure
-    from fitball.studies.sbc.replicate import BounceExperiment
-    from fitball.studies.sbc.run import run_replicates
-    from fitball.studies.sbc.summary import summarise, summary_json, summary_rows
+    from validation.sbc.figure import rank_figure
+    from validation.sbc.replicate import BounceExperiment
+    from validation.sbc.run import run_replicates
+    from validation.sbc.summary import summarise, summary_json, summary_rows
 
     folder, workers = _place_and_workers(args, "")
     ranked_by_model = {}
@@ -144,9 +144,9 @@ def _trust(args: argparse.Namespace) -> int:
     """Fit simulated tables and count; 1 where what fits say of themselves is not true."""
     _checked(args, 60)
     from fitball.report.form.atomic_write import write_text
-    from fitball.studies.trust.findings import findings, findings_json, findings_text, rate_rows
-    from fitball.studies.trust.run import run_scenario
-    from fitball.studies.trust.scenarios import SCENARIOS
+    from validation.trust.findings import findings, findings_json, findings_text, rate_rows
+    from validation.trust.run import run_scenario
+    from validation.trust.scenarios import SCENARIOS
 
     folder, workers = _place_and_workers(args, "trust")
     told = {}
@@ -163,9 +163,9 @@ def _plan(args: argparse.Namespace) -> int:
     """Refit tables at planned impacts; 1 where a promise is not kept."""
     _checked(args, 40)
     from fitball.report.form.atomic_write import write_text
-    from fitball.studies.plan.cases import CASES
-    from fitball.studies.plan.findings import findings_json, findings_text, gain_rows, sd_rows
-    from fitball.studies.plan.run import run_case
+    from validation.plan.cases import CASES
+    from validation.plan.findings import findings_json, findings_text, gain_rows, sd_rows
+    from validation.plan.run import run_case
 
     folder, workers = _place_and_workers(args, "plan")
     found = []
@@ -182,16 +182,16 @@ def _population(args: argparse.Namespace) -> int:
     """Fit tables of known populations, weight their draws, and count; 1 where intervals do not hold."""
     _checked(args, 50)
     from fitball.report.form.text_table import columns
-    from fitball.studies.population.coverage import run_populations
-    from fitball.studies.population.findings import (
+    from validation.population.coverage import run_populations
+    from validation.population.findings import (
         Coverage,
         coverages,
         findings_json,
         findings_text,
         level_coverages,
     )
-    from fitball.studies.population.joint import against_joint_fit
-    from fitball.studies.population.levels import run_levels
+    from validation.population.joint import against_joint_fit
+    from validation.population.levels import run_levels
 
     folder, workers = _place_and_workers(args, "population")
     sets = max(1, args.replicates // 10)

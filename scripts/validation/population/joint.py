@@ -13,7 +13,7 @@ from fitball.inference.population.quantity import default_prior, quantity
 from fitball.inference.population.reweighting import population
 from fitball.inference.problem.choices import Choices
 from fitball.inference.sampling.ensembles import Schedule
-from fitball.studies.population.tables import (
+from validation.population.tables import (
     MODEL,
     QUANTITIES,
     draw_table,

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from fitball.inference.results.adequacy import FALSE_EXCEPT, FALSE_FAILS, Answer
 from fitball.inference.results.results import Verdict
-from fitball.studies.shared.rate import Rate
-from fitball.studies.trust.replicate import Said, Told
-from fitball.studies.trust.scenarios import SCENARIOS
+from validation.shared.rate import Rate
+from validation.trust.replicate import Said, Told
+from validation.trust.scenarios import SCENARIOS
 
 # Verdicts that stand for an interval to be relied on, within the model or given what is named.
 RELIED_ON = (Verdict.IDENTIFIED, Verdict.GIVEN)

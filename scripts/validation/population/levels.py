@@ -13,8 +13,9 @@ from fitball.inference.population.hyper import Known
 from fitball.inference.population.levels import population_over
 from fitball.inference.problem.choices import Choices
 from fitball.scheduling.engine import Engine
-from fitball.studies.population.coverage import CONTROL, ROWS, grown, table_draws
-from fitball.studies.population.tables import (
+from fitball.values import FloatArray
+from validation.population.coverage import CONTROL, ROWS, grown, table_draws
+from validation.population.tables import (
     INTERIM,
     MODEL,
     OTHERS,
@@ -26,7 +27,6 @@ from fitball.studies.population.tables import (
     kept_columns,
     posterior_draws,
 )
-from fitball.values import FloatArray
 
 LEVELS, EACH = 3, 4
 # Of a population whether the interval holds the truth, of its levels how many do; the width of each interval, mean of

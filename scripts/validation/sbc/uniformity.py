@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom, chi2
 
-from fitball.studies.shared.rate import Rate
 from fitball.values import FloatArray
+from validation.shared.rate import Rate
 
 IntArray = NDArray[np.int64]
 

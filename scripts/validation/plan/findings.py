@@ -9,7 +9,7 @@ import numpy as np
 
 from fitball.errors import FitError
 from fitball.report.form.text_table import columns
-from fitball.studies.plan.replicate import AGAIN, PLANNED, Narrowed, Ready
+from validation.plan.replicate import AGAIN, PLANNED, Narrowed, Ready
 
 # By what share the sds found may differ from those promised.
 WITHIN = 0.2
