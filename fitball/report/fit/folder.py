@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from fitball.errors import ResultFolderError
+from fitball.files import all_or_none
 from fitball.inference.results.results import Fit
 from fitball.report.figures.names import FIGURES
 from fitball.report.fit.csv_tables import prediction_rows, regime_rows, summary_rows
@@ -53,6 +54,7 @@ def prepare_folder(folder: Path, *, overwrite: bool, resume: bool) -> None:
             remove(folder / name)
 
 
+@all_or_none()
 def write_all(fit: Fit, folder: Path, command: str | None = None, *, figures: bool = True) -> None:
     """Write every file of a result, each whole or not at all; `command` is the line that asked for it. Figures of an
     older result that this one has not, or is to be without, are removed.
