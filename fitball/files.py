@@ -71,15 +71,19 @@ def write_whole(path: Path, parts: Iterable[bytes | memoryview], *, named: bool 
 @contextmanager
 def all_or_none() -> Iterator[None]:
     """Files written meanwhile are removed again when not all can be: no part of a result is left."""
-    before = _WRITTEN.set([])
+    outer = _WRITTEN.get()
+    written: list[Path] = []
+    before = _WRITTEN.set(written)
     try:
         yield
     except BaseException:
-        for place in _WRITTEN.get() or ():
+        for place in written:
             place.unlink(missing_ok=True)
         raise
     finally:
         _WRITTEN.reset(before)
+    if outer is not None:
+        outer.extend(written)
 
 
 def linked(path: Path) -> Path:

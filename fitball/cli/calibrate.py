@@ -71,9 +71,10 @@ def run(args: argparse.Namespace) -> int:
             progress.finish()
             kept = begun.chain is not None and begun.chain.path.exists()
             if isinstance(error, KeyboardInterrupt):
-                print(f"Interrupted{_farewell(folder, kept)}", file=sys.stderr)
+                words = _farewell(folder) if kept else " before sampling: nothing to keep."
+                print(f"Interrupted{words}", file=sys.stderr)
                 return 130
-            raise ResultFolderError(f"{error}\nNot finished{_farewell(folder, kept)}") from None
+            raise ResultFolderError(f"{error}\nNot finished{_farewell(folder)}" if kept else str(error)) from None
     progress.finish()
     print(render_json(fit, folder) if args.json else folder if args.quiet else render(fit, folder))
     return 1 if fit.status is RunStatus.NOT_CONVERGED else 0
@@ -85,8 +86,6 @@ def default_folder(table: str, model: str, closures: Mapping[str, str]) -> Path:
     return Path("fits") / table / (model + variant)
 
 
-def _farewell(folder: Path, kept: bool) -> str:
-    if not kept:
-        return " before sampling: nothing to keep."
+def _farewell(folder: Path) -> str:
     command = [word for word in sys.argv[1:] if word not in ("--resume", "--overwrite")]
     return f". The chain is kept in {folder}; to go on:\n  fitball {shlex.join([*command, '--resume'])}"
