@@ -12,7 +12,6 @@ import re
 import secrets
 import shutil
 import stat
-import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -140,7 +139,8 @@ def _descriptor(path: Path) -> int | None:
 def _write_stream(path: Path, parts: Iterable[bytes | memoryview]) -> None:
     """All parts, once all are made."""
     parts, number = list(parts), _descriptor(path)
-    sys.stdout.flush()
+    # What was printed stands before it.
+    print(end="", flush=True)
     try:
         # A pipe without a reader waits for one, as everywhere.
         file = os.open(path, os.O_WRONLY | getattr(os, "O_NOCTTY", 0)) if number is None else os.dup(number)

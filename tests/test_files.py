@@ -373,16 +373,16 @@ FULL = {
     "plot svg": (["plot", "FIT", "sketch", "--format", "svg"], 2000, []),
     "simulate": (["simulate", "--impact", "v=17, theta=18"], 30_000, []),
     "map": (["simulate", "--map", "v=20", "--model", "grip-slip"], 20_000, []),
-    "batch": (RUNS["batch"], 10, ["batch.json", "wang_zero_spin"]),
+    "batch": (RUNS["batch"], 300, ["batch.json", "wang_zero_spin"]),
     "repeat": (["repeat", "FIT"], 3000, []),
-    "lock": (POINT, 0, [LOCK_NAME]),
+    "all": (POINT, 0, []),
 }
 
 
 @pytest.mark.parametrize(("words", "room", "left"), FULL.values(), ids=FULL)
 def test_a_verb_on_a_full_disk_ends_in_words(words, room, left, small_fit, tmp_path, disk, capsys, brief):
     out = tmp_path / "c"
-    disk(room + (400 if room else 0))
+    disk(room)
     assert main([*(str(small_fit) if word == "FIT" else word for word in words), "--out", str(out)]) == 2
     said = capsys.readouterr().err
     assert "the disk is full" in said and str(out) in said, said

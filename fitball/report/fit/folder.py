@@ -12,7 +12,7 @@ from fitball.report.fit.csv_tables import prediction_rows, regime_rows, summary_
 from fitball.report.fit.html import page
 from fitball.report.form.atomic_write import remove, write_text
 from fitball.report.form.csv import write_csv
-from fitball.report.form.folders import make_folder
+from fitball.report.form.folders import clear_leftovers, make_folder
 from fitball.report.form.listed import listed_places
 from fitball.report.saved.data_file import DATA_NAME, write_data
 from fitball.report.saved.fit_text import fit_text
@@ -39,6 +39,8 @@ def prepare_folder(folder: Path, *, overwrite: bool, resume: bool) -> None:
     mixture of two results can remain: the new one may have fewer.
     """
     make_folder(folder)
+    # The folder of a table of a batch, which is held as a whole.
+    clear_leftovers(folder)
     older = older_result(folder)
     if older and not (overwrite or resume):
         raise ResultFolderError(

@@ -62,8 +62,7 @@ def held(folder: Path, patience: float = 0.0) -> Iterator[None]:
             raise ResultFolderError(refusal(place, error, 0)) from None
         warnings.warn(f"{folder}: this file system has no locks: start no second run here", stacklevel=3)
     try:
-        for leftover in folder.glob(LEFTOVERS):
-            remove(leftover)
+        clear_leftovers(folder)
         yield
     finally:
         _release(lock, place)
@@ -78,7 +77,9 @@ def _sign(file: int) -> None:
     since = datetime.now().astimezone().isoformat(" ", "seconds")
     holder = {"pid": os.getpid(), "user": user, "host": platform.node(), "since": since}
     os.ftruncate(file, 0)
-    os.write(file, b"\n" + json.dumps(holder).encode())
+    # Where the disk is full the first file that is written says so.
+    with suppress(OSError):
+        os.write(file, b"\n" + json.dumps(holder).encode())
 
 
 def _holder(place: Path) -> str:
@@ -102,6 +103,12 @@ def _release(lock: FileLock, place: Path) -> None:
         lock.release()
         with suppress(OSError):
             place.unlink(missing_ok=True)
+
+
+def clear_leftovers(folder: Path) -> None:
+    """Remove what killed runs left half written in a folder that is held. Raises ResultFolderError."""
+    for leftover in folder.glob(LEFTOVERS):
+        remove(leftover)
 
 
 def clear_folder(folder: Path, record: str, *others: str, overwrite: bool) -> None:
