@@ -119,7 +119,7 @@ def refusal(path: Path, error: OSError, asked: int) -> str:
     """Why a file of (at least) so many bytes was not written."""
     if error.errno not in FULL:
         return f"{path}: cannot be written: {error.strerror or error}"
-    needed = f"it needs {asked:,} bytes" if asked else "there is no room for another file"
+    needed = f"it needs at least {asked:,} bytes" if asked else "there is no room for another file"
     free = f", {shutil.disk_usage(path.parent).free:,} are free" if error.errno == errno.ENOSPC and asked else ""
     return f"{path}: {FULL[error.errno]}: {needed}{free}; it was not written: make room, or name another place"
 

@@ -274,6 +274,17 @@ def test_of_many_runs_at_once_the_folder_holds_the_result_of_one(tmp_path):
     assert names(folder) == names(tmp_path / "0")
 
 
+def test_of_a_run_that_was_killed_while_it_wrote_nothing_mixes_with_the_next(short_fit, tmp_path):
+    """Its files lie there without fit.json, some of them of kinds that a point fit has not."""
+    point = fitball.calibrate("wang_zero_spin.csv", "brody", point_only=True, cores=1)
+    point.save(tmp_path / "alone", figures=False)
+    short_fit.save(tmp_path / "c", figures=False)
+    (tmp_path / "c" / "mine.csv").write_text("mine")
+    (tmp_path / "c" / "fit.json").unlink()
+    point.save(tmp_path / "c", figures=False)
+    assert names(tmp_path / "c") == sorted([*names(tmp_path / "alone"), "mine.csv"])
+
+
 @POSIX
 def test_where_a_lock_would_lie_no_link_or_pipe_is_opened(tmp_path):
     precious = tmp_path / "precious"
@@ -312,6 +323,8 @@ def test_verbs_that_read_a_fit_leave_its_folder_as_it_is(small_fit, tmp_path):
 
 # A full disk.
 
+NO_ROOM = r"the disk is full: it needs at least [\d,]+ bytes, [\d,]+ are free"
+
 
 @pytest.fixture
 def disk(monkeypatch):
@@ -341,7 +354,7 @@ def test_a_chain_that_has_no_room_leaves_the_older_one_to_go_on_with(tmp_path, d
     before = file.path.read_bytes()
     for room in (0, 1000, 20_000):
         disk(room)
-        with pytest.raises(ResultFolderError, match=r"posterior.h5: the disk is full: it needs [\d,]+ bytes"):
+        with pytest.raises(ResultFolderError, match=f"posterior.h5: {NO_ROOM}"):
             file.write([chain(200)], ["a", "b", "c"], [False] * 3)
         assert file.path.read_bytes() == before and names(tmp_path) == ["posterior.h5"]
     (kept,) = file.read(1, 20, ["a", "b", "c"])
@@ -358,7 +371,7 @@ def test_a_result_is_written_with_all_its_files_or_none(short_fit, tmp_path, dis
     total, out = sum(sizes), tmp_path / "c"
     for share in (0.0, 0.3, 0.6, 0.8, 0.9, 0.97, 0.999):
         disk(500 + int(share * total))
-        with pytest.raises(ResultFolderError, match=r"the disk is full: it needs [\d,]+ bytes, [\d,]+ are free"):
+        with pytest.raises(ResultFolderError, match=NO_ROOM):
             short_fit.save(out, figures=False)
         assert names(out) == []
     disk(None)
@@ -443,7 +456,7 @@ def test_a_full_file_system_of_its_own(short_fit, tmp_path):
     if mounted.returncode:
         pytest.skip("no file system may be mounted here; the tests above refuse what this one has no room for")
     try:
-        with pytest.raises(ResultFolderError, match=r"the disk is full: it needs [\d,]+ bytes, [\d,]+ are free"):
+        with pytest.raises(ResultFolderError, match=NO_ROOM):
             short_fit.save(place / "fit", figures=False)
         assert names(place / "fit") == []
     finally:

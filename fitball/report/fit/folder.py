@@ -10,7 +10,7 @@ from fitball.inference.results.results import Fit
 from fitball.report.figures.names import FIGURES
 from fitball.report.fit.csv_tables import prediction_rows, regime_rows, summary_rows
 from fitball.report.fit.html import page
-from fitball.report.form.atomic_write import remove, write_text
+from fitball.report.form.atomic_write import OWN_FILES, remove, write_text
 from fitball.report.form.csv import write_csv
 from fitball.report.form.folders import clear_leftovers, make_folder
 from fitball.report.form.listed import listed_places
@@ -35,8 +35,8 @@ def prepare_folder(folder: Path, *, overwrite: bool, resume: bool) -> None:
     """Make the folder, or refuse.
 
     Raises ResultFolderError when it cannot be made or written, or when it holds an older result and neither
-    `overwrite` nor `resume` was asked for. With `overwrite` all files of an old one are removed first, so that no
-    mixture of two results can remain: the new one may have fewer.
+    `overwrite` nor `resume` was asked for. All files of an old one that is replaced, or of one that was not finished,
+    are removed first, so that no mixture of two results can remain: the new one may have fewer.
     """
     make_folder(folder)
     # The folder of a table of a batch, which is held as a whole.
@@ -50,7 +50,9 @@ def prepare_folder(folder: Path, *, overwrite: bool, resume: bool) -> None:
                 "overwrite=True to replace it, or name another folder",
             )
         )
-    if older and overwrite and not resume:
+    # What was killed while it wrote left some files and no `fit.json`.
+    ours = any((folder / name).exists() for name in OWN_FILES)
+    if ours and not resume and (overwrite or not older):
         pictures = (f"{name}.png" for name in FIGURES)
         for name in (FIT_NAME, CHAIN_NAME, DATA_NAME, POSTERIOR_NAME, RUN_NAME, *DERIVED, *pictures):
             remove(folder / name)
@@ -64,6 +66,8 @@ def write_all(fit: Fit, folder: Path, command: str | None = None, *, figures: bo
     Raises ResultFolderError.
     """
     remove(folder / FIT_NAME)
+    # First: by this one knows what a killed run has left.
+    write_data(fit.problem, folder / DATA_NAME)
     posterior = fit.posterior
     if posterior is not None:
         write_netcdf(fit, posterior, folder / POSTERIOR_NAME)
@@ -72,7 +76,6 @@ def write_all(fit: Fit, folder: Path, command: str | None = None, *, figures: bo
     images = write_figures(fit, folder) if figures else {}
     for name in FIGURES.keys() - images.keys():
         remove(folder / f"{name}.png")
-    write_data(fit.problem, folder / DATA_NAME)
     write_csv(folder / "summary.csv", summary_rows(fit))
     write_csv(folder / "predictions.csv", prediction_rows(fit))
     write_csv(folder / "balances.csv", fit.balances.rows(listed_places(len(fit.problem.table))))

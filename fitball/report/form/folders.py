@@ -76,9 +76,9 @@ def _sign(file: int) -> None:
         user = "unknown"
     since = datetime.now().astimezone().isoformat(" ", "seconds")
     holder = {"pid": os.getpid(), "user": user, "host": platform.node(), "since": since}
-    os.ftruncate(file, 0)
     # Where the disk is full the first file that is written says so.
     with suppress(OSError):
+        os.ftruncate(file, 0)
         os.write(file, b"\n" + json.dumps(holder).encode())
 
 
