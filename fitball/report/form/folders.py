@@ -43,8 +43,7 @@ def held(folder: Path, patience: float = 0.0) -> Iterator[None]:
     make_folder(folder)
     place = folder / LOCK_NAME
     refuse_special(place)
-    if place.is_symlink():
-        raise ResultFolderError(f"{place}: a symbolic link, which fitball does not make; remove it")
+    # A link is refused by filelock itself.
     lock = FileLock(place, timeout=patience, on_acquired=_sign, fallback_to_soft=False)
     try:
         lock.acquire()
