@@ -22,6 +22,7 @@ from fitball.inference.problem.observables import Observable
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.report.fit.folder import prepare_folder, write_all
 from fitball.report.fit.short import html_text, report_text, short_text, summary_columns
+from fitball.report.form.folders import held
 from fitball.values import FloatArray, Impacts, same
 
 if TYPE_CHECKING:
@@ -210,8 +211,9 @@ class Fit(Found):
         `overwrite` that.
         """
         path, result = Path(folder), self.result
-        prepare_folder(path, overwrite=overwrite, resume=False)
-        write_all(result, path, figures=figures)
+        with held(path):
+            prepare_folder(path, overwrite=overwrite, resume=False)
+            write_all(result, path, figures=figures)
         return path
 
     def __eq__(self, other: object) -> bool:

@@ -63,6 +63,7 @@ def run(args: argparse.Namespace) -> int:
     if args.to not in FORMAT_NAMES:
         raise ParameterError(f"unknown format '{args.to}': {suggestion(args.to, FORMAT_NAMES)}")
     from fitball.api import load_fit
+    from fitball.files import is_stream
 
     fit = load_fit(args.fit)
     made = fit.exported(args.to, {name: getattr(args, name) for name in OWNERS})
@@ -74,7 +75,8 @@ def run(args: argparse.Namespace) -> int:
         path = Path(args.fit)
         beside = path if path.is_dir() else path.parent
         for place in made.write(beside if args.out is None else Path(args.out), args.overwrite):
-            print(place)
+            if not is_stream(place):
+                print(place)
     if made.note:
         tell_notes([made.note])
     return 0

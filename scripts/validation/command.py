@@ -11,6 +11,7 @@ import argparse
 import json
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -102,7 +103,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Draw, fit and rank, or count; 1 where something does not hold."""
     args = make_parser().parse_args(argv)
     try:
-        with visible_streams(), speaking_to_command_line():
+        with visible_streams(), speaking_to_command_line(), ExitStack() as args.stack:
             args.line = ProgressLine(args.quiet)
             if args.population:
                 return _population(args)
@@ -208,8 +209,12 @@ def _population(args: argparse.Namespace) -> int:
 
 
 def _place_and_workers(args: argparse.Namespace, study: str) -> tuple[Path, Engine]:
-    """Where to write, and who computes."""
-    return Path(args.out) if args.out else DEFAULT_FOLDER / study, engine(args.cores, args.scheduler)
+    """Where to write, held until the end, and who computes."""
+    from fitball.report.form.folders import held
+
+    folder, workers = Path(args.out) if args.out else DEFAULT_FOLDER / study, engine(args.cores, args.scheduler)
+    args.stack.enter_context(held(folder))
+    return folder, workers
 
 
 def _named(option: str, text: str | None, known: Iterable[str]) -> list[str]:

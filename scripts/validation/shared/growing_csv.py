@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fitball.errors import ResultFolderError
+from fitball.files import refusal
+from fitball.report.form.atomic_write import write_text
 
 NUMBER = "replicate"
 
@@ -39,7 +41,7 @@ class GrowingCsv:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             if not self.path.exists():
-                self.path.write_bytes(self._head.encode())
+                write_text(self.path, self._head)
             text = self.path.read_bytes().decode("utf-8")
             if not text.startswith(self._head):
                 raise ResultFolderError(
@@ -48,7 +50,7 @@ class GrowingCsv:
                 )
             whole = text[: text.rindex("\n") + 1]
             if whole != text:
-                self.path.write_bytes(whole.encode())
+                write_text(self.path, whole)
         except (OSError, UnicodeDecodeError) as error:
             raise ResultFolderError(f"{self.path}: cannot be read or written: {error}") from None
         return whole.count("\n") - self._head.count("\n")
@@ -59,7 +61,7 @@ class GrowingCsv:
             with self.path.open("a", encoding="utf-8", newline="") as file:
                 csv.writer(file, lineterminator="\n").writerow([number, *cells])
         except OSError as error:
-            raise ResultFolderError(f"{self.path}: cannot be written: {error}") from None
+            raise ResultFolderError(refusal(self.path, error, len(",".join(cells)))) from None
 
     def rows(self, count: int) -> Iterator[tuple[int, Mapping[str, str]]]:
         """The first `count` replicates by number. Raises ResultFolderError for a damaged line."""
