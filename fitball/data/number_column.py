@@ -16,7 +16,7 @@ from fitball.data.units import DEFAULT_UNIT, Unit
 from fitball.values import FloatArray
 
 # Stricter than float(): no "1_000", no "nan" or "inf", no digits of other scripts.
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
+_NUMBER = re.compile(r"[+-]?([0-9]+(?:\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
 _ABSENT = ("", "nan", "na", "n/a", "null", "none", "-", "--", "<na>")
 _INFINITE = ("inf", "infinity", "∞")
 

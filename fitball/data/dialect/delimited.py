@@ -14,9 +14,11 @@ from fitball.data.dialect.cells import Record, refusal
 SAMPLE = 200
 # A letter for private use: no text has it, and no pattern takes it for a space.
 _JOINED = "\ue000"
-_BRACKET = re.compile(r"[ \t]*([\[({][^\[\](){}]*[\])}])")
-_SLASH = re.compile(r"[ \t]+/[ \t]+")
-_PLUS_MINUS = re.compile(r"[ \t]*(±|\+/-|\+-)[ \t]*")
+# A run of blanks is looked at once, from its start: a line may be all blanks.
+_BLANKS = r"(?<![ \t])[ \t]"
+_BRACKET = re.compile(_BLANKS + r"*+([\[({][^\[\](){}]*[\])}])")
+_SLASH = re.compile(_BLANKS + r"++/[ \t]+")
+_PLUS_MINUS = re.compile(_BLANKS + r"*+(±|\+/-|\+-)[ \t]*")
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from fitball.errors import Fault
 _REACH = 60
 # What a name that is probably meant must be worth to make a header of a record.
 _LEAST = 0.5
-_NUMBER = re.compile(r"[+\-\u2212\u2013]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
+_NUMBER = re.compile(r"[+\-\u2212\u2013]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?")
 _BLANKS = ("", "-", "--", "—", "1", "[-]", "(-)", "[]", "()")
 # How rows begin that sum up a table, in English, German and French.
 _SUMMARY = re.compile(
@@ -129,8 +129,7 @@ def _is_units(cells: Sequence[str], header: Sequence[str], vocabulary: Vocabular
 
 def _bare(cell: str) -> str:
     """A unit without its brackets."""
-    inner = re.fullmatch(r"[\[({]\s*(.*?)\s*[\])}]", cell)
-    return inner[1] if inner else cell
+    return cell[1:-1].strip() if cell[:1] in "[({" and cell[-1:] in "])}" and len(cell) > 1 else cell
 
 
 def _with_units(
