@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
-from fitball.data.dialect.cells import Record, refusal
+from fitball.data.dialect.cells import FORMULA_ERROR, Record, refusal
 
 # Lines by which a delimiter is told.
 SAMPLE = 200
@@ -27,6 +27,12 @@ class Delimiter:
 
     name: str
     records: Callable[[Iterable[str], bool], Iterator[Record]]
+
+
+def is_comment(line: str) -> bool:
+    """Whether a line is a comment: behind `#`, unless that begins the error of a formula."""
+    text = line.lstrip()
+    return text.startswith("#") and not FORMULA_ERROR.match(text)
 
 
 class QuoteError(Exception):
@@ -50,7 +56,7 @@ class _LineFeed:
         for line in self.lines:
             self.count += 1
             if self.between_records:
-                if not line.strip() or line.lstrip().startswith("#"):
+                if not line.strip() or is_comment(line):
                     continue
                 self.record_start = self.count
                 self.between_records = False
@@ -76,7 +82,7 @@ def _by_spaces(gap: re.Pattern[str]) -> Callable[[Iterable[str], bool], Iterator
     def records(lines: Iterable[str], _strict: bool) -> Iterator[Record]:
         for number, line in enumerate(lines, start=1):
             text = line.strip()
-            if not text or text.startswith("#"):
+            if not text or is_comment(text):
                 continue
             text = _PLUS_MINUS.sub(_JOINED + r"\1" + _JOINED, _SLASH.sub(f"{_JOINED}/{_JOINED}", text))
             text = _BRACKET.sub(lambda found: _JOINED + found[1].replace(" ", _JOINED), text)
@@ -95,6 +101,8 @@ DELIMITERS = (
     Delimiter("runs of spaces", _by_spaces(re.compile(r"\s{2,}|\t"))),
     Delimiter("spaces", _by_spaces(re.compile(r"\s+"))),
 )
+# A row of these may begin with the index of a data frame that was printed.
+SPACES = DELIMITERS[4:]
 
 
 def lines_of(text: str) -> list[str]:
@@ -126,7 +134,7 @@ def comments(lines: list[str]) -> list[str]:
     """The comment lines above the first other line, without their marks; a blank line for each other."""
     found = []
     for line in lines[:SAMPLE]:
-        if line.strip() and not line.lstrip().startswith("#"):
+        if line.strip() and not is_comment(line):
             break
         found.append(line.strip().lstrip("#").strip())
     return found

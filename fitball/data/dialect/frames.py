@@ -17,8 +17,6 @@ PARQUET_SUFFIXES = (".parquet", ".pq")
 WORKBOOKS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 # What divides a workbook from the sheet that is meant: `book.xlsx#clay`.
 SHEET_MARK = "#"
-# How Excel shows a formula without a value, and a chart of missing points.
-_NOT_AVAILABLE = ("#N/A", "#NV")
 # Names by which a sheet is taken for a table of impacts.
 _NAMES = 1.5
 
@@ -103,5 +101,4 @@ def _text(value: Any) -> str:
         return f"{value.isoformat()} (a date or a time)"
     if isinstance(value, float) and value.is_integer() and abs(value) < 1e15:
         return str(int(value))
-    text = str(value).strip()
-    return "" if text in _NOT_AVAILABLE else text
+    return str(value).strip()
