@@ -72,7 +72,7 @@ def _text_table(source: str, text: str, vocabulary: Vocabulary, data: bytes, not
         raise refusal(source, "only blank and comment lines were read; expected a header line and at least two rows")
     if delimiter in SPACES:
         for number, cells in records[:SAMPLE]:
-            for mark in _CUT & {*cells}:
+            for mark in filter(_CUT.__contains__, cells):
                 words = f"read '{mark}', as of a data frame printed in parts; expected all of it: df.to_csv(FILE)"
                 raise refusal(source, words, number)
         records, told = _indexed(records, vocabulary)
