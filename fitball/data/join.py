@@ -11,7 +11,7 @@ import numpy as np
 
 from fitball.data.frozen import FrozenMapping, frozen
 from fitball.data.read import load_table
-from fitball.data.reading.doubt import doubt_of_table
+from fitball.data.reading.doubt import doubt_of_table, gaps_of_table
 from fitball.data.reading.flip import check_flips
 from fitball.data.redundancy import independent
 from fitball.data.scene import Scene
@@ -59,6 +59,8 @@ def trusted_table(
     tables = _read_each(data, scene, flip, columns, units)
     notes = []
     for table in tables:
+        gaps = gaps_of_table(table, scene.ball)
+        notes += [] if gaps is None else [f"{table.name}: {gaps}"]
         doubt = doubt_of_table(table, scene.ball)
         if doubt is not None and not as_read:
             raise ReadingError(table.source, doubt.lines(scene))
