@@ -122,16 +122,16 @@ def _better(columns: Columns, as_read: Misfit, tried: Iterable[Hypothesis], ball
 
 def gaps_of_table(table: ImpactTable, ball: Ball) -> str | None:
     """What there is to say of rebound spins that are missing, see `missing_above`."""
-    columns = {name: values for name, values in _columns(table).items() if MEASURED[name] is not Dimension.TIME}
+    columns = {name: values for name, values in columns_of(table).items() if MEASURED[name] is not Dimension.TIME}
     return missing_above(columns, ball)
 
 
 def doubt_of_table(table: ImpactTable, ball: Ball) -> Doubt | None:
     """`doubt_of` a table that has been read."""
-    return doubt_of(_columns(table), table.units, ball)
+    return doubt_of(columns_of(table), table.units, ball)
 
 
-def _columns(table: ImpactTable) -> dict[str, FloatArray]:
+def columns_of(table: ImpactTable) -> dict[str, FloatArray]:
     """The columns of a table; of the incident ones those that it was read from."""
     impacts = table.impacts
     state = {
