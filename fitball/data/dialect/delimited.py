@@ -7,11 +7,13 @@ import io
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import accumulate
 
 from fitball.data.dialect.cells import FORMULA_ERROR, Record, refusal
+from fitball.data.dialect.size import MOST_COLUMNS, check_shape, most_cells
 
 # Lines by which a delimiter is told.
-SAMPLE = 200
+SAMPLE, SAMPLE_SIZE = 200, 1_000_000
 # A letter for private use: no text has it, and no pattern takes it for a space.
 _JOINED = "\ue000"
 # A run of blanks is looked at once, from its start: a line may be all blanks.
@@ -113,21 +115,29 @@ def lines_of(text: str) -> list[str]:
 def sample(delimiter: Delimiter, lines: list[str]) -> list[Record]:
     """Records of the first lines; none where they cannot be divided so."""
     try:
-        return list(delimiter.records(lines[:SAMPLE], False))
+        # Long lines are many cells in few of them; the first counts in any case.
+        sizes = accumulate(map(len, lines[:SAMPLE]))
+        return list(delimiter.records(lines[: max(1, sum(size <= SAMPLE_SIZE for size in sizes))], False))
     except QuoteError:
         return []
 
 
 def all_records(source: str, delimiter: Delimiter, lines: list[str]) -> list[Record]:
     """The records of a file. Raises TableError for quotes that do not pair."""
+    records, cells = list[Record](), 0
     try:
-        return list(delimiter.records(lines, True))
+        for record in delimiter.records(lines, True):
+            cells += len(record[1])
+            if len(record[1]) > MOST_COLUMNS or cells > most_cells(len(lines)):
+                check_shape(source, max(len(lines), 1), max(len(record[1]), -(-cells // len(lines))))
+            records.append(record)
     except QuoteError as error:
         raise refusal(
             source,
             f"the record that starts here is not CSV ({error}); expected double quotes in pairs, around whole cells",
             error.line,
         ) from None
+    return records
 
 
 def comments(lines: list[str]) -> list[str]:

@@ -19,6 +19,7 @@ from fitball.data.dialect.delimited import (
 from fitball.data.dialect.encoding import decode
 from fitball.data.dialect.frames import PARQUET_SUFFIXES, WORKBOOKS, frame_records, parquet_frame, workbook_records
 from fitball.data.dialect.layout import find_header, is_number, laid_out
+from fitball.data.dialect.size import check_shape, check_text
 
 if TYPE_CHECKING:
     import pandas
@@ -48,14 +49,18 @@ def read_raw(path: Path, vocabulary: Vocabulary, sheet: str | None = None) -> Ra
     if suffix in PARQUET_SUFFIXES:
         return frame_table(source, parquet_frame(path, data), vocabulary, data)
     if suffix in WORKBOOKS:
-        records, notes = workbook_records(source, data, vocabulary, sheet)
+        records, notes = workbook_records(source, data, suffix, vocabulary, sheet)
         return laid_out(source, [record for record in records if any(record[1])], vocabulary, data, notes)
+    check_text(source, data)
     text, notes = decode(source, data)
     return _text_table(source, text, vocabulary, data, notes)
 
 
 def frame_table(source: str, frame: pandas.DataFrame, vocabulary: Vocabulary, data: bytes) -> RawTable:
-    """The cells of a DataFrame, of which `data` are the bytes. Raises TableError where it has no columns."""
+    """The cells of a DataFrame, of which `data` are the bytes. Raises TableError where it has no columns or is
+    too large.
+    """
+    check_shape(source, *frame.shape)
     records = frame_records(frame)
     if not records[0][1]:
         raise refusal(source, "the table has no columns; expected a header and at least two rows")
