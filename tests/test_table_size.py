@@ -108,7 +108,8 @@ def ods(body: str) -> bytes:
 @pytest.mark.parametrize(
     ("body", "large"),
     [
-        ('<table:table-row><table:table-cell table:number-columns-repeated="20000" office:value-type="float"/>', True),
+        ('<table:table-row><table:table-cell office:value-type="float" '
+         'table:number-columns-repeated="20000"/>', True),
         ('<table:table-row table:number-rows-repeated="60000"><table:table-cell table:number-columns-repeated="100">'
          "<text:p>1</text:p></table:table-cell>", True),
         ('<table:table-row table:number-rows-repeated="1048571"><table:table-cell '

@@ -42,7 +42,8 @@ def repeats_of(table: ImpactTable, ball: Ball) -> tuple[str | None, str | None]:
 
 def _said(table: ImpactTable, ball: Ball, units: float) -> str | None:
     columns = columns_of(table)
-    if not columns.keys() <= table.resolution.keys():
+    # A table that was put together from another, and not read, may have rows of it twice on purpose.
+    if not columns.keys() <= table.resolution.keys() or len(table.rows) != len(table):
         return None
     steps = {name: 2.0 * units * table.resolution[name] for name in columns}
     labels = [np.unique(table.labels[name], return_inverse=True)[1] for name in LABELS if name in table.labels]
