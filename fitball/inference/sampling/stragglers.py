@@ -42,10 +42,12 @@ def left_behind(chains: FloatArray, log_posterior: FloatArray) -> NDArray[np.boo
     # The better half of the walkers: what others share the fate of one left behind must not stretch the axes.
     better = middle >= np.median(middle)
     axes, spread = _axes(chains.transpose(0, 2, 1, 3)[better].reshape(-1, chains.shape[-1]))
-    steps = chains.transpose(0, 2, 1, 3)[low] @ axes
+    own = chains.transpose(0, 2, 1, 3)[low]
+    steps = own @ axes
     mine = by_walker[low]
     part = np.minimum(2.0 * mine.var(axis=1) / steps.shape[-1], 1.0)
-    moved = np.any(steps.std(axis=1) > 0.0, axis=1)
+    # By its own coordinates: a matrix product may round equal rows differently, by where in a block they lie.
+    moved = np.any(own != own[:, :1], axis=(1, 2))
     with np.errstate(divide="ignore", invalid="ignore"):
         volume = np.sum(np.log(steps.std(axis=1) / spread) - 0.5 * np.log(part)[:, None], axis=1)
     low[low] = ~moved | (mine.mean(axis=1) - by_walker[better].mean() + volume < np.log(SPURIOUS))
