@@ -80,8 +80,8 @@ def _axes(draws: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Principal axes (free, free), one per column, of draws (draws, free) in units of their sds, and the sds along
     them (free,).
     """
-    sds = draws.std(axis=0)
-    scaled = np.where(sds > 0.0, sds, 1.0)
+    # What never changes is known by its values: their mean, and so their sd, may be off by rounding.
+    scaled = np.where(np.ptp(draws, axis=0) > 0.0, draws.std(axis=0), 1.0)
     _, vectors = np.linalg.eigh(np.atleast_2d(np.cov(draws / scaled, rowvar=False)))
     axes: FloatArray = vectors / scaled[:, None]
     return axes, (draws @ axes).std(axis=0)
