@@ -56,6 +56,10 @@ class MemoryShortageError(FitballError):
     """Work that does not fit into the memory of the machine."""
 
 
+class EnvironmentSettingError(FitballError):
+    """A setting of the environment with which fitball cannot run."""
+
+
 @contextmanager
 def enough_memory() -> Iterator[None]:
     """Raise MemoryShortageError where what is done inside (or by a function decorated so) runs out of memory."""

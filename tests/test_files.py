@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fitball.report.form.growing_csv import GrowingCsv
 
 import fitball
 from fitball import files
@@ -23,7 +24,6 @@ from fitball.report.form import folders
 from fitball.report.form.atomic_write import refuse_existing, remove, write_text
 from fitball.report.form.csv import write_csv
 from fitball.report.form.folders import LOCK_NAME, held
-from fitball.report.form.growing_csv import GrowingCsv
 
 ROOT = Path(__file__).resolve().parent.parent
 POSIX = pytest.mark.skipif(os.name != "posix", reason="pipes, links and limits of a POSIX system")

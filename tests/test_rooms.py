@@ -34,7 +34,10 @@ BREAKS = {
 }  # fmt: skip
 ROOMS = sorted(place.parent for place in (ROOT / "fitball").rglob("__init__.py") if place.parent.name != "fitball")
 # What every module may use.
-OPEN_TO_ALL = {"errors", "files", "observables", "on_demand", "values", "version", "visible", "wording"}
+OPEN_TO_ALL = {
+    "environment", "errors", "files", "first_compile", "observables", "on_demand", "values", "version", "visible",
+    "wording",
+}  # fmt: skip
 
 
 @pytest.fixture

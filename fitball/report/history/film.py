@@ -22,6 +22,7 @@ from fitball.errors import ParameterError, ResultFolderError
 from fitball.inference.prediction.simulate import Simulation
 from fitball.models.types import PHASE_SYMBOL
 from fitball.report.figures.canvas import new_figure
+from fitball.report.figures.style import own_style
 from fitball.report.form.atomic_write import write_bytes
 from fitball.report.form.palette import SERIES
 from fitball.report.history.figure import SHADES
@@ -58,6 +59,7 @@ def check_film(place: Path) -> None:
         )
 
 
+@own_style()
 def write_film(simulation: Simulation, title: str, place: Path, frames_per_second: int = FRAMES_PER_SECOND) -> None:
     """Write a film as GIF (equal bounces become equal bytes) or MP4. Raises ParameterError, ResultFolderError."""
     check_film(place)

@@ -22,6 +22,7 @@ from fitball.models.types import STATUS_REASON, Status, regime_name
 from fitball.observables import OBSERVABLES
 from fitball.report.figures.canvas import new_figure, other_scale, verbatim
 from fitball.report.figures.regimes import OTHERS, regime_colours
+from fitball.report.figures.style import own_style
 from fitball.report.form.display_units import output_scale
 from fitball.report.form.palette import REGIMES
 from fitball.values import FloatArray, Impacts
@@ -76,6 +77,7 @@ def _pale(colour: str) -> tuple[float, float, float]:
     return red, green, blue
 
 
+@own_style()
 def map_figure(
     found: RegimeMap, title: str, contours: str = "theta_2", impacts: Impacts | None = None, source: str = ""
 ) -> Figure:
