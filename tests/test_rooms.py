@@ -34,7 +34,7 @@ BREAKS = {
 }  # fmt: skip
 ROOMS = sorted(place.parent for place in (ROOT / "fitball").rglob("__init__.py") if place.parent.name != "fitball")
 # What every module may use.
-OPEN_TO_ALL = {"errors", "observables", "on_demand", "values", "version", "visible", "wording"}
+OPEN_TO_ALL = {"errors", "kinds", "observables", "on_demand", "values", "version", "visible", "wording"}
 
 
 @pytest.fixture

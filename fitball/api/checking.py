@@ -15,6 +15,7 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable, Notice
 from fitball.errors import Fault, FitballError, ParameterError, ReadingError, SceneError, TableError
+from fitball.kinds import checked
 from fitball.visible import one_line
 
 if TYPE_CHECKING:
@@ -60,6 +61,7 @@ class Checked:
         return "\n".join(lines)
 
 
+@checked
 def check(
     data: Table,
     *,

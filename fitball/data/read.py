@@ -28,6 +28,7 @@ from fitball.data.table import ImpactTable, Measurement
 from fitball.data.velocity import velocity
 from fitball.data.written import PATHS, Source, Written, framed, written_table
 from fitball.errors import Fault, ParameterError
+from fitball.kinds import checked
 from fitball.observables import OBSERVABLES, VELOCITIES
 from fitball.values import FloatArray, Impacts
 
@@ -35,6 +36,7 @@ LEAST_IMPACTS = 2
 LONGEST_LABEL = 200
 
 
+@checked
 def load_table(
     source: Source,
     *,
