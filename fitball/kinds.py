@@ -106,7 +106,7 @@ def _check(name: str, value: Any, kind: Any, how: Any) -> None:
     for called, item in values:
         if not _fits(item, kind):
             words, shown = _words(kind), _shown(item)
-            read = f"{called} = {shown}:" if words.endswith("number") else f"{called}: read {shown},"
+            read = f"{called} = {shown}:" if words in ("a number", "a whole number") else f"{called}: read {shown},"
             raise ParameterError(one_line(f"{read} expected {words}"))
 
 
