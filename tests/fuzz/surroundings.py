@@ -42,7 +42,7 @@ def _surround(folder, rng):
     if rng.integers(4) == 0:
         # Python itself refuses to start with what is no encoding, and complains of what is no filter.
         words.append(f"PYTHONWARNINGS={pick(rng, ('error', 'default', 'error::RuntimeWarning'))}")
-        words.append(f"PYTHONIOENCODING={pick(rng, ('ascii:strict', 'latin-1', 'utf-16', 'cp1252'))}")
+        words.append(f"PYTHONIOENCODING={pick(rng, ('ascii:strict', 'latin-1', 'cp1252'))}")
     if rng.integers(4) == 0:
         words.append("MATPLOTLIBRC={folder}/rc")
     command = ["env", f"PYTHONPATH={ROOT}", *words, sys.executable, "-m", "fitball", *pick(rng, COMMANDS)]
