@@ -30,8 +30,26 @@ def elsewhere(task):
             time.sleep(0.01)
         return "here"
     place.touch()
+    if what == "abort":
+        os.abort()
     if what == "killed":
         os.kill(os.getpid(), signal.SIGKILL)
     if what == "fails":
         raise FitError("no such ball")
     return "elsewhere"
+
+
+def dies_at_first(task):
+    """A task that kills its process the first time."""
+    place, folder = task
+    if folder is not None and not place.exists():
+        place.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return place.name
+
+
+def busy(place):
+    """A task that says which process works at it, and never ends."""
+    (place / str(os.getpid())).touch()
+    while True:
+        pass

@@ -305,7 +305,7 @@ def season(small_fit, short_fit, tmp_path_factory):
     for name in names:
         (folder / name).mkdir(parents=True)
         shutil.copy(small_fit / "fit.json", folder / name)
-    write_results([row_of(name, short_fit.result) for name in names], folder)
+    write_results([row_of(name, short_fit.saved, short_fit.result.problem) for name in names], folder)
     assert (folder / "parameters.png").stat().st_size > 10_000
     picture = (folder / "parameters.png").read_bytes()
     with pytest.MonkeyPatch.context() as patch:
@@ -315,7 +315,7 @@ def season(small_fit, short_fit, tmp_path_factory):
 
 
 def test_the_rows_of_a_batch_are_read_back_as_they_were(season, short_fit):
-    row = row_of("a", short_fit.result)
+    row = row_of("a", short_fit.saved, short_fit.result.problem)
     assert read_rows((season / "batch.csv").read_text("utf-8"))[0] == row
     assert list(fitball.load_batch(season)) == ["a", "b", "c", "d"]
 

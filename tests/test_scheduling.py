@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from door_tasks import elsewhere, folder_elsewhere, slow_to_fast
-from samples import drop_table, problem_of
+from door_tasks import dies_at_first, elsewhere, folder_elsewhere, slow_to_fast
+from samples import HANG, drop_table, problem_of
 from toy_experiment import Toy
 
 import fitball
@@ -41,6 +42,63 @@ def test_a_process_that_is_killed_or_fails_ends_all_with_a_word(tmp_path):
     # The next who ask are served.
     again = engine(2).unordered(elsewhere, [(tmp_path / "begun", os.getpid(), "")] * 2)
     assert sorted(again) == ["elsewhere", "here"]
+
+
+def said_of(item, how):
+    return item[2], how
+
+
+@pytest.mark.parametrize("cores", [1, 2])
+def test_who_kills_its_process_is_told_from_the_others_which_are_made_once_each(tmp_path, cores):
+    items = [(tmp_path / str(k), 0, what) for k, what in enumerate(("", "abort", "", "killed", ""))]
+    made = list(engine(cores).unordered(elsewhere, items, lost=said_of))
+    lost = {("abort", "signal SIGABRT"), ("killed", "signal SIGKILL")}
+    assert sorted(map(str, made)) == sorted(map(str, [*lost, *["elsewhere"] * 3]))
+    # The process that asks made none of them, and what a task itself raises is raised.
+    with pytest.raises(FitError, match="no such ball"):
+        list(engine(cores).unordered(elsewhere, [(tmp_path / "fails", 0, "fails")] * 2, lost=said_of))
+
+
+def test_one_that_dies_only_beside_others_is_made_when_it_is_alone(tmp_path):
+    """As where memory runs out: the system kills one of several that each would do alone."""
+    items = [(tmp_path / "crowded", tmp_path), (tmp_path / "other", None)]
+    assert sorted(engine(2).unordered(dies_at_first, items, lost=said_of)) == ["crowded", "other"]
+
+
+CODE = """
+from pathlib import Path
+from door_tasks import busy
+from fitball.scheduling.engine import engine
+def said(item, how): raise AssertionError(how)
+list(engine({cores}).unordered(busy, [Path({place!r})] * 3, here={here}, lost={lost}))
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes as Linux shows them")
+@pytest.mark.parametrize(("cores", "here", "lost"), [(2, "None", "said"), (3, "lambda _place: busy.wait", "None")])
+def test_workers_end_with_a_parent_that_was_killed(tmp_path, start, cores, here, lost):
+    """None is left to write beside whoever asks next."""
+    code = CODE.format(cores=cores, place=str(tmp_path), here=here, lost=lost)
+    parent = start("-c", code.replace("busy.wait", "__import__('time').sleep(1e9)"), cwd=Path(__file__).parent)
+    begun = time.monotonic()
+    while len(list(tmp_path.iterdir())) < 2:
+        assert parent.poll() is None and time.monotonic() - begun < HANG
+        time.sleep(0.02)
+    workers = [int(place.name) for place in tmp_path.iterdir()]
+    assert parent.pid not in workers
+    parent.kill()
+    parent.wait(HANG)
+    while any(map(runs, workers)):
+        assert time.monotonic() - begun < HANG, "workers outlive their parent"
+        time.sleep(0.02)
+
+
+def runs(process):
+    """Whether a process is there that is no zombie."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text("utf-8").rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
 
 
 def test_other_processes_name_files_from_the_folder_of_who_asks(cluster, tmp_path, monkeypatch):

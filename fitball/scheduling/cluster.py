@@ -27,6 +27,7 @@ class ClusterEngine:
         make: Callable[[Item], Made],
         items: Sequence[Item],
         here: Callable[[Item], Made] | None = None,  # noqa: ARG002 - nothing is made here
+        lost: Callable[[Item, str], Made] | None = None,
     ) -> Iterator[Made]:
         """See `Engine`. Raises ParameterError where Dask is not installed or does not answer too."""
         try:
@@ -37,20 +38,32 @@ class ClusterEngine:
                 "a scheduler was named, but Dask is not installed here: pip install 'fitball[dask]'"
             ) from None
         with self._client() as client:
-            waiting = iter(items)
-            elsewhere = Elsewhere(make)
             ahead = AHEAD * max(1, sum(client.nthreads().values()))
-            first = [client.submit(elsewhere, item, pure=False) for item in islice(waiting, ahead)]
-            running = as_completed(first, loop=client.loop)
-            try:
+            died: list[tuple[Item, str]] = []
+            # Dask blames every task that was at a worker when it died, though only one can have killed it: those are
+            # tried again one by one.
+            for alone in (False, True):
+                left, died = ([item for item, _how in died] if alone else items), []
+                waiting, elsewhere = iter(left), Elsewhere(make)
+                first = islice(waiting, 1 if alone else ahead)
+                futures = {client.submit(elsewhere, item, pure=False): item for item in first}
+                running = as_completed(list(futures), loop=client.loop)
                 for future in running:
-                    yield future.result()
+                    item = futures.pop(future)
+                    try:
+                        yield future.result()
+                    except KilledWorker as error:
+                        if lost is None:
+                            raise ParameterError(f"a worker of the cluster was killed: {error}") from None
+                        died.append((item, "the death of the workers that tried it"))
                     future.release()
-                    for item in waiting:
-                        running.add(client.submit(elsewhere, item, pure=False))
-                        break
-            except KilledWorker as error:
-                raise ParameterError(f"a worker of the cluster was killed: {error}") from None
+                    for following in islice(waiting, 1):
+                        added = client.submit(elsewhere, following, pure=False)
+                        futures[added] = following
+                        running.add(added)
+            for item, how in died:
+                assert lost is not None
+                yield lost(item, how)
 
     def _client(self) -> Any:
         from distributed import Client
