@@ -6,6 +6,7 @@ import os
 import signal
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 from fitball.errors import FitError
 from fitball.wording import on_command_line
@@ -45,6 +46,17 @@ def dies_at_first(task):
     if folder is not None and not place.exists():
         place.touch()
         os.kill(os.getpid(), signal.SIGKILL)
+    return place.name
+
+
+def blamed(task):
+    """A task that Dask blames the first time, or always."""
+    from distributed.scheduler import KilledWorker
+
+    place, always = task
+    if always or not place.exists():
+        place.touch()
+        raise KilledWorker(place.name, SimpleNamespace(address="tcp://nowhere"), 3)
     return place.name
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import shutil
+import subprocess
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from door_tasks import dies_at_first, elsewhere, folder_elsewhere, slow_to_fast
+from door_tasks import blamed, dies_at_first, elsewhere, folder_elsewhere, slow_to_fast
 from samples import HANG, drop_table, problem_of
 from toy_experiment import Toy
 
@@ -113,6 +115,42 @@ def test_a_cluster_that_loses_a_worker_says_so(cluster, monkeypatch):
     pytest.importorskip("dask").config.set({"distributed.scheduler.allowed-failures": 0})
     with pytest.raises(ParameterError, match="killed"):
         list(engine(scheduler=cluster).unordered(elsewhere, [(Path(os.devnull), 0, "killed")]))
+
+
+def test_whom_a_cluster_blames_for_a_death_is_made_alone_before_it_is_lost(cluster, tmp_path):
+    """Dask blames every task that was at a worker when it died."""
+    items = [(tmp_path / name, name == "killer") for name in ("innocent", "killer", "other")]
+    made = list(engine(scheduler=cluster).unordered(blamed, items, lost=lambda item, _how: f"lost {item[0].name}"))
+    assert sorted(made) == ["innocent", "lost killer", "other"]
+
+
+@pytest.fixture
+def certificates(tmp_path):
+    """A certificate that it signs itself, which is all that scheduler, worker and client trust."""
+    cert, key = tmp_path / "cert.pem", tmp_path / "key.pem"
+    making = ["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes"]
+    named = ["-days", "2", "-subj", "/CN=fitball", "-keyout", key, "-out", cert]
+    subprocess.run([*making, *named], check=True, capture_output=True)
+    files, who = {"cert": str(cert), "key": str(key)}, ("client", "scheduler", "worker")
+    own = {f"distributed.comm.tls.{one}.{what}": place for one in who for what, place in files.items()}
+    return {"distributed.comm.tls.ca-file": str(cert), **own}
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl to make certificates with")
+def test_a_cluster_is_reached_by_tls_with_the_certificates_that_dask_was_told_of(certificates, tmp_path):
+    dask, distributed = pytest.importorskip("dask"), pytest.importorskip("distributed")
+    with dask.config.set(certificates):
+        security = distributed.Security(require_encryption=True)
+        with distributed.LocalCluster(
+            1, processes=False, threads_per_worker=1, dashboard_address=None, security=security, protocol="tls://"
+        ) as made:
+            address = made.scheduler_address
+            assert address.startswith("tls://")
+            assert list(engine(scheduler=address).unordered(abs, [-3, 4])) in ([3, 4], [4, 3])
+            for missing in ({}, {"distributed.comm.tls.ca-file": str(tmp_path / "none.pem")}):
+                told = {**dict.fromkeys(certificates), **missing}
+                with dask.config.set(told), pytest.raises(ParameterError, match="TLS__CLIENT__CERT"):
+                    list(engine(scheduler=address).unordered(abs, [1]))
 
 
 def compared(table, **how):

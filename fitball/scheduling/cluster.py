@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 from fitball.errors import ParameterError
@@ -70,6 +71,24 @@ class ClusterEngine:
 
         known = {"scheduler_file": self.place} if self.place.endswith(".json") else {"address": self.place}
         try:
+            if b"tls://" in (Path(self.place).read_bytes() if Path(self.place).is_file() else self.place.encode()):
+                self._check_certificates()
             return Client(timeout=PATIENCE, set_as_default=False, **known)
         except (OSError, ValueError) as error:
             raise ParameterError(f"scheduler {self.place}: no Dask scheduler answers there: {error}") from None
+
+    def _check_certificates(self) -> None:
+        """Raise ParameterError where Dask was not told of certificates: its client would end in a fault."""
+        from distributed.security import Security
+
+        try:
+            known = Security().get_connection_args("client")["ssl_context"] is not None
+            why = "none was named"
+        except OSError as error:
+            known, why = False, str(error)
+        if not known:
+            raise ParameterError(
+                f"scheduler {self.place}: a connection by TLS needs certificates ({why}): name them to Dask by the "
+                "environment variables DASK_DISTRIBUTED__COMM__TLS__CA_FILE, "
+                "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT and DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY"
+            )

@@ -21,6 +21,7 @@ from fitball.report.batch.grouping import Grouping, Over, grouped
 from fitball.report.batch.rows import CSV_NAME, DONE, NAME, Row, check_row
 from fitball.report.batch.series import Series
 from fitball.report.saved.saved_fit import SavedFit, read_fit
+from fitball.report.saved.structure import damaged
 from fitball.values import FloatArray
 
 
@@ -107,7 +108,12 @@ def _gather(one: _Gathered, name: str, saved: SavedFit) -> None:
         one.left_out[name] = "a point fit has no draws" if sizes else f"{one.quantity.name} is fixed there"
         return
     columns = dict(zip(saved.fitted.names, saved.fitted.draws.T, strict=True))
-    one.tables.append((name, one.quantity.coordinates(columns), priors, min(1.0, min(sizes) / count)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        places = one.quantity.coordinates(columns)
+    if not np.all(np.isfinite(places)):
+        assert saved.place is not None
+        raise damaged(saved.place, f"fitted.draws of {one.quantity.name}: one without a logarithm")
+    one.tables.append((name, places, priors, min(1.0, min(sizes) / count)))
 
 
 def _populated(one: _Gathered, grouping: Grouping) -> Populated:
