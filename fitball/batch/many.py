@@ -13,6 +13,7 @@ from fitball.api.asked import checked_choices, flips, given
 from fitball.api.calibrating import PathLike, Table
 from fitball.api.progress import Report, Wanted, reporting, silent
 from fitball.batch.joint import joint_populations
+from fitball.batch.names import fault_of
 from fitball.batch.plan import Plan
 from fitball.batch.run import Going, run_tasks
 from fitball.batch.task import tasks_of
@@ -23,16 +24,20 @@ from fitball.kinds import checked
 from fitball.report.batch.folder import Shown, write_results
 from fitball.report.batch.grouping import Over
 from fitball.report.batch.populations import Populated, default_names, populations
-from fitball.report.batch.rows import CSV_NAME, FAILED, NAME, Row, read_rows
+from fitball.report.batch.rows import CSV_NAME, DONE, FAILED, NAME, Row, check_row, read_rows
 from fitball.report.batch.series import all_series
 from fitball.report.batch.text import render
+from fitball.report.form.bounded_read import read_bounded
 from fitball.report.form.folders import held
+from fitball.report.saved.saved_fit import read_fit
 from fitball.scheduling.engine import engine
 
 if TYPE_CHECKING:
     import pandas as pd
 
 FOLDER = Path("fits") / "batch"
+# A batch.csv of a hundred thousand tables has a fifth of this.
+MOST_BYTES = 2**30
 
 
 class Batch(Mapping[str, Fit]):
@@ -153,7 +158,8 @@ class Batch(Mapping[str, Fit]):
 def load_batch(folder: PathLike = FOLDER) -> Batch:
     """The batch that lies in a folder, as `calibrate_many` or `fitball batch` left it; nothing is fitted.
 
-    Raises ResultFolderError where none does, or one that has not ended.
+    Raises ResultFolderError where none does, one that has not ended, or one whose table of all says something else
+    than its fits.
 
     >>> many = folder.parent / "kept"
     >>> tables = {"still air": "wang_zero_spin"}
@@ -164,7 +170,7 @@ def load_batch(folder: PathLike = FOLDER) -> Batch:
     place = Path(folder)
     table = place / CSV_NAME
     try:
-        return Batch(place, read_rows(table.read_text("utf-8")))
+        return Batch(place, _rows(table))
     except FileNotFoundError:
         raise ResultFolderError(
             f"{table}: there is no such file; expected the folder of a batch that has ended: fitball batch "
@@ -172,6 +178,19 @@ def load_batch(folder: PathLike = FOLDER) -> Batch:
         ) from None
     except (OSError, ValueError) as error:
         raise ResultFolderError(f"{table}: not the table of a batch: {error}; run fitball batch again") from None
+
+
+def _rows(place: Path) -> tuple[Row, ...]:
+    """The rows of a `batch.csv`, each held against the fit that it is of."""
+    rows = read_rows(read_bounded(place, MOST_BYTES).decode("utf-8"))
+    for row in rows:
+        if row["outcome"] == DONE:
+            name = str(row[NAME])
+            why = fault_of(name)
+            if why:
+                raise ValueError(f"table {name!r}: {why}")
+            check_row(row, read_fit(place.parent / name), place)
+    return rows
 
 
 @checked
