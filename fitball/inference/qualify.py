@@ -18,5 +18,6 @@ def qualified(
         return judged.verdict, ()
     if adequacy is not None and adequacy.conditional(name):
         return Verdict.CONDITIONAL, ()
-    given = () if assumptions is None else assumptions.given.get(name, ())
+    known = [found.given.get(name, ()) for found in (adequacy, assumptions) if found is not None]
+    given = tuple(dict.fromkeys(choice for choices in known for choice in choices))
     return (Verdict.GIVEN if given else Verdict.IDENTIFIED), given

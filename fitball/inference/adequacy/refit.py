@@ -8,7 +8,7 @@ use the data twice (Robins, van der Vaart and Ventura 2000, JASA 95, 1143).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,6 +24,10 @@ from fitball.values import FloatArray
 
 # Step of the differences that stand for derivatives where there are none, in widths of the priors.
 STEP = 1e-5
+# The number of no column: of all together.
+EVERY = -1
+# What wear, warmth and the court change from impact to impact: friction and restitution.
+WEARING = ("mu", "cor_10")
 # The sd of a uniform density of width one.
 UNIFORM_SD = 1.0 / np.sqrt(12.0)
 
@@ -36,7 +40,8 @@ class Refit:
     predicted, in units of the fitted noise; `places` says of each column at which of the `impacts` it was measured.
     `noise` (measurements,) numbers the noises of `noises`. `basis` (rows, rank) is `U`, its first rows those of the
     measurements; a change `c` of coefficients of the basis moves parameter `names[k]` by `reach[k] @ c` of its
-    standard deviations.
+    standard deviations. `effects` (measurements,) has what a small change of each parameter of `WEARING` does,
+    `predicted` (measurements,) how large each prediction is among those of its column.
     """
 
     columns: tuple[str, ...]
@@ -48,6 +53,8 @@ class Refit:
     basis: FloatArray
     names: tuple[str, ...]
     reach: FloatArray
+    effects: Mapping[str, FloatArray]
+    predicted: FloatArray
 
     @property
     def own(self) -> FloatArray:
@@ -80,7 +87,9 @@ class Refit:
         return np.cumsum([0, *(places.size for places in self.places)])
 
     def rows(self, column: int) -> slice:
-        """The measurements of a column."""
+        """The measurements of a column; of all for `EVERY`."""
+        if column == EVERY:
+            return slice(0, self.measured.size)
         return slice(int(self.starts[column]), int(self.starts[column + 1]))
 
     def noise_of(self, column: int) -> int:
@@ -127,7 +136,20 @@ def refit(problem: Problem, point: PointFit) -> Refit:
         basis=left[:, seen],
         names=tuple(problem.free_names[k] for k in kept),
         reach=solved / errors[:, None],
+        predicted=_predicted_sizes(problem, values),
+        effects={
+            name: slopes[: measured.size, kept.index(problem.free_names.index(name))]
+            for name in WEARING
+            if name in problem.free_names
+        },
     )
+
+
+def _predicted_sizes(problem: Problem, values: FloatArray) -> FloatArray:
+    """Sizes (measurements,) of what free values (1, free) predict, by column in units of their root mean square."""
+    columns, rebound = problem.all_values(values), problem.rebound(values)
+    sizes = [np.abs(o.observed - problem.deviation(columns, o, rebound)[0]) for o in problem.observables]
+    return np.concatenate([size / np.sqrt(np.mean(size**2)) for size in sizes])
 
 
 def _slopes(problem: Problem, values: FloatArray, weighting: Weighting) -> FloatArray:
