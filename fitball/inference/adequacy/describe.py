@@ -30,8 +30,8 @@ from fitball.inference.results.assumptions import Alternative, Assumptions
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.values import FloatArray
 
-# Patterns have four fifths of the chance of a false alarm, the size of the noise one.
-OF_PATTERNS, OF_NOISE = 1.25, 5.0
+# Patterns have three fifths of the chance of a false alarm, the size of the noise two.
+OF_PATTERNS, OF_NOISE = 5.0 / 3.0, 5.0 / 2.0
 # A pattern smaller than this, in units of the noise, is no exception however many rows make it sure.
 SMALL = 0.1
 # A model fails whose noise is surely this multiple of what was stated or expected.
@@ -40,7 +40,7 @@ FAR_WORSE = 2.0
 HALF = 0.5
 # Patterns that count as the model's own: a group may be biased for reasons of its own.
 SMOOTH = ("trend", "bend", "together", "regime", "bias", "row", "drift")
-PATTERNS = (*SMOOTH, "group")
+PATTERNS = (*SMOOTH, "group", "level")
 # Misfits that are told, and rows that a check names.
 TOLD, NAMED_ROWS = 5, 6
 

@@ -28,7 +28,7 @@ LABELS = ("group", "surface", "ball", "location")
 WHOLE_TABLE, ROWS = "all rows", "the order of rows"
 # What a column does there, and what a parameter does.
 FAULTS = {"bias": "is biased in", "row": "a drift", "group": "a bias of", "regime": "a bias of"}
-CHANGES = {"row": "drifts", "group": "differs for"}
+CHANGES = {"row": ("drift", "drifts"), "group": ("level", "differs for")}
 # The correlation from which rows count as in the order of a quantity.
 IN_ORDER = 0.9
 POWERS = ("a trend over", "a bend over")
@@ -36,9 +36,9 @@ POWERS = ("a trend over", "a bend over")
 
 @dataclass(frozen=True)
 class Direction:
-    """A pattern in one `column` (its number): `kind` trend, bend, together, group or regime, `over` what, in `words`;
-    `shape` (measurements of the column,) of root mean square one. A refit takes off what the basis has of it, `taken`
-    (rank,), and leaves `length` times what `left` gives.
+    """A pattern in one `column` (its number, or `EVERY`): `kind` trend, bend, together, bias, row, group or regime,
+    drift or level of a parameter, `over` what, in `words`; `shape` (measurements of the column,) of root mean square
+    one. A refit takes off what the basis has of it, `taken` (rank,), and leaves `length` times what `left` gives.
 
     Of the measurements of all columns nothing is kept: patterns are many, and rows may be.
     """
@@ -139,8 +139,8 @@ def directions(problem: Problem, point: PointFit, fit: Refit) -> list[Direction]
         rows = np.concatenate(fit.places)
         for kind, over, words, shape in (*drift, *groups):
             for name, effect in fit.effects.items() if kind != "regime" else ():
-                changes = "drift" if kind == "row" else kind
-                keep(EVERY, changes, over, f"{name} {CHANGES[kind]} {words}", effect * shape[rows])
+                changes, verb = CHANGES[kind]
+                keep(EVERY, changes, over, f"{name} {verb} {words}", effect * shape[rows])
     return kept
 
 

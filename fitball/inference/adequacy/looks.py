@@ -24,7 +24,7 @@ ORDERED, SCATTERED, LINKED, TAILED, DISTRIBUTED = 8, 10, 8, 20, 15
 # less likely, then the shape of the noise.
 TIERS = (
     (("trend", "row", "group", "jointly"), 0.35),
-    (("drift",), 0.15),
+    (("drift", "level"), 0.15),
     (("bias", "uneven"), 0.1),
     (("spread",), 0.1),
     (("bend", "together", "regime"), 0.1),

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.likelihood.residuals import Weighting, differentiable, residual_slopes, residuals
+from fitball.inference.likelihood.residuals import IMPOSSIBLE, Weighting, differentiable, residual_slopes, residuals
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import whole_of_parts
@@ -28,6 +28,8 @@ STEP = 1e-5
 EVERY = -1
 # What wear, warmth and the court change from impact to impact: friction and restitution.
 WEARING = ("mu", "cor_10")
+# The share by which friction is changed either way to see what it does: by so much balls that grip begin to slide.
+FRICTION = 0.2
 # The sd of a uniform density of width one.
 UNIFORM_SD = 1.0 / np.sqrt(12.0)
 
@@ -117,7 +119,8 @@ def refit(problem: Problem, point: PointFit) -> Refit:
     measured = -residuals(problem, values, weighting)[0, : sum(sizes_of)]
     kept = [k for k, parameter in enumerate(problem.free) if parameter.name not in NOISE_SPECS]
     width = np.array([p.prior.width * (1.0 if p.prior.normal else UNIFORM_SD) for p in problem.free])
-    slopes = _slopes(problem, values, weighting)[:, kept] * width[kept]
+    every = _slopes(problem, values, weighting)
+    slopes = every[:, kept] * width[kept]
     # A uniform prior has no residual; without one a direction that the table hardly sees would count as fitted.
     flat = np.eye(len(kept))[[not problem.free[k].prior.normal for k in kept]]
     left, sizes, right = np.linalg.svd(np.concatenate([slopes, flat]), full_matrices=False)
@@ -137,12 +140,23 @@ def refit(problem: Problem, point: PointFit) -> Refit:
         names=tuple(problem.free_names[k] for k in kept),
         reach=solved / errors[:, None],
         predicted=_predicted_sizes(problem, values),
-        effects={
-            name: slopes[: measured.size, kept.index(problem.free_names.index(name))]
-            for name in WEARING
-            if name in problem.free_names
-        },
+        effects=_effects(problem, values, weighting, every[: measured.size]),
     )
+
+
+def _effects(problem: Problem, values: FloatArray, weighting: Weighting, slopes: FloatArray) -> dict[str, FloatArray]:
+    """What changes of the parameters of `WEARING` do to the measurements (measurements,), of which `slopes`
+    (measurements, free) are the derivatives.
+    """
+    names = problem.free_names
+    effects = {name: slopes[:, names.index(name)] for name in WEARING if name in names}
+    if "mu" in effects:
+        ends = np.repeat(values, 2, axis=0)
+        ends[:, names.index("mu")] *= 1.0 + FRICTION * np.array([-1.0, 1.0])
+        low, high = residuals(problem, ends, weighting)[:, : len(slopes)]
+        if max(np.abs(low).max(), np.abs(high).max()) < IMPOSSIBLE:
+            effects["mu"] = high - low
+    return effects
 
 
 def _predicted_sizes(problem: Problem, values: FloatArray) -> FloatArray:
