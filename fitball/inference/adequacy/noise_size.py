@@ -52,7 +52,7 @@ def _stated(
     name: str, columns: tuple[str, ...], unit: str, fitted: float, stated: float, freedom: float
 ) -> NoiseCheck:
     p = float(chdtrc(freedom, freedom * (fitted / stated) ** 2))
-    return NoiseCheck(name, columns, unit, True, False, fitted, stated, freedom, fitted / stated, p, p, False)
+    return NoiseCheck(name, columns, unit, True, fitted, stated, freedom, fitted / stated, p, p, False)
 
 
 def _is_assumed(problem: Problem, name: str) -> bool:
@@ -71,7 +71,7 @@ def _expected(
     median = float(parameter.prior.quantile(np.array([0.5]))[0])
     p = _upper_tail(parameter.prior, fitted, freedom)
     name, unit = parameter.name, parameter.spec.unit
-    return NoiseCheck(name, columns, unit, False, assumed, fitted, median, freedom, fitted / median, p, p, False)
+    return NoiseCheck(name, columns, unit, False, fitted, median, freedom, fitted / median, p, p, False, assumed)
 
 
 def _upper_tail(prior: Prior, fitted: float, freedom: float) -> float:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
+
+from fitball.data.frozen import FrozenMapping
 
 # Chances that a table which the model made is said to be described only with an exception, or not at all.
 FALSE_EXCEPT, FALSE_FAILS = 0.05, 0.01
@@ -38,7 +40,6 @@ class NoiseCheck:
     columns: tuple[str, ...]
     unit: str
     stated: bool
-    assumed: bool
     fitted: float
     reference: float
     degrees_of_freedom: float
@@ -46,6 +47,7 @@ class NoiseCheck:
     p: float
     adjusted: float
     found: bool
+    assumed: bool = False
 
 
 @dataclass(frozen=True)
@@ -103,10 +105,10 @@ class Adequacy:
     checks: tuple[Check, ...]
     misfits: tuple[Misfit, ...]
     moved: Mapping[str, float]
-    given: Mapping[str, tuple[str, ...]]
     unseen: Mapping[str, float]
     loo_pit: Mapping[str, tuple[float, ...]]
     replicates: int
+    given: Mapping[str, tuple[str, ...]] = field(default_factory=FrozenMapping)
 
     def why(self, name: str) -> str:
         """What a conditional parameter `name` rests on, before a reason that would hold then."""
