@@ -38,7 +38,7 @@ SPEEDS, NEWTON, LONGEST = ("v_1", "v_y1"), 8, 1.0
 TAIL, SMALLEST = 0.05, 1e-300
 # A share of all variance, as a pattern that leaks from another column may explain it, ends below one.
 WHOLE = 1.0 - 1e-12
-# A share of the largest below which a direction that patterns span is rounding.
+# A share of the largest below which a direction that patterns span is rounding, as is what differs by less.
 SPANNED = 1e-9
 
 
@@ -141,14 +141,20 @@ def spreads(fit: Refit, known: Mapping[str, FloatArray], residual: FloatArray) -
     along = {name: np.log(column)[rows] for name, column in known.items() if name in SPEEDS}
     along |= {name: column[rows] for name, column in known.items() if name == "theta_1"}
     for number, (name, shape) in enumerate({**along, "predicted size": fit.predicted}.items()):
-        seen = _exponent(fit, squares, shape)
+        means = np.bincount(fit.noise, shape) / np.bincount(fit.noise)
+        centred = shape - means[fit.noise]
+        if np.abs(centred).max() <= SPANNED:
+            continue
+        seen = _exponent(fit, squares, centred)
         yield Look("spread", EVERY, name, f"the noise changes with {name}", number, seen, 2.0 * ndtr(-np.abs(seen)))
 
 
 def _exponent(fit: Refit, squares: FloatArray, along: FloatArray) -> FloatArray:
-    """Signed roots (tables,) of the likelihood ratio of noises that go as `exp(p along)` to constant ones."""
+    """Signed roots (tables,) of the likelihood ratio of noises that go as `exp(p along)` to constant ones; `along`
+    (measurements,) has no mean in any noise.
+    """
     groups = [np.flatnonzero(fit.noise == number) for number in range(len(fit.noises))]
-    shapes = [along[mine] - along[mine].mean() for mine in groups]
+    shapes = [along[mine] for mine in groups]
     parts = [squares[:, mine] for mine in groups]
     p, gain = np.zeros(len(squares)), np.zeros(len(squares))
     for turn in range(NEWTON + 1):

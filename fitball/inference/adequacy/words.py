@@ -45,7 +45,7 @@ def sentence(
             f"Whether the model describes the table cannot be told: its {len(problem.impacts)} impacts all come "
             f"alike, so that no pattern in the residuals could be found. {_cap(scatter)}."
         )
-    wide = _wide(noise)
+    wide = _wide(noise, checks)
     if answer is Answer.UNTOLD:
         return f"{_untold(problem, unseen)} {_cap(scatter)}.{wide}"
     beyond = _beyond(moved)
@@ -98,9 +98,14 @@ def _untold(problem: Problem, unseen: Mapping[str, float]) -> str:
     return f"Too few rows to tell whether the model describes {what}: with {rows} {found}.{others}"
 
 
-def _wide(noise: Sequence[NoiseCheck]) -> str:
-    """That a noise is far above what fitball expects where nobody stated one."""
-    far = [check for check in noise if check.assumed and not check.found and check.ratio >= FAR_FROM_STATED]
+def _wide(noise: Sequence[NoiseCheck], checks: Sequence[Check]) -> str:
+    """That a noise is far above what fitball expects where nobody stated one, and outliers do not make it so."""
+    known = {check.column for check in checks if check.found and check.kind == "outlier"}
+    far = [
+        check
+        for check in noise
+        if check.assumed and not check.found and check.ratio >= FAR_FROM_STATED and not known & {*check.columns}
+    ]
     if not far:
         return ""
     said = "; ".join(f"{' and '.join(check.columns)} {_number(check.ratio)} times" for check in far)
