@@ -17,6 +17,9 @@ from made import pages
 from samples import TWO_MASS, coordinates_of, problem_of
 from scipy.stats import norm
 from scipy.stats import t as student
+from validation.sbc.replicate import RANKED
+from validation.sbc.summary import FAMILY_ERROR
+from validation.trust.pinned import PINNED
 
 import fitball
 from fitball.data.columns import HEIGHTS, LABELS, MEASURED
@@ -52,9 +55,6 @@ from fitball.observables import NOISE_OF
 from fitball.report.figures.kinds import KINDS
 from fitball.report.fit.folder import CHAIN_NAME
 from fitball.report.saved.data_file import COUNTS, NUMBERS
-from fitball.studies.sbc.replicate import RANKED
-from fitball.studies.sbc.summary import FAMILY_ERROR
-from fitball.studies.trust.pinned import PINNED
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 PAGES = {f"{name}.md": text for name, text in pages().items()}

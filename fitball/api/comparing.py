@@ -23,7 +23,7 @@ from fitball.inference.results.results import RunStatus
 from fitball.report.compare.rows import csv_rows, json_content
 from fitball.report.compare.text import render
 from fitball.report.compare.words import words
-from fitball.report.form.folders import clear_folder
+from fitball.report.form.folders import clear_folder, held
 from fitball.report.form.text_table import columns as aligned
 from fitball.scheduling.engine import Engine, engine
 
@@ -103,8 +103,9 @@ class Comparison:
         from fitball.report.compare.folder import JSON_NAME, write_all
 
         path = Path(folder)
-        clear_folder(path, JSON_NAME, overwrite=overwrite)
-        write_all(self.result, self.words, path)
+        with held(path):
+            clear_folder(path, JSON_NAME, overwrite=overwrite)
+            write_all(self.result, self.words, path)
         return path
 
     def __eq__(self, other: object) -> bool:

@@ -22,6 +22,7 @@ from fitball.inference.problem.observables import Observable
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.report.fit.folder import prepare_folder, write_all
 from fitball.report.fit.short import html_text, report_text, short_text, summary_columns
+from fitball.report.form.folders import held
 from fitball.values import FloatArray, Impacts, same
 
 if TYPE_CHECKING:
@@ -162,13 +163,13 @@ class Fit(Found):
         """The fit in another form, as the verb `export` writes it: texts by the ending of their file, or with `out`
         (a file or a folder) the places that were written.
 
-        Forms are `python`, `c`, `javascript`, `csharp`, `gdscript`, `golden`, `lookup`, `engine`, `json`, `toml`,
-        `csv`, `latex`, `markdown`, `certificate` and `netcdf` (a file only). Options: `prefix` (c, javascript,
+        Forms are `python`, `c`, `javascript`, `csharp`, `gdscript`, `golden`, `lookup`, `engine`, `json`,
+        `latex`, `markdown`, `certificate` and `netcdf` (a file only). Options: `prefix` (c, javascript,
         csharp), `inputs_only` (golden), `range` (lookup), `at` and `engine_inertia` (engine), `json` (engine, lookup:
         the JSON alone). Raises ParameterError, ResultFolderError.
 
-        >>> print(fit.export("csv")[".csv"].splitlines()[1])
-        mu,model,,...
+        >>> print(fit.export("latex")[".tex"].splitlines()[0])
+        %...
         """
         made = self.exported(to, options)
         if out is not None:
@@ -210,8 +211,9 @@ class Fit(Found):
         `overwrite` that.
         """
         path, result = Path(folder), self.result
-        prepare_folder(path, overwrite=overwrite, resume=False)
-        write_all(result, path, figures=figures)
+        with held(path):
+            prepare_folder(path, overwrite=overwrite, resume=False)
+            write_all(result, path, figures=figures)
         return path
 
     def __eq__(self, other: object) -> bool:

@@ -16,7 +16,7 @@ from fitball.inference.design.make_plan import Asked, make_plan
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.results import Fit, RunStatus
-from fitball.report.form.folders import clear_folder
+from fitball.report.form.folders import clear_folder, held
 from fitball.report.plan.rows import plan_json, plan_rows
 from fitball.report.plan.text import render
 from fitball.wording import option
@@ -70,8 +70,9 @@ class Plan:
         from fitball.report.plan.folder import JSON_NAME, write_all
 
         path = Path(folder)
-        clear_folder(path, JSON_NAME, overwrite=overwrite)
-        write_all(self.result, self._problem, path, command)
+        with held(path):
+            clear_folder(path, JSON_NAME, overwrite=overwrite)
+            write_all(self.result, self._problem, path, command)
         return path
 
     def __repr__(self) -> str:

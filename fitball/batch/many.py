@@ -25,6 +25,7 @@ from fitball.report.batch.populations import Populated, default_names, populatio
 from fitball.report.batch.rows import CSV_NAME, FAILED, NAME, Row, read_rows
 from fitball.report.batch.series import all_series
 from fitball.report.batch.text import render
+from fitball.report.form.folders import held
 from fitball.scheduling.engine import engine
 
 if TYPE_CHECKING:
@@ -70,6 +71,18 @@ class Batch(Mapping[str, Fit]):
         """Write the files of all tables anew with the populations of `quantities`, which are returned; see
         `population`.
         """
+        with held(self.folder):
+            return self._summarise(quantities, command, over, joint, report)
+
+    def _summarise(
+        self,
+        quantities: Sequence[str] = (),
+        command: str | None = None,
+        over: Over = None,
+        joint: Effort | None = None,
+        report: Report = silent,
+    ) -> tuple[Populated, ...]:
+        """The same in a folder that is held already."""
         beside = self._beside(quantities, joint, report)
         self._shown = write_results(self.rows, self.folder, command, quantities, over, beside)
         return self._shown.populated
@@ -98,7 +111,7 @@ class Batch(Mapping[str, Fit]):
         if not joint:
             return found
         effort = Effort(cores=(os.cpu_count() or 1) if cores is None else cores, max_steps=max_steps)
-        with reporting(progress) as report:
+        with reporting(progress) as report, held(self.folder):
             return (*found, *self._beside(quantities, effort, report)(found))
 
     def _beside(
@@ -232,7 +245,8 @@ def batch_of(
 ) -> Batch:
     """The same for a plan; `command` is the line that asked for it."""
     workers = engine(cores, scheduler)
-    rows = run_tasks(tasks_of(tables, plan.folder), plan, workers, report)
-    batch = Batch(plan.folder, rows)
-    batch.summarise((), command)
+    tasks = tasks_of(tables, plan.folder)
+    with held(plan.folder):
+        batch = Batch(plan.folder, run_tasks(tasks, plan, workers, report))
+        batch._summarise((), command)
     return batch

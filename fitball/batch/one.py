@@ -11,6 +11,7 @@ from fitball.api.calibrating import Run, pose
 from fitball.batch.plan import RECORD_NAME, Plan
 from fitball.batch.task import Task
 from fitball.errors import FitballError, ResultFolderError
+from fitball.files import all_or_none
 from fitball.inference.results.results import Fit
 from fitball.report.batch.rows import CSV_NAME, Row, failed_row, row_of
 from fitball.report.fit.folder import prepare_folder, write_all
@@ -79,6 +80,7 @@ def _fitted(plan: Plan, task: Task) -> Done:
     return Done(row)
 
 
+@all_or_none()
 def _write(fit: Fit, folder: Path, full: bool) -> None:
     if full:
         write_all(fit, folder)

@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.inference.results.results import RunStatus
     from fitball.report.compare.folder import JSON_NAME, write_all
     from fitball.report.compare.text import render
-    from fitball.report.form.folders import clear_folder
+    from fitball.report.form.folders import clear_folder, held
     from fitball.report.form.json_text import json_text
 
     asked = contest(
@@ -57,13 +57,14 @@ def run(args: argparse.Namespace) -> int:
         max_steps=args.max_steps, cores=args.cores, scheduler=args.scheduler, **reading_of(args),
     )  # fmt: skip
     folder = Path(args.out) if args.out else Path("fits") / asked.table.name / "compare"
-    clear_folder(folder, JSON_NAME, overwrite=args.overwrite)
-    if not args.quiet:
-        progress.finish()
-        tell_notes(asked.said)
-    comparison = asked.compare(lambda stage: progress(stage, None))
-    progress("figures and files", None)
-    write_all(comparison.result, comparison.words, folder, args.command)
+    with held(folder):
+        clear_folder(folder, JSON_NAME, overwrite=args.overwrite)
+        if not args.quiet:
+            progress.finish()
+            tell_notes(asked.said)
+        comparison = asked.compare(lambda stage: progress(stage, None))
+        progress("figures and files", None)
+        write_all(comparison.result, comparison.words, folder, args.command)
     progress.finish()
     if args.json:
         print(json_text(comparison.json()), end="")

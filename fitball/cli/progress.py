@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, TextIO
 
 from fitball.cli.visible_stream import own_stream
-from fitball.models.kernels.first_compile import Compiling, tell_nobody, when_compiling
+from fitball.first_compile import Compiling, tell_nobody, when_compiling
 from fitball.visible import visible
 
 if TYPE_CHECKING:

@@ -47,6 +47,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.api import begin
     from fitball.errors import ResultFolderError
     from fitball.report.fit.folder import older_result, write_all
+    from fitball.report.form.folders import held
     from fitball.report.form.json_text import json_text
     from fitball.report.saved.run_record import find_records, find_tables, read_run, record_problem
     from fitball.studies.repeat.compare import Outcome, compared
@@ -65,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
     effort = replace(record.effort, cores=args.cores)
     place = nullcontext(args.out) if args.out is not None else tempfile.TemporaryDirectory(prefix="fitball-repeat-")
     try:
-        with place as name:
+        with place as name, held(Path(name)):
             folder = Path(name)
             fit = begin(problem, effort, folder).fit(progress).result
             progress("comparison", None)

@@ -97,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
 
         return write_page(args)
     from fitball.report.form.atomic_write import refuse_existing
-    from fitball.report.form.folders import clear_folder
+    from fitball.report.form.folders import clear_folder, held
     from fitball.report.history.folder import CSV_NAME, FIGURE_STEM, JSON_NAME
 
     if args.animate is not None:
@@ -111,8 +111,9 @@ def run(args: argparse.Namespace) -> int:
     for written in (args.csv, args.animate):
         if written is not None:
             refuse_existing(Path(written), args.overwrite)
-    clear_folder(folder, JSON_NAME, CSV_NAME, f"{FIGURE_STEM}.*", overwrite=args.overwrite)
-    _write(args, folder, course, extra, text)
+    with held(folder):
+        clear_folder(folder, JSON_NAME, CSV_NAME, f"{FIGURE_STEM}.*", overwrite=args.overwrite)
+        _write(args, folder, course, extra, text)
     return 0
 
 
@@ -181,7 +182,7 @@ def _write(args: argparse.Namespace, folder: Path, course: Course, extra: dict[s
     table = csv_text(history_rows(course.simulations))
     places = write_all(folder, content, table, course.plot(), args.format)
     if args.csv is not None:
-        write_text(Path(args.csv), table)
+        write_text(Path(args.csv), table, named=True)
         places = (*places, Path(args.csv))
     if args.animate is not None:
         from fitball.report.history.film import write_film

@@ -40,8 +40,8 @@ _NEAR = 0.75
 _BY_BARE = {bare(name): name for name in (*NUMBERS, *LABELS)}
 # What people call the column that names the impacts.
 _IDS = ("id", "no", "nr", "#", "number", "impactid", "impactno")
-# How no name begins (an empty cell among them), and a length that none has.
-_NO_NAME, _LONGEST = ("", *"0123456789+-.,\u2212"), 100
+# How no name begins (an empty cell among them).
+_NO_NAME = ("", *"0123456789+-.,\u2212")
 # What a name that is probably meant counts for where a header is looked for.
 _GUESSED = 0.5
 
@@ -75,7 +75,7 @@ def vocabulary(naming: Naming) -> Vocabulary:
     @cache
     def worth(cell: str) -> float:
         # Most cells are numbers; no name begins as one, nor is any so long.
-        if cell[:1] in _NO_NAME or len(cell) > _LONGEST:
+        if cell[:1] in _NO_NAME or len(cell) > header_cell.LONGEST:
             return 0.0
         name, _ = split_cell(cell, naming)
         if naming.ours(cell, name) is not None or _same(name) is not None:

@@ -144,6 +144,7 @@ def _assembled(text: Written, columns: Mapping[str, NumberColumn], ids: tuple[st
         incident_covariance=covariance,
         files=text.files,
         rows=tuple(row.number for row in rows),
+        resolution=FrozenMapping({name: column.half_width for name, column in columns.items()}),
     )
 
 

@@ -86,7 +86,8 @@ class ImpactTable:
     that of `(v_x1, v_y1, omega_1)`, None where no uncertainty of them was stated. `digest` is the SHA-256 of
     the file's bytes, `files` are those it was read from, each with the SHA-256 of its bytes; `flipped` are columns
     that were counted the other way round on request (`TABLE:COLUMN` in a table of several), `columns` names in the
-    file that are not ours, by our name; `rows` (impacts,) says where each stood, from 1, where it was just read.
+    file that are not ours, by our name. Where the table was just read `rows` (impacts,) says where each stood, from
+    1, and `resolution` half a unit of each column's last printed digit [SI].
     """
 
     name: str
@@ -106,6 +107,7 @@ class ImpactTable:
     columns: Mapping[str, str] = field(default_factory=FrozenMapping)
     files: tuple[tuple[str, str], ...] = ()
     rows: tuple[int, ...] = field(default=(), compare=False)
+    resolution: Mapping[str, float] = field(default_factory=FrozenMapping, compare=False)
 
     def __len__(self) -> int:
         return len(self.impacts)
