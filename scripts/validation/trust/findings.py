@@ -148,8 +148,7 @@ def rate_rows(found: Sequence[Finding]) -> list[dict[str, object]]:
     rows: list[dict[str, object]] = []
     for one in found:
         row: dict[str, object] = {
-            "scenario": one.name, "made_by_the_model": "yes" if one.made else "no", "words": one.words,
-            "tables": one.tables,
+            "scenario": one.name, "made_by_the_model": "yes" if one.made else "no", "tables": one.tables,
             "not_converged": one.unconverged, "without_fit": one.failed,
         }  # fmt: skip
         row |= {str(answer).replace(" ", "_"): rate.count for answer, rate in one.answers.items()}
@@ -161,6 +160,10 @@ def rate_rows(found: Sequence[Finding]) -> list[dict[str, object]]:
             row |= {what: round(rate.value or 0.0, 4) if known else "", f"{what}_of": rate.of,
                     f"{what}_low": round(rate.low, 4) if known else "",
                     f"{what}_high": round(rate.high, 4) if known else ""}  # fmt: skip
+        row |= {
+            "refused": one.tables - one.failed - sum(rate.count for rate in one.answers.values()),
+            "words": one.words,
+        }
         rows.append(row)
     return rows
 
