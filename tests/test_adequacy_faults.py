@@ -9,7 +9,7 @@ import pytest
 from samples import GRIP_SLIP, TWO_MASS
 from scipy.optimize import minimize_scalar
 from scipy.special import comb
-from scipy.stats import beta, f
+from scipy.stats import beta, f, norm
 from validation.trust.foreign import INERTIA_RATIO, MASS, RADIUS, foreign_text, rebound
 
 from fitball.data.read import load_table
@@ -233,9 +233,20 @@ def test_what_fits_surely_better_is_an_exception(gain, answer, tmp_path):
     assert bool(found.exceptions) is better
     assert found.given == (dict.fromkeys(("v_x_sd", "v_y_sd", "spin_sd"), ("noise=normal",)) if better else {})
     # Another closure says nothing of the noise.
-    closure = Assumptions((alternative("cor=saturating", "cor=line", gain, 3.0),), {}, {})
-    _, other = said(foreign(tmp_path, "clean"), assumptions=closure)
+    closure = alternative("cor=saturating", "cor=line", gain, 3.0)
+    _, other = said(foreign(tmp_path, "clean"), assumptions=Assumptions((closure,), {}, {}))
     assert other.answer is answer and not other.given
+
+
+def test_one_of_many_closures_has_to_be_better_by_more():
+    """A gain of 2.2 errors has a chance of one in 72; among twenty that is no surprise (Bonferroni)."""
+    one = alternative("cor=saturating", "cor=line", 11.0, 5.0)
+    others = tuple(alternative(f"normal={k}", "normal=momentum", -1.0, 1.0) for k in range(19))
+    noise = alternative("noise=student-t", "noise=normal", 11.0, 5.0)
+    assert describe.surely_better((one,)) == (one,)
+    assert describe.surely_better((one, *others, noise)) == (noise,)
+    sure = alternative("cor=saturating", "cor=line", 5.0 * norm.isf(norm.sf(2.0) / 20) + 1e-6, 5.0)
+    assert describe.surely_better((sure, *others)) == (sure,)
 
 
 def test_a_noise_three_times_the_scenes_is_an_exception_three_times_the_usual_a_sentence(tmp_path):
