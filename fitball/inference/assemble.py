@@ -64,7 +64,7 @@ def assemble(
     covariance = correlation = None
     prediction = diagnostics = None
     with watch.stage("adequacy"):
-        described = adequacy(problem, point, posterior, effort.seed)
+        described = adequacy(problem, point, posterior, effort.seed, assumptions)
     with watch.stage("verdicts and prediction"):
         if posterior is not None and sampled is not None:
             covariance = np.atleast_2d(np.cov(posterior.draws, rowvar=False))

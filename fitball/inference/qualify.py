@@ -18,5 +18,11 @@ def qualified(
         return judged.verdict, ()
     if adequacy is not None and adequacy.conditional(name):
         return Verdict.CONDITIONAL, ()
-    given = () if assumptions is None else assumptions.given.get(name, ())
+    given = rests_on(name, adequacy, assumptions)
     return (Verdict.GIVEN if given else Verdict.IDENTIFIED), given
+
+
+def rests_on(name: str, adequacy: Adequacy | None, assumptions: Assumptions | None) -> tuple[str, ...]:
+    """The choices that the value of a parameter is given."""
+    known = [found.given.get(name, ()) for found in (adequacy, assumptions) if found is not None]
+    return tuple(dict.fromkeys(choice for choices in known for choice in choices))

@@ -10,6 +10,7 @@ import numpy as np
 from fitball.errors import FitballError
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.priors import parse_prior
+from fitball.inference.qualify import rests_on
 from fitball.inference.results.quantiles import QUANTILES
 from fitball.inference.results.results import RunStatus, Verdict
 from fitball.models.registry import model, parameter_spec
@@ -130,9 +131,9 @@ def _assumptions(file: FitFile) -> Iterator[str]:
         if name not in file.parameters:
             yield f"assumptions.parameters: {name} is none of the parameters"
     for name, item in file.parameters.items():
-        known = found[name].given if name in found else ()
+        known = rests_on(name, file.adequacy, file.assumptions)
         if item.verdict is Verdict.GIVEN and item.given != known:
-            yield f"parameters.{name}.given: read {_listed(item.given)}, but assumptions says {_listed(known)}"
+            yield f"parameters.{name}.given: read {_listed(item.given)}, but the looks say {_listed(known)}"
 
 
 def _adequacy(file: FitFile) -> Iterator[str]:
