@@ -104,6 +104,29 @@ def incident_sds(problem: Problem, columns: Columns, rebound: Rebound) -> Mappin
     }
 
 
+def incident_covariance(problem: Problem, incident: IncidentErrors, columns: Columns, rebound: Rebound) -> FloatArray:
+    """What incident errors alone make the columns scatter by together (draws, impacts, columns, columns), to first
+    order.
+    """
+    slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
+    by_input = np.stack([observable.column.slopes(rebound, slopes) for observable in problem.observables], axis=2)
+    return spread_by_input(by_input, incident.covariance)
+
+
+def whitening(
+    problem: Problem, incident: IncidentErrors, columns: Columns, rebound: Rebound, spreads: FloatArray
+) -> FloatArray:
+    """Inverse (draws, impacts, columns, columns) of the lower factor of the covariance of what is measured, of the
+    `spreads` (draws, impacts, columns) of each column and of incident errors; NaN where there is no rebound.
+    """
+    whole = incident_covariance(problem, incident, columns, rebound) + spreads[..., None] ** 2 * np.eye(
+        spreads.shape[-1]
+    )
+    solved = np.isfinite(whole).all(axis=(2, 3), keepdims=True)
+    root = np.linalg.cholesky(np.where(solved, whole, np.eye(spreads.shape[-1])))
+    return np.where(solved, np.linalg.inv(root), np.nan)
+
+
 def standardised(
     measured: Sequence[Seen], columns: Columns, rebound: Rebound, slopes: Columns, covariance: FloatArray
 ) -> tuple[list[FloatArray], list[FloatArray]]:
