@@ -11,9 +11,10 @@ from scipy.stats import norm
 
 import fitball
 from fitball.data.read import load_table
+from fitball.inference.adequacy.loo_pit import loo_pit
 from fitball.inference.assumptions.alternatives import alternatives
-from fitball.inference.assumptions.importance_posterior import importance_posterior
-from fitball.inference.assumptions.look import ROWS, assumptions_generator, look
+from fitball.inference.assumptions.look import ROWS, Fitted, assumptions_generator, look
+from fitball.inference.identifiability.fisher import about
 from fitball.inference.identifiability.posterior_verdict import Judgement
 from fitball.inference.likelihood.posterior import pointwise
 from fitball.inference.point.maximum_posterior import maximum_posterior
@@ -22,9 +23,10 @@ from fitball.inference.prediction.over_assumptions import with_assumptions
 from fitball.inference.qualify import qualified
 from fitball.inference.results.assumptions import MOVED, Summary, reach, span
 from fitball.inference.results.fitted_model import FittedModel
-from fitball.inference.results.results import Verdict
+from fitball.inference.results.results import Posterior, Verdict
 from fitball.inference.results.score_difference import elpd_difference
 from fitball.inference.sampling.importance import smoothed_elpd
+from fitball.inference.sampling.importance_posterior import equal_draws, importance_posterior
 
 GRIPS_OFF_CENTRE = {**TWO_MASS, "mu": 0.53, "eps_10": 5.5e-3}
 
@@ -63,7 +65,7 @@ def test_a_linear_normal_posterior_and_its_left_out_scores_are_those_of_the_clos
     mean = covariance @ design.T @ (measured / 0.05)
     # So far away that several rounds are needed, whose proposals differ in place and size.
     start = problem.to_coordinates((mean + 6.0 * np.sqrt(np.diag(covariance)) * np.array([1.0, -1.0]))[None, :])
-    draws = importance_posterior(problem, start, np.random.default_rng(2))
+    draws = importance_posterior(problem, [about(problem, start[0])], np.random.default_rng(2))
     assert len(draws.values) > 600
     assert problem.free_names == ("cor_10", "cor_slope")
     assert draws.effective >= 400.0
@@ -83,6 +85,36 @@ def test_a_linear_normal_posterior_and_its_left_out_scores_are_those_of_the_clos
     # Weights left out of the score, or of the posterior, show.
     unweighted, _k = smoothed_elpd(whole, scored, 1.0)
     assert np.abs(unweighted - exact).max() > np.abs(elpd - exact).max()
+
+
+def test_an_impact_whose_weights_are_not_to_be_trusted_is_refitted():
+    """The one fast impact of a drop test, off the line of the others: its score, and its place among predictions,
+    against the conjugate normal.
+    """
+    rng = np.random.default_rng(3)
+    speeds = np.append(np.linspace(4.0, 6.0, 8), 9.0)
+    measured = (0.76 - 0.014 * (speeds - 10.0)) * speeds + 0.05 * rng.standard_normal(9) + 0.4 * (speeds == 9.0)
+    table = drop_table(rng)
+    table = replace(
+        table,
+        impacts=fitball.impacts(v_x1=0.0 * speeds, v_y1=speeds, omega_1=0.0),
+        measurements=(replace(table.measurement("v_y2"), values=measured),),
+    )
+    problem = linear_problem(table, v_y_sd=0.05)
+    design = np.stack([speeds, speeds * (speeds - 10.0)], axis=1) / 0.05
+    covariance = np.linalg.inv(design.T @ design)
+    mean = covariance @ design.T @ (measured / 0.05)
+    leverage = np.einsum("ij,jk,ik->i", design, covariance, design)
+    left_out = norm((measured - 0.05 * design @ mean) / (leverage - 1.0), 0.05 / np.sqrt(1.0 - leverage))
+    values = mean + rng.standard_normal((2000, 2)) @ np.linalg.cholesky(covariance).T
+    whole, scored = pointwise(problem, values, ["v_y2"])
+    alone, pareto_k = smoothed_elpd(whole, scored, 1.0)
+    exact = left_out.logpdf(0.0)
+    assert pareto_k[8] > 0.7
+    assert abs(alone[8] - exact[8]) > 1.0
+    np.testing.assert_allclose(Fitted(problem, equal_draws(values)).elpd(rng), exact, atol=0.3)
+    posterior = Posterior(problem.free_names, values.reshape(2, 10, 100, 2), np.zeros((2, 10, 100)), values)
+    np.testing.assert_allclose(loo_pit(problem, posterior, rng)[0], left_out.cdf(0.0), atol=0.08)
 
 
 def test_every_choice_that_acts_is_changed_one_at_a_time(tmp_path):

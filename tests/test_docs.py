@@ -24,7 +24,6 @@ from fitball.data.scene_file import KEYS
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
 from fitball.inference import weigh
 from fitball.inference.adequacy import describe
-from fitball.inference.assumptions import importance_posterior
 from fitball.inference.assumptions import look as assumptions_look
 from fitball.inference.comparison import cross_validation as leave_out
 from fitball.inference.comparison import psis_loo as loo
@@ -44,7 +43,7 @@ from fitball.inference.results import adequacy, fitted_model, score_difference
 from fitball.inference.results import assumptions as assumption_values
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT, RunStatus, Verdict
 from fitball.inference.sampling import ensembles as sampling
-from fitball.inference.sampling import moves
+from fitball.inference.sampling import importance_posterior, moves
 from fitball.models.registry import MODELS
 from fitball.models.specs import SPECS
 from fitball.models.types import PHASE_SYMBOL, Closures, ThesisClosures

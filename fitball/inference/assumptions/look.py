@@ -8,12 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.inference.assumptions.alternatives import Change, alternatives
-from fitball.inference.assumptions.importance_posterior import (
-    DRAWN_ABOUT,
-    WeightedDraws,
-    equal_draws,
-    importance_posterior,
-)
+from fitball.inference.identifiability.fisher import DRAWN_ABOUT, about
 from fitball.inference.likelihood.posterior import pointwise
 from fitball.inference.point.maximum_posterior import distinct, maxima
 from fitball.inference.prediction.court_pace import pace_by_surface
@@ -23,7 +18,9 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.results.assumptions import Alternative, Assumptions, Span, Summary, span
 from fitball.inference.results.results import PointFit, Posterior, thinned
 from fitball.inference.results.score_difference import FEW, elpd_difference
-from fitball.inference.sampling.importance import smoothed_elpd
+from fitball.inference.sampling.importance import K_TRUSTED, smoothed_elpd
+from fitball.inference.sampling.importance_posterior import WeightedDraws, equal_draws, importance_posterior
+from fitball.inference.sampling.left_out import refitted
 from fitball.values import FloatArray
 
 # Rows and free parameters up to which alternatives are looked at: every draw bounces every impact, and weighted draws
@@ -31,6 +28,9 @@ from fitball.values import FloatArray
 ROWS, DIMENSIONS = 100, 16
 # Draws of the fit's own posterior that are scored.
 OWN_DRAWS = 2000
+# Effective draws of the posterior without an impact whose weights are not to be trusted: its log density is then
+# known to a seventh, far below a difference that is sure.
+REFIT_DRAWS = 200.0
 # Gain of log posterior below which a search for an optimum of an alternative ends: the draws about it tell the rest.
 NEAR = 0.01
 # Optima of the fit from which each alternative is searched, with these quantiles of the priors of parameters that
@@ -44,17 +44,23 @@ LEVELS = np.array([0.025, 0.5, 0.975])
 
 
 @dataclass(frozen=True)
-class _Fitted:
+class Fitted:
     """A problem with draws of its posterior."""
 
     problem: Problem
     draws: WeightedDraws
 
-    def elpd(self) -> FloatArray:
-        """Log density (impacts,) of each impact when it is left out."""
+    def elpd(self, rng: np.random.Generator) -> FloatArray:
+        """Log density (impacts,) of each impact when it is left out, by a refit where its Pareto k is not to be
+        trusted; NaN where that does not settle either.
+        """
         columns = [observable.name for observable in self.problem.observables]
         whole, scored = pointwise(self.problem, self.draws.values, columns)
-        return smoothed_elpd(whole, scored, 1.0, self.draws.log_weights)[0]
+        elpd, pareto_k = smoothed_elpd(whole, scored, 1.0, self.draws.log_weights)
+        for row in np.flatnonzero(~(pareto_k <= K_TRUSTED)).tolist():
+            again = refitted(self.problem, self.draws, whole[:, row], row, columns, rng, REFIT_DRAWS)
+            elpd[row] = np.nan if again is None else again.elpd
+        return elpd
 
     def parameters(self, noise: NoiseKind) -> dict[str, Summary]:
         """Of every free parameter; of the noise's only where it is of the kind `noise`: the scale of another kind is
@@ -96,16 +102,16 @@ def look(problem: Problem, point: PointFit, posterior: Posterior | None, rng: np
         return Assumptions((), {}, {}, reason)
     if posterior is None:
         optima = np.concatenate([_starts(problem, optimum) for optimum in point.optima[:DRAWN_ABOUT]])
-        draws = importance_posterior(problem, problem.to_coordinates(optima), rng)
+        draws = importance_posterior(problem, [about(problem, at) for at in problem.to_coordinates(optima)], rng)
     else:
         draws = equal_draws(thinned(posterior, OWN_DRAWS))
     if not draws.settled:
         return Assumptions((), {}, {}, "a quick look at the fit itself did not settle")
-    own = _Fitted(problem, draws)
+    own = Fitted(problem, draws)
     # What is told of the fit itself is what its estimates tell: of every draw, not of those that are scored.
-    whole = own if posterior is None else _Fitted(problem, equal_draws(posterior.draws))
+    whole = own if posterior is None else Fitted(problem, equal_draws(posterior.draws))
     probes = draws.values[np.linspace(0, len(draws.values) - 1, PROBES).astype(np.int64)]
-    scored = own.elpd()
+    scored = own.elpd(rng)
     found = tuple(
         _fitted(scored, problem.noise, point, change, rng)
         for change in alternatives(problem, problem.to_coordinates(probes))
@@ -146,15 +152,20 @@ def _fitted(
     optima = _optima(change.problem, point)
     if not len(optima):
         return without("no search led to parameters that the model can evaluate")
-    draws = importance_posterior(change.problem, optima, rng)
+    draws = importance_posterior(change.problem, [about(change.problem, at) for at in optima], rng)
     if not draws.settled:
         return without("a quick look at its posterior did not settle")
-    fitted = _Fitted(change.problem, draws)
+    fitted = Fitted(change.problem, draws)
+    gaps = fitted.elpd(rng) - scored
+    known = np.isfinite(gaps)
+    if known.sum() < FEW:
+        return without("too few of its scores by left-out impacts settled")
+    left = ", ".join(change.problem.table.ids[k] for k in np.flatnonzero(~known))
     return Alternative(
         change.name,
         change.instead_of,
-        elpd_difference(fitted.elpd(), scored),
-        "",
+        elpd_difference(gaps[known], np.zeros(int(known.sum()))),
+        f"without impact {left}, whose score did not settle" if left else "",
         fitted.centre(),
         fitted.parameters(noise),
         fitted.court_pace(),

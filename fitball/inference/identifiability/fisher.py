@@ -11,6 +11,7 @@ from fitball.inference.likelihood.residuals import Columns, own_spreads, predict
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import LOOKED_AT, thinned_problem
 from fitball.inference.results.evidence import InformationEvidence
+from fitball.inference.sampling.moves import StudentProposal
 from fitball.models.types import Rebound
 from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray
@@ -30,6 +31,8 @@ def inverse(information: FloatArray, ridge: float) -> FloatArray:
     return inverted
 
 
+# Optima of a fit about which its posterior is drawn.
+DRAWN_ABOUT = 2
 # Standard errors above this many sds of the prior are no knowledge at all.
 UNINFORMED = 1e3
 # A parameter that cannot move so far either way, in widths of its prior, is so close to where the model ends that its
@@ -160,3 +163,11 @@ def _contraction(information: FloatArray) -> FloatArray:
     """First-order contraction (free,) by measurements and priors; NaN without a derivative."""
     shares: FloatArray = 1.0 - np.diag(inverse(information, 1.0))
     return shares
+
+
+def about(problem: Problem, optimum: FloatArray) -> StudentProposal:
+    """The proposal by the information of table and priors at an optimum (free,)."""
+    information = np.nan_to_num(fisher_information(problem, optimum, scene=True))
+    width = problem.prior.width * prior_sds(problem)
+    covariance = inverse(information, 1.0) * np.outer(width, width)
+    return StudentProposal(optimum, np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))

@@ -28,9 +28,10 @@ class Summary:
 class Alternative:
     """The fit with the choice `name` (`offset=grip`) `instead_of` another (`offset=contact`), nothing else changed.
 
-    `difference` is its score less that of the fit itself, None with the `reason` where there is none. `values` are
-    the parameters at the mean of its posterior, for predictions; `parameters` and `court_pace` (points of the ITF's
-    rating by surface) what it says of quantities that the fit has too.
+    `difference` is its score less that of the fit itself, None with the `reason` where there is none; with a `reason`
+    too where it is without some impacts. `values` are the parameters at the mean of its posterior, for predictions;
+    `parameters` and `court_pace` (points of the ITF's rating by surface) what it says of quantities that the fit has
+    too.
     """
 
     name: str

@@ -119,7 +119,8 @@ def _singular(words: str) -> str:
 def _verdict(item: Alternative) -> str:
     if item.difference is None:
         return f"not scored: {item.reason}"
-    return "better" if item.better else "as well" if item.as_good else "worse"
+    verdict = "better" if item.better else "as well" if item.as_good else "worse"
+    return f"{verdict}: {item.reason}" if item.reason else verdict
 
 
 def _difference(item: Alternative) -> str:
