@@ -13,7 +13,7 @@ import fitball
 from fitball.data.read import load_table
 from fitball.inference.adequacy.loo_pit import loo_pit
 from fitball.inference.assumptions.alternatives import alternatives
-from fitball.inference.assumptions.look import ROWS, Fitted, assumptions_generator, look
+from fitball.inference.assumptions.look import ROWS, Compared, Fitted, assumptions_generator, look
 from fitball.inference.identifiability.fisher import about
 from fitball.inference.identifiability.posterior_verdict import Judgement
 from fitball.inference.likelihood.posterior import pointwise
@@ -204,23 +204,57 @@ def test_of_balls_that_slide_throughout_friction_rests_on_no_twist_nor_release()
     assert found.parameters["mu"].given == ("normal=momentum",)
 
 
-def test_where_a_look_costs_too_much_or_means_nothing_it_says_so():
+def test_of_few_impacts_no_alternative_is_refused():
+    """Less data is no stronger verdict: with five rows scores mean nothing, and what moves a value still does."""
     table = replace(load_table("wang_all.csv"), redundant=())
-    point = maximum_posterior(problem_of(table, "brody"), np.array([[0.5, 0.77, -0.015, 0.3, 0.3, 12.0]]))
-    reasons = []
-    for rows in (np.arange(ROWS + 1) % len(table), np.arange(5)):
-        part = replace(
-            table,
-            impacts=table.impacts.take(rows),
-            ids=tuple(map(str, range(len(rows)))),
-            labels={},
-            measurements=tuple(replace(item, values=item.values[rows]) for item in table.measurements),
-        )
-        reasons.append(look(problem_of(part, "brody"), point, None, assumptions_generator(1)).missing)
-    assert reasons == [
-        "alternatives are looked at on tables of up to 100 impacts",
-        "with 5 impacts no score tells one assumption from another",
-    ]
+    rows = np.array([0, 4, 8, 12, 16])
+    part = replace(
+        table,
+        impacts=table.impacts.take(rows),
+        ids=tuple(map(str, range(5))),
+        labels={},
+        measurements=tuple(replace(item, values=item.values[rows]) for item in table.measurements),
+    )
+    problem = problem_of(part)
+    found = looked(problem, TWO_MASS | {"velocity_sd": 0.3})
+    assert found.examined
+    assert len(found.as_good) == len(found.alternatives) > 8
+    assert all(item.difference is None for item in found.alternatives)
+    told = Judgement(0.9, Verdict.IDENTIFIED, "")
+    given = {name for name in problem.free_names if qualified(name, told, None, found)[0] is Verdict.GIVEN}
+    assert {"mu", "eps_10"} <= given
+
+
+def test_of_long_tables_and_many_parameters_all_is_to_first_order():
+    """Against the hat matrix, where it is exact but for squares of leverages; and like is held against like."""
+    problem = linear_problem(drop_table(np.random.default_rng(8), ROWS + 40), v_y_sd=0.05)
+    speeds, measured = problem.impacts.v_y1, problem.observables[0].observed
+    design = np.stack([speeds, speeds * (speeds - 10.0)], axis=1) / 0.05
+    covariance = np.linalg.inv(design.T @ design)
+    mean = covariance @ design.T @ (measured / 0.05)
+    leverage = np.einsum("ij,jk,ik->i", design, covariance, design)
+    left_out = (measured - 0.05 * design @ mean) / (1.0 - leverage)
+    exact = norm.logpdf(left_out, scale=0.05 / np.sqrt(1.0 - leverage))
+    point = maximum_posterior(problem, mean[None, :])
+    linear = Compared(problem, point, None, np.random.default_rng(1)).linear
+    np.testing.assert_allclose(linear.elpd(np.random.default_rng(1)), exact, atol=0.05)
+    for k in range(2):
+        assert linear.draws.sd(linear.draws.values[:, k]) == pytest.approx(np.sqrt(covariance[k, k]), rel=0.1)
+    found = look(problem, point, None, assumptions_generator(1))
+    assert found.examined
+    assert all(item.difference is not None for item in found.alternatives)
+
+
+def test_what_could_not_be_examined_is_said_in_the_verdict(deceived):
+    found, _truth = deceived
+    told = Judgement(0.9, Verdict.IDENTIFIED, "")
+    missing = replace(found, alternatives=(), parameters={}, missing="a reason")
+    assert qualified("cor_10", told, None, missing) == (Verdict.UNEXAMINED, ())
+    unsettled = replace(found.alternatives[0], difference=None, reason="a reason", unsettled=True)
+    partly = replace(found, alternatives=(unsettled, *found.alternatives[1:]))
+    assert qualified("cor_10", told, None, partly) == (Verdict.UNEXAMINED, ())
+    assert qualified("eps_10", told, None, partly)[0] is Verdict.GIVEN
+    assert qualified("cor_10", replace(told, verdict=Verdict.ONE_SIDED), None, missing)[0] is Verdict.ONE_SIDED
 
 
 def test_a_value_rests_on_a_choice_where_another_moves_it_or_widens_it():

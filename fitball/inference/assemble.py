@@ -219,6 +219,7 @@ def _sentence(status: RunStatus, diagnostics: Diagnostics | None, estimates: tup
     for verdict, words in (
         (Verdict.IDENTIFIED, "The table identifies"),
         (Verdict.GIVEN, "Given assumptions that it cannot test, it identifies"),
+        (Verdict.UNEXAMINED, "It identifies, where assumptions could not be examined,"),
         (Verdict.CONDITIONAL, "If the model described it, it would identify"),
         (Verdict.ONE_SIDED, "It bounds from one side only"),
         (Verdict.PRIOR_DOMINATED, "It does not tell"),

@@ -41,14 +41,14 @@ def refitted(
     enough: float,
     beside: Sequence[StudentProposal] = (),
 ) -> Refitted | None:
-    """Draws of the posterior without the impact `row`, worth `enough` independent ones if so many can be had, and its
-    log density by the measured `columns`.
+    """Draws of the posterior without the measurements of the impact `row`, worth `enough` independent ones if so many
+    can be had, and its log density by the measured `columns`.
 
     Importance sampling by proposals that are adapted to that posterior: from draws of the `whole`, as they are and as
     weighted without the impact, whose log `likelihood` (draws,) there is known, and those `beside`. None where its
     Pareto k is not to be trusted either, it is worth too little, or its draws hardly meet those of the whole.
     """
-    held = withheld(problem, np.array([row]))
+    held = replace(withheld(problem, np.array([row])), force=problem.force)
     coordinates = problem.to_coordinates(whole.values)
     without = smoothed(whole.log_weights - likelihood, 1.0)[0]
     fitted = [fitted_to(coordinates, weights) for weights in (whole.log_weights, without)]
