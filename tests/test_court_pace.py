@@ -182,6 +182,18 @@ def test_spin_of_the_test_is_within_what_the_itf_allows(tmp_path):
             assert reach.beyond["omega_1"] == pytest.approx(-40.0)
 
 
+def test_a_point_fit_in_the_cold_is_rated_once(grip_slip_fit):
+    """Its category is that of the rating that stands beside it, by the ITF's limits and 0.003 a degree."""
+    point = grip_slip_fit.point
+    met = set()
+    for warmth in (None, -5.0, 5.0, 15.0, 35.0, 45.0):
+        problem = replace(grip_slip_fit.problem, scene=replace(grip_slip_fit.problem.scene, ball_temperature=warmth))
+        rating = court_pace(problem, point, None, np.random.default_rng(1)).ratings[0]
+        assert rating.categories == pace_categories(np.array([rating.rating.point]))
+        met |= {name for name, share in rating.categories.items() if share > 0.0}
+    assert len(met) > 1
+
+
 def test_a_drop_test_has_no_court_pace(tmp_path, grip_slip_fit, brief):
     table = tmp_path / "drop.csv"
     table.write_text("v_y1,v_y2\n4,3.21\n6,4.68\n8,6.13\n10,7.48\n", encoding="utf-8")

@@ -17,8 +17,9 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.inference.identifiability.fisher import fisher_information, prior_sds
 from fitball.inference.likelihood import regime_mixture
-from fitball.inference.likelihood.incident_marginal import incident_sds, seen, standardised
+from fitball.inference.likelihood.incident_marginal import incident_covariance, seen, standardised
 from fitball.inference.likelihood.posterior import log_likelihood, log_likelihood_terms, pointwise
+from fitball.inference.prediction.posterior_predictive import replicated
 from fitball.inference.problem.incident import whitened
 from fitball.inference.problem.noise import NORMAL
 from fitball.studies.bench.hard_cases import BASE
@@ -295,9 +296,32 @@ def test_information_is_the_scatter_of_the_slope_of_the_likelihood_over_simulate
     np.testing.assert_allclose(scatter / found, 1.0, atol=0.4)
     # What sums over columns, each with the scatter of the incidence to itself, made of it.
     k = problem.free_names.index("spin_sd")
-    beside = incident_sds(problem, columns, problem.rebound(at))["omega_2"][0]
+    whole = incident_covariance(problem, problem.incident, columns, problem.rebound(at))
+    beside = np.sqrt(whole[0, :, 2, 2])
     apart = np.sum(2.0 / (1.0 + (beside / VALUES["spin_sd"]) ** 2) ** 2) * problem.prior.width[k] ** 2
     assert scatter[k] > 1.8 * apart
+
+
+def test_new_measurements_of_an_impact_share_the_errors_of_its_incidence():
+    """Their correlation is that of impacts simulated from scattered incident states."""
+    table = simulated("grip-slip", np.array([20.0, 60.0]), covariances(2, 0.6, 25.0), 7)
+    problem = problem_of(table, "grip-slip")
+    draws, rng = 4000, np.random.default_rng(3)
+    drawn = replicated(problem, np.repeat(at_truth(problem), draws, axis=0), rng).measurements
+    columns, root = problem.all_values(at_truth(problem)), regime_mixture.roots(problem.incident.covariance)
+    for row in range(2):
+        moves = rng.standard_normal((draws, 3)) @ root[row].T
+        rows = np.full(draws, row)
+        made = problem.rebound_like(columns, regime_mixture.shifted(problem.impacts, moves, rows), rows)
+        seen_there = [
+            item.predict(made)[0] + VALUES[item.noise] * rng.standard_normal(draws) for item in problem.observables
+        ]
+        expected, found = (
+            np.corrcoef(seen_there),
+            np.corrcoef([drawn[item.name][:, row] for item in problem.observables]),
+        )
+        np.testing.assert_allclose(found, expected, atol=0.1)
+        assert np.abs(expected - np.eye(3)).max() > 0.4
 
 
 def test_errors_of_the_incidence_no_longer_count_as_noise():

@@ -51,10 +51,12 @@ def court_pace(
     at_point = {name: np.array([value]) for name, value in point.values.items()}
     drawn = at_point if posterior is None else dict(problem.all_values(thinned(posterior, DRAWS)))
     # One error of the thermometer for all surfaces.
-    warmth = temperatures(scene, len(next(iter(drawn.values()))), rng) if posterior is not None else None
+    warmth = None
+    if posterior is not None and scene.ball_temperature is not None:
+        warmth = temperatures(scene, len(next(iter(drawn.values()))), rng)
     rated = []
     for labels, rows in _surfaces(problem).items():
-        found = _rate(problem, labels, rows, at_point, drawn, warmth)
+        found = _rate(problem, labels, rows, at_point, drawn, warmth, posterior is not None)
         if isinstance(found, str):
             return replace(known, missing=found)
         rated.append(found)
@@ -123,9 +125,10 @@ def _rate(
     at_point: Mapping[str, FloatArray],
     drawn: Mapping[str, FloatArray],
     warmth: FloatArray | None,
+    sampled: bool,
 ) -> tuple[PaceRating, FloatArray] | str:
     """One rating with its draws (NaN where there is none), or the sentence that says why there is none; `warmth` is
-    the temperature of the ball (draws,), None for a point fit.
+    the temperature of the ball (draws,), None of a point fit that is not `sampled` or where it is not known.
     """
     impact, row = itf_impact(), np.array([rows[0]])
     best = problem.rebound_like(at_point, impact, row)
@@ -138,9 +141,10 @@ def _rate(
         cause = STATUS_REASON[Status(int(rebound.status[~solved, 0][0]))]
         return f"{100.0 * np.mean(~solved):.0f} % of the draws cannot be evaluated at the test impact: {cause}"
     known = problem.scene.ball_temperature
-    sampled = warmth is not None
     one = _quantities(impact, best, _sliding_friction(problem, labels, at_point), known)
-    many = _quantities(impact, rebound, _sliding_friction(problem, labels, drawn), None if known is None else warmth)
+    many = _quantities(
+        impact, rebound, _sliding_friction(problem, labels, drawn), known if warmth is None else warmth
+    )
     spreads = {name: spread_of(many[name][solved] if sampled else None, float(one[name][0])) for name in one}
     shares = regime_shares(rebound)[0]
     rated = PaceRating(
