@@ -28,6 +28,7 @@ from fitball.inference.results.evidence import Profiles
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.quantiles import SUMMARY
 from fitball.inference.results.results import (
+    TARGET_R_HAT,
     Diagnostics,
     Estimate,
     Fit,
@@ -120,8 +121,8 @@ def diagnose(sampled: Sampled, effort: Effort) -> Diagnostics:
     complaints = []
     for name, r_hat in convergence.r_hat.items():
         least = min(convergence.ess_bulk[name], convergence.ess_tail[name])
-        if not r_hat < 1.01:
-            complaints.append(f"{name}: the ensembles disagree, R-hat {r_hat:.3f} (wanted below 1.01)")
+        if not r_hat < TARGET_R_HAT:
+            complaints.append(f"{name}: the ensembles disagree, R-hat {r_hat:.3f} (wanted below {TARGET_R_HAT})")
         if not least >= effort.ess:
             complaints.append(f"{name}: effective sample size {least:.0f} (wanted {effort.ess:.0f})")
     return Diagnostics(
@@ -219,6 +220,7 @@ def _sentence(status: RunStatus, diagnostics: Diagnostics | None, estimates: tup
     for verdict, words in (
         (Verdict.IDENTIFIED, "The table identifies"),
         (Verdict.GIVEN, "Given assumptions that it cannot test, it identifies"),
+        (Verdict.UNEXAMINED, "It identifies, where assumptions could not be examined,"),
         (Verdict.CONDITIONAL, "If the model described it, it would identify"),
         (Verdict.ONE_SIDED, "It bounds from one side only"),
         (Verdict.PRIOR_DOMINATED, "It does not tell"),

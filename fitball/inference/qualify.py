@@ -1,5 +1,6 @@
 """From what a table tells of a parameter within a model to what may be said of it: a model that fails identifies
-nothing, and a value that moves with an assumption is known only given that assumption.
+nothing, and a value that moves with an assumption is known only given that assumption, and where assumptions
+could not be examined the verdict says so.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ def qualified(
     if adequacy is not None and adequacy.conditional(name):
         return Verdict.CONDITIONAL, ()
     given = rests_on(name, adequacy, assumptions)
-    return (Verdict.GIVEN if given else Verdict.IDENTIFIED), given
+    if given or assumptions is None or assumptions.examined:
+        return (Verdict.GIVEN if given else Verdict.IDENTIFIED), given
+    return Verdict.UNEXAMINED, ()
 
 
 def rests_on(name: str, adequacy: Adequacy | None, assumptions: Assumptions | None) -> tuple[str, ...]:

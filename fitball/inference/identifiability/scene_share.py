@@ -6,8 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fitball.inference.identifiability.profile_ends import profile_contraction
+from fitball.inference.identifiability.profile_ends import LEVELS, profile_contraction
 from fitball.inference.problem.parameters import Parameter
+from fitball.inference.problem.priors import Prior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import Evidence, InformationEvidence, Profile
 
@@ -38,10 +39,23 @@ def contraction_alone(
     parameters = {parameter.name: parameter for parameter in problem.free}
     found = {}
     for name in touched_by_scene(problem, information):
-        found[name] = information[name].contraction_without_scene
+        found[name] = within_support(information[name].contraction_without_scene, parameters[name].prior)
         if name in alone:
             found[name] = max(found[name], profile_contraction(alone[name], parameters[name].prior))
     return found
+
+
+def within_support(contraction: float, prior: Prior) -> float:
+    """A contraction to first order, against a normal prior that ends nowhere, as that of a prior with its ends: by
+    the variance that a normal likelihood of the same precision, about the prior's median, leaves of it.
+    """
+    levels = (np.arange(LEVELS) + 0.5) / LEVELS
+    coordinate = prior.coordinate(prior.quantile(levels))
+    unit = prior.width if prior.normal else prior.width / 12.0**0.5
+    away = (coordinate - np.median(coordinate)) / unit
+    weight = np.exp(-0.5 * contraction / (1.0 - contraction) * away**2)
+    mean = np.average(away, weights=weight)
+    return 1.0 - float(np.average((away - mean) ** 2, weights=weight) / np.var(away))
 
 
 def known_by_scene(problem: Problem, parameter: Parameter, evidence: Evidence) -> bool:

@@ -28,9 +28,10 @@ class Summary:
 class Alternative:
     """The fit with the choice `name` (`offset=grip`) `instead_of` another (`offset=contact`), nothing else changed.
 
-    `difference` is its score less that of the fit itself, None with the `reason` where there is none. `values` are
-    the parameters at the mean of its posterior, for predictions; `parameters` and `court_pace` (points of the ITF's
-    rating by surface) what it says of quantities that the fit has too.
+    `difference` is its score less that of the fit itself, None with the `reason` where there is none; with a `reason`
+    too where it is without some impacts. `values` are the parameters at the mean of its posterior, for predictions;
+    `parameters` and `court_pace` (points of the ITF's rating by surface) what it says of quantities that the fit has
+    too. `unsettled` is one that could be fitted, but not quickly enough to be scored.
     """
 
     name: str
@@ -40,11 +41,14 @@ class Alternative:
     values: Mapping[str, float]
     parameters: Mapping[str, Summary]
     court_pace: Mapping[str, Summary]
+    unsettled: bool = False
 
     @property
     def as_good(self) -> bool:
-        """Whether the table does not surely score it below the fit itself."""
-        return self.difference is not None and (self.difference.value >= 0.0 or not self.difference.sure)
+        """Whether the table does not surely score it below the fit itself; with too few impacts for a score, too."""
+        if self.difference is None:
+            return not self.reason
+        return self.difference.value >= 0.0 or not self.difference.sure
 
     @property
     def better(self) -> bool:
@@ -85,6 +89,11 @@ class Assumptions:
     def as_good(self) -> tuple[Alternative, ...]:
         """Those that describe the table as well as the fit itself, or better."""
         return tuple(alternative for alternative in self.alternatives if alternative.as_good)
+
+    @property
+    def examined(self) -> bool:
+        """Whether everything that could be changed was looked at."""
+        return not self.missing and not any(alternative.unsettled for alternative in self.alternatives)
 
     @property
     def given(self) -> Mapping[str, tuple[str, ...]]:

@@ -29,6 +29,7 @@ class Verdict(StrEnum):
 
     IDENTIFIED = "identified"
     GIVEN = "identified, given assumptions"
+    UNEXAMINED = "identified, assumptions not examined"
     CONDITIONAL = "conditional"
     ONE_SIDED = "one-sided"
     PRIOR_DOMINATED = "prior-dominated"

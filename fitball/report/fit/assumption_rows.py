@@ -100,6 +100,7 @@ def _sentence(found: Assumptions) -> str:
         return "No choice of the model can be changed here."
     groups = (
         ("describe the table as well as this fit, within the error of the score", "as well"),
+        ("fit too, and with so few impacts no score can refuse them", "not refused"),
         ("describe it better", "better"),
         ("describe it worse", "worse"),
         ("could not be scored", "not scored"),
@@ -113,13 +114,16 @@ def _sentence(found: Assumptions) -> str:
 
 
 def _singular(words: str) -> str:
-    return words.replace("describe ", "describes ", 1)
+    for plural, single in (("describe ", "describes "), ("fit too", "fits too"), ("refuse them", "refuse it")):
+        words = words.replace(plural, single, 1)
+    return words
 
 
 def _verdict(item: Alternative) -> str:
     if item.difference is None:
-        return f"not scored: {item.reason}"
-    return "better" if item.better else "as well" if item.as_good else "worse"
+        return f"not scored: {item.reason}" if item.reason else "not refused"
+    verdict = "better" if item.better else "as well" if item.as_good else "worse"
+    return f"{verdict}: {item.reason}" if item.reason else verdict
 
 
 def _difference(item: Alternative) -> str:

@@ -18,12 +18,13 @@ STATUS_WORDS = {
 VERDICT_WORDS = {
     Verdict.IDENTIFIED: "identify {}",
     Verdict.GIVEN: "identify {} only given assumptions",
+    Verdict.UNEXAMINED: "identify {} where assumptions could not be examined",
     Verdict.CONDITIONAL: "would identify {} if the model described them",
     Verdict.ONE_SIDED: "bound {} from one side only",
     Verdict.PRIOR_DOMINATED: "do not tell {}",
     Verdict.NOT_JUDGED: "leave {} without a judgement",
 }
-TOLD = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.CONDITIONAL)
+TOLD = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.UNEXAMINED, Verdict.CONDITIONAL)
 NOT_TOLD = (Verdict.ONE_SIDED, Verdict.PRIOR_DOMINATED, Verdict.NOT_JUDGED)
 
 

@@ -145,7 +145,7 @@ def _adequacy(file: FitFile) -> Iterator[str]:
         yield f"adequacy.moved: read {_listed(beyond_all)}, which are no parameters"
     for name, item in file.parameters.items():
         only = described.conditional(name)
-        sure = item.verdict in (Verdict.IDENTIFIED, Verdict.GIVEN)
+        sure = item.verdict in (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.UNEXAMINED)
         if sure if only else item.verdict is Verdict.CONDITIONAL:
             yield f"parameters.{name} is '{item.verdict}', but adequacy says otherwise"
     chances = [*(check.p for check in described.checks), *(check.adjusted for check in described.noise)]
