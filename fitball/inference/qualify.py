@@ -18,5 +18,5 @@ def qualified(
         return judged.verdict, ()
     if adequacy is not None and adequacy.conditional(name):
         return Verdict.CONDITIONAL, ()
-    given = () if assumptions is None else assumptions.given.get(name, ())
+    given = (*judged.given, *(() if assumptions is None else assumptions.given.get(name, ())))
     return (Verdict.GIVEN if given else Verdict.IDENTIFIED), given

@@ -14,6 +14,7 @@ from fitball.inference.identifiability.posterior_verdict import Judgement, judge
 from fitball.inference.identifiability.power_scaling import power_evidence
 from fitball.inference.identifiability.profile import coverage, profiles
 from fitball.inference.identifiability.scene_share import contraction_alone, touched_by_scene
+from fitball.inference.identifiability.traded import LOOKS, traded
 from fitball.inference.identifiability.verdict import combine
 from fitball.inference.likelihood.force import noise_held
 from fitball.inference.problem.problem import Problem
@@ -92,11 +93,13 @@ def examine(
     information = information_evidence(problem, at)
     bases: dict[str, Judgement] = {}
     powers, draws = {}, at[None, :]
-    if posterior is not None and correlation is not None:
-        alone = contraction_alone(problem, information, profiled[1].by_name)
-        bases = judge(problem, posterior, correlation, alone)
-        powers = power_evidence(problem, posterior)
+    if posterior is not None:
         draws = problem.to_coordinates(thinned(posterior, DERIVED))
+    held_by_others = traded(problem, draws[:: -(-len(draws) // LOOKS)])
+    if posterior is not None and correlation is not None:
+        alone = contraction_alone(problem, information, profiled[1].by_name, held_by_others)
+        bases = judge(problem, posterior, correlation, alone, held_by_others)
+        powers = power_evidence(problem, posterior)
     active = active_impacts(problem, draws, regimes)
     evidence, judgements = {}, {}
     for parameter in problem.parameters:
@@ -124,6 +127,7 @@ def examine(
             seen,
             value=point.values[parameter.name],
             many=profiled[0].missing == LEFT_OUT,
+            traded=held_by_others.get(parameter.name),
         )
         evidence[parameter.name] = replace(seen, disagreement=disagreement)
     return Identifiability(
