@@ -1,8 +1,8 @@
 """What rests on a constant of the ball that a table hardly tells: its mass, its radius, its moment of inertia.
 
 To first order, from the draws of the fit itself. Of a constant that is held, the posterior mean of a quantity moves
-by its covariance with the slope of the log density over that constant (Gustafson 1996, *Ann. Statist.* 24, 174); of one
-that is free under a normal prior, by its covariance with the constant over the variance of that prior.
+by its covariance with the slope of the log density over that constant (Gustafson 1996, *Ann. Statist.* 24, 174); of
+one that is free under a normal prior, by its covariance with the constant over the variance of that prior.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitball.data.ball_types import ITF_LIMITS
-from fitball.inference.identifiability.fisher import fisher_information, inverse, prior_sds
+from fitball.inference.identifiability.derived import quantities
+from fitball.inference.identifiability.first_order import first_order_draws
 from fitball.inference.likelihood.posterior import densities
 from fitball.inference.prediction.court_pace import pace_by_surface
 from fitball.inference.problem.problem import Problem
@@ -25,8 +25,9 @@ from fitball.models.registry import model
 from fitball.models.specs import BALL_PARAMETERS
 from fitball.values import Ball, FloatArray
 
-# Draws from which covariances are taken: each has a standard error of a thirtieth.
-DRAWS = 1000
+# Draws from which covariances are taken, fewer where force was recorded: a correlation has a standard error of a
+# thirtieth, or a twelfth.
+DRAWS, RECORDED = 1000, 150
 # Sds to each side that stand for the range of a constant.
 REACH = 2.0
 # Sd of I/(M R^2) of a tennis ball: the bifilar test (0.5625), a thick shell (0.56) and other measurements (0.55)
@@ -45,22 +46,13 @@ def ball_constants(
     problem: Problem, point: PointFit, posterior: Posterior | None, rng: np.random.Generator
 ) -> tuple[Constant, ...]:
     """The constants of the ball that move something, and what over which range."""
-    values = _first_order(problem, point, rng) if posterior is None else thinned(posterior, DRAWS)
+    count = DRAWS if problem.force is None else RECORDED
+    values = first_order_draws(problem, point, count, rng) if posterior is None else thinned(posterior, count)
     found = (
         *(_free(problem, values, name) for name in BALL_PARAMETERS if name in problem.free_names),
         *(_held(problem, values, *constant) for constant in _ranges(problem)),
     )
     return tuple(constant for constant in found if constant.parameters or constant.court_pace)
-
-
-def _first_order(problem: Problem, point: PointFit, rng: np.random.Generator) -> FloatArray:
-    """Draws (draws, free) of the normal distribution that the information about a point promises."""
-    at = problem.to_coordinates(np.array([[point.values[name] for name in problem.free_names]]))[0]
-    width = problem.prior.width * prior_sds(problem)
-    information = np.nan_to_num(fisher_information(problem, at, scene=True))
-    factor = np.linalg.cholesky(inverse(information, 1.0)) * width[:, None]
-    draws = at + rng.standard_normal((DRAWS, at.size)) @ factor.T
-    return problem.to_values(np.clip(draws, *problem.prior.limits))
 
 
 def _ranges(problem: Problem) -> Iterator[tuple[str, float, tuple[float, float]]]:
@@ -128,36 +120,34 @@ def _constant(
     """What rests on a constant by draws `values` (draws, free) and their `score` (draws,): the covariance with it is
     what a quantity moves by for each unit of the constant, beside what that moves by itself (`direct`, draws).
     """
-    score = score - score.mean()
-    coordinates = problem.to_coordinates(values)
-    rate = score @ coordinates / len(score)
-    left = coordinates.var(axis=0)
-    if not own.held:
-        # What is left of it where the constant is held: its own sd is that to which a move is compared.
-        left = np.maximum(left - rate**2 / np.maximum(score.var(), np.finfo(float).tiny), 0.0)
-    far = float(np.abs(reach).max())
-    moved = [far * abs(rate[k]) > MOVED * np.sqrt(left[k]) for k in range(len(rate))]
-    low, high = problem.prior.limits
-    ends = problem.to_values(np.clip(np.median(coordinates, axis=0) + np.outer(reach, rate), low, high))
+    score, far = score - score.mean(), float(np.abs(reach).max())
+    known = dict(zip(problem.free_names, problem.to_coordinates(values).T, strict=True))
+    priors = {item.name: item.prior for item in problem.free}
+    for item in quantities(problem):
+        known[item.parameter.name] = item.parameter.prior.coordinate(item.rule(values))
+        priors[item.parameter.name] = item.parameter.prior
+    rests = {}
+    for name, column in known.items():
+        told = np.isfinite(column)
+        rate, left = float(np.mean(score[told] * column[told])), float(np.var(column[told]))
+        if not own.held:
+            # What is left of it where the constant is held: that is its own sd, to which a move is compared.
+            left -= rate**2 / float(score.var())
+        if name != own.name and far * abs(rate) > MOVED * max(left, 0.0) ** 0.5:
+            moved = np.clip(np.median(column[told]) + reach * rate, *priors[name].ends)
+            low, high = priors[name].value(moved)
+            rests[name] = (float(low), float(high))
     found = {}
     for surface, rating in pace_by_surface(problem, values).items():
-        known = np.isfinite(rating)
-        if not np.any(known):
+        told = np.isfinite(rating)
+        if not np.any(told):
             continue
-        pace = float(np.mean(score[known] * rating[known]))
-        pace += float(np.nanmean(direct[surface])) if surface in direct else 0.0
-        if far * abs(pace) > MOVED * float(np.std(rating[known])):
-            middle = float(np.median(rating[known]))
-            found[surface] = (middle + float(reach[0]) * pace, middle + float(reach[1]) * pace)
-    return replace(
-        own,
-        parameters={
-            name: (float(ends[0, k]), float(ends[1, k]))
-            for k, name in enumerate(problem.free_names)
-            if moved[k] and name != own.name
-        },
-        court_pace=found,
-    )
+        rate = float(np.mean(score[told] * rating[told]))
+        rate += float(np.nanmean(direct[surface])) if surface in direct else 0.0
+        if far * abs(rate) > MOVED * float(np.std(rating[told])):
+            low, high = np.median(rating[told]) + reach * rate
+            found[surface] = (float(low), float(high))
+    return replace(own, parameters=rests, court_pace=found)
 
 
 def _log_density(problem: Problem, values: FloatArray) -> FloatArray:

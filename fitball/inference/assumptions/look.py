@@ -14,6 +14,7 @@ from fitball.inference.assumptions.importance_posterior import (
     equal_draws,
     importance_posterior,
 )
+from fitball.inference.identifiability.derived import quantities
 from fitball.inference.likelihood.posterior import pointwise
 from fitball.inference.point.maximum_posterior import distinct, maxima
 from fitball.inference.prediction.court_pace import pace_by_surface
@@ -57,10 +58,11 @@ class _Fitted:
         return smoothed_elpd(whole, scored, 1.0, self.draws.log_weights)[0]
 
     def parameters(self, noise: NoiseKind) -> dict[str, Summary]:
-        """Of every free parameter; of the noise's only where it is of the kind `noise`: the scale of another kind is
-        another quantity.
+        """Of every free parameter and what follows from them; of the noise's only where it is of the kind `noise`:
+        the scale of another kind is another quantity.
         """
         columns = dict(zip(self.problem.free_names, self.draws.values.T, strict=True))
+        columns |= {item.parameter.name: item.rule(self.draws.values) for item in quantities(self.problem)}
         alike = self.problem.noise.name == noise.name
         return {name: self._summary(column) for name, column in columns.items() if alike or name not in NOISE_SPECS}
 

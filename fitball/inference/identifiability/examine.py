@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from fitball.inference.identifiability.active_impacts import active_impacts
+from fitball.inference.identifiability.derived import extrapolated, extrapolated_words
 from fitball.inference.identifiability.eigendirections import eigendirections
 from fitball.inference.identifiability.fisher import information_evidence
 from fitball.inference.identifiability.posterior_verdict import Judgement, judge
@@ -101,7 +102,7 @@ def examine(
         bases = judge(problem, posterior, correlation, alone, held_by_others)
         powers = power_evidence(problem, posterior)
     active = active_impacts(problem, draws, regimes)
-    evidence, judgements = {}, {}
+    evidence, judgements, beyond = {}, {}, extrapolated(problem)
     for parameter in problem.parameters:
         if not parameter.free:
             held = f"held at its value: {parameter.fixed_because}"
@@ -129,6 +130,10 @@ def examine(
             many=profiled[0].missing == LEFT_OUT,
             traded=held_by_others.get(parameter.name),
         )
+        if parameter.name in beyond:
+            judged = judgements[parameter.name]
+            reason = f"{extrapolated_words(problem)}; {judged.reason}"
+            judgements[parameter.name] = replace(judged, verdict=Verdict.EXTRAPOLATED, reason=reason)
         evidence[parameter.name] = replace(seen, disagreement=disagreement)
     return Identifiability(
         evidence, eigendirections(problem, at, posterior), profiled[0].missing, coverage(problem)

@@ -14,6 +14,7 @@ import numpy as np
 from fitball.inference.identifiability.scene_share import NOT_ALONE, RESTS_ON_SCENE, scene_words
 from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.problem import Problem
+from fitball.inference.results.assumptions import CONTACT_TIME
 from fitball.inference.results.results import Posterior, Verdict
 from fitball.values import FloatArray
 
@@ -29,8 +30,6 @@ TIED = 0.9
 MIDDLE = (0.16, 0.84)
 # What ends an open side that nothing else ends.
 PRIOR = "the prior"
-# What the scene states that a value may rest on, as it is named in a verdict.
-CONTACT_TIME = "contact_time"
 # Levels at which a prior stands for what was known before, where the scene's knowledge is to count as evidence.
 LEVELS = (np.arange(2000) + 0.5) / 2000
 

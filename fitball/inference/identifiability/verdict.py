@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from fitball.inference.identifiability.posterior_verdict import (
-    CONTACT_TIME,
     NEGLIGIBLE,
     PRIOR,
     Judgement,
@@ -22,6 +21,7 @@ from fitball.inference.identifiability.profile_ends import profile_contraction
 from fitball.inference.identifiability.scene_share import known_by_scene, rests_on_scene, scene_words
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
+from fitball.inference.results.assumptions import CONTACT_TIME
 from fitball.inference.results.evidence import (
     ActiveImpacts,
     End,

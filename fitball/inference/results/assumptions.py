@@ -10,6 +10,8 @@ from fitball.inference.results.score_difference import ElpdDifference
 # Sds of a fit's own posterior by which its median, or an end of its 95 % interval, must move for a value to rest on
 # an assumption: the other median is then outside of the interval, or the other interval about twice as wide.
 MOVED = 2.0
+# What the scene states that a value may rest on, as it is named in a verdict.
+CONTACT_TIME = "contact_time"
 # What the rating is called among other quantities.
 PACE = "court pace rating"
 

@@ -45,6 +45,7 @@ VERDICTS: Mapping[Verdict, Tone] = {
     Verdict.IDENTIFIED: GOOD,
     Verdict.GIVEN: PART,
     Verdict.CONDITIONAL: PART,
+    Verdict.EXTRAPOLATED: PART,
     Verdict.ONE_SIDED: PART,
     Verdict.PRIOR_DOMINATED: POOR,
     Verdict.FIXED: QUIET,

@@ -10,6 +10,7 @@ import numpy as np
 from fitball.errors import FitballError
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.priors import parse_prior
+from fitball.inference.results.assumptions import CONTACT_TIME
 from fitball.inference.results.quantiles import QUANTILES
 from fitball.inference.results.results import RunStatus, Verdict
 from fitball.models.registry import model, parameter_spec
@@ -125,13 +126,14 @@ def _model(file: FitFile) -> Iterator[str]:
 
 
 def _assumptions(file: FitFile) -> Iterator[str]:
-    found = {} if file.assumptions is None else file.assumptions.parameters
+    found = {} if file.assumptions is None else file.assumptions.given
+    items = {**file.parameters, **file.derived}
     for name in found:
-        if name not in file.parameters:
+        if name not in items:
             yield f"assumptions.parameters: {name} is none of the parameters"
-    for name, item in file.parameters.items():
-        known = found[name].given if name in found else ()
-        if item.verdict is Verdict.GIVEN and item.given != known:
+    for name, item in items.items():
+        known = found.get(name, ())
+        if item.verdict is Verdict.GIVEN and item.given not in (known, (CONTACT_TIME, *known)):
             yield f"parameters.{name}.given: read {_listed(item.given)}, but assumptions says {_listed(known)}"
 
 
