@@ -21,8 +21,8 @@ from fitball.values import FloatArray, Impacts
 
 # Values (draws, free) in SI -> the quantity (draws,), NaN where the model has no answer.
 Rule = Callable[[FloatArray], FloatArray]
-# Share of the anchor's speed by which it must lie outside of the measured speeds: those of one setting of a launcher
-# scatter by 3 % (sd of Wang's 21 impacts), and closer than twice that is scatter.
+# Share of the middle speed by which the anchor must lie outside of the measured ones: those of one setting of a
+# launcher scatter by 3 % (sd of Wang's 21 impacts), and closer than twice that is scatter.
 BEYOND = 0.05
 # Lines in the normal speed: parameter at the anchor, its slope.
 LINES = {"cor_10": "cor_slope", "eps_10": "eps_slope"}
@@ -52,7 +52,8 @@ class Derived:
 def extrapolated(problem: Problem) -> tuple[str, ...]:
     """The free parameters that are values at 10 m/s of lines that the table saw at other speeds only."""
     low, high = _speeds(problem)
-    if low - BEYOND * ANCHOR_SPEED <= ANCHOR_SPEED <= high + BEYOND * ANCHOR_SPEED:
+    slack = BEYOND * float(np.median(problem.impacts.v_y1))
+    if low - slack <= ANCHOR_SPEED <= high + slack:
         return ()
     return tuple(name for name, slope in LINES.items() if {name, slope} <= set(problem.free_names))
 
