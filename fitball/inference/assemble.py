@@ -74,7 +74,9 @@ def assemble(
             prediction = predictive(problem, point, posterior, predictive_generator(effort.seed))
             diagnostics = diagnose(sampled, effort)
         regimes = () if prediction is None else prediction.regimes
-        identifiability, judgements = examine(problem, point, profiled, posterior, correlation, regimes)
+        identifiability, judgements = examine(
+            problem, point, profiled, posterior, correlation, regimes, [*point.optima, *squares.optima]
+        )
         estimates = tuple(
             _estimate(problem, k, point, posterior, sampled, judgements, described, assumptions)
             for k in range(len(problem.parameters))
@@ -108,7 +110,8 @@ def assemble(
         error_budget=budget,
         levels=group_estimates(problem, point, posterior),
         status=status,
-        verdict=f"{described.sentence} {_sentence(status, diagnostics, (*followed, *estimates))}",
+        verdict=f"{described.sentence} "
+        f"{_sentence(status, diagnostics, (*followed, *estimates), identifiability.several)}",
         seed=effort.seed,
         timings=tuple(watch.timings),
         court_pace=court_pace(problem, point, posterior, lab),
@@ -235,7 +238,9 @@ def _fitted(problem: Problem, point: PointFit, posterior: Posterior | None) -> F
     )
 
 
-def _sentence(status: RunStatus, diagnostics: Diagnostics | None, estimates: tuple[Estimate, ...]) -> str:
+def _sentence(
+    status: RunStatus, diagnostics: Diagnostics | None, estimates: tuple[Estimate, ...], several: str = ""
+) -> str:
     if diagnostics is None:
         head = "Point fit only: no posterior; the verdicts rest on profile likelihoods and Fisher information."
     elif status is RunStatus.CONVERGED:
@@ -258,4 +263,4 @@ def _sentence(status: RunStatus, diagnostics: Diagnostics | None, estimates: tup
         names = [estimate.name for estimate in estimates if estimate.verdict is verdict]
         if names:
             parts.append(f"{words} {', '.join(names)}.")
-    return " ".join([head, *parts])
+    return " ".join([head, *([several] if several else []), *parts])

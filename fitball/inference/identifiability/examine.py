@@ -15,6 +15,7 @@ from fitball.inference.identifiability.posterior_verdict import Judgement, judge
 from fitball.inference.identifiability.power_scaling import power_evidence
 from fitball.inference.identifiability.profile import coverage, profiles
 from fitball.inference.identifiability.scene_share import contraction_alone, touched_by_scene
+from fitball.inference.identifiability.several_fits import several_fits
 from fitball.inference.identifiability.traded import LOOKS, traded
 from fitball.inference.identifiability.verdict import combine
 from fitball.inference.likelihood.force import noise_held
@@ -85,10 +86,12 @@ def examine(
     posterior: Posterior | None,
     correlation: FloatArray | None,
     regimes: Sequence[Mapping[str, float]],
+    optima: Sequence[Mapping[str, float]] = (),
 ) -> tuple[Identifiability, dict[str, Judgement]]:
     """Look at every parameter in every way there is, and judge; without a posterior from profile and information.
 
-    `regimes` are the probabilities of each impact's phase sequences, empty without a posterior.
+    `regimes` are the probabilities of each impact's phase sequences, empty without a posterior; `optima` those that
+    searches found, from which several fits are looked for.
     """
     at = _coordinates(problem, point)
     information = information_evidence(problem, at)
@@ -103,6 +106,7 @@ def examine(
         powers = power_evidence(problem, posterior)
     active = active_impacts(problem, draws, regimes)
     evidence, judgements, beyond = {}, {}, extrapolated(problem)
+    several = several_fits(noise_held(problem, point.values), optima or point.optima)
     for parameter in problem.parameters:
         if not parameter.free:
             held = f"held at its value: {parameter.fixed_because}"
@@ -129,6 +133,7 @@ def examine(
             value=point.values[parameter.name],
             many=profiled[0].missing == LEFT_OUT,
             traded=held_by_others.get(parameter.name),
+            agreed=parameter.name in several.agree,
         )
         if parameter.name in beyond:
             judged = judgements[parameter.name]
@@ -136,7 +141,7 @@ def examine(
             judgements[parameter.name] = replace(judged, verdict=Verdict.EXTRAPOLATED, reason=reason)
         evidence[parameter.name] = replace(seen, disagreement=disagreement)
     return Identifiability(
-        evidence, eigendirections(problem, at, posterior), profiled[0].missing, coverage(problem)
+        evidence, eigendirections(problem, at, posterior), profiled[0].missing, coverage(problem), several.words
     ), judgements
 
 

@@ -143,10 +143,10 @@ def best_top(objective: Surface, starts: FloatArray, scene: bool) -> tuple[Top, 
     top = reached.x[best][None, :]
     values = objective.values(top, given.given.take(np.array([best])))
     noise = objective.problem.to_coordinates(values)[0, objective.noise_columns]
-    return Top(top[0], float(reached.cost[best]), noise, _errors(objective, top, scene)), reached.x[others]
+    return Top(top[0], float(reached.cost[best]), noise, standard_errors(objective, top, scene)), reached.x[others]
 
 
-def _errors(objective: Surface, x: FloatArray, scene: bool) -> FloatArray:
+def standard_errors(objective: Surface, x: FloatArray, scene: bool) -> FloatArray:
     """Standard errors (free,) to first order, at most the widths of the priors."""
     problem = objective.problem
     _, curvature = objective.linearised(x, free_searches(objective, x, scene).given)

@@ -7,6 +7,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from fitball.inference.identifiability.posterior_verdict import (
     NEGLIGIBLE,
     PRIOR,
@@ -21,7 +23,7 @@ from fitball.inference.identifiability.profile_ends import profile_contraction
 from fitball.inference.identifiability.scene_share import known_by_scene, rests_on_scene, scene_words
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.assumptions import CONTACT_TIME
+from fitball.inference.results.assumptions import CONTACT_TIME, own_prior
 from fitball.inference.results.evidence import (
     ActiveImpacts,
     End,
@@ -40,6 +42,8 @@ DRIVEN = 1.0 / 3.0
 NEAR_BOUND = 1e-3
 # Degrees of freedom of a noise at and below which its variance, scaled inverse chi-square, has no mean.
 LEAST_FREEDOM = 2.0
+# Ends of the central 95 %.
+CENTRAL_95 = (0.025, 0.975)
 # Impacts that a sentence names.
 NAMED_IN_WORDS = 20
 
@@ -53,14 +57,17 @@ def combine(
     value: float | None = None,
     many: bool = False,
     traded: Sequence[str] | None = None,
+    agreed: bool = False,
 ) -> tuple[Judgement, str]:
     """The verdict on one free parameter and the disagreement of its evidence in words; `base` is that of the
     posterior, `value` the best one in SI, `many` says that profiles were left out because rows are many, `traded`
-    that only the priors of others hold it, and which.
+    that only the priors of others hold it, and which, `agreed` that there are several fits, which agree on it.
     """
     judged = (
         from_profile(problem, parameter, evidence, many, traded)
         if base is None
+        else base
+        if agreed and base.verdict is Verdict.IDENTIFIED
         else _corrected(problem, parameter, base, evidence)
     )
     if traded is not None and not judged.given:
@@ -72,11 +79,27 @@ def combine(
     if judged.verdict is Verdict.IDENTIFIED and evidence.profile is not None:
         # Where only the posterior's middle lies elsewhere the profile is a narrow peak, and no prior holds it off.
         known = [at for at in (value, *((base and base.middle) or ())) if at is not None]
-        if known and not _reaches(evidence.profile, min(known), max(known)):
+        if known and not agreed and not _reaches(evidence.profile, min(known), max(known)):
             judged = _held_off(parameter, judged, evidence.profile)
+    if judged.verdict is Verdict.IDENTIFIED and _apart_from_prior(parameter, evidence):
+        apart = f"; its prior and the table disagree: the table alone has it within {_within(parameter, evidence)}"
+        judged = replace(judged, reason=judged.reason + apart, given=(*judged.given, own_prior(parameter.name)))
     remarks = _leaning(evidence.profile) + _active(evidence.active_impacts)
     differences = [] if base is None else _differences(problem, parameter, base, judged, evidence)
     return replace(judged, reason=judged.reason + remarks), "; ".join(differences)
+
+
+def _within(parameter: Parameter, evidence: Evidence) -> str:
+    return "" if evidence.profile is None else interval(evidence.profile, parameter.spec.unit)
+
+
+def _apart_from_prior(parameter: Parameter, evidence: Evidence) -> bool:
+    """Whether a posterior follows its prior and the table, which have no 95 % in common."""
+    power, profile = evidence.power, evidence.profile
+    if power is None or profile is None or power.diagnosis != CONFLICT or power.own_prior < SENSITIVE:
+        return False
+    first, last = parameter.prior.quantile(np.array(CENTRAL_95))
+    return parameter.name not in NOISE_SPECS and not _reaches(profile, float(first), float(last))
 
 
 def _few_words(freedom: float) -> str:
@@ -275,8 +298,9 @@ def _power(power: PowerEvidence | None, verdict: Verdict) -> list[str]:
         return []
     whose = "its prior" if power.own_prior >= SENSITIVE else "the priors of others"
     numbers = f"power-scaling: priors {power.prior:.2f}, likelihood {power.likelihood:.2f}"
+    # Where the two disagree the verdict says so; elsewhere that both count is no conflict.
     if power.diagnosis == CONFLICT:
-        return [f"{whose} and the table pull it apart, a prior-data conflict ({numbers})"]
+        return [f"{whose} and the table both count in it ({numbers})"]
     if verdict is Verdict.PRIOR_DOMINATED:
         return []
     return [f"it follows {whose} more than the table ({numbers})"]

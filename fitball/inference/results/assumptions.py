@@ -16,6 +16,11 @@ CONTACT_TIME = "contact_time"
 PACE = "court pace rating"
 
 
+def own_prior(name: str) -> str:
+    """How a verdict names the prior of a parameter that a value rests on."""
+    return f"the prior of {name}"
+
+
 @dataclass(frozen=True)
 class Summary:
     """Posterior of one quantity under one choice."""
@@ -90,7 +95,7 @@ class Constant:
     @property
     def words(self) -> str:
         """What a value is given that rests on it."""
-        return self.name if self.held else f"the prior of {self.name}"
+        return self.name if self.held else own_prior(self.name)
 
 
 @dataclass(frozen=True)

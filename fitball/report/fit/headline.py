@@ -48,6 +48,7 @@ def headline(fit: Fit) -> str:
     return (
         f"{described}{STATUS_WORDS[fit.status]}: of {free} free parameters the {len(fit.problem.table)} impacts "
         f"{listed(parts or ['judge none by itself'])}{levels}."
+        f"{f' {fit.identifiability.several}' if fit.identifiability.several else ''}"
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from fitball.errors import FitballError
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.priors import parse_prior
-from fitball.inference.results.assumptions import CONTACT_TIME
+from fitball.inference.results.assumptions import CONTACT_TIME, own_prior
 from fitball.inference.results.quantiles import QUANTILES
 from fitball.inference.results.results import RunStatus, Verdict
 from fitball.models.registry import model, parameter_spec
@@ -133,7 +133,9 @@ def _assumptions(file: FitFile) -> Iterator[str]:
             yield f"assumptions.parameters: {name} is none of the parameters"
     for name, item in items.items():
         known = found.get(name, ())
-        if item.verdict is Verdict.GIVEN and item.given not in (known, (CONTACT_TIME, *known)):
+        scene = (CONTACT_TIME, own_prior(name))
+        rest = tuple(one for one in item.given if one not in scene or one in known)
+        if item.verdict is Verdict.GIVEN and rest != known:
             yield f"parameters.{name}.given: read {_listed(item.given)}, but assumptions says {_listed(known)}"
 
 
