@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from fitball.inference.results.score_difference import ElpdDifference
 
@@ -108,7 +108,7 @@ class Assumptions:
     parameters: Mapping[str, Span]
     court_pace: Mapping[str, Span]
     missing: str = ""
-    constants: tuple[Constant, ...] = ()
+    constants: tuple[Constant, ...] = field(default_factory=tuple)
 
     @property
     def as_good(self) -> tuple[Alternative, ...]:
