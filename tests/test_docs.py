@@ -27,11 +27,12 @@ from fitball.data.scene_file import KEYS
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
 from fitball.inference import weigh
 from fitball.inference.adequacy import describe
+from fitball.inference.assumptions import ball_constants
 from fitball.inference.assumptions import look as assumptions_look
 from fitball.inference.comparison import cross_validation as leave_out
 from fitball.inference.comparison import psis_loo as loo
 from fitball.inference.identifiability import posterior_verdict as identifiability
-from fitball.inference.identifiability import power_scaling, profile, profile_ends
+from fitball.inference.identifiability import power_scaling, profile, profile_ends, several_fits, traded, verdict
 from fitball.inference.identifiability.examine import PROFILED
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.likelihood.posterior import log_posterior
@@ -96,6 +97,11 @@ DECIDING = {
     "impacts up to which alternatives are drawn": assumptions_look.ROWS,
     "free parameters up to which alternatives are drawn": assumptions_look.DIMENSIONS,
     "sds by which a value moves that rests on a choice": assumption_values.MOVED,
+    "sds by which a value moves that rests on a constant": ball_constants.MOVED,
+    "sds of a constant to each side": ball_constants.REACH,
+    "share of its information that a parameter keeps without priors of others": traded.VANISHED,
+    "degrees of freedom of a noise that is not told": verdict.LEAST_FREEDOM,
+    "standard errors between several fits": several_fits.APART,
     "chance of a false exception": adequacy.FALSE_EXCEPT,
     'chance of a false "does not describe"': adequacy.FALSE_FAILS,
     "pattern that is too small, in noises": describe.SMALL,

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from fitball.inference.assumptions.alternatives import Change, alternatives
+from fitball.inference.identifiability.derived import quantities
 from fitball.inference.identifiability.fisher import DRAWN_ABOUT, about
 from fitball.inference.likelihood.posterior import log_posterior, pointwise
 from fitball.inference.point.maximum_posterior import distinct, maxima
@@ -73,10 +74,11 @@ class Fitted:
         return elpd
 
     def parameters(self, noise: NoiseKind) -> dict[str, Summary]:
-        """Of every free parameter; of the noise's only where it is of the kind `noise`: the scale of another kind is
-        another quantity.
+        """Of every free parameter and what follows from them; of the noise's only where it is of the kind `noise`:
+        the scale of another kind is another quantity.
         """
         columns = dict(zip(self.problem.free_names, self.draws.values.T, strict=True))
+        columns |= {item.parameter.name: item.rule(self.draws.values) for item in quantities(self.problem)}
         alike = self.problem.noise.name == noise.name
         return {name: self._summary(column) for name, column in columns.items() if alike or name not in NOISE_SPECS}
 

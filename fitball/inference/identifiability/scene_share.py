@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -31,14 +31,21 @@ def touched_by_scene(problem: Problem, information: Mapping[str, InformationEvid
 
 
 def contraction_alone(
-    problem: Problem, information: Mapping[str, InformationEvidence], alone: Mapping[str, Profile]
+    problem: Problem,
+    information: Mapping[str, InformationEvidence],
+    alone: Mapping[str, Profile],
+    traded: Collection[str] = (),
 ) -> dict[str, float]:
     """The contraction by table and priors alone of each parameter that the scene touches: to first order, or by its
-    profile `alone` without the scene where that says more (at a bound the first order means little).
+    profile `alone` without the scene where that says more (at a bound the first order means little). Nothing of those
+    that are `traded`: there it is the priors of others.
     """
     parameters = {parameter.name: parameter for parameter in problem.free}
     found = {}
     for name in touched_by_scene(problem, information):
+        if name in traded:
+            found[name] = 0.0
+            continue
         found[name] = within_support(information[name].contraction_without_scene, parameters[name].prior)
         if name in alone:
             found[name] = max(found[name], profile_contraction(alone[name], parameters[name].prior))
@@ -58,12 +65,13 @@ def within_support(contraction: float, prior: Prior) -> float:
     return 1.0 - float(np.average((away - mean) ** 2, weights=weight) / np.var(away))
 
 
-def known_by_scene(problem: Problem, parameter: Parameter, evidence: Evidence) -> bool:
+def known_by_scene(problem: Problem, parameter: Parameter, evidence: Evidence, traded: bool) -> bool:
     """Without a posterior: whether it is the scene's contact time that closes a profile, and not the table."""
-    if evidence.information is None or not rests_on_scene(evidence):
+    if evidence.information is None or not (traded or rests_on_scene(evidence)):
         return False
     alone = {} if evidence.alone is None else {parameter.name: evidence.alone}
-    found = contraction_alone(problem, {parameter.name: evidence.information}, alone)
+    names = (parameter.name,) if traded else ()
+    found = contraction_alone(problem, {parameter.name: evidence.information}, alone, names)
     return found.get(parameter.name, np.inf) < NOT_ALONE
 
 

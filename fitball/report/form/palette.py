@@ -46,6 +46,7 @@ VERDICTS: Mapping[Verdict, Tone] = {
     Verdict.GIVEN: PART,
     Verdict.UNEXAMINED: PART,
     Verdict.CONDITIONAL: PART,
+    Verdict.EXTRAPOLATED: PART,
     Verdict.ONE_SIDED: PART,
     Verdict.PRIOR_DOMINATED: POOR,
     Verdict.FIXED: QUIET,
