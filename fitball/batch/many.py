@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitball.api import Fit, load_fit
-from fitball.api.asked import checked_choices, flips
+from fitball.api.asked import checked_choices, flips, given
 from fitball.api.calibrating import PathLike, Table
 from fitball.api.progress import Report, Wanted, reporting, silent
 from fitball.batch.joint import joint_populations
@@ -19,6 +19,7 @@ from fitball.batch.task import tasks_of
 from fitball.errors import ResultFolderError, suggestion
 from fitball.inference.effort import MAX_STEPS, Effort
 from fitball.inference.problem.choices import Choices
+from fitball.kinds import checked
 from fitball.report.batch.folder import Shown, write_results
 from fitball.report.batch.grouping import Over
 from fitball.report.batch.populations import Populated, default_names, populations
@@ -60,6 +61,7 @@ class Batch(Mapping[str, Fit]):
         shown = self._shown or Shown(all_series(self.rows), ())
         return render(self.rows, shown.series, self.folder, shown.populated)
 
+    @checked
     def summarise(
         self,
         quantities: Sequence[str] = (),
@@ -87,6 +89,7 @@ class Batch(Mapping[str, Fit]):
         self._shown = write_results(self.rows, self.folder, command, quantities, over, beside)
         return self._shown.populated
 
+    @checked
     def population(
         self,
         *quantities: str,
@@ -122,6 +125,7 @@ class Batch(Mapping[str, Fit]):
             return lambda _weighted: ()
         return lambda weighted: joint_populations(self.rows, self.folder, weighted, asked, joint, report)
 
+    @checked
     def __getitem__(self, name: str) -> Fit:
         """Raises KeyError with the reason for a table that failed."""
         if name in self.failed:
@@ -145,6 +149,7 @@ class Batch(Mapping[str, Fit]):
         return f"<p>{escape(repr(self)[1:-1])}</p>{self.to_frame().to_html(max_rows=20, notebook=True)}"
 
 
+@checked
 def load_batch(folder: PathLike = FOLDER) -> Batch:
     """The batch that lies in a folder, as `calibrate_many` or `fitball batch` left it; nothing is fitted.
 
@@ -169,6 +174,7 @@ def load_batch(folder: PathLike = FOLDER) -> Batch:
         raise ResultFolderError(f"{table}: not the table of a batch: {error}; run fitball batch again") from None
 
 
+@checked
 def calibrate_many(
     tables: Mapping[str, Table] | Sequence[Table] | PathLike,
     model: str | None = None,
@@ -217,7 +223,15 @@ def calibrate_many(
     ['done', 'failed']
     """
     choices = Choices(
-        model, closures or {}, priors or {}, fix or {}, noise, pool or {}, offsets, incident_errors, velocity_noise
+        model,
+        given(closures),
+        given(priors),
+        given(fix),
+        noise,
+        given(pool),
+        offsets,
+        incident_errors,
+        velocity_noise,
     )
     checked_choices(choices)
     plan = Plan(

@@ -33,7 +33,7 @@ def traded(problem: Problem, coordinates: FloatArray) -> Mapping[str, tuple[str,
     """
     part = thinned_problem(problem, LOOKED_AT)
     slopes = prediction_slopes(part, coordinates)
-    informations = np.einsum("dmi,dmj->dij", slopes, slopes)
+    informations = np.einsum("dkmi,dkmj->dij", slopes, slopes)
     if problem.force is not None:
         # Dear, and the same at every draw in what it can tell.
         recorded = [force_information(problem, problem.force, at) for at in coordinates[:RECORDED]]

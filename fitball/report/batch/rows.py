@@ -7,6 +7,7 @@ import io
 
 from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import Fit
+from fitball.visible import unguarded
 
 Row = dict[str, str | float | int | None]
 CSV_NAME = "batch.csv"
@@ -68,7 +69,7 @@ def read_rows(text: str) -> tuple[Row, ...]:
 
 def _cell(head: str, cell: str | None) -> str | float | int | None:
     if head in TEXTS or head.startswith(LABEL) or head.endswith("_verdict"):
-        return cell or ("" if head == "reason" else None)
+        return unguarded([cell or ""])[0] or ("" if head == "reason" else None)
     if head == "impacts":
         return int(cell) if cell else None
     return float(cell) if cell else None
