@@ -7,7 +7,7 @@ from itertools import chain
 
 import numpy as np
 
-from fitball.errors import FitballError
+from fitball.errors import FitballError, ParameterError
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.priors import parse_prior
 from fitball.inference.qualify import rests_on
@@ -115,7 +115,7 @@ def _golden(file: FitFile) -> Iterator[str]:
     for code in made.regime:
         try:
             regime_name(code)
-        except ValueError:
+        except ParameterError:
             yield f"golden.rebound.regime: {code} is no sequence of phases"
 
 
