@@ -13,6 +13,7 @@ from fitball.api.asked import checked_choices, flips, given
 from fitball.api.calibrating import PathLike, Table
 from fitball.api.progress import Report, Wanted, reporting, silent
 from fitball.batch.joint import joint_populations
+from fitball.batch.names import fault_of
 from fitball.batch.plan import Plan
 from fitball.batch.run import Going, run_tasks
 from fitball.batch.task import tasks_of
@@ -23,9 +24,10 @@ from fitball.kinds import checked
 from fitball.report.batch.folder import Shown, write_results
 from fitball.report.batch.grouping import Over
 from fitball.report.batch.populations import Populated, default_names, populations
-from fitball.report.batch.rows import CSV_NAME, FAILED, NAME, Row, read_rows
+from fitball.report.batch.rows import CSV_NAME, DONE, FAILED, NAME, Row, read_rows
 from fitball.report.batch.series import all_series
 from fitball.report.batch.text import render
+from fitball.report.form.bounded_read import read_bounded
 from fitball.report.form.folders import held
 from fitball.scheduling.engine import engine
 
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FOLDER = Path("fits") / "batch"
+# A batch.csv of a hundred thousand tables has a fifth of this.
+MOST_BYTES = 2**30
 
 
 class Batch(Mapping[str, Fit]):
@@ -164,7 +168,7 @@ def load_batch(folder: PathLike = FOLDER) -> Batch:
     place = Path(folder)
     table = place / CSV_NAME
     try:
-        return Batch(place, read_rows(table.read_text("utf-8")))
+        return Batch(place, _rows(table))
     except FileNotFoundError:
         raise ResultFolderError(
             f"{table}: there is no such file; expected the folder of a batch that has ended: fitball batch "
@@ -172,6 +176,15 @@ def load_batch(folder: PathLike = FOLDER) -> Batch:
         ) from None
     except (OSError, ValueError) as error:
         raise ResultFolderError(f"{table}: not the table of a batch: {error}; run fitball batch again") from None
+
+
+def _rows(place: Path) -> tuple[Row, ...]:
+    rows = read_rows(read_bounded(place, MOST_BYTES).decode("utf-8"))
+    for row in rows:
+        why = fault_of(str(row[NAME])) if row["outcome"] == DONE else ""
+        if why:
+            raise ValueError(f"table {row[NAME]!r}: {why}")
+    return rows
 
 
 @checked

@@ -134,8 +134,10 @@ def add_cores(parser: argparse.ArgumentParser) -> None:
 def add_scheduler(parser: argparse.ArgumentParser) -> None:
     """Add `--scheduler`, where processes need not be those of this machine."""
     parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="run on the Dask cluster there, e.g. tcp://head:8786 or scheduler.json"
-    )
+        "--scheduler", metavar="ADDRESS",
+        help="run on the Dask cluster there, e.g. tls://head:8786 or scheduler.json; by tcp:// whoever "
+        "reaches it can run programs as you",
+    )  # fmt: skip
 
 
 def add_structure(parser: argparse.ArgumentParser) -> None:
