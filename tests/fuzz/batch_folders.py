@@ -30,7 +30,7 @@ WAYS = {
 }
 POPULATION = ("population", "{folder}/out")
 AGAIN = (
-    "batch", "{folder}/tables/**/*.csv", "--out", "{folder}/out", "--model", "grip-slip", "--seed", "4", "--cores",
+    "batch", "{folder}/season/**/*.csv", "--out", "{folder}/out", "--model", "grip-slip", "--seed", "4", "--cores",
     "1", "--max-steps", "100",
 )  # fmt: skip
 
@@ -42,7 +42,7 @@ def of_a_batch(fit):
         plan = Plan(folder / "out", Choices(model="grip-slip"), Effort(seed=4, cores=1, max_steps=100))
         rows = []
         for name in TABLES:
-            table, place = folder / "tables" / f"{name}.csv", folder / "out" / name
+            table, place = folder / "season" / f"{name}.csv", folder / "out" / name
             for made in (table.parent, place):
                 made.mkdir(parents=True, exist_ok=True)
             for suffix in (".csv", ".toml"):
