@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import json
+import os
 import shutil
 import signal
 import time
@@ -14,6 +16,7 @@ import pytest
 from samples import HANG
 
 import fitball
+from fitball.batch.names import OWN_NAMES, fault_of
 from fitball.batch.one import fit_one
 from fitball.batch.plan import Plan
 from fitball.batch.run import run_tasks
@@ -27,7 +30,6 @@ from fitball.report.batch.rows import HEAD, NAME, read_rows, row_of
 from fitball.report.batch.series import all_series, things_along
 from fitball.report.batch.words import centre_rows, told
 from fitball.report.form.csv import csv_text
-from fitball.scheduling.engine import engine
 
 FILES = ("batch.csv", "batch.html", "batch.parquet")
 
@@ -52,6 +54,13 @@ def courts(tmp_path_factory):
 def quick(folder, **others):
     """A plan of fits that take a moment."""
     return Plan(folder, Choices(model="grip-slip"), Effort(cores=1, point_only=True), **others)
+
+
+class Here:
+    """An engine that works in this process, where a test may look on."""
+
+    def unordered(self, make, items, here=None, lost=None):
+        return map(make, items)
 
 
 @pytest.fixture(scope="module")
@@ -91,11 +100,54 @@ def test_what_an_earlier_run_wrote_is_no_table(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        *((name, "fitball itself") for name in ("batch.csv", "Batch.CSV", "day/fit.json", "corner.png", "joint_mu")),
+        *((name, "a device") for name in ("CON", "aux.csv", "a/nul", "com1", "LPT\u00b9.x", "Con .txt")),
+        *((name, "drops") for name in ("a.", "a /b", "b.a ")),
+        *((name, "not every file system") for name in ("a:b", "a\\b", 'a"b', "a*", "a?", "a|b", "<a", "a>")),
+        *((name, "cannot be seen") for name in ("a\nb", "a\x1b[2J", "a\u200b", "a\udcff", "\u202eb")),
+        (".a", "begin with a dot"), ("a" * 241, "240 bytes"), ("\U0001f3be" * 61, "240 bytes"),
+        *((name, "") for name in ("a", "court 3", "console", "comb1", "a.b", "a/x.csv", "\u00e9t\u00e9", "a" * 240)),
+    ],
+)  # fmt: skip
+def test_names_that_no_folder_can_have_on_some_system(name, why):
+    assert (why in fault_of(name)) if why else (fault_of(name) == "")
+
+
+def test_files_whose_names_collide_are_failed_rows_and_the_others_go_on(courts, tmp_path):
+    names = ("good", "batch.csv", "joint_mu", "Day", "day", "CON", b"b\xff", "e\u0301", "\u00e9")
+    (tmp_path / "tables").mkdir()
+    for name in names:
+        shutil.copy(courts / "court_1.csv", tmp_path / "tables" / f"{os.fsdecode(name)}.csv")
+    rows = run_tasks(tasks_of(tmp_path / "tables"), quick(tmp_path / "out"), Here())
+    assert len(rows) == len(names)
+    assert [row[NAME] for row in rows if row["outcome"] == "done"] == ["good"]
+    reasons = {row[NAME]: row["reason"] for row in rows}
+    assert "a device" in reasons["CON"] and "cannot be seen" in reasons["b\\udcff"]
+    assert "another table's name differs from it only in case" in reasons["day.csv"]
+    assert sorted(place.name for place in (tmp_path / "out").iterdir()) == ["batch.json", "good"]
+
+
+def test_names_are_longer_where_two_would_be_one_and_again_where_that_is_a_third(tmp_path):
+    for name in ("x.csv", "x.tsv", "x.csv.csv", "A.txt", "a.csv"):
+        (tmp_path / name).touch()
+    named = {task.name: task.fault for task in tasks_of(tmp_path)}
+    assert named == dict.fromkeys(("x.csv", "x.tsv", "x.csv.csv", "A.txt", "a.csv"), "")
+
+
+def test_no_table_has_the_name_of_a_file_that_fitball_writes(alone):
+    written = {place.name for place in alone[0].rglob("*") if place.is_file()}
+    assert written <= OWN_NAMES and {"batch.csv", "row.json", "fit.json"} <= written
+
+
+@pytest.mark.parametrize(
     ("given", "said"),
     [
         ("nothing/*.csv", "no file matches"), ([], "no table"), ({}, "no table"), ([{"v_1": [1.0]}], "mapping"),
         (pd.DataFrame({"v_1": [1.0]}), "mapping"),
-        *(({name: "x.csv"}, "can be called") for name in ("../up", "/etc", "a/", "a//b", "./a", ".", " ", 3)),
+        *(({name: "x.csv"}, "can be called") for name in ("../up", "/etc", "a/", "a//b", "./a", ".", " ", "", 3)),
+        ({"e\u0301": "x.csv", "\u00c9": "x.csv"}, "differs from it only in case or in how an accent"),
     ],
 )  # fmt: skip
 def test_what_is_no_list_of_tables_is_refused(given, said):
@@ -151,7 +203,7 @@ def test_a_fault_of_ours_in_one_table_is_a_row_too(courts, tmp_path, monkeypatch
         raise ZeroDivisionError("one over nothing")
 
     monkeypatch.setattr("fitball.batch.one.row_of", broken)
-    rows = run_tasks(tasks_of(f"{courts}/court_[03].csv"), quick(tmp_path / "out"), engine(1))
+    rows = run_tasks(tasks_of(f"{courts}/court_[03].csv"), quick(tmp_path / "out"), Here())
     assert [row["outcome"] for row in rows] == ["failed", "failed"]
     assert "ZeroDivisionError: one over nothing" in rows[0]["reason"]
 
@@ -181,15 +233,82 @@ def test_what_is_finished_is_not_fitted_again_and_other_settings_are_refused(cou
     monkeypatch.setattr(one, "_write", note)
     tasks = tasks_of(courts)
     # A damaged record is no finished table; but it may be of other settings, so it needs a word.
-    assert "overwrite=True" in run_tasks(tasks, quick(folder), engine(1))[2]["reason"]
+    assert "overwrite=True" in run_tasks(tasks, quick(folder), Here())[2]["reason"]
     assert (folder / "batch.csv").exists()
-    run_tasks(tasks, quick(folder, overwrite=True), engine(1))
+    run_tasks(tasks, quick(folder, overwrite=True), Here())
     assert fitted == ["court_2"]
     assert {name: text for name, text in contents(folder).items() if "/" in name} == {
         name: text for name, text in contents(alone[0]).items() if "/" in name
     }
-    other = run_tasks(tasks, quick(folder, full=True), engine(1))
+    other = run_tasks(tasks, quick(folder, full=True), Here())
     assert all("other settings" in row["reason"] for row in other if row["table"] != "court_3"), other
+
+
+def spoil_row(change):
+    def spoil(folder):
+        content = json.loads((folder / "row.json").read_text("utf-8"))
+        change(content)
+        (folder / "row.json").write_text(json.dumps(content), encoding="utf-8")
+
+    return spoil
+
+
+def pipe_at(folder, name="row.json"):
+    (folder / name).unlink()
+    os.mkfifo(folder / name)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (spoil_row(lambda content: content["row"].update(mu=99.0)), "mu is 99.0, but its fit.json says 0."),
+        (spoil_row(lambda content: content["row"].update(mu_sd="x")), "mu_sd is 'x', but its fit.json says None"),
+        (spoil_row(lambda content: content["row"].update(mu_sd=[1.0])), "row.mu_sd: read [1.0], expected"),
+        (spoil_row(lambda content: content["row"].update(table="court_1")), "not the row of the fit.json"),
+        (spoil_row(lambda content: content["row"].update(more=1.0)), "more is 1.0, but"),
+        (spoil_row(lambda content: content["row"].update({"label:date": "never"})), "not the row of the fit.json"),
+        (spoil_row(lambda content: content.pop("mark")), "missing required field mark"),
+        (lambda folder: (folder / "row.json").write_bytes(b"\xff"), "not readable as JSON"),
+        (pipe_at, "row.json: not a file"),
+        (lambda folder: pipe_at(folder, "fit.json"), "fit.json: not a file"),
+        (lambda folder: os.truncate(folder / "row.json", 2**40), "more than 67,108,864 bytes"),
+        (lambda folder: shutil.copy(folder.parent / "court_1" / "fit.json", folder), "but its fit.json says"),
+    ],
+)
+def test_a_row_that_is_damaged_or_not_that_of_its_fit_is_not_believed(courts, alone, tmp_path, spoil, said):
+    folder = tmp_path / "out"
+    shutil.copytree(alone[0], folder)
+    spoil(folder / "court_2")
+    row = run_tasks(tasks_of(courts / "court_2.csv"), quick(folder), Here())[0]
+    assert row["outcome"] == "failed"
+    assert said in row["reason"] and "overwrite=True" in row["reason"]
+    again = run_tasks(tasks_of(courts / "court_2.csv"), quick(folder, overwrite=True), Here())[0]
+    assert {head: cell for head, cell in again.items() if cell is not None} == {
+        head: cell for head, cell in alone[1].rows[2].items() if cell is not None
+    }
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda text: text.replace(",done,,", ",done,,,", 1), "cells under"),
+        (lambda text: text.replace(",done,", ",ok,", 1), "column 'outcome': read 'ok'"),
+        (lambda text: text.replace("court_1,", "court_0,", 1), "comes twice"),
+        (lambda text: text.replace("court_1,", "../court_1,", 1), "can be called"),
+        (lambda text: text.replace(",7,", ",seven,", 1), "column 'impacts': read 'seven'"),
+        (lambda text: text.replace("mu,", "e_x,", 1), "none of them twice"),
+        (lambda text: text.replace(",7,", ',"7,', 1), "not the table of a batch"),
+        (lambda text: "x" * 200_000, "not the table of a batch"),
+        (lambda text: "", "not the table of a batch"),
+    ],
+)
+def test_a_damaged_table_of_all_is_refused(alone, tmp_path, spoil, said):
+    text = (alone[0] / "batch.csv").read_text("utf-8")
+    assert spoil(text) != text
+    (tmp_path / "batch.csv").write_text(spoil(text), encoding="utf-8")
+    with pytest.raises(FitballError, match="not the table of a batch") as caught:
+        fitball.load_batch(tmp_path)
+    assert said in str(caught.value)
 
 
 def test_another_scene_is_another_setting_wherever_its_file_lies(short_fit, tmp_path):
@@ -209,7 +328,7 @@ def test_labels_of_whole_tables_are_read_back_as_they_were(short_fit):
     count = len(result.problem.table)
     labels = {"note": ("",) * count, "court": ("one\nsouth\u2028side, old",) * count}
     table = replace(result.problem.table, labels=labels)
-    row = row_of("a\x85b", replace(result, problem=replace(result.problem, table=table)))
+    row = row_of("a\x85b", short_fit.saved, replace(result.problem, table=table))
     assert {key: cell for key, cell in row.items() if key.startswith(("label:c", "label:n"))} == {
         "label:court": labels["court"][0]
     }
@@ -236,6 +355,24 @@ def test_a_batch_that_was_killed_goes_on_with_two_processes_to_the_same_bytes(co
     differ = {name.rpartition("/")[2] for name in found if found[name] != expected.get(name)}
     assert differ <= {"batch.html", "run.toml"}
     assert set(found) == set(expected)
+
+
+class Deadly:
+    """A table that ends whoever receives it."""
+
+    def __reduce__(self):
+        return os.abort, ()
+
+
+def test_a_table_that_kills_its_process_is_a_failed_row_and_the_others_go_on(courts, alone, tmp_path):
+    """In a batch that was run before, too: what is done is kept, and the rest is done."""
+    folder = tmp_path / "out"
+    shutil.copytree(alone[0], folder)
+    shutil.rmtree(folder / "court_2")
+    tables = {"court_1": courts / "court_1.csv", "killer": Deadly(), "court_2": courts / "court_2.csv"}
+    batch = fitball.calibrate_many(tables, "grip-slip", out=folder, point_only=True, cores=1)
+    assert list(batch) == ["court_1", "court_2"]
+    assert "ended with signal SIGABRT" in batch.failed["killer"]
 
 
 def test_a_folder_of_other_things_is_left_alone(courts, tmp_path, capsys):

@@ -35,6 +35,7 @@ from fitball.report.form.palette import (
     verdict_mark,
 )  # fmt: skip
 from fitball.report.form.symbols import symbol_html
+from fitball.report.saved.saved_fit import as_saved
 from fitball.wording import in_formula, short
 
 
@@ -160,7 +161,7 @@ def test_dollars_of_the_user_begin_no_formula(grip_slip_fit):
     table = replace(table, name=odd, labels=labels, ids=tuple(f"{odd}{name}" for name in table.ids))
     fit = replace(result, problem=replace(result.problem, table=table))
     figures = [draw(name, fit) for name in ("regimes", "curves", "residuals", "corner")]
-    for figure in (*figures, batch_figure(all_series([row_of(odd, fit)])[:1], [odd])):
+    for figure in (*figures, batch_figure(all_series([row_of(odd, as_saved(fit), fit.problem)])[:1], [odd])):
         figure.draw_without_rendering()
 
 

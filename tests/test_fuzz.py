@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from fuzz import examples
+from fuzz.batch_folders import of_a_batch
 from fuzz.file_names import file_names
 from fuzz.harness import findings, make_case
 from fuzz.saved_files import of_a_fit
@@ -24,12 +25,16 @@ from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.inference.problem.priors import parse_prior
 
-NAMES = [target.name for target in (*hand_written(), *of_a_fit(Path()))]
+NAMES = [target.name for target in (*hand_written(), *of_a_fit(Path()), *of_a_batch(Path()))]
 
 
 @pytest.fixture
-def targets(small_fit):
-    return {target.name: target for target in (*hand_written(), *of_a_fit(small_fit))}
+def targets(small_fit, monkeypatch):
+    # Figures of batches draw what was read, slowly; one population is read as all are.
+    monkeypatch.setattr("fitball.report.batch.folder.default_names", lambda _series: ())
+    monkeypatch.setattr("fitball.report.batch.folder.batch_figure", lambda *_given, **_others: None)
+    monkeypatch.setattr("fitball.report.batch.folder.save_figure", lambda *_given: b"")
+    return {target.name: target for target in (*hand_written(), *of_a_fit(small_fit), *of_a_batch(small_fit))}
 
 
 def built(target, folder):

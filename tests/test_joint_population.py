@@ -35,7 +35,7 @@ def season(small_fit, short_fit, tmp_path, monkeypatch):
     text = (folder / "d" / "run.toml").read_text("utf-8")
     mass = next(line for line in text.splitlines() if line.startswith("mass = "))
     (folder / "d" / "run.toml").write_text(text.replace(mass, "mass = 0.059"), encoding="utf-8")
-    write_results([row_of(name, short_fit.result) for name in NAMES], folder)
+    write_results([row_of(name, short_fit.saved, short_fit.result.problem) for name in NAMES], folder)
     return folder
 
 
@@ -119,3 +119,20 @@ def test_a_joint_fit_stands_beside_the_weighted_one_and_is_kept(season, capsys, 
     assert "mu (joint fit)" in said and "Not in the joint fit: d: other settings" in said
     assert "did not converge: more than 100 steps go on with it" in said
     assert "mu (joint fit)" in (season / "batch.html").read_text("utf-8")
+
+
+@pytest.mark.parametrize("text", [b"\xff\xfe", b"", b"x" * 10_000])
+def test_a_joint_fit_whose_mark_is_damaged_is_begun_anew(season, text, monkeypatch):
+    place = season / "joint_mu"
+    place.mkdir()
+    (place / "begun.txt").write_bytes(text)
+    asked = []
+
+    def begin(*_given, overwrite, resume):
+        asked.append((overwrite, resume))
+        raise FitballError("begun")
+
+    monkeypatch.setattr(joint, "begin", begin)
+    with pytest.raises(FitballError, match="begun"):
+        fitball.load_batch(season).population("mu", joint=True, cores=1, max_steps=100)
+    assert asked == [(True, False)]

@@ -300,8 +300,11 @@ def test_sensors_are_refused_with_their_text(known, text, said):
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        ({"target": 3}, "target='3': expected parameters"), ({"target": ["mu", 3]}, "expected parameters"),
-        ({"cost": {"camera": "3"}}, "cost={'camera': '3'}: expected a number above 0"),
+        ({"target": 3}, "target: read 3, expected a text or a list, each a text"),
+        ({"target": ["mu", 3]}, "target: read .*, expected a text or a list, each a text"),
+        ({"target": []}, "expected one name or more"),
+        ({"cost": {"camera": "3"}}, "cost: read {'camera': '3'}, expected a dict, each value a number"),
+        ({"cost": {"camera": -3.0}}, "cost={'camera': -3}: expected a number above 0"),
         ({"speed": [5.0, 20.0, 7.0]}, "expected a text such as '5:20'"),
     ],
 )  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import shutil
 from dataclasses import replace
@@ -18,8 +20,10 @@ from fitball.inference.population.draws import TableDraws, drawn_new, log_likeli
 from fitball.inference.population.hyper import Before
 from fitball.inference.population.quantity import log_density, prior_of, quantity
 from fitball.inference.population.reweighting import population
+from fitball.report.batch import populations
 from fitball.report.batch.folder import write_results
 from fitball.report.batch.rows import read_rows, row_of
+from fitball.report.saved.saved_fit import read_fit
 
 WIDE = (-np.inf, np.inf)
 # Interim prior of the tables of a made population, far from it: mean, sd.
@@ -305,7 +309,7 @@ def season(small_fit, short_fit, tmp_path_factory):
     for name in names:
         (folder / name).mkdir(parents=True)
         shutil.copy(small_fit / "fit.json", folder / name)
-    write_results([row_of(name, short_fit.result) for name in names], folder)
+    write_results([row_of(name, short_fit.saved, short_fit.result.problem) for name in names], folder)
     assert (folder / "parameters.png").stat().st_size > 10_000
     picture = (folder / "parameters.png").read_bytes()
     with pytest.MonkeyPatch.context() as patch:
@@ -315,9 +319,26 @@ def season(small_fit, short_fit, tmp_path_factory):
 
 
 def test_the_rows_of_a_batch_are_read_back_as_they_were(season, short_fit):
-    row = row_of("a", short_fit.result)
+    row = row_of("a", short_fit.saved, short_fit.result.problem)
     assert read_rows((season / "batch.csv").read_text("utf-8"))[0] == row
     assert list(fitball.load_batch(season)) == ["a", "b", "c", "d"]
+
+
+def test_rows_and_draws_that_were_changed_are_not_believed(season, tmp_path):
+    shutil.copytree(season, tmp_path / "batch")
+    text = (season / "batch.csv").read_text("utf-8")
+    value = next(csv.DictReader(io.StringIO(text)))["mu"]
+    (tmp_path / "batch" / "batch.csv").write_text(text.replace(f",{value},", ",99.0,", 1), encoding="utf-8")
+    with pytest.raises(FitballError, match=f"table 'a': mu is 99.0, but its fit.json says {value}"):
+        fitball.load_batch(tmp_path / "batch").population("mu")
+    # A draw on its bound of zero has no logarithm.
+    (tmp_path / "batch" / "batch.csv").write_text(text, encoding="utf-8")
+    content = json.loads((season / "b" / "fit.json").read_text("utf-8"))
+    content["fitted"]["draws"][3][content["fitted"]["names"].index("mu")] = 0.0
+    (tmp_path / "batch" / "b" / "fit.json").write_text(json.dumps(content), encoding="utf-8")
+    of_logarithms = populations._Gathered(replace(quantity("mu"), log=True))
+    with pytest.raises(FitballError, match=r"b/fit\.json: .*fitted\.draws of mu: one without a logarithm"):
+        populations._gather(of_logarithms, "b", read_fit(tmp_path / "batch" / "b"))
 
 
 def test_a_batch_that_lies_there_tells_its_population(season, capsys):

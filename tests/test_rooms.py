@@ -35,8 +35,8 @@ BREAKS = {
 ROOMS = sorted(place.parent for place in (ROOT / "fitball").rglob("__init__.py") if place.parent.name != "fitball")
 # What every module may use.
 OPEN_TO_ALL = {
-    "environment", "errors", "files", "first_compile", "observables", "on_demand", "values", "version", "visible",
-    "wording",
+    "environment", "errors", "files", "first_compile", "kinds", "observables", "on_demand", "values", "version",
+    "visible", "wording",
 }  # fmt: skip
 
 

@@ -20,6 +20,7 @@ from fitball.inference.comparison.compare import compare as run_comparison
 from fitball.inference.comparison.published_sets import published_sets
 from fitball.inference.effort import Effort
 from fitball.inference.results.results import RunStatus
+from fitball.kinds import checked
 from fitball.report.compare.rows import csv_rows, json_content
 from fitball.report.compare.text import render
 from fitball.report.compare.words import words
@@ -98,6 +99,7 @@ class Comparison:
 
         return compare_figure(self.result)
 
+    @checked
     def save(self, folder: PathLike, *, overwrite: bool = False) -> Path:
         """Write `compare.json`, tables and figures. Raises ResultFolderError."""
         from fitball.report.compare.folder import JSON_NAME, write_all
@@ -161,6 +163,7 @@ def contest(
     return Contest(table, candidates, effort, workers, quick, (*table.remarks, *doubts, *known.assumed, *said))
 
 
+@checked
 def compare(
     data: Table | Sequence[Table],
     models: Sequence[str] | None = None,

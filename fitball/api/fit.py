@@ -20,6 +20,7 @@ from fitball.inference.design.make_plan import Asked
 from fitball.inference.prediction.new_impacts import NewPrediction, predict_new
 from fitball.inference.problem.observables import Observable
 from fitball.inference.results.fitted_model import FittedModel
+from fitball.kinds import checked
 from fitball.report.fit.folder import prepare_folder, write_all
 from fitball.report.fit.short import html_text, report_text, short_text, summary_columns
 from fitball.report.form.folders import held
@@ -84,6 +85,7 @@ class Fit(Found):
         """Figures by name: `fit.plot.corner()`, `fit.plot("corner")`; `dir(fit.plot)` lists them."""
         return Plots(lambda: self.result)
 
+    @checked
     def predict(
         self,
         data: Any,
@@ -107,6 +109,7 @@ class Fit(Found):
         """
         return foretell(self.saved, self.predicting, data, units, flip, exact_incidence, seed, columns).frame()
 
+    @checked
     def predict_interval(
         self,
         impacts: Impacts,
@@ -123,10 +126,12 @@ class Fit(Found):
         """The fitted model with the draws that predictions are made from."""
         return self._made.predicting if self._made is not None else self.saved.predicting
 
+    @checked
     def simulate(self, impact: Impacts | str, *, draws: int = 200) -> Course:
         """One impact through time, with bands from `draws` of the posterior; see `fitball.simulate`."""
         return course_of_fit(self.saved, impact, draws)
 
+    @checked
     def plan(
         self,
         target: str | Sequence[str] | None = None,
@@ -157,6 +162,7 @@ class Fit(Found):
         ways = (sensors,) if isinstance(sensors, str) else sensors
         return planned(self.result, Asked(target, *ranges, impacts, repeats, ways, dict(cost or {}), seed), progress)
 
+    @checked
     def export(
         self, /, to: str, out: str | os.PathLike[str] | None = None, *, overwrite: bool = False, **options: Any
     ) -> Mapping[str, str] | tuple[Path, ...]:
@@ -189,6 +195,7 @@ class Fit(Found):
 
         return exported(self.saved, to, options, tree)
 
+    @checked
     def to_inferencedata(self, draws: int | None = None) -> xr.DataTree:
         """Draws and data for ArviZ: groups posterior, sample_stats, log_likelihood, posterior_predictive, prior,
         observed_data and constant_data, as `arviz_base` makes them (a DataTree), in four chains of `draws` each.
@@ -203,6 +210,7 @@ class Fit(Found):
 
         return whole_tree(self.result, draws)
 
+    @checked
     def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False, figures: bool = True) -> Path:
         """Write the result folder: `fit.json`, measurements, draws, tables, figures (unless without) and
         `report.html`.

@@ -11,6 +11,7 @@ import numpy as np
 
 from fitball.api import begin, load_fit, pose
 from fitball.api.progress import Report, silent
+from fitball.batch.names import JOINT
 from fitball.data.join import ORIGIN, joined
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
@@ -30,6 +31,7 @@ from fitball.report.batch.populations import Populated
 from fitball.report.batch.rows import DONE, NAME, Row
 from fitball.report.fit.folder import write_all
 from fitball.report.form.atomic_write import write_text
+from fitball.report.form.bounded_read import read_bounded
 from fitball.report.saved.data_file import DATA_NAME
 from fitball.report.saved.run_file import RUN_NAME
 from fitball.report.saved.run_record import RunRecord, read_run
@@ -76,7 +78,7 @@ def joint_populations(
     members, odd = poolable([row for row in rows if row[NAME] not in without], folder)
     left_out = {**without, **odd}
     problem = posed(members, names)
-    place = folder / f"joint_{'+'.join(names)}"
+    place = folder / f"{JOINT}{'+'.join(names)}"
     fit = _fitted(problem, replace(effort, seed=next(iter(members.values()))[0].effort.seed), place, report)
     said = [f"{' and '.join(names)}: a joint fit with one value of every other parameter for all tables, in {place}."]
     said += [f"Not in the joint fit: {name}: {why}." for name, why in left_out.items()]
@@ -89,8 +91,8 @@ def _fitted(problem: Problem, effort: Effort, place: Path, report: Report) -> Fi
     """The fit that lies there if it is of this problem, else one that goes on with its chain or begins anew."""
     mark, steps = fingerprint(problem, effort), f"{effort.max_steps}\n"
     begun, done = place / BEGUN_NAME, place / DONE_NAME
-    same = begun.is_file() and begun.read_text("utf-8") == mark
-    if same and (place / FIT_NAME).is_file() and done.is_file() and done.read_text("utf-8") == steps:
+    same = _says(begun, mark)
+    if same and (place / FIT_NAME).is_file() and _says(done, steps):
         return load_fit(place).result
     run = begin(problem, effort, place, overwrite=not same, resume=same)
     write_text(begun, mark)
@@ -98,6 +100,13 @@ def _fitted(problem: Problem, effort: Effort, place: Path, report: Report) -> Fi
     write_all(fit, place)
     write_text(done, steps)
     return fit
+
+
+def _says(place: Path, text: str) -> bool:
+    try:
+        return read_bounded(place) == text.encode()
+    except (OSError, ResultFolderError):
+        return False
 
 
 def poolable(rows: Sequence[Row], folder: Path) -> tuple[dict[str, Member], dict[str, str]]:

@@ -9,22 +9,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitball.api import Fit, load_fit
-from fitball.api.asked import checked_choices, flips
+from fitball.api.asked import checked_choices, flips, given
 from fitball.api.calibrating import PathLike, Table
 from fitball.api.progress import Report, Wanted, reporting, silent
 from fitball.batch.joint import joint_populations
+from fitball.batch.names import fault_of
 from fitball.batch.plan import Plan
 from fitball.batch.run import Going, run_tasks
 from fitball.batch.task import tasks_of
 from fitball.errors import ResultFolderError, suggestion
 from fitball.inference.effort import MAX_STEPS, Effort
 from fitball.inference.problem.choices import Choices
+from fitball.kinds import checked
 from fitball.report.batch.folder import Shown, write_results
 from fitball.report.batch.grouping import Over
 from fitball.report.batch.populations import Populated, default_names, populations
-from fitball.report.batch.rows import CSV_NAME, FAILED, NAME, Row, read_rows
+from fitball.report.batch.rows import CSV_NAME, DONE, FAILED, NAME, Row, read_rows
 from fitball.report.batch.series import all_series
 from fitball.report.batch.text import render
+from fitball.report.form.bounded_read import read_bounded
 from fitball.report.form.folders import held
 from fitball.scheduling.engine import engine
 
@@ -32,6 +35,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FOLDER = Path("fits") / "batch"
+# A batch.csv of a hundred thousand tables has a fifth of this.
+MOST_BYTES = 2**30
 
 
 class Batch(Mapping[str, Fit]):
@@ -60,6 +65,7 @@ class Batch(Mapping[str, Fit]):
         shown = self._shown or Shown(all_series(self.rows), ())
         return render(self.rows, shown.series, self.folder, shown.populated)
 
+    @checked
     def summarise(
         self,
         quantities: Sequence[str] = (),
@@ -87,6 +93,7 @@ class Batch(Mapping[str, Fit]):
         self._shown = write_results(self.rows, self.folder, command, quantities, over, beside)
         return self._shown.populated
 
+    @checked
     def population(
         self,
         *quantities: str,
@@ -122,6 +129,7 @@ class Batch(Mapping[str, Fit]):
             return lambda _weighted: ()
         return lambda weighted: joint_populations(self.rows, self.folder, weighted, asked, joint, report)
 
+    @checked
     def __getitem__(self, name: str) -> Fit:
         """Raises KeyError with the reason for a table that failed."""
         if name in self.failed:
@@ -145,6 +153,7 @@ class Batch(Mapping[str, Fit]):
         return f"<p>{escape(repr(self)[1:-1])}</p>{self.to_frame().to_html(max_rows=20, notebook=True)}"
 
 
+@checked
 def load_batch(folder: PathLike = FOLDER) -> Batch:
     """The batch that lies in a folder, as `calibrate_many` or `fitball batch` left it; nothing is fitted.
 
@@ -159,7 +168,7 @@ def load_batch(folder: PathLike = FOLDER) -> Batch:
     place = Path(folder)
     table = place / CSV_NAME
     try:
-        return Batch(place, read_rows(table.read_text("utf-8")))
+        return Batch(place, _rows(table))
     except FileNotFoundError:
         raise ResultFolderError(
             f"{table}: there is no such file; expected the folder of a batch that has ended: fitball batch "
@@ -169,6 +178,16 @@ def load_batch(folder: PathLike = FOLDER) -> Batch:
         raise ResultFolderError(f"{table}: not the table of a batch: {error}; run fitball batch again") from None
 
 
+def _rows(place: Path) -> tuple[Row, ...]:
+    rows = read_rows(read_bounded(place, MOST_BYTES).decode("utf-8"))
+    for row in rows:
+        why = fault_of(str(row[NAME])) if row["outcome"] == DONE else ""
+        if why:
+            raise ValueError(f"table {row[NAME]!r}: {why}")
+    return rows
+
+
+@checked
 def calibrate_many(
     tables: Mapping[str, Table] | Sequence[Table] | PathLike,
     model: str | None = None,
@@ -217,7 +236,15 @@ def calibrate_many(
     ['done', 'failed']
     """
     choices = Choices(
-        model, closures or {}, priors or {}, fix or {}, noise, pool or {}, offsets, incident_errors, velocity_noise
+        model,
+        given(closures),
+        given(priors),
+        given(fix),
+        noise,
+        given(pool),
+        offsets,
+        incident_errors,
+        velocity_noise,
     )
     checked_choices(choices)
     plan = Plan(

@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
-import json
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from fitball.api.calibrating import Run, pose
-from fitball.batch.plan import RECORD_NAME, Plan
+from fitball.batch.plan import RECORD_NAME, ROW_NAME, Plan
 from fitball.batch.task import Task
 from fitball.errors import FitballError, ResultFolderError
 from fitball.files import all_or_none
+from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit
-from fitball.report.batch.rows import CSV_NAME, Row, failed_row, row_of
+from fitball.report.batch.rows import CSV_NAME, Row, check_row, failed_row, row_of
 from fitball.report.fit.folder import prepare_folder, write_all
 from fitball.report.form.atomic_write import remove, write_text
 from fitball.report.form.json_text import json_text
 from fitball.report.saved.data_file import DATA_NAME, write_data
 from fitball.report.saved.fit_text import fit_text
 from fitball.report.saved.run_file import RUN_NAME, run_text
-from fitball.report.saved.saved_fit import FIT_NAME
+from fitball.report.saved.saved_fit import FIT_NAME, read_fit
+from fitball.report.saved.structure import Digest, Part, damaged, read_json, structured
 from fitball.wording import option
 
-ROW_NAME = "row.json"
+
+class KeptRow(Part, frozen=True):
+    """What `row.json` holds: the digest of all that a fit depends on, and the row of the fit."""
+
+    mark: Digest
+    row: Mapping[str, str | float | None]
 
 
 @dataclass(frozen=True)
@@ -62,20 +69,27 @@ def _fitted(plan: Plan, task: Task) -> Done:
         units=plan.units,
     )  # fmt: skip
     folder, mark = plan.folder / task.name, plan.mark(problem)
-    kept = kept_row(folder, mark)
-    if kept is not None:
-        return Done(kept, kept=True)
-    if (folder / ROW_NAME).exists() and not plan.overwrite:
-        raise ResultFolderError(
-            f"{folder}: holds a fit of another table or with other settings; use {option('overwrite')} to replace it"
-        )
+    if (folder / ROW_NAME).exists():
+        try:
+            kept = kept_row(folder, task.name, mark, problem)
+        except ResultFolderError as error:
+            if not plan.overwrite:
+                raise ResultFolderError(f"{error}; or replace it with {option('overwrite')}") from None
+            kept = None
+        if kept is not None:
+            return Done(kept, kept=True)
+        if not plan.overwrite:
+            raise ResultFolderError(
+                f"{folder}: holds a fit of another table or with other settings; use {option('overwrite')} "
+                "to replace it"
+            )
     # The table of all tells of the fit that goes: nobody shall read it beside the new one.
     for place in (plan.folder / CSV_NAME, folder / ROW_NAME):
         remove(place)
     prepare_folder(folder, overwrite=True, resume=False)
     fit = Run(problem, plan.effort).fit().result
-    row = row_of(task.name, fit)
     _write(fit, folder, plan.full)
+    row = row_of(task.name, read_fit(folder), problem)
     write_text(folder / ROW_NAME, json_text({"mark": mark, "row": row}))
     return Done(row)
 
@@ -91,11 +105,18 @@ def _write(fit: Fit, folder: Path, full: bool) -> None:
     write_text(folder / FIT_NAME, fit_text(fit))
 
 
-def kept_row(folder: Path, mark: str) -> Row | None:
-    """The row of a finished table, if it is of the same data and settings; a damaged one counts as none."""
-    try:
-        content = json.loads((folder / ROW_NAME).read_text("utf-8"))
-        same = content["mark"] == mark and (folder / FIT_NAME).is_file()
-        return dict(content["row"]) if same else None
-    except (OSError, ValueError, LookupError, TypeError):
+def kept_row(folder: Path, name: str, mark: str, problem: Problem) -> Row | None:
+    """The row of a finished table from the fit that lies there, None where that is of other data or settings.
+
+    Raises ResultFolderError for files that are missing, damaged, or say different things.
+    """
+    place = folder / ROW_NAME
+    kept = structured(place, read_json(place), KeptRow)
+    if kept.mark != mark:
         return None
+    saved = read_fit(folder)
+    check_row(dict(kept.row), saved, place)
+    row = row_of(name, saved, problem)
+    if saved.file.table.sha256 != problem.table.digest or kept.row != row:
+        raise damaged(place, "not the row of the fit.json beside it")
+    return row

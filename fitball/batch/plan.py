@@ -14,6 +14,8 @@ from fitball.inference.problem.problem import Problem
 
 # What marks a folder as that of a batch.
 RECORD_NAME = "batch.json"
+# What marks the folder of a table that is done.
+ROW_NAME = "row.json"
 
 
 @dataclass(frozen=True)

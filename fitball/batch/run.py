@@ -10,10 +10,11 @@ from fitball.batch.one import Done, fit_one
 from fitball.batch.plan import RECORD_NAME, Plan
 from fitball.batch.task import Task
 from fitball.errors import ParameterError, ResultFolderError
-from fitball.report.batch.rows import FAILED, HEAD, NAME, Row
+from fitball.report.batch.rows import FAILED, HEAD, NAME, Row, failed_row
 from fitball.report.form.atomic_write import write_text
 from fitball.report.form.folders import LOCK_NAME, make_folder
 from fitball.report.form.json_text import json_text
+from fitball.report.saved.structure import read_json
 from fitball.scheduling.engine import Engine
 
 KIND = "fitball batch"
@@ -56,7 +57,19 @@ def run_tasks(
 
 
 def _done(tasks: Sequence[Task], plan: Plan, engine: Engine) -> Iterator[Done]:
-    return engine.unordered(partial(fit_one, plan), tasks)
+    for task in tasks:
+        if task.fault:
+            yield Done(failed_row(task.name, task.fault))
+    yield from engine.unordered(partial(fit_one, plan), [task for task in tasks if not task.fault], lost=_lost)
+
+
+def _lost(task: Task, how: str) -> Done:
+    """The row of a table that ended the process that fitted it."""
+    reason = (
+        f"the process that read and fitted it ended with {how}, and so when nothing else ran beside it: the file "
+        "makes a library crash, or needs more memory than this machine has; look at it, or leave it out"
+    )
+    return Done(failed_row(task.name, reason))
 
 
 def _columns(rows: Sequence[Row]) -> list[str]:
@@ -69,6 +82,8 @@ def _claim(plan: Plan) -> None:
     """Mark the folder as that of a batch. Raises ResultFolderError for one that holds other things."""
     record = plan.folder / RECORD_NAME
     if record.exists():
+        if read_json(record) != {"kind": KIND}:
+            raise ResultFolderError(f"{record}: not what fitball batch writes; name another folder")
         return
     if plan.folder.is_dir() and any(item.name != LOCK_NAME for item in plan.folder.iterdir()):
         raise ResultFolderError(f"{plan.folder}: holds other files than those of a batch; name another folder")

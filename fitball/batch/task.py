@@ -6,12 +6,14 @@ import glob
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 from fitball.api.calibrating import PathLike, Table
+from fitball.batch.names import faults, names_of
 from fitball.data.written import in_memory
 from fitball.errors import ParameterError
+from fitball.visible import one_line
 
 # Endings of tables; a pattern such as `courts/*` meets scenes and notes too.
 TABLES = (".csv", ".tsv", ".txt", ".xlsx", ".ods", ".parquet")
@@ -19,10 +21,11 @@ TABLES = (".csv", ".tsv", ".txt", ".xlsx", ".ods", ".parquet")
 
 @dataclass(frozen=True)
 class Task:
-    """One table under the `name` that its folder and its row have."""
+    """One table under the `name` that its folder and its row have; `fault` says why no folder can be called so."""
 
     name: str
     table: Table
+    fault: str = ""
 
 
 def tasks_of(
@@ -32,12 +35,15 @@ def tasks_of(
     names of bundled tables, sorted by name. Files are named by their path below the folder that all have in common.
     What lies in the folder of `results` is none of them: a pattern may meet what an earlier run wrote.
 
-    Raises ParameterError for a pattern or folder without a table, and for tables without a name.
+    Raises ParameterError for a pattern or folder without a table, and for tables without a name. Files may have names
+    that are not of their user's choice: one whose name no folder can have is a task with a fault.
     """
     if isinstance(tables, Mapping):
         if not tables:
             raise ParameterError("no table was named")
-        return tuple(Task(_folder_name(name), table) for name, table in tables.items())
+        for name, fault in faults(map(_text, tables)).items():
+            raise ParameterError(f"table {name!r}: {fault}")
+        return tuple(Task(name, table) for name, table in tables.items())
     given: list[Any] = [tables]
     if isinstance(tables, Iterable) and not isinstance(tables, (str, os.PathLike)) and not in_memory(tables):
         given = list(tables)
@@ -49,7 +55,12 @@ def tasks_of(
         found |= {Path(path).absolute(): path for path in _files(os.fspath(item)) if not _within(path, results)}
     if not found:
         raise ParameterError("no table was named")
-    return tuple(Task(name, path) for name, path in sorted(zip(_names(list(found)), found.values(), strict=True)))
+    names = names_of(list(found), Path(os.path.commonpath([path.parent for path in found])))
+    bad = faults(names)
+    return tuple(
+        Task(one_line(name) if name in bad else name, path, bad.get(name, ""))
+        for name, path in sorted(zip(names, found.values(), strict=True))
+    )
 
 
 def _within(path: str, folder: Path | None) -> bool:
@@ -79,18 +90,7 @@ def _files(text: str) -> list[str]:
     return inside
 
 
-def _names(paths: Sequence[Path]) -> list[str]:
-    """Absolute paths below their common folder without endings; with them where two would be the same."""
-    common = Path(os.path.commonpath([path.parent for path in paths]))
-    below = [path.relative_to(common) for path in paths]
-    bare = [path.with_suffix("").as_posix() for path in below]
-    return [path.as_posix() if bare.count(name) > 1 else name for name, path in zip(bare, below, strict=True)]
-
-
-def _folder_name(name: object) -> str:
-    """A name that a folder below another can have, in one spelling. Raises ParameterError for another."""
-    if isinstance(name, str) and name.strip() and "\0" not in name:
-        place = PurePosixPath(name)
-        if place.as_posix() == name and not place.is_absolute() and not {"..", "."} & {*place.parts, name}:
-            return name
-    raise ParameterError(f"table {name!r}: expected a text that a folder can be called, such as 'court 3'")
+def _text(name: object) -> str:
+    if not isinstance(name, str):
+        raise ParameterError(f"table {name!r}: expected a text that a folder can be called, such as 'court 3'")
+    return name

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from fitball.cli.fitting import add_fitting, choices_of, make_effort
-from fitball.cli.options import reading_of, tell_notes
+from fitball.cli.options import place, reading_of, tell_notes
 from fitball.errors import ParameterError, ResultFolderError
 
 HELP = "fit a model to a table of impacts: parameters, uncertainty, verdicts, figures, exported files"
@@ -31,7 +31,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--force", metavar="FILE",
         help="force-time records: columns id, t, F (default: <table>_force.csv beside DATA); none: without",
     )  # fmt: skip
-    parser.add_argument("--out", metavar="DIR", help="result folder")
+    parser.add_argument("--out", type=place, metavar="DIR", help="result folder")
     parser.add_argument("--no-figures", action="store_true", help="draw none: neither files nor on the page")
     parser.add_argument("--resume", action="store_true", help="go on with an interrupted or unconverged run")
     parser.add_argument("--overwrite", action="store_true", help="replace an older result in the folder")

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from fitball.cli.options import tell_notes
+from fitball.cli.options import place, tell_notes
 from fitball.errors import ParameterError, suggestion
 from fitball.exports.names import FORMAT_NAMES, OWNERS
 
@@ -42,7 +42,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what the verb may be asked."""
     parser.add_argument("fit", metavar="FIT", help="a result folder of fitball calibrate, or its fit.json")
     parser.add_argument("--to", metavar="FORMAT", required=True, help=", ".join(FORMAT_NAMES))
-    parser.add_argument("--out", metavar="FILE", help="file, or - for stdout (default: a name beside fit.json)")
+    parser.add_argument(
+        "--out", type=place, metavar="FILE", help="file, or - for stdout (default: a name beside fit.json)"
+    )
     parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
     parser.add_argument(
         "--prefix", metavar="TEXT", help="c: beginning of every name (fitball_); javascript, csharp: of the port's"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fitball.cli.options import add_scheduler, count, tell_notes
+from fitball.cli.options import add_scheduler, count, place, tell_notes
 from fitball.errors import ParameterError, suggestion
 from fitball.report.figures.names import FIGURES
 
@@ -30,7 +30,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("fit", metavar="FIT", help="a fit.json, or the folder that holds one")
     parser.add_argument("kind", metavar="KIND", help=f"{', '.join(FIGURES)} or all")
     parser.add_argument("--format", default="png", metavar="FORMAT", help="png (default), svg or pdf")
-    parser.add_argument("--out", metavar="DIR", help="folder to write to (default: beside fit.json)")
+    parser.add_argument("--out", type=place, metavar="DIR", help="folder to write to (default: beside fit.json)")
     parser.add_argument("--cores", type=count, metavar="N", help="processes that compute profiles (default: all)")
     add_scheduler(parser)
     parser.add_argument("--quiet", action="store_true", help="no notes: only errors and files")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fitball.cli.options import add_columns, add_flip, tell_notes, whole
+from fitball.cli.options import add_columns, add_flip, file_place, tell_notes, whole
 from fitball.errors import ParameterError
 
 HELP = "predict rebounds of new impacts from a fit, with intervals"
@@ -36,7 +36,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--exact-incidence", action="store_true", help="take the incident state as exact even where its sd is stated"
     )
-    parser.add_argument("--out", metavar="FILE.csv", help="write every number to a CSV file")
+    parser.add_argument("--out", type=file_place, metavar="FILE.csv", help="write every number to a CSV file")
     parser.add_argument("--overwrite", action="store_true", help="replace that file if it exists")
     parser.add_argument("--seed", type=whole, default=1, metavar="N", help="seed of the simulated noise (default 1)")
     parser.add_argument("--json", action="store_true", help="print JSON (SI units, angles in radians)")

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fitball.cli.options import count, pairs, tell_files, tell_notes
+from fitball.cli.options import count, pairs, place, tell_files, tell_notes
 from fitball.errors import ParameterError, suggestion
 
 if TYPE_CHECKING:
@@ -63,7 +63,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--draws", type=count, default=200, metavar="N", help="posterior draws of --fit (default 200)"
     )
     parser.add_argument(
-        "--out", metavar="DIR", help=f"result folder (default: one named for the impact in {DEFAULT_FOLDER}/)"
+        "--out",
+        type=place,
+        metavar="DIR",
+        help=f"result folder (default: one named for the impact in {DEFAULT_FOLDER}/)",
     )
     parser.add_argument("--overwrite", action="store_true", help="replace an older result, and FILE.csv")
     parser.add_argument("--format", default="png", metavar="FORMAT", help="of the figure: png (default), svg or pdf")

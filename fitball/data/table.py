@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from fitball.data.frozen import FrozenMapping
 from fitball.observables import OBSERVABLES, SI_UNITS
 from fitball.values import FloatArray, Impacts, same
+from fitball.visible import some
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -120,7 +121,7 @@ class ImpactTable:
 
     def __repr__(self) -> str:
         measured = ", ".join(item.name for item in self.measurements) or "nothing"
-        labels = f"; labels {', '.join(self.labels)}" if self.labels else ""
+        labels = f"; labels {some([*self.labels])}" if self.labels else ""
         head = f"{self.name}: {len(self):,} impact{'s' if len(self) != 1 else ''}"
         return f"<ImpactTable {head}, incident {', '.join(self.incident_columns)}, measured {measured}{labels}>"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 from fitball.errors import ParameterError
@@ -27,6 +28,7 @@ class ClusterEngine:
         make: Callable[[Item], Made],
         items: Sequence[Item],
         here: Callable[[Item], Made] | None = None,  # noqa: ARG002 - nothing is made here
+        lost: Callable[[Item, str], Made] | None = None,
     ) -> Iterator[Made]:
         """See `Engine`. Raises ParameterError where Dask is not installed or does not answer too."""
         try:
@@ -37,26 +39,56 @@ class ClusterEngine:
                 "a scheduler was named, but Dask is not installed here: pip install 'fitball[dask]'"
             ) from None
         with self._client() as client:
-            waiting = iter(items)
-            elsewhere = Elsewhere(make)
             ahead = AHEAD * max(1, sum(client.nthreads().values()))
-            first = [client.submit(elsewhere, item, pure=False) for item in islice(waiting, ahead)]
-            running = as_completed(first, loop=client.loop)
-            try:
+            died: list[tuple[Item, str]] = []
+            # Dask blames every task that was at a worker when it died, though only one can have killed it: those are
+            # tried again one by one.
+            for alone in (False, True):
+                left, died = ([item for item, _how in died] if alone else items), []
+                waiting, elsewhere = iter(left), Elsewhere(make)
+                first = islice(waiting, 1 if alone else ahead)
+                futures = {client.submit(elsewhere, item, pure=False): item for item in first}
+                running = as_completed(list(futures), loop=client.loop)
                 for future in running:
-                    yield future.result()
+                    item = futures.pop(future)
+                    try:
+                        yield future.result()
+                    except KilledWorker as error:
+                        if lost is None:
+                            raise ParameterError(f"a worker of the cluster was killed: {error}") from None
+                        died.append((item, "the death of the workers that tried it"))
                     future.release()
-                    for item in waiting:
-                        running.add(client.submit(elsewhere, item, pure=False))
-                        break
-            except KilledWorker as error:
-                raise ParameterError(f"a worker of the cluster was killed: {error}") from None
+                    for following in islice(waiting, 1):
+                        added = client.submit(elsewhere, following, pure=False)
+                        futures[added] = following
+                        running.add(added)
+            for item, how in died:
+                assert lost is not None
+                yield lost(item, how)
 
     def _client(self) -> Any:
         from distributed import Client
 
         known = {"scheduler_file": self.place} if self.place.endswith(".json") else {"address": self.place}
         try:
+            if b"tls://" in (Path(self.place).read_bytes() if Path(self.place).is_file() else self.place.encode()):
+                self._check_certificates()
             return Client(timeout=PATIENCE, set_as_default=False, **known)
         except (OSError, ValueError) as error:
             raise ParameterError(f"scheduler {self.place}: no Dask scheduler answers there: {error}") from None
+
+    def _check_certificates(self) -> None:
+        """Raise ParameterError where Dask was not told of certificates: its client would end in a fault."""
+        from distributed.security import Security
+
+        try:
+            known = Security().get_connection_args("client")["ssl_context"] is not None
+            why = "none was named"
+        except OSError as error:
+            known, why = False, str(error)
+        if not known:
+            raise ParameterError(
+                f"scheduler {self.place}: a connection by TLS needs certificates ({why}): name them to Dask by the "
+                "environment variables DASK_DISTRIBUTED__COMM__TLS__CA_FILE, "
+                "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT and DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY"
+            )

@@ -21,14 +21,22 @@ class Engine(Protocol):
     """Runs tasks on processes that stay warm from one task to the next."""
 
     def unordered(
-        self, make: Callable[[Item], Made], items: Sequence[Item], here: Callable[[Item], Made] | None = None
+        self,
+        make: Callable[[Item], Made],
+        items: Sequence[Item],
+        here: Callable[[Item], Made] | None = None,
+        lost: Callable[[Item, str], Made] | None = None,
     ) -> Iterator[Made]:
         """What `make` gives for each item, as it is ready. Function, items and what is made must be picklable, and
         nothing but what is made is held in memory. Tasks begin in the order of the items: the longest comes first.
 
         `here` stands for `make` in the process that asks, where that works too: it makes the same, and may tell how
-        far it is. Whoever stops listening stops the tasks. Raises ParameterError where a process that works was
-        killed, and what `make` raises.
+        far it is. With `lost` nothing is made in the process that asks, and no task can end more than itself: where
+        the process of one dies (a crash, too little memory), and again when nothing else runs, `lost` makes the
+        result from the item and how the process ended, in words.
+
+        Whoever stops listening stops the tasks. Raises ParameterError where a process that works was killed and there
+        is no `lost`, and what `make` raises.
         """
 
 

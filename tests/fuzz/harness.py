@@ -6,6 +6,7 @@ import contextlib
 import io
 import shlex
 import shutil
+import signal
 import traceback
 import warnings
 import zlib
@@ -17,6 +18,8 @@ import numpy as np
 
 # More than this nobody reads; a terminal that scrolls for minutes hides what matters.
 MOST_CHARACTERS = 20_000
+# Whatever takes longer reads something that never ends [s].
+HANG = 600
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,8 @@ def run_case(case, main):
     ):
         warnings.simplefilter("always")
         try:
-            code = main(case.words)
+            with _no_hang():
+                code = main(case.words)
         except SystemExit as end:
             code = end.code if isinstance(end.code, int) else 1
         except Exception:
@@ -89,6 +93,20 @@ def run_case(case, main):
     out, err = (_text(stream) for stream in streams)
     warned = tuple(f"{item.filename}:{item.lineno}: {item.category.__name__}: {item.message}" for item in caught)
     return Ending(code, out, err, warned, error)
+
+
+@contextlib.contextmanager
+def _no_hang():
+    def stop(_signal, _frame):
+        raise TimeoutError("it hangs")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(HANG)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def _text(stream):

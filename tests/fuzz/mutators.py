@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 
 import numpy as np
@@ -159,3 +160,18 @@ def damage_file(path, rng):
     path.write_bytes(b"x")
     path.chmod(0)
     return f"{path.name}: unreadable"
+
+
+def damage_place(path, rng):
+    """Put something in the place of a file that never ends or never begins. Returns what it is."""
+    path.unlink()
+    way = int(rng.integers(4))
+    if way == 0:
+        os.mkfifo(path)
+        return f"{path.name}: a pipe"
+    if way == 1:
+        path.symlink_to("/dev/zero")
+        return f"{path.name}: a link to endless zeros"
+    path.touch()
+    os.truncate(path, (0, 0, 2**26 + 1, 2**40)[way])
+    return f"{path.name}: {('', '', 'many', 'very many')[way]} zeros"

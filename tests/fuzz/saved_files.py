@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import shutil
 
@@ -9,7 +10,7 @@ import h5py
 import numpy as np
 from fuzz.examples import GRIDS, IMPACTS, POINTS, TABLES
 from fuzz.harness import Target
-from fuzz.mutators import TEXTS, damage_file, damage_text_file
+from fuzz.mutators import TEXTS, damage_file, damage_place, damage_text_file
 from fuzz.structured import damage_table
 from fuzz.user_files import TABLE, option_target
 from samples import problem_of
@@ -81,7 +82,12 @@ def short_chain(folder):
 
 
 def _damage(name, way):
-    return lambda folder, rng: way(folder / "fit" / name, rng)
+    return lambda folder, rng: damaged_somehow(folder / "fit" / name, way, rng)
+
+
+def damaged_somehow(path, way, rng):
+    """Damage a file in its own way, or one time in ten put in its place what never ends."""
+    return (way if rng.integers(10) else damage_place)(path, rng)
 
 
 def damage_json(path, rng):
@@ -97,6 +103,8 @@ def damage_json(path, rng):
 def _damage_tree(content, rng):
     """Go down to a random place and damage what is there. Returns where, and what it is now."""
     node, where = content, []
+    if not content:
+        return "nothing is left"
     while True:
         keys = list(node) if isinstance(node, dict) else list(range(len(node)))
         key = keys[rng.integers(len(keys))]
@@ -105,7 +113,7 @@ def _damage_tree(content, rng):
         if not (isinstance(inner, dict | list) and inner) or rng.integers(8) == 0:
             break
         node = inner
-    odd = ODD[rng.integers(len(ODD))]
+    odd = copy.deepcopy(ODD[rng.integers(len(ODD))])
     way = int(rng.integers(8))
     if way == 0:
         del node[key]

@@ -15,7 +15,7 @@ from fitball.data.reading.spins import missing_above
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.data.units import Dimension
-from fitball.values import Ball, FloatArray
+from fitball.values import Ball, FloatArray, quotient
 
 # Log likelihood by which another reading must be better, in all and for each impact (as much as if all three misfits
 # fell to half), and the misfit for each impact at which it still describes the table. Of good tables of thirty
@@ -147,8 +147,7 @@ def columns_of(table: ImpactTable) -> dict[str, FloatArray]:
 def _restitution(motion: Motion) -> float | None:
     if motion.v_y1 is None or motion.v_y2 is None:
         return None
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return float(np.median(motion.v_y2 / motion.v_y1))
+    return float(np.median(quotient(motion.v_y2, motion.v_y1)))
 
 
 def _plausible(columns: Columns, motion: Motion) -> bool:

@@ -117,15 +117,15 @@ def _unsigned(columns: Columns, ball: Ball) -> Iterator[Hypothesis]:
     """Spins whose signs were not written, the sense of each taken from the speeds of its row."""
     for names in unsigned(columns):
         found = signed(columns, names, ball)
-        minus = [f"{np.sum(found[name] < 0.0)} of {name}" for name in names]
-        unknown = {
-            "omega_1": "leave out a row where it is not known of omega_1",
-            "omega_2": "leave omega_2 empty where not",
-        }
-        what_else = " and ".join(unknown[name] for name in names)
+        if not all(np.any(found[name] != columns[name]) for name in names):
+            # The same as with fewer.
+            continue
+        minus = [f"{np.sum(found[name] < 0.0)} of {len(found[name])} {name}" for name in names]
+        unknown = {"omega_1": "without a row of unknown omega_1", "omega_2": "an unknown omega_2 left empty"}
+        what_else = ", ".join(unknown[name] for name in names)
         yield Hypothesis(
-            f"with the signs of {listed(names)} missing (by the speeds backspin is {listed(minus)})",
-            f"write backspin with a minus where its sense is known ({what_else})",
+            f"with the signs of {listed(names)} missing (the speeds make {listed(minus)} backspin)",
+            f"write backspin with a minus ({what_else})",
             # Of other columns the signs would be others.
             lambda other, found=found, names=names: {**other, **{name: found[name] for name in names}},  # type: ignore[misc]
             len(names),

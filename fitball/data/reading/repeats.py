@@ -69,9 +69,13 @@ def _said(table: ImpactTable, ball: Ball, units: float) -> str | None:
     more = len(shared) - len(places)
     how = "to the last printed digit" if units == 1.0 else f"to {units:g} units of the last printed digit"
     return (
-        f"{count} of {len(table)} rows repeat others {how}; by rounding and scatter {expected:.1g} would. Rows "
+        f"{count} of {len(table)} rows repeat others {how}; by rounding and scatter {_few(expected)} would. Rows "
         f"{named}{f'; and {more} more groups' if more else ''}"
     )
+
+
+def _few(expected: float) -> str:
+    return f"{expected:.1g}" if expected >= 1e-3 else "fewer than 0.001"
 
 
 def _rows(table: ImpactTable, places: NDArray[np.int64]) -> str:

@@ -46,6 +46,8 @@ class Asked:
     def __post_init__(self) -> None:
         """Raise ParameterError for numbers that cannot work."""
         check_whole(seed=self.seed)
+        if self.target is not None and len(self.target) == 0:
+            raise ParameterError(f"target = {self.target!r}: expected one name or more, or None for all parameters")
         for name, most in (("impacts", MOST_IMPACTS), ("repeats", MOST_REPEATS)):
             value = getattr(self, name)
             if not (isinstance(value, Integral) and 1 <= int(value) <= most):

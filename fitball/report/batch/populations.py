@@ -18,9 +18,10 @@ from fitball.inference.population.trend import LEAST_TABLES
 from fitball.inference.problem.priors import Prior
 from fitball.inference.results.results import Verdict
 from fitball.report.batch.grouping import Grouping, Over, grouped
-from fitball.report.batch.rows import DONE, NAME, Row
+from fitball.report.batch.rows import CSV_NAME, DONE, NAME, Row, check_row
 from fitball.report.batch.series import Series
 from fitball.report.saved.saved_fit import SavedFit, read_fit
+from fitball.report.saved.structure import damaged
 from fitball.values import FloatArray
 
 
@@ -75,8 +76,6 @@ def populations(rows: Sequence[Row], folder: Path, names: Sequence[str], over: O
     """
     asked = [_Gathered(quantity(name)) for name in dict.fromkeys(names)]
     grouping = grouped(rows, over)
-    if not asked:
-        return ()
     for row in rows:
         name = str(row[NAME])
         if row["outcome"] != DONE:
@@ -86,6 +85,7 @@ def populations(rows: Sequence[Row], folder: Path, names: Sequence[str], over: O
                 one.left_out[name] = f"it has no one {grouping.over}"
             continue
         saved = read_fit(folder / name)
+        check_row(row, saved, folder / CSV_NAME)
         for one in asked:
             _gather(one, name, saved)
     return tuple(_populated(one, grouping) for one in asked)
@@ -108,7 +108,12 @@ def _gather(one: _Gathered, name: str, saved: SavedFit) -> None:
         one.left_out[name] = "a point fit has no draws" if sizes else f"{one.quantity.name} is fixed there"
         return
     columns = dict(zip(saved.fitted.names, saved.fitted.draws.T, strict=True))
-    one.tables.append((name, one.quantity.coordinates(columns), priors, min(1.0, min(sizes) / count)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        places = one.quantity.coordinates(columns)
+    if not np.all(np.isfinite(places)):
+        assert saved.place is not None
+        raise damaged(saved.place, f"fitted.draws of {one.quantity.name}: one without a logarithm")
+    one.tables.append((name, places, priors, min(1.0, min(sizes) / count)))
 
 
 def _populated(one: _Gathered, grouping: Grouping) -> Populated:

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
+import math
+from pathlib import Path
 
+from fitball.inference.problem.problem import Problem
 from fitball.inference.results.quantiles import Spread
-from fitball.inference.results.results import Fit
+from fitball.report.saved.saved_fit import SavedFit
+from fitball.report.saved.structure import damaged
+from fitball.visible import unguarded
 
 Row = dict[str, str | float | int | None]
 CSV_NAME = "batch.csv"
@@ -24,54 +29,85 @@ def failed_row(name: str, reason: str) -> Row:
     return {**dict.fromkeys(HEAD), NAME: name, "outcome": FAILED, "reason": reason}
 
 
-def row_of(name: str, fit: Fit) -> Row:
+def row_of(name: str, saved: SavedFit, problem: Problem) -> Row:
     """The row of a fit: outcome, adequacy, labels that the whole table has in common or its scene states, each
     parameter, court pace and what a drop test tells.
     """
-    adequacy = fit.adequacy
+    found = _found(name, saved)
+    scene, labels = problem.scene, problem.table.labels
+    named = {f"{LABEL}{column}": cells[0] for column, cells in labels.items() if len(set(cells)) == 1 and cells[0]}
+    stated = {"surface": scene.surface, "ball_type": scene.ball_type}
+    named |= {f"{LABEL}{key}": text for key, text in stated.items() if text is not None and key not in labels}
+    return {**dict(list(found.items())[: len(HEAD)]), **named, **found}
+
+
+def _found(name: str, saved: SavedFit) -> Row:
+    """What a fit itself says of its row, which is all but the labels."""
+    file = saved.file
     row: Row = {
         NAME: name,
         "outcome": DONE,
         "reason": "",
-        "impacts": len(fit.problem.table),
-        "model": fit.problem.model.name,
-        "status": str(fit.status),
-        "adequacy": None if adequacy is None else str(adequacy.answer),
-        "described": None if adequacy is None else adequacy.sentence,
+        "impacts": file.table.impacts,
+        "model": file.model.name,
+        "status": str(saved.status),
+        "adequacy": None if file.adequacy is None else str(file.adequacy.answer),
+        "described": None if file.adequacy is None else file.adequacy.sentence,
     }
-    scene, labels = fit.problem.scene, fit.problem.table.labels
-    for column, cells in labels.items():
-        if len(set(cells)) == 1 and cells[0]:
-            row[f"{LABEL}{column}"] = cells[0]
-    stated = {"surface": scene.surface, "ball_type": scene.ball_type}
-    row |= {f"{LABEL}{name}": text for name, text in stated.items() if text is not None and name not in labels}
-    for estimate in fit.estimates:
+    for estimate in saved.parameters.values():
         head = f"{estimate.name}{f' [{estimate.unit}]' if estimate.unit else ''}"
         row[head] = estimate.point if estimate.median is None else estimate.median
         row |= {f"{estimate.name}_{kind}": getattr(estimate, kind) for kind in ("sd", "q025", "q975")}
         row[f"{estimate.name}_verdict"] = estimate.verdict_words
-    if fit.court_pace is not None and len(fit.court_pace.ratings) == 1:
-        row |= _spread("court_pace", fit.court_pace.ratings[0].rating)
-    if fit.drop_test is not None:
-        for tested in fit.drop_test.speeds:
+    if file.court_pace is not None and len(file.court_pace.ratings) == 1:
+        row |= _spread("court_pace", file.court_pace.ratings[0].rating)
+    if file.drop_test is not None:
+        for tested in file.drop_test.speeds:
             row |= _spread(f"cor_at_{tested.speed:.3g}_m/s", tested.cor)
     return row
 
 
+def check_row(row: Row, saved: SavedFit, place: Path) -> None:
+    """Raise ResultFolderError where a row that was read at `place` says something else than the fit it is of."""
+    found = _found(str(row[NAME]), saved)
+    for head, cell in row.items():
+        if not head.startswith(LABEL) and cell != found.get(head):
+            said = f"its fit.json says {found.get(head)!r}"
+            raise damaged(place, f"table {row[NAME]!r}: {head} is {cell!r}, but {said}")
+
+
 def read_rows(text: str) -> tuple[Row, ...]:
     """The rows of a `batch.csv`; ValueError where it is none."""
-    rows = list(csv.DictReader(io.StringIO(text, newline="")))
-    if not rows or not set(HEAD) <= set(rows[0]):
-        raise ValueError(f"expected rows with the columns {', '.join(HEAD)}")
-    return tuple({head: _cell(head, cell) for head, cell in row.items()} for row in rows)
+    try:
+        heads, *lines = csv.reader(io.StringIO(text, newline=""), strict=True)
+    except csv.Error as error:
+        raise ValueError(str(error)) from None
+    if not lines or not set(HEAD) <= set(heads) or len(set(heads)) < len(heads):
+        raise ValueError(f"expected rows with the columns {', '.join(HEAD)}, none of them twice")
+    rows = []
+    for number, cells in enumerate(lines, start=1):
+        if len(cells) != len(heads):
+            raise ValueError(f"row {number}: {len(cells)} cells under {len(heads)} columns")
+        row = {head: _cell(head, cell, number) for head, cell in zip(heads, cells, strict=True)}
+        if row["outcome"] not in (DONE, FAILED):
+            raise ValueError(f"row {number}, column 'outcome': read {row['outcome']!r}, expected {DONE} or {FAILED}")
+        rows.append(row)
+    names = [row[NAME] for row in rows]
+    if len(set(names)) < len(names) or None in names:
+        raise ValueError(f"column '{NAME}': a name is missing or comes twice")
+    return tuple(rows)
 
 
-def _cell(head: str, cell: str | None) -> str | float | int | None:
+def _cell(head: str, cell: str, number: int) -> str | float | int | None:
     if head in TEXTS or head.startswith(LABEL) or head.endswith("_verdict"):
-        return cell or ("" if head == "reason" else None)
-    if head == "impacts":
-        return int(cell) if cell else None
-    return float(cell) if cell else None
+        return unguarded([cell])[0] or ("" if head == "reason" else None)
+    try:
+        value = None if not cell else int(cell) if head == "impacts" else float(cell)
+    except ValueError:
+        value = math.nan
+    if value is not None and not math.isfinite(value):
+        raise ValueError(f"row {number}, column {head!r}: read {cell[:40]!r}, expected a finite number")
+    return value
 
 
 def _spread(name: str, spread: Spread) -> Row:

@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from fitball.errors import FitballError, ResultFolderError
+from fitball.report.form.bounded_read import read_bounded
 
 Kept = TypeVar("Kept")
 Section = TypeVar("Section", bound=msgspec.Struct)
@@ -125,9 +126,7 @@ def damaged(place: Path, what: str) -> ResultFolderError:
 
 def _bytes(place: Path) -> bytes:
     try:
-        if place.exists() and not place.is_file():
-            raise ResultFolderError(f"{place}: not a file; {REMEDY}")
-        return place.read_bytes()
+        return read_bounded(place)
     except FileNotFoundError:
         raise ResultFolderError(f"{place}: there is no such file; expected a result of fitball calibrate") from None
     except (OSError, ValueError) as error:

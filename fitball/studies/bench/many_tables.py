@@ -102,7 +102,6 @@ def many_costs(tables: int, cores: int) -> pd.DataFrame:
         folder = Path(place) / "tables"
         write_tables(folder, tables)
         code = BATCH.format(tables=str(folder), out=str(Path(place) / "fits"), cores=cores)
-        # The process that asks works too, with one thread of linear algebra as the others have.
         told = fresh_process(code, OPENBLAS_NUM_THREADS="1").printed
     frame = pd.DataFrame(np.array(told, dtype=np.float64).reshape(-1, len(COLUMNS)), columns=COLUMNS)
     return frame.astype(dict.fromkeys(COLUMNS[:3], int))

@@ -12,7 +12,7 @@ from validation.trust.replicate import REFUSED, Said, Told
 from validation.trust.scenarios import SCENARIOS, Scenario
 
 # Verdicts that stand for an interval to be relied on, within the model or given what is named.
-RELIED_ON = (Verdict.IDENTIFIED, Verdict.GIVEN)
+RELIED_ON = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.UNEXAMINED)
 # The share of 95 % intervals that may hold, and of pinned parameters that may be called prior-dominated.
 HOLD = (0.92, 0.98)
 MOST_BLIND = 0.05
