@@ -60,6 +60,7 @@ class Judged:
     """An identified parameter."""
 
     verdict = Verdict.IDENTIFIED
+    given = ()
 
 
 def test_the_other_code_bounces_as_the_model_that_it_stands_for():

@@ -148,7 +148,7 @@ def rate_rows(found: Sequence[Finding]) -> list[dict[str, object]]:
     rows: list[dict[str, object]] = []
     for one in found:
         row: dict[str, object] = {
-            "scenario": one.name, "made_by_the_model": "yes" if one.made else "no", "tables": one.tables,
+            "scenario": one.name, "made_by_the_model": _maker(one), "tables": one.tables,
             "not_converged": one.unconverged, "without_fit": one.failed,
         }  # fmt: skip
         row |= {str(answer).replace(" ", "_"): rate.count for answer, rate in one.answers.items()}
@@ -239,9 +239,15 @@ def findings_text(found: Sequence[Finding]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _maker(one: Finding) -> str:
+    if one.name in SCENARIOS and SCENARIOS[one.name].fault is not None:
+        return "other code"
+    return "yes" if one.made else "no"
+
+
 def _title(one: Finding) -> str:
     if one.name not in SCENARIOS:
         return f"**{one.name}**"
-    if SCENARIOS[one.name].fault is not None:
+    if _maker(one) == "other code":
         return f"made by other code, {one.name}: {one.words}"
     return f"{one.name}: {one.words}" if one.made else f"not made by it, {one.name}: {one.words}"
