@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
+from contextlib import suppress
 from pathlib import Path
 
 from fitball.errors import EnvironmentSettingError, MemoryShortageError
@@ -19,8 +20,8 @@ NEEDED, BY_THREAD, MOST_THREADS = 960_000_000, 84_000_000, 64
 def check_environment() -> None:
     """Before libraries are loaded: raise what makes a run impossible.
 
-    EnvironmentSettingError where the current folder was removed, or Python drops docstrings; see
-    `check_address_space`.
+    EnvironmentSettingError where the current folder was removed or holds a matplotlibrc that is no text, or Python
+    drops docstrings; see `check_address_space`.
     """
     check_address_space()
     if sys.flags.optimize > 1:
@@ -34,6 +35,15 @@ def check_environment() -> None:
         raise EnvironmentSettingError(
             f"the current folder cannot be used ({error.strerror}): it may have been removed; change into another"
         ) from None
+    with suppress(OSError):
+        try:
+            # matplotlib looks here before anywhere else.
+            Path("matplotlibrc").read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            raise EnvironmentSettingError(
+                "matplotlibrc in the current folder is not UTF-8, and matplotlib cannot be loaded beside it: move it "
+                "away"
+            ) from None
 
 
 def check_address_space() -> None:

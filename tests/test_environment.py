@@ -185,14 +185,24 @@ def test_a_reader_who_leaves_early_is_no_fault():
 
 
 def test_figures_are_drawn_whatever_mplbackend_and_matplotlibrc_say(small_fit, tmp_path):
-    (tmp_path / "matplotlibrc").write_text("text.usetex: True\nfigure.dpi: 1e9\nbackend: TkAgg\n")
-    places = [tmp_path / "plain", tmp_path / "hostile"]
-    settings = [{}, {"MPLBACKEND": "garbage", "MATPLOTLIBRC": str(tmp_path / "matplotlibrc")}]
+    (tmp_path / "matplotlibrc").write_text("text.usetex: True\nfigure.dpi: 1e9\nbackend: TkAgg\n", "utf-8")
+    (tmp_path / "bytes").write_bytes(b"\xff")
+    places = [tmp_path / "plain", tmp_path / "hostile", tmp_path / "no text"]
+    settings = [
+        {},
+        {"MPLBACKEND": "garbage", "MATPLOTLIBRC": str(tmp_path / "matplotlibrc")},
+        {"MATPLOTLIBRC": str(tmp_path / "bytes")},
+    ]
     for place, setting in zip(places, settings, strict=True):
         done = fitball_in(["plot", str(small_fit), "sketch", "--out", str(place)], **setting)
         assert done.returncode == 0, done.stderr
-    plain, hostile = ((place / "sketch.png").read_bytes() for place in places)
-    assert plain == hostile
+    assert len({(place / "sketch.png").read_bytes() for place in places}) == 1
+
+
+def test_a_matplotlibrc_here_that_is_no_text_is_told(tmp_path):
+    (tmp_path / "matplotlibrc").write_bytes(b"\xff")
+    done = fitball_in(LIGHT, folder=tmp_path, PYTHONPATH=str(Path(fitball.__file__).parent.parent))
+    assert done.returncode == 2 and "matplotlibrc" in done.stderr and len(done.stderr.splitlines()) == 1
 
 
 @POSIX

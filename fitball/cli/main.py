@@ -71,7 +71,7 @@ def make_parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
-    with visible_streams(), speaking_to_command_line(), _without_windows():
+    with visible_streams(), speaking_to_command_line(), _plain_matplotlib():
         try:
             return _run(list(sys.argv[1:] if argv is None else argv))
         except FitballError as error:
@@ -108,16 +108,17 @@ def _run(words: list[str]) -> int:
 
 
 @contextmanager
-def _without_windows() -> Iterator[None]:
-    """Matplotlib in here draws to files, whatever MPLBACKEND says; it cannot even be imported when that is no
-    backend.
+def _plain_matplotlib() -> Iterator[None]:
+    """Matplotlib in here, and in workers, draws to files and reads no settings, whatever MPLBACKEND and MATPLOTLIBRC
+    say: it cannot even be imported when these name no backend, or no text.
     """
-    before = os.environ.get("MPLBACKEND")
-    os.environ["MPLBACKEND"] = "agg"
+    plain = {"MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull}
+    before = {name: os.environ.pop(name, None) for name in plain}
+    os.environ.update(plain)
     try:
         yield
     finally:
-        if before is None:
-            del os.environ["MPLBACKEND"]
-        else:
-            os.environ["MPLBACKEND"] = before
+        for name, value in before.items():
+            del os.environ[name]
+            if value is not None:
+                os.environ[name] = value

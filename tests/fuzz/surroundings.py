@@ -13,8 +13,8 @@ from fuzz.mutators import NUMBERS, pick
 ROOT = Path(__file__).resolve().parents[2]
 SETTINGS = (
     *(f"NUMBA_{name}" for name in ("NUM_THREADS", "DISABLE_JIT", "OPT", "CACHE_DIR", "DEBUG_CACHE", "CPU_NAME")),
-    "MPLBACKEND", "MATPLOTLIBRC", "MPLCONFIGDIR", "HOME", "TMPDIR", "LANG", "LC_ALL", "PYTHONIOENCODING", "COLUMNS",
-    "LINES", "TERM", "PYTHONWARNINGS", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_CORETYPE",
+    "MPLBACKEND", "MATPLOTLIBRC", "MPLCONFIGDIR", "HOME", "TMPDIR", "LANG", "LC_ALL", "COLUMNS",
+    "LINES", "TERM", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_CORETYPE",
     "XDG_CACHE_HOME", "PYTHONOPTIMIZE", "NO_COLOR", "FORCE_COLOR", "TZ",
 )  # fmt: skip
 VALUES = (
@@ -39,6 +39,10 @@ COMMANDS = (
 def _surround(folder, rng):
     (folder / "rc").write_text("".join(pick(rng, RC) for _ in range(2)), encoding="latin-1")
     words = [f"{pick(rng, SETTINGS)}={pick(rng, VALUES)}" for _ in range(int(rng.integers(3)))]
+    if rng.integers(4) == 0:
+        # Python itself refuses to start with what is no encoding, and complains of what is no filter.
+        words.append(f"PYTHONWARNINGS={pick(rng, ('error', 'default', 'error::RuntimeWarning'))}")
+        words.append(f"PYTHONIOENCODING={pick(rng, ('ascii:strict', 'latin-1', 'cp1252'))}")
     if rng.integers(4) == 0:
         words.append("MATPLOTLIBRC={folder}/rc")
     command = ["env", f"PYTHONPATH={ROOT}", *words, sys.executable, "-m", "fitball", *pick(rng, COMMANDS)]
