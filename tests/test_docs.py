@@ -26,7 +26,8 @@ from fitball.data.columns import HEIGHTS, LABELS, MEASURED
 from fitball.data.scene_file import KEYS
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
 from fitball.inference import weigh
-from fitball.inference.adequacy import describe
+from fitball.inference.adequacy import describe, looks, refit
+from fitball.inference.adequacy import words as adequacy_words
 from fitball.inference.assumptions import ball_constants
 from fitball.inference.assumptions import look as assumptions_look
 from fitball.inference.comparison import cross_validation as leave_out
@@ -106,7 +107,10 @@ DECIDING = {
     'chance of a false "does not describe"': adequacy.FALSE_FAILS,
     "pattern that is too small, in noises": describe.SMALL,
     "share of residual variance that a model may miss": describe.HALF,
-    "share of residual variance below which nothing must hide": describe.BLIND,
+    "share of residual variance below which nothing must hide": adequacy_words.BLIND,
+    "noise that is an exception, in what the scene expects": adequacy.FAR_FROM_STATED,
+    "share by which friction is changed to see what it does": refit.FRICTION,
+    "rows of which one may lie far off with others": looks.FEWER,
     "sds by which a misfit moves a conditional parameter": adequacy.MOVED,
     "rows left out singly": leave_out.SINGLY,
     "slack of the hull": SLACK,
