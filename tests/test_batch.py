@@ -294,7 +294,7 @@ def test_a_row_that_is_damaged_or_not_that_of_its_fit_is_not_believed(courts, al
         (lambda text: text.replace(",done,,", ",done,,,", 1), "cells under"),
         (lambda text: text.replace(",done,", ",ok,", 1), "column 'outcome': read 'ok'"),
         (lambda text: text.replace("court_1,", "court_0,", 1), "comes twice"),
-        (lambda text: text.replace("court_1,", "../court_1,", 1), "can be called"),
+        (lambda text: text.replace("court_0,", "../court_0,", 1), "can be called"),
         (lambda text: text.replace(",7,", ",seven,", 1), "column 'impacts': read 'seven'"),
         (lambda text: text.replace("mu,", "e_x,", 1), "none of them twice"),
         (lambda text: text.replace(",7,", ',"7,', 1), "not the table of a batch"),
