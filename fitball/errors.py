@@ -56,6 +56,10 @@ class MemoryShortageError(FitballError):
     """Work that does not fit into the memory of the machine."""
 
 
+class EnvironmentSettingError(FitballError):
+    """A setting of the environment with which fitball cannot run."""
+
+
 @contextmanager
 def enough_memory() -> Iterator[None]:
     """Raise MemoryShortageError where what is done inside (or by a function decorated so) runs out of memory."""
@@ -145,21 +149,24 @@ def _told(members: Sequence[Fault]) -> list[str]:
     return [one_line(f"{where}{column}: {first.message}")]
 
 
+EXPLAINED = "another reading explains it much better than its header:"
+
+
 class ReadingError(FitballError):
-    """A table that other readings explain much better than its header; `readings` say which, in numbers, and what to
-    do about each.
+    """A table that other readings explain much better than its header, or whose rows are copies, as `head` says;
+    `readings` say which, in numbers, and what to do about each.
     """
 
-    def __init__(self, source: str, readings: Sequence[str]) -> None:
-        self.source = source
+    def __init__(self, source: str, readings: Sequence[str], head: str = EXPLAINED) -> None:
+        self.source, self.head = source, head
         self.readings = tuple(readings)
         super().__init__(
-            _bulleted(f"{one_line(source)}: another reading explains it much better than its header:", self.readings)
+            _bulleted(f"{one_line(source)}: {head}", self.readings)
             + f"\n  if it is right as it stands, pass {option('as_read')}; nothing was changed"
         )
 
-    def __reduce__(self) -> tuple[type[ReadingError], tuple[str, tuple[str, ...]]]:
-        return type(self), (self.source, self.readings)
+    def __reduce__(self) -> tuple[type[ReadingError], tuple[str, tuple[str, ...], str]]:
+        return type(self), (self.source, self.readings, self.head)
 
 
 def _bulleted(head: str, lines: Iterable[str]) -> str:

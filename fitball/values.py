@@ -25,6 +25,8 @@ WANG_RADIUS = 0.03302
 WANG_INERTIA_RATIO = 0.56
 # Beyond any ball, and far from where products of masses and lengths overflow or vanish.
 SMALLEST, LARGEST = 1e-30, 1e6
+# Quotients are told apart from infinity below this; numbers of tables times it are doubles still.
+FARTHEST = 1e150
 
 
 def numbers(name: str, values: ArrayLike) -> FloatArray:
@@ -33,8 +35,18 @@ def numbers(name: str, values: ArrayLike) -> FloatArray:
         if isinstance(values, np.ma.MaskedArray):
             return np.ma.filled(values.astype(np.float64), np.nan)
         return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ParameterError(f"{name}: read {reprlib.repr(values)}, expected a number or an array of them") from None
+
+
+def quotient(top: ArrayLike, bottom: ArrayLike) -> FloatArray:
+    """`top / bottom`: infinite with its sign where it is beyond FARTHEST, as over zero, NaN for zero by zero and
+    infinity by infinity; nothing overflows.
+    """
+    above, below = np.asarray(top, dtype=np.float64), np.asarray(bottom, dtype=np.float64)
+    far = np.abs(above) > np.abs(below) * FARTHEST
+    result = np.where(far, np.copysign(np.inf, above) * np.copysign(1.0, below), np.nan)
+    return np.divide(above, below, out=result, where=~far & (np.abs(below) > 0.0) & np.isfinite(above))
 
 
 def same(one: object, other: object) -> bool:
@@ -70,7 +82,7 @@ class Ball:
     def __post_init__(self) -> None:
         for name in ("mass", "radius", "inertia"):
             value = getattr(self, name)
-            if not (isinstance(value, Real) and SMALLEST <= float(value) <= LARGEST):
+            if not (isinstance(value, Real) and SMALLEST <= value <= LARGEST):  # type: ignore[operator]
                 raise ParameterError(
                     f"ball {name} = {value!r}: expected a number from {SMALLEST:g} to {LARGEST:g}, in SI units"
                 )

@@ -1,10 +1,12 @@
-"""Text from files and command lines as it may be shown: nothing steers a terminal, nothing scrolls for minutes."""
+"""Text from files and command lines as it may be shown: nothing steers a terminal, nothing scrolls for minutes, no
+spreadsheet computes it.
+"""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Sequence
 
 # Control characters of ISO 646 and 8859 but line feed and tab, surrogates, marks that turn the direction of text
 # (Unicode Standard Annex 9), line separators, and signs without width that hide in a name. Joiners stay: Persian and
@@ -17,7 +19,12 @@ _BREAK = re.compile("[\n\t]")
 # What tells two faults of a kind apart: the values that were read.
 _VALUES = re.compile(r"'[^']*'|\"[^\"]*\"|[0-9][0-9.eE+-]*")
 LINE = 400
-EACH, LINES = 5, 40
+# How cells begin that spreadsheets compute (OWASP, "CSV Injection"; full-width signs count in East Asian versions),
+# the numbers among them, and what keeps them from it.
+_FORMULA = tuple("=+-@\t\r\n\uff1d\uff0b\uff0d\uff20")
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+GUARD = "'"
+EACH, LINES, NAMED = 5, 40, 12
 
 
 def _escaped(found: re.Match[str]) -> str:
@@ -41,6 +48,32 @@ def one_line(text: str, most: int = LINE) -> str:
     mark = f" [... {len(line)} characters in all ...] "
     first, last = (most - len(mark)) * 2 // 3, (most - len(mark)) // 3
     return f"{line[:first]}{mark}{line[-last:]}"
+
+
+def some(names: Sequence[str]) -> str:
+    """Names in a row: all of few, of many the first and how many more there are."""
+    if len(names) <= NAMED:
+        return ", ".join(names)
+    return f"{', '.join(names[:NAMED])} and {len(names) - NAMED:,} more"
+
+
+def _computed(text: str) -> bool:
+    core = text.lstrip(GUARD)
+    return core[:1] in _FORMULA and _NUMBER.fullmatch(core) is None
+
+
+def guarded(text: str) -> str:
+    """A text as a cell of CSV: one that a spreadsheet would compute, guards aside, has one guard more."""
+    return GUARD + text if _computed(text) else text
+
+
+def unguarded(cells: Sequence[str]) -> tuple[str, ...]:
+    """Cells of a column as they were before `guarded`. Where one that a spreadsheet would compute has no guard they
+    were not written so, and stay as they are.
+    """
+    if any(_computed(cell) and not cell.startswith(GUARD) for cell in cells):
+        return tuple(cells)
+    return tuple(cell[1:] if _computed(cell) else cell for cell in cells)
 
 
 def kind_of(message: str) -> str:

@@ -155,11 +155,10 @@ def plan() -> str:
     for name, both in gains.groupby("case", sort=False):
         made, again = (both[both["design"] == design].iloc[0] for design in ("planned", "table again"))
         off = 100.0 * (1.0 + sds[(sds["case"] == name) & (sds["design"] == "planned")]["off"])
-        nested = f"{made['nested [nats]']:.2f} ± {made['nested se']:.2f}"
         found = [f"{one['found [nats]']:.2f} ± {one['se']:.2f}" for one in (made, again)]
         promised = f"{made['promised [nats]']:.2f}"
-        rows.append((words[name]["words"], promised, nested, *found, f"{off.min():.0f} to {off.max():.0f} %"))
-    heads = ("plan", "promised", "nested Monte Carlo", "found by refits", "as many of the table", "sds over promised")
+        rows.append((words[name]["words"], promised, *found, f"{off.min():.0f} to {off.max():.0f} %"))
+    heads = ("plan", "promised", "found by refits", "as many of the table", "sds over promised")
     return table(heads, rows)
 
 

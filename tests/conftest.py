@@ -192,12 +192,3 @@ def drop_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     table = folder / "drop.csv"
     table.write_text("v_y1,v_y2\n4,3.21\n6,4.68\n8,6.13\n10,7.48\n", encoding="utf-8")
     return fitball.calibrate(table, point_only=True, cores=2).save(folder / "out") / "report.html"
-
-
-@pytest.fixture
-def finalists_briefly(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Finalists of a plan are looked at only briefly."""
-    from fitball.inference.design import nested
-
-    monkeypatch.setattr(nested, "OUTER", 300)
-    monkeypatch.setattr(nested, "NEAR", 50)

@@ -107,6 +107,18 @@ def test_check_with_another_scene(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "surface.mu = -1" in capsys.readouterr().out
 
 
+def test_many_columns_that_nobody_asked_for_take_one_short_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    extra = ",".join(f"extra_{k}" for k in range(5000))
+    (tmp_path / "wide.csv").write_text(f"v_y1,v_y2,{extra}\n" + f"5,4,{extra}\n" * 3)
+    args = make_parser().parse_args(["datasets", "check", str(tmp_path / "wide.csv")])
+    assert run(args) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if "extra_0, extra_1," in line and line.endswith(" and 4,988 more")]
+    assert max(map(len, lines)) < 400
+
+
 def test_check_of_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     assert call("check", "absent.csv") == 2
     assert capsys.readouterr().out.count("no such file") == 1

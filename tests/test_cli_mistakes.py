@@ -54,6 +54,20 @@ def test_values_are_told_in_the_same_words(words, said, capsys):
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("out", ["", " ", ".", "/", "x\0y", "new.csv/", "here"])
+def test_a_file_is_no_folder_and_nothing_is_no_place(out, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "here").mkdir()
+    verbs = ["predict", "export --to json", "calibrate", "plot", "batch", "plan", "compare", "simulate", "rederive"]
+    # All others write into folders.
+    for verb in verbs if not out.strip() or "\0" in out else verbs[:1]:
+        given = [] if verb in ("simulate", "rederive") else ["nowhere"]
+        with pytest.raises(SystemExit) as left:
+            main([*verb.split(), *given, "--out", out])
+        assert left.value.code == 2
+        assert "argument --out: read '" in capsys.readouterr().err and not [*(tmp_path / "here").iterdir()]
+
+
 def test_a_negative_number_is_no_option(capsys, small_fit):
     assert main(["predict", str(small_fit), "--impact", "v=17, theta=18", "--seed", "-1"]) == 2
     assert "expected a whole number not below 0" in capsys.readouterr().err

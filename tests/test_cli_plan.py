@@ -9,18 +9,8 @@ import pytest
 
 from fitball.cli.main import main
 from fitball.data.read import load_table
-from fitball.inference.design import nested
 
 WHERE = ["--speed", "10:30:3", "--angle", "15:75:4", "--spin", "-200:200:2", "--impacts", "3"]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def brief():
-    """Finalists are looked at only briefly."""
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(nested, "OUTER", 100)
-        patched.setattr(nested, "NEAR", 30)
-        yield
 
 
 @pytest.fixture(scope="module")

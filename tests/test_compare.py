@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from samples import drop_table, linear_problem, problem_of, search_briefly
+from validation.shared.simulated import SCHEDULE
 
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
@@ -30,7 +31,6 @@ from fitball.report.compare.rows import json_content
 from fitball.report.compare.words import words
 from fitball.report.form.json_text import json_text
 from fitball.scheduling.engine import engine
-from fitball.studies.shared.simulated import SCHEDULE
 from fitball.studies.thesis import ranking
 from fitball.studies.thesis.predictions import chapter_five_predictions
 

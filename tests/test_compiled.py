@@ -114,7 +114,7 @@ from fitball.inference.likelihood import ahead
 from fitball.inference.likelihood.posterior import layout_of
 from fitball.models.kernels import alone, batch, bounce_jacobian
 from fitball.models.kernels.compiled import on_disk
-from fitball.models.kernels.first_compile import when_compiling
+from fitball.first_compile import when_compiling
 from fitball.studies.bench.tables import posed
 told = []
 when_compiling(lambda compiling: told.append(compiling.kernel) if compiling else None)

@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 from test_house import HEAVY
 
-from fitball.cli import known_names
-from fitball.cli.completion import OFFERS, SHELLS, TABLES
-from fitball.cli.main import main, make_parser
+from fitball.cli.completion import SHELLS
+from fitball.cli.main import main
 
 BIN = Path(sys.executable).parent
 ASK = """source <(fitball completion bash)
@@ -26,22 +25,9 @@ done
 CASES = {
     "fitball cali": "calibrate ",
     "fitball calibrate --mo": "--model ",
-    "fitball calibrate mi": "mine.csv ",
-    "fitball calibrate wang_t": "wang_topspin.csv ",
-    "fitball calibrate deeper/": "deeper/two.CSV ",
-    "fitball calibrate x.csv --model g": "grip-slip ",
-    "fitball calibrate x.csv --closure normal=t": "total ",
-    "fitball calibrate x.csv --model brody --closure ": "cor=line|cor=saturating",
-    "fitball calibrate x.csv --fix mu": "mu=",
-    "fitball calibrate x.csv --prior spin": "spin_sd=",
-    "fitball calibrate x.csv --prior mu=literature:cl": "clay ",
-    "fitball calibrate x.csv --config ": "deeper/|fits/|mine.toml",
-    "fitball calibrate x.csv --seed ": "",
-    "fitball compare x.csv --models brody,two-mass+torsion=f": "free ",
-    "fitball simulate --impact v=3 --set mu": "mu=",
-    "fitball plot fits/": "fits/mine",
-    "fitball plot fits/mine cor": "corner ",
-    "fitball export fits/mine --to pyt": "python ",
+    "fitball calibrate mine.c": "mine.csv ",
+    "fitball calibrate deeper/": "deeper/notes.md|deeper/two.CSV",
+    "fitball calibrate x.csv --config ": "deeper/|fits/|mine.csv|mine.png|mine.toml",
     "fitball datasets ch": "check ",
 }
 
@@ -62,13 +48,14 @@ def test_bash_completes(place):
         env={**os.environ, "PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"}, check=True,
     )  # fmt: skip
     # Where one answer is left, bash's own blank is part of it, or the shell puts it there.
-    answers = [line.rstrip() for line in done.stdout.split("\n")[:-1]]
-    assert dict(zip(CASES, answers, strict=True)) == {line: answer.rstrip() for line, answer in CASES.items()}
+    # Files come in the order of the folder.
+    answers = [sorted(line.rstrip().split("|")) for line in done.stdout.split("\n")[:-1]]
+    assert dict(zip(CASES, answers, strict=True)) == {line: text.rstrip().split("|") for line, text in CASES.items()}
 
 
 @pytest.mark.parametrize(
     "words",
-    ["calibrate x.csv --fix ", "calibrate x.csv --prior mu=", "plot fits/mine ", "compare x.csv --models brody,", ""],
+    ["calibrate --", "plot fits/mine --", "compare x.csv --m", "datasets ", ""],
 )
 def test_completing_loads_nothing_heavy(words):
     line = f"fitball {words}"
@@ -82,29 +69,6 @@ def test_completing_loads_nothing_heavy(words):
         [sys.executable, "-c", code], env={**os.environ, **asked}, capture_output=True, text=True, check=False
     )
     assert "|" in done.stdout and "HEAVY []" in done.stdout, done.stdout + done.stderr
-
-
-def test_names_are_those_of_the_registries():
-    from fitball.data.columns import LABELS
-    from fitball.inference.problem.measurement_noise import SEPARATE, TIED
-    from fitball.inference.problem.noise import KINDS
-    from fitball.inference.problem.parameters import NOISE_SPECS
-    from fitball.models.registry import MODELS, closure_options
-    from fitball.studies.thesis.simulate_examples import EXAMPLES
-
-    assert {name: closure_options(name) for name in MODELS} == known_names.CLOSURES
-    assert tuple(NOISE_SPECS) == known_names.NOISE_PARAMETERS
-    assert tuple(KINDS) == known_names.NOISES
-    assert {TIED, SEPARATE} == set(known_names.VELOCITY_NOISES)
-    assert set(known_names.LABELS) == set(LABELS) - {"id"}
-    assert tuple(example.name for example in EXAMPLES) == known_names.EXAMPLES[:-1]
-    assert all(ending == ending.lower() for ending in TABLES)
-
-
-def test_what_is_offered_is_asked_for_somewhere():
-    from fitball.cli.completion import _actions
-
-    assert set(OFFERS) <= {action.dest for action in _actions(make_parser())}
 
 
 @pytest.mark.parametrize("shell", SHELLS)

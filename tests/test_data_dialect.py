@@ -371,3 +371,84 @@ def test_a_column_negative_in_every_row_is_one_line_with_what_to_do(tmp_path: Pa
     lines = [line for line in str(caught.value).splitlines() if "column 'v_y1'" in line]
     assert len(lines) == 1
     assert "5,000 rows (first: row 1, line 2)" in lines[0] and "pass flip='v_y1'" in lines[0]
+
+
+def test_a_row_is_a_summary_where_its_numbers_are_one(tmp_path: Path) -> None:
+    """People are called Max, runs N; `max` below a table is another matter."""
+    rng = np.random.default_rng(5)
+    numbers = np.column_stack([rng.uniform(4.0, 9.0, 6), rng.uniform(2.0, 4.0, 6)]).round(2)
+    names = ["Ann", "Max", "N", "Sum", "SD", "min"]
+    head = "id,v_y1,v_y2\n"
+    rows = "".join(f"{name},{one:.2f},{two:.2f}\n" for name, (one, two) in zip(names, numbers, strict=True))
+    assert read(tmp_path, head + rows).ids == tuple(names)
+    plain_rows = "".join(f"{k},{one:.2f},{two:.2f}\n" for k, (one, two) in enumerate(numbers))
+    for word, line in {
+        "Max": numbers.max(axis=0), "N": np.full(2, 6.0), "Sum:": numbers.sum(axis=0),
+        "SD": numbers.std(axis=0, ddof=1).round(1), "min.": numbers.min(axis=0),
+    }.items():  # fmt: skip
+        with pytest.raises(TableError, match=f"row 7.*begins with '{word}', as a row below a table that sums it up"):
+            read(tmp_path, f"{head}{plain_rows}{word},{line[0]:.6g},{line[1]:.6g}\n")
+
+
+@pytest.mark.parametrize("form", ["whole", "no index", "named index", "text index", "R"])
+def test_data_frames_as_they_are_printed(tmp_path: Path, form: str) -> None:
+    numbers = np.random.default_rng(1).uniform(3.0, 6.0, (6, 4)).round(3)
+    frame = pandas.DataFrame(numbers, columns=["v_x1", "v_y1", "v_x2", "v_y2"])
+    frame.loc[2, "v_x2"] = np.nan
+    frame["v_y2"] /= 2.0
+    frame["v_y1"] += 100.0
+    ids = [str(k) for k in range(6)]
+    if form == "text index":
+        ids = list("abcdef")
+        frame.index = pandas.Index(ids, name="id")
+    if form == "named index":
+        frame.index.name = "ID"
+    text = frame.to_string(index=form != "no index")
+    if form in ("R", "no index"):
+        ids = [str(k) for k in range(1, 7)]
+    if form == "R":
+        body = [" ".join([f'"{k + 1}"', *map(str, row)]) for k, row in enumerate(frame.to_numpy())]
+        text = "\n".join([" ".join(f'"{name}"' for name in frame), *body])
+    table = read(tmp_path, text.replace("nan", "NA"))
+    assert table.ids == tuple(ids)
+    np.testing.assert_allclose(table.impacts.v_y1, frame["v_y1"])
+    measured = table.measurement("v_x2")
+    assert measured is not None
+    np.testing.assert_allclose(measured.values, frame["v_x2"])
+
+
+def test_a_frame_printed_in_parts_or_without_a_place_for_its_first_column_is_refused(tmp_path: Path) -> None:
+    frame = pandas.DataFrame(np.random.default_rng(1).uniform(3.0, 6.0, (40, 2)), columns=["v_y1", "v_y2"])
+    with pytest.raises(TableError, match=r"read '\.\.', as of a data frame printed in parts"):
+        read(tmp_path, frame.to_string(max_rows=6))
+    # The first cells do not count rows: they may be numbers that were measured, and a name may be missing.
+    with pytest.raises(TableError, match="read 3 cells, expected 2"):
+        read(tmp_path, "v_y1 v_y2\n38 5 4\n41 6 5\n42 7 6\n")
+
+
+def test_what_excel_shows_for_missing_values_and_for_errors(tmp_path: Path) -> None:
+    """At the beginning of a line too, where a `#` else begins a comment."""
+    table = read(tmp_path, "omega_2,v_y1,v_y2,v_x1\n#N/A,5,4,0\n3,6,5,0\n# a comment\n#NV,7,6,0\n")
+    spin = table.measurement("omega_2")
+    assert spin is not None and len(table) == 3
+    np.testing.assert_array_equal(spin.values, [np.nan, 3.0, np.nan])
+    for cell in ("#DIV/0!", "#VALUE!", "#WERT!"):
+        with pytest.raises(TableError, match=f"row 1 .*read '{cell}', the error of a formula.*leave the cell empty"):
+            read(tmp_path, f"omega_2,v_y1,v_y2,v_x1\n{cell},5,4,0\n3,6,5,0\n")
+    with pytest.raises(TableError, match=r"read '\?'; expected a number .*: leave the cell empty where nothing was"):
+        read(tmp_path, "v_y1,v_y2\n5,4\n6,?\n")
+
+
+def test_kilonewtons_are_no_knots(tmp_path: Path) -> None:
+    for unit in ("KN", "Kn"):
+        with pytest.raises(TableError, match=rf"read unit '\[{unit}\]', which means two things: write kn"):
+            read(tmp_path, f"v_y1 [{unit}],v_y2\n5,4\n6,5\n")
+    knots = read(tmp_path, "v_y1 [kn],v_y2\n9,4\n18,5\n")
+    np.testing.assert_allclose(knots.impacts.v_y1, np.array([9, 18]) * 1852 / 3600)
+
+
+def test_an_sd_of_a_height_that_does_not_count_is_named(tmp_path: Path) -> None:
+    table = read(tmp_path, "v_y1,drop_height,drop_height_sd,v_y2\n7.05,2.54,0.01,5.2\n7.06,2.54,0.01,5.3\n")
+    assert said(table, "drop_height_sd is not used: v_y1 was measured")
+    with pytest.raises(TableError, match="a standard deviation of 'drop_height', but there is no column"):
+        read(tmp_path, "v_y1,drop_height_sd,v_y2\n7.05,0.01,5.2\n7.06,0.01,5.3\n")

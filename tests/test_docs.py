@@ -17,6 +17,9 @@ from made import pages
 from samples import TWO_MASS, coordinates_of, problem_of
 from scipy.stats import norm
 from scipy.stats import t as student
+from validation.sbc.replicate import RANKED
+from validation.sbc.summary import FAMILY_ERROR
+from validation.trust.pinned import PINNED
 
 import fitball
 from fitball.data.columns import HEIGHTS, LABELS, MEASURED
@@ -24,12 +27,12 @@ from fitball.data.scene_file import KEYS
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
 from fitball.inference import weigh
 from fitball.inference.adequacy import describe
-from fitball.inference.assumptions import importance_posterior
+from fitball.inference.assumptions import ball_constants
 from fitball.inference.assumptions import look as assumptions_look
 from fitball.inference.comparison import cross_validation as leave_out
 from fitball.inference.comparison import psis_loo as loo
 from fitball.inference.identifiability import posterior_verdict as identifiability
-from fitball.inference.identifiability import power_scaling, profile, profile_ends
+from fitball.inference.identifiability import power_scaling, profile, profile_ends, several_fits, traded, verdict
 from fitball.inference.identifiability.examine import PROFILED
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.likelihood.posterior import log_posterior
@@ -44,7 +47,7 @@ from fitball.inference.results import adequacy, fitted_model, score_difference
 from fitball.inference.results import assumptions as assumption_values
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT, RunStatus, Verdict
 from fitball.inference.sampling import ensembles as sampling
-from fitball.inference.sampling import moves
+from fitball.inference.sampling import importance_posterior, moves
 from fitball.models.registry import MODELS
 from fitball.models.specs import SPECS
 from fitball.models.types import PHASE_SYMBOL, Closures, ThesisClosures
@@ -52,9 +55,6 @@ from fitball.observables import NOISE_OF
 from fitball.report.figures.kinds import KINDS
 from fitball.report.fit.folder import CHAIN_NAME
 from fitball.report.saved.data_file import COUNTS, NUMBERS
-from fitball.studies.sbc.replicate import RANKED
-from fitball.studies.sbc.summary import FAMILY_ERROR
-from fitball.studies.trust.pinned import PINNED
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 PAGES = {f"{name}.md": text for name, text in pages().items()}
@@ -94,9 +94,14 @@ DECIDING = {
     "sure difference": score_difference.SURE_SIZE,
     "effective draws of a quick fit": importance_posterior.ENOUGH,
     "effective draws of a quick fit, at least": importance_posterior.LEAST,
-    "impacts with which assumptions are looked at": assumptions_look.ROWS,
-    "free parameters with which assumptions are looked at": assumptions_look.DIMENSIONS,
+    "impacts up to which alternatives are drawn": assumptions_look.ROWS,
+    "free parameters up to which alternatives are drawn": assumptions_look.DIMENSIONS,
     "sds by which a value moves that rests on a choice": assumption_values.MOVED,
+    "sds by which a value moves that rests on a constant": ball_constants.MOVED,
+    "sds of a constant to each side": ball_constants.REACH,
+    "share of its information that a parameter keeps without priors of others": traded.VANISHED,
+    "degrees of freedom of a noise that is not told": verdict.LEAST_FREEDOM,
+    "standard errors between several fits": several_fits.APART,
     "chance of a false exception": adequacy.FALSE_EXCEPT,
     'chance of a false "does not describe"': adequacy.FALSE_FAILS,
     "pattern that is too small, in noises": describe.SMALL,

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 import shutil
-import tomllib
 from dataclasses import replace
 from decimal import ROUND_HALF_EVEN, Decimal
 from importlib.resources import files
@@ -14,7 +12,6 @@ from importlib.resources import files
 import arviz_base
 import jsonschema
 import numpy as np
-import pandas as pd
 import pytest
 import xarray as xr
 
@@ -24,7 +21,7 @@ from fitball.cli.main import main
 from fitball.exports.formats import TEXT_FORMATS
 from fitball.exports.names import OWNERS
 from fitball.exports.paper_table import latex_table, markdown_table, paper_rows
-from fitball.exports.parameter_set import parameter_content, toml_text
+from fitball.exports.parameter_set import parameter_content
 from fitball.report.form.rounding import decimals, fixed
 
 
@@ -103,7 +100,6 @@ def test_levels_of_a_pooled_parameter_come_along(small_fit, tmp_path, capsys):
     found = parameter_content(pooled)
     jsonschema.validate(found, schema())
     assert found["levels"]["mu"]["values"]['red "clay".1']["point"] == 0.6
-    assert tomllib.loads(toml_text(pooled)) == found
     assert main(["export", str(tmp_path), "--to", "c", "--out", "-"]) == 0
     comment = " ".join(capsys.readouterr().out.split("*/")[0].replace("*", " ").split())
     assert "mu at the value common to all levels" in comment
@@ -112,24 +108,6 @@ def test_levels_of_a_pooled_parameter_come_along(small_fit, tmp_path, capsys):
     assert said in fit.exported("c", {}).note and said in fit.exported("lookup", {"range": "v_y=5"}).note
     assert said in fit.export("engine")[".md"] and said not in fit.exported("json", {}).note
     assert any(said in note for note in fit.predict("v=17, theta=25").attrs["notes"])
-
-
-def test_toml_reads_back_as_the_same_content(small_fit, saved, capsys):
-    assert tomllib.loads(toml_text(saved)) == parameter_content(saved)
-    assert main(["export", str(small_fit), "--to", "toml", "--out", "-"]) == 0
-    assert tomllib.loads(capsys.readouterr().out)["model"]["name"] == "grip-slip"
-
-
-def test_csv_in_both_systems(small_fit, saved, tmp_path):
-    assert main(["export", str(small_fit), "--to", "csv", "--out", str(tmp_path / "p.csv")]) == 0
-    table = pd.read_csv(tmp_path / "p.csv").set_index("parameter")
-    assert list(table.index) == list(saved.parameters)
-    for name, item in saved.parameters.items():
-        assert table.loc[name, "point"] == item.point
-        assert table.loc[name, "q975"] == item.q975
-    assert table.loc["offset", "thesis_unit"] == "in"
-    assert table.loc["offset", "thesis_sd"] == pytest.approx(saved.parameters["offset"].sd / 0.0254, rel=1e-14)
-    assert math.isnan(table.loc["mu", "thesis_point"])
 
 
 def pdg(sd):
@@ -293,7 +271,7 @@ def test_every_format_of_a_point_fit(point_only):
     assert {path.name for path in point_only.iterdir()} == {
         "fit.json", "bounce.py", "bounce.h", "bounce.js", "bounce.mjs", "bounce.cs", "bounce.gd",
         "golden.csv", "lookup.csv", "lookup.json", "engine.md", "engine.json",
-        "parameters.json", "parameters.toml", "parameters.csv", "parameters.tex", "parameters.md", "certificate.html",
+        "parameters.json", "parameters.tex", "parameters.md", "certificate.html",
     }  # fmt: skip
 
 

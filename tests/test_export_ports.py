@@ -297,15 +297,6 @@ def test_faces_refuse_what_is_no_impact(tmp_path):
     assert module.rebound(10.0, 90.0, 0.0)[5] == module.BEYOND_SPEEDS
 
 
-def test_a_strange_file_name_breaks_no_port(tmp_path):
-    whole = fitted("brody")
-    port = make_port(whole, golden(whole, whole.impacts), 'a\\N """ */ #error \n*/ x.csv')
-    compile(python_port(port), "port", "exec")
-    if CC is None:
-        pytest.skip("no C compiler here: the header is made but not compiled")
-    assert run_header(c_port(port), tmp_path).returncode == 0
-
-
 def test_a_drop_test_ports_its_vertical_motion(tmp_path):
     whole = replace(fitted("two-mass"), tangential=False)
     given = Impacts([0.0], [6.0], [0.0])

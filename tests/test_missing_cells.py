@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from samples import GRIP_SLIP, coordinates_of, drop_table, problem_of, same_values, synthetic
 from scipy import stats
+from validation.sbc.replicate import BounceExperiment
 
 import fitball
 from fitball.data.balances import scene_balances
@@ -35,7 +36,6 @@ from fitball.inference.problem.subsample import part_of, thinned_rows, withheld
 from fitball.report.saved.data_file import data_part, read_data, write_data
 from fitball.report.saved.fit_text import fit_text
 from fitball.report.saved.saved_fit import read_fit
-from fitball.studies.sbc.replicate import BounceExperiment
 
 WANG = load_table("wang_all.csv")
 SDS = {"v_x2": 0.25, "v_y2": 0.25, "omega_2": 10.0}

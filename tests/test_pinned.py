@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from samples import GRIP_SLIP, TWO_MASS, drop_table, linear_problem, problem_of
-
-from fitball.studies.trust import pinned as module
-from fitball.studies.trust.pinned import pinned
+from validation.trust import pinned as module
+from validation.trust.pinned import pinned
 
 LINE = {"cor_10": 0.76, "cor_slope": -0.014, "velocity_sd": 0.05}
 

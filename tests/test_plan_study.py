@@ -7,16 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import norm
+from validation import command as validate
+from validation.plan import run
+from validation.plan.cases import CASES, Case
+from validation.plan.findings import finding
+from validation.plan.replicate import AGAIN, PLANNED, Narrowed, extended, planned_from, replicate
 
-from fitball.cli import validate
 from fitball.errors import FitError
-from fitball.inference.design import nested
 from fitball.inference.design.sensor import PlannedColumn
 from fitball.inference.likelihood.posterior import log_posterior
-from fitball.studies.plan import run
-from fitball.studies.plan.cases import CASES, Case
-from fitball.studies.plan.findings import finding
-from fitball.studies.plan.replicate import AGAIN, PLANNED, Narrowed, extended, planned_from, replicate
 
 CASE = Case(
     "friction", "wang_all", "grip-slip", "mu", 2, {"speed": "10:30:2", "angle": "15:60:3", "spin": "-200:200:2"}
@@ -25,9 +24,7 @@ CASE = Case(
 
 @pytest.fixture(scope="module")
 def ready(grip_slip_fit):
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(nested, "OUTER", 100)
-        return planned_from(CASE, grip_slip_fit.result, 1)
+    return planned_from(CASE, grip_slip_fit.result, 1)
 
 
 def test_new_impacts_enter_the_density_beside_those_of_the_table(ready):

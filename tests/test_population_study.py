@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from validation.command import main
+from validation.population import coverage, findings, levels
+from validation.population.findings import coverages, findings_json, level_coverages
+from validation.population.tables import INTERIM, QUANTITIES, draw_table, draw_truth
 
-from fitball.cli.validate import main
 from fitball.inference.population.quantity import prior_of, quantity
 from fitball.scheduling.engine import engine
-from fitball.studies.population import coverage, findings, levels
-from fitball.studies.population.findings import coverages, findings_json, level_coverages
-from fitball.studies.population.tables import INTERIM, QUANTITIES, draw_table, draw_truth
 
 SDS = {"mu": 0.35, "cor_10": 0.06}
 # Twenty populations on levels of which every interval holds.
@@ -71,7 +71,7 @@ def rows(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(coverage, "fitted_tables", normal_tables)
         patch.setattr(coverage, "TABLES", 10)
-        patch.setattr("fitball.studies.population.findings.TABLES", 10)
+        patch.setattr("validation.population.findings.TABLES", 10)
         path = tmp_path_factory.mktemp("study") / "populations.csv"
         coverage.run_populations(1, 3, path, engine(1))
         return coverage.run_populations(1, 12, path, engine(1))

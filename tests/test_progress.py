@@ -8,9 +8,9 @@ from itertools import pairwise
 import pytest
 
 from fitball.cli.progress import ProgressLine
+from fitball.first_compile import Compiling, tell_nobody, when_compiling
 from fitball.inference.sampling.convergence import Convergence
 from fitball.inference.sampling.ensembles import Progress
-from fitball.models.kernels.first_compile import Compiling, tell_nobody, when_compiling
 
 
 class Terminal(io.StringIO):

@@ -19,7 +19,6 @@ from fitball.cli.main import main
 from fitball.errors import (
     Fault,
     FitballError,
-    ModelError,
     ParameterError,
     ReadingError,
     ResultFolderError,
@@ -187,7 +186,7 @@ def test_what_is_no_number_is_refused():
         fitball.simulate("v=17, theta=18", values={"mu": [0.5, 0.6]})
     with pytest.raises(ParameterError, match="ball mass = '57 g': expected a number"):
         fitball.Ball("57 g")
-    with pytest.raises(ModelError, match="unknown model"):
+    with pytest.raises(ParameterError, match="model: read a value of type GripSlipModel, expected a text"):
         fitball.simulate("v=17, theta=18", model=fitball.model("brody"))
 
 

@@ -180,7 +180,7 @@ def test_what_is_no_impact_is_refused(short_fit):
         short_fit.predict("v=17, theta=18", seed=-1)
     with pytest.raises(ParameterError, match="read no impacts"):
         short_fit.predict(fitball.impacts([], []))
-    with pytest.raises(ParameterError, match="units: read 'mph', expected texts by our names"):
+    with pytest.raises(ParameterError, match="units: read 'mph', expected a dict, each value a text"):
         short_fit.predict({"v_1": [17.0], "theta_1": [18.0]}, units="mph")
 
 
@@ -279,7 +279,7 @@ def test_exports_are_those_of_the_verb(short_fit, folder, tmp_path, capsys):
         ("lookup", {"range": 5}, "range = 5: expected a text"),
         ("engine", {"engine_inertia": "0.4"}, "engine_inertia = '0.4': expected a number"),
         ("golden", {"inputs_only": "yes"}, "inputs_only = 'yes': expected True or False"),
-        (5, {}, "unknown format '5'"),
+        (5, {}, "to: read 5, expected a text"),
     ],
 )
 def test_a_wrong_export_is_refused(short_fit, to, named, said):

@@ -22,6 +22,7 @@ from fitball.data.reading.flip import FLIPPABLE, flipped
 from fitball.data.reading.hypotheses import hypotheses
 from fitball.data.reading.impulse_laws import misfit
 from fitball.data.reading.motion import motion_of
+from fitball.data.reading.spins import missing_above
 from fitball.data.scene import Scene, load_scene
 from fitball.data.units import UNITS
 from fitball.errors import ParameterError, ReadingError, TableError
@@ -101,6 +102,62 @@ def test_nothing_that_can_be_read_is_too_odd_to_be_judged():
         assert said is None or said.lines(Scene())
 
 
+def unsigned(columns, *names):
+    return {name: np.abs(values) if name in names else values for name, values in columns.items()}
+
+
+# Columns whose signs are gone, and what is said of them: of which of them the signs make a difference.
+SIGNS = [
+    ("wide", ("omega_1",), "omega_1"),
+    ("wide", ("omega_1", "omega_2"), "omega_1"),
+    ("basketball", ("omega_1", "omega_2"), "omega_1"),
+    ("backspin", ("omega_2",), "omega_2"),
+    ("table tennis", ("omega_1",), "omega_1"),
+    ("table tennis", ("omega_2",), "omega_2"),
+    ("table tennis", ("omega_1", "omega_2"), "omega_1 and omega_2"),
+]
+
+
+@pytest.mark.parametrize(("design", "names", "missing"), SIGNS)
+@pytest.mark.parametrize("form", [dict, misread.polar])
+def test_spins_without_signs_are_found(design, names, missing, form):
+    """The signs that are gone are found too, row by row, where spins are not small."""
+    columns, ball = misread.table(design, 3)
+    read = form(unsigned(columns, *names))
+    said = doubt(read, ball)
+    assert said is not None and f"with the signs of {missing} missing" in said.found[0].hypothesis.words
+    assert not any(item.hypothesis.flips for item in said.found)
+    meant = said.found[0].hypothesis.apply(read)
+    for name in missing.split(" and "):
+        clear = np.abs(columns[name]) > 0.2 * np.abs(columns[name]).max()
+        assert np.all(np.sign(meant[name]) == np.sign(columns[name]), where=clear)
+
+
+@pytest.mark.parametrize("design", ["wide", "all grip", "basketball", "superball", "squash", "rolling"])
+def test_spins_that_all_are_topspin_are_not_doubted(design):
+    """After the bounce nearly all are; before it those of a topspin drill."""
+    for seed in range(2):
+        columns, ball = misread.table(design, seed)
+        assert doubt(unsigned(columns, "omega_2"), ball) is None
+        top = columns["omega_1"] > 0.0
+        assert doubt({name: values[top] for name, values in columns.items()}, ball) is None
+
+
+def test_missing_large_spins_are_named_and_spins_missing_by_chance_are_not():
+    columns, ball = misread.table("wide", 3)
+    fast = np.abs(columns["omega_2"]) > np.quantile(np.abs(columns["omega_2"]), 0.7)
+    lost = columns | {"omega_2": np.where(fast, np.nan, columns["omega_2"])}
+    said = missing_above(lost, ball)
+    assert said is not None and "of 9 that are missing are above" in said
+    assert missing_above(misread.polar(lost), ball) is not None
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        chance = columns | {"omega_2": np.where(rng.permutation(fast), np.nan, columns["omega_2"])}
+        assert missing_above(chance, ball) is None
+    assert missing_above(columns, ball) is None
+    assert missing_above({name: values for name, values in lost.items() if name != "v_x2"}, ball) is None
+
+
 def test_a_few_bad_rows_are_no_misreading():
     """Every third spin negated, or one row in ten astray: other matters, and no reading mends them."""
     columns, ball = misread.table("wide", 0)
@@ -154,7 +211,7 @@ def test_no_reading_is_proposed_that_is_absurd_itself():
 def test_what_each_hypothesis_does():
     columns, _ball = misread.table("wide", 0)
     units = {name: misread.UNITS[name] for name in columns} | {"omega_1_sd": "rad/s"}
-    known = {item.words: item for item in hypotheses(columns, units)}
+    known = {item.words: item for item in hypotheses(columns, units, misread.TENNIS)}
     rpm = known["with omega_1 and omega_2 in rpm instead of rad/s"]
     np.testing.assert_allclose(rpm.apply(columns)["omega_2"], columns["omega_2"] * np.pi / 30.0)
     assert rpm.remedy == "write in the header 'omega_1 [rpm]', 'omega_2 [rpm]' and 'omega_1_sd [rpm]'"
@@ -163,7 +220,7 @@ def test_what_each_hypothesis_does():
     assert "with omega_1, omega_2, v_x1 and v_x2 negated" not in known, "the mirror image of nothing"
     assert not any("theta" in words for words in known)
     turned = misread.polar(columns)
-    angles = {item.words: item for item in hypotheses(turned, misread.UNITS)}
+    angles = {item.words: item for item in hypotheses(turned, misread.UNITS, misread.TENNIS)}
     normal = angles["with theta_2 measured from the normal"].apply(turned)
     np.testing.assert_allclose(normal["theta_2"] + turned["theta_2"], np.pi / 2.0)
     assert {unit for words in known for unit in UNITS if f" in {unit} instead" in words} >= {

@@ -188,7 +188,7 @@ def test_a_folder_in_the_place_of_a_result_is_not_replaced(tmp_path, capsys):
     (tmp_path / "out" / "fit.json").mkdir(parents=True)
     command = ["calibrate", "wang_zero_spin.csv", "--model", "brody", "--point-only", "--out", str(tmp_path / "out")]
     assert main([*command, "--overwrite"]) == 2
-    assert "fit.json: cannot be removed" in capsys.readouterr().err
+    assert "fit.json: is a folder" in capsys.readouterr().err
 
 
 def _replace(name, array):

@@ -25,7 +25,7 @@ BREAKS = {
         "fitball.report.form.csv", "fitball.report.saved.structure",
     ),
     "Models: kernels, faces, registry": ("fitball.models.types", "fitball.models.registry"),
-    "Studies do not know each other": ("fitball.studies.bench.page", "fitball.studies.sbc.summary"),
+    "Studies do not know each other": ("fitball.studies.bench.page", "fitball.studies.repeat.text"),
     "Only figures draw": ("fitball.inference.results.results", "matplotlib"),
     "Only the minimiser knows lmfit": ("fitball.inference.point.starts", "lmfit"),
     "Only sampling knows emcee": ("fitball.inference.point.point_fit", "emcee"),
@@ -34,7 +34,10 @@ BREAKS = {
 }  # fmt: skip
 ROOMS = sorted(place.parent for place in (ROOT / "fitball").rglob("__init__.py") if place.parent.name != "fitball")
 # What every module may use.
-OPEN_TO_ALL = {"errors", "observables", "on_demand", "values", "version", "visible", "wording"}
+OPEN_TO_ALL = {
+    "environment", "errors", "files", "first_compile", "kinds", "observables", "on_demand", "values", "version",
+    "visible", "wording",
+}  # fmt: skip
 
 
 @pytest.fixture

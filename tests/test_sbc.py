@@ -9,17 +9,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from toy_experiment import Toy
+from validation.command import Counter, main
+from validation.sbc import run as sbc_run
+from validation.sbc.figure import rank_figure
+from validation.sbc.replicate import BounceExperiment, Ranked, ranks_among, run_replicate
+from validation.sbc.run import run_replicates
+from validation.sbc.summary import summarise, summary_json, summary_rows
 
 from fitball.cli.progress import ProgressLine
-from fitball.cli.validate import Counter, main
 from fitball.errors import ResultFolderError
 from fitball.inference.likelihood.posterior import densities
 from fitball.scheduling.engine import engine
-from fitball.studies.sbc import run as sbc_run
-from fitball.studies.sbc.figure import rank_figure
-from fitball.studies.sbc.replicate import BounceExperiment, Ranked, ranks_among, run_replicate
-from fitball.studies.sbc.run import run_replicates
-from fitball.studies.sbc.summary import summarise, summary_json, summary_rows
 
 
 def findings(toy, count=200, seed=1):
@@ -161,7 +161,7 @@ def test_the_command_end_to_end(tmp_path, capsys):
 
 
 def test_the_commands_verdict_and_exit_codes(tmp_path, capsys, monkeypatch):
-    import fitball.studies.sbc.replicate as sbc
+    import validation.sbc.replicate as sbc
 
     for told, code in ((1.0, 0), (0.5, 1)):
         monkeypatch.setattr(sbc, "BounceExperiment", lambda _table, _model, _wrong, told=told: Toy(told))

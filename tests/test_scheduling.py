@@ -13,6 +13,7 @@ import pytest
 from door_tasks import blamed, dies_at_first, elsewhere, folder_elsewhere, slow_to_fast
 from samples import HANG, drop_table, problem_of
 from toy_experiment import Toy
+from validation.sbc.run import run_replicates
 
 import fitball
 from fitball.errors import FitError, ParameterError
@@ -21,7 +22,6 @@ from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.starts import starting_points
 from fitball.report.form.json_text import json_text
 from fitball.scheduling.engine import engine, in_order
-from fitball.studies.sbc.run import run_replicates
 from fitball.wording import speaking_to_command_line
 
 

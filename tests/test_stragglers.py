@@ -10,6 +10,7 @@ import pytest
 
 from fitball.inference.sampling import ensemble as walking
 from fitball.inference.sampling import ensembles as sampling
+from fitball.inference.sampling import stragglers
 from fitball.inference.sampling.chain_file import ChainFile
 from fitball.inference.sampling.ensembles import SamplingInterrupted, Schedule, Settings, sample
 from fitball.inference.sampling.stragglers import left_behind, left_behind_words
@@ -190,3 +191,23 @@ def test_with_a_straggler_a_run_resumes_to_the_same_chain(planted, tmp_path):
         resumed = run(SPURIOUS, settings, ChainFile(tmp_path / f"{name}.h5", "same"), resume=True)
         np.testing.assert_array_equal(resumed.chains, whole.chains)
         np.testing.assert_array_equal(resumed.moved, whole.moved)
+
+
+class Rounding(np.ndarray):
+    """A matrix whose products round equal rows differently, as those of some processors do."""
+
+    __array_priority__ = 1.0
+
+    def __rmatmul__(self, other):
+        product = other @ np.asarray(self)
+        product[..., ::2, :] = np.nextafter(product[..., ::2, :], np.inf)
+        return product
+
+
+def test_a_walker_that_stood_still_has_not_moved_however_products_round(monkeypatch):
+    rng = np.random.default_rng(1)
+    chains, scores = rng.standard_normal((1, 200, 40, 3)), rng.standard_normal((1, 200, 40))
+    chains[0, :, 7], scores[0, :, 7] = 0.1, -50.0
+    plain = stragglers._axes
+    monkeypatch.setattr(stragglers, "_axes", lambda draws: (plain(draws)[0].view(Rounding), plain(draws)[1]))
+    assert np.argwhere(left_behind(chains, scores)).tolist() == [[0, 7]]

@@ -8,18 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import binomtest
+from validation.command import main
+from validation.shared.rate import Rate
+from validation.trust.designs import DESIGNS
+from validation.trust.findings import finding, findings, findings_text
+from validation.trust.replicate import Said, Told
+from validation.trust.run import run_scenario
+from validation.trust.scenarios import SCENARIOS, TRUTH
 
-from fitball.cli.validate import main
 from fitball.errors import ResultFolderError
 from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.results import Verdict
 from fitball.scheduling.engine import engine
-from fitball.studies.shared.rate import Rate
-from fitball.studies.trust.designs import DESIGNS
-from fitball.studies.trust.findings import finding, findings, findings_text
-from fitball.studies.trust.replicate import Said, Told
-from fitball.studies.trust.run import run_scenario
-from fitball.studies.trust.scenarios import SCENARIOS, TRUTH
 
 
 def told(answer=Answer.DESCRIBES, verdict=Verdict.IDENTIFIED, truth=0.5, pinned=None):

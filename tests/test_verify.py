@@ -1,4 +1,4 @@
-"""`fitball verify`: right ports pass, wrong ones fail, and familiar mistakes are named."""
+"""`fitball verify`: right ports pass, wrong ones fail."""
 
 from __future__ import annotations
 
@@ -55,7 +55,6 @@ def test_a_right_port_passes(golden, verify):
     code, out, _ = verify(golden)
     assert code == 0
     assert "passed (tolerance 1e-09 relative)" in out
-    assert "Likely cause" not in out
 
 
 def test_order_units_and_printed_digits_do_not_matter(golden, verify):
@@ -95,74 +94,18 @@ def test_a_wrong_regime_fails(golden, verify):
     assert "the port says another" in out
 
 
-def rebounds(small_fit, golden, spin):
-    """Outputs for another incident spin, with the golden ids."""
-    saved = fitball.load_fit(small_fit)
-    given = fitball.impacts(golden["v_x1 [m/s]"], golden["v_y1 [m/s]"], spin * golden["omega_1 [rad/s]"])
-    found = saved.fitted.rebound(given)
-    return pd.DataFrame(
-        {"id": golden["id"], "v_x2": found.v_x2[0], "v_y2": found.v_y2[0], "omega_2": found.omega_2[0]}
-    )
-
-
 @pytest.mark.parametrize(
-    ("column", "factor", "words"),
+    ("column", "factor"),
     [
-        ("v_y2 [m/s]", -1.0, ["v_y2 has the other sign"]),
-        ("omega_2 [rad/s]", -1.0, ["omega_2 has the other sign: topspin is positive"]),
-        ("omega_2 [rad/s]", 30.0 / math.pi, ["omega_2 is in rpm"]),
-        ("omega_2 [rad/s]", math.pi / 30.0, ["from rpm into rad/s once too often"]),
-        ("omega_2 [rad/s]", 180.0 / math.pi, ["degrees a second"]),
-        ("v_x2 [m/s]", 3.6, ["v_x2 is in km/h"]),
-        ("v_y2 [m/s]", 1.0 / 0.44704, ["v_y2 is in mph"]),
-        ("v_x2 [m/s]", 1.01, []),
+        ("v_y2 [m/s]", -1.0), ("omega_2 [rad/s]", -1.0), ("omega_2 [rad/s]", 30.0 / math.pi), ("v_x2 [m/s]", 1.01),
+        ("v_x2 [m/s]", 1.0 + 1e-7),
     ],
-)
-def test_familiar_mistakes_of_an_output_are_named(golden, verify, column, factor, words):
+)  # fmt: skip
+def test_a_wrong_sign_unit_or_precision_fails_in_its_column_alone(golden, verify, column, factor):
     golden[column] *= factor
-    code, out, _ = verify(golden)
-    assert code == 1
-    assert ("Likely cause" in out) == bool(words)
-    for text in words:
-        assert text in out
-
-
-@pytest.mark.parametrize(
-    ("spin", "words"),
-    [
-        (-1.0, "the incident spin has the other sign"),
-        (0.0, "the incident spin is not used"),
-        (math.pi / 30.0, "was taken for rpm"),
-        (30.0 / math.pi, "was turned into rpm"),
-    ],
-)
-def test_familiar_mistakes_of_the_incident_spin_are_named(small_fit, golden, verify, spin, words):
-    code, out, _ = verify(rebounds(small_fit, golden, spin))
-    assert code == 1
-    assert words in out
-
-
-def test_a_port_with_backspin_positive_is_understood_as_a_whole(small_fit, golden, verify):
-    port = rebounds(small_fit, golden, -1.0)
-    port["omega_2"] *= -1.0
-    _, out, _ = verify(port)
-    assert "the incident spin has the other sign" in out
-    assert "omega_2 has the other sign" in out
-    assert "v_x2" not in out.split("Likely cause")[1]
-
-
-def test_degrees_for_radians(golden, verify):
-    theta = np.arctan2(golden["v_y2 [m/s]"], golden["v_x2 [m/s]"])
-    _, out, _ = verify(pd.DataFrame({"theta_2": theta}))
-    assert "theta_2 is in radians" in out
-
-
-def test_single_precision_is_recognised(golden, verify):
-    golden[OUTPUTS] = golden[OUTPUTS].astype(np.float32)
-    code, out, _ = verify(golden)
-    assert code == 1
-    assert "single precision" in out
-    assert verify(golden, "--tolerance", "1e-6")[0] == 0
+    code, out, _ = verify(golden, "--json")
+    wrong = {name for name, found in json.loads(out)["outputs"].items() if found["relative"] > 1e-9}
+    assert code == 1 and wrong == {column.partition(" ")[0]}
 
 
 def test_bad_files_are_explained(golden, verify):

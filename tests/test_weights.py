@@ -1,12 +1,11 @@
-"""Weights of models: the best on the simplex, and pseudo-BMA."""
+"""Stacking weights of models: the best on the simplex."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.special import softmax
 
-from fitball.inference.comparison.model_weights import pseudo_bma_weights, stacking_weights
+from fitball.inference.comparison.model_weights import stacking_weights
 
 
 def brute_force(elpd, steps=100):
@@ -31,18 +30,3 @@ def test_stacking_keeps_its_head_far_from_one():
     elpd = np.array([[-900.0, -2000.0], [-850.0, -700.0], [-800.0, -810.0]])
     np.testing.assert_allclose(stacking_weights(elpd), [2 / 3, 1 / 3], atol=1e-3)
     np.testing.assert_allclose(stacking_weights(elpd[:1]), [1.0, 0.0], atol=1e-4)
-
-
-def test_pseudo_bma_weights():
-    # The same gap at every impact: no bootstrap can change the totals, and the weights are those of Akaike's form.
-    elpd = np.random.default_rng(0).normal(-3.0, 1.0, (15, 1)) + np.array([[0.0, -0.1, 0.05]])
-    rng = np.random.default_rng(1)
-    np.testing.assert_allclose(pseudo_bma_weights(elpd, rng), softmax(15 * np.array([0.0, -0.1, 0.05])), rtol=1e-9)
-    # An uncertain gap is drawn towards equal weights.
-    rough = np.random.default_rng(2).normal(0.0, 3.0, (15, 2))
-    rough[:, 0] += 0.3 + rough[:, 1].mean() - rough[:, 0].mean()
-    plain = softmax(rough.sum(axis=0))
-    assert 0.5 < pseudo_bma_weights(rough, rng)[0] < plain[0]
-
-
-# --- the truth is found, and only when it is there

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import norm
-
-from fitball.studies.sbc.replicate import RANKED, Ranked, ranks_among
+from validation.sbc.replicate import RANKED, Ranked, ranks_among
 
 
 @dataclass(frozen=True)

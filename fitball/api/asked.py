@@ -6,13 +6,15 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from numbers import Real
-from typing import Any
+from typing import Any, TypeVar
 
 from fitball.data.table import ImpactTable
 from fitball.data.written import check_source, in_memory
 from fitball.errors import ParameterError
 from fitball.inference.problem.choices import Choices
 from fitball.inference.problem.priors import FAMILIES
+
+T = TypeVar("T")
 
 
 def sources_of(data: Any) -> tuple[list[Any], tuple[str, ...]]:
@@ -36,6 +38,11 @@ def flips(flip: str | Sequence[str]) -> tuple[str, ...]:
     return (flip,) if isinstance(flip, str) else tuple(flip)
 
 
+def given(options: Mapping[str, T] | None) -> Mapping[str, T]:
+    """What was said by name, nothing for None; what is no mapping stays for `checked_choices`."""
+    return {} if options is None else options
+
+
 def checked_choices(choices: Choices) -> None:
     """Raise ParameterError for choices of a type that cannot be meant, and say how they are written."""
     for field in fields(choices):
@@ -45,8 +52,6 @@ def checked_choices(choices: Choices) -> None:
                 raise ParameterError(f"{field.name}: read {value!r}, expected a dict, such as {EXAMPLES[field.name]}")
             for name, item in value.items():
                 _check_item(field.name, name, item)
-        elif field.name != "incident_errors" and not isinstance(value, str | None):
-            raise ParameterError(f"{field.name}: read {value!r}, expected a text")
 
 
 EXAMPLES = {

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, Unpack
 
-from fitball.api.asked import checked_choices, flips, sources_of
+from fitball.api.asked import checked_choices, flips, given, sources_of
 from fitball.api.fit import Fit
 from fitball.api.progress import Report, Wanted, reporting, silent
 from fitball.data.force_file import find_force
@@ -21,6 +21,7 @@ from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.force_records import build_records
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.chain_file import ChainFile
+from fitball.kinds import checked
 from fitball.report.fit.folder import CHAIN_NAME, prepare_folder
 from fitball.report.saved.saved_fit import read_fit
 
@@ -112,6 +113,7 @@ def begin(problem: Problem, effort: Effort, folder: Path, *, overwrite: bool = F
     return Run(problem, effort, chain, resume and chain is not None and chain.path.exists())
 
 
+@checked
 def calibrate(
     table: Table | Sequence[Table],
     model: str | None = None,
@@ -162,7 +164,15 @@ def calibrate(
     0.56
     """
     choices = Choices(
-        model, closures or {}, priors or {}, fix or {}, noise, pool or {}, offsets, incident_errors, velocity_noise
+        model,
+        given(closures),
+        given(priors),
+        given(fix),
+        noise,
+        given(pool),
+        offsets,
+        incident_errors,
+        velocity_noise,
     )
     threads = (os.cpu_count() or 1) if cores is None else cores
     effort = Effort(seed=seed, point_only=point_only, walkers=walkers, max_steps=max_steps, cores=threads)
@@ -173,6 +183,7 @@ def calibrate(
         return Run(asked, effort).fit(report)
 
 
+@checked
 def load_fit(path: PathLike) -> Fit:
     """Read a fit back from its folder, or its `fit.json`; the other files of the folder are read when asked for.
 

@@ -15,6 +15,8 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable, Notice
 from fitball.errors import Fault, FitballError, ParameterError, ReadingError, SceneError, TableError
+from fitball.kinds import checked
+from fitball.visible import one_line
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,10 +57,11 @@ class Checked:
         if self.table is not None:
             lines.append(f"{self.table.source}: {len(self.table)} impacts{', no fault' if self.ok else ''}")
             told = (*self.table.remarks, *(str(item) for item in self.notices[len(self.table.notices) :]))
-            lines += [f"  - {remark}" for remark in told]
+            lines += [one_line(f"  - {remark}") for remark in told]
         return "\n".join(lines)
 
 
+@checked
 def check(
     data: Table,
     *,

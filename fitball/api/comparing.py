@@ -20,10 +20,11 @@ from fitball.inference.comparison.compare import compare as run_comparison
 from fitball.inference.comparison.published_sets import published_sets
 from fitball.inference.effort import Effort
 from fitball.inference.results.results import RunStatus
+from fitball.kinds import checked
 from fitball.report.compare.rows import csv_rows, json_content
 from fitball.report.compare.text import render
 from fitball.report.compare.words import words
-from fitball.report.form.folders import clear_folder
+from fitball.report.form.folders import clear_folder, held
 from fitball.report.form.text_table import columns as aligned
 from fitball.scheduling.engine import Engine, engine
 
@@ -98,13 +99,15 @@ class Comparison:
 
         return compare_figure(self.result)
 
+    @checked
     def save(self, folder: PathLike, *, overwrite: bool = False) -> Path:
         """Write `compare.json`, tables and figures. Raises ResultFolderError."""
         from fitball.report.compare.folder import JSON_NAME, write_all
 
         path = Path(folder)
-        clear_folder(path, JSON_NAME, overwrite=overwrite)
-        write_all(self.result, self.words, path)
+        with held(path):
+            clear_folder(path, JSON_NAME, overwrite=overwrite)
+            write_all(self.result, self.words, path)
         return path
 
     def __eq__(self, other: object) -> bool:
@@ -160,6 +163,7 @@ def contest(
     return Contest(table, candidates, effort, workers, quick, (*table.remarks, *doubts, *known.assumed, *said))
 
 
+@checked
 def compare(
     data: Table | Sequence[Table],
     models: Sequence[str] | None = None,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from fitball.errors import ParameterError, suggestion
 from fitball.exports.names import FORMAT_NAMES, KINDS, OWNERS
-from fitball.report.form.atomic_write import refuse_existing, write_text, write_whole
+from fitball.report.form.atomic_write import refuse_existing, write_bytes, write_text
 from fitball.report.saved.saved_fit import SavedFit
 from fitball.wording import spoken
 
@@ -46,14 +46,10 @@ class Exported:
             refuse_existing(place, overwrite)
         for ending, place in zip(endings, places, strict=True):
             if self.tree is None:
-                write_text(place, self.texts[ending])
+                write_text(place, self.texts[ending], named=True)
             else:
-                write_whole(place, self._write_tree)
+                write_bytes(place, self.tree.to_netcdf(engine="h5netcdf"), named=True)
         return places
-
-    def _write_tree(self, place: Path) -> None:
-        assert self.tree is not None
-        self.tree.to_netcdf(place, engine="h5netcdf")
 
 
 def exported(

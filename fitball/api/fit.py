@@ -20,8 +20,10 @@ from fitball.inference.design.make_plan import Asked
 from fitball.inference.prediction.new_impacts import NewPrediction, predict_new
 from fitball.inference.problem.observables import Observable
 from fitball.inference.results.fitted_model import FittedModel
+from fitball.kinds import checked
 from fitball.report.fit.folder import prepare_folder, write_all
 from fitball.report.fit.short import html_text, report_text, short_text, summary_columns
+from fitball.report.form.folders import held
 from fitball.values import FloatArray, Impacts, same
 
 if TYPE_CHECKING:
@@ -83,6 +85,7 @@ class Fit(Found):
         """Figures by name: `fit.plot.corner()`, `fit.plot("corner")`; `dir(fit.plot)` lists them."""
         return Plots(lambda: self.result)
 
+    @checked
     def predict(
         self,
         data: Any,
@@ -106,6 +109,7 @@ class Fit(Found):
         """
         return foretell(self.saved, self.predicting, data, units, flip, exact_incidence, seed, columns).frame()
 
+    @checked
     def predict_interval(
         self,
         impacts: Impacts,
@@ -122,10 +126,12 @@ class Fit(Found):
         """The fitted model with the draws that predictions are made from."""
         return self._made.predicting if self._made is not None else self.saved.predicting
 
+    @checked
     def simulate(self, impact: Impacts | str, *, draws: int = 200) -> Course:
         """One impact through time, with bands from `draws` of the posterior; see `fitball.simulate`."""
         return course_of_fit(self.saved, impact, draws)
 
+    @checked
     def plan(
         self,
         target: str | Sequence[str] | None = None,
@@ -156,19 +162,20 @@ class Fit(Found):
         ways = (sensors,) if isinstance(sensors, str) else sensors
         return planned(self.result, Asked(target, *ranges, impacts, repeats, ways, dict(cost or {}), seed), progress)
 
+    @checked
     def export(
         self, /, to: str, out: str | os.PathLike[str] | None = None, *, overwrite: bool = False, **options: Any
     ) -> Mapping[str, str] | tuple[Path, ...]:
         """The fit in another form, as the verb `export` writes it: texts by the ending of their file, or with `out`
         (a file or a folder) the places that were written.
 
-        Forms are `python`, `c`, `javascript`, `csharp`, `gdscript`, `golden`, `lookup`, `engine`, `json`, `toml`,
-        `csv`, `latex`, `markdown`, `certificate` and `netcdf` (a file only). Options: `prefix` (c, javascript,
+        Forms are `python`, `c`, `javascript`, `csharp`, `gdscript`, `golden`, `lookup`, `engine`, `json`,
+        `latex`, `markdown`, `certificate` and `netcdf` (a file only). Options: `prefix` (c, javascript,
         csharp), `inputs_only` (golden), `range` (lookup), `at` and `engine_inertia` (engine), `json` (engine, lookup:
         the JSON alone). Raises ParameterError, ResultFolderError.
 
-        >>> print(fit.export("csv")[".csv"].splitlines()[1])
-        mu,model,,...
+        >>> print(fit.export("latex")[".tex"].splitlines()[0])
+        %...
         """
         made = self.exported(to, options)
         if out is not None:
@@ -188,6 +195,7 @@ class Fit(Found):
 
         return exported(self.saved, to, options, tree)
 
+    @checked
     def to_inferencedata(self, draws: int | None = None) -> xr.DataTree:
         """Draws and data for ArviZ: groups posterior, sample_stats, log_likelihood, posterior_predictive, prior,
         observed_data and constant_data, as `arviz_base` makes them (a DataTree), in four chains of `draws` each.
@@ -202,6 +210,7 @@ class Fit(Found):
 
         return whole_tree(self.result, draws)
 
+    @checked
     def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False, figures: bool = True) -> Path:
         """Write the result folder: `fit.json`, measurements, draws, tables, figures (unless without) and
         `report.html`.
@@ -210,8 +219,9 @@ class Fit(Found):
         `overwrite` that.
         """
         path, result = Path(folder), self.result
-        prepare_folder(path, overwrite=overwrite, resume=False)
-        write_all(result, path, figures=figures)
+        with held(path):
+            prepare_folder(path, overwrite=overwrite, resume=False)
+            write_all(result, path, figures=figures)
         return path
 
     def __eq__(self, other: object) -> bool:

@@ -16,7 +16,8 @@ from fitball.inference.design.make_plan import Asked, make_plan
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.results import Fit, RunStatus
-from fitball.report.form.folders import clear_folder
+from fitball.kinds import checked
+from fitball.report.form.folders import clear_folder, held
 from fitball.report.plan.rows import plan_json, plan_rows
 from fitball.report.plan.text import render
 from fitball.wording import option
@@ -65,13 +66,15 @@ class Plan:
 
         return plan_figure(self.result, title_of(self._problem))
 
+    @checked
     def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False, command: str | None = None) -> Path:
         """Write `plan.json`, `plan.csv`, `plan.png` and `plan.html`. Raises ResultFolderError."""
         from fitball.report.plan.folder import JSON_NAME, write_all
 
         path = Path(folder)
-        clear_folder(path, JSON_NAME, overwrite=overwrite)
-        write_all(self.result, self._problem, path, command)
+        with held(path):
+            clear_folder(path, JSON_NAME, overwrite=overwrite)
+            write_all(self.result, self._problem, path, command)
         return path
 
     def __repr__(self) -> str:

@@ -10,6 +10,7 @@ from fitball.errors import ParameterError, suggestion
 from fitball.inference.identifiability.examine import with_profiles
 from fitball.inference.results.evidence import LEFT_OUT
 from fitball.inference.results.results import Fit
+from fitball.kinds import checked
 from fitball.report.figures.names import FIGURES
 from fitball.scheduling.engine import engine
 
@@ -25,6 +26,7 @@ class Plots:
     def __init__(self, fit: Callable[[], Fit]) -> None:
         self._fit = fit
 
+    @checked
     def __call__(self, kind: str) -> Figure:
         """A figure by name. Raises ParameterError for a name that is none, ResultFolderError where the fit has not
         what it shows.
@@ -36,6 +38,7 @@ class Plots:
         fit = self._fit()
         return draw(kind, profiled(fit) if kind == "profiles" else fit)
 
+    @checked
     def corner(self, package: str = "fitball") -> Figure:
         """All pairs of parameters, drawn at once in one Axes; with `package="corner"` by the package of that name, in
         the same units, each pair in an Axes of its own. Raises ParameterError for another package, ResultFolderError

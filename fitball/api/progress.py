@@ -14,7 +14,7 @@ from fitball.inference.sampling.ensembles import Progress
 # Is told the stage of a run and, while sampling, how far that is.
 Report: TypeAlias = Callable[[str, Progress | None], None]
 # True, False, a function that is told, or None: as it suits who looks on.
-Wanted: TypeAlias = "bool | Report | None"
+Wanted: TypeAlias = bool | Report | None
 
 
 def silent(_stage: str, _progress: Progress | None) -> None:

@@ -6,12 +6,13 @@ import inspect
 import os
 from collections.abc import Callable, Mapping
 from functools import wraps
-from typing import TYPE_CHECKING, Concatenate, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from fitball.api.calibrating import load_fit
 from fitball.api.fit import Fit
 from fitball.api.simulating import Course, course_of_model
 from fitball.errors import ParameterError
+from fitball.kinds import checked
 from fitball.values import Impacts
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ plan = _of_fit(Fit.plan)
 export = _of_fit(Fit.export)
 
 
+@checked
 def plot(fit: FitOrFolder, kind: str) -> Figure:
     """A figure of a fit by name, as the verb `plot` draws it: a matplotlib Figure, its panels in `axes`.
 
@@ -59,12 +61,13 @@ def plot(fit: FitOrFolder, kind: str) -> Figure:
     return fit_of(fit).plot(kind)
 
 
+@checked
 def simulate(
     impact: Impacts | str,
     *,
     fit: FitOrFolder | None = None,
     model: str | None = None,
-    values: Mapping[str, float] | None = None,
+    values: Mapping[str, Any] | None = None,
     draws: int = 200,
 ) -> Course:
     """One impact through time, as the verb `simulate` follows it: from a fit, with bands from `draws` of its

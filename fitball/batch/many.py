@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitball.api import Fit, load_fit
-from fitball.api.asked import checked_choices, flips
+from fitball.api.asked import checked_choices, flips, given
 from fitball.api.calibrating import PathLike, Table
 from fitball.api.progress import Report, Wanted, reporting, silent
 from fitball.batch.joint import joint_populations
@@ -20,6 +20,7 @@ from fitball.batch.task import tasks_of
 from fitball.errors import ResultFolderError, suggestion
 from fitball.inference.effort import MAX_STEPS, Effort
 from fitball.inference.problem.choices import Choices
+from fitball.kinds import checked
 from fitball.report.batch.folder import Shown, write_results
 from fitball.report.batch.grouping import Over
 from fitball.report.batch.populations import Populated, default_names, populations
@@ -27,6 +28,7 @@ from fitball.report.batch.rows import CSV_NAME, DONE, FAILED, NAME, Row, check_r
 from fitball.report.batch.series import all_series
 from fitball.report.batch.text import render
 from fitball.report.form.bounded_read import read_bounded
+from fitball.report.form.folders import held
 from fitball.report.saved.saved_fit import read_fit
 from fitball.scheduling.engine import engine
 
@@ -64,6 +66,7 @@ class Batch(Mapping[str, Fit]):
         shown = self._shown or Shown(all_series(self.rows), ())
         return render(self.rows, shown.series, self.folder, shown.populated)
 
+    @checked
     def summarise(
         self,
         quantities: Sequence[str] = (),
@@ -75,10 +78,23 @@ class Batch(Mapping[str, Fit]):
         """Write the files of all tables anew with the populations of `quantities`, which are returned; see
         `population`.
         """
+        with held(self.folder):
+            return self._summarise(quantities, command, over, joint, report)
+
+    def _summarise(
+        self,
+        quantities: Sequence[str] = (),
+        command: str | None = None,
+        over: Over = None,
+        joint: Effort | None = None,
+        report: Report = silent,
+    ) -> tuple[Populated, ...]:
+        """The same in a folder that is held already."""
         beside = self._beside(quantities, joint, report)
         self._shown = write_results(self.rows, self.folder, command, quantities, over, beside)
         return self._shown.populated
 
+    @checked
     def population(
         self,
         *quantities: str,
@@ -103,7 +119,7 @@ class Batch(Mapping[str, Fit]):
         if not joint:
             return found
         effort = Effort(cores=(os.cpu_count() or 1) if cores is None else cores, max_steps=max_steps)
-        with reporting(progress) as report:
+        with reporting(progress) as report, held(self.folder):
             return (*found, *self._beside(quantities, effort, report)(found))
 
     def _beside(
@@ -114,6 +130,7 @@ class Batch(Mapping[str, Fit]):
             return lambda _weighted: ()
         return lambda weighted: joint_populations(self.rows, self.folder, weighted, asked, joint, report)
 
+    @checked
     def __getitem__(self, name: str) -> Fit:
         """Raises KeyError with the reason for a table that failed."""
         if name in self.failed:
@@ -137,6 +154,7 @@ class Batch(Mapping[str, Fit]):
         return f"<p>{escape(repr(self)[1:-1])}</p>{self.to_frame().to_html(max_rows=20, notebook=True)}"
 
 
+@checked
 def load_batch(folder: PathLike = FOLDER) -> Batch:
     """The batch that lies in a folder, as `calibrate_many` or `fitball batch` left it; nothing is fitted.
 
@@ -175,6 +193,7 @@ def _rows(place: Path) -> tuple[Row, ...]:
     return rows
 
 
+@checked
 def calibrate_many(
     tables: Mapping[str, Table] | Sequence[Table] | PathLike,
     model: str | None = None,
@@ -223,7 +242,15 @@ def calibrate_many(
     ['done', 'failed']
     """
     choices = Choices(
-        model, closures or {}, priors or {}, fix or {}, noise, pool or {}, offsets, incident_errors, velocity_noise
+        model,
+        given(closures),
+        given(priors),
+        given(fix),
+        noise,
+        given(pool),
+        offsets,
+        incident_errors,
+        velocity_noise,
     )
     checked_choices(choices)
     plan = Plan(
@@ -251,7 +278,8 @@ def batch_of(
 ) -> Batch:
     """The same for a plan; `command` is the line that asked for it."""
     workers = engine(cores, scheduler)
-    rows = run_tasks(tasks_of(tables, plan.folder), plan, workers, report)
-    batch = Batch(plan.folder, rows)
-    batch.summarise((), command)
+    tasks = tasks_of(tables, plan.folder)
+    with held(plan.folder):
+        batch = Batch(plan.folder, run_tasks(tasks, plan, workers, report))
+        batch._summarise((), command)
     return batch

@@ -11,6 +11,7 @@ from fitball.api.calibrating import Run, pose
 from fitball.batch.plan import RECORD_NAME, ROW_NAME, Plan
 from fitball.batch.task import Task
 from fitball.errors import FitballError, ResultFolderError
+from fitball.files import all_or_none
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit
 from fitball.report.batch.rows import CSV_NAME, Row, check_row, failed_row, row_of
@@ -93,6 +94,7 @@ def _fitted(plan: Plan, task: Task) -> Done:
     return Done(row)
 
 
+@all_or_none()
 def _write(fit: Fit, folder: Path, full: bool) -> None:
     if full:
         write_all(fit, folder)

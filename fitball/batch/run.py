@@ -12,7 +12,7 @@ from fitball.batch.task import Task
 from fitball.errors import ParameterError, ResultFolderError
 from fitball.report.batch.rows import FAILED, HEAD, NAME, Row, failed_row
 from fitball.report.form.atomic_write import write_text
-from fitball.report.form.folders import make_folder
+from fitball.report.form.folders import LOCK_NAME, make_folder
 from fitball.report.form.json_text import json_text
 from fitball.report.saved.structure import read_json
 from fitball.scheduling.engine import Engine
@@ -85,7 +85,7 @@ def _claim(plan: Plan) -> None:
         if read_json(record) != {"kind": KIND}:
             raise ResultFolderError(f"{record}: not what fitball batch writes; name another folder")
         return
-    if plan.folder.is_dir() and any(plan.folder.iterdir()):
+    if plan.folder.is_dir() and any(item.name != LOCK_NAME for item in plan.folder.iterdir()):
         raise ResultFolderError(f"{plan.folder}: holds other files than those of a batch; name another folder")
     make_folder(plan.folder)
     write_text(record, json_text({"kind": KIND}))

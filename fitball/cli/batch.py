@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitball.cli.fitting import add_fitting, choices_of, make_effort
-from fitball.cli.options import add_scheduler
+from fitball.cli.options import add_scheduler, place
 from fitball.cli.progress import time_left
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--overwrite", action="store_true", help="replace results of other data or settings")
     add_scheduler(parser)
-    parser.add_argument("--out", metavar="DIR", help="result folder (default: fits/batch)")
+    parser.add_argument("--out", type=place, metavar="DIR", help="result folder (default: fits/batch)")
     parser.add_argument("--quiet", action="store_true", help="no progress, no table: only errors and the folder")
 
 

@@ -37,7 +37,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure, write the folder, print the summary; or compare ratios."""
-    from fitball.report.form.folders import make_folder
+    from fitball.report.form.folders import held
     from fitball.studies.bench.measure import FULL, QUICK, measure
     from fitball.studies.bench.page import missing_words, summary, write
 
@@ -45,9 +45,9 @@ def run(args: argparse.Namespace) -> int:
     if args.check is not None:
         return _check(args, extent.pace)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER
-    make_folder(folder)
-    bench = measure(extent, args.cores, stages(args.quiet))
-    write(bench, folder)
+    with held(folder):
+        bench = measure(extent, args.cores, stages(args.quiet))
+        write(bench, folder)
     if args.json:
         frames = {name: json.loads(frame.to_json(orient="records")) for name, frame in bench.frames.items()}
         print(json.dumps({"machine": bench.machine, **frames}, indent=2))

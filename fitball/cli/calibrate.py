@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from fitball.cli.fitting import add_fitting, choices_of, make_effort
-from fitball.cli.options import reading_of, tell_notes
-from fitball.errors import ParameterError
+from fitball.cli.options import place, reading_of, tell_notes
+from fitball.errors import ParameterError, ResultFolderError
 
 HELP = "fit a model to a table of impacts: parameters, uncertainty, verdicts, figures, exported files"
 EXAMPLE = """examples:
@@ -31,7 +31,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--force", metavar="FILE",
         help="force-time records: columns id, t, F (default: <table>_force.csv beside DATA); none: without",
     )  # fmt: skip
-    parser.add_argument("--out", metavar="DIR", help="result folder")
+    parser.add_argument("--out", type=place, metavar="DIR", help="result folder")
     parser.add_argument("--no-figures", action="store_true", help="draw none: neither files nor on the page")
     parser.add_argument("--resume", action="store_true", help="go on with an interrupted or unconverged run")
     parser.add_argument("--overwrite", action="store_true", help="replace an older result in the folder")
@@ -47,26 +47,34 @@ def run(args: argparse.Namespace) -> int:
     from fitball.inference.results.results import RunStatus
     from fitball.report.fit.folder import write_all
     from fitball.report.fit.terminal import render, render_json
+    from fitball.report.form.folders import held
 
     if args.resume and args.overwrite:
         raise ParameterError("--resume goes on with the old result and --overwrite discards it: choose one")
     choices = choices_of(args)
     problem = pose(args.data, choices, args.force, **reading_of(args))
     folder = Path(args.out) if args.out else default_folder(problem.table.name, problem.model.name, choices.closures)
-    begun = begin(problem, make_effort(args, args.cores), folder, overwrite=args.overwrite, resume=args.resume)
-    if not args.quiet:
-        progress.finish()
-        tell_notes([*problem.table.remarks, *problem.notes])
-    if args.resume and not begun.resumes:
-        print(f"note: {folder} holds no chain to resume: starting anew", file=sys.stderr)
-    try:
-        fit = begun.fit(progress).result
-        progress("files" if args.no_figures else "figures and files", None)
-        write_all(fit, folder, args.command, figures=not args.no_figures)
-    except KeyboardInterrupt:
-        progress.finish()
-        print(_farewell(folder, begun.chain is not None and begun.chain.path.exists()), file=sys.stderr)
-        return 130
+    effort = make_effort(args, args.cores)
+    effort.settings(problem)
+    with held(folder):
+        begun = begin(problem, effort, folder, overwrite=args.overwrite, resume=args.resume)
+        if not args.quiet:
+            progress.finish()
+            tell_notes([*problem.table.remarks, *problem.notes])
+        if args.resume and not begun.resumes:
+            print(f"note: {folder} holds no chain to resume: starting anew", file=sys.stderr)
+        try:
+            fit = begun.fit(progress).result
+            progress("files" if args.no_figures else "figures and files", None)
+            write_all(fit, folder, args.command, figures=not args.no_figures)
+        except (KeyboardInterrupt, ResultFolderError) as error:
+            progress.finish()
+            kept = begun.chain is not None and begun.chain.path.exists()
+            if isinstance(error, KeyboardInterrupt):
+                words = _farewell(folder) if kept else " before sampling: nothing to keep."
+                print(f"Interrupted{words}", file=sys.stderr)
+                return 130
+            raise ResultFolderError(f"{error}\nNot finished{_farewell(folder)}" if kept else str(error)) from None
     progress.finish()
     print(render_json(fit, folder) if args.json else folder if args.quiet else render(fit, folder))
     return 1 if fit.status is RunStatus.NOT_CONVERGED else 0
@@ -78,8 +86,6 @@ def default_folder(table: str, model: str, closures: Mapping[str, str]) -> Path:
     return Path("fits") / table / (model + variant)
 
 
-def _farewell(folder: Path, kept: bool) -> str:
-    if not kept:
-        return "Interrupted before sampling: nothing to keep."
+def _farewell(folder: Path) -> str:
     command = [word for word in sys.argv[1:] if word not in ("--resume", "--overwrite")]
-    return f"Interrupted. The chain is kept in {folder}; to go on:\n  fitball {shlex.join([*command, '--resume'])}"
+    return f". The chain is kept in {folder}; to go on:\n  fitball {shlex.join([*command, '--resume'])}"

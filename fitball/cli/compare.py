@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fitball.cli.options import add_reading, add_scheduler, reading_of, tell_notes, whole
+from fitball.cli.options import add_reading, add_scheduler, place, reading_of, tell_notes, whole
 from fitball.errors import ModelError
 
 HELP = "compare models on a table of impacts by predictions of impacts left out"
@@ -35,7 +35,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--max-steps", type=whole, metavar="N", help="steps of each ensemble at most (default 8000)")
     parser.add_argument("--cores", type=whole, metavar="N", help="processes, one model each (default: all)")
     add_scheduler(parser)
-    parser.add_argument("--out", metavar="DIR", help="result folder")
+    parser.add_argument("--out", type=place, metavar="DIR", help="result folder")
     parser.add_argument("--overwrite", action="store_true", help="replace an older result in the folder")
     parser.add_argument("--json", action="store_true", help="print compare.json")
     parser.add_argument("--quiet", action="store_true", help="no progress, no table: only errors and the folder")
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.inference.results.results import RunStatus
     from fitball.report.compare.folder import JSON_NAME, write_all
     from fitball.report.compare.text import render
-    from fitball.report.form.folders import clear_folder
+    from fitball.report.form.folders import clear_folder, held
     from fitball.report.form.json_text import json_text
 
     asked = contest(
@@ -57,13 +57,14 @@ def run(args: argparse.Namespace) -> int:
         max_steps=args.max_steps, cores=args.cores, scheduler=args.scheduler, **reading_of(args),
     )  # fmt: skip
     folder = Path(args.out) if args.out else Path("fits") / asked.table.name / "compare"
-    clear_folder(folder, JSON_NAME, overwrite=args.overwrite)
-    if not args.quiet:
-        progress.finish()
-        tell_notes(asked.said)
-    comparison = asked.compare(lambda stage: progress(stage, None))
-    progress("figures and files", None)
-    write_all(comparison.result, comparison.words, folder, args.command)
+    with held(folder):
+        clear_folder(folder, JSON_NAME, overwrite=args.overwrite)
+        if not args.quiet:
+            progress.finish()
+            tell_notes(asked.said)
+        comparison = asked.compare(lambda stage: progress(stage, None))
+        progress("figures and files", None)
+        write_all(comparison.result, comparison.words, folder, args.command)
     progress.finish()
     if args.json:
         print(json_text(comparison.json()), end="")

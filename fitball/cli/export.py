@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from fitball.cli.options import tell_notes
+from fitball.cli.options import place, tell_notes
 from fitball.errors import ParameterError, suggestion
 from fitball.exports.names import FORMAT_NAMES, OWNERS
 
@@ -21,8 +21,7 @@ EXAMPLE = """formats:
   golden     the impacts a port is checked with, and their rebounds; --inputs-only leaves these out
   lookup     rebounds on a grid, and how wrong interpolation between its points is
   engine     restitution and friction for Unity, Godot, Bullet and MuJoCo, and what they lose; as a page and as JSON
-  json, toml the parameter set for other programs (json has a schema)
-  csv        parameters in SI and in the thesis's units
+  json       the parameter set for other programs, with a schema; summary.csv of the result folder has it as CSV
   latex      a table for booktabs, rounded by the rule of the Particle Data Group
   markdown   the same table
   certificate one page of HTML to print and sign: result, interval, adequacy, table and its SHA-256
@@ -43,7 +42,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what the verb may be asked."""
     parser.add_argument("fit", metavar="FIT", help="a result folder of fitball calibrate, or its fit.json")
     parser.add_argument("--to", metavar="FORMAT", required=True, help=", ".join(FORMAT_NAMES))
-    parser.add_argument("--out", metavar="FILE", help="file, or - for stdout (default: a name beside fit.json)")
+    parser.add_argument(
+        "--out", type=place, metavar="FILE", help="file, or - for stdout (default: a name beside fit.json)"
+    )
     parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
     parser.add_argument(
         "--prefix", metavar="TEXT", help="c: beginning of every name (fitball_); javascript, csharp: of the port's"
@@ -64,6 +65,7 @@ def run(args: argparse.Namespace) -> int:
     if args.to not in FORMAT_NAMES:
         raise ParameterError(f"unknown format '{args.to}': {suggestion(args.to, FORMAT_NAMES)}")
     from fitball.api import load_fit
+    from fitball.files import is_stream
 
     fit = load_fit(args.fit)
     made = fit.exported(args.to, {name: getattr(args, name) for name in OWNERS})
@@ -75,7 +77,8 @@ def run(args: argparse.Namespace) -> int:
         path = Path(args.fit)
         beside = path if path.is_dir() else path.parent
         for place in made.write(beside if args.out is None else Path(args.out), args.overwrite):
-            print(place)
+            if not is_stream(place):
+                print(place)
     if made.note:
         tell_notes([made.note])
     return 0

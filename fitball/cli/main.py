@@ -7,9 +7,11 @@ import what is heavy inside functions, so that `fitball --help` is quick.
 from __future__ import annotations
 
 import argparse
+import os
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from fitball.cli import (
     batch,
@@ -32,6 +34,7 @@ from fitball.cli.options import add_verb
 from fitball.cli.parser import Parser
 from fitball.cli.progress import told_of_compiling
 from fitball.cli.visible_stream import visible_streams
+from fitball.environment import check_environment
 from fitball.errors import FitballError, enough_memory
 from fitball.version import __version__
 from fitball.visible import one_line
@@ -68,34 +71,54 @@ def make_parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
-    with visible_streams(), speaking_to_command_line():
-        return _main(argv)
+    with visible_streams(), speaking_to_command_line(), _plain_matplotlib():
+        try:
+            return _run(list(sys.argv[1:] if argv is None else argv))
+        except FitballError as error:
+            print("\n".join(map(one_line, f"fitball: {error}".split("\n"))), file=sys.stderr)
+            return 2
+        except BrokenPipeError:
+            # The reader of our output has left; there is nobody to tell.
+            return 0
+        except OSError as error:
+            # What the system refuses (no space, no permission, a name too long) is for the user to mend.
+            where = "" if error.filename is None else f"{error.filename}: "
+            print(one_line(f"fitball: {where}cannot be used: {error.strerror or error}"), file=sys.stderr)
+            return 2
+        except KeyboardInterrupt:
+            print("fitball: interrupted", file=sys.stderr)
+            return 130
 
 
-def _main(argv: Sequence[str] | None) -> int:
-    words = list(sys.argv[1:] if argv is None else argv)
-    parser = make_parser()
-    completion.complete(parser)
-    args = parser.parse_args(words)
-    args.command = shlex.join(["fitball", *words])
-    if args.verb is None:
-        parser.print_help()
-        return 2
+def _run(words: list[str]) -> int:
     try:
+        parser = make_parser()
+        completion.complete(parser)
+        args = parser.parse_args(words)
+        args.command = shlex.join(["fitball", *words])
+        if args.verb is None:
+            parser.print_help()
+            return 2
+        check_environment()
         with enough_memory(), told_of_compiling(args):
             return int(args.run(args))
-    except FitballError as error:
-        print("\n".join(map(one_line, f"fitball: {error}".split("\n"))), file=sys.stderr)
-        return 2
-    except BrokenPipeError:
-        # The reader of our output has left; there is nobody to tell.
-        sys.stderr.close()
-        return 0
-    except OSError as error:
-        # What the system refuses (no space, no permission, a name too long) is for the user to mend.
-        where = "" if error.filename is None else f"{error.filename}: "
-        print(one_line(f"fitball: {where}cannot be used: {error.strerror or error}"), file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("fitball: interrupted", file=sys.stderr)
-        return 130
+    finally:
+        # Whether it was taken is known when it has left.
+        sys.stdout.flush()
+
+
+@contextmanager
+def _plain_matplotlib() -> Iterator[None]:
+    """Matplotlib in here, and in workers, draws to files and reads no settings, whatever MPLBACKEND and MATPLOTLIBRC
+    say: it cannot even be imported when these name no backend, or no text.
+    """
+    plain = {"MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull}
+    before = {name: os.environ.pop(name, None) for name in plain}
+    os.environ.update(plain)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            del os.environ[name]
+            if value is not None:
+                os.environ[name] = value

@@ -53,6 +53,24 @@ def whole(text: str) -> int:
         raise argparse.ArgumentTypeError(f"read '{text}', expected a whole number") from None
 
 
+def place(text: str) -> str:
+    """A file or folder to write, as the type of an option; an empty text is rather a slip than a place."""
+    if not text.strip() or "\0" in text:
+        raise argparse.ArgumentTypeError(f"read {text!r}, expected the name of a file or folder")
+    return text
+
+
+def file_place(text: str) -> str:
+    """The same of what is always a file."""
+    is_folder = text.endswith(("/", os.sep))
+    with suppress(OSError):
+        # What the system refuses to look at is told where it is to be written.
+        is_folder = is_folder or Path(place(text)).is_dir()
+    if is_folder:
+        raise argparse.ArgumentTypeError(f"read '{text}', a folder; name a file in it")
+    return text
+
+
 def count(text: str) -> int:
     """A whole number of at least one, as the type of an option."""
     with suppress(ValueError):
@@ -208,7 +226,7 @@ def _naming(text: str) -> dict[str, str]:
 
 def add_study(parser: argparse.ArgumentParser, folder: Path) -> None:
     """Add what every study takes: where to write (by default `folder`), cores, how to print."""
-    parser.add_argument("--out", metavar="DIR", help=f"where to write (default: {folder})")
+    parser.add_argument("--out", type=place, metavar="DIR", help=f"where to write (default: {folder})")
     add_cores(parser)
     parser.add_argument("--json", action="store_true", help="print JSON for other programs")
     parser.add_argument("--quiet", action="store_true", help="no progress")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fitball.cli.options import count, pairs, whole
+from fitball.cli.options import count, pairs, place, whole
 
 HELP = "what to measure next: the impacts and sensors that would tell most"
 DESCRIPTION = """What to measure next, from the posterior of a fit.
@@ -51,7 +51,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "among all sensors by gain for cost; repeatable",
     )  # fmt: skip
     parser.add_argument("--seed", type=whole, default=1, metavar="N", help="seed of all random numbers (default 1)")
-    parser.add_argument("--out", metavar="DIR", help="result folder (default: plan, beside fit.json)")
+    parser.add_argument("--out", type=place, metavar="DIR", help="result folder (default: plan, beside fit.json)")
     parser.add_argument("--overwrite", action="store_true", help="replace an older plan in the folder")
     parser.add_argument("--json", action="store_true", help="print plan.json (SI units, angles in radians)")
     parser.add_argument("--quiet", action="store_true", help="no progress, no tables: only errors and the folder")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fitball.cli.options import add_scheduler, count, tell_notes
+from fitball.cli.options import add_scheduler, count, place, tell_notes
 from fitball.errors import ParameterError, suggestion
 from fitball.report.figures.names import FIGURES
 
@@ -30,7 +30,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("fit", metavar="FIT", help="a fit.json, or the folder that holds one")
     parser.add_argument("kind", metavar="KIND", help=f"{', '.join(FIGURES)} or all")
     parser.add_argument("--format", default="png", metavar="FORMAT", help="png (default), svg or pdf")
-    parser.add_argument("--out", metavar="DIR", help="folder to write to (default: beside fit.json)")
+    parser.add_argument("--out", type=place, metavar="DIR", help="folder to write to (default: beside fit.json)")
     parser.add_argument("--cores", type=count, metavar="N", help="processes that compute profiles (default: all)")
     add_scheduler(parser)
     parser.add_argument("--quiet", action="store_true", help="no notes: only errors and files")
@@ -44,11 +44,23 @@ def run(args: argparse.Namespace) -> int:
     if args.format not in FORMATS:
         raise ParameterError(f"unknown format '{args.format}': {suggestion(args.format, FORMATS)}")
     from fitball.api import load_fit
-    from fitball.api.plotting import Plots, lacks_profiles, profiled
-    from fitball.report.figures.save import save_figure
-    from fitball.report.form.folders import make_folder
+    from fitball.report.form.folders import PATIENCE, held
 
     path = Path(args.fit)
+    folder = Path(args.out) if args.out else (path if path.is_dir() else path.parent)
+    # No folder is made for a fit that there is not.
+    load_fit(path)
+    with held(folder, PATIENCE):
+        _draw(args, path, folder)
+    return 0
+
+
+def _draw(args: argparse.Namespace, path: Path, folder: Path) -> None:
+    """Draw into the folder; a fit in it is replaced by nobody meanwhile."""
+    from fitball.api import load_fit
+    from fitball.api.plotting import Plots, lacks_profiles, profiled
+    from fitball.report.figures.save import save_figure
+
     fit = load_fit(path)
     if args.kind == "profiles" and not args.quiet and lacks_profiles(fit.result):
         tell_notes(["the file holds no profiles: computing them"])
@@ -57,10 +69,7 @@ def run(args: argparse.Namespace) -> int:
     left_out = [name for name in FIGURES if args.kind == "all" and name not in (*kinds, "force")]
     if left_out and not args.quiet:
         tell_notes([f"left out {', '.join(left_out)}: this fit has not what they show"])
-    folder = Path(args.out) if args.out else (path if path.is_dir() else path.parent)
-    make_folder(folder)
     for name in kinds:
         place = folder / f"{name}.{args.format}"
         save_figure(Plots(lambda: shown)(name), place, args.format)
         print(place)
-    return 0

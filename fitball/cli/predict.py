@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fitball.cli.options import add_columns, add_flip, tell_notes, whole
+from fitball.cli.options import add_columns, add_flip, file_place, tell_notes, whole
 from fitball.errors import ParameterError
 
 HELP = "predict rebounds of new impacts from a fit, with intervals"
@@ -36,7 +36,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--exact-incidence", action="store_true", help="take the incident state as exact even where its sd is stated"
     )
-    parser.add_argument("--out", metavar="FILE.csv", help="write every number to a CSV file")
+    parser.add_argument("--out", type=file_place, metavar="FILE.csv", help="write every number to a CSV file")
     parser.add_argument("--overwrite", action="store_true", help="replace that file if it exists")
     parser.add_argument("--seed", type=whole, default=1, metavar="N", help="seed of the simulated noise (default 1)")
     parser.add_argument("--json", action="store_true", help="print JSON (SI units, angles in radians)")
@@ -52,6 +52,7 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError(f"{option} is about columns of DATA: write an --impact as it is meant")
     from fitball.api import load_fit
     from fitball.api.predicting import foretell
+    from fitball.files import is_stream
     from fitball.inference.prediction.holdout_scores import impacts_seen
     from fitball.report.form.atomic_write import refuse_existing, write_text
     from fitball.report.form.csv import csv_text
@@ -69,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     )  # fmt: skip
     ids, prediction = found.new.ids, found.prediction
     if args.out is not None:
-        write_text(Path(args.out), csv_text(prediction_csv_rows(prediction, ids)))
+        write_text(Path(args.out), csv_text(prediction_csv_rows(prediction, ids)), named=True)
     if not args.quiet:
         tell_notes(found.notes)
     if args.json:
@@ -78,6 +79,6 @@ def run(args: argparse.Namespace) -> int:
         print(render_prediction(prediction, ids))
         if found.scores:
             print("\n" + render_scores(found.scores, impacts_seen(fit.impacts, found.new.impacts), len(ids)))
-    if args.out is not None and not args.json:
+    if args.out is not None and not args.json and not is_stream(Path(args.out)):
         print(args.out)
     return 0

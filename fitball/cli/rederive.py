@@ -28,7 +28,7 @@ def run(args: argparse.Namespace) -> int:
     """Compute the tables again, write the page, print what holds; 1 where a count has changed."""
     from fitball.errors import check_whole
     from fitball.inference.effort import Effort
-    from fitball.report.form.folders import make_folder
+    from fitball.report.form.folders import held
     from fitball.report.form.text_table import columns
     from fitball.studies.thesis.chapter_five import derive
     from fitball.studies.thesis.chapter_five_page import write
@@ -37,10 +37,10 @@ def run(args: argparse.Namespace) -> int:
     check_whole(seed=args.seed)
     report = stages(args.quiet)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER
-    make_folder(folder)
-    chapter = derive(Effort(seed=args.seed, cores=args.cores), report)
-    report("figures and page")
-    write(chapter, folder)
+    with held(folder):
+        chapter = derive(Effort(seed=args.seed, cores=args.cores), report)
+        report("figures and page")
+        write(chapter, folder)
     if args.json:
         content = {
             "holds": chapter.holds,

@@ -8,7 +8,7 @@ import tempfile
 from contextlib import nullcontext
 from pathlib import Path
 
-from fitball.cli.options import add_cores, tell_notes
+from fitball.cli.options import add_cores, place, tell_notes
 
 HELP = "run a fit again and say whether the result is the same"
 DESCRIPTION = """Run a fit again from its run.toml and compare.
@@ -32,7 +32,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--data", metavar="FILE", action="append", default=[], help="where the table is now; repeat for several"
     )
     parser.add_argument("--force", metavar="FILE", help="where its force records are now")
-    parser.add_argument("--out", metavar="DIR", help="keep the new result in this folder")
+    parser.add_argument("--out", type=place, metavar="DIR", help="keep the new result in this folder")
     add_cores(parser)
     parser.add_argument("--json", action="store_true", help="print every comparison as JSON")
     parser.add_argument("--quiet", action="store_true", help="no progress and no table: only the outcome and errors")
@@ -47,6 +47,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.api import begin
     from fitball.errors import ResultFolderError
     from fitball.report.fit.folder import older_result, write_all
+    from fitball.report.form.folders import held
     from fitball.report.form.json_text import json_text
     from fitball.report.saved.run_record import find_records, find_tables, read_run, record_problem
     from fitball.studies.repeat.compare import Outcome, compared
@@ -65,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
     effort = replace(record.effort, cores=args.cores)
     place = nullcontext(args.out) if args.out is not None else tempfile.TemporaryDirectory(prefix="fitball-repeat-")
     try:
-        with place as name:
+        with place as name, held(Path(name)):
             folder = Path(name)
             fit = begin(problem, effort, folder).fit(progress).result
             progress("comparison", None)

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fitball.cli.options import count, pairs, tell_files, tell_notes
+from fitball.cli.options import count, pairs, place, tell_files, tell_notes
 from fitball.errors import ParameterError, suggestion
 
 if TYPE_CHECKING:
@@ -63,7 +63,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--draws", type=count, default=200, metavar="N", help="posterior draws of --fit (default 200)"
     )
     parser.add_argument(
-        "--out", metavar="DIR", help=f"result folder (default: one named for the impact in {DEFAULT_FOLDER}/)"
+        "--out",
+        type=place,
+        metavar="DIR",
+        help=f"result folder (default: one named for the impact in {DEFAULT_FOLDER}/)",
     )
     parser.add_argument("--overwrite", action="store_true", help="replace an older result, and FILE.csv")
     parser.add_argument("--format", default="png", metavar="FORMAT", help="of the figure: png (default), svg or pdf")
@@ -97,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
 
         return write_page(args)
     from fitball.report.form.atomic_write import refuse_existing
-    from fitball.report.form.folders import clear_folder
+    from fitball.report.form.folders import clear_folder, held
     from fitball.report.history.folder import CSV_NAME, FIGURE_STEM, JSON_NAME
 
     if args.animate is not None:
@@ -111,8 +114,9 @@ def run(args: argparse.Namespace) -> int:
     for written in (args.csv, args.animate):
         if written is not None:
             refuse_existing(Path(written), args.overwrite)
-    clear_folder(folder, JSON_NAME, CSV_NAME, f"{FIGURE_STEM}.*", overwrite=args.overwrite)
-    _write(args, folder, course, extra, text)
+    with held(folder):
+        clear_folder(folder, JSON_NAME, CSV_NAME, f"{FIGURE_STEM}.*", overwrite=args.overwrite)
+        _write(args, folder, course, extra, text)
     return 0
 
 
@@ -181,7 +185,7 @@ def _write(args: argparse.Namespace, folder: Path, course: Course, extra: dict[s
     table = csv_text(history_rows(course.simulations))
     places = write_all(folder, content, table, course.plot(), args.format)
     if args.csv is not None:
-        write_text(Path(args.csv), table)
+        write_text(Path(args.csv), table, named=True)
         places = (*places, Path(args.csv))
     if args.animate is not None:
         from fitball.report.history.film import write_film

@@ -25,11 +25,12 @@ CONTOURS = "theta_2"
 def run_map(args: argparse.Namespace) -> int:
     """Compute the map, write figure, table and record, and print it in words."""
     from fitball.data.grid_text import parse_window
+    from fitball.files import all_or_none
     from fitball.inference.prediction.regime_map import regime_map
     from fitball.report.figures.save import save_figure
     from fitball.report.form.atomic_write import write_text
     from fitball.report.form.csv import csv_text
-    from fitball.report.form.folders import clear_folder
+    from fitball.report.form.folders import clear_folder, held
     from fitball.report.form.json_text import json_text
     from fitball.report.history.regime_map import contour_names, map_figure, map_json, map_rows, map_text
 
@@ -43,13 +44,14 @@ def run_map(args: argparse.Namespace) -> int:
     found = regime_map(fitted, _window(asked, impacts))
     name = f"map_{'fit_' if args.fit is not None else ''}{fitted.model.name}_{found.window.speed:.4g}"
     folder = Path(args.out) if args.out else DEFAULT_FOLDER / name
-    clear_folder(folder, JSON_NAME, CSV_NAME, f"{FIGURE_STEM}.*", overwrite=args.overwrite)
     figure = map_figure(found, title, contours, impacts, source)
     places = [folder / f"{FIGURE_STEM}.{args.format}", folder / CSV_NAME, folder / JSON_NAME]
-    save_figure(figure, places[0], args.format)
-    write_text(places[1], csv_text(map_rows(found)))
     content = json_text({"model": fitted.model.name, "closures": dict(fitted.model.options), **map_json(found)})
-    write_text(places[2], content)
+    with held(folder), all_or_none():
+        clear_folder(folder, JSON_NAME, CSV_NAME, f"{FIGURE_STEM}.*", overwrite=args.overwrite)
+        save_figure(figure, places[0], args.format)
+        write_text(places[1], csv_text(map_rows(found)))
+        write_text(places[2], content)
     tell_files(args, content, map_text(found, title), places)
     return 0
 

@@ -15,6 +15,7 @@ def write_page(args: argparse.Namespace) -> int:
     from fitball.cli.simulate import DEFAULT_FOLDER
     from fitball.data.impact_text import parse_impact
     from fitball.exports.interactive import interactive_page, round_impact
+    from fitball.files import is_stream
     from fitball.report.form.atomic_write import refuse_existing, write_text
 
     fitted, intro, origin, name = _page_of_fit(args.fit) if args.fit is not None else _page_of_values(args)
@@ -24,8 +25,9 @@ def write_page(args: argparse.Namespace) -> int:
         place.mkdir(parents=True, exist_ok=True)
         place /= f"interactive_{name}.html"
     refuse_existing(place, args.overwrite)
-    write_text(place, interactive_page(fitted, impact, intro, origin))
-    print(place)
+    write_text(place, interactive_page(fitted, impact, intro, origin), named=True)
+    if not is_stream(place):
+        print(place)
     return 0
 
 

@@ -18,7 +18,7 @@ from fitball.data.redundancy import independent
 from fitball.data.scene import Scene
 from fitball.data.velocity import velocity
 from fitball.observables import NOISE_OF
-from fitball.values import FloatArray
+from fitball.values import FloatArray, quotient
 
 # Chance that noise alone puts the worst row of a table this far above a bound, were every true value on it: 4.4 sd of
 # noise among 20 rows, 6 among 100,000.
@@ -82,8 +82,7 @@ class _Bound:
 
     def report(self, blamed: NDArray[np.bool_], found: Findings) -> NDArray[np.bool_]:
         """Add what is to be said of rows that are not `blamed` (rows,) yet; returns the rows above the bound."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            sds = self.excess.value / self.excess.sd
+        sds = quotient(self.excess.value, self.excess.sd)
         known = np.isfinite(sds)
         above = (sds > 0.0) & ~blamed
         beyond = above & (sds > _reach(max(int(known.sum()), 1)))
@@ -127,8 +126,7 @@ def _known(columns: Mapping[str, NumberColumn], scene: Scene) -> dict[str, Uncer
             sd = np.full_like(values, scene.nominal_spin_sd)
         elif name == "theta_2" and "v_2" in columns:
             # The noise across the flight; none is finite of a ball that stands, which is a fault of its own.
-            with np.errstate(divide="ignore"):
-                sd = velocity_sd / np.abs(columns["v_2"].values)
+            sd = quotient(velocity_sd, np.abs(columns["v_2"].values))
         elif name.endswith("2"):
             sd = np.full_like(values, velocity_sd)
         quantities[name] = Uncertain.measured(name, values, sd)

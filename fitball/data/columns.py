@@ -16,6 +16,7 @@ from fitball.data.naming import Naming
 from fitball.data.units import UNITS, Dimension, Unit, parse_unit, unit_of
 from fitball.errors import UnitError
 from fitball.observables import OBSERVABLES
+from fitball.visible import some, unguarded
 from fitball.wording import spoken
 
 INCIDENT: Mapping[str, Dimension] = {
@@ -40,8 +41,8 @@ _NEAR = 0.75
 _BY_BARE = {bare(name): name for name in (*NUMBERS, *LABELS)}
 # What people call the column that names the impacts.
 _IDS = ("id", "no", "nr", "#", "number", "impactid", "impactno")
-# How no name begins (an empty cell among them), and a length that none has.
-_NO_NAME, _LONGEST = ("", *"0123456789+-.,\u2212"), 100
+# How no name begins (an empty cell among them).
+_NO_NAME = ("", *"0123456789+-.,\u2212")
 # What a name that is probably meant counts for where a header is looked for.
 _GUESSED = 0.5
 
@@ -64,9 +65,9 @@ class Header:
     extras: tuple[str, ...]
 
     def cells(self, name: str, rows: Iterable[RawRow]) -> tuple[str, ...]:
-        """What stands in a column of texts."""
+        """What stands in a column of texts, as it was before a file of ours guarded it."""
         index = self.texts[name].index
-        return tuple(row.cells[index] for row in rows)
+        return unguarded([row.cells[index] for row in rows])
 
 
 def vocabulary(naming: Naming) -> Vocabulary:
@@ -75,7 +76,7 @@ def vocabulary(naming: Naming) -> Vocabulary:
     @cache
     def worth(cell: str) -> float:
         # Most cells are numbers; no name begins as one, nor is any so long.
-        if cell[:1] in _NO_NAME or len(cell) > _LONGEST:
+        if cell[:1] in _NO_NAME or len(cell) > header_cell.LONGEST:
             return 0.0
         name, _ = split_cell(cell, naming)
         if naming.ours(cell, name) is not None or _same(name) is not None:
@@ -118,7 +119,7 @@ def read_header(cells: tuple[str, ...], found: Findings, naming: Naming | None =
     and is then read as the column it resembles, so that the faults of its values come out in the same run; a name
     that probably means one of ours is an extra column until `--columns` says so.
     """
-    naming = naming or Naming()
+    naming, cells = naming or Naming(), unguarded(cells)
     parsed = [split_cell(cell, naming, found) for cell in cells]
     asked = [naming.ours(cell, name) for cell, (name, _) in zip(cells, parsed, strict=True)]
     names = [name for name, _ in parsed]
@@ -150,7 +151,7 @@ def read_header(cells: tuple[str, ...], found: Findings, naming: Naming | None =
             texts[meant] = Column(index, meant, None)
             extras += [name] if ours is None else []
     if spelled:
-        found.notice(f"columns read under other spellings: {', '.join(spelled)}")
+        found.notice(f"columns read under other spellings: {some(spelled)}")
     naming.check_absent({*numbers, *texts}, names, found)
     return Header(numbers, texts, tuple(extras))
 

@@ -9,6 +9,7 @@ from fitball.data.dialect.guess import guess_of
 from fitball.data.findings import Findings
 from fitball.data.redundancy import independent
 from fitball.observables import OBSERVABLES
+from fitball.visible import some
 from fitball.wording import spoken
 
 _INCIDENT_FORMS = "v_x1 and v_y1, or v_1 and theta_1, or v_y1 alone for a drop test"
@@ -34,7 +35,7 @@ def check_columns(present: Collection[str], header: Header, found: Findings, reb
 
     Without `rebound` a table of incident columns alone is complete.
     """
-    read = ", ".join([*header.numbers, *header.texts])
+    read = some([*header.numbers, *header.texts])
     incident = independent(present, "1")
     missing = []
     if len(incident) < 2 and incident != ("v_y1",):
@@ -54,8 +55,8 @@ def check_columns(present: Collection[str], header: Header, found: Findings, reb
     if "omega_2" in present and "omega_1" not in present:
         found.notice("no column omega_1: incident spin taken as 0", "omega_1")
     if header.extras:
-        kept = [_with_guess(name, present) for name in header.extras]
-        found.notice(f"columns kept and not used: {', '.join(kept)}", *header.extras)
+        kept = some([_with_guess(name, present) for name in header.extras])
+        found.notice(f"columns kept and not used: {kept}", *header.extras)
 
 
 def _guessed(name: str, present: Collection[str]) -> tuple[str, ...]:

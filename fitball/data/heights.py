@@ -41,12 +41,16 @@ def speeds_of_heights(columns: Mapping[str, NumberColumn], found: Findings) -> d
         height = left.pop(name, None)
         sd = left.pop(name + SD_SUFFIX, None)
         if height is None:
+            # An sd of nothing, which is a fault of the header.
+            left |= {} if sd is None else {sd.name: sd}
             continue
         for k in np.flatnonzero(height.values <= 0.0).tolist():
             found.fault(f"read {height.shown(height.values[k])}; expected a positive height above the court", name, k)
         made = _speed(speed, height)
         if speed in columns:
             _compare(height, made, columns[speed], found)
+            if sd is not None:
+                found.notice(f"{sd.name} is not used: {speed} was measured", sd.name, speed)
             continue
         turned.append(name)
         left[speed] = made

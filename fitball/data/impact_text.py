@@ -24,7 +24,7 @@ _NAMES = {
     **dict.fromkeys(("omega_1", "omega", "spin"), ("omega_1", Dimension.SPIN)),
 }
 _SENSES = {"top": 1.0, "topspin": 1.0, "back": -1.0, "backspin": -1.0}
-SIZE = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+SIZE = r"(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 _VALUE = re.compile(rf"^(?P<number>[+-]?{SIZE})\s*(?:(?:±|\+/-|\+-)\s*(?P<sd>{SIZE}))?\s*(?P<rest>.*)$")
 _FORM = "expected NAME=VALUE UNIT, such as v=38 mph"
 _FORMS = "expected v and theta, or v_x and v_y, or v_y alone for a dropped ball; spin where there is any"
@@ -73,7 +73,8 @@ def named_value(item: str, form: str) -> tuple[str, str, str, Dimension]:
     """Key and value of an item KEY=VALUE, the tables' name of the quantity, and what it measures. Raises
     ParameterError, which says what `form` was expected.
     """
-    key, _equals, value = (part.strip() for part in item.partition("="))
+    # Blanks as one each: patterns try every way to divide a run of them.
+    key, _equals, value = (" ".join(part.split()) for part in item.partition("="))
     if not key or not value:
         raise ParameterError(f"read '{item.strip()}', {form}")
     if key not in _NAMES:

@@ -11,8 +11,9 @@ import numpy as np
 
 from fitball.data.frozen import FrozenMapping, frozen
 from fitball.data.read import load_table
-from fitball.data.reading.doubt import doubt_of_table
+from fitball.data.reading.doubt import doubt_of_table, gaps_of_table
 from fitball.data.reading.flip import check_flips
+from fitball.data.reading.repeats import repeats_of
 from fitball.data.redundancy import independent
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable, Measurement, Notice
@@ -59,6 +60,13 @@ def trusted_table(
     tables = _read_each(data, scene, flip, columns, units)
     notes = []
     for table in tables:
+        gaps = gaps_of_table(table, scene.ball)
+        notes += [] if gaps is None else [f"{table.name}: {gaps}"]
+        copies, near = repeats_of(table, scene.ball)
+        if copies is not None and not as_read:
+            raise ReadingError(table.source, (copies,), "rows are copies of others:")
+        notes += [f"{table.name}: every row counts, on request (as_read), although {copies}"] if copies else []
+        notes += [f"{table.name}: {near}"] if near else []
         doubt = doubt_of_table(table, scene.ball)
         if doubt is not None and not as_read:
             raise ReadingError(table.source, doubt.lines(scene))

@@ -11,6 +11,7 @@ from fitball.data.findings import Findings
 from fitball.data.frozen import FrozenMapping
 from fitball.data.units import unit_of
 from fitball.errors import ParameterError, suggestion
+from fitball.visible import some
 
 _WITH_UNIT = re.compile(r"(?P<name>.*?\S)\s*\[(?P<unit>[^\[\]]*)\]")
 
@@ -47,7 +48,7 @@ class Naming:
 
     def check_absent(self, present: Collection[str], read: Collection[str], found: Findings) -> None:
         """Add a fault for each name that the header has not, unless our own is `present`; `read` are the header's."""
-        here, listed = {name.casefold() for name in read}, ", ".join(read)
+        here, listed = {name.casefold() for name in read}, some([*read])
         for ours, their in self.theirs.items():
             if their.casefold() not in here and ours not in present:
                 found.header_fault(

@@ -10,14 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.columns import NUMBERS, SD_SUFFIX, Column
+from fitball.data.dialect.cells import FORMULA_ERROR
 from fitball.data.dialect.numbers import explained
 from fitball.data.findings import Findings
 from fitball.data.units import DEFAULT_UNIT, Unit
 from fitball.values import FloatArray
 
 # Stricter than float(): no "1_000", no "nan" or "inf", no digits of other scripts.
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
-_ABSENT = ("", "nan", "na", "n/a", "null", "none", "-", "--", "<na>")
+_NUMBER = re.compile(r"[+-]?([0-9]+(?:\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
+# `#N/A` and `#NV` are how Excel shows what is not available.
+_ABSENT = ("", "nan", "na", "n/a", "null", "none", "-", "--", "<na>", "#n/a", "#nv")
 _INFINITE = ("inf", "infinity", "∞")
 
 # Digits of a double, and the largest power of ten that is one.
@@ -61,7 +63,7 @@ def read_column(column: Column, found: Findings, *, gaps: bool = False) -> Numbe
     cells = [row.cells[column.index] for row in found.rows]
     missing = np.array([gaps and absent(cell) for cell in cells], dtype=np.bool_)
     numbers = [
-        None if gap else _read_cell(cell, k, column.name, found)
+        None if gap else _read_cell(cell, k, column.name, found, gaps)
         for k, (cell, gap) in enumerate(zip(cells, missing.tolist(), strict=True))
     ]
     unit = column.unit or DEFAULT_UNIT[NUMBERS[column.name]]
@@ -81,7 +83,7 @@ def absent(text: str) -> bool:
     return text.lower() in _ABSENT
 
 
-def _read_cell(text: str, place: int, name: str, found: Findings) -> tuple[float, int] | None:
+def _read_cell(text: str, place: int, name: str, found: Findings, gaps: bool) -> tuple[float, int] | None:
     """The number of a cell, and the power of ten of its last digit; None, with a fault, where it has none."""
     matched = _NUMBER.fullmatch(text)
     if matched and isfinite(number := float(text)):
@@ -91,11 +93,11 @@ def _read_cell(text: str, place: int, name: str, found: Findings) -> tuple[float
         # "0e400" is zero, but no digit of it stands where a number can have one.
         if exponent <= MOST_EXPONENT:
             return number, exponent
-    found.fault(_explain(text, name), name, place)
+    found.fault(_explain(text, name, gaps), name, place)
     return None
 
 
-def _explain(text: str, name: str) -> str:
+def _explain(text: str, name: str, gaps: bool) -> str:
     what = "a standard deviation" if name.endswith(SD_SUFFIX) else "a number"
     lower = text.lower()
     if absent(text):
@@ -105,4 +107,11 @@ def _explain(text: str, name: str) -> str:
     open_number = explained(text)
     if open_number is not None:
         return open_number
+    empty = "leave the cell empty where nothing was measured" if gaps else "measure it, or delete the row"
+    if FORMULA_ERROR.match(text):
+        return (
+            f"read '{text}', the error of a formula in a spreadsheet; expected {what}: mend the formula, or {empty}"
+        )
+    if not any(map(str.isdigit, text)):
+        return f"read '{text}'; expected {what} such as 11.73: {empty}"
     return f"read '{text}'; expected {what} such as 11.73 (units belong in the header)"

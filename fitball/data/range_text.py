@@ -37,7 +37,7 @@ def parse_range(quantity: str, text: str) -> Range:
 
     Raises ParameterError that quotes the text.
     """
-    matched = _RANGE.match(text)
+    matched = _RANGE.match(" ".join(text.split()))
     if matched is None:
         raise ParameterError(f"{quantity} '{text}': {FORM}")
     try:

@@ -27,7 +27,8 @@ from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable, Measurement
 from fitball.data.velocity import velocity
 from fitball.data.written import PATHS, Source, Written, framed, written_table
-from fitball.errors import Fault, ParameterError
+from fitball.errors import Fault
+from fitball.kinds import checked
 from fitball.observables import OBSERVABLES, VELOCITIES
 from fitball.values import FloatArray, Impacts
 
@@ -35,6 +36,7 @@ LEAST_IMPACTS = 2
 LONGEST_LABEL = 200
 
 
+@checked
 def load_table(
     source: Source,
     *,
@@ -64,10 +66,6 @@ def load_table(
     <ImpactTable mine: 2 impacts, incident v_x1, v_y1, measured v_x2, v_y2>
     """
     flip = (flip,) if isinstance(flip, str) else flip
-    asked_of: dict[str, object] = {"columns": columns or {}, "units": units or {}}
-    for what, given in asked_of.items():
-        if not isinstance(given, Mapping) or not all(isinstance(text, str) for text in given.values()):
-            raise ParameterError(f"{what}: read {given!r}, expected texts by our names, such as {{'v_1': ...}}")
     known = scene or load_scene(source if isinstance(source, PATHS) else None, as_read=True)
     asked = with_units({**known.columns, **(columns or {})}, units or {}, (*NUMBERS, *LABELS))
     text = written_table(framed(source), naming(asked, (*NUMBERS, *LABELS)))
@@ -144,6 +142,7 @@ def _assembled(text: Written, columns: Mapping[str, NumberColumn], ids: tuple[st
         incident_covariance=covariance,
         files=text.files,
         rows=tuple(row.number for row in rows),
+        resolution=FrozenMapping({name: column.half_width for name, column in columns.items()}),
     )
 
 

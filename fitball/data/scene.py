@@ -14,6 +14,7 @@ from fitball.data.frozen import FrozenMapping
 from fitball.data.scene_file import Quantity, read_scene_file
 from fitball.data.scene_limits import density_fault, meant_inertia, range_fault, unlikely, unlikely_density
 from fitball.errors import ParameterError, SceneError, fault_list, suggestion
+from fitball.kinds import checked
 from fitball.observables import NOISE_OF, SHARED_SD
 from fitball.values import WANG_INERTIA_RATIO, WANG_MASS, WANG_RADIUS, Ball
 from fitball.wording import option
@@ -100,6 +101,7 @@ class Scene:
         return self.source is not None and not any(_BALL_WORDS["radius"] in sentence for sentence in self.assumed)
 
 
+@checked
 def load_scene(
     table_source: str | os.PathLike[str] | None, config: str | os.PathLike[str] | None = None, as_read: bool = False
 ) -> Scene:

@@ -67,7 +67,7 @@ _EXCLUSIVE = (
     ("measurement.velocity_sd", "measurement.nominal_velocity_sd"),
     ("measurement.spin_sd", "measurement.nominal_spin_sd"),
 )
-_NUMBER = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
+_NUMBER = r"[+-]?([0-9]+(?:\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?"
 _PRIOR = re.compile(
     rf"\s*([A-Za-z_][A-Za-z0-9_]*\s*\(\s*{_NUMBER}\s*(,\s*{_NUMBER}\s*)*\)|literature:\s*[A-Za-z0-9_-]+)\s*"
 )

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from fitball.data.frozen import FrozenMapping
 from fitball.observables import OBSERVABLES, SI_UNITS
 from fitball.values import FloatArray, Impacts, same
+from fitball.visible import some
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,7 +87,8 @@ class ImpactTable:
     that of `(v_x1, v_y1, omega_1)`, None where no uncertainty of them was stated. `digest` is the SHA-256 of
     the file's bytes, `files` are those it was read from, each with the SHA-256 of its bytes; `flipped` are columns
     that were counted the other way round on request (`TABLE:COLUMN` in a table of several), `columns` names in the
-    file that are not ours, by our name; `rows` (impacts,) says where each stood, from 1, where it was just read.
+    file that are not ours, by our name. Where the table was just read `rows` (impacts,) says where each stood, from
+    1, and `resolution` half a unit of each column's last printed digit [SI].
     """
 
     name: str
@@ -106,6 +108,7 @@ class ImpactTable:
     columns: Mapping[str, str] = field(default_factory=FrozenMapping)
     files: tuple[tuple[str, str], ...] = ()
     rows: tuple[int, ...] = field(default=(), compare=False)
+    resolution: Mapping[str, float] = field(default_factory=FrozenMapping, compare=False)
 
     def __len__(self) -> int:
         return len(self.impacts)
@@ -118,7 +121,7 @@ class ImpactTable:
 
     def __repr__(self) -> str:
         measured = ", ".join(item.name for item in self.measurements) or "nothing"
-        labels = f"; labels {', '.join(self.labels)}" if self.labels else ""
+        labels = f"; labels {some([*self.labels])}" if self.labels else ""
         head = f"{self.name}: {len(self):,} impact{'s' if len(self) != 1 else ''}"
         return f"<ImpactTable {head}, incident {', '.join(self.incident_columns)}, measured {measured}{labels}>"
 

@@ -97,7 +97,7 @@ def parse_unit(text: str | None, dimension: Dimension) -> Unit:
     spelling = text.strip()
     unit = unit_of(spelling)
     known = ", ".join(symbols(dimension))
-    if plain(spelling) in AMBIGUOUS:
+    if unit is None and plain(spelling) in AMBIGUOUS:
         raise UnitError(f"read unit '[{spelling}]', which means two things: write {AMBIGUOUS[plain(spelling)]}")
     if unit is None:
         hint = suggestion(spelling.lower(), symbols(dimension))

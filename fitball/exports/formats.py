@@ -11,7 +11,7 @@ from fitball.exports.engine_settings import engine_texts
 from fitball.exports.golden_table import golden_table
 from fitball.exports.lookup_table import lookup_note, lookup_texts
 from fitball.exports.paper_table import latex_table, markdown_table
-from fitball.exports.parameter_set import parameter_content, parameter_table, toml_text
+from fitball.exports.parameter_set import parameter_content
 from fitball.exports.port.c import c_port
 from fitball.exports.port.csharp import csharp_port
 from fitball.exports.port.gdscript import gdscript_port
@@ -79,8 +79,6 @@ TEXT_FORMATS: Mapping[str, TextFormat] = {
     "lookup": TextFormat("lookup", lambda saved, options: lookup_texts(saved, options.range), lookup_note),
     "engine": TextFormat("engine", lambda saved, options: engine_texts(saved, options.at, options.engine_inertia)),
     "json": _parameters(".json", lambda saved: json_text(parameter_content(saved))),
-    "toml": _parameters(".toml", toml_text),
-    "csv": _parameters(".csv", parameter_table),
     "latex": _parameters(".tex", latex_table),
     "markdown": _parameters(".md", markdown_table),
     "certificate": TextFormat("certificate", lambda saved, _options: {".html": certificate(saved)}, bounces=False),

@@ -91,8 +91,6 @@ def _content(saved: SavedFit, lookup: Lookup) -> dict[str, Any]:
                     "largest": item.largest,
                     "rms": item.rms,
                     "largest_at": {axis: units[axis].from_si(value) for axis, value in item.place.items()},
-                    "regime_there": item.regime,
-                    "cell_holds_a_change_of_regime": item.kink,
                 }
                 for name, item in lookup.errors.items()
             },

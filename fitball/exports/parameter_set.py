@@ -1,17 +1,15 @@
-"""The fitted parameter set for other programs: one content, as JSON with a schema and as TOML; and a table as CSV."""
+"""The fitted parameter set for other programs: one content, as JSON with a schema."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import tomli_w
 from msgspec import UNSET
 
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Estimate, Verdict
 from fitball.models.registry import parameter_spec
-from fitball.report.form.csv import csv_text
 from fitball.report.form.display_units import THESIS, Scale
 from fitball.report.saved.saved_fit import SavedFit
 from fitball.version import __version__
@@ -82,26 +80,3 @@ def _parameter(parameter: Estimate, scale: Scale | None) -> dict[str, Any]:
 def _thesis_scale(saved: SavedFit, name: str) -> Scale | None:
     """The thesis's unit of a parameter that was fitted to the thesis's data."""
     return None if saved.file.parameters[name].thesis_units is UNSET else THESIS[name]
-
-
-def toml_text(saved: SavedFit) -> str:
-    """The same as TOML."""
-    head = "# A fitted parameter set of fitball; SI units unless a unit stands beside a number.\n"
-    return head + tomli_w.dumps(parameter_content(saved))
-
-
-def parameter_table(saved: SavedFit) -> str:
-    """CSV: one row per parameter, in SI; where the data are the thesis's also in its units."""
-    rows: list[dict[str, object]] = []
-    scales = {name: _thesis_scale(saved, name) for name in saved.parameters}
-    for parameter in saved.parameters.values():
-        numbers = {name: getattr(parameter, name) for name in NUMBERS}
-        row = {"parameter": parameter.name, "role": role(parameter.name), "unit": parameter.unit, **numbers}
-        row["verdict"] = parameter.verdict_words
-        if any(scales.values()):
-            scale = scales[parameter.name]
-            row["thesis_unit"] = None if scale is None else scale.unit
-            for name, value in numbers.items():
-                row[f"thesis_{name}"] = None if scale is None or value is None else value * scale.factor
-        rows.append(row)
-    return csv_text(rows)

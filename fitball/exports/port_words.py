@@ -31,8 +31,6 @@ def port_text(check: PortCheck, ids: Sequence[str], model: str) -> str:
     failed = int(check.failed.sum())
     result = "passed" if check.passed else f"FAILED: {failed} of {len(ids)} impacts"
     lines += ["", EXPLANATION, "", f"{result} (tolerance {check.tolerance:g} relative)"]
-    if check.causes:
-        lines += ["Likely cause:", *(f"  - {cause}" for cause in check.causes)]
     return "\n".join(lines)
 
 
@@ -66,5 +64,4 @@ def port_json(check: PortCheck, ids: Sequence[str], model: str) -> dict[str, Any
             }
             for k, label in enumerate(ids)
         ],
-        "causes": list(check.causes),
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -136,8 +137,7 @@ class Model(ABC):
         marked in `status`.
         """
         names, values, single = self._checked(parameters)
-        if not isinstance(impacts, Impacts):
-            raise ParameterError(f"read impacts of type {type(impacts).__name__}, expected fitball.impacts(...)")
+        check_impacts(impacts)
         if self.needs_cor and impacts.cor is None:
             raise ModelError(
                 "closure cor = 'measured' needs each impact's own coefficient of restitution: "
@@ -175,11 +175,16 @@ class Model(ABC):
         names, values, single = self._checked(parameters)
         if not single:
             raise ParameterError("a history takes one value of each parameter, not draws")
+        check_impacts(impact)
         if len(impact) != 1:
             raise ParameterError(f"a history is that of one impact: read {len(impact)}")
         return names, values
 
     def _checked(self, parameters: Mapping[str, ArrayLike]) -> tuple[tuple[str, ...], FloatArray, bool]:
+        if not isinstance(parameters, Mapping):
+            raise ParameterError(
+                f"parameters: read {reprlib.repr(parameters)}, expected a dict, such as {{'mu': 0.5}}"
+            )
         needed = self.parameter_names
         allowed = (*needed, *BALL_PARAMETERS)
         for name in parameters:
@@ -207,6 +212,12 @@ class Model(ABC):
             lengths = {name: column.shape for name, column in zip(names, columns, strict=True)}
             raise ParameterError(f"parameters differ in number of draws: {lengths}") from None
         return names, np.atleast_2d(values), values.ndim == 1
+
+
+def check_impacts(impacts: object) -> None:
+    """Raise ParameterError for what are no impacts."""
+    if not isinstance(impacts, Impacts):
+        raise ParameterError(f"read impacts of type {type(impacts).__name__}, expected fitball.impacts(...)")
 
 
 def restitution_lines(names: Sequence[str], impacts: Impacts) -> list[dict[str, float]]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from fitball.errors import ModelError, suggestion
+from fitball.kinds import checked
 from fitball.models.grip_slip import BRODY, GRIP_SLIP, compose_grip_slip
 from fitball.models.model import Model
 from fitball.models.specs import SPECS, ParameterSpec
@@ -105,6 +106,7 @@ def entry(name: str) -> Entry:
     return MODELS[name]
 
 
+@checked
 def model(name: str = DEFAULT_MODEL, *, ball: Ball | None = None, tangential: bool = True, **closures: str) -> Model:
     """Compose the model called `name`, with any closure replaced by keyword (`normal="total"`).
 

@@ -10,7 +10,8 @@ from typing import Any, Literal, get_args, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.errors import ModelError, suggestion
+from fitball.errors import ModelError, ParameterError, suggestion
+from fitball.kinds import checked
 from fitball.values import FloatArray
 
 Release = Literal["zero_displacement", "zero_force"]
@@ -161,6 +162,7 @@ def unpack_regime(code: int) -> tuple[Phase, ...]:
     return tuple(phases)
 
 
+@checked
 def regime_name(code: int) -> str:
     """A packed phase sequence in words, such as `slide-grip-slide back`.
 
@@ -168,7 +170,10 @@ def regime_name(code: int) -> str:
     >>> fitball.regime_name(fitball.model("grip-slip").rebound(ball, fitball.impacts(15.0, 6.0)).regime[0])
     'slide'
     """
-    return "-".join(PHASE_SYMBOL[phase] for phase in unpack_regime(int(code)))
+    try:
+        return "-".join(PHASE_SYMBOL[phase] for phase in unpack_regime(int(code)))
+    except ValueError:
+        raise ParameterError(f"code = {code}: expected a packed sequence of phases, as a rebound has it") from None
 
 
 @dataclass(frozen=True)

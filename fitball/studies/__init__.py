@@ -1,6 +1,6 @@
-"""Programs about fitball rather than about a table: is the thesis reproduced, are the posteriors calibrated, what
-does speed cost, does a run repeat. A room for each; no one imports another, but for what is `shared`.
+"""Programs about fitball rather than about a table: is the thesis reproduced, what does speed cost, does a run
+repeat. A room for each; no one imports another.
 
-Offers: `thesis` (rederive), `sbc` (scripts/validate), `bench` and `repeat`.
+Offers: `thesis` (rederive), `bench` and `repeat`.
 May import: api, exports, report, inference, models, data.
 """

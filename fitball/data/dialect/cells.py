@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -9,6 +10,11 @@ from fitball.errors import Fault, TableError
 
 # Cells, and the line they start on (None where there are no lines).
 Record = tuple[int | None, tuple[str, ...]]
+
+# What a spreadsheet shows where a formula has no value, in English and German: no comment, though it begins like one.
+FORMULA_ERROR = re.compile(
+    r"#(?:N/?A|NV|VALUE!|WERT!|DIV/0!|REF!|BEZUG!|NAME\?|NUM!|ZAHL!|NULL!)(?![\w!?])", re.IGNORECASE
+)
 
 
 @dataclass(frozen=True)

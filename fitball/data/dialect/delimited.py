@@ -7,16 +7,20 @@ import io
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import accumulate
 
-from fitball.data.dialect.cells import Record, refusal
+from fitball.data.dialect.cells import FORMULA_ERROR, Record, refusal
+from fitball.data.dialect.size import MOST_COLUMNS, check_shape, most_cells
 
 # Lines by which a delimiter is told.
-SAMPLE = 200
+SAMPLE, SAMPLE_SIZE = 200, 1_000_000
 # A letter for private use: no text has it, and no pattern takes it for a space.
 _JOINED = "\ue000"
-_BRACKET = re.compile(r"[ \t]*([\[({][^\[\](){}]*[\])}])")
-_SLASH = re.compile(r"[ \t]+/[ \t]+")
-_PLUS_MINUS = re.compile(r"[ \t]*(±|\+/-|\+-)[ \t]*")
+# A run of blanks is looked at once, from its start: a line may be all blanks.
+_BLANKS = r"(?<![ \t])[ \t]"
+_BRACKET = re.compile(_BLANKS + r"*+([\[({][^\[\](){}]*[\])}])")
+_SLASH = re.compile(_BLANKS + r"++/[ \t]+")
+_PLUS_MINUS = re.compile(_BLANKS + r"*+(±|\+/-|\+-)[ \t]*")
 
 
 @dataclass(frozen=True)
@@ -25,6 +29,12 @@ class Delimiter:
 
     name: str
     records: Callable[[Iterable[str], bool], Iterator[Record]]
+
+
+def is_comment(line: str) -> bool:
+    """Whether a line is a comment: behind `#`, unless that begins the error of a formula."""
+    text = line.lstrip()
+    return text.startswith("#") and not FORMULA_ERROR.match(text)
 
 
 class QuoteError(Exception):
@@ -48,7 +58,7 @@ class _LineFeed:
         for line in self.lines:
             self.count += 1
             if self.between_records:
-                if not line.strip() or line.lstrip().startswith("#"):
+                if not line.strip() or is_comment(line):
                     continue
                 self.record_start = self.count
                 self.between_records = False
@@ -74,7 +84,7 @@ def _by_spaces(gap: re.Pattern[str]) -> Callable[[Iterable[str], bool], Iterator
     def records(lines: Iterable[str], _strict: bool) -> Iterator[Record]:
         for number, line in enumerate(lines, start=1):
             text = line.strip()
-            if not text or text.startswith("#"):
+            if not text or is_comment(text):
                 continue
             text = _PLUS_MINUS.sub(_JOINED + r"\1" + _JOINED, _SLASH.sub(f"{_JOINED}/{_JOINED}", text))
             text = _BRACKET.sub(lambda found: _JOINED + found[1].replace(" ", _JOINED), text)
@@ -93,6 +103,8 @@ DELIMITERS = (
     Delimiter("runs of spaces", _by_spaces(re.compile(r"\s{2,}|\t"))),
     Delimiter("spaces", _by_spaces(re.compile(r"\s+"))),
 )
+# A row of these may begin with the index of a data frame that was printed.
+SPACES = DELIMITERS[4:]
 
 
 def lines_of(text: str) -> list[str]:
@@ -103,28 +115,36 @@ def lines_of(text: str) -> list[str]:
 def sample(delimiter: Delimiter, lines: list[str]) -> list[Record]:
     """Records of the first lines; none where they cannot be divided so."""
     try:
-        return list(delimiter.records(lines[:SAMPLE], False))
+        # Long lines are many cells in few of them; the first counts in any case.
+        sizes = accumulate(map(len, lines[:SAMPLE]))
+        return list(delimiter.records(lines[: max(1, sum(size <= SAMPLE_SIZE for size in sizes))], False))
     except QuoteError:
         return []
 
 
 def all_records(source: str, delimiter: Delimiter, lines: list[str]) -> list[Record]:
     """The records of a file. Raises TableError for quotes that do not pair."""
+    records, cells = list[Record](), 0
     try:
-        return list(delimiter.records(lines, True))
+        for record in delimiter.records(lines, True):
+            cells += len(record[1])
+            if len(record[1]) > MOST_COLUMNS or cells > most_cells(len(lines)):
+                check_shape(source, max(len(lines), 1), max(len(record[1]), -(-cells // len(lines))))
+            records.append(record)
     except QuoteError as error:
         raise refusal(
             source,
             f"the record that starts here is not CSV ({error}); expected double quotes in pairs, around whole cells",
             error.line,
         ) from None
+    return records
 
 
 def comments(lines: list[str]) -> list[str]:
     """The comment lines above the first other line, without their marks; a blank line for each other."""
     found = []
     for line in lines[:SAMPLE]:
-        if line.strip() and not line.lstrip().startswith("#"):
+        if line.strip() and not is_comment(line):
             break
         found.append(line.strip().lstrip("#").strip())
     return found

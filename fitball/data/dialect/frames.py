@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from fitball.data.dialect.cells import Record, Vocabulary, refusal
 from fitball.data.dialect.layout import find_header
+from fitball.data.dialect.size import BYTES_A_ROW, DAMAGED, ROWS, check_shape, check_workbook
 
 if TYPE_CHECKING:
     import pandas
@@ -17,14 +18,12 @@ PARQUET_SUFFIXES = (".parquet", ".pq")
 WORKBOOKS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 # What divides a workbook from the sheet that is meant: `book.xlsx#clay`.
 SHEET_MARK = "#"
-# How Excel shows a formula without a value, and a chart of missing points.
-_NOT_AVAILABLE = ("#N/A", "#NV")
 # Names by which a sheet is taken for a table of impacts.
 _NAMES = 1.5
 
 
 def workbook_records(
-    source: str, data: bytes, vocabulary: Vocabulary, wanted: str | None
+    source: str, data: bytes, suffix: str, vocabulary: Vocabulary, wanted: str | None
 ) -> tuple[list[Record], tuple[str, ...]]:
     """The cells of a sheet, with the sheet's rows as lines, and a note where there are more sheets: the sheet called
     `wanted`, else the one that holds a table.
@@ -33,14 +32,19 @@ def workbook_records(
     """
     import python_calamine
 
+    def cells(sheet: python_calamine.CalamineSheet) -> list[list[Any]]:
+        check_shape(source, sheet.total_height, sheet.total_width)
+        return sheet.to_python(skip_empty_area=False)
+
     try:
+        check_workbook(source, data, suffix)
         with python_calamine.load_workbook(io.BytesIO(data)) as book:
             named = {
-                sheet.name: book.get_sheet_by_name(sheet.name).to_python(skip_empty_area=False)
+                sheet.name: cells(book.get_sheet_by_name(sheet.name))
                 for sheet in book.sheets_metadata
                 if sheet.typ == python_calamine.SheetTypeEnum.WorkSheet
             }
-    except (python_calamine.CalamineError, ValueError, OSError, OverflowError) as error:
+    except (python_calamine.CalamineError, OSError, OverflowError, *DAMAGED) as error:
         message = f"not a workbook ({error}); expected {', '.join(WORKBOOKS)}, or CSV with the ending .csv"
         raise refusal(source, message) from None
     found: dict[str, list[Record]] = {
@@ -65,11 +69,20 @@ def workbook_records(
 
 def parquet_frame(path: Path, data: bytes) -> pandas.DataFrame:
     """The DataFrame in a Parquet file. Raises TableError where it is damaged or nothing installed reads it."""
-    import pandas
-
     source = str(path)
     try:
-        return pandas.read_parquet(io.BytesIO(data))
+        import pyarrow.parquet
+
+        file = pyarrow.parquet.ParquetFile(io.BytesIO(data))
+        check_shape(source, file.metadata.num_rows, file.metadata.num_columns)
+        # A text that stands in the file once may be that of all rows.
+        most, batches, size = 4 * BYTES_A_ROW * max(file.metadata.num_rows, ROWS), [], 0
+        for batch in file.iter_batches(1024):
+            size += batch.nbytes
+            if size > most:
+                raise refusal(source, f"unpacks to more than {size / 1e6:,.0f} MB; expected numbers and short texts")
+            batches.append(batch)
+        return _frame_of(pyarrow.Table.from_batches(batches, file.schema_arrow))
     except ImportError:
         raise refusal(
             source,
@@ -81,6 +94,11 @@ def parquet_frame(path: Path, data: bytes) -> pandas.DataFrame:
         raise refusal(
             source, f"not a Parquet file ({error}); expected Parquet, or CSV with the ending .csv"
         ) from None
+
+
+def _frame_of(table: Any) -> pandas.DataFrame:
+    frame: pandas.DataFrame = table.to_pandas()
+    return frame
 
 
 def frame_records(frame: pandas.DataFrame) -> list[Record]:
@@ -103,5 +121,4 @@ def _text(value: Any) -> str:
         return f"{value.isoformat()} (a date or a time)"
     if isinstance(value, float) and value.is_integer() and abs(value) < 1e15:
         return str(int(value))
-    text = str(value).strip()
-    return "" if text in _NOT_AVAILABLE else text
+    return str(value).strip()

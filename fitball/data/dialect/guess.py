@@ -10,6 +10,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from fitball.data.dialect.header_cell import LONGEST
+
 _GREEK = {"θ": "theta", "ω": "omega", "ϑ": "theta", "σ": "sd"}
 # Words of names, by what they tell: the quantity, its direction, the end of the bounce, a deviation, nothing.
 _LEXICON: Mapping[tuple[str, str], str] = {
@@ -32,8 +34,7 @@ _LEXICON: Mapping[tuple[str, str], str] = {
     ("filler", ""): "ball of the mean avg average measured launch",
 }
 _WORDS = {word: told for told, words in _LEXICON.items() for word in words.split()}
-_WORD = "|".join(sorted(map(re.escape, _WORDS), key=len, reverse=True))
-_NAME = re.compile(rf"(?:{_WORD})+")
+_LONGEST_WORD = max(map(len, _WORDS))
 HEIGHTS = {"1": "drop_height", "2": "rebound_height"}
 
 
@@ -70,7 +71,9 @@ def guess_of(name: str) -> Guess | None:
     told = _told(name)
     if any(told.count(word) > 1 for word in told if word != ("filler", "")):
         return None
-    by_kind = {kind: {value for other, value in told if other == kind} for kind, _ in told}
+    by_kind: dict[str, set[str]] = {}
+    for kind, value in told:
+        by_kind.setdefault(kind, set()).add(value)
     quantities, directions = by_kind.get("quantity", set()), by_kind.get("direction", set())
     ends = by_kind.get("end", set())
     if len(quantities) != 1 or len(directions) > 1 or len(ends) > 1:
@@ -90,25 +93,31 @@ def guess_of(name: str) -> Guess | None:
 
 def _told(name: str) -> list[tuple[str, str]]:
     """What the words of a name tell, none where it has others."""
-    text = bare(name)
+    if len(name) > LONGEST:
+        return []
     # Each part by itself first, so that "v_in" is not "vi" and "n".
     parts = [part for part in re.split(r"[\s_.\-]+|(?<=[a-z])(?=[A-Z0-9])", name) if part]
     whole = [bare(part) for part in parts]
     if whole and all(part in _WORDS for part in whole):
         return [_WORDS[part] for part in whole]
-    if not _NAME.fullmatch(text):
-        return []
-    found = _cut(text)
-    return [_WORDS[word] for word in found]
+    return [_WORDS[word] for word in _cut(bare(name))]
 
 
 def _cut(text: str) -> list[str]:
-    """The text as words, the longest first; [] where no way of cutting it leaves nothing over."""
-    if not text:
-        return []
-    for size in range(len(text), 0, -1):
-        if text[:size] in _WORDS:
-            rest = _cut(text[size:])
-            if rest or size == len(text):
-                return [text[:size], *rest]
-    return []
+    """The text as words, the longest first; [] where no way of cutting it leaves nothing over.
+
+    From the end on, so that what follows each place is known: a step for each place and length of a word, where
+    trying one way after the other takes exponentially many (`"horiz" * 26 + "!"`).
+    """
+    end = len(text)
+    sizes = [0] * end + [1]
+    for place in reversed(range(end)):
+        for size in range(min(_LONGEST_WORD, end - place), 0, -1):
+            if sizes[place + size] and text[place : place + size] in _WORDS:
+                sizes[place] = size
+                break
+    found, place = list[str](), 0
+    while place < end and sizes[0]:
+        found.append(text[place : place + sizes[place]])
+        place += sizes[place]
+    return found

@@ -15,6 +15,10 @@ _BEHIND = (
 )
 _JOINED = re.compile(r"(?<=[0-9A-Za-z])[_ ](?=[A-Za-z°])")
 
+# Characters of a cell that may hold name and unit; a longer one is all name. No name of ours and no unit is near it,
+# and the patterns above take time with the square of the length.
+LONGEST = 100
+
 Known = Callable[[str], bool]
 UNMATCHED = "the brackets do not match; expected a name and a unit, such as 'v_x1 [m/s]'"
 
@@ -26,6 +30,8 @@ def split_cell(cell: str, known: Known, is_unit: Known) -> tuple[str, str | None
     `is_unit`; without brackets a unit must be one.
     """
     text = cell.strip()
+    if len(text) > LONGEST:
+        return text, None, ""
     slash = re.fullmatch(r"(.+?)\s*/\s*\[([^\[\]]*)\]", text)
     match = _SQUARE.match(text if slash is None else f"{slash[1]} [{slash[2]}]")
     if match is None:

@@ -6,20 +6,15 @@ import re
 from collections.abc import Sequence
 
 from fitball.data.dialect.cells import RawRow, RawTable, Record, Vocabulary, refusal
+from fitball.data.dialect.summary import summaries
 from fitball.errors import Fault
 
 # Records among which the header is looked for.
 _REACH = 60
 # What a name that is probably meant must be worth to make a header of a record.
 _LEAST = 0.5
-_NUMBER = re.compile(r"[+\-\u2212\u2013]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
+_NUMBER = re.compile(r"[+\-\u2212\u2013]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?")
 _BLANKS = ("", "-", "--", "—", "1", "[-]", "(-)", "[]", "()")
-# How rows begin that sum up a table, in English, German and French.
-_SUMMARY = re.compile(
-    r"(?:mean|average|avg|median|std\.? ?dev\.?|stdev|std|sd|sum|total|min|max|minimum|maximum|count|n|"
-    r"mittel(?:wert)?|durchschnitt|standardabweichung|summe|moyenne|[ée]cart[ -]type)[.:]?",
-    re.IGNORECASE,
-)
 _SHOWN = 60
 
 
@@ -57,17 +52,21 @@ def laid_out(
     width = _width(header, rest)
     header = header[:width]
     rows, empty, again = [], 0, list[str]()
+    summed = summaries([cells for _, cells in rest])
     for number, (place, cells) in enumerate(rest, start=first):
         fitted = _fitted(cells, width)
         if not any(cells):
             empty += 1
         elif cells == records[at][1]:
             again.append(f"in row {number}" if place is None else f"in line {place}")
-        elif _SUMMARY.fullmatch(word := next(filter(None, cells))):
+        elif number - first in summed:
+            word = summed[number - first]
             message = f"begins with '{word}', as a row below a table that sums it up; expected impacts: delete it"
             faults.append(Fault(message, row=number, line=place))
         elif len(fitted) != width:
             hint = "; decimal commas between commas? write decimal points" if len(fitted) > width else ""
+            if len(fitted) == width + 1:
+                hint += "; is the first the index of a data frame? write 'id' above it"
             message = f"read {len(fitted)} cells, expected {width} as in the header{hint}"
             faults.append(Fault(message, row=number, line=place))
         else:
@@ -129,8 +128,7 @@ def _is_units(cells: Sequence[str], header: Sequence[str], vocabulary: Vocabular
 
 def _bare(cell: str) -> str:
     """A unit without its brackets."""
-    inner = re.fullmatch(r"[\[({]\s*(.*?)\s*[\])}]", cell)
-    return inner[1] if inner else cell
+    return cell[1:-1].strip() if cell[:1] in "[({" and cell[-1:] in "])}" and len(cell) > 1 else cell
 
 
 def _with_units(

@@ -18,6 +18,8 @@ _GROUPED = re.compile(r"[+\-]?\d{1,3}(?:[.,' \u00a0\u202f]\d{3})+(?:[.,]\d+)?")
 _MINUS = re.compile(r"(?:^|(?<=[eE]))[\u2212\u2013](?=[\d.,])")
 # Without any of these there is no decimal comma, printed minus sign or deviation; and no deviation.
 _SIGNS, _DEVIATION_SIGNS = ",±+\u2212\u2013", "±+"
+# No number with its deviation is longer; the pattern takes time with the square of the length.
+_LONGEST_PAIR = 100
 _PLUS_MINUS = re.compile(r"(?P<value>[^±]*?\S)\s*(?:±|\+/-|\+/\u2212|\+-)\s*(?P<sd>[^±+\-\s].*)")
 
 
@@ -57,8 +59,13 @@ def _changed(row: RawRow, places: Sequence[int], change: Callable[[str], str]) -
 
 def _parts(cell: str) -> Iterable[str]:
     """The number of a cell, or number and deviation."""
-    pair = _PLUS_MINUS.fullmatch(cell)
+    pair = _pair(cell)
     return (cell,) if pair is None else (pair["value"], pair["sd"])
+
+
+def _pair(cell: str) -> re.Match[str] | None:
+    """A number and its deviation, if a cell holds both."""
+    return _PLUS_MINUS.fullmatch(cell) if len(cell) <= _LONGEST_PAIR else None
 
 
 def _with_point(cell: str) -> str:
@@ -72,7 +79,7 @@ def split_deviations(rows: Sequence[RawRow], places: Sequence[int]) -> tuple[tup
     """
     if not _any_of(_DEVIATION_SIGNS, [row.cells[place] for row in rows for place in places]):
         return tuple(rows), {}
-    stated = [place for place in places if any(_PLUS_MINUS.fullmatch(row.cells[place]) for row in rows)]
+    stated = [place for place in places if any(_pair(row.cells[place]) for row in rows)]
     if not stated:
         return tuple(rows), {}
     width = len(rows[0].cells)
@@ -80,7 +87,7 @@ def split_deviations(rows: Sequence[RawRow], places: Sequence[int]) -> tuple[tup
     for row in rows:
         cells, sds = list(row.cells), []
         for place in stated:
-            pair = _PLUS_MINUS.fullmatch(cells[place])
+            pair = _pair(cells[place])
             sds.append("" if pair is None else pair["sd"])
             if pair is not None:
                 cells[place] = pair["value"]

@@ -33,7 +33,7 @@ _WORDS = _by_word(
         "deg": "deg degs degree degrees ° º",
         "rev": "rev revs revolution revolutions turn turns rot rotation rotations u umdr umdrehungen",
         "N": "n newton newtons",
-        "kN": "kn kilonewton kilonewtons",
+        "kN": "kilonewton kilonewtons",
         "lbf": "lbf",
     }
 )
@@ -47,7 +47,7 @@ _WHOLE = {"r p m": "rpm"} | _by_word(
         "mm/s": "mms^-1",
         "ft/s": "fps",
         "in/s": "ips",
-        "kn": "kn kt kts knot knots",
+        "kn": "kt kts knot knots",
         "rpm": "rpm rev/min 1/min min^-1",
         "rev/s": "rps hz hertz",
         "rad/s": "rads^-1",
@@ -60,6 +60,8 @@ AMBIGUOUS: Mapping[str, str] = {
     "s^-1": "rad/s or rev/s",
     "grad": "deg, or gradians, which are not known",
     "gon": "deg, of which a gon is 0.9",
+    # Any case but those of the symbols, `kn` and `kN`.
+    "kn": "kn for knots, or kN for kilonewtons",
     "lb": "lbf",
     "lbs": "lbf",
 }

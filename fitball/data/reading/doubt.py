@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,15 +11,18 @@ from fitball.data.columns import MEASURED, REBOUND
 from fitball.data.reading.hypotheses import Hypothesis, double_hypotheses, hypotheses
 from fitball.data.reading.impulse_laws import Misfit, misfit
 from fitball.data.reading.motion import Columns, Motion, chosen_rows, motion_of
+from fitball.data.reading.spins import missing_above
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.data.units import Dimension
-from fitball.values import Ball, FloatArray
+from fitball.values import Ball, FloatArray, quotient
 
 # Log likelihood by which another reading must be better, in all and for each impact (as much as if all three misfits
 # fell to half), and the misfit for each impact at which it still describes the table. Of good tables of thirty
 # designs none comes near: `tests/test_reading.py` measures.
 GAIN, GAIN_EACH, DESCRIBES = 10.0, 2.0, 6.0
+# The gain of readings that choose row by row, beyond what their choice costs: all good tables lose by them.
+GAIN_CHOSEN = 5.0
 # The misfit for each impact that a table read well leaves seldom.
 WELL = 3.0
 # Rows in which all was measured that are enough to look at these alone.
@@ -79,9 +82,12 @@ def doubt_of(columns: Columns, units: Mapping[str, str], ball: Ball) -> Doubt | 
         return None
     as_read = misfit(motion, ball)
     # The gain there can be at most, before anything else is fitted.
-    if as_read.cost < GAIN or as_read.cost / as_read.rows < GAIN_EACH:
+    if as_read.cost < GAIN_CHOSEN:
         return None
-    found = _better(mine, as_read, hypotheses(mine, units), ball)
+    tried = hypotheses(mine, units, ball)
+    if as_read.cost < max(GAIN, GAIN_EACH * as_read.rows):
+        tried = tuple(item for item in tried if item.cost)
+    found = _better(mine, as_read, tried, ball)
     best = min([as_read, *(item.misfit for item in found)], key=lambda item: item.cost)
     if best.cost / best.rows > WELL:
         # Two things may be wrong; that is said only where it is much better than one.
@@ -100,24 +106,32 @@ def _better(columns: Columns, as_read: Misfit, tried: Iterable[Hypothesis], ball
         moved = motion_of(other)
         if moved != motion and _plausible(other, moved) and not (hypothesis.needs_spin and _untold(motion)):
             left = misfit(moved, ball)
+            left = replace(left, cost=left.cost + hypothesis.cost)
             found += [Explanation(hypothesis, left)] if _falls(as_read, left) else []
     if not found:
         return ()
-    best = min(found, key=lambda item: item.misfit.cost).misfit
-    gain = as_read.cost - best.cost
-    if gain < GAIN or gain / best.rows < GAIN_EACH or best.cost / best.rows > DESCRIBES:
+    first = min(found, key=lambda item: item.misfit.cost)
+    best, gain = first.misfit, as_read.cost - first.misfit.cost
+    least = GAIN_CHOSEN if first.hypothesis.cost else max(GAIN, GAIN_EACH * best.rows)
+    if gain < least or best.cost / best.rows > DESCRIBES:
         return ()
     reach = best.cost + TIE + TIE_EACH * best.rows
     equal = [item for item in found if item.misfit.cost <= reach]
     return tuple(sorted(equal, key=lambda item: (item.hypothesis.parts, item.misfit.cost))[:MOST_NAMED])
 
 
+def gaps_of_table(table: ImpactTable, ball: Ball) -> str | None:
+    """What there is to say of rebound spins that are missing, see `missing_above`."""
+    columns = {name: values for name, values in columns_of(table).items() if MEASURED[name] is not Dimension.TIME}
+    return missing_above(columns, ball)
+
+
 def doubt_of_table(table: ImpactTable, ball: Ball) -> Doubt | None:
     """`doubt_of` a table that has been read."""
-    return doubt_of(_columns(table), table.units, ball)
+    return doubt_of(columns_of(table), table.units, ball)
 
 
-def _columns(table: ImpactTable) -> dict[str, FloatArray]:
+def columns_of(table: ImpactTable) -> dict[str, FloatArray]:
     """The columns of a table; of the incident ones those that it was read from."""
     impacts = table.impacts
     state = {
@@ -133,8 +147,7 @@ def _columns(table: ImpactTable) -> dict[str, FloatArray]:
 def _restitution(motion: Motion) -> float | None:
     if motion.v_y1 is None or motion.v_y2 is None:
         return None
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return float(np.median(motion.v_y2 / motion.v_y1))
+    return float(np.median(quotient(motion.v_y2, motion.v_y1)))
 
 
 def _plausible(columns: Columns, motion: Motion) -> bool:

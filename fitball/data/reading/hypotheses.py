@@ -10,13 +10,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
+from math import comb, log
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitball.data.columns import MEASURED, SD_SUFFIX
 from fitball.data.reading.flip import ANGLES, flipped
 from fitball.data.reading.motion import Columns
+from fitball.data.reading.spins import signed, unsigned
 from fitball.data.units import UNITS, Dimension
+from fitball.values import Ball
 from fitball.wording import option
 
 # Units that people measure balls in; a table in others says so.
@@ -28,12 +32,16 @@ _USUAL: Mapping[Dimension, tuple[str, ...]] = {
 _SIGNED = ("omega_1", "omega_2", "v_x1", "v_x2")
 
 
+BoolArray = NDArray[np.bool_]
+
+
 @dataclass(frozen=True)
 class Hypothesis:
     """Another reading: `words` ("with omega_1 and omega_2 negated"), what to do if that is meant (columns to `flip`,
     and what `edit` says), and how it changes the columns; `parts` counts how many things it takes to be wrong. What
     `needs_spin` changes one end alone, which a table without spins cannot tell from a ball of its own kind; what
-    `scales` is another unit, which spins cannot tell from another radius.
+    `scales` is another unit, which spins cannot tell from another radius. `cost` is that of what
+    it takes from the table row by row [natural units of log likelihood].
     """
 
     words: str
@@ -43,6 +51,7 @@ class Hypothesis:
     needs_spin: bool = False
     scales: bool = False
     flips: tuple[str, ...] = ()
+    cost: float = 0.0
 
     @property
     def remedy(self) -> str:
@@ -51,12 +60,12 @@ class Hypothesis:
         return "; and ".join(filter(None, (flip, self.edit)))
 
 
-def hypotheses(columns: Columns, units: Mapping[str, str]) -> tuple[Hypothesis, ...]:
+def hypotheses(columns: Columns, units: Mapping[str, str], ball: Ball) -> tuple[Hypothesis, ...]:
     """All that make sense of these columns, simple ones first. `units` are symbols by column, as the header says,
     those of stated sds among them.
     """
     simple = (*_signs(columns), *_from_normal(columns), *_towards(columns))
-    found = (*simple, *_unit_slips(columns, units), *_swaps(columns, units))
+    found = (*simple, *_unsigned(columns, ball), *_unit_slips(columns, units), *_swaps(columns, units))
     return tuple(sorted(found, key=lambda item: item.parts))
 
 
@@ -76,6 +85,7 @@ def both(one: Hypothesis, other: Hypothesis) -> Hypothesis:
         one.needs_spin or other.needs_spin,
         one.scales or other.scales,
         (*one.flips, *other.flips),
+        one.cost + other.cost,
     )
 
 
@@ -101,6 +111,33 @@ def _signs(columns: Columns) -> Iterator[Hypothesis]:
             # The mirror image of nothing is nothing.
             if len(present) < len(_SIGNED) or 2 * count <= len(_SIGNED):
                 yield _flip(names, "negated", count)
+
+
+def _unsigned(columns: Columns, ball: Ball) -> Iterator[Hypothesis]:
+    """Spins whose signs were not written, the sense of each taken from the speeds of its row."""
+    for names in unsigned(columns):
+        found = signed(columns, names, ball)
+        if not all(np.any(found[name] != columns[name]) for name in names):
+            # The same as with fewer.
+            continue
+        minus = [f"{np.sum(found[name] < 0.0)} of {len(found[name])} {name}" for name in names]
+        unknown = {"omega_1": "without a row of unknown omega_1", "omega_2": "an unknown omega_2 left empty"}
+        what_else = ", ".join(unknown[name] for name in names)
+        yield Hypothesis(
+            f"with the signs of {listed(names)} missing (the speeds make {listed(minus)} backspin)",
+            f"write backspin with a minus ({what_else})",
+            # Of other columns the signs would be others.
+            lambda other, found=found, names=names: {**other, **{name: found[name] for name in names}},  # type: ignore[misc]
+            len(names),
+            needs_spin=True,
+            cost=sum(_cost_of_choice(found[name] != columns[name], columns[name] != 0.0) for name in names),
+        )
+
+
+def _cost_of_choice(chosen: BoolArray, rows: BoolArray) -> float:
+    """Of naming which of the rows were chosen: how many, all counts as likely, and which, all sets of so many."""
+    count = int(rows.sum())
+    return log(comb(count, int(chosen.sum())) * (count + 1.0))
 
 
 def _from_normal(columns: Columns) -> Iterator[Hypothesis]:

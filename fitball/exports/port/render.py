@@ -8,6 +8,7 @@ from functools import cache
 from textwrap import wrap
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
 from fitball.exports.port.dialect import Dialect
 from fitball.exports.port.face import BEYOND_RESTITUTION, BEYOND_SPEEDS, WITHOUT_TWIST
@@ -18,6 +19,8 @@ from fitball.models.kernels.events import MAX_DEPTH
 from fitball.models.types import PHASE_BITS, PHASE_SYMBOL
 
 WIDTH = 110
+# Punctuation that means nothing in a comment or between double quotes.
+HARMLESS = " .,:;_-+=>()[]/%'"
 STACK_SIZE = (MAX_DEPTH + 1) * STRIDE
 FLAGS = {
     "BEYOND_SPEEDS": BEYOND_SPEEDS,
@@ -83,12 +86,23 @@ def camel_case(prefix: str) -> str:
     return "".join(word[0].upper() + word[1:] for word in prefix.split("_") if word)
 
 
+def source_text(text: str) -> str:
+    """`text` as it may stand in a comment or between double quotes of every language: letters, digits and harmless
+    punctuation as they are, every other character by its code point, such as U+005C.
+
+    Nothing is left that ends a comment, a string or a script, continues a line, breaks one, begins an escape, a
+    trigraph or a directive, or turns the direction of text.
+    """
+    return "".join(char if char.isalnum() or char in HARMLESS else f"U+{ord(char):04X}" for char in text)
+
+
 @cache
 def _environment() -> Environment:
     return Environment(
         loader=PackageLoader("fitball.exports.port"),
-        # Source text, not HTML; what it says of the fit is made harmless where a port is made.
+        # Whatever a template inserts is text, unless it says `| safe` of code that is translated from kernels.
         autoescape=False,
+        finalize=lambda value: value if isinstance(value, Markup) else source_text(str(value)),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

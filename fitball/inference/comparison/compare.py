@@ -12,7 +12,7 @@ from fitball.data.table import ImpactTable
 from fitball.errors import FitError
 from fitball.inference.comparison.candidates import Candidates
 from fitball.inference.comparison.cross_validation import make_folds
-from fitball.inference.comparison.model_weights import pseudo_bma_weights, stacking_weights
+from fitball.inference.comparison.model_weights import stacking_weights
 from fitball.inference.comparison.nesting import alarm_words, overtaken, settled_words
 from fitball.inference.comparison.over_models import over_models
 from fitball.inference.comparison.results import Comparison, FixedPrediction, ModelScore
@@ -54,7 +54,8 @@ def compare(
             f"{table.source}: {count}: models are compared by leaving impacts out, which needs at least "
             f"{LEAST_IMPACTS} of them, and {FEW} to mean anything"
         )
-    fold_seed, weight_seed, *model_seeds = np.random.SeedSequence(effort.seed).spawn(2 + len(candidates.candidates))
+    # The second stream is kept free, so that models keep theirs between versions.
+    fold_seed, _free, *model_seeds = np.random.SeedSequence(effort.seed).spawn(2 + len(candidates.candidates))
     folds, notes = make_folds(table, np.random.default_rng(fold_seed))
     tasks = [
         Task(candidate, candidates.columns, folds, replace(effort, cores=1), seed, quick)
@@ -78,8 +79,7 @@ def compare(
     scores.sort(key=lambda score: (-score.loo.total, order.index(score.name)))
     elpd = np.stack([score.loo.elpd for score in scores], axis=1)
     names = [score.name for score in scores]
-    shares = (stacking_weights(elpd), pseudo_bma_weights(elpd, np.random.default_rng(weight_seed)))
-    stacking, pseudo_bma = (dict(zip(names, map(float, weights), strict=True)) for weights in shares)
+    stacking = dict(zip(names, map(float, stacking_weights(elpd)), strict=True))
     if len(table) < FEW:
         notes.insert(0, f"with {len(table)} impacts leave-one-out scores mean nothing: no model is recommended")
     return Comparison(
@@ -88,7 +88,6 @@ def compare(
         models=tuple(scores),
         published=tuple(published),
         stacking=stacking,
-        pseudo_bma=pseudo_bma,
         status=RunStatus.INTERRUPTED if interrupted else _status(scores, alarms),
         notes=(*candidates.notes, *notes),
         seed=effort.seed,

@@ -7,8 +7,6 @@ import numpy as np
 from fitball.errors import FitError
 from fitball.values import FloatArray
 
-# Draws of the Bayesian bootstrap.
-RESAMPLES = 4000
 # Largest gain in mean log score an impact that any other mixture could still bring; far below what matters.
 GAP = 1e-5
 # The score comes within ln(models)/steps of the best (Cover 1984).
@@ -31,15 +29,3 @@ def stacking_weights(elpd: FloatArray) -> FloatArray:
             return weights
         weights = weights * ratio
     raise FitError(f"stacking weights did not settle (a gain of {ratio.max() - 1.0:.1g} an impact is left)")
-
-
-def pseudo_bma_weights(elpd: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Pseudo-BMA weights with the Bayesian bootstrap ("pseudo-BMA+"), (models,); `elpd` is (impacts, models).
-
-    Each replicate weighs the impacts by a flat Dirichlet draw; a model's weight is the mean of its share.
-    """
-    rows = elpd.shape[0]
-    totals = rows * rng.dirichlet(np.ones(rows), RESAMPLES) @ elpd
-    shares = np.exp(totals - totals.max(axis=1, keepdims=True))
-    weights: FloatArray = (shares / shares.sum(axis=1, keepdims=True)).mean(axis=0)
-    return weights

@@ -85,7 +85,7 @@ class RmsDifference:
 @dataclass(frozen=True)
 class Comparison:
     """All models on one table, best first by elpd. `columns` are the measured columns that are scored; `stacking`
-    and `pseudo_bma` weights by model; `status` of the run as a whole; `assumptions` what each model says of each
+    weights by model; `status` of the run as a whole; `assumptions` what each model says of each
     quantity, and all of them together.
     """
 
@@ -94,7 +94,6 @@ class Comparison:
     models: tuple[ModelScore, ...]
     published: tuple[FixedPrediction, ...]
     stacking: Mapping[str, float]
-    pseudo_bma: Mapping[str, float]
     status: RunStatus
     notes: tuple[str, ...]
     seed: int

@@ -1,4 +1,4 @@
-"""From a posterior to a plan: look at every setting to first order, choose a batch, check finalists without that."""
+"""From a posterior to a plan: look at every setting to first order, choose a batch, say what it is worth."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from fitball.errors import ParameterError, check_whole
 from fitball.inference.design.force_plate import with_plate
 from fitball.inference.design.gain import Left, over_draws
 from fitball.inference.design.knowledge import knowledge
-from fitball.inference.design.nested import NOT_SIMULATED, NestedGain, Planned, nested_gain
 from fitball.inference.design.results import Chosen, Plan, Worth
 from fitball.inference.design.search import Batch, Search, greedy, look, searched, with_plates
 from fitball.inference.design.sensor import build_sensors
@@ -47,6 +46,8 @@ class Asked:
     def __post_init__(self) -> None:
         """Raise ParameterError for numbers that cannot work."""
         check_whole(seed=self.seed)
+        if self.target is not None and len(self.target) == 0:
+            raise ParameterError(f"target = {self.target!r}: expected one name or more, or None for all parameters")
         for name, most in (("impacts", MOST_IMPACTS), ("repeats", MOST_REPEATS)):
             value = getattr(self, name)
             if not (isinstance(value, Integral) and 1 <= int(value) <= most):
@@ -64,8 +65,7 @@ def make_plan(
 
     Raises FitError for a fit that cannot be planned from, ParameterError for what cannot be asked of it.
     """
-    first, *streams = np.random.SeedSequence(asked.seed).spawn(2)
-    chance = np.random.default_rng(first)
+    chance = np.random.default_rng(np.random.SeedSequence(asked.seed).spawn(1)[0])
     known = knowledge(problem, posterior, chance)
     settings = build_settings(problem, asked.speed, asked.angle, asked.spin)
     sensors = {sensor.name: sensor for sensor in build_sensors(problem, asked.sensors, asked.cost)}
@@ -79,12 +79,6 @@ def make_plan(
     search = with_plates(search, ()) if by_cost else search
     batch = greedy(search, asked.impacts, asked.repeats, tuple(sensors) if by_cost else tuple(sensors)[:1])
     search = search if by_cost else with_plates(search, [place for _name, place in batch.places])
-    rng = np.random.default_rng(streams[0])
-    report("finalists by nested Monte Carlo")
-    by_sensor: dict[str, list[int]] = {}
-    for sensor, place in batch.places:
-        by_sensor.setdefault(sensor, []).extend([place] * asked.repeats)
-    nested = _checked(search, by_sensor, rng)
     quantities = target.values(known.coordinates)
     now = np.nanstd(quantities, axis=0)
     again = _table_again(search, problem, asked.impacts * asked.repeats)
@@ -96,10 +90,9 @@ def make_plan(
         gains=search.grid.mean_gains(search.start, next(iter(sensors))).reshape(settings.shape),
         chosen=tuple(_chosen(search, batch, k, now) for k in range(len(batch.places))),
         repeats=asked.repeats,
-        batch=nested,
         again=again[0],
         again_sds=now * again[1],
-        worths=tuple(_worth(search, name, batch, asked.repeats, now, rng) for name in sensors),
+        worths=tuple(_worth(search, name, batch, asked.repeats, now) for name in sensors),
         measured=problem.impacts,
         by_cost=by_cost,
         failed=search.grid.failures,
@@ -108,18 +101,6 @@ def make_plan(
         seed=asked.seed,
         notes=cautions,
     )
-
-
-def _checked(search: Search, places: Mapping[str, Sequence[int]], rng: np.random.Generator) -> NestedGain:
-    """Nested Monte Carlo of impacts by sensor; of a plate's records there is none."""
-    if any(search.sensors[name].plate is not None for name in places):
-        return NOT_SIMULATED
-    plans = []
-    for name, mine in places.items():
-        looked, rows = search.looked(name), np.array(mine, dtype=np.int64)
-        planned = search.known.at(looked.impacts.take(rows), looked.like[rows])
-        plans.append(Planned(planned, search.sensors[name]))
-    return nested_gain(search.known, plans, search.target, rng)
 
 
 def shrunk(start: Left, left: Left) -> FloatArray:
@@ -144,15 +125,14 @@ def _chosen(search: Search, batch: Batch, k: int, now: FloatArray) -> Chosen:
     )  # fmt: skip
 
 
-def _worth(search: Search, name: str, batch: Batch, repeats: int, now: FloatArray, rng: np.random.Generator) -> Worth:
+def _worth(search: Search, name: str, batch: Batch, repeats: int, now: FloatArray) -> Worth:
     """The best impact by one sensor, and the whole batch read by it (a sensor with a drop: as many drops)."""
     looked, sensor = search.looked(name), search.sensors[name]
     gains = looked.mean_gains(search.start, name)
     if not np.any(np.isfinite(gains)):
         unknown, none = np.full(now.shape, np.nan), float("nan")
-        return Worth(name, sensor.words, sensor.cost, search.setting(name, 0), none, NOT_SIMULATED, none, unknown)
+        return Worth(name, sensor.words, sensor.cost, search.setting(name, 0), none, none, unknown)
     best = int(np.nanargmax(gains))
-    nested = _checked(search, {name: [best]}, rng)
     left, total = search.start, 0.0
     for other, place in batch.places:
         # A drop has no other impact; a setting that was chosen for a drop is none for other sensors, nor one at which
@@ -163,7 +143,7 @@ def _worth(search: Search, name: str, batch: Batch, repeats: int, now: FloatArra
         total += float(over_draws(left.gains(rows[:, None]), looked.solved[:, [mine]])[0])
         left = left.after(rows)
     return Worth(
-        name, sensor.words, sensor.cost, search.setting(name, best), float(gains[best]), nested, total,
+        name, sensor.words, sensor.cost, search.setting(name, best), float(gains[best]), total,
         now * shrunk(search.start, left),
     )  # fmt: skip
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fitball.inference.design.nested import NestedGain
 from fitball.inference.design.settings import Setting, Settings
 from fitball.inference.design.target import Part
 from fitball.values import FloatArray, Impacts
@@ -28,8 +27,8 @@ class Chosen:
 
 @dataclass(frozen=True)
 class Worth:
-    """What one way of measuring is worth: its best single impact, the `gain` of that to first order and by nested
-    Monte Carlo; and of the whole batch read that way the gain `batch` and the expected sds (parts,) after it.
+    """What one way of measuring is worth, to first order: its best single impact with its `gain`; of the whole batch
+    read that way the gain `batch` and the expected sds (parts,) after it.
     """
 
     sensor: str
@@ -37,7 +36,6 @@ class Worth:
     cost: float
     best: Setting
     gain: float
-    nested: NestedGain
     batch: float
     sds: FloatArray
 
@@ -49,10 +47,9 @@ class Plan:
     `sds` (parts,) are those of the posterior, in coordinates (of `log` parts those of the logarithm), of the target's
     `parts`. `gains` (surfaces, speeds, angles, spins) are of one impact measured as before, at most that share of
     whose draws cannot be evaluated; else NaN. `chosen` are in the order of choice, each made `repeats` times;
-    `batch` is what all of them tell by nested Monte Carlo, `again` and `again_sds` what as many impacts of the fitted
-    table, measured again, would tell to first order. `worths` begin with measuring as before. `failed` maps reasons
-    why draws cannot be evaluated to the number of settings withheld for it. `draws` were averaged over, `lost` of
-    them without the target.
+    `again` and `again_sds` are what as many impacts of the fitted table, measured again, would tell to first order.
+    `worths` begin with measuring as before. `failed` maps reasons why draws cannot be evaluated to the number of
+    settings withheld for it. `draws` were averaged over, `lost` of them without the target.
     """
 
     target: str
@@ -62,7 +59,6 @@ class Plan:
     gains: FloatArray
     chosen: tuple[Chosen, ...]
     repeats: int
-    batch: NestedGain
     again: float
     again_sds: FloatArray
     worths: tuple[Worth, ...]

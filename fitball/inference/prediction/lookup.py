@@ -15,7 +15,7 @@ from fitball.errors import ParameterError
 from fitball.inference.prediction.engine_fit import refuse_told
 from fitball.inference.prediction.valid_range import ValidRange, total_rebound, valid_range
 from fitball.inference.results.fitted_model import FittedModel
-from fitball.models.types import OUTPUTS, STATUS_REASON, Status, regime_name
+from fitball.models.types import OUTPUTS, STATUS_REASON, Status
 from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray
 
@@ -29,15 +29,12 @@ MIDPOINTS, RANDOM_POINTS, SEED = 20_000, 5_000, 1
 class InterpolationError:
     """One output in SI: largest and root mean square error of interpolation, and where the largest is.
 
-    `place` holds the axes' values there (SI), `regime` the phases there; `kink` says whether the corners of its cell
-    differ in regime, where no grid converges fast.
+    `place` holds the axes' values there (SI).
     """
 
     largest: float
     rms: float
     place: Mapping[str, float]
-    regime: str
-    kink: bool
 
 
 @dataclass(frozen=True)
@@ -101,7 +98,7 @@ def make_lookup(fitted: FittedModel, axes: tuple[Axis, ...]) -> Lookup:
         raise ParameterError("the model cannot evaluate any point of this grid at the point estimate")
     names = [name for name in OUTPUTS if fitted.model.has_time or not OBSERVABLES[name].timed]
     outputs = {name: np.asarray(getattr(rebound, name)[0]) for name in names}
-    errors, checked = _errors(fitted, valid, axes, outputs, rebound.regime[0])
+    errors, checked = _errors(fitted, valid, axes, outputs)
     return Lookup(axes, points, outputs, rebound.regime[0], errors, checked, failed, valid, extrapolated)
 
 
@@ -120,7 +117,6 @@ def _errors(
     valid: ValidRange,
     axes: tuple[Axis, ...],
     outputs: Mapping[str, FloatArray],
-    regime: NDArray[np.int64],
 ) -> tuple[dict[str, InterpolationError], int]:
     probes = _probes(axes)
     truth, _extrapolated = total_rebound(fitted, valid, grid_impacts(axes, probes))
@@ -147,17 +143,5 @@ def _errors(
             largest=float(np.max(np.abs(difference))),
             rms=float(np.sqrt(np.mean(difference**2))),
             place={axis.name: float(probes[worst, k]) for k, axis in enumerate(axes)},
-            regime=regime_name(int(truth.regime[0, worst])),
-            kink=_mixed(axes, wide, regime.reshape(shape), probes[worst]),
         )
     return errors, int(usable.size)
-
-
-def _mixed(axes: tuple[Axis, ...], wide: list[int], regime: NDArray[np.int64], probe: FloatArray) -> bool:
-    """Whether the corners of the cell that holds `probe` differ in regime."""
-    cell = []
-    for k in wide:
-        values = axes[k].values
-        left = int(np.clip(np.searchsorted(values, probe[k], side="right") - 1, 0, values.size - 2))
-        cell.append(slice(left, left + 2))
-    return np.unique(regime[tuple(cell)]).size > 1

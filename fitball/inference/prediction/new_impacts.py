@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.table import ImpactTable
-from fitball.errors import ModelError
+from fitball.errors import ModelError, ParameterError, check_whole
 from fitball.inference.prediction.extrapolation import CalibratedRange, calibrated_range, lines_of
 from fitball.inference.prediction.posterior_predictive import joined, regime_shares, with_noise
 from fitball.inference.prediction.uncertain_incidence import Shares, drawn_rebound, over_draws, shares
@@ -108,12 +108,18 @@ def predict_new(
     which has no draws, takes no notice of it.
 
     `observed` are measured columns of the same impacts: their own sds, where stated, are the noise of a new
-    measurement. Raises ModelError when the model needs each impact's own restitution and there is none.
+    measurement. Raises ModelError when the model needs each impact's own restitution and there is none,
+    ParameterError for a covariance of another shape, or a seed that is none.
     """
     if fitted.model.needs_cor and impacts.cor is None:
         raise ModelError(
             f"model {fitted.model_name} with cor = measured takes each impact's own coefficient of restitution as "
             "an input: it predicts tables with v_y2 of every impact only"
+        )
+    check_whole(seed=seed)
+    if incident_covariance is not None and incident_covariance.shape != (len(impacts), 3, 3):
+        raise ParameterError(
+            f"incident_covariance has shape {incident_covariance.shape}: expected ({len(impacts)}, 3, 3)"
         )
     observables = output_observables(fitted, len(impacts), observed)
     rng = np.random.default_rng(seed)

@@ -1,11 +1,9 @@
-"""Golden rebounds, how far the outputs of a port are from them, and which familiar mistake would explain it."""
+"""Golden rebounds, and how far the outputs of a port are from them."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +16,6 @@ from fitball.values import FloatArray, Impacts
 
 # Golden impacts.
 COUNT = 12
-# A mistake explains an output that it reproduces to this share of the incident speed: a thousandth of what the
-# smallest of them does (a mile an hour for a knot), and far above the rounding of printed digits.
-EXPLAINED = 1e-5
-# Differences of single-precision arithmetic: its rounding is 6e-8, and a bounce amplifies it a hundredfold at most.
-SINGLE = (1e-8, 1e-5)
 
 
 def golden_impacts(impacts: Impacts) -> Impacts:
@@ -70,14 +63,13 @@ class OutputCheck:
 class PortCheck:
     """All golden impacts (in their order): `relative` (impacts,) is the largest over outputs, `regimes` the model's.
 
-    `regimes_wrong` are the impacts whose regime the port names differently; `causes` are likely mistakes, in words.
+    `regimes_wrong` are the impacts whose regime the port names differently.
     """
 
     outputs: tuple[OutputCheck, ...]
     relative: FloatArray
     regimes: tuple[str, ...]
     regimes_wrong: tuple[int, ...]
-    causes: tuple[str, ...]
     tolerance: float
 
     @property
@@ -123,12 +115,7 @@ def check_port(
     said = regimes if regimes is not None else names
     wrong = tuple(k for k, text in enumerate(said) if text not in (names[k], codes[k]))
     largest = np.max(np.stack(list(relative.values())), axis=0)
-    causes: tuple[str, ...] = ()
-    if largest.max() > tolerance:
-        causes = _causes(fitted, golden, outputs, expected, scales, tolerance)
-        if not causes and SINGLE[0] < largest.max() < SINGLE[1]:
-            causes = ("differences of this size are those of single precision (float): use double throughout",)
-    return PortCheck(checks, largest, names, wrong, causes, tolerance)
+    return PortCheck(checks, largest, names, wrong, tolerance)
 
 
 def _scales(fitted: FittedModel, golden: Golden, expected: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -136,74 +123,3 @@ def _scales(fitted: FittedModel, golden: Golden, expected: Mapping[str, FloatArr
     speed = np.sqrt(given.v_x1**2 + given.v_y1**2 + (radius * given.omega_1) ** 2)
     by_unit = {"m/s": speed, "rad/s": speed / radius, "rad": np.ones_like(speed)}
     return {name: by_unit.get(OBSERVABLES[name].unit, values) for name, values in expected.items()}
-
-
-Change = Callable[[Impacts], Impacts]
-
-
-def _spin(factor: float, given: Impacts) -> Impacts:
-    return Impacts(given.v_x1, given.v_y1, factor * given.omega_1, given.cor)
-
-
-# What may be done to the incident state before the port sees it, likeliest first.
-_INCIDENT: tuple[tuple[str, Change], ...] = (
-    ("", lambda given: given),
-    ("the incident spin has the other sign (topspin is positive)", partial(_spin, -1.0)),
-    ("the incident spin is not used", partial(_spin, 0.0)),
-    ("the incident spin in rad/s was taken for rpm", partial(_spin, math.pi / 30.0)),
-    ("the incident spin was turned into rpm; rad/s was expected", partial(_spin, 30.0 / math.pi)),
-)
-# What may be done to an output: `port = factor * expected`.
-_OUTPUT: tuple[tuple[str, float, tuple[str, ...]], ...] = (
-    ("{} has the other sign: it is positive away from the court", -1.0, ("v_y2",)),
-    ("{} has the other sign: topspin is positive", -1.0, ("omega_2",)),
-    ("{} has the other sign", -1.0, ("v_x2", "theta_2")),
-    ("{} is in rpm: divide by 9.549, or write 'omega_2 [rpm]'", 30.0 / math.pi, ("omega_2",)),
-    ("{} was turned from rpm into rad/s once too often", math.pi / 30.0, ("omega_2",)),
-    ("{} is in degrees a second: write 'omega_2 [deg/s]'", 180.0 / math.pi, ("omega_2",)),
-    ("{} is in rpm and has the other sign: topspin is positive", -30.0 / math.pi, ("omega_2",)),
-    ("{} is in radians: write 'theta_2 [rad]'", math.pi / 180.0, ("theta_2",)),
-    ("{} is in degrees", 180.0 / math.pi, ("theta_2",)),
-    ("{} is in milliseconds: write 'contact_time [ms]'", 1e3, ("contact_time",)),
-    ("{} is in km/h: write the unit behind its name", 3.6, ("v_x2", "v_y2", "v_2")),
-    ("{} is in mph: write the unit behind its name", 1.0 / 0.44704, ("v_x2", "v_y2", "v_2")),
-)
-
-
-def _causes(
-    fitted: FittedModel,
-    golden: Golden,
-    outputs: Mapping[str, FloatArray],
-    expected: Mapping[str, FloatArray],
-    scales: Mapping[str, FloatArray],
-    tolerance: float,
-) -> tuple[str, ...]:
-    """The mistakes that explain every output, fewest first; those that explain some, if none explains all."""
-    best: tuple[str, ...] = ()
-    most = -1
-    level = max(EXPLAINED, tolerance)
-    for words, change in _INCIDENT:
-        made = expected
-        if words:
-            there = fitted.rebound(change(golden.impacts))
-            made = {name: OBSERVABLES[name].predict(there)[0] for name in expected}
-        reasons = [_reason(name, values, made[name], scales[name], level) for name, values in outputs.items()]
-        if all(reason is not None for reason in reasons):
-            return tuple(dict.fromkeys([*([words] if words else []), *(reason for reason in reasons if reason)]))
-        explained = [reason for reason in reasons if reason]
-        if not words and len(explained) > most:
-            best, most = tuple(explained), len(explained)
-    return best
-
-
-def _reason(name: str, port: FloatArray, made: FloatArray, scale: FloatArray, level: float) -> str | None:
-    """Why an output is as it is: "" if it is right, None if nothing familiar explains it."""
-    if np.max(np.abs(port - made) / scale) <= level:
-        return ""
-    # Zeros would agree with zeros in any unit and of any sign.
-    if np.max(np.abs(made) / scale) <= level:
-        return None
-    for words, factor, names in _OUTPUT:
-        if name in names and np.max(np.abs(port - factor * made) / (scale * max(1.0, abs(factor)))) <= level:
-            return words.format(name)
-    return None

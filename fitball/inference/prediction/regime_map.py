@@ -1,4 +1,4 @@
-"""Which sequence of slip and grip an impact goes through, over angle and spin at one speed, and how surely."""
+"""Which sequence of slip and grip an impact goes through, over angle and spin at one speed."""
 
 from __future__ import annotations
 
@@ -17,9 +17,6 @@ from fitball.values import FloatArray, Impacts
 
 # Points along angle and along spin: a point a pixel of the figure.
 ANGLES, SPINS = 640, 480
-# Points of the map of probability, where each is as many impacts as there are draws.
-COARSE_ANGLES, COARSE_SPINS = 160, 120
-DRAWS = 100
 # What an impact without a solution has for a sequence; no packed sequence is zero.
 NONE = 0
 # Points along the angle from which the ends of the sequences at one spin are narrowed down, and halvings.
@@ -47,23 +44,10 @@ class Window:
 
 
 @dataclass(frozen=True)
-class Sure:
-    """Over a posterior: `regime` (spins, angles) the most probable sequence, packed, `probability` of it (of having
-    no solution, where that is the most probable), on a grid of its own; `draws` how many it was counted over.
-    """
-
-    angles: FloatArray
-    spins: FloatArray
-    regime: NDArray[np.int64]
-    probability: FloatArray
-    draws: int
-
-
-@dataclass(frozen=True)
 class RegimeMap:
     """Sequences over angle and spin: `regime` (spins, angles) packed (`NONE`: no solution, for the reason `status`),
     `outputs` by column of the rebound in SI. `along_angle` are the sequences of an impact without spin, each with the
-    angles [rad] between which it is passed through. `sure` is None where there is no posterior.
+    angles [rad] between which it is passed through.
     """
 
     window: Window
@@ -73,7 +57,6 @@ class RegimeMap:
     status: NDArray[np.int8]
     outputs: Mapping[str, FloatArray]
     along_angle: tuple[tuple[str, float, float], ...]
-    sure: Sure | None
 
     @property
     def areas(self) -> dict[str, float]:
@@ -84,7 +67,7 @@ class RegimeMap:
 
 
 def regime_map(fitted: FittedModel, window: Window) -> RegimeMap:
-    """The map at the point estimate, and how sure it is where there are draws.
+    """The map at the point estimate.
 
     Raises ModelError for a model that follows no motion along the court, or is told each impact's restitution.
     """
@@ -103,7 +86,6 @@ def regime_map(fitted: FittedModel, window: Window) -> RegimeMap:
         status=rebound.status[0].reshape(shape),
         outputs={name: column.predict(rebound)[0].reshape(shape) for name, column in OBSERVABLES.items()},
         along_angle=_along_angle(fitted, window),
-        sure=_sure(fitted, window) if fitted.draws.shape[0] else None,
     )
 
 
@@ -115,17 +97,6 @@ def _meshed(window: Window, angles: FloatArray, spins: FloatArray) -> Impacts:
 def _codes(rebound: Rebound) -> NDArray[np.int64]:
     codes: NDArray[np.int64] = np.where(rebound.status == 0, rebound.regime, NONE)
     return codes
-
-
-def _sure(fitted: FittedModel, window: Window) -> Sure:
-    angles, spins = window.grid(COARSE_ANGLES, COARSE_SPINS)
-    rows = fitted.draws[np.linspace(0, len(fitted.draws) - 1, min(DRAWS, len(fitted.draws))).astype(int)]
-    codes = _codes(fitted.rebound(_meshed(window, angles, spins), rows))
-    known = np.unique(codes)
-    shares = np.stack([np.mean(codes == code, axis=0) for code in known])
-    shape = (spins.size, angles.size)
-    best = known[np.argmax(shares, axis=0)]
-    return Sure(angles, spins, best.reshape(shape), np.max(shares, axis=0).reshape(shape), len(rows))
 
 
 def _along_angle(fitted: FittedModel, window: Window) -> tuple[tuple[str, float, float], ...]:

@@ -1,4 +1,4 @@
-"""The chain on disk: one group an ensemble in emcee's own HDF layout, written whole and renamed into place.
+"""The chain on disk: one group an ensemble in emcee's own HDF layout, written whole or not at all.
 
 `emcee.backends.HDFBackend(path, name="ensemble_0", read_only=True)` reads each group. Walkers are stored in
 the coordinates of the priors (attribute `coordinates`), with the state of the random generator, so that a run goes
@@ -7,6 +7,7 @@ on exactly where it stopped.
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ import numpy as np
 
 from fitball.data.hdf5_arrays import array, finite, group, opened
 from fitball.errors import ResultFolderError
+from fitball.files import write_whole
 from fitball.inference.sampling.emcee_package import emcee
 from fitball.values import FloatArray
 from fitball.wording import option
@@ -66,22 +68,16 @@ class ChainFile:
     fingerprint: str
 
     def write(self, ensembles: Sequence[EnsembleChain], names: Sequence[str], logs: Sequence[bool]) -> None:
-        """Write all chains to a temporary file and rename it.
-
-        Raises ResultFolderError when the folder cannot be written.
-        """
-        temporary = self.path.with_name(self.path.name + ".partial")
-        try:
-            with h5py.File(temporary, "w") as file:
-                file.attrs["fingerprint"] = self.fingerprint
-                file.attrs["sha256"] = digest(ensembles)
-                file.attrs["parameters"] = json.dumps(list(names))
-                file.attrs["coordinates"] = json.dumps(["ln" if log else "value" for log in logs])
-                for k, ensemble in enumerate(ensembles):
-                    _write_group(file.create_group(GROUP.format(k)), ensemble)
-            temporary.replace(self.path)
-        except OSError as error:
-            raise ResultFolderError(f"{self.path}: the chain cannot be written: {error}") from None
+        """Write all chains; where that fails those of an earlier step stay. Raises ResultFolderError."""
+        made = io.BytesIO()
+        with h5py.File(made, "w") as file:
+            file.attrs["fingerprint"] = self.fingerprint
+            file.attrs["sha256"] = digest(ensembles)
+            file.attrs["parameters"] = json.dumps(list(names))
+            file.attrs["coordinates"] = json.dumps(["ln" if log else "value" for log in logs])
+            for k, ensemble in enumerate(ensembles):
+                _write_group(file.create_group(GROUP.format(k)), ensemble)
+        write_whole(self.path, [made.getbuffer()])
 
     def read(self, ensembles: int, walkers: int, names: Sequence[str]) -> list[EnsembleChain]:
         """The chains of an earlier run over the parameters `names`.

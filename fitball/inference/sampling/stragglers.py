@@ -42,10 +42,12 @@ def left_behind(chains: FloatArray, log_posterior: FloatArray) -> NDArray[np.boo
     # The better half of the walkers: what others share the fate of one left behind must not stretch the axes.
     better = middle >= np.median(middle)
     axes, spread = _axes(chains.transpose(0, 2, 1, 3)[better].reshape(-1, chains.shape[-1]))
-    steps = chains.transpose(0, 2, 1, 3)[low] @ axes
+    own = chains.transpose(0, 2, 1, 3)[low]
+    steps = own @ axes
     mine = by_walker[low]
     part = np.minimum(2.0 * mine.var(axis=1) / steps.shape[-1], 1.0)
-    moved = np.any(steps.std(axis=1) > 0.0, axis=1)
+    # By its own coordinates: a matrix product may round equal rows differently, by where in a block they lie.
+    moved = np.any(own != own[:, :1], axis=(1, 2))
     with np.errstate(divide="ignore", invalid="ignore"):
         volume = np.sum(np.log(steps.std(axis=1) / spread) - 0.5 * np.log(part)[:, None], axis=1)
     low[low] = ~moved | (mine.mean(axis=1) - by_walker[better].mean() + volume < np.log(SPURIOUS))
@@ -78,8 +80,8 @@ def _axes(draws: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Principal axes (free, free), one per column, of draws (draws, free) in units of their sds, and the sds along
     them (free,).
     """
-    sds = draws.std(axis=0)
-    scaled = np.where(sds > 0.0, sds, 1.0)
+    # What never changes is known by its values: their mean, and so their sd, may be off by rounding.
+    scaled = np.where(np.ptp(draws, axis=0) > 0.0, draws.std(axis=0), 1.0)
     _, vectors = np.linalg.eigh(np.atleast_2d(np.cov(draws / scaled, rowvar=False)))
     axes: FloatArray = vectors / scaled[:, None]
     return axes, (draws @ axes).std(axis=0)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 from numba.core import event
 
-from fitball.models.kernels import first_compile
+from fitball import first_compile
 from fitball.models.kernels.entry import Entry
+from fitball.models.kernels.kept import KernelFiles
 from fitball.models.kernels.link_only import LinkOnlyCompiler
 
 P = ParamSpec("P")
@@ -74,10 +76,14 @@ def calling(*entries: Entry[..., Any]) -> Callable[[Callable[P, R]], Callable[P,
         dispatcher = _compile(function, {"no_cfunc_wrapper": True})
         alone = dispatcher.compile
 
+        def link_entries() -> None:
+            for entry in entries:
+                entry.link()
+
+        if kept(dispatcher):
+            dispatcher._cache._cache_file.loaded = link_entries
+
         def compile_with(signature: Any) -> Any:
-            if on_disk(dispatcher, signature):
-                for entry in entries:
-                    entry.link()
             for entry in entries:
                 entry.named += 1
             try:
@@ -122,7 +128,7 @@ def _compile(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     except RuntimeError:
         # Neither the folder of the sources nor that of the user can be written to: each run compiles for itself.
         return dispatcher
-    _depend_on_all_kernels(dispatcher)
+    _keep_whole(dispatcher)
     return dispatcher
 
 
@@ -131,12 +137,12 @@ def on_disk(kernel: Any, kinds: Any) -> bool:
     if not kept(kernel):
         return False
     cache = kernel._cache
-    return cache._index_key(kinds, kernel.targetctx.codegen()) in cache._cache_file._load_index()
+    return bool(cache._cache_file.place(cache._index_key(kinds, kernel.targetctx.codegen())).exists())
 
 
 def kept(kernel: Any) -> bool:
     """Whether a kernel that is compiled is kept on disk."""
-    return hasattr(kernel._cache, "_cache_file")
+    return isinstance(getattr(kernel._cache, "_cache_file", None), KernelFiles)
 
 
 def _without_entry(dispatcher: Any) -> Any:
@@ -187,14 +193,23 @@ class _Compilations(event.Listener):
 event.register("numba:compile", _Compilations())  # type: ignore[no-untyped-call]
 
 
-def _depend_on_all_kernels(dispatcher: Any) -> None:
-    """Let the cache of one kernel expire when it or any of those of the models changes.
+def _keep_whole(dispatcher: Any) -> None:
+    """Let a kernel be kept in files of ours, which expire when it or any other of the models changes.
 
     Numba stamps a cached function with its own file only, and so would go on running an old copy of a kernel it
     calls in another file. Where its cache is not built as expected it is left out: slow to start, never stale.
     """
-    index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
-    if hasattr(index, "_source_stamp"):
-        index._source_stamp = (*index._source_stamp, *SOURCES)
-    else:
+    cache = dispatcher._cache
+    try:
+        place, stem, save = Path(cache._cache_path), cache._impl.filename_base, cache.save_overload
+        cache._cache_file = KernelFiles(place, stem, (numba.__version__, *SOURCES))
+    except AttributeError:
         dispatcher._cache = numba.core.caching.NullCache()
+        return
+
+    def save_if_possible(signature: Any, made: Any) -> None:
+        # No room, or a folder that can no longer be written to: the kernel is there, the next run compiles it again.
+        with suppress(OSError):
+            save(signature, made)
+
+    cache.save_overload = save_if_possible

@@ -18,6 +18,7 @@ from fitball.report.batch.series import Along, Series
 from fitball.report.batch.words import centre_of
 from fitball.report.figures.canvas import log_scale, new_figure, verbatim
 from fitball.report.figures.parameter_axis import ParameterAxis, parameter_axis
+from fitball.report.figures.style import own_style
 from fitball.report.form.palette import FAINT, GUIDE, MODEL, TREND, pale
 from fitball.values import FloatArray
 
@@ -32,6 +33,7 @@ CROWDED = 150
 BESIDE = 0.22
 
 
+@own_style()
 def batch_figure(
     series: Sequence[Series], tables: Sequence[str], along: Along | None = None, populated: Sequence[Populated] = ()
 ) -> Figure:

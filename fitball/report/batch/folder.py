@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -15,7 +16,7 @@ from fitball.report.batch.populations import Populated, default_names, populatio
 from fitball.report.batch.rows import CSV_NAME, NAME, Row
 from fitball.report.batch.series import Along, Series, all_series
 from fitball.report.figures.save import save_figure
-from fitball.report.form.atomic_write import remove, write_text, write_whole
+from fitball.report.form.atomic_write import remove, write_bytes, write_text
 from fitball.report.form.csv import write_csv
 
 PAGE_NAME, PARQUET_NAME = "batch.html", "batch.parquet"
@@ -78,5 +79,6 @@ def _drifting(series: Sequence[Series], along: Along) -> list[Series]:
 def _write_parquet(rows: Sequence[Row], place: Path) -> None:
     import pandas as pd
 
-    frame = pd.DataFrame(list(rows))
-    write_whole(place, lambda target: frame.to_parquet(target, index=False))
+    made = io.BytesIO()
+    pd.DataFrame(list(rows)).to_parquet(made, index=False)
+    write_bytes(place, made.getvalue())

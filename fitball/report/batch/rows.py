@@ -11,6 +11,7 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.results.quantiles import Spread
 from fitball.report.saved.saved_fit import SavedFit
 from fitball.report.saved.structure import damaged
+from fitball.visible import unguarded
 
 Row = dict[str, str | float | int | None]
 CSV_NAME = "batch.csv"
@@ -99,7 +100,7 @@ def read_rows(text: str) -> tuple[Row, ...]:
 
 def _cell(head: str, cell: str, number: int) -> str | float | int | None:
     if head in TEXTS or head.startswith(LABEL) or head.endswith("_verdict"):
-        return cell or ("" if head == "reason" else None)
+        return unguarded([cell])[0] or ("" if head == "reason" else None)
     try:
         value = None if not cell else int(cell) if head == "impacts" else float(cell)
     except ValueError:

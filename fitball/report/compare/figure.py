@@ -10,6 +10,7 @@ from fitball.inference.comparison.results import Comparison
 from fitball.report.compare.rows import published_rms, schemes, scored_outputs
 from fitball.report.figures.canvas import log_scale, new_figure, verbatim
 from fitball.report.figures.measured import output_label
+from fitball.report.figures.style import own_style
 from fitball.report.form.display_units import output_scale
 from fitball.report.form.palette import GUIDE, MODEL, series_style
 
@@ -20,6 +21,7 @@ NAME_WIDTH = 20
 LEGEND_ENTRY = 2.4
 
 
+@own_style()
 def compare_figure(comparison: Comparison) -> Figure:
     """Models from best (top) to worst; published sets below them, with errors only."""
     outputs = scored_outputs(comparison)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from fitball.files import all_or_none
 from fitball.inference.comparison.results import Comparison
 from fitball.report.compare.figure import compare_figure
 from fitball.report.compare.forest import forest_figure, shown
@@ -20,6 +21,7 @@ PAGE_NAME = "compare.html"
 PICTURES = {"ranking": "compare.png", "forest": "forest.png"}
 
 
+@all_or_none()
 def write_all(comparison: Comparison, words: str, folder: Path, command: str | None = None) -> None:
     """Write every file, each whole or not at all; `command` is the line that asked for it.
 

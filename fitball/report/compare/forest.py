@@ -15,6 +15,7 @@ from fitball.report.compare.figure import broken
 from fitball.report.figures.canvas import log_scale, new_figure, verbatim
 from fitball.report.figures.measured import axis_label
 from fitball.report.figures.parameter_axis import ParameterAxis, parameter_axis
+from fitball.report.figures.style import own_style
 from fitball.report.form.display_units import handy
 from fitball.report.form.palette import FAINT, MODEL
 
@@ -27,6 +28,7 @@ def shown(quantities: Mapping[str, Quantity]) -> list[str]:
     return [name for name in quantities if name not in NOISE_SPECS]
 
 
+@own_style()
 def forest_figure(quantities: Mapping[str, Quantity], models: Sequence[str], title: str) -> Figure:
     """A panel a quantity; models from best (top) to worst, pale where the table surely scores them below the best."""
     names = shown(quantities)

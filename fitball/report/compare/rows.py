@@ -58,7 +58,7 @@ def in_unit(output: str, value: float | None) -> str:
 
 def score_table(comparison: Comparison) -> list[list[str]]:
     """Elpd, its difference to the best with standard error, effective parameters, Pareto k, weights, criteria."""
-    heads = ("model", "free", "elpd", "difference", "p_loo", "max k", "stacking", "pseudo-BMA+", "AICc", "BIC")
+    heads = ("model", "free", "elpd", "difference", "p_loo", "max k", "stacking", "AICc", "BIC")
     rows = [[*heads, "describes"]]
     best = comparison.models[0].name
     for scored in comparison.models:
@@ -72,7 +72,7 @@ def score_table(comparison: Comparison) -> list[list[str]]:
             [scored.name, str(scored.free), fixed(scored.loo.total, 1),
              "best" if scored.name == best else f"{fixed(gap.value, 1)} +- {fixed(gap.se, 1)}",
              fixed(scored.loo.p_loo, 1), fixed(worst, 2) + mark, fixed(comparison.stacking[scored.name], 2),
-             fixed(comparison.pseudo_bma[scored.name], 2), fixed(aicc, 1), fixed(bic, 1), described(scored)]
+             fixed(aicc, 1), fixed(bic, 1), described(scored)]
         )  # fmt: skip
     return rows
 
@@ -152,7 +152,7 @@ def csv_rows(comparison: Comparison) -> list[dict[str, object]]:
              "elpd_difference": gap.value, "elpd_difference_se": gap.se, "p_loo": scored.loo.p_loo,
              "pareto_k_max": float(np.max(scored.loo.pareto_k)), "refitted": len(scored.loo.refitted),
              "doubtful": len(scored.loo.doubtful), "stacking": comparison.stacking[scored.name],
-             "pseudo_bma": comparison.pseudo_bma[scored.name], **_criteria(scored), "status": str(scored.fit.status),
+             **_criteria(scored), "status": str(scored.fit.status),
              "describes": described(scored),
              **_errors({way: scored.out_of_sample(way) for way in ways}, ways, outputs)}
         )  # fmt: skip
@@ -235,7 +235,7 @@ def _model_content(comparison: Comparison, scored: ModelScore, best: str) -> dic
         "refitted": [ids[k] for k in scored.loo.refitted],
         "refits_not_converged": [ids[k] for k in scored.loo.unsettled],
         "doubtful": [ids[k] for k in scored.loo.doubtful],
-        "weights": {"stacking": comparison.stacking[scored.name], "pseudo_bma": comparison.pseudo_bma[scored.name]},
+        "weights": {"stacking": comparison.stacking[scored.name]},
         "criteria": _criteria(scored),
         "rms_in_sample": scored.in_sample,
         "left_out": [

@@ -21,14 +21,14 @@ LEGEND = (
     "elpd: log predictive density of impacts left out one at a time, summed over the scored columns (Pareto smoothed "
     "importance sampling; an impact whose Pareto k exceeds 0.7 is left out and the model sampled anew; "
     "every chain has an effective sample size of at least 400 or is named below). Difference: to the best, with "
-    "sqrt(n) times the sd over impacts. p_loo: effective number of parameters. Weights: stacking and pseudo-BMA+ "
-    "(Yao et al. 2018); models that predict alike share theirs. AICc, BIC: maximised likelihood without priors; all "
+    "sqrt(n) times the sd over impacts. p_loo: effective number of parameters. Stacking: weights of models "
+    "(Yao et al. 2018); those that predict alike share theirs. AICc, BIC: maximised likelihood without priors; all "
     "free parameters, noise included, count whether or not the table sees them, and n is the number of measurements. "
     "Describes: whether the model describes the table at all; below stands what is against it."
 )
 ANSWERS = {
     Answer.DESCRIBES: "yes, no check of the residuals finds a pattern",
-    Answer.EXCEPT: "yes, except for {}",
+    Answer.EXCEPT: "yes, with exceptions: {}",
     Answer.FAILS: "NO: {}",
     Answer.UNTOLD: "this table cannot tell",
 }

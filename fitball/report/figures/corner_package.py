@@ -8,11 +8,13 @@ from matplotlib.figure import Figure
 from fitball.inference.results.results import Fit
 from fitball.report.figures.canvas import new_figure
 from fitball.report.figures.corner import in_units
+from fitball.report.figures.style import own_style
 
 # Inches: a panel, and what surrounds them.
 PANEL, ROUND = 1.6, 1.2
 
 
+@own_style()
 def package_corner_figure(fit: Fit) -> Figure:
     """Draws and point estimate in the units of our own corner plot, on its axes; `corner.overplot_points` and the
     like take the figure.

@@ -17,6 +17,7 @@ from fitball.report.figures.profiles import profiles_figure
 from fitball.report.figures.regimes import regimes_figure
 from fitball.report.figures.residuals import residuals_figure
 from fitball.report.figures.sketch import sketch_figure
+from fitball.report.figures.style import own_style
 from fitball.report.figures.trace import trace_figure
 from fitball.wording import option
 
@@ -66,6 +67,7 @@ KINDS: Mapping[str, Kind] = {
 }
 
 
+@own_style()
 def draw(name: str, fit: Fit) -> Figure:
     """A figure by name. Raises ResultFolderError where the fit has not what it shows."""
     missing = KINDS[name].missing(fit)

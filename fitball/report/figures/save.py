@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from fitball.report.figures.names import DPI
+from fitball.report.figures.style import own_style
 from fitball.report.form.atomic_write import write_bytes
 
 # What would make equal figures unequal files: stamps of time and version.
@@ -34,9 +34,10 @@ def save_figure(figure: Figure, place: Path, form: str = "png", dpi: int = DPI) 
     return content
 
 
+@own_style()
 def rendered(figure: Figure, form: str, dpi: int) -> bytes:
     """A figure as the content of a png, svg or pdf file."""
-    with warnings.catch_warnings(), mpl.rc_context({"svg.hashsalt": "fitball"}):
+    with warnings.catch_warnings():
         # A letter of a user's name that no font here has is seen as a box; the name stands in tables and alt texts.
         warnings.filterwarnings("ignore", "Glyph .* missing from font")
         if form == "png":

@@ -6,6 +6,8 @@ from io import BytesIO
 
 from matplotlib.figure import Figure
 
+from fitball.report.figures.style import own_style
+
 __all__ = ["Figure", "ShownFigure"]
 
 # Dots an inch on a screen.
@@ -15,6 +17,7 @@ SCREEN_DPI = 100
 class ShownFigure(Figure):
     """A matplotlib Figure with the picture that notebooks ask objects for."""
 
+    @own_style()
     def _repr_png_(self) -> bytes:
         """The figure as PNG."""
         out = BytesIO()

@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from fitball.errors import ResultFolderError
+from fitball.files import all_or_none
 from fitball.inference.results.results import Fit
 from fitball.report.figures.names import FIGURES
 from fitball.report.fit.csv_tables import prediction_rows, regime_rows, summary_rows
 from fitball.report.fit.html import page
-from fitball.report.form.atomic_write import remove, write_text
+from fitball.report.form.atomic_write import OWN_FILES, remove, write_text
 from fitball.report.form.csv import write_csv
-from fitball.report.form.folders import make_folder
+from fitball.report.form.folders import clear_leftovers, make_folder
 from fitball.report.form.listed import listed_places
 from fitball.report.saved.data_file import DATA_NAME, write_data
 from fitball.report.saved.fit_text import fit_text
@@ -34,10 +35,12 @@ def prepare_folder(folder: Path, *, overwrite: bool, resume: bool) -> None:
     """Make the folder, or refuse.
 
     Raises ResultFolderError when it cannot be made or written, or when it holds an older result and neither
-    `overwrite` nor `resume` was asked for. With `overwrite` all files of an old one are removed first, so that no
-    mixture of two results can remain: the new one may have fewer.
+    `overwrite` nor `resume` was asked for. All files of an old one that is replaced, or of one that was not finished,
+    are removed first, so that no mixture of two results can remain: the new one may have fewer.
     """
     make_folder(folder)
+    # The folder of a table of a batch, which is held as a whole.
+    clear_leftovers(folder)
     older = older_result(folder)
     if older and not (overwrite or resume):
         raise ResultFolderError(
@@ -47,12 +50,15 @@ def prepare_folder(folder: Path, *, overwrite: bool, resume: bool) -> None:
                 "overwrite=True to replace it, or name another folder",
             )
         )
-    if older and overwrite and not resume:
+    # What was killed while it wrote left some files and no `fit.json`.
+    ours = any((folder / name).exists() for name in OWN_FILES)
+    if ours and not resume and (overwrite or not older):
         pictures = (f"{name}.png" for name in FIGURES)
         for name in (FIT_NAME, CHAIN_NAME, DATA_NAME, POSTERIOR_NAME, RUN_NAME, *DERIVED, *pictures):
             remove(folder / name)
 
 
+@all_or_none()
 def write_all(fit: Fit, folder: Path, command: str | None = None, *, figures: bool = True) -> None:
     """Write every file of a result, each whole or not at all; `command` is the line that asked for it. Figures of an
     older result that this one has not, or is to be without, are removed.
@@ -60,6 +66,8 @@ def write_all(fit: Fit, folder: Path, command: str | None = None, *, figures: bo
     Raises ResultFolderError.
     """
     remove(folder / FIT_NAME)
+    # First: by this one knows what a killed run has left.
+    write_data(fit.problem, folder / DATA_NAME)
     posterior = fit.posterior
     if posterior is not None:
         write_netcdf(fit, posterior, folder / POSTERIOR_NAME)
@@ -68,7 +76,6 @@ def write_all(fit: Fit, folder: Path, command: str | None = None, *, figures: bo
     images = write_figures(fit, folder) if figures else {}
     for name in FIGURES.keys() - images.keys():
         remove(folder / f"{name}.png")
-    write_data(fit.problem, folder / DATA_NAME)
     write_csv(folder / "summary.csv", summary_rows(fit))
     write_csv(folder / "predictions.csv", prediction_rows(fit))
     write_csv(folder / "balances.csv", fit.balances.rows(listed_places(len(fit.problem.table))))

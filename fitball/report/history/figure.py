@@ -16,6 +16,7 @@ from fitball.inference.prediction.simulate import Simulation
 from fitball.models.history import History
 from fitball.models.types import PHASE_SYMBOL, Phase
 from fitball.report.figures.canvas import new_figure, other_scale
+from fitball.report.figures.style import own_style
 from fitball.report.form.palette import PHASES, SERIES
 
 # Pale, so that lines of any colour stand out.
@@ -40,6 +41,7 @@ BAND_CAPTION = (
 )
 
 
+@own_style()
 def history_figure(
     simulations: Sequence[Simulation], title: str, panels: Sequence[str] = (), notes: Sequence[str] = ()
 ) -> Figure:

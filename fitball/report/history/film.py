@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from subprocess import CalledProcessError
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -15,11 +18,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrowPatch
 from PIL import Image
 
-from fitball.errors import ParameterError
+from fitball.errors import ParameterError, ResultFolderError
 from fitball.inference.prediction.simulate import Simulation
 from fitball.models.types import PHASE_SYMBOL
 from fitball.report.figures.canvas import new_figure
-from fitball.report.form.atomic_write import write_whole
+from fitball.report.figures.style import own_style
+from fitball.report.form.atomic_write import write_bytes
 from fitball.report.form.palette import SERIES
 from fitball.report.history.figure import SHADES
 from fitball.report.history.motion import IN_FLIGHT, Motion, motion, phase_of
@@ -55,12 +59,13 @@ def check_film(place: Path) -> None:
         )
 
 
+@own_style()
 def write_film(simulation: Simulation, title: str, place: Path, frames_per_second: int = FRAMES_PER_SECOND) -> None:
     """Write a film as GIF (equal bounces become equal bytes) or MP4. Raises ParameterError, ResultFolderError."""
     check_film(place)
     film = Film(simulation, title, motion(simulation, frames_per_second))
     make = _gif if place.suffix.lower() == ".gif" else _mp4
-    write_whole(place, lambda target: make(film, target, frames_per_second))
+    write_bytes(place, make(film, frames_per_second), named=True)
 
 
 class Film:
@@ -219,13 +224,15 @@ def _zigzag(start: FloatArray, end: FloatArray, width: float) -> FloatArray:
     return (start + shares[:, None] * along + sides[:, None] * across).T
 
 
-def _gif(film: Film, target: Path, frames_per_second: int) -> None:
+def _gif(film: Film, frames_per_second: int) -> bytes:
     pictures = list(film.frames())
     palette = _palette(pictures)
+    made = io.BytesIO()
     first, *rest = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)
     first.save(
-        target, format="GIF", save_all=True, append_images=rest, duration=round(1000 / frames_per_second), loop=0
+        made, format="GIF", save_all=True, append_images=rest, duration=round(1000 / frames_per_second), loop=0
     )
+    return made.getvalue()
 
 
 def _palette(pictures: Sequence[Image.Image]) -> Image.Image:
@@ -242,9 +249,15 @@ def _palette(pictures: Sequence[Image.Image]) -> Image.Image:
     return together.quantize(PALETTE, dither=Image.Dither.NONE)
 
 
-def _mp4(film: Film, target: Path, frames_per_second: int) -> None:
+def _mp4(film: Film, frames_per_second: int) -> bytes:
     writer = FFMpegWriter(fps=frames_per_second, extra_args=["-f", "mp4", "-pix_fmt", "yuv420p"])
-    with writer.saving(film.figure, str(target), DPI):
-        for k in range(film.found.time.size):
-            film.show(k)
-            writer.grab_frame()
+    with TemporaryDirectory(prefix="fitball-film-") as folder:
+        made = Path(folder) / "film.mp4"
+        try:
+            with writer.saving(film.figure, str(made), DPI):
+                for k in range(film.found.time.size):
+                    film.show(k)
+                    writer.grab_frame()
+            return made.read_bytes()
+        except (OSError, CalledProcessError) as error:
+            raise ResultFolderError(f"{made}: ffmpeg could not write it: {error}; is there room?") from None

@@ -17,11 +17,12 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from fitball.inference.prediction.regime_map import NONE, RegimeMap, Sure
+from fitball.inference.prediction.regime_map import NONE, RegimeMap
 from fitball.models.types import STATUS_REASON, Status, regime_name
 from fitball.observables import OBSERVABLES
 from fitball.report.figures.canvas import new_figure, other_scale, verbatim
 from fitball.report.figures.regimes import OTHERS, regime_colours
+from fitball.report.figures.style import own_style
 from fitball.report.form.display_units import output_scale
 from fitball.report.form.palette import REGIMES
 from fitball.values import FloatArray, Impacts
@@ -76,22 +77,20 @@ def _pale(colour: str) -> tuple[float, float, float]:
     return red, green, blue
 
 
+@own_style()
 def map_figure(
     found: RegimeMap, title: str, contours: str = "theta_2", impacts: Impacts | None = None, source: str = ""
 ) -> Figure:
-    """Areas with contours of the output `contours`, and beside them, from a posterior, how sure each place is.
+    """Areas with contours of the output `contours`.
 
     `impacts` are shown as marks, those of another speed faint; `source` says whose they are.
     """
     marked = areas(found)
-    panels = 2 if found.sure is not None else 1
-    figure = new_figure(1.0 + 5.6 * panels, 6.3)
-    axes = np.atleast_1d(figure.subplots(1, panels, sharex=True, sharey=True))
-    _draw_areas(axes[0], found, marked)
-    labels = _draw_contours(axes[0], found, contours)
-    names = _draw_names(axes[0], found, marked)
-    if found.sure is not None:
-        _draw_sure(figure, axes[1], found, found.sure)
+    figure = new_figure(6.6, 6.3)
+    axis = figure.subplots()
+    _draw_areas(axis, found, marked)
+    labels = _draw_contours(axis, found, contours)
+    names = _draw_names(axis, found, marked)
     handles: list[Patch | Line2D] = [
         Patch(facecolor=colour, edgecolor="0.4", linewidth=0.6, label=f"{name} ({100.0 * share:.0f} %)")
         for name, colour, share in zip(marked.names, marked.colours, marked.shares, strict=True)
@@ -100,17 +99,15 @@ def map_figure(
     label = f"contours: {OBSERVABLES[contours].title} {OBSERVABLES[contours].symbol} [{scale.unit}]"
     handles.append(Line2D([], [], color="0.15", linewidth=0.9, label=label))
     if impacts is not None:
-        drawn = [_draw_impacts(axis, found, impacts, source) for axis in axes]
-        handles += drawn[0]
+        handles += _draw_impacts(axis, found, impacts, source)
     low, high = np.degrees(found.window.angle)
-    for axis in axes:
-        axis.set_xlim(low, high)
-        axis.set_ylim(*found.window.spin)
-        axis.axhline(0.0, color="0.35", linewidth=0.7, linestyle=":")
-        axis.set_xlabel("incidence, angle to the court [deg]")
-    axes[0].set_ylabel("spin [rad/s]: back (below 0), top (above)")
-    other_scale(axes[-1], "right", RPM, "spin [rpm]")
-    figure.legend(handles=handles, loc="outside lower center", ncols=1 + panels, frameon=False, fontsize=8.5)
+    axis.set_xlim(low, high)
+    axis.set_ylim(*found.window.spin)
+    axis.axhline(0.0, color="0.35", linewidth=0.7, linestyle=":")
+    axis.set_xlabel("incidence, angle to the court [deg]")
+    axis.set_ylabel("spin [rad/s]: back (below 0), top (above)")
+    other_scale(axis, "right", RPM, "spin [rpm]")
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, fontsize=8.5)
     figure.suptitle(verbatim(f"{title}: regimes of contact at {found.window.speed:.4g} m/s"), fontsize=12)
     _uncover(figure, names, labels)
     return figure
@@ -175,19 +172,6 @@ def _draw_names(axis: Axes, found: RegimeMap, marked: Areas) -> list[Text]:
     return names
 
 
-def _draw_sure(figure: Figure, axis: Axes, found: RegimeMap, sure: Sure) -> None:
-    """Probability of the most probable sequence: dark where it is open which one it is."""
-    shown = axis.imshow(
-        100.0 * sure.probability, cmap="gray", vmin=0.0, vmax=100.0, origin="lower", aspect="auto",
-        extent=_extent(found), interpolation="nearest",
-    )  # fmt: skip
-    _draw_edges(axis, np.degrees(found.angles), found.spins, found.regime)
-    axis.set_title(f"probability of the most probable one ({sure.draws} draws)", fontsize=10)
-    bar = figure.colorbar(shown, ax=axis, location="bottom", shrink=0.7, pad=0.02, aspect=40)
-    bar.set_label("probability [%]", fontsize=8.5)
-    bar.ax.tick_params(labelsize=8)
-
-
 def _draw_impacts(axis: Axes, found: RegimeMap, impacts: Impacts, source: str) -> list[Line2D]:
     speed = np.hypot(impacts.v_x1, impacts.v_y1)
     angle = np.degrees(np.arctan2(impacts.v_y1, impacts.v_x1))
@@ -224,12 +208,6 @@ def map_text(found: RegimeMap, title: str) -> str:
     lines += [f"  {100.0 * share:5.1f} %  {name or NO_SOLUTION}" for name, share in found.areas.items()]
     for status in np.unique(found.status[found.status != Status.OK]).tolist():
         lines.append(f"no solution: {STATUS_REASON[Status(status)]}")
-    if found.sure is not None:
-        open_ones = float(np.mean(found.sure.probability < 0.95))
-        lines.append(
-            f"over {found.sure.draws} draws of the posterior the regime is open (its probability below 95 %) on "
-            f"{100.0 * open_ones:.0f} % of the map"
-        )
     return "\n".join(lines)
 
 
@@ -241,13 +219,11 @@ def map_json(found: RegimeMap) -> dict[str, object]:
         "spin": list(found.window.spin),
         "without_spin": [{"regime": name, "from": start, "to": end} for name, start, end in found.along_angle],
         "areas": found.areas,
-        "draws": None if found.sure is None else found.sure.draws,
-        "open": None if found.sure is None else float(np.mean(found.sure.probability < 0.95)),
     }
 
 
 def map_rows(found: RegimeMap) -> list[dict[str, object]]:
-    """A row an impact of a coarser grid: incidence, regime, rebound, and how probable the regime is, in SI."""
+    """A row an impact of a coarser grid: incidence, regime and rebound, in SI."""
     rows: list[dict[str, object]] = []
     stride = (max(1, found.spins.size // 48), max(1, found.angles.size // 64))
     for row in range(stride[0] // 2, found.spins.size, stride[0]):

@@ -15,6 +15,7 @@ from matplotlib.patheffects import withStroke
 from fitball.inference.design.results import Plan
 from fitball.inference.design.sensor import AS_BEFORE
 from fitball.report.figures.canvas import Margins, filled, heading, new_figure, verbatim
+from fitball.report.figures.style import own_style
 from fitball.report.form.palette import FAINT, MEASURED, MODEL, TREND, series_style
 from fitball.report.plan.words import spin_text
 from fitball.values import FloatArray
@@ -29,6 +30,7 @@ MARKS = (
 SHADES = LinearSegmentedColormap.from_list("gain", ["#ffffff", "#bcd9ec", MODEL, "#00304d"])
 
 
+@own_style()
 def plan_figure(plan: Plan, title: str) -> Figure:
     """The map of gains with the chosen impacts numbered; of several surfaces the best one at each place."""
     found = plan.settings

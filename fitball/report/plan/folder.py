@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from fitball.files import all_or_none
 from fitball.inference.design.results import Plan
 from fitball.inference.problem.problem import Problem
 from fitball.report.figures.save import save_figure
@@ -22,6 +23,7 @@ def title_of(problem: Problem) -> str:
     return f"{problem.table.name}, {problem.model.name}: what to measure next"
 
 
+@all_or_none()
 def write_all(plan: Plan, problem: Problem, folder: Path, command: str | None = None) -> None:
     """Write every file, each whole or not at all; `command` is the line that asked. Raises ResultFolderError."""
     title = title_of(problem)

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from fitball.inference.design.nested import NestedGain
 from fitball.inference.design.results import Plan
 from fitball.inference.design.settings import Setting
 from fitball.inference.design.target import levels_at
@@ -79,12 +78,11 @@ def plan_json(plan: Plan) -> Row:
             for one in plan.chosen
         ],
         "gain": _number(plan.gain),
-        "nested": _nested(plan.batch),
         "table_again": {"gain": _number(plan.again), "sds": _numbers(plan.again_sds)},
         "sensors": [
             {
                 "name": worth.sensor, "words": worth.words, "cost": worth.cost, "best": _state(worth.best),
-                "gain": _number(worth.gain), "nested": _nested(worth.nested), "batch": _number(worth.batch),
+                "gain": _number(worth.gain), "batch": _number(worth.batch),
                 "sds": _numbers(worth.sds),
             }
             for worth in plan.worths
@@ -108,13 +106,6 @@ def _state(setting: Setting) -> Row:
         "theta_1": _number(setting.angle),
         "omega_1": _number(setting.spin),
     }
-
-
-def _nested(nested: NestedGain) -> Row:
-    return {
-        "gain": _number(nested.nats), "se": _number(nested.se), "effective_draws": _number(nested.effective),
-        "left_out": nested.left_out, "settled": nested.settled,
-    }  # fmt: skip
 
 
 def _numbers(values: FloatArray) -> list[float | None]:

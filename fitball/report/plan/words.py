@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from fitball.inference.design.nested import NestedGain
 from fitball.inference.design.results import Plan, Worth
 from fitball.inference.design.sensor import AS_BEFORE
 from fitball.inference.design.settings import Setting
@@ -31,9 +30,8 @@ LEGEND = (
     "posterior; one nat narrows one quantity to 37 % of its sd. Behind it the expected sd of each part of the target."
 )
 SENSORS_LEGEND = (
-    "Best impact: the gain of the best single impact read that way, to first order, and by nested Monte Carlo with "
-    "its standard error (* : too few draws of the posterior are left to trust it). Same batch: the impacts above "
-    "read that way; of a drop as many drops."
+    "Best impact: the gain of the best single impact read that way. Same batch: the impacts above read that way; "
+    "of a drop as many drops."
 )
 
 
@@ -70,23 +68,13 @@ def nats(gain: float) -> str:
     return f"{gain:.2f}" if abs(gain) >= 0.1 else f"{gain:.2g}"
 
 
-def nested_text(nested: NestedGain) -> str:
-    """A gain with its standard error, marked where it hangs on too few draws."""
-    if not math.isfinite(nested.nats):
-        return "-"
-    return f"{nested.nats:.2f} ± {nested.se:.2f}{'' if nested.settled else '*'}"
-
-
 def headline(plan: Plan) -> str:
     """The best next impact, and what the batch is worth."""
-    first, best = plan.chosen[0], plan.worths[0]
+    first = plan.chosen[0]
     times = f", {plan.repeats} times" if plan.repeats > 1 else ""
     by = f" ({first.sensor})" if first.sensor != AS_BEFORE else ""
     text = f"Measure next: {setting_text(first.setting)}{times}{by}. "
-    text += f"It is worth {nats(first.gain)} nats about {plan.target}"
-    if first.sensor == AS_BEFORE and plan.repeats == 1 and math.isfinite(best.nested.nats):
-        text += f" ({nested_text(best.nested)} by nested Monte Carlo)"
-    return text + "."
+    return f"{text}It is worth {nats(first.gain)} nats about {plan.target}."
 
 
 def points(plan: Plan) -> tuple[str, ...]:
@@ -95,13 +83,8 @@ def points(plan: Plan) -> tuple[str, ...]:
     count = len(plan.chosen) * plan.repeats
     if count > 1:
         said.append(
-            f"All {count} impacts below tell {nats(plan.gain)} nats ({_batch_checked(plan.batch)}); "
+            f"All {count} impacts below tell {nats(plan.gain)} nats; "
             f"as many of the fitted table, measured again, {nats(plan.again)}. {_narrowed(plan, plan.chosen[-1].sds)}"
-        )
-    if abs(plan.gain - plan.batch.nats) > max(0.15 * plan.gain, 3.0 * plan.batch.se) and plan.batch.settled:
-        said.append(
-            "First order and nested Monte Carlo differ by more than chance: the posterior is far from normal or the "
-            "bounce far from linear in it. Trust the latter."
         )
     said += [sensor_text(plan, worth) for worth in plan.worths if worth.sensor != AS_BEFORE]
     for reason, number in plan.failed.items():
@@ -125,12 +108,6 @@ def points(plan: Plan) -> tuple[str, ...]:
             f"lies beyond may tell more: say by {wider} what can be reached."
         )
     return (*said, *plan.notes)
-
-
-def _batch_checked(nested: NestedGain) -> str:
-    if not nested.settled:
-        return "not to be checked by nested Monte Carlo from the draws there are"
-    return f"{nested_text(nested)} by nested Monte Carlo"
 
 
 def ranges_text(plan: Plan) -> str:
@@ -221,7 +198,7 @@ def sensors_table(plan: Plan) -> list[Row]:
     for worth in plan.worths:
         row = {"measured by": worth.sensor, "what it reads": worth.words}
         row |= {"cost": f"{worth.cost:g}"} if plan.by_cost else {}
-        row |= {"best impact": nats(worth.gain), "nested": nested_text(worth.nested), "same batch": nats(worth.batch)}
+        row |= {"best impact": nats(worth.gain), "same batch": nats(worth.batch)}
         rows.append(row)
     return rows
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,7 +13,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.report.form.atomic_write import write_whole
+from fitball.report.form.atomic_write import write_bytes
 from fitball.version import __version__
 
 
@@ -28,23 +29,21 @@ class Variable:
 
 def write_groups(path: Path, groups: Mapping[str, Iterable[Variable]], **attributes: str) -> None:
     """Write groups (by name, "" for the file itself), whole or not at all; only one variable at a time is in memory
-    where the groups make them one by one. `attributes` are those of the first group.
+    beside the file where the groups make them one by one. `attributes` are those of the first group.
 
     Raises ResultFolderError.
     """
-
-    def write(place: Path) -> None:
-        told = {"created_by": f"fitball {__version__}", **attributes}
-        held: list[h5py.Dataset] = []
-        with h5py.File(place, "w", track_order=True) as below, h5netcdf.File(below, "w") as file:
-            for name, variables in groups.items():
-                group = file.create_group(name) if name else file
-                group.attrs.update(told)
-                told = {}
-                for variable in variables:
-                    _write(group, below[group.name], variable, held)
-
-    write_whole(path, write)
+    told = {"created_by": f"fitball {__version__}", **attributes}
+    held: list[h5py.Dataset] = []
+    made = io.BytesIO()
+    with h5py.File(made, "w", track_order=True) as below, h5netcdf.File(below, "w") as file:
+        for name, variables in groups.items():
+            group = file.create_group(name) if name else file
+            group.attrs.update(told)
+            told = {}
+            for variable in variables:
+                _write(group, below[group.name], variable, held)
+    write_bytes(path, made.getbuffer())
 
 
 def _write(group: Any, below: h5py.Group, variable: Variable, held: list[h5py.Dataset]) -> None:

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fitball.report.figures.canvas import new_figure
+from fitball.report.figures.style import own_style
 from fitball.report.form.palette import GUIDE, SERIES
 from fitball.studies.bench.densities import OURS
 from fitball.studies.bench.measure import Bench
@@ -17,6 +18,7 @@ FLOOR = 1e-17
 MARKS = "D*dos^vPX"
 
 
+@own_style()
 def figure(bench: Bench) -> Figure:
     """Time per impact against largest error, one panel a scene, and time a log posterior, one curve a solver."""
     precision, densities = bench.frames["precision"], bench.frames["densities"]
@@ -53,6 +55,7 @@ def _curves(panel: Axes, rows: pd.DataFrame, by: str, title: str) -> None:
     panel.grid(alpha=0.3)
 
 
+@own_style()
 def samplers_figure(bench: Bench) -> Figure:
     """Effective draws a CPU second by sampler, one mark a table."""
     frame = bench.frames["samplers"]

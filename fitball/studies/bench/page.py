@@ -9,7 +9,6 @@ import pandas as pd
 
 from fitball.report.figures.save import save_figure
 from fitball.report.form.atomic_write import write_text
-from fitball.report.form.folders import make_folder
 from fitball.studies.bench.figure import figure, samplers_figure
 from fitball.studies.bench.measure import Bench
 from fitball.studies.bench.precision import FASTEST
@@ -30,7 +29,6 @@ HEADS = {
 
 def write(bench: Bench, folder: Path) -> None:
     """Write CSV files, figures and the tables in words. Raises ResultFolderError."""
-    make_folder(folder)
     for name, frame in bench.frames.items():
         write_text(folder / f"{name}.csv", frame.to_csv(index=False, float_format="%.4g", lineterminator="\n"))
     save_figure(figure(bench), folder / FIGURE)

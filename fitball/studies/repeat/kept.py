@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fitball.errors import ResultFolderError
+from fitball.files import all_or_none
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit, Posterior
 from fitball.inference.sampling.chain_file import EnsembleChain, read_chains
@@ -62,6 +63,7 @@ def check_rows(problem: Problem, original: Kept) -> None:
         )
 
 
+@all_or_none()
 def write_numbers(fit: Fit, folder: Path) -> None:
     """Write what a repetition compares, and no figures. Raises ResultFolderError."""
     if fit.posterior is not None:

@@ -16,6 +16,7 @@ from fitball.inference.thesis.inputs import C1, C2, INCH, STIFFNESS, TORSION, ca
 from fitball.models.specs import SPECS
 from fitball.models.thesis.model import ThesisCourse
 from fitball.report.figures.canvas import log_scale, new_figure
+from fitball.report.figures.style import own_style
 from fitball.report.form.palette import MARKERS, SERIES
 from fitball.studies.thesis.appendix_d import CASE_IN_APPENDIX_C, percentage_errors
 from fitball.studies.thesis.chapter_five import ChapterFive
@@ -66,6 +67,7 @@ def draw_all(chapter: ChapterFive) -> dict[str, Callable[[], Figure]]:
     }
 
 
+@own_style()
 def glance_figure(fits: Mapping[str, Recalibration]) -> Figure:
     """Posteriors of three models with Table 9 in them, and offsets with Eq. (53)."""
     figure = new_figure(13.0, 4.8)
@@ -142,6 +144,7 @@ def _nine_panels(
     return figure
 
 
+@own_style()
 def chapter_v_figure() -> Figure:
     """Rebounds measured, recomputed and printed."""
     points = figures_36_to_44()
@@ -176,6 +179,7 @@ def _example(
     return share, chosen.course(values, impact, share * contact)
 
 
+@own_style()
 def transition_figure() -> Figure:
     """Velocities of centre and surface for the two examples of Chapter III."""
     printed = thesis_table("chapter_three_examples").to_dict("records")
@@ -203,6 +207,7 @@ def transition_figure() -> Figure:
     return figure
 
 
+@own_style()
 def offset_figure() -> Figure:
     """Effect of the offset on rolling."""
     figure = new_figure(6.5, 4.2)
@@ -218,6 +223,7 @@ def offset_figure() -> Figure:
     return figure
 
 
+@own_style()
 def error_figure(chapter: ChapterFive) -> Figure:
     """Percentage errors of the three cases and of the recalibrated default model, impact by impact."""
     printed, fit = thesis_table("appendix_c"), chapter.fits["two-mass"]

@@ -8,19 +8,19 @@ from pathlib import Path
 import numpy as np
 
 from fitball.data.scene import load_scene
+from fitball.files import all_or_none
 from fitball.report.figures.embed import embed
 from fitball.report.figures.save import save_figure
 from fitball.report.form.atomic_write import write_text
-from fitball.report.form.folders import make_folder
 from fitball.report.form.template import render_template
 from fitball.studies.thesis import ranking, recalibration
 from fitball.studies.thesis.chapter_five import ChapterFive
 from fitball.studies.thesis.chapter_five_figures import CAPTIONS, draw_all
 
 
+@all_or_none()
 def write(chapter: ChapterFive, folder: Path) -> None:
     """Write CSV files, figures and the page, each whole or not at all. Raises ResultFolderError."""
-    make_folder(folder)
     for name, frame in chapter.tables.items():
         write_text(folder / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
     images = {name: save_figure(draw(), folder / f"{name}.png") for name, draw in draw_all(chapter).items()}

@@ -1,0 +1,1 @@
+"""Simulation-based calibration: draw parameters, simulate their data, fit these, look whether ranks are uniform."""

@@ -1,0 +1,95 @@
+"""No text takes time that grows faster than its length: names, units, cells and options of 10^5 characters.
+
+Exponential and quadratic searches do not end within the bound (some seconds of work; 10^10 steps and more for them).
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitball.data.columns import read_header, split_cell
+from fitball.data.dialect.cells import RawRow
+from fitball.data.dialect.delimited import DELIMITERS
+from fitball.data.dialect.guess import _WORDS, _cut, end_of, guess_of
+from fitball.data.dialect.layout import _bare, is_number
+from fitball.data.dialect.numbers import explained, plain_numbers, split_deviations
+from fitball.data.findings import Findings
+from fitball.data.grid_text import parse_grid, parse_window
+from fitball.data.impact_text import parse_impact
+from fitball.data.number_column import NumberColumn, read_column
+from fitball.data.range_text import parse_range
+from fitball.data.scene_file import _PRIOR
+from fitball.data.units import unit_of
+from fitball.errors import FitballError
+
+LENGTH, BOUND = 100_000, 240.0
+# Pieces that patterns repeat, and ends that none expects.
+PIECES = (
+    "horiz", "1", "of", "v_", " ", "a ", "/", "v /", "[", "(", "1+-", "1,", "1,11111", "1e", ",111", "-1", "s^", "θ",
+    "aB", "1 ", "\t", "1..", ":1", "±", "m s ", "_", "1.",
+)  # fmt: skip
+ENDS = ("!", "\n\nx")
+
+
+def look_at(text: str) -> None:
+    """All that is done with a text of a user's, whatever it answers."""
+    row = RawRow(1, 1, (text,))
+    guess_of(text), end_of(text), split_cell(text), unit_of(text), is_number(text), _bare(text), explained(text)
+    found = Findings((row,), 1)
+    header = read_header((text, "v_x1"), found)
+    rows, _notes = plain_numbers((row,), (0,))
+    split_deviations(rows, (0,))
+    assert isinstance(read_column(header.numbers["v_x1"], Findings((RawRow(1, 1, ("1", text)),), 1)), NumberColumn)
+    for delimiter in DELIMITERS[4:]:
+        list(delimiter.records([text], False))
+    _PRIOR.fullmatch(f"normal({text}")
+    for parse in (parse_impact, parse_grid, parse_window, lambda said: parse_range("speed", said)):
+        for said in (text, f"v=1{text}"):
+            try:
+                parse(said)
+            except FitballError:
+                continue
+
+
+@pytest.mark.slow
+def test_no_text_takes_more_than_linear_time() -> None:
+    here = Path(__file__)
+    command = [sys.executable, here.name]
+    done = subprocess.run(command, timeout=BOUND, capture_output=True, text=True, check=False, cwd=here.parent)
+    assert done.returncode == 0, done.stderr[-2000:]
+
+
+@pytest.mark.parametrize("name", ["horiz" * 26 + "!", "1" * 1000, "v" * LENGTH])
+def test_names_that_are_long_are_nobodys(name: str) -> None:
+    assert guess_of(name) is None
+    assert read_header((name,), Findings((), 1)).extras == (name,)
+
+
+def test_a_name_is_cut_as_trying_all_ways_does_it() -> None:
+    """Oracle: longest word first, backtracking."""
+
+    def cut(text: str) -> list[str] | None:
+        if not text:
+            return []
+        for size in range(len(text), 0, -1):
+            rest = cut(text[size:]) if text[:size] in _WORDS else None
+            if rest is not None:
+                return [text[:size], *rest]
+        return None
+
+    rng = np.random.default_rng(0)
+    words = sorted(_WORDS)
+    for _ in range(300):
+        text = "".join(rng.choice(words, rng.integers(1, 4))) + "x!"[rng.integers(0, 3) :][:1]
+        text = text[rng.integers(0, 2) :]
+        assert _cut(text) == (cut(text) or [])
+
+
+if __name__ == "__main__":
+    for place, repeated in enumerate(PIECES):
+        look_at(repeated * (LENGTH // len(repeated)) + ENDS[place % 2])

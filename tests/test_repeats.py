@@ -1,0 +1,105 @@
+"""Rows that repeat to the last digit: copies are named and refused, what chance explains is not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import misread
+import numpy as np
+import pandas
+import pytest
+
+import fitball
+from fitball.api import check
+from fitball.data.bundled import bundled_names
+from fitball.data.join import trusted_table
+from fitball.data.reading.repeats import repeats_of
+from fitball.data.scene import Scene
+from fitball.errors import ReadingError
+
+
+def frame(design: str = "wide", seed: int = 3, digits: int = 3) -> pandas.DataFrame:
+    return pandas.DataFrame({name: values.round(digits) for name, values in misread.table(design, seed)[0].items()})
+
+
+def said(rows: pandas.DataFrame) -> tuple[str | None, str | None]:
+    return repeats_of(fitball.load_table(rows), fitball.Ball())
+
+
+@pytest.mark.parametrize("form", [dict, misread.polar])
+@pytest.mark.parametrize("copied", [[0], [0, 1, 2] * 4])
+def test_copies_are_named_with_their_rows(form, copied) -> None:
+    rows = pandas.DataFrame({name: np.round(values, 3) for name, values in form(misread.table("wide", 3)[0]).items()})
+    if "theta_1" in rows:
+        rows[["theta_1", "theta_2"]] = np.degrees(rows[["theta_1", "theta_2"]])
+    rows = rows.round(2)
+    assert said(rows) == (None, None)
+    again = pandas.concat([rows, rows.iloc[copied]], ignore_index=True)
+    copies, near = said(again)
+    assert copies is not None and near is None
+    assert f"{len(copied)} of {len(again)} rows repeat others" in copies and "Rows 1, 31" in copies
+
+
+def test_ids_do_not_count_and_labels_do() -> None:
+    rows = pandas.concat([frame()] * 2, ignore_index=True)
+    assert said(rows.assign(id=range(60)))[0] is not None
+    assert said(rows.assign(surface=["clay"] * 30 + ["hard"] * 30)) == (None, None)
+    assert said(rows.assign(temperature=range(60)))[0] is not None
+
+
+def test_copies_are_refused_unless_they_are_taken_as_read(tmp_path: Path) -> None:
+    place = tmp_path / "t.csv"
+    pandas.concat([frame()] * 2).to_csv(place, index=False)
+    found = check(place)
+    assert not found.ok and "rows are copies of others" in str(found) and "as_read=True" in str(found)
+    with pytest.raises(ReadingError, match="30 of 60 rows repeat others"):
+        trusted_table([place], Scene())
+    table, notes = trusted_table([place], Scene(), as_read=True)
+    assert len(table) == 60 and any("every row counts" in note for note in notes)
+
+
+def test_a_drop_test_read_to_a_centimetre_repeats_without_fault() -> None:
+    """Heights scatter by some units, by one, and by less than one; few rows and many."""
+    rng = np.random.default_rng(0)
+    for scatter in (3.0, 1.0, 0.3, 0.05):
+        for count in (6, 30, 300):
+            heights = np.rint(139.5 + scatter * rng.normal(size=count))
+            rows = pandas.DataFrame({"drop_height [cm]": np.full(count, 254.0), "rebound_height [cm]": heights})
+            assert said(rows) == (None, None), (scatter, count)
+
+
+def test_coarse_and_long_tables_repeat_by_chance() -> None:
+    """A ball machine with few settings, printed coarsely: repeats are many, and no copies. Independent draws, so that
+    any alarm is false.
+    """
+    rng = np.random.default_rng(1)
+    for count, digits in ((40, 0), (400, 0), (8000, 0), (8000, 1)):
+        setting = rng.integers(0, 8, count)
+        v_x, v_y = 12.0 + setting, 6.0 + setting % 3
+        rows = pandas.DataFrame(
+            {
+                "v_x1": v_x, "v_y1": v_y, "v_x2": (0.6 * v_x + 0.3 * rng.normal(size=count)).round(digits),
+                "v_y2": (0.75 * v_y + 0.3 * rng.normal(size=count)).round(digits),
+            }
+        )  # fmt: skip
+        assert rows.duplicated().any()
+        assert said(rows) == (None, None), (count, digits)
+
+
+@pytest.mark.parametrize("name", bundled_names())
+def test_bundled_tables_have_no_copies(name: str) -> None:
+    assert repeats_of(fitball.load_table(name), fitball.Ball()) == (None, None)
+
+
+def test_good_tables_have_no_copies() -> None:
+    for design in ("wide", "all grip", "one angle", "without spin", "backspin", "steep", "dropped", "slow"):
+        for digits in (1, 3):
+            assert said(frame(design, 0, digits)) == (None, None), (design, digits)
+
+
+def test_rows_that_are_nearly_the_same_are_a_note() -> None:
+    rows = frame()
+    again = pandas.concat([rows, (rows.iloc[:5] + 0.001).round(3)], ignore_index=True)
+    copies, near = said(again)
+    assert copies is None and near is not None and "are they the same impacts?" in near
+    assert check(again).ok
