@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri, stdtr, stdtrit
+from scipy.special import chdtri, ndtr, ndtri, stdtr, stdtrit
 
 from fitball.inference.adequacy.directions import Direction, directions
 from fitball.inference.adequacy.loo_pit import LEFT_OUT
@@ -28,6 +28,7 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.results.adequacy import FALSE_EXCEPT, FALSE_FAILS, Adequacy, Answer, Check, Misfit, NoiseCheck
 from fitball.inference.results.assumptions import Alternative, Assumptions
 from fitball.inference.results.results import PointFit, Posterior
+from fitball.inference.results.score_difference import SURE_ERRORS
 from fitball.values import FloatArray
 
 # Patterns have three fifths of the chance of a false alarm, the size of the noise two.
@@ -41,6 +42,8 @@ HALF = 0.5
 # Patterns that count as the model's own: a group may be biased for reasons of its own.
 SMOOTH = ("trend", "bend", "together", "regime", "bias", "row", "drift")
 PATTERNS = (*SMOOTH, "group", "level")
+# How choices of a kind of noise begin.
+NOISE = "noise="
 # Misfits that are told, and rows that a check names.
 TOLD, NAMED_ROWS = 5, 6
 
@@ -74,7 +77,7 @@ def adequacy(
         unseen = _unseen(fit, looks, level, noise)
     misfits = [_misfit(fit, look, found) for look, check in zip(looks, checks, strict=True) if check.p < FALSE_EXCEPT]
     moved = influence(fit, [misfit for misfit in misfits if misfit is not None])
-    better = () if assumptions is None else tuple(item for item in assumptions.alternatives if item.better)
+    better = () if assumptions is None else surely_better(assumptions.alternatives)
     answer = _answer(fit, found, checks, noise, unseen, better)
     return Adequacy(
         answer=answer,
@@ -96,6 +99,20 @@ def adequacy(
         else {name: tuple(left_out[k][fit.places[k]].tolist()) for k, name in enumerate(fit.columns)},
         replicates=looked.tables,
     )
+
+
+def surely_better(alternatives: Sequence[Alternative]) -> tuple[Alternative, ...]:
+    """Alternatives that score surely better than the fit itself. Of many closures the best scores better by chance,
+    so each is held to the error of one among as many (Bonferroni); a kind of noise is one.
+    """
+    closures = sum(not item.name.startswith(NOISE) for item in alternatives)
+    found = []
+    for item in alternatives:
+        among = 1 if item.name.startswith(NOISE) else closures
+        errors = -float(ndtri(ndtr(-SURE_ERRORS) / among))
+        if item.better and item.difference is not None and item.difference.value > errors * item.difference.se:
+            found.append(item)
+    return tuple(found)
 
 
 def _check(problem: Problem, fit: Refit, look: Look, found: Sequence[Direction], p: float) -> Check:
@@ -190,7 +207,7 @@ def _given(
     problem: Problem, fit: Refit, checks: Sequence[Check], better: Sequence[Alternative]
 ) -> dict[str, tuple[str, ...]]:
     """Fitted noises that heavy tails make larger, and the kind of noise that their sizes are given."""
-    kind = f"noise={problem.noise.name}"
+    kind = f"{NOISE}{problem.noise.name}"
     if any(item.instead_of == kind for item in better):
         columns = set(fit.columns)
     else:
