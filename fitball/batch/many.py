@@ -24,11 +24,12 @@ from fitball.kinds import checked
 from fitball.report.batch.folder import Shown, write_results
 from fitball.report.batch.grouping import Over
 from fitball.report.batch.populations import Populated, default_names, populations
-from fitball.report.batch.rows import CSV_NAME, DONE, FAILED, NAME, Row, read_rows
+from fitball.report.batch.rows import CSV_NAME, DONE, FAILED, NAME, Row, check_row, read_rows
 from fitball.report.batch.series import all_series
 from fitball.report.batch.text import render
 from fitball.report.form.bounded_read import read_bounded
 from fitball.report.form.folders import held
+from fitball.report.saved.saved_fit import read_fit
 from fitball.scheduling.engine import engine
 
 if TYPE_CHECKING:
@@ -157,7 +158,8 @@ class Batch(Mapping[str, Fit]):
 def load_batch(folder: PathLike = FOLDER) -> Batch:
     """The batch that lies in a folder, as `calibrate_many` or `fitball batch` left it; nothing is fitted.
 
-    Raises ResultFolderError where none does, or one that has not ended.
+    Raises ResultFolderError where none does, one that has not ended, or one whose table of all says something else
+    than its fits.
 
     >>> many = folder.parent / "kept"
     >>> tables = {"still air": "wang_zero_spin"}
@@ -179,11 +181,15 @@ def load_batch(folder: PathLike = FOLDER) -> Batch:
 
 
 def _rows(place: Path) -> tuple[Row, ...]:
+    """The rows of a `batch.csv`, each held against the fit that it is of."""
     rows = read_rows(read_bounded(place, MOST_BYTES).decode("utf-8"))
     for row in rows:
-        why = fault_of(str(row[NAME])) if row["outcome"] == DONE else ""
-        if why:
-            raise ValueError(f"table {row[NAME]!r}: {why}")
+        if row["outcome"] == DONE:
+            name = str(row[NAME])
+            why = fault_of(name)
+            if why:
+                raise ValueError(f"table {name!r}: {why}")
+            check_row(row, read_fit(place.parent / name), place)
     return rows
 
 

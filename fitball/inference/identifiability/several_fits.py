@@ -18,8 +18,8 @@ from fitball.values import FloatArray
 # Standard errors, the smaller ones of two fits, by which a parameter must differ between them: beside a peak a
 # plateau, on which a parameter acts no more, is another fit; two places on one plateau or ridge are not.
 APART = 3.0
-# Places on the straight way between two maxima at which the likelihood is looked at, and the drop below the best that
-# none of them may have if both are to be places of one fit, whose likelihood is flat: no odds to speak of (1.1).
+# Places on the straight way between two maxima at which the likelihood is looked at, and the
+# span of its logarithm below which both are places of one fit, whose likelihood is flat: no odds to speak of (1.1).
 BETWEEN, FLAT = 15, 0.1
 # Rows up to which several fits are looked for: of long tables the likelihood is close to normal.
 ROWS = 300
@@ -53,7 +53,7 @@ def several_fits(problem: Problem, optima: Sequence[Mapping[str, float]]) -> Sev
         near = [
             np.all(np.abs(x - y) < APART * np.minimum(error, known)) for y, known in zip(kept, errors, strict=True)
         ]
-        if cost - top.cost < DROP_95 and not any(near) and not _joined(objective, kept, x, top.cost, scene):
+        if cost - top.cost < DROP_95 and not any(near) and not _joined(objective, kept, x, scene):
             kept.append(x)
             errors.append(error)
             costs.append(cost)
@@ -62,13 +62,13 @@ def several_fits(problem: Problem, optima: Sequence[Mapping[str, float]]) -> Sev
     return _told(objective, np.array(kept), np.array(errors), np.array(costs) - top.cost, scene)
 
 
-def _joined(objective: Surface, kept: Sequence[FloatArray], x: FloatArray, best: float, scene: bool) -> bool:
+def _joined(objective: Surface, kept: Sequence[FloatArray], x: FloatArray, scene: bool) -> bool:
     """Whether the straight way from `x` to one of the fits `kept` is flat all along, as on a plateau."""
-    shares = (np.arange(BETWEEN) + 1.0)[:, None] / (BETWEEN + 1.0)
+    shares = np.linspace(0.0, 1.0, BETWEEN)[:, None]
     for y in kept:
         way = x + shares * (y - x)
         cost = objective.cost(way, free_searches(objective, way, scene).given)
-        if np.all(cost - best < FLAT):
+        if float(np.ptp(cost)) < FLAT:
             return True
     return False
 

@@ -18,7 +18,7 @@ from fitball.inference.population.trend import LEAST_TABLES
 from fitball.inference.problem.priors import Prior
 from fitball.inference.results.results import Verdict
 from fitball.report.batch.grouping import Grouping, Over, grouped
-from fitball.report.batch.rows import CSV_NAME, DONE, NAME, Row, check_row
+from fitball.report.batch.rows import DONE, NAME, Row
 from fitball.report.batch.series import Series
 from fitball.report.saved.saved_fit import SavedFit, read_fit
 from fitball.report.saved.structure import damaged
@@ -76,6 +76,8 @@ def populations(rows: Sequence[Row], folder: Path, names: Sequence[str], over: O
     """
     asked = [_Gathered(quantity(name)) for name in dict.fromkeys(names)]
     grouping = grouped(rows, over)
+    if not asked:
+        return ()
     for row in rows:
         name = str(row[NAME])
         if row["outcome"] != DONE:
@@ -85,7 +87,6 @@ def populations(rows: Sequence[Row], folder: Path, names: Sequence[str], over: O
                 one.left_out[name] = f"it has no one {grouping.over}"
             continue
         saved = read_fit(folder / name)
-        check_row(row, saved, folder / CSV_NAME)
         for one in asked:
             _gather(one, name, saved)
     return tuple(_populated(one, grouping) for one in asked)
