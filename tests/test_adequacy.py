@@ -84,6 +84,7 @@ class Judged:
     """An identified parameter."""
 
     verdict = Verdict.IDENTIFIED
+    given = ()
 
 
 def verdict(name, found):
