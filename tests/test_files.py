@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fitball.report.form.growing_csv import GrowingCsv
+from validation.shared.growing_csv import GrowingCsv
 
 import fitball
 from fitball import files
