@@ -437,7 +437,7 @@ LIMITED = (
 @POSIX
 def test_a_limit_on_file_sizes_ends_in_words_and_no_signal(tmp_path):
     """The kernel's own refusal, at which the HDF5 library once ended the process (exit code 139)."""
-    env = dict(os.environ, PYTHONPATH=os.pathsep.join([str(ROOT), str(ROOT / "tests")]))
+    env = dict(os.environ, PYTHONPATH=os.pathsep.join([str(ROOT), str(ROOT / "tests"), str(ROOT / "scripts")]))
     done = subprocess.run(
         [sys.executable, "-c", LIMITED], cwd=tmp_path, env=env, capture_output=True, text=True, check=False
     )
