@@ -148,7 +148,7 @@ def test_an_installed_package_carries_its_tables(tmp_path: Path) -> None:
     """A wheel holds the tables as `fitball/_datasets`; nothing stands beside the package there."""
     package = Path(fitball.data.__file__).parents[1]
     for source in (
-        *(package / f"{name}.py" for name in ("errors", "observables", "values", "visible", "wording")),
+        *(package / f"{name}.py" for name in ("errors", "kinds", "observables", "values", "visible", "wording")),
         *(package / "data").rglob("*"),
     ):
         if source.is_file():
