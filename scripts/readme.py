@@ -25,7 +25,7 @@ def blocks() -> dict[str, str]:
     numbers = kept()
     quoting = (fits.wang, fits.wang_short, fits.compared, fits.together, fits.stiffness, fits.thesis)
     others = (
-        *(fits.validation, fits.trust, fits.plan, fits.population, fits.priors),
+        *(fits.validation, fits.trust, fits.faults, fits.plan, fits.population, fits.priors),
         *(bench.speed, bench.speed_line, bench.densities, bench.samplers, bench.tables),
     )
     written = {block.__name__: block(numbers) for block in quoting} | {block.__name__: block() for block in others}

@@ -129,13 +129,29 @@ def validation() -> str:
 def trust() -> str:
     """Rates of the study of trust, a row a kind of table."""
     rows = []
-    for _, row in pd.read_csv(VALIDATION / "trust" / "rates.csv").iterrows():
+    for _, row in _rates("yes", "no").iterrows():
         name = row["scenario"]
         made = "" if row["made_by_the_model"] == "yes" or name.startswith("all") else "not made by it: "
         rates = [_rate(row, what) for what in ("objected", "identified_holds", "pinned_called_prior_dominated")]
         rows.append((f"{made}{name}", *rates))
     heads = ("tables", "objected to", "intervals of identified parameters hold", "pinned, called prior-dominated")
     return table(heads, rows)
+
+
+def faults() -> str:
+    """How often each fault in tables of other code is found with each model."""
+    found: dict[str, dict[str, str]] = {}
+    for _, row in _rates("other code").iterrows():
+        words, fitted = row["words"].split(", fitted by ")
+        found.setdefault(words, {})[fitted] = _rate(row, "objected")
+    models = list(dict.fromkeys(model for rates in found.values() for model in rates))
+    rows = [(words, *(rates.get(model, "-") for model in models)) for words, rates in found.items()]
+    return table(("what is wrong", *(f"objected to, fitted by `{model}`" for model in models)), rows)
+
+
+def _rates(*made: str) -> pd.DataFrame:
+    frame = pd.read_csv(VALIDATION / "trust" / "rates.csv")
+    return frame[frame["made_by_the_model"].isin(made)]
 
 
 def _rate(row: Any, what: str) -> str:

@@ -20,7 +20,7 @@ from fitball.inference.results.pace_rating import apparent_friction, itf_impact,
 from fitball.inference.results.results import Verdict, thinned
 from fitball.report.fit.headline import headline
 from fitball.report.fit.html import page
-from fitball.report.fit.pace_rows import pace_lines, pace_table
+from fitball.report.fit.pace_rows import pace_lines, pace_remarks, pace_table
 from fitball.report.fit.terminal import render, render_json
 from fitball.report.saved.fit_text import fit_text
 from fitball.report.saved.saved_fit import as_saved
@@ -180,6 +180,47 @@ def test_spin_of_the_test_is_within_what_the_itf_allows(tmp_path):
         if outside:
             assert reach.outside
             assert reach.beyond["omega_1"] == pytest.approx(-40.0)
+
+
+def test_a_point_fit_in_the_cold_is_rated_once(grip_slip_fit):
+    """Its category is that of the rating that stands beside it, by the ITF's limits and 0.003 a degree."""
+    point = grip_slip_fit.point
+    met = set()
+    for warmth in (None, -5.0, 5.0, 15.0, 35.0, 45.0):
+        problem = replace(grip_slip_fit.problem, scene=replace(grip_slip_fit.problem.scene, ball_temperature=warmth))
+        rating = court_pace(problem, point, None, np.random.default_rng(1)).ratings[0]
+        assert rating.categories == pace_categories(np.array([rating.rating.point]))
+        met |= {name for name, share in rating.categories.items() if share > 0.0}
+    assert len(met) > 1
+
+
+def oblique(mu, speeds, tmp_path):
+    """A brody fit to impacts of a ball without spin that slides or rolls, at these speeds and 16 to 40 degrees."""
+    rows = []
+    for speed in speeds:
+        for degrees in (14.0, 18.0, 25.0, 35.0):
+            v_x1, v_y1 = speed * np.cos(np.radians(degrees)), speed * np.sin(np.radians(degrees))
+            # A shell of 0.55 M R^2 rolls once friction has taken 0.55/1.55 of its speed.
+            lost = min(mu * 1.8 * v_y1, v_x1 * 0.55 / 1.55)
+            rows.append(f"{v_x1},{v_y1},0,{v_x1 - lost},{0.8 * v_y1}")
+    (tmp_path / "t.csv").write_text("v_x1,v_y1,omega_1,v_x2,v_y2\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    fit = fitball.calibrate(tmp_path / "t.csv", "brody", point_only=True, seed=1)
+    return fit.court_pace if hasattr(fit, "court_pace") else fit.result.court_pace
+
+
+def test_a_rating_at_the_grip_limit_says_so(tmp_path):
+    """The limit by hand: at 16 degrees 0.55/1.55/(1.8 tan 16) = 0.69."""
+    for mu, share in ((0.45, 0.0), (0.68, 1.0)):
+        pace = oblique(mu, (20.0, 30.0), tmp_path)
+        assert pace.ratings[0].saturated == share
+        assert any("grip limit" in line for line in pace_remarks(pace)) == (share > 0.0)
+
+
+def test_what_is_far_slower_than_the_test_is_not_rated(tmp_path):
+    pace = oblique(0.5, (2.0, 3.0), tmp_path)
+    assert not pace.ratings
+    assert "0.48 to 1.7 m/s" in pace.missing
+    assert oblique(0.5, (15.0, 25.0), tmp_path).ratings
 
 
 def test_a_drop_test_has_no_court_pace(tmp_path, grip_slip_fit, brief):

@@ -26,13 +26,14 @@ from fitball.data.columns import HEIGHTS, LABELS, MEASURED
 from fitball.data.scene_file import KEYS
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
 from fitball.inference import weigh
-from fitball.inference.adequacy import describe
-from fitball.inference.assumptions import importance_posterior
+from fitball.inference.adequacy import describe, looks, refit
+from fitball.inference.adequacy import words as adequacy_words
+from fitball.inference.assumptions import ball_constants
 from fitball.inference.assumptions import look as assumptions_look
 from fitball.inference.comparison import cross_validation as leave_out
 from fitball.inference.comparison import psis_loo as loo
 from fitball.inference.identifiability import posterior_verdict as identifiability
-from fitball.inference.identifiability import power_scaling, profile, profile_ends
+from fitball.inference.identifiability import power_scaling, profile, profile_ends, several_fits, traded, verdict
 from fitball.inference.identifiability.examine import PROFILED
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.likelihood.posterior import log_posterior
@@ -47,7 +48,7 @@ from fitball.inference.results import adequacy, fitted_model, score_difference
 from fitball.inference.results import assumptions as assumption_values
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT, RunStatus, Verdict
 from fitball.inference.sampling import ensembles as sampling
-from fitball.inference.sampling import moves
+from fitball.inference.sampling import importance_posterior, moves
 from fitball.models.registry import MODELS
 from fitball.models.specs import SPECS
 from fitball.models.types import PHASE_SYMBOL, Closures, ThesisClosures
@@ -94,14 +95,22 @@ DECIDING = {
     "sure difference": score_difference.SURE_SIZE,
     "effective draws of a quick fit": importance_posterior.ENOUGH,
     "effective draws of a quick fit, at least": importance_posterior.LEAST,
-    "impacts with which assumptions are looked at": assumptions_look.ROWS,
-    "free parameters with which assumptions are looked at": assumptions_look.DIMENSIONS,
+    "impacts up to which alternatives are drawn": assumptions_look.ROWS,
+    "free parameters up to which alternatives are drawn": assumptions_look.DIMENSIONS,
     "sds by which a value moves that rests on a choice": assumption_values.MOVED,
+    "sds by which a value moves that rests on a constant": ball_constants.MOVED,
+    "sds of a constant to each side": ball_constants.REACH,
+    "share of its information that a parameter keeps without priors of others": traded.VANISHED,
+    "degrees of freedom of a noise that is not told": verdict.LEAST_FREEDOM,
+    "standard errors between several fits": several_fits.APART,
     "chance of a false exception": adequacy.FALSE_EXCEPT,
     'chance of a false "does not describe"': adequacy.FALSE_FAILS,
     "pattern that is too small, in noises": describe.SMALL,
     "share of residual variance that a model may miss": describe.HALF,
-    "share of residual variance below which nothing must hide": describe.BLIND,
+    "share of residual variance below which nothing must hide": adequacy_words.BLIND,
+    "noise that is an exception, in what the scene expects": adequacy.FAR_FROM_STATED,
+    "share by which friction is changed to see what it does": refit.FRICTION,
+    "rows of which one may lie far off with others": looks.FEWER,
     "sds by which a misfit moves a conditional parameter": adequacy.MOVED,
     "rows left out singly": leave_out.SINGLY,
     "slack of the hull": SLACK,

@@ -244,7 +244,7 @@ def test_the_evidence_adds_up_to_one_verdict(base, shape, alone, verdict, words)
         assert words in disagreement
 
 
-def test_a_size_that_comes_from_the_scene_is_no_finding_of_the_table():
+def test_a_size_that_comes_from_the_scene_is_identified_given_the_scene():
     problem = problem_of("wang_zero_spin.csv")
     stiffness = (1e4, 2e4, 4e4)
     evidence = replace(
@@ -252,7 +252,7 @@ def test_a_size_that_comes_from_the_scene_is_no_finding_of_the_table():
         information=InformationEvidence(0.2, None, 0.3, 0.3),
     )  # fmt: skip
     judged, _ = combine(problem, problem.free[1], None, evidence)
-    assert judged.verdict is Verdict.PRIOR_DOMINATED
+    assert (judged.verdict, judged.given) == (Verdict.IDENTIFIED, ("contact_time",))
     assert "its size comes from the scene's contact time (5 +- 0.5 ms)" in judged.reason
 
 

@@ -15,10 +15,11 @@ import fitball
 from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
-from fitball.inference.identifiability.fisher import fisher_information
+from fitball.inference.identifiability.fisher import fisher_information, prior_sds
 from fitball.inference.likelihood import regime_mixture
-from fitball.inference.likelihood.incident_marginal import incident_sds, seen, standardised
-from fitball.inference.likelihood.posterior import log_likelihood_terms, pointwise
+from fitball.inference.likelihood.incident_marginal import incident_covariance, seen, standardised
+from fitball.inference.likelihood.posterior import log_likelihood, log_likelihood_terms, pointwise
+from fitball.inference.prediction.posterior_predictive import replicated
 from fitball.inference.problem.incident import whitened
 from fitball.inference.problem.noise import NORMAL
 from fitball.studies.bench.hard_cases import BASE
@@ -226,19 +227,101 @@ def test_speed_and_angle_leave_the_components_correlated(tmp_path):
     np.testing.assert_array_equal(found[:, 2], 0.0)
 
 
-def test_noise_is_told_by_what_the_incidence_does_not_explain():
-    """Half the squared slope of the logarithm of a column's whole variance, by its own noise, cell by cell."""
-    table = simulated("grip-slip", np.linspace(10.0, 70.0, 8), covariances(8, 0.6, 25.0), 7)
+def gaussian_information(problem, coordinates):
+    """Of normal columns with a whole covariance, of which only the own noises move: differences, textbook formula
+    (Kay 1993, 3.31), no whitening.
+    """
+    rows, step = np.arange(len(problem.impacts)), 1e-5
+    covariance = problem.incident.covariance
+
+    def law(x):
+        values = problem.to_values(x[None, :])
+        columns, made = problem.all_values(values), problem.rebound(values)
+        mean = np.stack([item.predict(made)[0] for item in problem.observables], axis=1)
+        noises = [item.sds(columns, made) * np.ones(rows.size) for item in problem.observables]
+        return mean, np.stack([noise.reshape(-1) ** 2 for noise in noises], axis=1), columns, made
+
+    _mean, noise, columns, made = law(coordinates)
+    slopes = problem.slopes_like(columns, problem.impacts, rows)
+    by_input = np.stack([item.column.slopes(made, slopes)[0] for item in problem.observables], axis=1)
+    inverse = np.linalg.inv(
+        by_input @ covariance @ by_input.swapaxes(1, 2) + noise[..., None] * np.eye(noise.shape[1])
+    )
+    means, noises = [], []
+    for unit in step * np.diag(problem.prior.width):
+        up, down = law(coordinates + unit), law(coordinates - unit)
+        means.append((up[0] - down[0]) / (2.0 * step))
+        noises.append((up[1] - down[1])[..., None] * np.eye(noise.shape[1]) / (2.0 * step))
+    first = np.einsum("jia,iab,kib->jk", means, inverse, means)
+    return first + 0.5 * np.einsum("iab,jibc,icd,kida->jk", inverse, noises, inverse, noises, optimize=True)
+
+
+@pytest.mark.parametrize("model", ["grip-slip", "two-mass"])
+def test_information_is_that_of_columns_that_share_the_errors_of_the_incidence(model):
+    table = simulated(model, np.linspace(10.0, 70.0, 8), covariances(8, 0.6, 25.0), 7)
+    problem = problem_of(table, model)
+    at = problem.to_coordinates(at_truth(problem))[0]
+    found = fisher_information(problem, at, scene=False)
+    sds = prior_sds(problem)
+    expected = gaussian_information(problem, at) * np.outer(sds, sds)
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
+    # As if they were independent: far off, so that the agreement means something.
+    alone = replace(problem, observables=problem.observables[2:])
+    k, j = (one.free_names.index("spin_sd") for one in (problem, alone))
+    at_alone = alone.to_coordinates(at_truth(alone))[0]
+    assert found[k, k] > 2.0 * fisher_information(alone, at_alone, scene=False)[j, j]
+
+
+def test_information_is_the_scatter_of_the_slope_of_the_likelihood_over_simulated_tables():
+    """The likelihood that is sampled, its mixtures at kinks included; the slopes are differences."""
+    table = simulated("grip-slip", np.linspace(10.0, 70.0, 12), covariances(12, 0.6, 25.0), 7)
     problem = problem_of(table, "grip-slip")
-    values = at_truth(problem)
-    columns = problem.all_values(values)
+    at, rng, rows = at_truth(problem), np.random.default_rng(5), np.arange(12)
+    x, steps = problem.to_coordinates(at)[0], 1e-4 * np.diag(problem.prior.width)
+    around = problem.to_values(np.concatenate([x + steps, x - steps]))
+    rebounds, columns = problem.rebound(around), problem.all_values(at)
+    root, slopes = regime_mixture.roots(problem.incident.covariance), []
+    for _ in range(250):
+        moves = np.einsum("pij,pj->pi", root, rng.standard_normal((12, 3)))
+        made = problem.rebound_like(columns, regime_mixture.shifted(problem.impacts, moves, rows), rows)
+        seen_there = tuple(
+            replace(item, observed=item.predict(made)[0] + VALUES[item.noise] * rng.standard_normal(12))
+            for item in problem.observables
+        )
+        density = log_likelihood(replace(problem, observables=seen_there), around, rebounds)
+        slopes.append((density[: x.size] - density[x.size :]) / 2e-4)
+    found = np.diag(fisher_information(problem, x, scene=False))
+    scatter = np.mean(np.square(slopes), axis=0) * prior_sds(problem) ** 2
+    # 250 squares of normal numbers have a mean to 9 %; the quadruple, and a little for what first order leaves out.
+    np.testing.assert_allclose(scatter / found, 1.0, atol=0.4)
+    # What sums over columns, each with the scatter of the incidence to itself, made of it.
     k = problem.free_names.index("spin_sd")
-    found = fisher_information(problem, problem.to_coordinates(values)[0], scene=False)[k, k]
-    beside = incident_sds(problem, columns, problem.rebound(values))["omega_2"][0]
-    logs = [np.log(64.0 * np.exp(2.0 * step) + beside**2) for step in (-1e-5, 1e-5)]
-    expected = 0.5 * np.sum(((logs[1] - logs[0]) / 2e-5) ** 2) * problem.prior.width[k] ** 2
-    assert found == pytest.approx(expected, rel=1e-6)
-    assert expected < 0.8 * 2.0 * 8 * problem.prior.width[k] ** 2
+    whole = incident_covariance(problem, problem.incident, columns, problem.rebound(at))
+    beside = np.sqrt(whole[0, :, 2, 2])
+    apart = np.sum(2.0 / (1.0 + (beside / VALUES["spin_sd"]) ** 2) ** 2) * problem.prior.width[k] ** 2
+    assert scatter[k] > 1.8 * apart
+
+
+def test_new_measurements_of_an_impact_share_the_errors_of_its_incidence():
+    """Their correlation is that of impacts simulated from scattered incident states."""
+    table = simulated("grip-slip", np.array([20.0, 60.0]), covariances(2, 0.6, 25.0), 7)
+    problem = problem_of(table, "grip-slip")
+    draws, rng = 4000, np.random.default_rng(3)
+    drawn = replicated(problem, np.repeat(at_truth(problem), draws, axis=0), rng).measurements
+    columns, root = problem.all_values(at_truth(problem)), regime_mixture.roots(problem.incident.covariance)
+    for row in range(2):
+        moves = rng.standard_normal((draws, 3)) @ root[row].T
+        rows = np.full(draws, row)
+        made = problem.rebound_like(columns, regime_mixture.shifted(problem.impacts, moves, rows), rows)
+        seen_there = [
+            item.predict(made)[0] + VALUES[item.noise] * rng.standard_normal(draws) for item in problem.observables
+        ]
+        expected, found = (
+            np.corrcoef(seen_there),
+            np.corrcoef([drawn[item.name][:, row] for item in problem.observables]),
+        )
+        np.testing.assert_allclose(found, expected, atol=0.1)
+        assert np.abs(expected - np.eye(3)).max() > 0.4
 
 
 def test_errors_of_the_incidence_no_longer_count_as_noise():

@@ -17,7 +17,7 @@ from fitball.inference.comparison.cross_validation import IMPACTS, leave_out, ma
 from fitball.inference.comparison.information_criteria import criteria
 from fitball.inference.comparison.psis_loo import leave_one_out, refitted_elpd, smoothed_elpd
 from fitball.inference.effort import Effort
-from fitball.inference.likelihood.posterior import log_likelihood_terms, log_posterior
+from fitball.inference.likelihood.posterior import log_likelihood_terms, log_posterior, pointwise
 from fitball.inference.point.point_fit import point_fit
 from fitball.inference.prediction.outputs import measured_outputs, output_errors, root_mean_square
 from fitball.inference.problem.build import Choices, build_problem
@@ -120,10 +120,12 @@ def test_refits_and_smoothed_importance_sampling_agree_where_k_is_good(monkeypat
     assert sorted(again.refitted) == sorted(best)
     assert not again.unsettled
     np.testing.assert_allclose(again.elpd[best], found.elpd[best], atol=0.1)
-    monkeypatch.setattr("fitball.inference.comparison.psis_loo.MEETING", np.inf)
+    monkeypatch.setattr("fitball.inference.sampling.left_out.MEETING", np.inf)
     row = again.refitted[0]
     optimum = problem.to_coordinates(np.array([[fit.point.values[name] for name in problem.free_names]]))[0]
-    chain, settled = refitted_elpd(problem, fit.posterior.draws, optimum, row, columns, settings)
+    draws = fit.posterior.draws
+    likelihood = pointwise(problem, draws, columns)[0][:, row]
+    chain, settled = refitted_elpd(problem, draws, likelihood, optimum, row, columns, settings)
     assert settled
     assert chain == pytest.approx(found.elpd[row], abs=0.1)
     assert chain != again.elpd[row]

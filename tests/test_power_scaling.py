@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import arviz_stats.utils
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from arviz_stats.base.array import array_stats
 from arviz_stats.psense import psense_summary
 from samples import GRIP_SLIP, coordinates_of, problem_of, synthetic
 
+from fitball.data.read import load_table
 from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
 from fitball.inference.identifiability.fisher import fisher_information
@@ -92,6 +95,27 @@ def test_power_scaling_is_arvizs(monkeypatch):
         assert found[name].likelihood == pytest.approx(expected.loc[name, "likelihood"], abs=1e-9)
     own = psense_summary(power_tree(problem, values), prior_var_names=["mu"], round_to=10)
     assert found["mu"].own_prior == pytest.approx(own.loc["mu", "prior"], abs=1e-9)
+
+
+def test_where_levels_lie_among_the_others_is_no_prior():
+    """Of a pooled parameter the spread is prior; the places are the model's. Against ArviZ, told which are priors."""
+    table = load_table("wang_all.csv")
+    table = replace(table, labels={"surface": tuple("ab"[k % 2] for k in range(len(table)))}, redundant=())
+    problem = problem_of(table, "grip-slip", pool={"mu": "surface"})
+    truth = GRIP_SLIP | {"mu_spread": 0.1, "mu_place[a]": 0.2, "mu_place[b]": -0.2}
+    rng = np.random.default_rng(2)
+    at = coordinates_of(problem, {name: truth[name] for name in problem.free_names})
+    scale = 0.05 * problem.prior.width * np.where(["_place" in name for name in problem.free_names], 10.0, 1.0)
+    values = problem.to_values(at + scale * np.abs(rng.standard_normal((2000, at.size))))
+    posterior = Posterior(problem.free_names, values[None, :, None, :], np.zeros((1, 2000, 1)), values)
+    found = power_evidence(problem, posterior)
+    coordinates = problem.to_coordinates(values)
+    stated = sum(
+        item.prior.log_density(coordinates[:, k]) for k, item in enumerate(problem.free) if "_place" not in item.name
+    )
+    for k, name in enumerate(problem.free_names):
+        assert found[name].prior == pytest.approx(float(sensitivities(coordinates, stated)[k]), abs=1e-7)
+        assert (found[name].own_prior == 0.0) == ("_place" in name)
 
 
 def test_power_scaling_is_the_published_formula():

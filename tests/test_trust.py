@@ -11,8 +11,9 @@ from scipy.stats import binomtest
 from validation.command import main
 from validation.shared.rate import Rate
 from validation.trust.designs import DESIGNS
-from validation.trust.findings import finding, findings, findings_text
-from validation.trust.replicate import Said, Told
+from validation.trust.findings import finding, findings, findings_text, wanted
+from validation.trust.foreign import FAULTS, foreign_text
+from validation.trust.replicate import REFUSED, Said, Told
 from validation.trust.run import run_scenario
 from validation.trust.scenarios import SCENARIOS, TRUTH
 
@@ -56,11 +57,13 @@ def test_scenarios_are_put_together_by_who_made_their_tables():
         ("all not made by it", 2, 2),
     ]  # fmt: skip
     text = findings_text(found)
-    assert "| not made by it, negated: both spins of the other sign | 2 | 0 | 0 | 2 | 0 | 100 % [16, 100] |" in text
+    assert (
+        "| not made by it, negated: both spins of the other sign | 2 | 0 | 0 | 2 | 0 | 0 | 100 % [16, 100] |" in text
+    )
     assert "| all made by the model | identified | 4 | 100 % [40, 100] | - |" in text
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.parametrize("name", [name for name, scenario in SCENARIOS.items() if scenario.fault is None])
 def test_a_scenario_makes_the_tables_that_it_says(name):
     scenario = SCENARIOS[name]
     rng = np.random.default_rng(1)
@@ -82,6 +85,44 @@ def test_a_scenario_makes_the_tables_that_it_says(name):
         one, other = (getattr(item.impacts, name_of) for item in (problem, longer))
         assert np.ptp(other) >= np.ptp(one) - 1e-9
         assert np.ptp(other) <= 1.5 * np.ptp(one) + 1e-9
+
+
+def test_tables_of_other_code_are_wrong_by_as_much_as_is_said():
+    """Each fault as a share of what the same draws make without it: half a fault is half as large."""
+    for name, fault in FAULTS.items():
+        made = {size: rows_of(foreign_text(name, size, np.random.default_rng(7))) for size in (0.0, *fault.sizes)}
+        if name == "copies":
+            assert len(made[1.0]) == 60 and len(np.unique(made[1.0], axis=0)) == 12
+        elif name != "clean":
+            gaps = {size: np.abs(made[size] - made[0.0])[:, 3:].max() for size in fault.sizes}
+            assert 0.0 < gaps[0.5] < gaps[1.0]
+            assert np.array_equal(made[0.5][:, :3], made[1.0][:, :3])
+    assert {one.fault for one in SCENARIOS.values()} == {None, *FAULTS}
+
+
+def rows_of(text):
+    return np.array([[float(cell) for cell in line.split(",")[:6]] for line in text.splitlines()[1:]])
+
+
+def test_faults_that_are_missed_and_good_tables_that_are_not_described_are_complained_of():
+    good, bad = [told()] * 20, [told(Answer.EXCEPT)] * 20
+    unread = [Told(REFUSED, 0.0, {}, True)] * 20
+    assert not finding("bias-grip-slip", "", False, bad, wanted=True).complaints
+    assert not finding("copies-grip-slip", "", False, unread, wanted=True).complaints
+    assert finding("copies-grip-slip", "", False, unread, wanted=True).objected == Rate(20, 20)
+    assert "only 0 %" in finding("bias-grip-slip", "", False, good, wanted=True).complaints[0]
+    assert "good tables" in finding("clean-grip-slip", "", False, bad, wanted=False).complaints[0]
+    assert not finding("clean-grip-slip", "", False, good, wanted=False).complaints
+    assert [wanted(SCENARIOS[name]) for name in ("clean-two-mass", "bias-two-mass", "bias-50-two-mass", "wang")] == [
+        False, True, None, None,
+    ]  # fmt: skip
+
+
+def test_a_table_of_copies_is_refused_and_a_bias_found(tmp_path):
+    for name, answers in (("copies-grip-slip", {REFUSED}), ("bias-grip-slip", {"does not describe"})):
+        said = run_scenario(name, 3, 2, tmp_path / f"{name}.csv", engine(1))
+        assert {one.answer for one in said} == answers
+        assert not said[0].parameters
 
 
 def test_the_broad_design_has_both_kinds_of_contact_under_the_one_truth():

@@ -66,6 +66,14 @@ class Found:
         return tuple(self.parameters.values())
 
     @property
+    def derived(self) -> Mapping[str, results.Estimate]:
+        """Estimates by name of what follows from several parameters: the ratio of the stiffnesses, and restitution
+        and offset at a measured speed where 10 m/s was not measured.
+        """
+        made = self.saved.derived if self._made is None else self._made.derived
+        return {estimate.name: estimate for estimate in made}
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What one should know: of the table's reading, assumptions, what was left out, what the search met."""
         return notes(self._made) if self._made is not None else self.saved.file.notes

@@ -94,11 +94,13 @@ class ProgressLine:
         self._rewrite("")
 
     def _sampling(self, progress: Progress) -> str:
+        from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT
+
         parts = [f"sampling: step {progress.step}"]
         convergence = progress.convergence
         if convergence is not None:
-            parts.append(f"min effective sample size {convergence.min_ess:.0f} (wanted 1000)")
-            parts.append(f"max R-hat {convergence.max_r_hat:.3f} (wanted below 1.01)")
+            parts.append(f"min effective sample size {convergence.min_ess:.0f} (wanted {TARGET_ESS:.0f})")
+            parts.append(f"max R-hat {convergence.max_r_hat:.3f} (wanted below {TARGET_R_HAT})")
         steps = progress.step - (self.first_step or 0)
         if steps > 0 and progress.step < progress.next_check:
             left = (self.clock() - self.sampling_begun) / steps * (progress.next_check - progress.step)

@@ -20,6 +20,8 @@ TEST_TEMPERATURE = 20.0
 # Mass [kg] and radius [m] of tennis balls of all types, those of foam among them (Appendix I), with room for wear and
 # for a gauge that is off.
 MASSES, RADII = (0.024, 0.062), (0.0295, 0.0455)
+# Tolerances of mass [kg] and radius [m] of a ball of types 1 and 2 (Appendix I: 56.0 to 59.4 g, 6.54 to 6.86 cm).
+ITF_LIMITS: Mapping[str, tuple[float, float]] = {"mass": (0.0560, 0.0594), "radius": (0.0327, 0.0343)}
 
 
 @dataclass(frozen=True)

@@ -134,7 +134,8 @@ def _of_court(pace: CourtPace, said: str) -> _Content:
 
 
 def _of_parameters(saved: SavedFit) -> _Content:
-    told = [item for item in saved.parameters.values() if item.verdict in (Verdict.IDENTIFIED, Verdict.GIVEN)]
+    sure = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.UNEXAMINED)
+    told = [item for item in saved.parameters.values() if item.verdict in sure]
     listed = [
         {"parameter": row.name, "unit": row.unit, "value": row.median if row.median != "-" else row.point,
          "95 %": row.interval_95}

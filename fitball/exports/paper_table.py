@@ -37,12 +37,19 @@ class PaperRow:
     mark: str = ""
 
 
-MARKS = {Verdict.PRIOR_DOMINATED: "a", Verdict.ONE_SIDED: "b", Verdict.GIVEN: "c", Verdict.CONDITIONAL: "d"}
+MARKS = {
+    Verdict.PRIOR_DOMINATED: "a",
+    Verdict.ONE_SIDED: "b",
+    Verdict.GIVEN: "c",
+    Verdict.CONDITIONAL: "d",
+    Verdict.UNEXAMINED: "e",
+}
 NOTES = {
     "a": "set by what was assumed beforehand rather than by the impacts",
     "b": "bounded by the impacts from one side only",
     "c": "rests on assumptions that the impacts cannot test",
     "d": "conditional: holds only as far as the model describes the impacts, which it does not, or not all",
+    "e": "how far it rests on assumptions could not be examined",
 }
 
 

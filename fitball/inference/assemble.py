@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from fitball.data.balances import scene_balances
 from fitball.inference.adequacy.describe import adequacy
 from fitball.inference.effort import Effort, Stopwatch
+from fitball.inference.identifiability.derived import Derived, derived
 from fitball.inference.identifiability.examine import examine
 from fitball.inference.identifiability.posterior_verdict import Judgement
 from fitball.inference.prediction.court_pace import court_pace
@@ -28,6 +30,7 @@ from fitball.inference.results.evidence import Profiles
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.quantiles import SUMMARY
 from fitball.inference.results.results import (
+    TARGET_R_HAT,
     Diagnostics,
     Estimate,
     Fit,
@@ -64,7 +67,7 @@ def assemble(
     covariance = correlation = None
     prediction = diagnostics = None
     with watch.stage("adequacy"):
-        described = adequacy(problem, point, posterior, effort.seed)
+        described = adequacy(problem, point, posterior, effort.seed, assumptions)
     with watch.stage("verdicts and prediction"):
         if posterior is not None and sampled is not None:
             covariance = np.atleast_2d(np.cov(posterior.draws, rowvar=False))
@@ -72,10 +75,16 @@ def assemble(
             prediction = predictive(problem, point, posterior, predictive_generator(effort.seed))
             diagnostics = diagnose(sampled, effort)
         regimes = () if prediction is None else prediction.regimes
-        identifiability, judgements = examine(problem, point, profiled, posterior, correlation, regimes)
+        identifiability, judgements = examine(
+            problem, point, profiled, posterior, correlation, regimes, [*point.optima, *squares.optima]
+        )
         estimates = tuple(
             _estimate(problem, k, point, posterior, sampled, judgements, described, assumptions)
             for k in range(len(problem.parameters))
+        )
+        followed = tuple(
+            _derived(item, described, assumptions)
+            for item in derived(problem, point, posterior, derived_generator(effort.seed))
         )
         fitted = _fitted(problem, point, posterior)
         chosen = golden(fitted, problem.impacts)
@@ -102,13 +111,15 @@ def assemble(
         error_budget=budget,
         levels=group_estimates(problem, point, posterior),
         status=status,
-        verdict=f"{described.sentence} {_sentence(status, diagnostics, estimates)}",
+        verdict=f"{described.sentence} "
+        f"{_sentence(status, diagnostics, (*followed, *estimates), identifiability.several)}",
         seed=effort.seed,
         timings=tuple(watch.timings),
         court_pace=court_pace(problem, point, posterior, lab),
         drop_test=drop_test(problem, point, posterior, lab),
         adequacy=described,
         assumptions=assumptions,
+        derived=followed,
     )
 
 
@@ -120,8 +131,8 @@ def diagnose(sampled: Sampled, effort: Effort) -> Diagnostics:
     complaints = []
     for name, r_hat in convergence.r_hat.items():
         least = min(convergence.ess_bulk[name], convergence.ess_tail[name])
-        if not r_hat < 1.01:
-            complaints.append(f"{name}: the ensembles disagree, R-hat {r_hat:.3f} (wanted below 1.01)")
+        if not r_hat < TARGET_R_HAT:
+            complaints.append(f"{name}: the ensembles disagree, R-hat {r_hat:.3f} (wanted below {TARGET_R_HAT})")
         if not least >= effort.ess:
             complaints.append(f"{name}: effective sample size {least:.0f} (wanted {effort.ess:.0f})")
     return Diagnostics(
@@ -186,6 +197,30 @@ def _estimate(
     )
 
 
+def derived_generator(seed: int) -> np.random.Generator:
+    """The generator of the draws of derived quantities of a point fit, a stream of its own."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(26,)))
+
+
+def _derived(item: Derived, described: Adequacy | None, assumptions: Assumptions | None) -> Estimate:
+    """A quantity as an estimate, conditional where one of its parts is."""
+    parameter, judged = item.quantity.parameter, item.judged
+    verdict, given = qualified(parameter.name, judged, described, assumptions, item.quantity.parts)
+    numbers: dict[str, Any] = {**dict.fromkeys(("ess_bulk", "ess_tail", "r_hat")), **summaries(item.draws)}
+    return Estimate(
+        name=parameter.name,
+        unit=parameter.spec.unit,
+        meaning=parameter.spec.meaning,
+        prior="of its parts",
+        point=item.point,
+        contraction=judged.contraction,
+        verdict=verdict,
+        given=given,
+        reason=judged.reason,
+        **numbers,
+    )
+
+
 def _fitted(problem: Problem, point: PointFit, posterior: Posterior | None) -> FittedModel:
     names = tuple(parameter.name for parameter in problem.parameters)
     draws: FloatArray = np.empty((0, len(names)))
@@ -204,7 +239,9 @@ def _fitted(problem: Problem, point: PointFit, posterior: Posterior | None) -> F
     )
 
 
-def _sentence(status: RunStatus, diagnostics: Diagnostics | None, estimates: tuple[Estimate, ...]) -> str:
+def _sentence(
+    status: RunStatus, diagnostics: Diagnostics | None, estimates: tuple[Estimate, ...], several: str = ""
+) -> str:
     if diagnostics is None:
         head = "Point fit only: no posterior; the verdicts rest on profile likelihoods and Fisher information."
     elif status is RunStatus.CONVERGED:
@@ -219,6 +256,8 @@ def _sentence(status: RunStatus, diagnostics: Diagnostics | None, estimates: tup
     for verdict, words in (
         (Verdict.IDENTIFIED, "The table identifies"),
         (Verdict.GIVEN, "Given assumptions that it cannot test, it identifies"),
+        (Verdict.UNEXAMINED, "It identifies, where assumptions could not be examined,"),
+        (Verdict.EXTRAPOLATED, "It extrapolates"),
         (Verdict.CONDITIONAL, "If the model described it, it would identify"),
         (Verdict.ONE_SIDED, "It bounds from one side only"),
         (Verdict.PRIOR_DOMINATED, "It does not tell"),
@@ -226,4 +265,4 @@ def _sentence(status: RunStatus, diagnostics: Diagnostics | None, estimates: tup
         names = [estimate.name for estimate in estimates if estimate.verdict is verdict]
         if names:
             parts.append(f"{words} {', '.join(names)}.")
-    return " ".join([head, *parts])
+    return " ".join([head, *([several] if several else []), *parts])

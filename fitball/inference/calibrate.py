@@ -12,6 +12,7 @@ import numpy as np
 
 from fitball.errors import enough_memory
 from fitball.inference.assemble import assemble
+from fitball.inference.assumptions.ball_constants import ball_constants
 from fitball.inference.assumptions.known_before import known_before
 from fitball.inference.assumptions.look import assumptions_generator, look
 from fitball.inference.effort import Effort, Stopwatch
@@ -178,7 +179,8 @@ def _assumptions(
 ) -> Assumptions:
     report("assumptions", None)
     with watch.stage("assumptions"):
-        return look(problem, point, posterior, assumptions_generator(effort.seed))
+        found = look(problem, point, posterior, assumptions_generator(effort.seed))
+        return replace(found, constants=ball_constants(problem, point, posterior, _generator(effort, 2)))
 
 
 def _profiles(

@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from fitball.inference.assumptions.importance_posterior import DRAWN_ABOUT, about, fitted_to
+from fitball.inference.identifiability.fisher import DRAWN_ABOUT, about
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.convergence import convergence
 from fitball.inference.sampling.ensembles import ENSEMBLES, Progress, Sampled, Settings
 from fitball.inference.sampling.importance import smoothed
+from fitball.inference.sampling.importance_posterior import fitted_to
 from fitball.inference.sampling.moves import StudentProposal
 from fitball.values import FloatArray
 

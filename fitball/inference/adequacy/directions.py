@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.inference.adequacy.refit import Refit
+from fitball.inference.adequacy.refit import EVERY, Refit
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import PointFit
 from fitball.models.types import regime_name
@@ -24,14 +24,21 @@ LEFT = 0.02
 # Patterns whose remains agree so well are one.
 SAME = 0.98
 LABELS = ("group", "surface", "ball", "location")
+# What a pattern is a pattern of, and those that are no knowledge of the incidence.
+WHOLE_TABLE, ROWS = "all rows", "the order of rows"
+# What a column does there, and what a parameter does.
+FAULTS = {"bias": "is biased in", "row": "a drift", "group": "a bias of", "regime": "a bias of"}
+CHANGES = {"row": ("drift", "drifts"), "group": ("level", "differs for")}
+# The correlation from which rows count as in the order of a quantity.
+IN_ORDER = 0.9
 POWERS = ("a trend over", "a bend over")
 
 
 @dataclass(frozen=True)
 class Direction:
-    """A pattern in one `column` (its number): `kind` trend, bend, together, group or regime, `over` what, in `words`;
-    `shape` (measurements of the column,) of root mean square one. A refit takes off what the basis has of it, `taken`
-    (rank,), and leaves `length` times what `left` gives.
+    """A pattern in one `column` (its number, or `EVERY`): `kind` trend, bend, together, bias, row, group or regime,
+    drift or level of a parameter, `over` what, in `words`; `shape` (measurements of the column,) of root mean square
+    one. A refit takes off what the basis has of it, `taken` (rank,), and leaves `length` times what `left` gives.
 
     Of the measurements of all columns nothing is kept: patterns are many, and rows may be.
     """
@@ -59,7 +66,12 @@ class Direction:
 
 def overlap(fit: Refit, one: Direction, other: Direction) -> float:
     """The product of what a refit leaves of each."""
-    whole = float(one.shape @ other.shape) if one.column == other.column else 0.0
+    mine, its = fit.rows(one.column), fit.rows(other.column)
+    first, last = max(mine.start, its.start), min(mine.stop, its.stop)
+    whole = 0.0
+    if first < last:
+        common = [item.shape[first - own.start : last - own.start] for item, own in ((one, mine), (other, its))]
+        whole = float(common[0] @ common[1])
     return _remains(fit, whole, one.taken, other.taken) / (one.length * other.length)
 
 
@@ -101,26 +113,46 @@ def _groups(problem: Problem, point: PointFit) -> Iterator[tuple[str, str, str, 
             for name, size in zip(names, sizes, strict=True):
                 if size >= LEAST_IN_GROUP and column.size - size >= LEAST_IN_GROUP:
                     inside = _sized((column == name).astype(float))
-                    yield ("regime" if kind == "regime" else "group"), kind, f"a bias of {kind} {name}", inside
+                    yield ("regime" if kind == "regime" else "group"), kind, f"{kind} {name}", inside
 
 
 def directions(problem: Problem, point: PointFit, fit: Refit) -> list[Direction]:
-    """All patterns that can be told from parameters and from each other."""
-    shapes = [*_trends(problem), *_groups(problem, point)]
+    """All patterns that can be told from parameters and from each other: in single columns, then what friction and
+    restitution that drift or differ between groups do to all columns.
+    """
+    groups, drift = list(_groups(problem, point)), list(_drift(problem))
+    whole = "bias", WHOLE_TABLE, WHOLE_TABLE, np.ones(len(problem.impacts))
+    shapes = [*_trends(problem), whole, *drift, *groups]
     kept: list[Direction] = []
+
+    def keep(column: int, kind: str, over: str, words: str, shape: FloatArray) -> None:
+        size = float(np.sqrt(np.mean(shape**2)))
+        found = None if size <= 0.0 else direction(fit, column, kind, over, words, shape / size)
+        if found is not None and all(abs(overlap(fit, found, other)) <= SAME for other in kept):
+            kept.append(found)
+
     for column in range(len(fit.columns)):
-        if fit.freedom[fit.noise_of(column)] <= LEAST_FREEDOM:
-            continue
-        for kind, over, words, shape in shapes:
-            own = shape[fit.places[column]]
-            size = float(np.sqrt(np.mean(own**2)))
-            if size <= 0.0:
-                continue
-            # Columns without gaps share their shapes.
-            found = direction(fit, column, kind, over, words, shape if own.size == fit.impacts else own / size)
-            if found is not None and all(abs(overlap(fit, found, other)) <= SAME for other in kept):
-                kept.append(found)
+        if fit.freedom[fit.noise_of(column)] > LEAST_FREEDOM:
+            for kind, over, words, shape in shapes:
+                keep(column, kind, over, f"{FAULTS.get(kind, '')} {words}".lstrip(), shape[fit.places[column]])
+    if np.all(fit.freedom > LEAST_FREEDOM):
+        rows = np.concatenate(fit.places)
+        for kind, over, words, shape in (*drift, *groups):
+            for name, effect in fit.effects.items() if kind != "regime" else ():
+                changes, verb = CHANGES[kind]
+                keep(EVERY, changes, over, f"{name} {verb} {words}", effect * shape[rows])
     return kept
+
+
+def _drift(problem: Problem) -> Iterator[tuple[str, str, str, FloatArray]]:
+    """A trend over the order of the rows, which is mostly that of measuring."""
+    count = len(problem.impacts)
+    if count >= BENDS:
+        row = np.arange(count) - 0.5 * (count - 1)
+        like = " and ".join(
+            name for name, column in covariates(problem).items() if abs(np.corrcoef(row, column)[0, 1]) >= IN_ORDER
+        )
+        yield "row", ROWS, f"along the rows{like and f' (in the order of {like})'}", _sized(np.asarray(row))
 
 
 def _trends(problem: Problem) -> Iterator[tuple[str, str, str, FloatArray]]:

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.special import fdtrc, kolmogorov, ndtr, stdtr
+from numpy.typing import NDArray
+from scipy.special import betainc, fdtr, fdtrc, gammaln, kolmogorov, ndtr, stdtr
 
-from fitball.inference.adequacy.directions import LEAST_FREEDOM, Direction, overlap
-from fitball.inference.adequacy.refit import Refit
+from fitball.inference.adequacy.directions import LEAST_FREEDOM, WHOLE_TABLE, Direction, overlap
+from fitball.inference.adequacy.refit import EVERY, Refit
 from fitball.inference.results.adequacy import FALSE_EXCEPT
 from fitball.values import FloatArray
 
@@ -22,15 +23,22 @@ ORDERED, SCATTERED, LINKED, TAILED, DISTRIBUTED = 8, 10, 8, 20, 15
 # What is looked for first has most of the chance of a false alarm: smooth trends and biases of groups, then what is
 # less likely, then the shape of the noise.
 TIERS = (
-    (("trend", "group", "jointly"), 0.5),
-    (("bend", "together", "regime"), 0.25),
-    (("order", "scatter", "linked", "outlier", "tails", "loo-pit"), 0.25),
+    (("trend", "row", "group", "jointly"), 0.35),
+    (("drift", "level"), 0.15),
+    (("bias", "uneven"), 0.1),
+    (("spread",), 0.1),
+    (("bend", "together", "regime"), 0.1),
+    (("order", "scatter", "linked", "outlier", "tails", "loo-pit"), 0.2),
 )
+# A share of a column's residuals, one in so many, and a number up to which they may lie far off together.
+FEWER, MOST_FAR = 6, 20
+# Covariates with which a noise may grow as a power, and the Newton steps that find it, each so long at most.
+SPEEDS, NEWTON, LONGEST = ("v_1", "v_y1"), 8, 1.0
 # The tail at which checks are made comparable, and a probability below which none differ.
 TAIL, SMALLEST = 0.05, 1e-300
 # A share of all variance, as a pattern that leaks from another column may explain it, ends below one.
 WHOLE = 1.0 - 1e-12
-# A share of the largest below which a direction that patterns span is rounding.
+# A share of the largest below which a direction that patterns span is rounding, as is what differs by less.
 SPANNED = 1e-9
 
 
@@ -78,7 +86,8 @@ def together(fit: Refit, found: Sequence[Direction], residual: FloatArray) -> It
         share = np.minimum(square / freedom, WHOLE)
         ratio = share / len(mine) * (freedom - len(mine)) / (1.0 - share)
         p = np.asarray(fdtrc(len(mine), freedom - len(mine), ratio), dtype=np.float64)
-        yield Look("jointly", -1, over, f"they depend on {over}", number, share, p)
+        words = f"they are biased in {over}" if over == WHOLE_TABLE else f"they depend on {over}"
+        yield Look("jointly", EVERY, over, words, number, share, p)
 
 
 def spanned(fit: Refit, mine: Sequence[Direction], even: FloatArray, taken: FloatArray) -> tuple[FloatArray, int]:
@@ -121,6 +130,50 @@ def scatters(fit: Refit, known: Mapping[str, FloatArray], residual: FloatArray) 
         yield _scored("scatter", column, name, f"scatter that changes with {name}", size @ centred / length)
 
 
+def spreads(fit: Refit, known: Mapping[str, FloatArray], residual: FloatArray) -> Iterator[Look]:
+    """Whether the noise of all columns grows or falls together: the likelihood ratio of one exponent by which all sds
+    go with the speed, or as an exponential with the angle or the predicted size, as its signed root.
+    """
+    if fit.impacts < SCATTERED:
+        return
+    squares = standardised(fit, residual) ** 2
+    rows = np.concatenate(fit.places)
+    along = {name: np.log(column)[rows] for name, column in known.items() if name in SPEEDS}
+    along |= {name: column[rows] for name, column in known.items() if name == "theta_1"}
+    for number, (name, shape) in enumerate({**along, "predicted size": fit.predicted}.items()):
+        means = np.bincount(fit.noise, shape) / np.bincount(fit.noise)
+        centred = shape - means[fit.noise]
+        if np.abs(centred).max() <= SPANNED:
+            continue
+        seen = _exponent(fit, squares, centred)
+        yield Look("spread", EVERY, name, f"the noise changes with {name}", number, seen, 2.0 * ndtr(-np.abs(seen)))
+
+
+def _exponent(fit: Refit, squares: FloatArray, along: FloatArray) -> FloatArray:
+    """Signed roots (tables,) of the likelihood ratio of noises that go as `exp(p along)` to constant ones; `along`
+    (measurements,) has no mean in any noise.
+    """
+    groups = [np.flatnonzero(fit.noise == number) for number in range(len(fit.noises))]
+    shapes = [along[mine] for mine in groups]
+    parts = [squares[:, mine] for mine in groups]
+    p, gain = np.zeros(len(squares)), np.zeros(len(squares))
+    for turn in range(NEWTON + 1):
+        value, slope, curve = np.zeros((3, len(squares)))
+        for own, shape, freedom in zip(parts, shapes, fit.freedom, strict=True):
+            weight = own * np.exp(-2.0 * p[:, None] * shape)
+            whole = weight.sum(axis=1)
+            mean = weight @ shape / whole
+            value -= 0.5 * freedom * np.log(whole)
+            slope += freedom * mean
+            curve += 2.0 * freedom * (weight @ shape**2 / whole - mean**2)
+        if turn == 0:
+            gain = -value
+        if turn < NEWTON:
+            step = slope / curve
+            p += np.clip(step, -LONGEST, LONGEST)
+    return np.asarray(np.sign(p) * np.sqrt(2.0 * np.maximum(value + gain, 0.0)))
+
+
 def links(fit: Refit, residual: FloatArray) -> Iterator[Look]:
     """Whether two columns deviate together, as they do where the incident state is not what the table says."""
     for one, other in combinations(range(len(fit.columns)), 2):
@@ -132,21 +185,52 @@ def links(fit: Refit, residual: FloatArray) -> Iterator[Look]:
             yield _scored("linked", one, fit.columns[other], words, seen)
 
 
+def uneven(fit: Refit, residual: FloatArray) -> Iterator[Look]:
+    """Whether a column scatters more than another that shares its noise: the ratio of their variances (Fisher's F),
+    in logarithms.
+    """
+    freedom = np.array([np.sum(1.0 - fit.leverage[fit.rows(column)]) for column in range(len(fit.columns))])
+    for one, other in combinations(range(len(fit.columns)), 2):
+        if fit.noise_of(one) == fit.noise_of(other) and min(freedom[one], freedom[other]) > 1.0:
+            sizes = [np.sum(residual[:, fit.rows(k)] ** 2, axis=1) / freedom[k] for k in (one, other)]
+            ratio = sizes[0] / sizes[1]
+            tails = [tail(freedom[one], freedom[other], ratio) for tail in (fdtr, fdtrc)]
+            p = 2.0 * np.minimum(*tails)
+            words = f"its scatter is not that of {fit.columns[other]}, which shares its noise"
+            yield Look("uneven", one, fit.columns[other], words, one, np.log(ratio), p)
+
+
 def outliers(fit: Refit, residual: FloatArray) -> Iterator[Look]:
     """The largest residual of each column, and how heavy the tails are."""
     studentised = standardised(fit, residual)
     for column in range(len(fit.columns)):
-        own = np.abs(studentised[:, fit.rows(column)])
+        own = studentised[:, fit.rows(column)]
         freedom = fit.freedom[fit.noise_of(column)]
         if freedom <= LEAST_FREEDOM:
             continue
-        p = 2.0 * stdtr(freedom - 1.0, -_deleted(own.max(axis=1), freedom))
-        any_of_all = -np.expm1(own.shape[1] * np.log1p(-p))
+        _count, p = farthest(own, freedom)
         words = "single impacts lie far off"
-        yield Look("outlier", column, "impacts", words, column, own.max(axis=1), any_of_all)
+        yield Look("outlier", column, "impacts", words, column, -np.log10(p), p)
         if own.shape[1] >= TAILED:
             z = kurtosis_score(studentised[:, fit.rows(column)])
             yield Look("tails", column, "impacts", "the tails are heavy", column, z, np.asarray(ndtr(-z)))
+
+
+def farthest(studentised: FloatArray, freedom: float) -> tuple[NDArray[np.int64], FloatArray]:
+    """How many (tables,) of a column's residuals (tables, n) lie farthest off together, and how probable that is:
+    the least bound, over their number, on the probability that any so many have as large a share of the variance.
+
+    Looked at together they do not hide each other behind the noise that they make (Rosner 1983).
+    """
+    count = studentised.shape[1]
+    most = int(np.clip(count // FEWER, 1, min(MOST_FAR, freedom - 1.0)))
+    largest = -np.partition(-(studentised**2), range(most), axis=1)[:, :most]
+    share = np.minimum(np.cumsum(largest, axis=1) / freedom, WHOLE)
+    k = np.arange(1, most + 1)
+    ways = gammaln(count + 1) - gammaln(k + 1) - gammaln(count - k + 1)
+    logs = ways + np.log(np.maximum(betainc(0.5 * (freedom - k), 0.5 * k, 1.0 - share), SMALLEST))
+    best = np.argmin(logs, axis=1)
+    return best + 1, np.exp(np.minimum(logs[np.arange(len(logs)), best], 0.0))
 
 
 def distributions(fit: Refit, residual: FloatArray, left_out: FloatArray | None) -> Iterator[Look]:

@@ -27,9 +27,11 @@ from fitball.inference.adequacy.looks import (
     patterns,
     scatters,
     scored,
+    spreads,
     together,
+    uneven,
 )
-from fitball.inference.adequacy.refit import Refit, refit, standard_deviates
+from fitball.inference.adequacy.refit import EVERY, Refit, refit, standard_deviates
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import part_of, thinned_rows
@@ -41,6 +43,9 @@ MOST_TABLES, LEAST_TABLES, RESIDUALS = 1999, 399, 4_000_000
 # Measurements of a made table, at most.
 MADE = RESIDUALS // LEAST_TABLES
 SCORED, SHAPED = ("order", "scatter", "linked"), ("outlier", "tails")
+# Kinds whose statistic, of a table that means nothing, does not fall with rows, or as their root; that of others is a
+# share of the variance.
+STEADY, ROOT = ("spread", *SHAPED), ("uneven", *SCORED)
 
 
 @dataclass(frozen=True)
@@ -115,7 +120,9 @@ def _looks(problem: Problem, fit: Refit, found: Sequence[Direction], residual: F
         *together(fit, found, residual),
         *orders(fit, known, residual),
         *scatters(fit, known, residual),
+        *spreads(fit, known, residual),
         *links(fit, residual),
+        *uneven(fit, residual),
         *outliers(fit, residual),
     ]
 
@@ -124,8 +131,10 @@ def _at_part(fit: Refit, small: Refit, rows: NDArray[np.int64], found: Sequence[
     """The patterns at the impacts `rows`, but those that only others have."""
     kept = []
     for item in found:
-        places = np.searchsorted(fit.places[item.column], rows[small.places[item.column]])
-        own = direction(small, item.column, item.kind, item.over, item.words, item.shape[places])
+        columns = range(len(fit.columns)) if item.column == EVERY else [item.column]
+        places = [np.searchsorted(fit.places[k], rows[small.places[k]]) + fit.starts[k] for k in columns]
+        shape = item.shape[np.concatenate(places) - fit.rows(item.column).start]
+        own = direction(small, item.column, item.kind, item.over, item.words, shape)
         kept += [] if own is None else [own]
     return kept
 
@@ -144,8 +153,5 @@ def _joined(fit: Refit, small: Refit, look: Look, chance: Look | None, tables: i
     p, made, shorter = look.p[:1], chance.seen[1:], small.measured.size / fit.measured.size
     if look.kind in SCORED:
         p = scored(look.seen, made, sides=1 if look.kind == "order" else 2, shorter=shorter)
-        made = made * shorter**0.5
-    elif look.kind not in SHAPED:
-        # A share of the variance that means nothing falls with rows.
-        made = made * shorter
+    made = made * shorter ** (0.0 if look.kind in STEADY else 0.5 if look.kind in ROOT else 1.0)
     return replace(look, seen=np.append(look.seen[:1], made), p=np.append(p, chance.p[1:]))

@@ -9,11 +9,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtrc, ndtr
 
+from fitball.data.scene import NO_SPIN_SD, NO_VELOCITY_SD
 from fitball.inference.adequacy.refit import Refit
-from fitball.inference.problem.parameters import FORCE_NOISE, Parameter
+from fitball.inference.problem.measurement_noise import expected_prior
+from fitball.inference.problem.parameters import FORCE_NOISE, SD_SPECS, Parameter
 from fitball.inference.problem.priors import Prior
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.adequacy import FALSE_EXCEPT, NoiseCheck
+from fitball.inference.results.adequacy import FALSE_EXCEPT, FAR_FROM_STATED, NoiseCheck
 from fitball.inference.results.results import PointFit
 
 # From this multiple of what was stated or expected a noise is worth telling.
@@ -38,11 +40,11 @@ def noise_checks(problem: Problem, point: PointFit, fit: Refit, share: float) ->
         else:
             # The residuals of heavy tails are not in units of their scale, which the fit has found.
             fitted = point.values[name] * (1.0 if problem.noise.parameters else scale)
-            checks.append(_expected(known[name], columns, fitted, freedom))
+            checks.append(_expected(known[name], columns, fitted, freedom, _is_assumed(problem, name)))
     if problem.force is not None:
         free = [parameter for parameter in problem.free if parameter.name in FORCE_NOISE]
         nodes = float(problem.force.nodes)
-        checks += [_expected(item, ("force",), point.values[item.name], nodes) for item in free]
+        checks += [_expected(item, ("force",), point.values[item.name], nodes, True) for item in free]
     return _holm(checks, share)
 
 
@@ -53,11 +55,23 @@ def _stated(
     return NoiseCheck(name, columns, unit, True, fitted, stated, freedom, fitted / stated, p, p, False)
 
 
-def _expected(parameter: Parameter, columns: tuple[str, ...], fitted: float, freedom: float) -> NoiseCheck:
+def _is_assumed(problem: Problem, name: str) -> bool:
+    """Whether the scene says nothing of what noise to expect, or a prior says so much that its width counts."""
+    prior = next(parameter.prior for parameter in problem.parameters if parameter.name == name)
+    if prior.text != expected_prior(name, problem.scene, problem.table):
+        return True
+    unit = SD_SPECS[name].unit
+    silence = {"rad/s": NO_SPIN_SD, "m/s": NO_VELOCITY_SD, "rad": NO_VELOCITY_SD}.get(unit)
+    return silence is None or silence in problem.notes
+
+
+def _expected(
+    parameter: Parameter, columns: tuple[str, ...], fitted: float, freedom: float, assumed: bool
+) -> NoiseCheck:
     median = float(parameter.prior.quantile(np.array([0.5]))[0])
     p = _upper_tail(parameter.prior, fitted, freedom)
     name, unit = parameter.name, parameter.spec.unit
-    return NoiseCheck(name, columns, unit, False, fitted, median, freedom, fitted / median, p, p, False)
+    return NoiseCheck(name, columns, unit, False, fitted, median, freedom, fitted / median, p, p, False, assumed)
 
 
 def _upper_tail(prior: Prior, fitted: float, freedom: float) -> float:
@@ -78,5 +92,6 @@ def _holm(checks: Sequence[NoiseCheck], share: float) -> tuple[NoiseCheck, ...]:
     for place, k in enumerate(order):
         largest = max(largest, min(1.0, (len(checks) - place) * checks[k].p))
         p = min(1.0, share * largest)
-        adjusted[k] = replace(checks[k], adjusted=p, found=p < FALSE_EXCEPT and checks[k].ratio >= WORSE)
+        far = not checks[k].assumed and checks[k].ratio >= FAR_FROM_STATED
+        adjusted[k] = replace(checks[k], adjusted=p, found=far or (p < FALSE_EXCEPT and checks[k].ratio >= WORSE))
     return tuple(adjusted)

@@ -8,14 +8,14 @@ use the data twice (Robins, van der Vaart and Ventura 2000, JASA 95, 1143).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.likelihood.residuals import Weighting, differentiable, residual_slopes, residuals
+from fitball.inference.likelihood.residuals import IMPOSSIBLE, Weighting, differentiable, residual_slopes, residuals
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import whole_of_parts
@@ -24,6 +24,12 @@ from fitball.values import FloatArray
 
 # Step of the differences that stand for derivatives where there are none, in widths of the priors.
 STEP = 1e-5
+# The number of no column: of all together.
+EVERY = -1
+# What wear, warmth and the court change from impact to impact: friction and restitution.
+WEARING = ("mu", "cor_10")
+# The share by which friction is changed either way to see what it does: by so much balls that grip begin to slide.
+FRICTION = 0.2
 # The sd of a uniform density of width one.
 UNIFORM_SD = 1.0 / np.sqrt(12.0)
 
@@ -36,7 +42,8 @@ class Refit:
     predicted, in units of the fitted noise; `places` says of each column at which of the `impacts` it was measured.
     `noise` (measurements,) numbers the noises of `noises`. `basis` (rows, rank) is `U`, its first rows those of the
     measurements; a change `c` of coefficients of the basis moves parameter `names[k]` by `reach[k] @ c` of its
-    standard deviations.
+    standard deviations. `effects` (measurements,) has what a small change of each parameter of `WEARING` does,
+    `predicted` (measurements,) how large each prediction is among those of its column.
     """
 
     columns: tuple[str, ...]
@@ -48,6 +55,8 @@ class Refit:
     basis: FloatArray
     names: tuple[str, ...]
     reach: FloatArray
+    effects: Mapping[str, FloatArray]
+    predicted: FloatArray
 
     @property
     def own(self) -> FloatArray:
@@ -80,7 +89,9 @@ class Refit:
         return np.cumsum([0, *(places.size for places in self.places)])
 
     def rows(self, column: int) -> slice:
-        """The measurements of a column."""
+        """The measurements of a column; of all for `EVERY`."""
+        if column == EVERY:
+            return slice(0, self.measured.size)
         return slice(int(self.starts[column]), int(self.starts[column + 1]))
 
     def noise_of(self, column: int) -> int:
@@ -108,7 +119,8 @@ def refit(problem: Problem, point: PointFit) -> Refit:
     measured = -residuals(problem, values, weighting)[0, : sum(sizes_of)]
     kept = [k for k, parameter in enumerate(problem.free) if parameter.name not in NOISE_SPECS]
     width = np.array([p.prior.width * (1.0 if p.prior.normal else UNIFORM_SD) for p in problem.free])
-    slopes = _slopes(problem, values, weighting)[:, kept] * width[kept]
+    every = _slopes(problem, values, weighting)
+    slopes = every[:, kept] * width[kept]
     # A uniform prior has no residual; without one a direction that the table hardly sees would count as fitted.
     flat = np.eye(len(kept))[[not problem.free[k].prior.normal for k in kept]]
     left, sizes, right = np.linalg.svd(np.concatenate([slopes, flat]), full_matrices=False)
@@ -127,7 +139,31 @@ def refit(problem: Problem, point: PointFit) -> Refit:
         basis=left[:, seen],
         names=tuple(problem.free_names[k] for k in kept),
         reach=solved / errors[:, None],
+        predicted=_predicted_sizes(problem, values),
+        effects=_effects(problem, values, weighting, every[: measured.size]),
     )
+
+
+def _effects(problem: Problem, values: FloatArray, weighting: Weighting, slopes: FloatArray) -> dict[str, FloatArray]:
+    """What changes of the parameters of `WEARING` do to the measurements (measurements,), of which `slopes`
+    (measurements, free) are the derivatives.
+    """
+    names = problem.free_names
+    effects = {name: slopes[:, names.index(name)] for name in WEARING if name in names}
+    if "mu" in effects:
+        ends = np.repeat(values, 2, axis=0)
+        ends[:, names.index("mu")] *= 1.0 + FRICTION * np.array([-1.0, 1.0])
+        low, high = residuals(problem, ends, weighting)[:, : len(slopes)]
+        if max(np.abs(low).max(), np.abs(high).max()) < IMPOSSIBLE:
+            effects["mu"] = high - low
+    return effects
+
+
+def _predicted_sizes(problem: Problem, values: FloatArray) -> FloatArray:
+    """Sizes (measurements,) of what free values (1, free) predict, by column in units of their root mean square."""
+    columns, rebound = problem.all_values(values), problem.rebound(values)
+    sizes = [np.abs(o.observed - problem.deviation(columns, o, rebound)[0]) for o in problem.observables]
+    return np.concatenate([size / np.sqrt(np.mean(size**2)) for size in sizes])
 
 
 def _slopes(problem: Problem, values: FloatArray, weighting: Weighting) -> FloatArray:

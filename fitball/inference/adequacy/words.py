@@ -7,13 +7,23 @@ from collections.abc import Iterable, Mapping, Sequence
 from fitball.inference.adequacy.directions import covariates
 from fitball.inference.adequacy.looks import DISTRIBUTED
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.adequacy import FALSE_EXCEPT, FALSE_FAILS, Answer, Check, NoiseCheck
+from fitball.inference.results.adequacy import (
+    FALSE_EXCEPT,
+    FALSE_FAILS,
+    FAR_FROM_STATED,
+    Answer,
+    Check,
+    NoiseCheck,
+)
+from fitball.inference.results.assumptions import Alternative
 from fitball.observables import OBSERVABLES
 
 # Exceptions that a sentence names; a hint is what fewer than this share of the model's own tables show.
 NAMED, HINT = 3, 0.5
 # Sds by which what is missed must move a parameter for the model's error to be told beside that of measurements.
 FAR = 5.0
+# Nothing can be told of a column where a pattern that explains this share of its variance would not be found.
+BLIND = 0.6
 ALL = "all columns"
 
 
@@ -24,30 +34,27 @@ def sentence(
     checks: Sequence[Check],
     unseen: Mapping[str, float],
     moved: Mapping[str, float],
+    better: Sequence[Alternative],
 ) -> str:
-    """The answer in a few sentences; `moved` is by how many of its sds what was found moves each parameter."""
-    rows = len(problem.impacts)
-    least = 100.0 * min(unseen.values())
+    """The answer in a few sentences; `moved` is by how many of its sds what was found moves each parameter, `better`
+    what fits surely better.
+    """
     scatter = "; ".join(noise_words(check) for check in noise)
     if answer is Answer.UNTOLD and not covariates(problem):
         return (
-            f"Whether the model describes the table cannot be told: its {rows} impacts all come alike, so that no "
-            f"pattern in the residuals could be found. {_cap(scatter)}."
+            f"Whether the model describes the table cannot be told: its {len(problem.impacts)} impacts all come "
+            f"alike, so that no pattern in the residuals could be found. {_cap(scatter)}."
         )
+    wide = _wide(noise, checks)
     if answer is Answer.UNTOLD:
-        blind = (
-            "no pattern in the residuals could be found"
-            if least >= 100.0
-            else f"a pattern would have to explain {least:.0f} % of the residual variance to be found"
-        )
-        return f"Too few rows to tell whether the model describes the table: with {rows} {blind}. {_cap(scatter)}."
+        return f"{_untold(problem, unseen)} {_cap(scatter)}.{wide}"
     beyond = _beyond(moved)
     if answer is Answer.DESCRIBES:
         small = strongest(check for check in checks if check.p < FALSE_EXCEPT)
         if small:
             return (
                 "The model describes the table, but for patterns far below the noise that so many rows make sure: "
-                f"{_listed(small)}.{beyond} {_cap(scatter)}."
+                f"{_listed(small)}.{beyond} {_cap(scatter)}.{wide}"
             )
         hints = "; ".join(f"{check_words(check)} in {100.0 * check.p:.0f} %" for check in _hints(checks))
         told = (
@@ -55,17 +62,64 @@ def sentence(
             if hints
             else ""
         )
-        return f"The model describes the table: no check of the residuals finds a pattern. {_cap(scatter)}.{told}"
+        return (
+            f"The model describes the table: no check of the residuals finds a pattern. {_cap(scatter)}.{wide}{told}"
+        )
     worse = [noise_words(check) for check in noise if check.found]
     found = strongest(check for check in checks if check.found)
-    faults = "; ".join([*worse, *([_listed(found)] if found else [])])
+    faults = "; ".join([*worse, *([_listed(found)] if found else []), *(better_words(item) for item in better)])
     if answer is Answer.FAILS:
         return (
             f"The model does NOT describe the table: {faults}.{beyond} All that follows is conditional: it would "
             "hold if the model did."
         )
     rest = "" if worse else f" {_cap(scatter)}."
-    return f"The model describes the table except for {faults}.{beyond}{rest}"
+    return f"The model describes the table with exceptions: {faults}.{beyond}{rest}{wide}"
+
+
+def blind(unseen: Mapping[str, float]) -> list[str]:
+    """Columns in which no pattern could be found that explains less than most of the residual variance."""
+    return [name for name, share in unseen.items() if share > BLIND]
+
+
+def _untold(problem: Problem, unseen: Mapping[str, float]) -> str:
+    """Which columns are too short to be looked at, and what the others say."""
+    columns = blind(unseen)
+    rows = max(o.observed.size for o in problem.observables if o.name in columns)
+    least = 100.0 * min(unseen[name] for name in columns)
+    seen = [name for name in unseen if name not in columns]
+    what = " and ".join(columns) if seen else "the table"
+    found = (
+        "no pattern in the residuals could be found"
+        if least >= 100.0
+        else f"a pattern would have to explain {least:.0f} % of the residual variance to be found"
+    )
+    others = f" In {' and '.join(seen)} no check finds a pattern." if seen else ""
+    return f"Too few rows to tell whether the model describes {what}: with {rows} {found}.{others}"
+
+
+def _wide(noise: Sequence[NoiseCheck], checks: Sequence[Check]) -> str:
+    """That a noise is far above what fitball expects where nobody stated one, and outliers do not make it so."""
+    known = {check.column for check in checks if check.found and check.kind == "outlier"}
+    far = [
+        check
+        for check in noise
+        if check.assumed and not check.found and check.ratio >= FAR_FROM_STATED and not known & {*check.columns}
+    ]
+    if not far:
+        return ""
+    said = "; ".join(f"{' and '.join(check.columns)} {_number(check.ratio)} times" for check in far)
+    return (
+        f" That is far above what is usual where no noise was stated ({said}): state the noise in the scene if the "
+        "instruments are so, else look for signs, units and rows that were misread."
+    )
+
+
+def better_words(item: Alternative) -> str:
+    """An alternative that fits surely better, with its score."""
+    assert item.difference is not None
+    gain = f"{_number(item.difference.value)} ± {_number(item.difference.se)}"
+    return f"{item.name} fits surely better than {item.instead_of} (by {gain} in log predictive density)"
 
 
 def _beyond(moved: Mapping[str, float]) -> str:
@@ -81,11 +135,25 @@ def _beyond(moved: Mapping[str, float]) -> str:
 
 def strongest(checks: Iterable[Check]) -> list[Check]:
     """The checks, surest first, each column and quantity once, and what all columns show only where none does."""
+    some = list(checks)
+    count = max(1, len({check.column for check in some} - {ALL}))
+
+    def order(check: Check) -> tuple[float, bool, float]:
+        # A share of the variance of all columns is more than the same share of one column's.
+        share = (check.explained or 0.0) * (count if check.column == ALL else 1.0)
+        return check.p, _of_all(check), -share
+
     kept: dict[tuple[str, str], Check] = {}
-    for check in sorted(checks, key=lambda check: (check.p, check.column == ALL, -(check.explained or 0.0))):
-        if check.column != ALL or all(over != check.over for _, over in kept):
+    for check in sorted(some, key=order):
+        same = [other for other in kept.values() if other.over == check.over]
+        if not same or (check.column != ALL and all(other.column != ALL or _of_all(other) for other in same)):
             kept.setdefault((check.column, check.over), check)
     return list(kept.values())
+
+
+def _of_all(check: Check) -> bool:
+    """Whether a check says nothing of what it is in the columns."""
+    return check.column == ALL and check.kind == "jointly"
 
 
 def _hints(checks: Sequence[Check]) -> list[Check]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from fitball.errors import FitError
-from fitball.inference.assumptions.importance_posterior import importance_posterior
 from fitball.inference.identifiability.fisher import fisher_information, inverse, prior_sds
 from fitball.inference.identifiability.scene_share import scene_words
 from fitball.inference.likelihood.posterior import densities
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import spanning_part
+from fitball.inference.sampling.importance_posterior import importance_posterior
 from fitball.inference.sampling.moves import StudentProposal
 from fitball.inference.sampling.prior_draws import LOOKED_AT, prior_draws
 from fitball.values import FloatArray
@@ -29,9 +29,7 @@ def known_before(problem: Problem, optimum: FloatArray, rng: np.random.Generator
     if len(drawn) >= LEAST or problem.contact_time is None:
         return drawn
     part = spanning_part(problem, LOOKED_AT)
-    weighed = importance_posterior(
-        part, np.empty((0, part.dimension)), rng, [_about(part, optimum)], density=_log_density
-    )
+    weighed = importance_posterior(part, [_about(part, optimum)], rng, density=_log_density)
     if not weighed.settled:
         raise FitError(
             f"the priors leave no room for {scene_words(problem)}: state priors of this ball, such as that of "

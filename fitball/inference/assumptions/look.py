@@ -4,33 +4,41 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from fitball.inference.assumptions.alternatives import Change, alternatives
-from fitball.inference.assumptions.importance_posterior import (
-    DRAWN_ABOUT,
-    WeightedDraws,
-    equal_draws,
-    importance_posterior,
-)
-from fitball.inference.likelihood.posterior import pointwise
+from fitball.inference.identifiability.derived import quantities
+from fitball.inference.identifiability.fisher import DRAWN_ABOUT, about
+from fitball.inference.likelihood.posterior import log_posterior, pointwise
 from fitball.inference.point.maximum_posterior import distinct, maxima
 from fitball.inference.prediction.court_pace import pace_by_surface
 from fitball.inference.problem.noise import NoiseKind
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.subsample import thinned_problem
 from fitball.inference.results.assumptions import Alternative, Assumptions, Span, Summary, span
 from fitball.inference.results.results import PointFit, Posterior, thinned
 from fitball.inference.results.score_difference import FEW, elpd_difference
-from fitball.inference.sampling.importance import smoothed_elpd
+from fitball.inference.sampling.importance import K_TRUSTED, smoothed_elpd
+from fitball.inference.sampling.importance_posterior import WeightedDraws, equal_draws, importance_posterior
+from fitball.inference.sampling.left_out import refitted
+from fitball.inference.sampling.moves import StudentProposal
 from fitball.values import FloatArray
 
-# Rows and free parameters up to which alternatives are looked at: every draw bounces every impact, and weighted draws
-# in many dimensions are worth few.
+# Rows and free parameters up to which posteriors are drawn: of more rows they are normal, and weighted draws in many
+# dimensions are worth few. Beyond, and where draws do not settle, all is to first order about the maxima.
 ROWS, DIMENSIONS = 100, 16
+# Steps of the differences in that, in widths of the priors; and draws of the normal distribution.
+STEP, NORMAL_DRAWS = 1e-4, 1000
+# Rows of a longer table that are looked at.
+LOOKED_AT = 1000
 # Draws of the fit's own posterior that are scored.
 OWN_DRAWS = 2000
+# Effective draws of the posterior without an impact whose weights are not to be trusted: its log density is then
+# known to a seventh, far below a difference that is sure.
+REFIT_DRAWS = 200.0
 # Gain of log posterior below which a search for an optimum of an alternative ends: the draws about it tell the rest.
 NEAR = 0.01
 # Optima of the fit from which each alternative is searched, with these quantiles of the priors of parameters that
@@ -44,23 +52,33 @@ LEVELS = np.array([0.025, 0.5, 0.975])
 
 
 @dataclass(frozen=True)
-class _Fitted:
-    """A problem with draws of its posterior."""
+class Fitted:
+    """A problem with draws of its posterior, or, to first order, of the normal distribution `about` its maximum."""
 
     problem: Problem
     draws: WeightedDraws
+    about: StudentProposal | None = None
 
-    def elpd(self) -> FloatArray:
-        """Log density (impacts,) of each impact when it is left out."""
+    def elpd(self, rng: np.random.Generator) -> FloatArray:
+        """Log density (impacts,) of each impact when it is left out, by a refit where its Pareto k is not to be
+        trusted; NaN where that does not settle either. A record of the force of an impact that is left out stays.
+        """
         columns = [observable.name for observable in self.problem.observables]
+        if self.about is not None:
+            return _linear_elpd(self.problem, self.about)
         whole, scored = pointwise(self.problem, self.draws.values, columns)
-        return smoothed_elpd(whole, scored, 1.0, self.draws.log_weights)[0]
+        elpd, pareto_k = smoothed_elpd(whole, scored, 1.0, self.draws.log_weights)
+        for row in np.flatnonzero(~(pareto_k <= K_TRUSTED)).tolist():
+            again = refitted(self.problem, self.draws, whole[:, row], row, columns, rng, REFIT_DRAWS)
+            elpd[row] = np.nan if again is None else again.elpd
+        return elpd
 
     def parameters(self, noise: NoiseKind) -> dict[str, Summary]:
-        """Of every free parameter; of the noise's only where it is of the kind `noise`: the scale of another kind is
-        another quantity.
+        """Of every free parameter and what follows from them; of the noise's only where it is of the kind `noise`:
+        the scale of another kind is another quantity.
         """
         columns = dict(zip(self.problem.free_names, self.draws.values.T, strict=True))
+        columns |= {item.parameter.name: item.rule(self.draws.values) for item in quantities(self.problem)}
         alike = self.problem.noise.name == noise.name
         return {name: self._summary(column) for name, column in columns.items() if alike or name not in NOISE_SPECS}
 
@@ -91,74 +109,146 @@ def assumptions_generator(seed: int) -> np.random.Generator:
 
 
 def look(problem: Problem, point: PointFit, posterior: Posterior | None, rng: np.random.Generator) -> Assumptions:
-    """What of a fit rests on which choice; why there is no look, where it would cost too much or mean nothing."""
-    if reason := _out_of_reach(problem):
-        return Assumptions((), {}, {}, reason)
-    if posterior is None:
-        optima = np.concatenate([_starts(problem, optimum) for optimum in point.optima[:DRAWN_ABOUT]])
-        draws = importance_posterior(problem, problem.to_coordinates(optima), rng)
-    else:
-        draws = equal_draws(thinned(posterior, OWN_DRAWS))
-    if not draws.settled:
-        return Assumptions((), {}, {}, "a quick look at the fit itself did not settle")
-    own = _Fitted(problem, draws)
+    """What of a fit rests on which choice; why there is no look, where it would cost too much or does not settle."""
+    part, own = thinned_problem(problem, LOOKED_AT), None
+    if len(problem.impacts) <= ROWS and problem.dimension <= DIMENSIONS:
+        if posterior is None:
+            optima = np.concatenate([_starts(problem, optimum) for optimum in point.optima[:DRAWN_ABOUT]])
+            begun = [about(problem, at) for at in problem.to_coordinates(optima)]
+            draws = importance_posterior(problem, begun, rng)
+        else:
+            draws = equal_draws(thinned(posterior, OWN_DRAWS))
+        own = Fitted(problem, draws) if draws.settled else None
+    compared = Compared(part, point, own, rng)
+    base = own or compared.linear
+    if base is None:
+        return Assumptions((), {}, {}, "neither draws nor a derivative at the best value tell of the fit itself")
     # What is told of the fit itself is what its estimates tell: of every draw, not of those that are scored.
-    whole = own if posterior is None else _Fitted(problem, equal_draws(posterior.draws))
-    probes = draws.values[np.linspace(0, len(draws.values) - 1, PROBES).astype(np.int64)]
-    scored = own.elpd()
-    found = tuple(
-        _fitted(scored, problem.noise, point, change, rng)
-        for change in alternatives(problem, problem.to_coordinates(probes))
-    )
+    whole = base if posterior is None else Fitted(problem, equal_draws(posterior.draws))
+    told = whole.parameters(problem.noise), whole.court_pace()
+    probes = base.draws.values[np.linspace(0, len(base.draws.values) - 1, PROBES).astype(np.int64)]
+    found = tuple(compared.fitted(told, change) for change in alternatives(part, problem.to_coordinates(probes)))
     return Assumptions(
         found,
-        _spans(whole.parameters(problem.noise), [(item, item.parameters) for item in found]),
-        _spans(whole.court_pace(), [(item, item.court_pace) for item in found]),
+        _spans(told[0], [(item, item.parameters) for item in found]),
+        _spans(told[1], [(item, item.court_pace) for item in found]),
     )
 
 
-def _out_of_reach(problem: Problem) -> str:
-    """Why a problem is not looked at; empty where it is."""
-    count = len(problem.impacts)
-    if count < FEW:
-        return f"with {count} impacts no score tells one assumption from another"
-    if count > ROWS:
-        return f"alternatives are looked at on tables of up to {ROWS} impacts"
-    if problem.incident is not None:
-        return "alternatives are looked at where the incident states count as exact"
-    if problem.force is not None:
-        return "alternatives are looked at without force records"
-    if problem.dimension > DIMENSIONS:
-        return f"alternatives are looked at in up to {DIMENSIONS} free parameters"
-    return ""
+def _linear(problem: Problem, optimum: FloatArray, rng: np.random.Generator) -> Fitted | None:
+    """A posterior to first order about its maximum (free,), cut off where priors and model end; None where next to
+    nothing is left.
+    """
+    there = about(problem, optimum)
+    drawn = optimum + rng.standard_normal((NORMAL_DRAWS, optimum.size)) @ there.factor.T
+    possible = np.isfinite(log_posterior(problem, drawn))
+    found = Fitted(problem, equal_draws(problem.to_values(drawn[possible])), there) if possible.any() else None
+    return found if found is not None and found.draws.settled else None
 
 
-def _fitted(
-    scored: FloatArray, noise: NoiseKind, point: PointFit, change: Change, rng: np.random.Generator
-) -> Alternative:
-    """A single change, fitted, and scored beside a fit that scores so (impacts,)."""
+def _linear_elpd(problem: Problem, there: StudentProposal) -> FloatArray:
+    """Log density (impacts,) of each impact when it is left out, to first order about a maximum: without an impact it
+    moves by its covariance times the slope g of the impact's log density, which falls by g'Cg.
+    """
+    steps = STEP * np.diag(problem.prior.width)
+    around = np.concatenate([there.centre[None, :], there.centre + steps, there.centre - steps])
+    columns = [observable.name for observable in problem.observables]
+    _whole, scored = pointwise(problem, problem.to_values(around), columns)
+    up, down = np.split(scored[1:], 2)
+    # No slope where the model ends next to the maximum: the parameter stays.
+    slopes = np.nan_to_num((up - down) / (2.0 * np.diag(steps)[:, None]))
+    return np.asarray(scored[0] - np.sum((there.factor.T @ slopes) ** 2, axis=0))
 
-    def without(reason: str) -> Alternative:
-        return Alternative(change.name, change.instead_of, None, reason, {}, {}, {})
 
-    if change.problem is None:
-        return without(change.reason)
-    optima = _optima(change.problem, point)
-    if not len(optima):
-        return without("no search led to parameters that the model can evaluate")
-    draws = importance_posterior(change.problem, optima, rng)
-    if not draws.settled:
-        return without("a quick look at its posterior did not settle")
-    fitted = _Fitted(change.problem, draws)
-    return Alternative(
-        change.name,
-        change.instead_of,
-        elpd_difference(fitted.elpd(), scored),
-        "",
-        fitted.centre(),
-        fitted.parameters(noise),
-        fitted.court_pace(),
-    )
+def _on_whole(
+    whole: Mapping[str, Summary], part: Mapping[str, Summary], other: Mapping[str, Summary]
+) -> dict[str, Summary]:
+    """What an alternative says to first order, on a `part` of the rows if they are many, as draws of the `whole`
+    would: as far from the fit itself as there, as much wider or narrower.
+    """
+    moved = {}
+    for name in whole.keys() & part.keys() & other.keys():
+        given, own, there = whole[name], part[name], other[name]
+        share = given.sd / own.sd if own.sd > 0.0 else 0.0
+        median = given.median + there.median - own.median
+        ends = (median + share * (end - there.median) for end in (there.q025, there.q975))
+        moved[name] = Summary(median, share * there.sd, *ends)
+    return {name: moved[name] for name in other if name in moved}
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What alternatives are held against: a `problem` with its best values, and its `own` draws, None where there are
+    none; else to first order. Like is held against like.
+    """
+
+    problem: Problem
+    point: PointFit
+    own: Fitted | None
+    rng: np.random.Generator
+
+    @cached_property
+    def linear(self) -> Fitted | None:
+        """The fit itself to first order."""
+        optima = _optima(self.problem, self.point)
+        return _linear(self.problem, optima[0], self.rng) if len(optima) else None
+
+    @cached_property
+    def own_scores(self) -> FloatArray | None:
+        """Of the impacts by draws; None of few impacts, of which no score tells anything."""
+        return None if self.own is None or len(self.problem.impacts) < FEW else self.own.elpd(self.rng)
+
+    @cached_property
+    def linear_scores(self) -> FloatArray | None:
+        """The same to first order."""
+        return None if self.linear is None or len(self.problem.impacts) < FEW else self.linear.elpd(self.rng)
+
+    def fitted(self, told: tuple[Mapping[str, Summary], Mapping[str, Summary]], change: Change) -> Alternative:
+        """A single change, fitted quickly and scored beside the fit itself, of whose parameters and court pace this
+        is `told`; with few impacts no change is refused.
+        """
+
+        def without(reason: str, unsettled: bool = False) -> Alternative:
+            return Alternative(change.name, change.instead_of, None, reason, {}, {}, {}, unsettled)
+
+        problem = change.problem
+        if problem is None:
+            return without(change.reason)
+        optima = _optima(problem, self.point)
+        if not len(optima):
+            return without("no search led to parameters that the model can evaluate")
+        draws = None
+        if self.own is not None:
+            draws = importance_posterior(problem, [about(problem, at) for at in optima], self.rng)
+        found = Fitted(problem, draws) if draws is not None and draws.settled else None
+        drawn = found is not None
+        if found is None:
+            found = _linear(problem, optima[0], self.rng)
+        if found is None or (not drawn and self.linear is None):
+            return without("a quick look at its posterior did not settle", unsettled=True)
+        scored = self.own_scores if drawn else self.linear_scores
+        difference, left = None, ""
+        if scored is not None:
+            gaps = found.elpd(self.rng) - scored
+            known = np.isfinite(gaps)
+            if known.sum() < FEW:
+                return without("too few of its scores by left-out impacts settled", unsettled=True)
+            difference = elpd_difference(gaps[known], np.zeros(int(known.sum())))
+            left = ", ".join(problem.table.ids[k] for k in np.flatnonzero(~known))
+        noise = self.problem.noise
+        parameters, paces = found.parameters(noise), found.court_pace()
+        if not drawn and self.linear is not None:
+            parameters = _on_whole(told[0], self.linear.parameters(noise), parameters)
+            paces = _on_whole(told[1], self.linear.court_pace(), paces)
+        return Alternative(
+            change.name,
+            change.instead_of,
+            difference,
+            f"without impact {left}, whose score did not settle" if left else "",
+            found.centre(),
+            parameters,
+            paces,
+        )
 
 
 def _optima(problem: Problem, point: PointFit) -> FloatArray:

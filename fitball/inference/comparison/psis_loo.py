@@ -9,24 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from fitball.inference.assumptions.importance_posterior import ENOUGH, importance_posterior
 from fitball.inference.comparison.held_maxima import free_values, held_maxima
+from fitball.inference.identifiability.fisher import about
 from fitball.inference.likelihood.posterior import pointwise
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import withheld
 from fitball.inference.results.results import TARGET_ESS, Fit, Posterior, thinned
 from fitball.inference.sampling.ensembles import Settings, sample
-from fitball.inference.sampling.importance import K_TRUSTED, smoothed, smoothed_elpd
-from fitball.inference.sampling.moves import StudentProposal
+from fitball.inference.sampling.importance import K_TRUSTED, smoothed_elpd
+from fitball.inference.sampling.importance_posterior import equal_draws
+from fitball.inference.sampling.left_out import refitted
 from fitball.values import FloatArray
 
 # Draws used, fewer on large tables so that draws times impacts fit into memory.
 DRAWS = 8000
 LEAST_DRAWS = 1000
 ENTRIES = 4_000_000
-# Effective draws of the posterior with an impact, among those drawn for the posterior without it, from which the
-# density of the impact is known to a tenth.
-MEETING = 100.0
 
 
 @dataclass(frozen=True)
@@ -65,14 +63,14 @@ def leave_one_out(
     whole, scored = pointwise(problem, values, columns)
     elpd, pareto_k = smoothed_elpd(whole, scored, _efficiency(fit, len(values)))
     average = logsumexp(scored, axis=0) - np.log(len(values))
-    refitted = np.flatnonzero(~(pareto_k <= K_TRUSTED)) if exact else np.empty(0, dtype=np.int64)
+    again = np.flatnonzero(~(pareto_k <= K_TRUSTED)) if exact else np.empty(0, dtype=np.int64)
     unsettled = []
-    for row, optimum in zip(refitted, _optima_without(problem, fit, refitted), strict=True):
-        elpd[row], settled = refitted_elpd(problem, values, optimum, int(row), columns, settings)
+    for row, optimum in zip(again, _optima_without(problem, fit, again), strict=True):
+        elpd[row], settled = refitted_elpd(problem, values, whole[:, row], optimum, int(row), columns, settings)
         if not settled:
             unsettled.append(int(row))
     loss = float(np.sum(average - elpd))
-    return LeaveOneOut(elpd, pareto_k, loss, tuple(refitted.tolist()), tuple(unsettled))
+    return LeaveOneOut(elpd, pareto_k, loss, tuple(again.tolist()), tuple(unsettled))
 
 
 def _optima_without(problem: Problem, fit: Fit, rows: NDArray[np.int64]) -> FloatArray:
@@ -85,25 +83,24 @@ def _optima_without(problem: Problem, fit: Fit, rows: NDArray[np.int64]) -> Floa
 
 
 def refitted_elpd(
-    problem: Problem, values: FloatArray, optimum: FloatArray, row: int, columns: Sequence[str], settings: Settings
+    problem: Problem,
+    values: FloatArray,
+    likelihood: FloatArray,
+    optimum: FloatArray,
+    row: int,
+    columns: Sequence[str],
+    settings: Settings,
 ) -> tuple[float, bool]:
     """Log density of the `columns` of one impact under the posterior without it, and whether that settled.
 
-    Importance sampling anew, by proposals that are adapted to that posterior from the draws (draws, free) of the
-    whole and from its own maximum (free,), in coordinates; where its Pareto k is not to be trusted either, or its
-    draws hardly meet those of the whole, a chain.
+    By `refitted`, begun from the draws (draws, free) of the whole, at which the log `likelihood` (draws,) of the
+    impact is known, and about its own maximum (free,), in coordinates; where that does not settle, by a chain.
     """
-    held = withheld(problem, np.array([row]))
     rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=(row,)))
-    whole = StudentProposal.fit(problem.to_coordinates(values))
-    drawn = importance_posterior(held, optimum[None, :], rng, () if whole is None else (whole,), TARGET_ESS)
-    if drawn.effective >= ENOUGH:
-        _whole, scored = pointwise(problem, drawn.values, columns)
-        weights, pareto_k = smoothed(drawn.log_weights, 1.0)
-        shares = weights + scored[:, row]
-        told = float(logsumexp(shares))
-        if pareto_k <= K_TRUSTED and 2.0 * told - logsumexp(2.0 * shares) >= np.log(MEETING):
-            return told, True
+    beside = [about(withheld(problem, np.array([row])), optimum)]
+    found = refitted(problem, equal_draws(values), likelihood, row, columns, rng, TARGET_ESS, beside)
+    if found is not None:
+        return found.elpd, True
     return exact_elpd(problem, optimum, row, columns, settings)
 
 

@@ -40,14 +40,14 @@ def active_impacts(
     squares, acting, known = (np.zeros((count, problem.dimension)) for _ in range(3))
     for some in batches(problem, coordinates.shape[0], cost=2 * problem.dimension + 1):
         mine = coordinates[some]
-        slopes = _by_impact(problem, prediction_slopes(problem, mine))
+        slopes = prediction_slopes(problem, mine)
         if problem.force is not None:
-            slopes = np.concatenate([slopes, _on_records(problem, problem.force, mine)], axis=1)
+            slopes = np.concatenate([slopes, _on_records(problem, problem.force, mine)], axis=2)
         # A draw at the very edge of what the model can evaluate has no derivative: it says nothing.
-        square = np.sum(slopes**2, axis=1)
+        square = np.sum(slopes**2, axis=2)
         known += np.isfinite(square).sum(axis=0)
         squares += np.where(np.isfinite(square), square, 0.0).sum(axis=0)
-        acting += np.sum(np.max(np.where(np.isfinite(slopes), np.abs(slopes), 0.0), axis=1) > ACTS, axis=0)
+        acting += np.sum(np.max(np.where(np.isfinite(slopes), np.abs(slopes), 0.0), axis=2) > ACTS, axis=0)
     squares, acting = squares / np.maximum(known, 1.0), acting / coordinates.shape[0]
     ids = problem.table.ids
     doubtful = [k for k, shares in enumerate(regimes) if DOUBT[0] < max(shares.values(), default=1.0) < DOUBT[1]]
@@ -72,20 +72,9 @@ def active_impacts(
     return evidence
 
 
-def _by_impact(problem: Problem, slopes: FloatArray) -> FloatArray:
-    """Slopes (draws, measurements, free) as (draws, columns, impacts, free), zero where nothing was measured."""
-    ends = np.cumsum([observable.observed.size for observable in problem.observables])[:-1]
-    count = len(problem.impacts)
-    parts = [
-        observable.spread_out(part.swapaxes(1, 2), count, 0.0).swapaxes(1, 2)
-        for observable, part in zip(problem.observables, np.split(slopes, ends, axis=1), strict=True)
-    ]
-    return np.stack(parts, axis=1)
-
-
 def _on_records(problem: Problem, records: ForceRecords, coordinates: FloatArray) -> FloatArray:
-    """Slopes (draws, 1, impacts, free) of force records: the length of those of each, none without a record."""
-    slopes = np.zeros((coordinates.shape[0], 1, len(problem.impacts), problem.dimension))
+    """Slopes (draws, impacts, 1, free) of force records: the length of those of each, none without a record."""
+    slopes = np.zeros((coordinates.shape[0], len(problem.impacts), 1, problem.dimension))
     _rows, by_record, _shares = force_slopes(problem, records, coordinates)
-    slopes[:, 0, records.rows] = np.sqrt(np.sum(by_record**2, axis=2)) * problem.prior.width
+    slopes[:, records.rows, 0] = np.sqrt(np.sum(by_record**2, axis=2)) * problem.prior.width
     return slopes

@@ -8,12 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from fitball.inference.identifiability.active_impacts import active_impacts
+from fitball.inference.identifiability.derived import extrapolated, extrapolated_words
 from fitball.inference.identifiability.eigendirections import eigendirections
 from fitball.inference.identifiability.fisher import information_evidence
 from fitball.inference.identifiability.posterior_verdict import Judgement, judge
 from fitball.inference.identifiability.power_scaling import power_evidence
 from fitball.inference.identifiability.profile import coverage, profiles
 from fitball.inference.identifiability.scene_share import contraction_alone, touched_by_scene
+from fitball.inference.identifiability.several_fits import several_fits
+from fitball.inference.identifiability.traded import LOOKS, traded
 from fitball.inference.identifiability.verdict import combine
 from fitball.inference.likelihood.force import noise_held
 from fitball.inference.problem.problem import Problem
@@ -83,22 +86,27 @@ def examine(
     posterior: Posterior | None,
     correlation: FloatArray | None,
     regimes: Sequence[Mapping[str, float]],
+    optima: Sequence[Mapping[str, float]] = (),
 ) -> tuple[Identifiability, dict[str, Judgement]]:
     """Look at every parameter in every way there is, and judge; without a posterior from profile and information.
 
-    `regimes` are the probabilities of each impact's phase sequences, empty without a posterior.
+    `regimes` are the probabilities of each impact's phase sequences, empty without a posterior; `optima` those that
+    searches found, from which several fits are looked for.
     """
     at = _coordinates(problem, point)
     information = information_evidence(problem, at)
     bases: dict[str, Judgement] = {}
     powers, draws = {}, at[None, :]
-    if posterior is not None and correlation is not None:
-        alone = contraction_alone(problem, information, profiled[1].by_name)
-        bases = judge(problem, posterior, correlation, alone)
-        powers = power_evidence(problem, posterior)
+    if posterior is not None:
         draws = problem.to_coordinates(thinned(posterior, DERIVED))
+    held_by_others = traded(problem, draws[:: -(-len(draws) // LOOKS)])
+    if posterior is not None and correlation is not None:
+        alone = contraction_alone(problem, information, profiled[1].by_name, held_by_others)
+        bases = judge(problem, posterior, correlation, alone, held_by_others)
+        powers = power_evidence(problem, posterior)
     active = active_impacts(problem, draws, regimes)
-    evidence, judgements = {}, {}
+    evidence, judgements, beyond = {}, {}, extrapolated(problem)
+    several = several_fits(noise_held(problem, point.values), optima or point.optima)
     for parameter in problem.parameters:
         if not parameter.free:
             held = f"held at its value: {parameter.fixed_because}"
@@ -124,10 +132,16 @@ def examine(
             seen,
             value=point.values[parameter.name],
             many=profiled[0].missing == LEFT_OUT,
+            traded=held_by_others.get(parameter.name),
+            agreed=parameter.name in several.agree,
         )
+        if parameter.name in beyond:
+            judged = judgements[parameter.name]
+            reason = f"{extrapolated_words(problem)}; {judged.reason}"
+            judgements[parameter.name] = replace(judged, verdict=Verdict.EXTRAPOLATED, reason=reason)
         evidence[parameter.name] = replace(seen, disagreement=disagreement)
     return Identifiability(
-        evidence, eigendirections(problem, at, posterior), profiled[0].missing, coverage(problem)
+        evidence, eigendirections(problem, at, posterior), profiled[0].missing, coverage(problem), several.words
     ), judgements
 
 

@@ -6,11 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.inference.likelihood.force import force_information
-from fitball.inference.likelihood.incident_marginal import incident_sds
-from fitball.inference.likelihood.residuals import prediction_slopes
+from fitball.inference.likelihood.incident_marginal import whitening
+from fitball.inference.likelihood.residuals import Columns, own_spreads, prediction_slopes
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import LOOKED_AT, thinned_problem
 from fitball.inference.results.evidence import InformationEvidence
+from fitball.inference.sampling.moves import StudentProposal
+from fitball.models.types import Rebound
 from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray
 
@@ -29,6 +31,8 @@ def inverse(information: FloatArray, ridge: float) -> FloatArray:
     return inverted
 
 
+# Optima of a fit about which its posterior is drawn.
+DRAWN_ABOUT = 2
 # Standard errors above this many sds of the prior are no knowledge at all.
 UNINFORMED = 1e3
 # A parameter that cannot move so far either way, in widths of its prior, is so close to where the model ends that its
@@ -41,41 +45,38 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
     of the priors; with `scene` the scene's contact time counts as a measurement.
 
     Where a spread depends on a parameter, twice the squared slope of its logarithm adds to that of the prediction: so
-    it is with a fitted noise, as far as the spread is not that of uncertain incidence, and with an angle, whose
-    spread falls with the rebound speed. Of heavy tails it is what they tell of their scale and of their shape. Of a
-    large table a part is looked at and counted for the whole. Rows and columns of a parameter that has no room to
-    either side (LEAST_ROOM) are NaN.
+    it is with a fitted noise and with an angle, whose spread falls with the rebound speed. Uncertain incidence is a
+    covariance of the columns of an impact, and what the noises of these tell is taken within it (see `_growth`); that
+    this covariance moves with the parameters too is left out. Of heavy tails it is what they tell of their scale and
+    of their shape. Of a large table a part is looked at and counted for the whole. Rows and columns of a parameter
+    that has no room to either side (LEAST_ROOM) are NaN.
     """
     whole, problem = problem, thinned_problem(problem, LOOKED_AT)
     share = len(whole.impacts) / len(problem.impacts)
     # Of columns with gaps other shares may be left.
-    own = [
+    own = np.array([
         len(all_of.observed) / len(some.observed) / share
         for all_of, some in zip(whole.observables, problem.observables, strict=True)
-    ]
-    rows = prediction_slopes(problem, coordinates[None, :])[0]
-    rows *= np.sqrt(np.repeat(own, [len(observable.observed) for observable in problem.observables]))[:, None]
-    information = rows.T @ rows
+    ])  # fmt: skip
     rebound, slopes = problem.differentiated(coordinates[None, :])
     columns = problem.all_values(problem.to_values(coordinates[None, :]))
-    by_incidence, width = incident_sds(problem, columns, rebound), problem.prior.width
+    width = problem.prior.width
+    rows = (prediction_slopes(problem, coordinates[None, :])[0] * np.sqrt(own)[:, None]).reshape(-1, width.size)
+    information = rows.T @ rows
     kinds = [parameter.name for parameter in problem.noise.parameters]
     told = problem.noise.shape_information({name: float(columns[name][0]) for name in kinds})
-    for observable, weight in zip(problem.observables, own, strict=True):
-        places = observable.places(len(problem.impacts))
-        # Of the logarithm of the spread, and of each parameter of the kind of noise.
-        growth = np.zeros((places.size, len(told), problem.dimension))
-        if observable.turned:
-            speed = np.hypot(rebound.v_x2, rebound.v_y2)[0, :, None]
-            growth[:, 0] -= (OBSERVABLES["v_2"].slopes(rebound, slopes)[0] / speed * width)[places]
-        for row, name in enumerate((observable.noise, *kinds)):
-            if name in problem.free_names:
-                k = problem.free_names.index(name)
-                value = columns[name][0] if problem.free[k].prior.log else 1.0
-                growth[:, row, k] = width[k] * (value if row else value / columns[name][0])
-        beside = np.broadcast_to(by_incidence[observable.name], rebound.v_x2.shape)[:, places]
-        growth[:, 0] /= 1.0 + (beside / observable.sds(columns, rebound))[0, :, None] ** 2
-        information += weight * np.einsum("mki,kl,mlj->ij", growth, told, growth, optimize=True)
+    growth, between = _growth(problem, columns, rebound, slopes)
+    by_cell = np.concatenate([growth[:, :, None], np.zeros((*growth.shape[:2], len(kinds), width.size))], axis=2)
+    for row, name in enumerate(kinds, start=1):
+        if name in problem.free_names:
+            k = problem.free_names.index(name)
+            value = columns[name][0] if problem.free[k].prior.log else 1.0
+            for column, observable in enumerate(problem.observables):
+                by_cell[observable.places(len(problem.impacts)), column, row, k] = value
+    by_cell *= np.sqrt(own)[:, None, None] * width
+    information += np.einsum("mcki,kl,mclj->ij", by_cell, told, by_cell, optimize=True)
+    shared = (between * np.outer(own, own)[..., None] ** 0.25 * width).reshape(-1, width.size)
+    information += told[0, 0] * (shared.T @ shared)
     information *= share
     if whole.force is not None:
         information += force_information(whole, whole.force, coordinates) * np.outer(width, width)
@@ -87,6 +88,32 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
     ended = _without_room(problem, coordinates)
     scaled[ended], scaled[:, ended] = np.nan, np.nan
     return scaled
+
+
+def _growth(problem: Problem, columns: Columns, rebound: Rebound, slopes: Columns) -> tuple[FloatArray, FloatArray]:
+    """Derivatives (impacts, columns, free) of the logarithm of the spread of each column given those before it, with
+    respect to coordinates, and (impacts, columns, columns, free) half of those of how the columns go together.
+
+    Of a normal distribution whose covariance C changes by dC, 1/2 tr(C^-1 dC C^-1 dC) is told. With L the lower
+    factor of C this is twice the sum of squares of L^-1 dC L^-T/2, its diagonal the former,
+    the rest the latter.
+    """
+    own = np.zeros((len(problem.impacts), len(problem.observables), problem.dimension))
+    for place, observable in enumerate(problem.observables):
+        rows = observable.places(len(problem.impacts))
+        if observable.turned:
+            speed = np.hypot(rebound.v_x2, rebound.v_y2)[0, :, None]
+            own[rows, place] -= (OBSERVABLES["v_2"].slopes(rebound, slopes)[0] / speed)[rows]
+        if observable.noise in problem.free_names:
+            k = problem.free_names.index(observable.noise)
+            own[rows, place, k] += 1.0 if problem.free[k].prior.log else 1.0 / columns[observable.noise][0]
+    if problem.incident is None:
+        return own, np.zeros((*own.shape[:2], *own.shape[1:]))
+    spreads = own_spreads(problem, columns, rebound)
+    roots = (whitening(problem, problem.incident, columns, rebound, spreads) * spreads[..., None, :])[0]
+    whole = np.einsum("iac,ick,ibc->iabk", roots, own, roots, optimize=True)
+    among = np.eye(whole.shape[1], dtype=bool)
+    return np.einsum("iaak->iak", whole), np.where(among[..., None], 0.0, whole)
 
 
 def _without_room(problem: Problem, coordinates: FloatArray) -> NDArray[np.bool_]:
@@ -136,3 +163,11 @@ def _contraction(information: FloatArray) -> FloatArray:
     """First-order contraction (free,) by measurements and priors; NaN without a derivative."""
     shares: FloatArray = 1.0 - np.diag(inverse(information, 1.0))
     return shares
+
+
+def about(problem: Problem, optimum: FloatArray) -> StudentProposal:
+    """The proposal by the information of table and priors at an optimum (free,)."""
+    information = np.nan_to_num(fisher_information(problem, optimum, scene=True))
+    width = problem.prior.width * prior_sds(problem)
+    covariance = inverse(information, 1.0) * np.outer(width, width)
+    return StudentProposal(optimum, np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))

@@ -39,7 +39,10 @@ def power_evidence(problem: Problem, posterior: Posterior) -> dict[str, PowerEvi
     each = np.stack(
         [parameter.prior.log_density(coordinates[:, k]) for k, parameter in enumerate(problem.free)], axis=1
     )
-    priors = sensitivities(coordinates, each.sum(axis=1))
+    # Where a level lies among the others is the model's, not a prior: what is prior there is their spread.
+    places = [pooling.place_name(label) for pooling in problem.pooling for label in pooling.labels]
+    stated = np.where(np.isin(problem.free_names, places), 0.0, each)
+    priors = sensitivities(coordinates, stated.sum(axis=1))
     density = _parts(problem, values, score[:, 0] - each.sum(axis=1))
     likelihood = sensitivities(coordinates, density.likelihood)
     scene = None
@@ -49,7 +52,7 @@ def power_evidence(problem: Problem, posterior: Posterior) -> dict[str, PowerEvi
     for k, name in enumerate(problem.free_names):
         evidence[name] = PowerEvidence(
             prior=float(priors[k]),
-            own_prior=float(sensitivities(coordinates[:, k : k + 1], each[:, k])[0]),
+            own_prior=float(sensitivities(coordinates[:, k : k + 1], stated[:, k])[0]),
             scene=None if scene is None else float(scene[k]),
             likelihood=float(likelihood[k]),
             diagnosis=diagnosis(float(priors[k]), float(likelihood[k])),

@@ -1,7 +1,8 @@
 """Profile likelihoods: for each value of one parameter the best that the measurements allow, all others free.
 
 What is maximised is the likelihood of the table, with the scene's contact time as one more measurement (or without
-it); no prior takes part, the bounds do, and the noise is at its best at every point. Twice the drop of its logarithm
+it); no prior takes part but that of a constant of the ball whose sd the scene states, a measurement of its own; the
+bounds do, and the noise is at its best at every point. Twice the drop of its logarithm
 below the maximum is chi-square distributed with one degree of freedom when rows are many (Wilks 1938; Venzon and
 Moolgavkar 1988), so that a drop of 0.5 ends a 68 % interval and one of 1.92 a 95 % interval. With a fitted noise and
 few rows the intervals are too narrow: there the posterior is the better guide to size, and the profile to shape.
@@ -10,7 +11,7 @@ few rows the intervals are too narrow: there the posterior is the better guide t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -108,15 +109,26 @@ def coverage(problem: Problem) -> float:
     parameters: there twice the drop is `n ln(1 + t^2/(n - p))` with Student's t of `n - p` degrees of freedom.
     Measurements of a stated noise do not count, nor do the parameters that are theirs by their share.
     """
-    fitted = [observable for observable in problem.observables if observable.noise in problem.free_names]
-    count = sum(observable.observed.size for observable in fitted)
+    fitted = {item.noise for item in problem.observables if item.noise in problem.free_names}
+    count = sum(observable.observed.size for observable in problem.observables if observable.noise in fitted)
     if not fitted:
         return 1.0 - 2.0 * float(ndtr(-math.sqrt(2.0 * DROP_95)))
-    measured = sum(observable.observed.size for observable in problem.observables)
-    freedom = count - sum(name not in NOISE_SPECS for name in problem.free_names) * count / measured
+    freedom = degrees_of_freedom(problem, fitted)
     if freedom <= 0:
         return 0.0
     return 1.0 - 2.0 * float(stdtr(freedom, -math.sqrt(freedom * math.expm1(2.0 * DROP_95 / count))))
+
+
+def degrees_of_freedom(problem: Problem, noises: Collection[str | None]) -> float:
+    """How many measurements of these noises are left when the parameters took their share; infinite for what is the
+    noise of none.
+    """
+    sizes = {observable.name: observable.observed.size for observable in problem.observables}
+    count = sum(sizes[observable.name] for observable in problem.observables if observable.noise in noises)
+    if not count:
+        return math.inf
+    spent = sum(name not in NOISE_SPECS for name in problem.free_names)
+    return count - spent * count / sum(sizes.values())
 
 
 def _noise_at_bound(objective: Surface, top: Top) -> str:
@@ -143,8 +155,8 @@ def _profile(
     parameter = objective.problem.free[column]
     ordered = sorted(points, key=lambda point: point.at)
     at = np.array([point.at for point in ordered])
-    precision = _own_precision(objective, column)
-    drop = _drop(at, np.array([point.cost for point in ordered]), precision, lowest)
+    precision, centre = _own_knowledge(objective, column)
+    drop = _drop(at - centre, np.array([point.cost for point in ordered]), precision, lowest)
     values = at if objective.is_value(column) else parameter.prior.value(at)
     ends, leans = [], []
     for k in (0, -1):
@@ -179,19 +191,23 @@ def _profile(
     )
 
 
-def _own_precision(objective: Surface, column: int) -> float:
-    """The inverse variance with which a level or a bias scatters in the model, zero for all others."""
-    known = column in objective.columns
-    return float(objective.structure_precision[objective.columns.index(column)]) if known else 0.0
+def _own_knowledge(objective: Surface, column: int) -> tuple[float, float]:
+    """Precision and centre of what counts in a profile of a level, a bias or a constant of the ball besides the
+    table; no precision for all others.
+    """
+    if column not in objective.columns:
+        return 0.0, 0.0
+    precision, centre = (part[objective.columns.index(column)] for part in objective.knowledge_apart)
+    return float(precision), float(centre)
 
 
-def _drop(at: FloatArray, cost: FloatArray, precision: float, lowest: float) -> FloatArray:
-    """The drop at each point. How a level or a bias scatters is part of the model for all others, and its prior for
-    itself: that is taken off again.
+def _drop(away: FloatArray, cost: FloatArray, precision: float, lowest: float) -> FloatArray:
+    """The drop at each point, so far `away` from the centre of what is known apart. That counts for all others, and
+    is a prior for itself: there it is taken off again.
     """
     if precision <= 0.0:
         return np.maximum(cost - lowest, 0.0)
-    own: FloatArray = cost - 0.5 * precision * at**2
+    own: FloatArray = cost - 0.5 * precision * away**2
     return np.asarray(own - own.min())
 
 

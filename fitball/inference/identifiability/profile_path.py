@@ -24,6 +24,8 @@ AIM, COARSE = 0.6, 1.5
 FLAT = 0.03
 # Halvings of a step after which what cannot be evaluated counts as the end of what the model can do.
 HALVINGS = 8
+# Standard errors by which single parameters are moved to find a way round a wall, and ways that are tried.
+ASIDE, DETOURS = (0.3, 1.0, 3.0), 3
 # A step below this share of the prior's width creeps towards a wall that it will never pass.
 CREEPING = 1e-9
 MOST_POINTS = 80
@@ -141,10 +143,10 @@ def best_top(objective: Surface, starts: FloatArray, scene: bool) -> tuple[Top, 
     top = reached.x[best][None, :]
     values = objective.values(top, given.given.take(np.array([best])))
     noise = objective.problem.to_coordinates(values)[0, objective.noise_columns]
-    return Top(top[0], float(reached.cost[best]), noise, _errors(objective, top, scene)), reached.x[others]
+    return Top(top[0], float(reached.cost[best]), noise, standard_errors(objective, top, scene)), reached.x[others]
 
 
-def _errors(objective: Surface, x: FloatArray, scene: bool) -> FloatArray:
+def standard_errors(objective: Surface, x: FloatArray, scene: bool) -> FloatArray:
     """Standard errors (free,) to first order, at most the widths of the priors."""
     problem = objective.problem
     _, curvature = objective.linearised(x, free_searches(objective, x, scene).given)
@@ -220,13 +222,51 @@ def _walk(
     while running := [path for path in paths if path.running]:
         at = np.array([path.proposal() for path in running])
         x = np.array([path.start() for path in running])
-        reached = descend(objective, searches(objective, [path.column for path in running], at, x, scene))
+        held = [path.column for path in running]
+        reached = descend(objective, searches(objective, held, at, x, scene))
+        reached = _around_walls(objective, held, at, x, reached, top, scene)
         better = int(np.argmin(reached.cost))
         if reached.cost[better] < top.cost - HIGHER:
             return paths, reached.x[better]
         for row, path in enumerate(running):
             path.accept(_point(reached, row, float(at[row]), path.end), top.cost)
     return paths, None
+
+
+def _around_walls(
+    objective: Surface,
+    columns: Sequence[int],
+    at: FloatArray,
+    x: FloatArray,
+    reached: Reached,
+    top: Top,
+    scene: bool,
+) -> Reached:
+    """What searches that began where the model has no answer reach from beside there: a wall that others make, as
+    levels of a restitution that the mass ratio must exceed do, is no end of a profile where they give way.
+    """
+    errors = top.errors[objective.columns]
+    moves = np.concatenate([sign * far * np.diag(errors) for far in ASIDE for sign in (1.0, -1.0)])
+    low, high = objective.limits
+    owners: list[int] = []
+    starts: list[FloatArray] = []
+    for row in map(int, np.flatnonzero(~np.isfinite(reached.cost))):
+        beside = np.clip(x[row] + moves, low, high)
+        given = searches(objective, [columns[row]] * len(beside), np.full(len(beside), at[row]), beside, scene)
+        cost = objective.cost(given.x, given.given)
+        best = np.argsort(cost, kind="stable")[:DETOURS]
+        starts += [beside[k] for k in best if np.isfinite(cost[k])]
+        owners += [row] * int(np.sum(np.isfinite(cost[best])))
+    if not owners:
+        return reached
+    given = searches(objective, [columns[row] for row in owners], at[owners], np.array(starts), scene)
+    found = descend(objective, given)
+    # The lowest of each row, which comes last.
+    order = np.argsort(-found.cost, kind="stable")
+    rows = np.array(owners)[order]
+    whole = Reached(reached.x.copy(), reached.cost.copy(), reached.settled.copy())
+    whole.x[rows], whole.cost[rows], whole.settled[rows] = found.x[order], found.cost[order], found.settled[order]
+    return whole
 
 
 def _point(reached: Reached, row: int, at: float, end: float) -> Point:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from fitball.inference.identifiability.profile_ends import profile_contraction
+from fitball.inference.identifiability.profile_ends import LEVELS, profile_contraction
 from fitball.inference.problem.parameters import Parameter
+from fitball.inference.problem.priors import Prior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import Evidence, InformationEvidence, Profile
 
@@ -30,26 +31,47 @@ def touched_by_scene(problem: Problem, information: Mapping[str, InformationEvid
 
 
 def contraction_alone(
-    problem: Problem, information: Mapping[str, InformationEvidence], alone: Mapping[str, Profile]
+    problem: Problem,
+    information: Mapping[str, InformationEvidence],
+    alone: Mapping[str, Profile],
+    traded: Collection[str] = (),
 ) -> dict[str, float]:
     """The contraction by table and priors alone of each parameter that the scene touches: to first order, or by its
-    profile `alone` without the scene where that says more (at a bound the first order means little).
+    profile `alone` without the scene where that says more (at a bound the first order means little). Nothing of those
+    that are `traded`: there it is the priors of others.
     """
     parameters = {parameter.name: parameter for parameter in problem.free}
     found = {}
     for name in touched_by_scene(problem, information):
-        found[name] = information[name].contraction_without_scene
+        if name in traded:
+            found[name] = 0.0
+            continue
+        found[name] = within_support(information[name].contraction_without_scene, parameters[name].prior)
         if name in alone:
             found[name] = max(found[name], profile_contraction(alone[name], parameters[name].prior))
     return found
 
 
-def known_by_scene(problem: Problem, parameter: Parameter, evidence: Evidence) -> bool:
+def within_support(contraction: float, prior: Prior) -> float:
+    """A contraction to first order, against a normal prior that ends nowhere, as that of a prior with its ends: by
+    the variance that a normal likelihood of the same precision, about the prior's median, leaves of it.
+    """
+    levels = (np.arange(LEVELS) + 0.5) / LEVELS
+    coordinate = prior.coordinate(prior.quantile(levels))
+    unit = prior.width if prior.normal else prior.width / 12.0**0.5
+    away = (coordinate - np.median(coordinate)) / unit
+    weight = np.exp(-0.5 * contraction / (1.0 - contraction) * away**2)
+    mean = np.average(away, weights=weight)
+    return 1.0 - float(np.average((away - mean) ** 2, weights=weight) / np.var(away))
+
+
+def known_by_scene(problem: Problem, parameter: Parameter, evidence: Evidence, traded: bool) -> bool:
     """Without a posterior: whether it is the scene's contact time that closes a profile, and not the table."""
-    if evidence.information is None or not rests_on_scene(evidence):
+    if evidence.information is None or not (traded or rests_on_scene(evidence)):
         return False
     alone = {} if evidence.alone is None else {parameter.name: evidence.alone}
-    found = contraction_alone(problem, {parameter.name: evidence.information}, alone)
+    names = (parameter.name,) if traded else ()
+    found = contraction_alone(problem, {parameter.name: evidence.information}, alone, names)
     return found.get(parameter.name, np.inf) < NOT_ALONE
 
 

@@ -4,14 +4,26 @@ where they disagree, why.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
-from fitball.inference.identifiability.posterior_verdict import NEGLIGIBLE, PRIOR, Judgement, limit_words, plain
+import numpy as np
+
+from fitball.inference.identifiability.posterior_verdict import (
+    NEGLIGIBLE,
+    PRIOR,
+    Judgement,
+    limit_words,
+    plain,
+    traded_words,
+)
 from fitball.inference.identifiability.power_scaling import CONFLICT, SENSITIVE
+from fitball.inference.identifiability.profile import degrees_of_freedom
 from fitball.inference.identifiability.profile_ends import profile_contraction
-from fitball.inference.identifiability.scene_share import NOT_ALONE, known_by_scene, rests_on_scene, scene_words
+from fitball.inference.identifiability.scene_share import known_by_scene, rests_on_scene, scene_words
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
+from fitball.inference.results.assumptions import CONTACT_TIME, own_prior
 from fitball.inference.results.evidence import (
     ActiveImpacts,
     End,
@@ -28,6 +40,10 @@ NOT_NORMAL = 0.3
 DRIVEN = 1.0 / 3.0
 # Distance from its bound, in the range of a parameter, at which a profile has come to it.
 NEAR_BOUND = 1e-3
+# Degrees of freedom of a noise at and below which its variance, scaled inverse chi-square, has no mean.
+LEAST_FREEDOM = 2.0
+# Ends of the central 95 %.
+CENTRAL_95 = (0.025, 0.975)
 # Impacts that a sentence names.
 NAMED_IN_WORDS = 20
 
@@ -40,39 +56,85 @@ def combine(
     *,
     value: float | None = None,
     many: bool = False,
+    traded: Sequence[str] | None = None,
+    agreed: bool = False,
 ) -> tuple[Judgement, str]:
     """The verdict on one free parameter and the disagreement of its evidence in words; `base` is that of the
-    posterior, `value` the best one in SI, `many` says that profiles were left out because rows are many.
+    posterior, `value` the best one in SI, `many` says that profiles were left out because rows are many, `traded`
+    that only the priors of others hold it, and which, `agreed` that there are several fits, which agree on it.
     """
     judged = (
-        from_profile(problem, parameter, evidence, many)
+        from_profile(problem, parameter, evidence, many, traded)
         if base is None
+        else base
+        if agreed and base.verdict is Verdict.IDENTIFIED
         else _corrected(problem, parameter, base, evidence)
     )
+    if traded is not None and not judged.given:
+        # Whatever its profile does, it does within the ranges of others.
+        return judged, ""
+    freedom = degrees_of_freedom(problem, (parameter.name,))
+    if judged.verdict in (Verdict.IDENTIFIED, Verdict.ONE_SIDED) and freedom <= LEAST_FREEDOM:
+        judged = replace(judged, verdict=Verdict.PRIOR_DOMINATED, reason=_few_words(freedom))
     if judged.verdict is Verdict.IDENTIFIED and evidence.profile is not None:
         # Where only the posterior's middle lies elsewhere the profile is a narrow peak, and no prior holds it off.
         known = [at for at in (value, *((base and base.middle) or ())) if at is not None]
-        if known and not _reaches(evidence.profile, min(known), max(known)):
+        if known and not agreed and not _reaches(evidence.profile, min(known), max(known)):
             judged = _held_off(parameter, judged, evidence.profile)
+    if judged.verdict is Verdict.IDENTIFIED and _apart_from_prior(parameter, evidence):
+        apart = f"; its prior and the table disagree: the table alone has it within {_within(parameter, evidence)}"
+        judged = replace(judged, reason=judged.reason + apart, given=(*judged.given, own_prior(parameter.name)))
     remarks = _leaning(evidence.profile) + _active(evidence.active_impacts)
     differences = [] if base is None else _differences(problem, parameter, base, judged, evidence)
     return replace(judged, reason=judged.reason + remarks), "; ".join(differences)
 
 
-def from_profile(problem: Problem, parameter: Parameter, evidence: Evidence, many: bool = False) -> Judgement:
+def _within(parameter: Parameter, evidence: Evidence) -> str:
+    return "" if evidence.profile is None else interval(evidence.profile, parameter.spec.unit)
+
+
+def _apart_from_prior(parameter: Parameter, evidence: Evidence) -> bool:
+    """Whether a posterior follows its prior and the table, which have no 95 % in common."""
+    power, profile = evidence.power, evidence.profile
+    if power is None or profile is None or power.diagnosis != CONFLICT or power.own_prior < SENSITIVE:
+        return False
+    first, last = parameter.prior.quantile(np.array(CENTRAL_95))
+    return parameter.name not in NOISE_SPECS and not _reaches(profile, float(first), float(last))
+
+
+def _few_words(freedom: float) -> str:
+    return (
+        f"the parameters leave its measurements {max(freedom, 0.0):.2g} degrees of freedom, and the table no mean of "
+        "its variance: its size comes from its prior"
+    )
+
+
+def from_profile(
+    problem: Problem,
+    parameter: Parameter,
+    evidence: Evidence,
+    many: bool = False,
+    traded: Sequence[str] | None = None,
+) -> Judgement:
     """The verdict without a posterior, from the profile and the information; from the information alone where rows
-    are `many`, so that the likelihood is near normal.
+    are `many`, so that the likelihood is near normal; `traded` as in `combine`.
     """
     profile, information = evidence.profile, evidence.information
+    if traded is not None and problem.contact_time is None:
+        return Judgement(None, Verdict.PRIOR_DOMINATED, traded_words(traded))
     if profile is None:
         if information is None:
             return Judgement(None, Verdict.NOT_JUDGED, "a point fit alone cannot tell")
-        return _from_information(problem, information, many)
+        return _from_information(problem, information, many, traded is not None)
+    judged = _by_profile(problem, parameter, profile)
+    if judged.verdict is Verdict.IDENTIFIED and known_by_scene(problem, parameter, evidence, traded is not None):
+        source = f"its size comes from {scene_words(problem)}"
+        return replace(judged, reason=f"{judged.reason}; {source}", given=(CONTACT_TIME,))
+    return judged
+
+
+def _by_profile(problem: Problem, parameter: Parameter, profile: Profile) -> Judgement:
     unit = parameter.spec.unit
-    if known_by_scene(problem, parameter, evidence):
-        return Judgement(
-            None, Verdict.PRIOR_DOMINATED, f"its size comes from {scene_words(problem)}, not from the table"
-        )
     left, right = profile.open_sides
     if (left and right) or profile_contraction(profile, parameter.prior) < NEGLIGIBLE:
         words = (
@@ -86,15 +148,16 @@ def from_profile(problem: Problem, parameter: Parameter, evidence: Evidence, man
     )
 
 
-def _from_information(problem: Problem, look: InformationEvidence, many: bool) -> Judgement:
+def _from_information(problem: Problem, look: InformationEvidence, many: bool, traded: bool) -> Judgement:
     if not many:
         return Judgement(None, Verdict.NOT_JUDGED, "there is no profile, and a point fit alone cannot tell")
-    if look.error_without_scene is None and look.contraction_without_scene < NOT_ALONE:
-        source = scene_words(problem) if problem.contact_time is not None else "the priors"
-        return Judgement(None, Verdict.PRIOR_DOMINATED, f"its size comes from {source}, not from the table")
-    if look.error is None or look.contraction < NEGLIGIBLE:
+    # What the scene knows stands before the table in a contraction: of what rests on it the error judges.
+    if look.error is None or (1.0 / (1.0 + look.error**2) if traded else look.contraction) < NEGLIGIBLE:
         return Judgement(None, Verdict.PRIOR_DOMINATED, "to first order the table leaves it as it was known before")
     words = f"known to {look.error:.2g} sd of its prior, to first order"
+    if traded:
+        words = f"{words}; its size comes from {scene_words(problem)}"
+        return Judgement(None, Verdict.IDENTIFIED, words, given=(CONTACT_TIME,))
     return Judgement(None, Verdict.IDENTIFIED, words)
 
 
@@ -235,8 +298,9 @@ def _power(power: PowerEvidence | None, verdict: Verdict) -> list[str]:
         return []
     whose = "its prior" if power.own_prior >= SENSITIVE else "the priors of others"
     numbers = f"power-scaling: priors {power.prior:.2f}, likelihood {power.likelihood:.2f}"
+    # Where the two disagree the verdict says so; elsewhere that both count is no conflict.
     if power.diagnosis == CONFLICT:
-        return [f"{whose} and the table pull it apart, a prior-data conflict ({numbers})"]
+        return [f"{whose} and the table both count in it ({numbers})"]
     if verdict is Verdict.PRIOR_DOMINATED:
         return []
     return [f"it follows {whose} more than the table ({numbers})"]

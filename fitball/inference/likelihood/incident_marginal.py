@@ -90,18 +90,34 @@ def marginal_terms(
     return {measurement.observable.name: term for measurement, term in zip(measured, terms, strict=True)}
 
 
-def incident_sds(problem: Problem, columns: Columns, rebound: Rebound) -> Mapping[str, FloatArray | float]:
-    """What incident errors alone make each observable scatter by (draws, impacts), to first order; 0 without them."""
-    if problem.incident is None:
-        return {observable.name: 0.0 for observable in problem.observables}
+def incident_covariance(problem: Problem, incident: IncidentErrors, columns: Columns, rebound: Rebound) -> FloatArray:
+    """What incident errors alone make the columns scatter by together (draws, impacts, columns, columns), to first
+    order.
+    """
     slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
-    return {
-        observable.name: np.sqrt(
-            np.einsum("dik,ikl,dil->di", by_input, problem.incident.covariance, by_input, optimize=True).clip(0.0)
-        )
-        for observable in problem.observables
-        for by_input in (observable.column.slopes(rebound, slopes),)
-    }
+    by_input = np.stack([observable.column.slopes(rebound, slopes) for observable in problem.observables], axis=2)
+    return spread_by_input(by_input, incident.covariance)
+
+
+def joint_root(
+    problem: Problem, incident: IncidentErrors, columns: Columns, rebound: Rebound, spreads: FloatArray
+) -> FloatArray:
+    """Lower factor (draws, impacts, columns, columns) of the covariance of what is measured, of the `spreads` (draws,
+    impacts, columns) of each column and of incident errors; NaN where there is no rebound.
+    """
+    unit = np.eye(spreads.shape[-1])
+    whole = incident_covariance(problem, incident, columns, rebound) + spreads[..., None] ** 2 * unit
+    solved = np.isfinite(whole).all(axis=(2, 3), keepdims=True)
+    return np.where(solved, np.linalg.cholesky(np.where(solved, whole, unit)), np.nan)
+
+
+def whitening(
+    problem: Problem, incident: IncidentErrors, columns: Columns, rebound: Rebound, spreads: FloatArray
+) -> FloatArray:
+    """Inverse (draws, impacts, columns, columns) of the `joint_root`."""
+    root = joint_root(problem, incident, columns, rebound, spreads)
+    solved = np.isfinite(root).all(axis=(2, 3), keepdims=True)
+    return np.where(solved, np.linalg.inv(np.where(solved, root, np.eye(root.shape[-1]))), np.nan)
 
 
 def standardised(

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.inference.likelihood.force import force_residuals
-from fitball.inference.likelihood.incident_marginal import incident_sds, measured_of, seen, standardised
+from fitball.inference.likelihood.incident_marginal import UNKNOWN, measured_of, seen, standardised, whitening
 from fitball.inference.problem.noise import NORMAL, Sizes
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parameters import NOISE_SPECS
@@ -161,22 +161,30 @@ def differentiable(problem: Problem) -> bool:
     return problem.incident is None and problem.force is None
 
 
-def prediction_slopes(problem: Problem, coordinates: FloatArray) -> FloatArray:
-    """Derivatives (draws, measurements, free) of all predictions, in units of their noise, with respect to
-    coordinates (draws, free) counted in widths of the priors; measurements run observable by observable, impact by
-    impact of those that have one.
+def own_spreads(problem: Problem, columns: Columns, rebound: Rebound) -> FloatArray:
+    """The noise (draws, impacts, columns) of each measured column, `UNKNOWN` where nothing was measured."""
+    spreads = []
+    for observable in problem.observables:
+        sds = np.broadcast_to(observable.sds(columns, rebound), (*rebound.v_x2.shape[:-1], observable.observed.size))
+        spreads.append(observable.spread_out(sds, len(problem.impacts), UNKNOWN))
+    return np.stack(spreads, axis=2)
 
-    Errors of the incident state count as noise; a measurement with heavy tails is worth less than a normal one.
+
+def prediction_slopes(problem: Problem, coordinates: FloatArray) -> FloatArray:
+    """Derivatives (draws, impacts, columns, free) of all predictions, in units of their noise, with respect to
+    coordinates (draws, free) counted in widths of the priors; zero where nothing was measured.
+
+    Errors of the incident state count as noise that the columns of an impact share: each is taken given those before
+    it. A measurement with heavy tails is worth less than a normal one.
     """
     rebound, slopes = problem.differentiated(coordinates)
     columns = problem.all_values(problem.to_values(coordinates))
-    by_incidence = incident_sds(problem, columns, rebound)
-    worth = np.sqrt(problem.noise.information(columns))[..., None, None]
-    rows = []
-    for observable in problem.observables:
-        mine = slice(None) if observable.rows is None else observable.rows
-        spread = np.broadcast_to(observable.sds(columns, rebound), rebound.v_x2[:, mine].shape)
-        spread = np.hypot(spread, np.broadcast_to(by_incidence[observable.name], rebound.v_x2.shape)[:, mine])
-        rows.append(worth * observable_slopes(problem, observable, rebound, slopes)[:, mine] / spread[..., None])
-    scaled: FloatArray = np.concatenate(rows, axis=1) * problem.prior.width
-    return scaled
+    spreads = own_spreads(problem, columns, rebound)
+    by_column = [observable_slopes(problem, observable, rebound, slopes) for observable in problem.observables]
+    told = np.where(spreads[..., None] < UNKNOWN, np.stack(by_column, axis=2), 0.0)
+    if problem.incident is None:
+        told /= spreads[..., None]
+    else:
+        told = whitening(problem, problem.incident, columns, rebound, spreads) @ told
+    scaled: FloatArray = np.sqrt(problem.noise.information(columns))[..., None, None, None] * told
+    return scaled * problem.prior.width

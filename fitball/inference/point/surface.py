@@ -111,14 +111,14 @@ class Surface(SearchedColumns):
         return sizes
 
     @cached_property
-    def structure_precision(self) -> FloatArray:
-        """Of each column the precision of what is part of the model and no knowledge of a parameter: how levels and
-        biases of groups scatter about what they have in common, about zero; 0 for all others.
+    def knowledge_apart(self) -> tuple[FloatArray, FloatArray]:
+        """Precision and centre (columns,), in coordinates of the priors, of what is part of the model or was measured
+        apart (`Problem.known_apart`); zero precision for all others.
         """
-        names = set() if self.problem.group_bias is None else self.problem.group_bias.names(self.problem.observables)
-        for pooling in self.problem.pooling:
-            names |= {pooling.spread_name, *map(pooling.place_name, pooling.labels)}
-        return np.array([item.prior.b**-2.0 if item.name in names else 0.0 for item in self.parameters])
+        priors = [item.prior for item in self.parameters]
+        apart = [item.name in self.problem.known_apart and item.prior.normal for item in self.parameters]
+        precision = [prior.b**-2.0 if known else 0.0 for prior, known in zip(priors, apart, strict=True)]
+        return np.array(precision), np.array([prior.a for prior in priors])
 
     def _held(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """What holds columns beside the measurements: its cost (rows,), slopes and curvatures (rows, columns)."""
@@ -133,7 +133,7 @@ class Surface(SearchedColumns):
         prior only bounds.
         """
         if not self.penalised:
-            return self.structure_precision, np.zeros(len(self.columns))
+            return self.knowledge_apart
         priors = [item.prior for item in self.parameters]
         return np.array([item.b**-2.0 if item.normal else 0.0 for item in priors]), np.array([p.a for p in priors])
 

@@ -32,6 +32,11 @@ from fitball.values import FloatArray, Impacts
 DRAWS = 4000
 NO_TENNIS = "the test is made with a tennis ball, and this one has {:.3g} g and a radius of {:.3g} mm"
 SLIDING = ("slide", "slide back")
+# The lines of restitution and offset in vertical speed are continued to at most so many times the fastest measured,
+# or the slowest over this.
+CONTINUED = 2.0
+# Where the apparent friction is this share of what gripping allows a model does not tell courts apart.
+SATURATED = 0.95
 
 
 def court_pace(
@@ -51,10 +56,12 @@ def court_pace(
     at_point = {name: np.array([value]) for name, value in point.values.items()}
     drawn = at_point if posterior is None else dict(problem.all_values(thinned(posterior, DRAWS)))
     # One error of the thermometer for all surfaces.
-    warmth = temperatures(scene, len(next(iter(drawn.values()))), rng) if posterior is not None else None
+    warmth = None
+    if posterior is not None and scene.ball_temperature is not None:
+        warmth = temperatures(scene, len(next(iter(drawn.values()))), rng)
     rated = []
     for labels, rows in _surfaces(problem).items():
-        found = _rate(problem, labels, rows, at_point, drawn, warmth)
+        found = _rate(problem, labels, rows, at_point, drawn, warmth, posterior is not None)
         if isinstance(found, str):
             return replace(known, missing=found)
         rated.append(found)
@@ -123,11 +130,18 @@ def _rate(
     at_point: Mapping[str, FloatArray],
     drawn: Mapping[str, FloatArray],
     warmth: FloatArray | None,
+    sampled: bool,
 ) -> tuple[PaceRating, FloatArray] | str:
     """One rating with its draws (NaN where there is none), or the sentence that says why there is none; `warmth` is
-    the temperature of the ball (draws,), None for a point fit.
+    the temperature of the ball (draws,), None of a point fit that is not `sampled` or where it is not known.
     """
     impact, row = itf_impact(), np.array([rows[0]])
+    measured, test = problem.table.impacts.v_y1[rows], float(impact.v_y1[0])
+    if not measured.min() / CONTINUED <= test <= CONTINUED * measured.max():
+        return (
+            f"the vertical speeds of the impacts, {measured.min():.2g} to {measured.max():.2g} m/s, are too far from "
+            f"that of the test, {test:.2g} m/s: no rating is continued beyond {CONTINUED:g} times a speed measured"
+        )
     best = problem.rebound_like(at_point, impact, row)
     rebound = problem.rebound_like(drawn, impact, row)
     solved = rebound.status[:, 0] == 0
@@ -138,10 +152,12 @@ def _rate(
         cause = STATUS_REASON[Status(int(rebound.status[~solved, 0][0]))]
         return f"{100.0 * np.mean(~solved):.0f} % of the draws cannot be evaluated at the test impact: {cause}"
     known = problem.scene.ball_temperature
-    sampled = warmth is not None
     one = _quantities(impact, best, _sliding_friction(problem, labels, at_point), known)
-    many = _quantities(impact, rebound, _sliding_friction(problem, labels, drawn), None if known is None else warmth)
+    many = _quantities(
+        impact, rebound, _sliding_friction(problem, labels, drawn), known if warmth is None else warmth
+    )
     spreads = {name: spread_of(many[name][solved] if sampled else None, float(one[name][0])) for name in one}
+    most = _gripping(problem, drawn, impact, row)
     shares = regime_shares(rebound)[0]
     rated = PaceRating(
         labels=labels,
@@ -152,8 +168,23 @@ def _rate(
         slides=sum(share for name, share in shares.items() if name in SLIDING),
         failed=float(np.mean(~solved)),
         reach=_reach(problem, np.array(rows, dtype=np.int64)),
+        saturated=float(np.mean(many["friction"][solved] >= SATURATED * most[solved])),
     )
     return rated, np.where(solved, many["rating"], np.nan)
+
+
+def _gripping(
+    problem: Problem, columns: Mapping[str, FloatArray], impact: Impacts, row: NDArray[np.int64]
+) -> FloatArray:
+    """The apparent friction (draws,) of a ball that grips to the end, the most of a model in which it then rolls;
+    inf of one with a time axis, or with a tangential restitution, which fit what a gripping ball does.
+    """
+    if problem.model.has_time or "e_x" in problem.model.parameter_names:
+        return np.full(len(columns["mu"]), np.inf)
+    rough = np.full(len(columns["mu"]), problem.model.specs["mu"].upper)
+    pooled = {pooling.spread_name: np.zeros(len(rough)) for pooling in problem.pooling if pooling.parameter == "mu"}
+    made = problem.rebound_like({**columns, **pooled, "mu": rough}, impact, row)
+    return apparent_friction(impact.v_x1, impact.v_y1, made.v_x2[:, 0], made.v_y2[:, 0])
 
 
 def _sliding_friction(problem: Problem, labels: tuple[str, ...], columns: Mapping[str, FloatArray]) -> FloatArray:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from fitball.inference.likelihood.incident_marginal import incident_sds
+from fitball.inference.likelihood.incident_marginal import UNKNOWN, joint_root
 from fitball.inference.likelihood.posterior import impact_terms
 from fitball.inference.prediction.curves import CURVE_DRAWS, curves
+from fitball.inference.problem.incident import IncidentErrors
 from fitball.inference.problem.noise import NoiseKind
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
@@ -106,14 +107,40 @@ def measurements(
     """Each measured column over all impacts of the problem with what `with_noise` says of it, errors of the incident
     state and biases of groups included.
     """
-    by_incidence = incident_sds(problem, columns, rebound)
-    for observable in (item.everywhere(len(problem.impacts)) for item in problem.observables):
-        predicted, spread, data = with_noise(
-            problem.noise, observable, columns, rebound, rng, by_incidence[observable.name], even=even
-        )
+    everywhere = [item.everywhere(len(problem.impacts)) for item in problem.observables]
+    if problem.incident is None:
+        drawn = iter([with_noise(problem.noise, item, columns, rebound, rng, even=even) for item in everywhere])
+    else:
+        drawn = _together(problem, problem.incident, everywhere, columns, rebound, rng, even=even)
+    for observable, (predicted, spread, data) in zip(everywhere, drawn, strict=True):
         if problem.group_bias is not None:
             data = data + problem.group_bias.offset(columns, observable.name)
         yield observable, predicted, spread, data
+
+
+def _together(
+    problem: Problem,
+    incident: IncidentErrors,
+    observables: Sequence[Observable],
+    columns: Mapping[str, FloatArray],
+    rebound: Rebound,
+    rng: np.random.Generator,
+    *,
+    even: bool,
+) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
+    """As `with_noise`, of all columns: the errors of its incident state are common to the columns of an impact."""
+    own = np.stack([np.broadcast_to(item.sds(columns, rebound), rebound.v_x2.shape) for item in observables], axis=2)
+    stated = ~np.isnan(own)
+    root = joint_root(problem, incident, columns, rebound, np.where(stated, own, UNKNOWN))
+    kind, shape = problem.noise, rebound.v_x2.shape
+    z = np.stack(
+        [evenly(kind, columns, shape, rng) if even else kind.draw(rng, shape, columns) for _ in observables], axis=2
+    )
+    errors = np.where(stated, (root @ z[..., None])[..., 0], np.nan)
+    sds = np.where(stated, np.sqrt(np.sum(root**2, axis=3)), np.nan)
+    for place, observable in enumerate(observables):
+        predicted = observable.predict(rebound)
+        yield predicted, sds[..., place], predicted + errors[..., place]
 
 
 def with_noise(
@@ -122,17 +149,16 @@ def with_noise(
     columns: Mapping[str, FloatArray],
     rebound: Rebound,
     rng: np.random.Generator,
-    incident_sd: FloatArray | float = 0.0,
     *,
     even: bool = False,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """One observable draw by draw, each (draws, impacts): without noise, the sd of its noise, and a new measurement.
 
-    `columns` are the draws of each parameter by name, (draws,); `incident_sd` is what incident errors add. Noise is
-    drawn at random, or, where draws are few, `even`: at each impact once from each of equally probable parts.
+    `columns` are the draws of each parameter by name, (draws,). Noise is drawn at random, or, where draws are few,
+    `even`: at each impact once from each of equally probable parts.
     """
     predicted = observable.predict(rebound)
-    spread = np.hypot(np.broadcast_to(observable.sds(columns, rebound), predicted.shape), incident_sd)
+    spread = np.broadcast_to(observable.sds(columns, rebound), predicted.shape)
     drawn = evenly(noise, columns, predicted.shape, rng) if even else noise.draw(rng, predicted.shape, columns)
     return predicted, spread, predicted + spread * drawn
 

@@ -122,14 +122,18 @@ def noise_parameters(
 ) -> tuple[str, ...]:
     """Noise parameters the observables use; a sd known to the scene fixes one, an expected one centres its prior."""
     used = tuple(dict.fromkeys(observable.noise for observable in observables if observable.noise is not None))
-    expected = expected_sizes(scene, table)
     for name in used:
         value = getattr(scene, name)
         if value is not None:
             fixed[name] = (value, "known from the scene")
         else:
-            priors[name] = f"lognormal({expected[name]:.10g}, 0.7)"
+            priors[name] = expected_prior(name, scene, table)
     return used
+
+
+def expected_prior(name: str, scene: Scene, table: ImpactTable) -> str:
+    """The prior of a noise parameter of which none is stated."""
+    return f"lognormal({expected_sizes(scene, table)[name]:.10g}, 0.7)"
 
 
 @dataclass(frozen=True)

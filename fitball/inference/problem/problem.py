@@ -29,6 +29,7 @@ from fitball.models.capabilities import LinearConstraint
 from fitball.models.jacobian import by_output
 from fitball.models.kernels.dual import STEP, NumberArray
 from fitball.models.model import Model
+from fitball.models.specs import BALL_PARAMETERS
 from fitball.models.types import OUTPUTS, Rebound, Status
 from fitball.values import FloatArray, Impacts, OwnImpacts
 
@@ -74,6 +75,16 @@ class Problem:
     def model_names(self) -> tuple[str, ...]:
         """Names of all parameters that the model itself takes."""
         return tuple(parameter.name for parameter in self.parameters if parameter.name in self.model.specs)
+
+    @cached_property
+    def known_apart(self) -> frozenset[str]:
+        """Parameters of which something is known that is no prior belief: how levels and biases of groups scatter in
+        the model, and constants of the ball that the scene measured.
+        """
+        names = set() if self.group_bias is None else self.group_bias.names(self.observables)
+        for pooling in self.pooling:
+            names |= {pooling.spread_name, *map(pooling.place_name, pooling.labels)}
+        return frozenset({*names, *(item.name for item in self.free if item.name in BALL_PARAMETERS)})
 
     @property
     def dimension(self) -> int:

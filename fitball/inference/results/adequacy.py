@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
+
+from fitball.data.frozen import FrozenMapping
 
 # Chances that a table which the model made is said to be described only with an exception, or not at all.
 FALSE_EXCEPT, FALSE_FAILS = 0.05, 0.01
 # A parameter that a misfit moves by more than so many of its standard deviations is known conditionally only.
 MOVED = 1.0
+# A noise that is so many times what the scene states is an exception however wide its prior.
+FAR_FROM_STATED = 3.0
 
 
 class Answer(StrEnum):
@@ -23,7 +27,8 @@ class Answer(StrEnum):
 
 @dataclass(frozen=True)
 class NoiseCheck:
-    """The noise that residuals of `columns` show against what was stated (`stated`) or expected.
+    """The noise that residuals of `columns` show against what was stated (`stated`) or expected; `assumed` where the
+    scene says nothing of it, so that the expectation is fitball's own, or a prior that was chosen.
 
     `fitted` is the root mean square residual by degree of freedom, `reference` the stated size or the prior's median,
     both in `unit`; of noises stated row by row both are in units of these. `ratio` is the one over the other, `p` the
@@ -42,6 +47,7 @@ class NoiseCheck:
     p: float
     adjusted: float
     found: bool
+    assumed: bool = False
 
 
 @dataclass(frozen=True)
@@ -84,7 +90,8 @@ class Adequacy:
     """The answer, in a `sentence`, and what it is based on.
 
     `exceptions` are what was found, in words; `moved` by how many of its sds each free parameter would move if the
-    largest of the patterns found were taken out. `unseen` is the share of the residual variance that a pattern must
+    largest of the patterns found were taken out; `given` names the kind of noise that sizes of noise rest on which
+    outliers make larger. `unseen` is the share of the residual variance that a pattern must
     explain to be found at all, by column. `loo_pit` are the probabilities that a measurement of a column exceeds its
     prediction by all the other impacts (empty where there are too few, or so many that none matters), `replicates`
     the number of tables that the checks were held against.
@@ -101,6 +108,7 @@ class Adequacy:
     unseen: Mapping[str, float]
     loo_pit: Mapping[str, tuple[float, ...]]
     replicates: int
+    given: Mapping[str, tuple[str, ...]] = field(default_factory=FrozenMapping)
 
     def why(self, name: str) -> str:
         """What a conditional parameter `name` rests on, before a reason that would hold then."""

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from fitball.inference.results.score_difference import ElpdDifference
 
 # Sds of a fit's own posterior by which its median, or an end of its 95 % interval, must move for a value to rest on
 # an assumption: the other median is then outside of the interval, or the other interval about twice as wide.
 MOVED = 2.0
+# What the scene states that a value may rest on, as it is named in a verdict.
+CONTACT_TIME = "contact_time"
 # What the rating is called among other quantities.
 PACE = "court pace rating"
+
+
+def own_prior(name: str) -> str:
+    """How a verdict names the prior of a parameter that a value rests on."""
+    return f"the prior of {name}"
 
 
 @dataclass(frozen=True)
@@ -28,9 +35,10 @@ class Summary:
 class Alternative:
     """The fit with the choice `name` (`offset=grip`) `instead_of` another (`offset=contact`), nothing else changed.
 
-    `difference` is its score less that of the fit itself, None with the `reason` where there is none. `values` are
-    the parameters at the mean of its posterior, for predictions; `parameters` and `court_pace` (points of the ITF's
-    rating by surface) what it says of quantities that the fit has too.
+    `difference` is its score less that of the fit itself, None with the `reason` where there is none; with a `reason`
+    too where it is without some impacts. `values` are the parameters at the mean of its posterior, for predictions;
+    `parameters` and `court_pace` (points of the ITF's rating by surface) what it says of quantities that the fit has
+    too. `unsettled` is one that could be fitted, but not quickly enough to be scored.
     """
 
     name: str
@@ -40,11 +48,14 @@ class Alternative:
     values: Mapping[str, float]
     parameters: Mapping[str, Summary]
     court_pace: Mapping[str, Summary]
+    unsettled: bool = False
 
     @property
     def as_good(self) -> bool:
-        """Whether the table does not surely score it below the fit itself."""
-        return self.difference is not None and (self.difference.value >= 0.0 or not self.difference.sure)
+        """Whether the table does not surely score it below the fit itself; with too few impacts for a score, too."""
+        if self.difference is None:
+            return not self.reason
+        return self.difference.value >= 0.0 or not self.difference.sure
 
     @property
     def better(self) -> bool:
@@ -71,15 +82,37 @@ class Span:
 
 
 @dataclass(frozen=True)
+class Constant:
+    """A constant of the ball, `held` at its `value` or free under a prior about it that the scene states, over the
+    range `low` to `high` that is known of it; of each parameter, and of the rating of each surface, that rests on it
+    the median at both ends, to first order.
+    """
+
+    name: str
+    held: bool
+    value: float
+    low: float
+    high: float
+    parameters: Mapping[str, tuple[float, float]]
+    court_pace: Mapping[str, tuple[float, float]]
+
+    @property
+    def words(self) -> str:
+        """What a value is given that rests on it."""
+        return self.name if self.held else own_prior(self.name)
+
+
+@dataclass(frozen=True)
 class Assumptions:
     """Alternatives to each choice, and each quantity over those that the table cannot tell apart; or `missing`: why
-    there are none.
+    there are none. Beside them the `constants` of the ball that something rests on.
     """
 
     alternatives: tuple[Alternative, ...]
     parameters: Mapping[str, Span]
     court_pace: Mapping[str, Span]
     missing: str = ""
+    constants: tuple[Constant, ...] = field(default_factory=tuple)
 
     @property
     def as_good(self) -> tuple[Alternative, ...]:
@@ -87,9 +120,21 @@ class Assumptions:
         return tuple(alternative for alternative in self.alternatives if alternative.as_good)
 
     @property
+    def examined(self) -> bool:
+        """Whether everything that could be changed was looked at."""
+        return not self.missing and not any(alternative.unsettled for alternative in self.alternatives)
+
+    @property
     def given(self) -> Mapping[str, tuple[str, ...]]:
-        """By parameter the choices that its value rests on."""
-        return {name: span.given for name, span in self.parameters.items()}
+        """By parameter the choices and the constants of the ball that its value rests on."""
+        by_constant: dict[str, tuple[str, ...]] = {}
+        for constant in self.constants:
+            for name in constant.parameters:
+                by_constant[name] = (*by_constant.get(name, ()), constant.words)
+        return {
+            name: (*(self.parameters[name].given if name in self.parameters else ()), *by_constant.get(name, ()))
+            for name in {**self.parameters, **by_constant}
+        }
 
 
 def span(own: Summary, others: Sequence[tuple[str, str, Summary]]) -> Span:

@@ -165,10 +165,12 @@ class Evidence:
 @dataclass(frozen=True)
 class Identifiability:
     """The looks at every free parameter, the spectrum of the information, why profiles are missing, if they are, and
-    how often a 95 % interval of a profile holds the truth on a table of this size.
+    how often a 95 % interval of a profile holds the truth on a table of this size; `several` says in words which fits
+    the table cannot tell apart, if there is more than one.
     """
 
     evidence: Mapping[str, Evidence]
     eigendirections: Eigendirections
     profiles_missing: str
     profile_coverage: float
+    several: str = ""

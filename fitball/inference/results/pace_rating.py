@@ -65,7 +65,8 @@ class PaceRating:
 
     `friction` is the apparent one of the test impact; `sliding_friction` the fitted coefficient and `sliding_rating`
     what it would give. `categories` and `regimes` are probabilities, `slides` that of sliding throughout, all among
-    the draws that can be evaluated; `failed` is the share of the others.
+    the draws that can be evaluated; `failed` is the share of the others. `saturated` is the probability that the
+    ball grips in the test impact, or nearly, in a model that then gives all rougher courts the same rating.
     """
 
     labels: tuple[str, ...]
@@ -80,6 +81,7 @@ class PaceRating:
     slides: float
     failed: float
     reach: Reach
+    saturated: float = 0.0
 
 
 @dataclass(frozen=True)

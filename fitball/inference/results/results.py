@@ -29,7 +29,9 @@ class Verdict(StrEnum):
 
     IDENTIFIED = "identified"
     GIVEN = "identified, given assumptions"
+    UNEXAMINED = "identified, assumptions not examined"
     CONDITIONAL = "conditional"
+    EXTRAPOLATED = "extrapolated"
     ONE_SIDED = "one-sided"
     PRIOR_DOMINATED = "prior-dominated"
     FIXED = "fixed"
@@ -293,7 +295,9 @@ class Timing:
 
 @dataclass(frozen=True)
 class Fit:
-    """All that one calibration found. `notes` are those of the problem, and what only the fit could tell."""
+    """All that one calibration found. `derived` are quantities that follow from several parameters, those at a
+    measured speed first. `notes` are those of the problem, and what only the fit could tell.
+    """
 
     problem: Problem
     notes: tuple[str, ...]
@@ -319,6 +323,7 @@ class Fit:
     adequacy: Adequacy | None = None
     assumptions: Assumptions | None = None
     drop_test: DropTest | None = None
+    derived: tuple[Estimate, ...] = ()
 
     @property
     def parameters(self) -> Mapping[str, Estimate]:

@@ -141,6 +141,8 @@ def starting_positions(
         reach = np.exp(rng.uniform(math.log(0.01), 0.0, size=(POOL, 1)))
         pool = optima[centre] + problem.prior.width * reach * rng.standard_normal((POOL, problem.dimension))
         density = log_posterior(problem, pool)
+        if not np.any(np.isfinite(density)):
+            continue
         weight = np.exp(TEMPERING * (density - density.max()))
         if np.count_nonzero(weight) >= 2 * walkers:
             return pool[rng.choice(POOL, walkers, replace=False, p=weight / weight.sum())]

@@ -28,7 +28,7 @@ LEGEND = (
 )
 ANSWERS = {
     Answer.DESCRIBES: "yes, no check of the residuals finds a pattern",
-    Answer.EXCEPT: "yes, except for {}",
+    Answer.EXCEPT: "yes, with exceptions: {}",
     Answer.FAILS: "NO: {}",
     Answer.UNTOLD: "this table cannot tell",
 }

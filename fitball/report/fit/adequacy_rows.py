@@ -14,8 +14,8 @@ from fitball.wording import option, spoken
 
 # The order in which kinds of checks are shown, of each and each column the surest; the file has them all.
 KINDS = (
-    "trend", "bend", "together", "regime", "group", "jointly", "order", "scatter", "linked", "outlier", "tails",
-    "loo-pit",
+    "bias", "trend", "bend", "together", "regime", "group", "level", "row", "drift", "jointly", "spread", "order",
+    "scatter", "linked", "uneven", "outlier", "tails", "loo-pit",
 )  # fmt: skip
 
 
@@ -45,6 +45,14 @@ def remarks(fit: Fit) -> tuple[str, ...]:
     if "group" in kinds and fit.problem.group_bias is None:
         column = next(check.over for check in found.checks if check.found and check.kind == "group")
         lines.append(f"If that group was measured differently: {option('offsets', column)} fits a bias of each.")
+    levels = [check for check in found.checks if check.found and check.kind == "level"]
+    if levels and not fit.problem.pooling:
+        best = min(levels, key=lambda check: (check.p, -(check.explained or 0.0)))
+        name = best.words.partition(" ")[0]
+        pooled = spoken(f"--pool {name}={best.over}", f"pool={{'{name}': '{best.over}'}}")
+        lines.append(f"{pooled} fits {name} to each {best.over}.")
+    if "uneven" in kinds:
+        lines.append(f"{option('velocity_noise', 'separate')} fits a noise of its own to each column.")
     if kinds & {"outlier", "tails"} and not fit.problem.noise.parameters:
         lines.append(f"Outliers count for less with {option('noise', 'student-t')}.")
     if "linked" in kinds and fit.problem.incident is None and found.answer is not Answer.FAILS:

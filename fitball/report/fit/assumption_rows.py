@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-from fitball.inference.results.assumptions import PACE, Alternative, Assumptions, Span
+from fitball.inference.results.assumptions import PACE, Alternative, Assumptions, Constant, Span
 from fitball.inference.results.results import Fit
 from fitball.report.form.display_units import Scale, handy
 from fitball.report.form.rounding import decimals, fixed, interval
@@ -22,6 +23,7 @@ class AssumptionTable:
     sentence: str
     spans: tuple[Row, ...]
     alternatives: tuple[Row, ...]
+    constants: tuple[Row, ...]
     missing: str
 
 
@@ -40,7 +42,8 @@ def assumption_table(fit: Fit) -> AssumptionTable | None:
         }
         for item in found.alternatives
     )
-    return AssumptionTable("" if found.missing else _sentence(found), spans, rows, found.missing)
+    constants = tuple(_constant_row(fit, *item) for item in _by_constant(found))
+    return AssumptionTable("" if found.missing else _sentence(found), spans, rows, constants, found.missing)
 
 
 def assumption_lines(fit: Fit) -> tuple[str, ...]:
@@ -48,6 +51,10 @@ def assumption_lines(fit: Fit) -> tuple[str, ...]:
     found = fit.assumptions
     if found is None:
         return ()
+    return (*_choice_lines(fit, found), *_constant_lines(fit, found))
+
+
+def _choice_lines(fit: Fit, found: Assumptions) -> tuple[str, ...]:
     if found.missing:
         return (f"What rests on assumptions was not looked at: {found.missing}.",)
     if not found.as_good:
@@ -68,11 +75,50 @@ def assumption_lines(fit: Fit) -> tuple[str, ...]:
     return tuple(lines)
 
 
+def _scale(fit: Fit, name: str) -> Scale:
+    unit = next((item.unit for item in (*fit.estimates, *fit.derived) if item.name == name), "")
+    return handy(name, unit)
+
+
+def _by_constant(found: Assumptions) -> Iterator[tuple[Constant, str, tuple[float, float]]]:
+    """Each constant with the quantities that rest on it."""
+    for constant in found.constants:
+        for name, ends in constant.parameters.items():
+            yield constant, name, ends
+        for surface, ends in constant.court_pace.items():
+            yield constant, f"{PACE} of {surface}" if surface else PACE, ends
+
+
+def _constant_row(fit: Fit, constant: Constant, name: str, ends: tuple[float, float]) -> Row:
+    scale, own = _scale(fit, name), handy(constant.name, fit.problem.model.specs[constant.name].unit)
+    shown = [scale.factor * end for end in ends]
+    places = decimals(0.1 * abs(shown[1] - shown[0]))
+    known = [own.factor * at for at in (constant.low, constant.high, constant.value)]
+    digits = decimals(0.1 * (known[1] - known[0]))
+    return {
+        "quantity": name,
+        "unit": scale.unit,
+        "from": fixed(shown[0], places),
+        "to": fixed(shown[1], places),
+        "over": f"{constant.name} {fixed(known[0], digits)} to {fixed(known[1], digits)} {own.unit}".rstrip(),
+        "in this fit": f"held at {fixed(known[2], digits)}"
+        if constant.held
+        else f"prior of {fixed(known[2], digits)}",
+    }
+
+
+def _constant_lines(fit: Fit, found: Assumptions) -> Iterator[str]:
+    for item in _by_constant(found):
+        row = _constant_row(fit, *item)
+        told = f"{row['from']} to {row['to']} {row['unit']}".rstrip()
+        yield f"{row['quantity']}: {told} over {row['over']} ({row['in this fit']} here), to first order"
+
+
 def _spans(fit: Fit, found: Assumptions) -> list[tuple[str, str, Scale, Span]]:
     """Name, unit, scale and span of each quantity, those of the model first."""
     rows = []
     for name, item in found.parameters.items():
-        scale = handy(name, fit.parameters[name].unit)
+        scale = _scale(fit, name)
         rows.append((name, scale.unit, scale, item))
     for surface, item in found.court_pace.items():
         rows.append((f"{PACE} of {surface}" if surface else PACE, "", Scale("", 1.0), item))
@@ -100,6 +146,7 @@ def _sentence(found: Assumptions) -> str:
         return "No choice of the model can be changed here."
     groups = (
         ("describe the table as well as this fit, within the error of the score", "as well"),
+        ("fit too, and with so few impacts no score can refuse them", "not refused"),
         ("describe it better", "better"),
         ("describe it worse", "worse"),
         ("could not be scored", "not scored"),
@@ -113,13 +160,16 @@ def _sentence(found: Assumptions) -> str:
 
 
 def _singular(words: str) -> str:
-    return words.replace("describe ", "describes ", 1)
+    for plural, single in (("describe ", "describes "), ("fit too", "fits too"), ("refuse them", "refuse it")):
+        words = words.replace(plural, single, 1)
+    return words
 
 
 def _verdict(item: Alternative) -> str:
     if item.difference is None:
-        return f"not scored: {item.reason}"
-    return "better" if item.better else "as well" if item.as_good else "worse"
+        return f"not scored: {item.reason}" if item.reason else "not refused"
+    verdict = "better" if item.better else "as well" if item.as_good else "worse"
+    return f"{verdict}: {item.reason}" if item.reason else verdict
 
 
 def _difference(item: Alternative) -> str:

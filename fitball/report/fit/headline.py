@@ -18,13 +18,15 @@ STATUS_WORDS = {
 VERDICT_WORDS = {
     Verdict.IDENTIFIED: "identify {}",
     Verdict.GIVEN: "identify {} only given assumptions",
+    Verdict.UNEXAMINED: "identify {} where assumptions could not be examined",
+    Verdict.EXTRAPOLATED: "give {} by extrapolation only",
     Verdict.CONDITIONAL: "would identify {} if the model described them",
     Verdict.ONE_SIDED: "bound {} from one side only",
     Verdict.PRIOR_DOMINATED: "do not tell {}",
     Verdict.NOT_JUDGED: "leave {} without a judgement",
 }
-TOLD = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.CONDITIONAL)
-NOT_TOLD = (Verdict.ONE_SIDED, Verdict.PRIOR_DOMINATED, Verdict.NOT_JUDGED)
+TOLD = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.UNEXAMINED, Verdict.CONDITIONAL)
+NOT_TOLD = (Verdict.EXTRAPOLATED, Verdict.ONE_SIDED, Verdict.PRIOR_DOMINATED, Verdict.NOT_JUDGED)
 
 
 def headline(fit: Fit) -> str:
@@ -32,7 +34,11 @@ def headline(fit: Fit) -> str:
     pooled = _pooling(fit)
     free, parts = len(fit.problem.free_names), []
     for verdict, words in VERDICT_WORDS.items():
-        names = [item.name for item in fit.estimates if item.verdict is verdict and item.name not in pooled]
+        names = [
+            item.name
+            for item in (*fit.derived, *fit.estimates)
+            if item.verdict is verdict and item.name not in pooled
+        ]
         if names:
             parts.append(words.format(listed(names)))
     levels = "".join(
@@ -43,6 +49,7 @@ def headline(fit: Fit) -> str:
     return (
         f"{described}{STATUS_WORDS[fit.status]}: of {free} free parameters the {len(fit.problem.table)} impacts "
         f"{listed(parts or ['judge none by itself'])}{levels}."
+        f"{f' {fit.identifiability.several}' if fit.identifiability.several else ''}"
     )
 
 
@@ -56,5 +63,5 @@ def _pooling(fit: Fit) -> set[str]:
 
 def told_rows(fit: Fit, verdicts: Sequence[Verdict]) -> tuple[ParameterRow, ...]:
     """The parameters with one of these verdicts, in the order of the fit."""
-    rows = zip(parameter_rows(fit), fit.estimates, strict=True)
+    rows = zip(parameter_rows(fit), (*fit.estimates, *fit.derived), strict=True)
     return tuple(row for row, item in rows if item.verdict in verdicts)

@@ -19,6 +19,7 @@ from fitball.report.fit.published_rows import case_table
 from fitball.report.fit.summary import (
     diagnosis_lines,
     level_rows,
+    measured_lines,
     notes,
     numbers_of,
     parameter_table,
@@ -115,6 +116,7 @@ def _page(fit: Fit, images: Mapping[str, bytes], command: str | None) -> str:
         assumed=assumed,
         pace=pace,
         dropped=dropped,
+        measured=measured_lines(fit),
         cases=cases,
         predictions=prediction_table(fit, MOST_ROWS),
         balances=balance_table(fit.balances, MOST_ROWS),

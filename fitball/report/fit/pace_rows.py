@@ -27,6 +27,8 @@ from fitball.report.form.text_table import Row
 
 # Difference of two ratings below which nobody would see it in a rating rounded to a whole number.
 EQUAL = 0.05
+# Probability from which it is said that the model is at its grip limit.
+SATURATES = 0.05
 # Probability below which a category of a court is not worth a word.
 LIKELY = 0.005
 # Contraction from which the table narrows a friction that priors decide, as where they keep it from its best values.
@@ -72,6 +74,8 @@ def pace_lines(fit: Fit) -> tuple[str, ...]:
     for rating in pace.ratings:
         name = f" of {surface_words(rating)}" if rating.labels else ""
         flag = f"; extrapolated: {reach_words(rating.reach)}" if rating.reach.outside else ""
+        if rating.saturated > SATURATES:
+            flag += f"; at the grip limit of the model ({percent(rating.saturated)}), so surer than the data"
         lines.append(f"ITF court pace rating{name}: {rating_words(rating)}{flag}{more}")
     return tuple(lines)
 
@@ -205,6 +209,13 @@ def pace_remarks(pace: CourtPace) -> list[str]:
                 f"{name}The apparent friction of the test impact and the fitted coefficient differ (the ball slides "
                 f"throughout with probability {percent(rating.slides)}): with the fitted one the rating would be "
                 f"{_middle(rating.sliding_rating, _places(rating.sliding_rating))}."
+            )
+        if rating.saturated > SATURATES:
+            remarks.append(
+                f"{name}The model is at its grip limit in the test impact, or within 5 % of it (probability "
+                f"{percent(rating.saturated)}): there it rates all rougher courts alike, and its interval and its "
+                "category are surer than the data. Models that fit how a ball grips, two-mass and grip-slip, have no "
+                "such limit."
             )
         if rating.failed > 0.0:
             remarks.append(

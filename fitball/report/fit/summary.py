@@ -84,14 +84,30 @@ def parameter_row(estimate: Estimate) -> ParameterRow:
 
 
 def parameter_rows(fit: Fit) -> tuple[ParameterRow, ...]:
-    """Every parameter."""
-    return tuple(map(parameter_row, fit.estimates))
+    """Every parameter, and what follows from several."""
+    return tuple(map(parameter_row, (*fit.estimates, *fit.derived)))
+
+
+def measured_lines(fit: Fit) -> tuple[str, ...]:
+    """What comes first where lines are anchored at a speed that was not measured: their values at one that was."""
+    if fit.drop_test is not None:
+        return ()
+    speeds = fit.problem.impacts.v_y1
+    lines = []
+    for item in fit.derived:
+        if " at " in item.name:
+            row = parameter_row(item)
+            value = row.point if row.median == "-" else f"{row.median} {row.interval_95}"
+            among = f"{significant(float(speeds.min()), 2)} to {significant(float(speeds.max()), 2)} m/s measured"
+            sure = " (95 %)" if row.median != "-" else ""
+            lines.append(f"{item.name}: {value}{f' {row.unit}' if row.unit else ''}{sure}, {row.verdict}; {among}.")
+    return tuple(lines)
 
 
 def named(fit: Fit, name: str, scale: Scale) -> Row:
     """How a row of the page that is about a parameter begins: name, symbol as on figures, unit."""
-    spec = next(item.spec for item in fit.problem.parameters if item.name == name)
-    return {"parameter": name, "": symbol_html(spec.label), "unit": scale.unit}
+    label = next((item.spec.label for item in fit.problem.parameters if item.name == name), "")
+    return {"parameter": name, "": symbol_html(label), "unit": scale.unit}
 
 
 def verdict_cell(estimate: Estimate) -> Markup:
@@ -107,7 +123,7 @@ def numbers_of(row: ParameterRow, sampled: bool) -> Row:
 def parameter_table(fit: Fit) -> tuple[Row, ...]:
     """Every parameter, as the page has it."""
     sampled, rows = fit.posterior is not None, []
-    for item, row in zip(fit.estimates, parameter_rows(fit), strict=True):
+    for item, row in zip((*fit.estimates, *fit.derived), parameter_rows(fit), strict=True):
         cells = named(fit, item.name, handy(item.name, item.unit)) | {"meaning": item.meaning}
         cells |= numbers_of(row, sampled) | {"prior (SI)": item.prior}
         rows.append(cells | ({"contraction": row.contraction} if sampled else {}) | {"verdict": verdict_cell(item)})

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from fitball.inference.results.quantiles import ESSENTIALS
-from fitball.inference.results.results import Fit
+from fitball.inference.results.results import Estimate, Fit
 from fitball.report.fit.adequacy_rows import adequacy_lines
 from fitball.report.fit.assumption_rows import assumption_lines
 from fitball.report.fit.balance_table import balance_table
@@ -18,6 +18,7 @@ from fitball.report.fit.pace_rows import pace_lines
 from fitball.report.fit.summary import (
     diagnosis_lines,
     level_rows,
+    measured_lines,
     notes,
     parameter_rows,
     prediction_table,
@@ -36,7 +37,7 @@ def render(fit: Fit, folder: Path) -> str:
     table = fit.problem.table
     head = f"{fit.problem.model.name} fitted to {table.name} ({len(table)} impacts)"
     parts = [head, "=" * len(head)]
-    first = wrapped(lead_lines(fit.drop_test), others="  ")
+    first = wrapped((*lead_lines(fit.drop_test), *measured_lines(fit)), others="  ")
     parts += [*first, *([""] if first else []), *wrapped([fit.verdict]), *_listed(adequacy_lines(fit))]
     # The notes of the problem stood there before the fit began.
     parts += [*_listed(f"note: {note}" for note in fit.notes if note not in fit.problem.notes), ""]
@@ -45,7 +46,7 @@ def render(fit: Fit, folder: Path) -> str:
     body = [
         # Which assumptions is said below: a line of the table has no room for it.
         [row.name, row.unit, row.median, row.interval_68, row.interval_95, row.point, row.prior, estimate.verdict]
-        for row, estimate in zip(rows, fit.estimates, strict=True)
+        for row, estimate in zip(rows, (*fit.estimates, *fit.derived), strict=True)
     ]
     parts += columns([heads, *body], left=2)
     thesis = thesis_rows(fit)
@@ -91,17 +92,8 @@ def render_json(fit: Fit, folder: Path) -> str:
         "model": fit.problem.model.name,
         "table": fit.problem.table.name,
         "folder": str(folder),
-        "parameters": {
-            estimate.name: {
-                "unit": estimate.unit,
-                **{name: getattr(estimate, name) for name in ESSENTIALS},
-                "point": estimate.point,
-                "verdict": estimate.verdict,
-                "given": estimate.given,
-                "reason": estimate.reason,
-            }
-            for estimate in fit.estimates
-        },
+        "parameters": {estimate.name: _numbers(estimate) for estimate in fit.estimates},
+        "derived": {estimate.name: _numbers(estimate) for estimate in fit.derived},
         "rms": dict(fit.point.rms),
         "court_pace": None if fit.court_pace is None else asdict(fit.court_pace),
         "assumptions": None if fit.assumptions is None else asdict(fit.assumptions),
@@ -109,3 +101,8 @@ def render_json(fit: Fit, folder: Path) -> str:
         "seconds": {timing.stage: timing.seconds for timing in fit.timings},
     }
     return json.dumps(content, indent=2, allow_nan=False)
+
+
+def _numbers(estimate: Estimate) -> dict[str, object]:
+    names = ("unit", *ESSENTIALS, "point", "verdict", "given", "reason")
+    return {name: getattr(estimate, name) for name in names}

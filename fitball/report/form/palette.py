@@ -44,7 +44,9 @@ GOOD, PART, POOR, QUIET = (
 VERDICTS: Mapping[Verdict, Tone] = {
     Verdict.IDENTIFIED: GOOD,
     Verdict.GIVEN: PART,
+    Verdict.UNEXAMINED: PART,
     Verdict.CONDITIONAL: PART,
+    Verdict.EXTRAPOLATED: PART,
     Verdict.ONE_SIDED: PART,
     Verdict.PRIOR_DOMINATED: POOR,
     Verdict.FIXED: QUIET,

@@ -10,6 +10,8 @@ import numpy as np
 from fitball.errors import FitballError, ParameterError
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.priors import parse_prior
+from fitball.inference.qualify import rests_on
+from fitball.inference.results.assumptions import CONTACT_TIME, own_prior
 from fitball.inference.results.quantiles import QUANTILES
 from fitball.inference.results.results import RunStatus, Verdict
 from fitball.models.registry import model, parameter_spec
@@ -125,14 +127,17 @@ def _model(file: FitFile) -> Iterator[str]:
 
 
 def _assumptions(file: FitFile) -> Iterator[str]:
-    found = {} if file.assumptions is None else file.assumptions.parameters
+    found = {} if file.assumptions is None else file.assumptions.given
+    items = {**file.parameters, **file.derived}
     for name in found:
-        if name not in file.parameters:
+        if name not in items:
             yield f"assumptions.parameters: {name} is none of the parameters"
-    for name, item in file.parameters.items():
-        known = found[name].given if name in found else ()
-        if item.verdict is Verdict.GIVEN and item.given != known:
-            yield f"parameters.{name}.given: read {_listed(item.given)}, but assumptions says {_listed(known)}"
+    for name, item in items.items():
+        known = rests_on(name, file.adequacy, file.assumptions)
+        scene = (CONTACT_TIME, own_prior(name))
+        rest = tuple(one for one in item.given if one not in scene or one in known)
+        if item.verdict is Verdict.GIVEN and rest != known:
+            yield f"parameters.{name}.given: read {_listed(item.given)}, but the looks say {_listed(known)}"
 
 
 def _adequacy(file: FitFile) -> Iterator[str]:
@@ -144,7 +149,7 @@ def _adequacy(file: FitFile) -> Iterator[str]:
         yield f"adequacy.moved: read {_listed(beyond_all)}, which are no parameters"
     for name, item in file.parameters.items():
         only = described.conditional(name)
-        sure = item.verdict in (Verdict.IDENTIFIED, Verdict.GIVEN)
+        sure = item.verdict in (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.UNEXAMINED)
         if sure if only else item.verdict is Verdict.CONDITIONAL:
             yield f"parameters.{name} is '{item.verdict}', but adequacy says otherwise"
     chances = [*(check.p for check in described.checks), *(check.adjusted for check in described.noise)]

@@ -248,6 +248,7 @@ class FitFile(Part, frozen=True, kw_only=True):
     table: TablePart
     notes: Texts
     parameters: Mapping[str, ParameterPart]
+    derived: Mapping[str, ParameterPart] = {}
     covariance: Matrix | None
     correlation: Matrix | None
     noise: Mapping[str, Positive]

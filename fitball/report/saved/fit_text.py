@@ -44,6 +44,7 @@ def fit_file(fit: Fit) -> parts.FitFile:
         ),
         notes=(*table.remarks, *fit.notes),
         parameters={estimate.name: _parameter(estimate, theirs) for estimate in fit.estimates},
+        derived={estimate.name: _parameter(estimate, False) for estimate in fit.derived},
         covariance=_matrix(problem.free_names, fit.covariance),
         correlation=_matrix(problem.free_names, fit.correlation),
         noise={name: fit.point.values[name] for name in fit.point.values if name in NOISE_SPECS},

@@ -73,6 +73,7 @@ def restored(saved: SavedFit) -> Fit:
         "point": point,
         "posterior": posterior,
         "estimates": tuple(saved.parameters.values()),
+        "derived": saved.derived,
         "covariance": _array(file.covariance),
         "correlation": _array(file.correlation),
         "diagnostics": _diagnostics(saved, record),

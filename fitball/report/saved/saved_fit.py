@@ -56,6 +56,7 @@ class SavedFit:
     status: RunStatus
     verdict: str
     parameters: Mapping[str, Estimate]
+    derived: tuple[Estimate, ...]
     fitted: FittedModel
     golden: Golden
     file: FitFile
@@ -159,6 +160,7 @@ def _saved(file: FitFile, content: Content, place: Path | None) -> SavedFit:
         status=file.status,
         verdict=file.verdict,
         parameters={name: _estimate(name, parameter) for name, parameter in file.parameters.items()},
+        derived=tuple(_estimate(name, item) for name, item in file.derived.items()),
         fitted=_fitted(file, file.fitted),
         golden=_golden(file.golden),
         file=file,

@@ -10,15 +10,16 @@ from numpy.typing import NDArray
 
 from fitball.api.calibrating import calibrate
 from fitball.errors import FitError
-from fitball.inference.assumptions.importance_posterior import importance_posterior
 from fitball.inference.design.knowledge import Knowledge, knowledge, solved
 from fitball.inference.design.make_plan import make_plan
 from fitball.inference.design.results import Plan
 from fitball.inference.design.sensor import Sensor, as_before, parse_sensor
 from fitball.inference.design.target import Target, parse_target
+from fitball.inference.identifiability.fisher import about
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit
+from fitball.inference.sampling.importance_posterior import importance_posterior
 from fitball.inference.sampling.moves import StudentProposal
 from fitball.values import FloatArray, Impacts
 from validation.plan.cases import CASES, Case
@@ -106,7 +107,7 @@ def _narrowed(ready: Ready, design: Design, row: NDArray[np.int64], rng: np.rand
     if y is None:
         return None
     problem = extended(known.problem, design.impacts, design.sensor, y)
-    drawn = importance_posterior(problem, truth, rng, (ready.proposal,), EFFECTIVE)
+    drawn = importance_posterior(problem, [ready.proposal, about(problem, truth[0])], rng, EFFECTIVE)
     if not drawn.settled:
         return None
     weights = np.exp(drawn.log_weights)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitball.data.read import load_table
-from fitball.data.scene import Scene, load_scene
+from fitball.data.scene import NO_SPIN_SD, NO_VELOCITY_SD, Scene, load_scene
 from fitball.data.table import ImpactTable, Measurement
 from fitball.values import FloatArray, Impacts
 
@@ -47,7 +47,7 @@ class Design:
         )
 
 
-def _spread(low: float, high: float, count: int, step: float) -> FloatArray:
+def _evenly(low: float, high: float, count: int, step: float) -> FloatArray:
     """Numbers that fill a range evenly however many there are (Weyl 1916)."""
     return np.asarray(low + (high - low) * ((0.5 + step * np.arange(count)) % 1.0))
 
@@ -56,13 +56,13 @@ def _spread(low: float, high: float, count: int, step: float) -> FloatArray:
 STEPS = (0.6180339887498949, 0.41421356237309515, 0.7320508075688772)
 
 
-def _over(angle: tuple[float, float], speed: tuple[float, float], spin: float) -> Callable[[int], Impacts]:
+def spread(angle: tuple[float, float], speed: tuple[float, float], spin: float) -> Callable[[int], Impacts]:
     """Impacts over ranges of angle [deg] and speed [m/s], with spins [rad/s] of either sign up to `spin`."""
 
     def make(count: int) -> Impacts:
-        theta = np.radians(_spread(*angle, count, STEPS[0]))
-        fast = _spread(*speed, count, STEPS[1])
-        return Impacts(fast * np.cos(theta), fast * np.sin(theta), _spread(-spin, spin, count, STEPS[2]))
+        theta = np.radians(_evenly(*angle, count, STEPS[0]))
+        fast = _evenly(*speed, count, STEPS[1])
+        return Impacts(fast * np.cos(theta), fast * np.sin(theta), _evenly(-spin, spin, count, STEPS[2]))
 
     return make
 
@@ -73,23 +73,25 @@ def _wang(count: int) -> Impacts:
 
 
 def _drop(count: int) -> Impacts:
-    return Impacts(np.zeros(count), _spread(3.0, 12.0, count, STEPS[0]), np.zeros(count))
+    return Impacts(np.zeros(count), _evenly(3.0, 12.0, count, STEPS[0]), np.zeros(count))
 
 
-_TIMED = Scene(contact_time=CONTACT_TIME)
-_WANG_SCENE = load_scene(WANG)
+# True noises are drawn from priors, which are wider than what a scene means that states a noise.
+_SILENT = (NO_VELOCITY_SD, NO_SPIN_SD)
+_TIMED = Scene(contact_time=CONTACT_TIME, assumed=_SILENT)
+_WANG_SCENE = replace(load_scene(WANG), assumed=_SILENT)
 DESIGNS: Mapping[str, Design] = {
     "wang": Design("Wang's 21 impacts, his scene", _WANG_SCENE, _wang, 21),
     "untimed": Design(
         "Wang's 21 impacts, contact time not known", replace(_WANG_SCENE, contact_time=None), _wang, 21
     ),
     "grip": Design(
-        "21 steep impacts, at which most balls grip", _TIMED, _over((55.0, 75.0), (12.0, 18.0), 100.0), 21
+        "21 steep impacts, at which most balls grip", _TIMED, spread((55.0, 75.0), (12.0, 18.0), 100.0), 21
     ),
-    "slide": Design("21 shallow impacts, at which balls slide", _TIMED, _over((11.0, 17.0), (25.0, 40.0), 50.0), 21),
-    "one-angle": Design("21 impacts at one angle", _TIMED, _over((35.0, 35.0), (12.0, 25.0), 100.0), 21),
-    "drop": Design("a drop test of 15 heights", Scene(), _drop, 15, ("v_y2",)),
+    "slide": Design("21 shallow impacts, at which balls slide", _TIMED, spread((11.0, 17.0), (25.0, 40.0), 50.0), 21),
+    "one-angle": Design("21 impacts at one angle", _TIMED, spread((35.0, 35.0), (12.0, 25.0), 100.0), 21),
+    "drop": Design("a drop test of 15 heights", Scene(assumed=_SILENT), _drop, 15, ("v_y2",)),
     "broad": Design(
-        "40 impacts, steep and shallow, of every spin", _TIMED, _over((20.0, 65.0), (14.0, 25.0), 300.0), 40
+        "40 impacts, steep and shallow, of every spin", _TIMED, spread((20.0, 65.0), (14.0, 25.0), 300.0), 40
     ),
 }

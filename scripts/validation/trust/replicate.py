@@ -8,22 +8,27 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from fitball.errors import FitError
+from fitball.errors import FitballError, FitError
 from fitball.inference.adequacy.describe import adequacy
+from fitball.inference.assumptions.look import look
 from fitball.inference.identifiability.examine import examine, profile_all
 from fitball.inference.point.point_fit import point_fit
 from fitball.inference.prediction.posterior_predictive import regime_shares
 from fitball.inference.problem.problem import Problem
 from fitball.inference.qualify import qualified
+from fitball.inference.results.adequacy import Adequacy
 from fitball.inference.results.results import Posterior, Verdict, thinned
 from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.inference.second_search import search_again
 from fitball.version import __version__
 from validation.shared.simulated import MAX_STEPS, SCHEDULE, short_chain
+from validation.trust.foreign import FAULTS, foreign_problem
 from validation.trust.pinned import pinned
 from validation.trust.scenarios import SCENARIOS, Scenario
 
 LEVELS = (0.025, 0.975)
+# What is said of a table that is not read.
+REFUSED = "refused"
 
 
 @dataclass(frozen=True)
@@ -46,8 +51,9 @@ class Said:
 
 @dataclass(frozen=True)
 class Told:
-    """One table: the answer, the least probability of any of its checks, what is said of each parameter by name, and
-    whether the chain converged. Without a fit `failed` says why, and the rest is empty.
+    """One table: the answer (`REFUSED` where it is not read), the least probability of any of its checks, what is
+    said of each parameter by name, and whether the chain converged. Without a fit `failed` says why, and the rest is
+    empty.
     """
 
     answer: str
@@ -75,6 +81,8 @@ def settings_of(scenario: Scenario) -> Mapping[str, object]:
 def replicate(name: str, seed: int, number: int) -> Told:
     """Replicate `number` of the scenario called `name`: a truth, its table, the fit of that, and what is said."""
     scenario = SCENARIOS[name]
+    if scenario.fault is not None:
+        return _described(scenario, seed, number)
     # The scenario counts too: with the same numbers in each, scenarios would be no independent draws.
     roots = np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()), number)).spawn(3)
     values = scenario.truth(np.random.default_rng(roots[0]))
@@ -84,6 +92,28 @@ def replicate(name: str, seed: int, number: int) -> Told:
         return _fitted(scenario, problem, truth, roots[2])
     except FitError as error:
         return Told("", float("nan"), {}, False, str(error))
+
+
+def _described(scenario: Scenario, seed: int, number: int) -> Told:
+    """The answer alone, as a point fit gives it; the same tables for each model."""
+    fault, name = FAULTS[str(scenario.fault)], f"{scenario.fault} {scenario.size:g}"
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()), number)))
+    try:
+        problem = foreign_problem(str(scenario.fault), scenario.size, scenario.model, rng)
+    except FitballError:
+        return Told(REFUSED, 0.0, {}, True)
+    try:
+        _squares, point = point_fit(problem, rng)
+        looked = look(problem, point, None, rng) if fault.looked else None
+        described = adequacy(problem, point, None, seed, looked)
+    except FitError as error:
+        return Told("", float("nan"), {}, False, str(error))
+    return Told(str(described.answer), _least(described), {}, True)
+
+
+def _least(described: Adequacy) -> float:
+    checks = (*(check.p for check in described.checks), *(check.adjusted for check in described.noise))
+    return min(checks, default=1.0)
 
 
 def _fitted(scenario: Scenario, problem: Problem, truth: Mapping[str, float], root: np.random.SeedSequence) -> Told:
@@ -112,5 +142,4 @@ def _fitted(scenario: Scenario, problem: Problem, truth: Mapping[str, float], ro
         name: Said(verdicts[name], low, high, truth[name] if scenario.knows(name) else None, pins.get(name))
         for name, (low, high) in zip(posterior.names, ends, strict=True)
     }
-    checks = (*(check.p for check in described.checks), *(check.adjusted for check in described.noise))
-    return Told(str(described.answer), min(checks, default=1.0), said, sampled.converged)
+    return Told(str(described.answer), _least(described), said, sampled.converged)

@@ -26,7 +26,7 @@ def run_scenario(
     Raises ResultFolderError.
     """
     scenario = SCENARIOS[name]
-    names = scenario.problem.free_names
+    names = scenario.problem.free_names if scenario.fault is None else ()
 
     def cells(told: Told) -> list[str]:
         said = [_cells(told.parameters.get(parameter)) for parameter in names]

@@ -4,11 +4,12 @@ those that it did not make, from one truth and with one thing that the model doe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fitball.data.scene import load_scene
 from fitball.data.table import ImpactTable, Measurement
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.problem import Problem
@@ -16,7 +17,8 @@ from fitball.models.registry import DEFAULT_MODEL, model
 from fitball.models.types import Rebound
 from fitball.values import FloatArray, Impacts
 from validation.shared.simulated import drawn_truth, simulated_columns
-from validation.trust.designs import DESIGNS, Design
+from validation.trust.designs import DESIGNS, Design, spread
+from validation.trust.foreign import FAULTS, ROWS
 
 # A ball and court like Wang's, and noises of the expected size [m/s, rad/s].
 TRUTH: Mapping[str, float] = {
@@ -37,6 +39,8 @@ class Scenario:
 
     `spoil` changes impacts and rebound columns after these were made; `maker` makes rebounds without noise, where the
     fitted `model` does not. `truths` are the parameters of which a truth is known (None: all).
+
+    A table of which only the answer counts has a `fault` of a `size` (see `foreign`), and no model made it.
     """
 
     name: str
@@ -48,6 +52,8 @@ class Scenario:
     spoil: Callable[[Impacts, Columns, np.random.Generator], tuple[Impacts, Columns]] | None = None
     truths: tuple[str, ...] | None = None
     model: str = DEFAULT_MODEL
+    fault: str | None = None
+    size: float = 1.0
 
     @property
     def problem(self) -> Problem:
@@ -155,4 +161,17 @@ def _scenarios() -> tuple[Scenario, ...]:
     )  # fmt: skip
 
 
-SCENARIOS: Mapping[str, Scenario] = {scenario.name: scenario for scenario in _scenarios()}
+def _foreign() -> Iterator[Scenario]:
+    """Tables that no code of fitball made, fitted with the model of their equations and with the default."""
+    scene = load_scene(None)
+    for name, fault in FAULTS.items():
+        design = Design(fault.words, scene, spread(fault.angles, fault.speeds, 180.0), ROWS)
+        for size in fault.sizes:
+            for fitted in ("grip-slip", DEFAULT_MODEL):
+                share = "" if size >= 1.0 else f", {100 * size:.0f} % of that"
+                label = f"{name}{'' if size >= 1.0 else f'-{100 * size:.0f}'}-{fitted}"
+                words = f"{fault.words}{share}, fitted by {fitted}"
+                yield Scenario(label, design, words, made=False, model=fitted, fault=name, size=size)
+
+
+SCENARIOS: Mapping[str, Scenario] = {scenario.name: scenario for scenario in (*_scenarios(), *_foreign())}

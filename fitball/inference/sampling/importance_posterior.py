@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from fitball.inference.identifiability.fisher import fisher_information, inverse, prior_sds
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.moves import StudentProposal
@@ -23,8 +22,6 @@ from fitball.values import FloatArray
 ROUND, ROUNDS = 500, 16
 # Effective draws that end the rounds, and those below which nothing is said.
 ENOUGH, LEAST = 400.0, 100.0
-# Optima of a fit about which its posterior is drawn.
-DRAWN_ABOUT = 2
 # Effective draws a parameter from which the next proposal is fitted; where there are fewer the weights are flattened.
 SPANNING = 5.0
 FLATTER, FLATTEST = 0.8, 0.05
@@ -66,17 +63,15 @@ def equal_draws(values: FloatArray) -> WeightedDraws:
 
 def importance_posterior(
     problem: Problem,
-    optima: FloatArray,
+    begun: Sequence[StudentProposal],
     rng: np.random.Generator,
-    beside: Sequence[StudentProposal] = (),
     enough: float = ENOUGH,
     density: Callable[[Problem, FloatArray], FloatArray] = log_posterior,
 ) -> WeightedDraws:
-    """Weighted draws of the posterior, worth `enough` independent ones if so many can be had, begun about each of its
-    `optima` (optima, free), in coordinates, and with the proposals `beside` these; or of another log `density` of a
-    problem at coordinates (draws, free).
+    """Weighted draws of the posterior, worth `enough` independent ones if so many can be had, from the proposals that
+    it is `begun` with; or of another log `density` of a problem at coordinates (draws, free).
     """
-    fitted = [*beside, *(about(problem, optimum) for optimum in optima)]
+    fitted = [*begun]
     proposals: list[tuple[int, StudentProposal]] = []
     coordinates, score = np.empty((0, problem.dimension)), np.empty(0)
     # Log densities (proposals, draws): those of a round's draws and proposals join those of the rounds before.
@@ -112,14 +107,6 @@ def _log_densities(proposals: Sequence[tuple[int, StudentProposal]], coordinates
     """Those (proposals, draws) of each proposal at coordinates (draws, free), all times their numbers of draws."""
     rows = [np.log(count) + one.log_density(coordinates) - one.log_volume for count, one in proposals]
     return np.array(rows).reshape(len(proposals), len(coordinates))
-
-
-def about(problem: Problem, optimum: FloatArray) -> StudentProposal:
-    """The proposal by the information of table and priors at an optimum (free,)."""
-    information = np.nan_to_num(fisher_information(problem, optimum, scene=True))
-    width = problem.prior.width * prior_sds(problem)
-    covariance = inverse(information, 1.0) * np.outer(width, width)
-    return StudentProposal(optimum, np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
 
 
 def fitted_to(coordinates: FloatArray, log_weights: FloatArray) -> StudentProposal | None:

@@ -1,0 +1,144 @@
+"""Quantities that follow from several parameters and are known where these are not: the ratio of the stiffnesses, and
+the restitution and the offset at a speed that was measured where their lines are anchored at another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitball.inference.identifiability.first_order import first_order_draws
+from fitball.inference.identifiability.posterior_verdict import Judgement, judged_draws
+from fitball.inference.problem.parameters import Parameter
+from fitball.inference.problem.priors import parse_prior
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.results import PointFit, Posterior
+from fitball.models.kernels.restitution import ANCHOR_SPEED
+from fitball.models.specs import ParameterSpec
+from fitball.values import FloatArray, Impacts
+
+# Values (draws, free) in SI -> the quantity (draws,), NaN where the model has no answer.
+Rule = Callable[[FloatArray], FloatArray]
+# Share of the middle speed by which the anchor must lie outside of the measured ones: those of one setting of a
+# launcher scatter by 3 % (sd of Wang's 21 impacts), and closer than twice that is scatter.
+BEYOND = 0.05
+# Lines in the normal speed: parameter at the anchor, its slope.
+LINES = {"cor_10": "cor_slope", "eps_10": "eps_slope"}
+# Draws of a point fit.
+DRAWS = 2000
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity that follows from the parameters called `parts`; `parameter` has its name, unit and coordinate."""
+
+    parameter: Parameter
+    parts: tuple[str, ...]
+    rule: Rule
+
+
+@dataclass(frozen=True)
+class Derived:
+    """A quantity with its best value, its draws (draws,) and the verdict on it."""
+
+    quantity: Quantity
+    point: float
+    draws: FloatArray
+    judged: Judgement
+
+
+def extrapolated(problem: Problem) -> tuple[str, ...]:
+    """The free parameters that are values at 10 m/s of lines that the table saw at other speeds only."""
+    low, high = _speeds(problem)
+    slack = BEYOND * float(np.median(problem.impacts.v_y1))
+    if low - slack <= ANCHOR_SPEED <= high + slack:
+        return ()
+    return tuple(name for name, slope in LINES.items() if {name, slope} <= set(problem.free_names))
+
+
+def _speeds(problem: Problem) -> tuple[float, float]:
+    return float(problem.impacts.v_y1.min()), float(problem.impacts.v_y1.max())
+
+
+def extrapolated_words(problem: Problem) -> str:
+    """Why a value at 10 m/s is extrapolated."""
+    low, high = _speeds(problem)
+    return f"at {ANCHOR_SPEED:.0f} m/s its line is continued from the measured {low:.3g} to {high:.3g} m/s"
+
+
+def quantities(problem: Problem) -> tuple[Quantity, ...]:
+    """Those that a problem has, of parameters that are the same for all impacts."""
+    pooled = {pooling.parameter for pooling in problem.pooling}
+    return tuple(item for item in _all(problem) if not pooled & set(item.parts))
+
+
+def _all(problem: Problem) -> Iterator[Quantity]:
+    speed = float(f"{np.median(problem.impacts.v_y1):.3g}")
+    for anchor in extrapolated(problem):
+        parts = (anchor, LINES[anchor])
+        at = f"at {speed:g} m/s"
+        if anchor == "cor_10":
+            spec = ParameterSpec(
+                f"COR {at}", "", 0.0, 1.0, "normal(0.75, 0.15)", f"coefficient of restitution {at}", r"$\mathrm{COR}$"
+            )
+            yield Quantity(_parameter(spec), parts, _restitution(problem, speed))
+        else:
+            spec = ParameterSpec(
+                f"offset {at}", "m", -0.033, 0.033, "normal(0, 0.005)",
+                f"distance of the normal force ahead of the centre {at}", r"$\varepsilon$",
+            )  # fmt: skip
+            yield Quantity(_parameter(spec), parts, _line(problem, *parts, speed - ANCHOR_SPEED))
+    if {"k_theta", "k_y"} <= set(problem.free_names):
+        spec = ParameterSpec(
+            "k_theta/k_y", "m^2/rad", 1e-12, 1e6, "lognormal(1.5e-3, 1.8)",
+            "torsional over vertical stiffness, all that rebounds tell of the two", r"$K_\theta/K_y$",
+        )  # fmt: skip
+        above, below = (problem.free_names.index(name) for name in ("k_theta", "k_y"))
+        yield Quantity(_parameter(spec), ("k_theta", "k_y"), lambda values: values[:, above] / values[:, below])
+
+
+def _parameter(spec: ParameterSpec) -> Parameter:
+    return Parameter(spec, parse_prior(spec.name, spec.prior, spec.lower, spec.upper, spec.unit), None)
+
+
+def _restitution(problem: Problem, speed: float) -> Rule:
+    """As the law of the model has it, met at the table's middle motion along the court."""
+    given = problem.impacts
+    impact = Impacts(np.array([np.median(given.v_x1)]), np.array([speed]), np.array([np.median(given.omega_1)]))
+
+    def rule(values: FloatArray) -> FloatArray:
+        rebound = problem.rebound(values, impact)
+        return np.where(rebound.status[:, 0] == 0, rebound.v_y2[:, 0] / speed, np.nan)
+
+    return rule
+
+
+def _line(problem: Problem, anchor: str, slope: str, away: float) -> Rule:
+    at, by = (problem.free_names.index(name) for name in (anchor, slope))
+    return lambda values: values[:, at] + away * values[:, by]
+
+
+def derived(
+    problem: Problem, point: PointFit, posterior: Posterior | None, rng: np.random.Generator
+) -> tuple[Derived, ...]:
+    """Every quantity, judged by its draws beside those of what was known before."""
+    asked = quantities(problem)
+    if not asked:
+        return ()
+    best = np.array([[point.values[name] for name in problem.free_names]])
+    if posterior is None:
+        values, before = first_order_draws(problem, point, DRAWS, rng), problem.prior.draw(rng, DRAWS)
+    else:
+        values, before = posterior.draws, posterior.prior_draws
+    found = []
+    for item in asked:
+        draws, known = item.rule(values), item.rule(before)
+        draws, known = draws[np.isfinite(draws)], known[np.isfinite(known)]
+        # Where the model has hardly an answer there is nothing to be told.
+        if 2 * len(draws) < len(values) or 2 * len(known) < len(before):
+            continue
+        judged = judged_draws(problem, item.parameter, draws, item.parameter.prior.coordinate(known), "")
+        found.append(Derived(item, float(item.rule(best)[0]), draws, judged))
+    return tuple(found)
