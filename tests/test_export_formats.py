@@ -269,7 +269,7 @@ def test_every_format_of_a_point_fit(point_only):
         if name != "netcdf":
             assert main(["export", str(point_only), "--to", name]) == 0
     assert {path.name for path in point_only.iterdir()} == {
-        "fit.json", "bounce.py", "bounce.h", "bounce.js", "bounce.mjs", "bounce.cs", "bounce.gd",
+        "fit.json", "bounce.py", "bounce.h", "bounce.js", "bounce.mjs", "bounce.cs",
         "golden.csv", "lookup.csv", "lookup.json", "engine.md", "engine.json",
         "parameters.json", "parameters.tex", "parameters.md", "certificate.html",
     }  # fmt: skip

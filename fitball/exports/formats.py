@@ -14,7 +14,6 @@ from fitball.exports.paper_table import latex_table, markdown_table
 from fitball.exports.parameter_set import parameter_content
 from fitball.exports.port.c import c_port
 from fitball.exports.port.csharp import csharp_port
-from fitball.exports.port.gdscript import gdscript_port
 from fitball.exports.port.javascript import javascript_texts
 from fitball.exports.port.port import Port, make_port
 from fitball.exports.port.python import python_port
@@ -75,7 +74,6 @@ TEXT_FORMATS: Mapping[str, TextFormat] = {
     "c": _port(lambda port, prefix: {".h": c_port(port, prefix)}),
     "javascript": _port(javascript_texts),
     "csharp": _port(lambda port, prefix: {".cs": csharp_port(port, prefix)}),
-    "gdscript": _port(lambda port, _prefix: {".gd": gdscript_port(port)}),
     "lookup": TextFormat("lookup", lambda saved, options: lookup_texts(saved, options.range), lookup_note),
     "engine": TextFormat("engine", lambda saved, options: engine_texts(saved, options.at, options.engine_inertia)),
     "json": _parameters(".json", lambda saved: json_text(parameter_content(saved))),

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from numbers import Real
 
 FORMAT_NAMES = (
-    "python", "c", "javascript", "csharp", "gdscript", "golden", "lookup", "engine", "json", "latex",
+    "python", "c", "javascript", "csharp", "golden", "lookup", "engine", "json", "latex",
     "markdown", "netcdf", "certificate",
 )  # fmt: skip
 # What an option is, in words too; and which formats alone have it. `json` leaves the other texts out.
