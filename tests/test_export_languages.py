@@ -13,8 +13,7 @@ import pytest
 from test_export_ports import differences, fitted, port_of, python_module, random_cases  # noqa: F401 - a fixture
 from test_total_bounce import ball_of
 
-from fitball.exports.port.csharp import csharp_port
-from fitball.exports.port.javascript import javascript_script, javascript_texts
+from fitball.exports.port.languages import csharp_port, javascript_script, javascript_texts
 from fitball.inference.prediction.valid_range import total_rebound, valid_range
 from fitball.models.types import regime_name
 from fitball.values import Ball, Impacts

@@ -9,14 +9,11 @@ from typing import NamedTuple
 
 import pytest
 
-from fitball.exports.port.c import C99
-from fitball.exports.port.csharp import CSharp
-from fitball.exports.port.expressions import Program
-from fitball.exports.port.javascript import JavaScript
+from fitball.exports.port.dialect import Struct
 from fitball.exports.port.kernel_source import UnportableError, kernel_source
-from fitball.exports.port.kinds import Struct
-from fitball.exports.port.python import check_self_contained
-from fitball.exports.port.statements import program_of, signatures, translated
+from fitball.exports.port.languages import C99, CSharp, JavaScript
+from fitball.exports.port.port import check_self_contained
+from fitball.exports.port.translate import Program, program_of, signatures, translated
 
 CC = shutil.which("cc") or shutil.which("gcc")
 FLAGS = ("-std=c99", "-O0", "-Wall", "-Wextra", "-Wpedantic", "-Werror")

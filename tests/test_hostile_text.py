@@ -21,11 +21,8 @@ from test_interactive import models  # noqa: F401 - a fixture
 from fitball import FitballError, load_fit
 from fitball.cli.main import main
 from fitball.exports.interactive import interactive_page, round_impact
-from fitball.exports.port.c import c_port
-from fitball.exports.port.csharp import csharp_port
-from fitball.exports.port.javascript import javascript_texts
-from fitball.exports.port.python import python_port
-from fitball.exports.port.render import HARMLESS, source_text
+from fitball.exports.port.languages import c_port, csharp_port, javascript_texts
+from fitball.exports.port.port import HARMLESS, python_port, source_text
 
 # What ends a comment, a string, a line or a script in some language, or goes on in the next line.
 ENDS = (

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fitball.cli.options import place, tell_notes
 from fitball.errors import ParameterError, suggestion
-from fitball.exports.names import FORMAT_NAMES, OWNERS
+from fitball.exports import FORMAT_NAMES, OWNERS
 
 HELP = "a fitted parameter set in another form: C, Python, JavaScript, C#, tables, engines"
 DESCRIPTION = "Write a fit in another form. Nothing is fitted or sampled again."

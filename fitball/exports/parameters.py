@@ -1,23 +1,83 @@
-"""Parameters as a table for a paper: LaTeX (booktabs) and Markdown, rounded by the Particle Data Group's rule."""
+"""The fitted parameters for other programs, as JSON with a schema (`parameters.schema.json`); and for a paper, as a
+table in LaTeX (booktabs) and Markdown, rounded by the Particle Data Group's rule.
+"""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import Any
 
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.adequacy import Answer
+from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Estimate, RunStatus, Verdict
 from fitball.models.registry import parameter_spec
 from fitball.report.form.display_units import handy
 from fitball.report.form.rounding import decimals, fixed, interval, significant
 from fitball.report.saved.saved_fit import SavedFit
+from fitball.version import __version__
 
+SCHEMA_VERSION = 1
+NUMBERS = ("point", *ESSENTIALS)
 _ESCAPES = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
     "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "|": r"\textbar{}", "<": r"\textless{}",
     ">": r"\textgreater{}",
 }  # fmt: skip
+
+
+def parameter_content(saved: SavedFit) -> dict[str, Any]:
+    """What `parameters.schema.json` describes: SI, no nulls, absent numbers left out."""
+    content = saved.content
+    golden = content["golden"]
+    parameter_set: dict[str, Any] = {
+        "schema_version": SCHEMA_VERSION,
+        "kind": "fitball parameter set",
+        "fitball": __version__,
+        "status": str(saved.status),
+        "model": {"name": saved.fitted.model_name, "closures": dict(saved.fitted.options)},
+        "ball": dict(content["ball"]),
+        "table": dict(content["table"]),
+        "parameters": {name: _parameter(parameter) for name, parameter in saved.parameters.items()},
+    }
+    if content["levels"]:
+        parameter_set["levels"] = _levels(content["levels"])
+    if content["correlation"] is not None:
+        parameter_set["correlation"] = content["correlation"]
+    parameter_set["golden"] = {
+        part: {name: column for name, column in golden[part].items() if column is not None}
+        for part in ("impacts", "rebound")
+    }
+    return parameter_set
+
+
+def _levels(listed: list[dict[str, Any]]) -> dict[str, Any]:
+    """Values of the parameters that differ between surfaces, balls or tables: by parameter, then by label."""
+    levels: dict[str, Any] = {}
+    for item in listed:
+        one = levels.setdefault(item["parameter"], {"column": item["column"], "values": {}})
+        one["values"][item["label"]] = {name: item[name] for name in NUMBERS if item[name] is not None}
+    return levels
+
+
+def role(name: str) -> str:
+    """Whether a parameter belongs to the bounce, to the noise of a measurement, or to a group of impacts."""
+    return "noise" if name in NOISE_SPECS else "model" if parameter_spec(name) is not None else "group"
+
+
+def _parameter(parameter: Estimate) -> dict[str, Any]:
+    content: dict[str, Any] = {
+        "role": role(parameter.name),
+        "unit": parameter.unit,
+        "meaning": parameter.meaning,
+        "fixed": parameter.verdict is Verdict.FIXED,
+        "verdict": str(parameter.verdict),
+        "prior": parameter.prior,
+    }
+    if parameter.given:
+        content["given"] = list(parameter.given)
+    return content | {name: getattr(parameter, name) for name in NUMBERS if getattr(parameter, name) is not None}
 
 
 @dataclass(frozen=True)

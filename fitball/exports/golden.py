@@ -1,17 +1,47 @@
-"""A check of a port against the golden impacts, in words and as plain data."""
+"""The golden impacts as a table, what a port is fed with and what it should answer; and the check of a port against
+them, in words and as plain data.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-from fitball.inference.prediction.port_check import PortCheck
-from fitball.observables import SI_UNITS
+from fitball.inference.prediction.port_check import PortCheck, expected_outputs
+from fitball.inference.results.fitted_model import FittedModel
+from fitball.inference.results.results import Golden
+from fitball.models.types import OUTPUTS, regime_name
+from fitball.observables import INCIDENT_UNITS, SI_UNITS
+from fitball.report.form.csv import csv_text
+from fitball.values import FloatArray
 
 EXPLANATION = (
     "Relative: speeds to the incident speed of the ball's centre and surface together, spins times the radius\n"
     "likewise, contact times to themselves; angles in radians. Double precision gives 1e-12 or better."
 )
+
+
+def golden_ids(golden: Golden) -> tuple[str, ...]:
+    """Names of the golden impacts."""
+    return tuple(f"golden-{k}" for k in range(1, len(golden.impacts) + 1))
+
+
+def golden_table(fitted: FittedModel, golden: Golden, inputs_only: bool) -> str:
+    """CSV of the golden impacts to 17 digits, with the expected rebounds unless `inputs_only`."""
+    expected = expected_outputs(fitted, golden)
+    columns: dict[str, FloatArray] = {name: getattr(golden.impacts, name) for name in INCIDENT_UNITS}
+    if not inputs_only:
+        columns |= {name: expected[name] for name in OUTPUTS if name in expected}
+    rows: list[dict[str, object]] = []
+    for k, label in enumerate(golden_ids(golden)):
+        row: dict[str, object] = {"id": label}
+        row |= {f"{name} [{SI_UNITS[name]}]": repr(float(values[k])) for name, values in columns.items()}
+        if fitted.model.needs_cor and golden.impacts.cor is not None:
+            row["cor"] = repr(float(golden.impacts.cor[k]))
+        if not inputs_only:
+            row["regime"] = regime_name(int(golden.rebound.regime[k]))
+        rows.append(row)
+    return csv_text(rows)
 
 
 def port_text(check: PortCheck, ids: Sequence[str], model: str) -> str:
@@ -21,7 +51,7 @@ def port_text(check: PortCheck, ids: Sequence[str], model: str) -> str:
     lines += [head.rstrip()]
     for output in check.outputs:
         size = f"{output.absolute:.3g} {SI_UNITS[output.name]}"
-        verdict = _verdict(check, output.relative)
+        verdict = "ok" if output.relative <= check.tolerance else "FAIL"
         lines.append(f"{output.name:<14}{size:<28}{output.relative:<12.2g}{ids[output.worst]:<12}{verdict}")
     lines += ["", f"{'impact':<12}{'relative':<12}{'':<6}regime"]
     for k, label in enumerate(ids):
@@ -32,10 +62,6 @@ def port_text(check: PortCheck, ids: Sequence[str], model: str) -> str:
     result = "passed" if check.passed else f"FAILED: {failed} of {len(ids)} impacts"
     lines += ["", EXPLANATION, "", f"{result} (tolerance {check.tolerance:g} relative)"]
     return "\n".join(lines)
-
-
-def _verdict(check: PortCheck, relative: float) -> str:
-    return "ok" if relative <= check.tolerance else "FAIL"
 
 
 def port_json(check: PortCheck, ids: Sequence[str], model: str) -> dict[str, Any]:
