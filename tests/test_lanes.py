@@ -11,6 +11,7 @@ import pytest
 from samples import COMPOSITIONS
 
 import fitball
+from fitball.bench.hard_cases import hard_cases
 from fitball.models.kernels import batch
 from fitball.models.kernels.bounce import bounce
 from fitball.models.kernels.dual import choose
@@ -20,7 +21,6 @@ from fitball.models.kernels.phases import PIECE_SIZE
 from fitball.models.kernels.two_mass import MAX_PHASES, make_scratch
 from fitball.models.kernels.vectors import WIDTH
 from fitball.models.two_mass_model import _incident
-from fitball.studies.bench.hard_cases import hard_cases
 from fitball.values import Impacts, OwnImpacts
 
 ULPS = 1.5
