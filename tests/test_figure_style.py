@@ -20,7 +20,7 @@ from fitball.report.figures.canvas import Margins, group_handles, group_styles, 
 from fitball.report.figures.kinds import draw
 from fitball.report.figures.parameter_axis import parameter_axis
 from fitball.report.figures.sketch import ball_sketch
-from fitball.report.fit.html import page
+from fitball.report.fit.document import page
 from fitball.report.form.palette import (
     MEASURED,
     MODEL,

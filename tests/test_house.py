@@ -112,7 +112,7 @@ def test_wheel_carries_tables_scenes_schemas_and_template(tmp_path):
         "fitball/data/scene.schema.json",
         "fitball/report/fit.schema.json",
         "fitball/exports/parameters.schema.json",
-        "fitball/report/templates/report.html.j2",
+        "fitball/report/templates/page.css",
         "fitball/py.typed",
     ):
         assert needed in names

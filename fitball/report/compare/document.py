@@ -244,7 +244,7 @@ def held_out(comparison: Comparison) -> list[Words | Table]:
         text += f" Last column: its share in the difference of scores, positive where {names[0]} foresees it better."
     rows = list(zip(*columns.values(), strict=False))
     label = "Impacts left out, measured and predicted"
-    listed = Table(label, [[*columns], *rows], count=len(table), rest="compare.json", only="page")
+    listed = Table(label, [[*columns], *rows], count=len(table), rest="`compare.json`", only="page")
     return [Words([text], only="page"), listed]
 
 

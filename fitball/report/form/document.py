@@ -146,7 +146,8 @@ def on_terminal(document: Document, full: bool = True) -> str:
     blocks = [f"{document.title}\n{'=' * len(document.title)}"]
     for section, parts in document.read_by("terminal"):
         shown = [part for part in parts if full or part.rank == "first"]
-        texts = ["\n".join(_lines(part, k)) for k, part in enumerate(shown) if not isinstance(part, Picture)]
+        tables = [part for part in shown if isinstance(part, Table)]
+        texts = ["\n".join(_lines(part, part in tables[1:])) for part in shown if not isinstance(part, Picture)]
         if section.title and texts:
             listed = isinstance(shown[0], Words) and shown[0].kind == "list"
             blocks.append(section.title + ("\n" if listed else "\n\n") + texts.pop(0))
@@ -154,7 +155,8 @@ def on_terminal(document: Document, full: bool = True) -> str:
     return "\n\n".join(blocks)
 
 
-def _lines(part: Words | Table, place: int) -> Iterable[str]:
+def _lines(part: Words | Table, labelled: bool) -> Iterable[str]:
+    """`labelled` is a table that is not the only one of its section."""
     if isinstance(part, Words):
         if part.kind == "list":
             return wrapped(part.texts, "- ", "  ")
@@ -165,8 +167,10 @@ def _lines(part: Words | Table, place: int) -> Iterable[str]:
     if part.over:
         shown.insert(0, [text if k == 0 else "" for text, count in part.over for k in range(count)])
     lines = columns(shown, [part.left[k] for k in kept])
-    lines += [f"... and {part.more(MOST_LINES):,} more: {part.rest}"] if part.more(MOST_LINES) else []
-    return [f"{part.label}:", "", *lines] if place else lines
+    lines += (
+        [f"... and {part.more(MOST_LINES):,} more: {part.rest.replace('`', '')}"] if part.more(MOST_LINES) else []
+    )
+    return [f"{part.label}:", "", *lines] if labelled else lines
 
 
 def as_page(document: Document, images: Mapping[str, bytes]) -> str:
@@ -256,7 +260,7 @@ def _table(part: Table) -> Markup:
     whole = Markup("<table>\n<caption>{}</caption>\n<thead>{}</thead>\n<tbody>\n{}\n</tbody></table>")
     made = BOX.format(part.label, "", whole.format(part.label, head, body))
     if left := part.more(MOST_ROWS):
-        made += Markup('\n<p class="quiet">{:,} more stand in {}.</p>').format(left, _typeset(f"`{part.rest}`"))
+        made += Markup('\n<p class="quiet">{:,} more stand in {}.</p>').format(left, _typeset(part.rest))
     folded = Markup("<details><summary>{}</summary>\n{}</details>")
     return folded.format(part.label, made) if part.rank == "folded" else made
 
