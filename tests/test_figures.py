@@ -349,7 +349,7 @@ def test_a_drop_test_has_no_spin_and_one_curve(tmp_path):
     np.testing.assert_allclose(column.bands["v_y2"][0], cor * column.along)
     assert list(incident_quantities(fit)) == ["v_y1"]
     # Thesis units stand only beside the thesis's data.
-    assert thesis_rows(fit) == ()
+    assert thesis_rows(fit) == []
     assert "In the units of the thesis" not in page(fit, {})
 
 

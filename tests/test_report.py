@@ -219,7 +219,7 @@ def test_no_number_is_longer_than_it_deserves(fit, two_mass, tmp_path):
 
 
 def test_rows_say_what_the_estimates_say(two_mass):
-    for row, item in ((parameter_row(item), item) for item in two_mass.estimates):
+    for row, item in ((parameter_row(item), item) for item in (*two_mass.estimates, *two_mass.derived)):
         assert row.verdict == item.verdict_words
         assert row.reason == item.reason
         assert row.reason

@@ -65,12 +65,11 @@ class Found:
         return tuple(self.parameters.values())
 
     @property
-    def derived(self) -> Mapping[str, results.Estimate]:
-        """Estimates by name of what follows from several parameters: the ratio of the stiffnesses, and restitution
+    def derived(self) -> tuple[results.Estimate, ...]:
+        """Estimates of what follows from several parameters: the ratio of the stiffnesses, and restitution
         and offset at a measured speed where 10 m/s was not measured.
         """
-        made = self.saved.derived if self._made is None else self._made.derived
-        return {estimate.name: estimate for estimate in made}
+        return self.saved.derived if self._made is None else self._made.derived
 
     @property
     def notes(self) -> tuple[str, ...]:

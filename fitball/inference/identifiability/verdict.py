@@ -76,14 +76,18 @@ def combine(
     freedom = degrees_of_freedom(problem, (parameter.name,))
     if judged.verdict in (Verdict.IDENTIFIED, Verdict.ONE_SIDED) and freedom <= LEAST_FREEDOM:
         judged = replace(judged, verdict=Verdict.PRIOR_DOMINATED, reason=_few_words(freedom))
+    held_off = False
     if judged.verdict is Verdict.IDENTIFIED and evidence.profile is not None:
         # Where only the posterior's middle lies elsewhere the profile is a narrow peak, and no prior holds it off.
         known = [at for at in (value, *((base and base.middle) or ())) if at is not None]
-        if known and not agreed and not _reaches(evidence.profile, min(known), max(known)):
+        held_off = bool(known) and not agreed and not _reaches(evidence.profile, min(known), max(known))
+        if held_off:
             judged = _held_off(parameter, judged, evidence.profile)
-    if judged.verdict is Verdict.IDENTIFIED and _apart_from_prior(parameter, evidence):
+    told = judged.verdict in (Verdict.IDENTIFIED, Verdict.PRIOR_DOMINATED) and not held_off
+    if told and _apart_from_prior(parameter, evidence):
         apart = f"; its prior and the table disagree: the table alone has it within {_within(parameter, evidence)}"
-        judged = replace(judged, reason=judged.reason + apart, given=(*judged.given, own_prior(parameter.name)))
+        given = (own_prior(parameter.name),) if judged.verdict is Verdict.IDENTIFIED else ()
+        judged = replace(judged, reason=judged.reason + apart, given=(*judged.given, *given))
     remarks = _leaning(evidence.profile) + _active(evidence.active_impacts)
     differences = [] if base is None else _differences(problem, parameter, base, judged, evidence)
     return replace(judged, reason=judged.reason + remarks), "; ".join(differences)

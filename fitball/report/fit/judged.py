@@ -192,11 +192,14 @@ def evidence_parts(fit: Fit, pictures: Sequence[Part]) -> list[Part]:
     return [
         Words([EVIDENCE.format(also[0], 100.0 * found.profile_coverage, also[1])], only="page"),
         Table.of("Evidence on each parameter", evidence_rows(fit), ["", "unit", "verdict"], only="page"),
-        Words([f"There are no profiles: {found.profiles_missing}."] if found.profiles_missing else [], "list"),
+        Words([
+            *([f"There are no profiles: {found.profiles_missing}."] if found.profiles_missing else []),
+            *(() if combined else found.eigendirections.sentences),
+        ], "list"),
         *pictures,
         Words([DIRECTIONS] * bool(combined), only="page"),
         Table.of("Combinations of parameters", combined, ["without the scene: combination"], only="page"),
-    ]
+    ]  # fmt: skip
 
 
 def evidence_rows(fit: Fit) -> list[Row]:

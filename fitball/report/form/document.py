@@ -143,7 +143,7 @@ def _holds(part: Part) -> bool:
 
 def on_terminal(document: Document, full: bool = True) -> str:
     """Plain text in lines of a terminal's width; what has rank "first" alone where it is not to be `full`."""
-    blocks = [f"{document.title}\n{'=' * len(document.title)}"]
+    blocks = [f"{document.title}\n{'=' * len(document.title)}"] if document.title else []
     for section, parts in document.read_by("terminal"):
         shown = [part for part in parts if full or part.rank == "first"]
         tables = [part for part in shown if isinstance(part, Table)]
@@ -160,8 +160,8 @@ def _lines(part: Words | Table, labelled: bool) -> Iterable[str]:
     if isinstance(part, Words):
         if part.kind == "list":
             return wrapped(part.texts, "- ", "  ")
-        paragraphs = ["\n".join(wrapped([text])) for text in part.texts]
-        return ["\n\n".join(paragraphs)]
+        between = "\n" if part.kind == "lead" else "\n\n"
+        return [between.join("\n".join(wrapped([text])) for text in part.texts)]
     kept = [k for k, head in enumerate(part.rows[0]) if head not in part.aside]
     shown = [[row[k] for k in kept] for row in part.rows[: MOST_LINES + 1]]
     if part.over:
