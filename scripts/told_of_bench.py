@@ -8,7 +8,7 @@ import pandas as pd
 from measured import ROOT
 from told_of_fits import table
 
-from fitball.report.form.rounding import digits
+from fitball.report.form.numbers import digits
 from fitball.studies.bench.precision import FASTEST
 
 # Errors at which the closed form is compared with what is fastest there, and how one would integrate carelessly.

@@ -22,7 +22,7 @@ from fitball.exports.formats import TEXT_FORMATS
 from fitball.exports.names import OWNERS
 from fitball.exports.paper_table import latex_table, markdown_table, paper_rows
 from fitball.exports.parameter_set import parameter_content
-from fitball.report.form.rounding import decimals, fixed
+from fitball.report.form.numbers import decimals, fixed
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from fitball.batch.joint import joint_populations, poolable, posed
 from fitball.cli.main import main
 from fitball.errors import FitballError
 from fitball.inference.effort import Effort
-from fitball.report.batch.folder import write_results
+from fitball.report.batch.document import write_results
 from fitball.report.batch.rows import row_of
 
 NAMES = ("a", "b", "c", "d")
@@ -25,8 +25,8 @@ NAMES = ("a", "b", "c", "d")
 @pytest.fixture
 def season(small_fit, short_fit, tmp_path, monkeypatch):
     """A batch of four tables alike, without its figure, the last of a heavier ball."""
-    monkeypatch.setattr("fitball.report.batch.folder.batch_figure", lambda *_given, **_others: None)
-    monkeypatch.setattr("fitball.report.batch.folder.save_figure", lambda *_given: b"")
+    monkeypatch.setattr("fitball.report.batch.figure.batch_figure", lambda *_given, **_others: None)
+    monkeypatch.setattr("fitball.report.figures.canvas.save_figure", lambda *_given: b"")
     folder = tmp_path / "batch"
     for name in NAMES:
         (folder / name).mkdir(parents=True)

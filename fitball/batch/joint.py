@@ -30,8 +30,7 @@ from fitball.observables import SHARED_SD
 from fitball.report.batch.populations import Populated
 from fitball.report.batch.rows import DONE, NAME, Row
 from fitball.report.fit.folder import write_all
-from fitball.report.form.atomic_write import write_text
-from fitball.report.form.bounded_read import read_bounded
+from fitball.report.form.files import read_bounded, write_text
 from fitball.report.saved.data_file import DATA_NAME
 from fitball.report.saved.run_file import RUN_NAME
 from fitball.report.saved.run_record import RunRecord, read_run

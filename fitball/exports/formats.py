@@ -18,7 +18,7 @@ from fitball.exports.port.gdscript import gdscript_port
 from fitball.exports.port.javascript import javascript_texts
 from fitball.exports.port.port import Port, make_port
 from fitball.exports.port.python import python_port
-from fitball.report.form.json_text import json_text
+from fitball.report.form.files import json_text
 from fitball.report.saved.saved_fit import SavedFit
 from fitball.wording import option
 

@@ -9,8 +9,7 @@ from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.results import Estimate, RunStatus, Verdict
 from fitball.models.registry import parameter_spec
-from fitball.report.form.display_units import handy
-from fitball.report.form.rounding import decimals, fixed, interval, significant
+from fitball.report.form.numbers import decimals, fixed, handy, interval, significant
 from fitball.report.saved.saved_fit import SavedFit
 
 _ESCAPES = {

@@ -10,7 +10,7 @@ from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Estimate, Verdict
 from fitball.models.registry import parameter_spec
-from fitball.report.form.display_units import THESIS, Scale
+from fitball.report.form.numbers import THESIS, Scale
 from fitball.report.saved.saved_fit import SavedFit
 from fitball.version import __version__
 

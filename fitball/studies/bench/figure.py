@@ -6,8 +6,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fitball.report.figures.canvas import new_figure
-from fitball.report.figures.style import own_style
+from fitball.report.figures.canvas import new_figure, own_style
 from fitball.report.form.palette import GUIDE, SERIES
 from fitball.studies.bench.densities import OURS
 from fitball.studies.bench.measure import Bench

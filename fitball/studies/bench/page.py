@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from fitball.report.figures.save import save_figure
-from fitball.report.form.atomic_write import write_text
+from fitball.report.figures.canvas import save_figure
+from fitball.report.form.files import write_text
 from fitball.studies.bench.figure import figure, samplers_figure
 from fitball.studies.bench.measure import Bench
 from fitball.studies.bench.precision import FASTEST

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from textwrap import shorten
 from typing import Any
 
-from fitball.report.form.rounding import significant
-from fitball.report.form.text_table import columns
+from fitball.report.form.document import columns
+from fitball.report.form.numbers import significant
 from fitball.studies.repeat.compare import FALSE_ALARM, Finding, Outcome, Repetition
 from fitball.studies.repeat.kept import Kept
 

@@ -15,8 +15,7 @@ from fitball.data.wang import SPINS, measured
 from fitball.inference.thesis.inputs import C1, C2, INCH, STIFFNESS, TORSION, case_parameters, printed_model
 from fitball.models.specs import SPECS
 from fitball.models.thesis.model import ThesisCourse
-from fitball.report.figures.canvas import log_scale, new_figure
-from fitball.report.figures.style import own_style
+from fitball.report.figures.canvas import log_scale, new_figure, own_style
 from fitball.report.form.palette import MARKERS, SERIES
 from fitball.studies.thesis.appendix_d import CASE_IN_APPENDIX_C, percentage_errors
 from fitball.studies.thesis.chapter_five import ChapterFive

@@ -9,9 +9,9 @@ import numpy as np
 
 from fitball.data.scene import load_scene
 from fitball.files import all_or_none
+from fitball.report.figures.canvas import save_figure
 from fitball.report.figures.embed import embed
-from fitball.report.figures.save import save_figure
-from fitball.report.form.atomic_write import write_text
+from fitball.report.form.files import write_text
 from fitball.report.form.folders import make_folder
 from fitball.report.form.template import render_template
 from fitball.studies.thesis import ranking, recalibration

@@ -11,8 +11,7 @@ from fitball.data.thesis_tables import thesis_table
 from fitball.data.wang import SPINS, measured
 from fitball.inference.prediction.outputs import root_mean_square
 from fitball.inference.thesis.inputs import BALL_RADIUS, INERTIA, INERTIA_OF, printed_model, row_parameters
-from fitball.report.form.rounding import digits
-from fitball.report.form.sentences import listed
+from fitball.report.form.numbers import digits, listed
 from fitball.studies.thesis.ranking import EXACT, RECOMPUTED, UNITS, Ranking
 from fitball.values import impacts
 

@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Sequence
 from typing import Any
 
-from fitball.report.form.text_table import WIDTH, columns
+from fitball.report.form.document import WIDTH, columns
 from fitball.studies.thesis.example_claims import Finding, remarks
 from fitball.studies.thesis.simulate_examples import EXAMPLES, Example
 
