@@ -64,9 +64,9 @@ def test_a_page_is_typeset_escaped_and_whole():
     assert faults(page) == []
     for said in (
         "<title>A &amp; B - fitball</title>", "Good: 1 \u00b1 2 <code>run</code>.", "<td><i>m</i></td>",
-        '<td class="text"><span class="v-given" title="a &lt; b">given</span></td>', '<td class="text">&lt;none&gt;</td>',
-        "<details><summary>Kept back</summary>", "<b>mu</b>: one &amp; two", '<section id="two" class="short">', ">here<",
-        'alt="It rises."',
+        '<td class="text"><span class="v-given" title="a &lt; b">given</span></td>',
+        '<td class="text">&lt;none&gt;</td>', "<details><summary>Kept back</summary>", "<b>mu</b>: one &amp; two",
+        '<section id="two" class="short">', ">here<", 'alt="It rises."',
     ):  # fmt: skip
         assert said in page, said
     assert "there" not in page and "Nothing" not in page and "Contents" not in page
