@@ -21,7 +21,7 @@ import fitball
 from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.inference.comparison.candidates import default_names
-from fitball.models.impulse_model import ImpulseModel
+from fitball.models.impulse import ImpulseModel
 from fitball.models.kernels.phases import GRIP
 from fitball.models.registry import MODELS, Entry
 from fitball.models.specs import ParameterSpec, specs

@@ -10,9 +10,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from fitball.errors import ParameterError
 from fitball.models.kernels import bounce_history as kernel
-from fitball.models.kernels.bounce import BALL_MASS, BALL_RADIUS, MU, SPIN, SPIN_SHELL, TORSION, TORSION_RIGID
 from fitball.models.kernels.phases import PIECE_ENDING, PIECE_PHASE, PIECE_TIME, UNFINISHED
-from fitball.models.kernels.quantities import VerticalMotion
+from fitball.models.kernels.vertical import (
+    BALL_MASS,
+    BALL_RADIUS,
+    MU,
+    SPIN,
+    SPIN_SHELL,
+    TORSION,
+    TORSION_RIGID,
+    VerticalMotion,
+)
 from fitball.models.types import Phase, Rebound, regime_name
 from fitball.values import FloatArray, Impacts, numbers
 

@@ -10,11 +10,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from fitball.exports.port.face import OK, Ints
-from fitball.models.kernels.bounce import TANGENTIAL, TORSION, TORSION_RIGID, contact_of, vertical_motion
 from fitball.models.kernels.bounce_history import impulse_at, rigid_phase, vertical_at
-from fitball.models.kernels.phases import FREE, SLIDE_BACKWARD, SLIDE_FORWARD
-from fitball.models.kernels.quantities import Contact, Scratch, VerticalMotion
-from fitball.models.kernels.two_mass import two_mass_contact
+from fitball.models.kernels.contact import Contact, contact_of
+from fitball.models.kernels.phases import FREE, SLIDE_BACKWARD, SLIDE_FORWARD, Scratch, two_mass_contact
+from fitball.models.kernels.vertical import TANGENTIAL, TORSION, TORSION_RIGID, VerticalMotion, vertical_motion
 from fitball.models.types import MAX_PACKED_PHASES, PHASE_BITS
 from fitball.values import FloatArray
 

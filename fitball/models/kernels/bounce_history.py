@@ -12,35 +12,36 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.models.kernels.bounce import (
-    BALL_RADIUS,
-    TANGENTIAL,
-    TORSION,
-    TORSION_RIGID,
-    contact_of,
-    vertical_motion,
-)
 from fitball.models.kernels.compiled import compiled, compiled_allocating, inlined
-from fitball.models.kernels.landing import impulsive_friction, landed
-from fitball.models.kernels.oscillator import swing_at
+from fitball.models.kernels.contact import Contact, contact_of, impulsive_friction, landed
+from fitball.models.kernels.derivative import ReplayScratch, replay_derivative
+from fitball.models.kernels.equations import coupling_of, free_twist
+from fitball.models.kernels.oscillator import Oscillator, swing_at
 from fitball.models.kernels.phases import (
     EVENT,
     FORCE_ENDED,
     FREE,
     GRIP,
     HOLD,
+    MAX_PHASES,
     PIECE_ENDING,
     PIECE_PHASE,
     PIECE_SIZE,
     PIECE_TIME,
     SLIDE_FORWARD,
     UNFINISHED,
+    make_scratch,
     slide_phase,
+    two_mass_contact,
 )
-from fitball.models.kernels.quantities import Contact, Oscillator, VerticalMotion
-from fitball.models.kernels.replay import ReplayScratch, replay_derivative
-from fitball.models.kernels.twist import coupling_of, free_twist
-from fitball.models.kernels.two_mass import MAX_PHASES, make_scratch, two_mass_contact
+from fitball.models.kernels.vertical import (
+    BALL_RADIUS,
+    TANGENTIAL,
+    TORSION,
+    TORSION_RIGID,
+    VerticalMotion,
+    vertical_motion,
+)
 from fitball.values import FloatArray
 
 # Rows of the courses.

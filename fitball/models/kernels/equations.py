@@ -1,23 +1,42 @@
-"""The twist between core and shell within one phase, and the functions whose first zero ends it, as kernels.
+"""The two-mass ball along the court: the motion within one phase, and the functions whose first zero ends it.
 
-The twist `th = theta_1 - theta_2` (Jafri 2004, Eq. 18) is driven by the normal force: while sliding in direction `s`
+Shell (2) and core (1) are joined by a torsional spring and damper of torque `T = K th + C th'`. With `P` the impulse
+of the normal force since a phase began, `s` the direction of slip, `J = I2 + M R^2` (Jafri 2004):
+
+    slide         M v_x' = -s mu F;  I1 omega_1 + I2 omega_2 = const + (s mu R - eps) P     (Eqs 9, 11, 14, 15, 40)
+    grip, hold    v_x = R omega_2;   I1 omega_1 + J omega_2 = const - eps P                 (Eqs 10, 14, 17, 42)
+
+so that both spins are algebraic but for the twist between them; `eps` is zero in a hold, and in slip where it acts
+while gripping only. The twist `th = theta_1 - theta_2` (Eq. 18) is driven by the normal force: while sliding
 
     th'' + C_theta B th' + K_theta B th = -(s mu R - eps) F/I2,    B = 1/I1 + 1/I2    (Eq. 31, there without eps)
 
-and at zero slip `+eps F/(I2 + M R^2)` with `B = 1/I1 + 1/(I2 + M R^2)` (Eqs 19 and 45), each with the initial
-conditions that continuity asks for. It is held in the basis of `oscillator`, or near resonance as a Taylor series.
+and at zero slip `+eps F/J` with `B = 1/I1 + 1/J` (Eqs 19 and 45), each with the initial conditions that continuity
+asks for. It is held in the basis of `oscillator`, or near resonance as a Taylor series.
+
+What ends a phase, with `L = I1 omega_1 + I2 omega_2` and `v_x` at its start:
+
+    slide         the slip,  s (v_x - R L/I) + s R I1/I th' - (mu/M + s R (s mu R - eps)/I) P
+    grip, hold    the margin of the friction cone,  mu F -+ M R/J (T - eps F), which the thesis does not ask for
+    hold          besides, the same with eps, on the side where it is outside: there it gives way to grip
 """
 
 from __future__ import annotations
 
 import math
+from typing import Generic, NamedTuple
 
 from fitball.models.kernels.compiled import inner
+from fitball.models.kernels.contact import Contact
 from fitball.models.kernels.dual import Number, NumberArray
-from fitball.models.kernels.events import prepare_series, prepare_swing
 from fitball.models.kernels.oscillator import (
     NEAR_RESONANCE,
     SERIES_REACH,
+    Basis,
+    Oscillator,
+    Oscillators,
+    Series,
+    Swing,
     forced_response,
     oscillator,
     resultant,
@@ -27,19 +46,57 @@ from fitball.models.kernels.oscillator import (
     series_value,
     swing_at,
 )
-from fitball.models.kernels.quantities import (
-    Basis,
-    Contact,
-    Coupling,
-    Load,
-    Oscillator,
-    Oscillators,
-    Series,
-    Swing,
-    VerticalMotion,
-    Weights,
-)
+from fitball.models.kernels.search import prepare_series, prepare_swing
+from fitball.models.kernels.vertical import VerticalMotion
 from fitball.values import FloatArray
+
+
+class Coupling(NamedTuple, Generic[Number]):
+    """What follows from the constants of a contact: `inertia = I1 + I2`, `gyration = I2 + M R^2`,
+    `lever = M R/gyration` (friction per torque at zero slip), the offset while sliding, the twist in either state.
+    """
+
+    inertia: Number
+    gyration: Number
+    lever: Number
+    eps_slide: Number
+    slide: Oscillator[Number]
+    grip: Oscillator[Number]
+
+
+class Load(NamedTuple, Generic[Number]):
+    """Normal force [N], its rate [N/s], and the core's momentum towards the court [N s]."""
+
+    force: Number
+    force_rate: Number
+    momentum: Number
+
+
+class State(NamedTuple):
+    """The ball `time` after landing: compression and its rate, twist angle `theta_1 - theta_2`, velocity along the
+    court, spins of core and shell, and their angular momentum `I1 omega_1 + I2 omega_2`.
+    """
+
+    time: float
+    y: float
+    y_rate: float
+    angle: float
+    v_x: float
+    omega_1: float
+    omega_2: float
+    spin_sum: float
+
+
+class Weights(NamedTuple):
+    """A contact function: a constant, and what it takes of twist, twist rate, normal force, and impulse since the
+    start.
+    """
+
+    constant: float
+    angle: float
+    rate: float
+    force: float
+    impulse: float
 
 
 @inner
