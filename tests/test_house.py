@@ -144,7 +144,7 @@ def test_the_compile_cache_expires_when_a_called_kernel_changes(tmp_path):
 
     shutil.copytree(ROOT / "fitball", tmp_path / "fitball", ignore=shutil.ignore_patterns("__pycache__"))
     code = (
-        "import sys\nsys.path.insert(0, '.')\nfrom fitball.models.kernels.bounce_history import vertical_at\n"
+        "import sys\nsys.path.insert(0, '.')\nfrom fitball.models.kernels.vertical import vertical_at\n"
         "from fitball.models.kernels.oscillator import Oscillator\n"
         "from fitball.first_compile import when_compiling\ntold = []\nwhen_compiling(told.append)\n"
         "print(vertical_at(Oscillator(1.0, 4.0, 5.0, 2.0), 1.0, 0.5)[0], *(one and one.kernel for one in told))"

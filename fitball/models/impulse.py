@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from fitball.models.kernels.compiled import compiled, inner
 from fitball.models.kernels.dual import STEP, Number, NumberArray
-from fitball.models.kernels.phases import GRIP, SLIDE_BACKWARD, SLIDE_FORWARD
 from fitball.models.kernels.vertical import ANCHOR_SPEED, saturating_restitution
 from fitball.models.model import (
     INPUTS,
@@ -31,7 +30,7 @@ from fitball.models.model import (
     saturating_constraints,
 )
 from fitball.models.specs import ParameterSpec, specs
-from fitball.models.types import OUTPUTS, ImpulseClosures, Rebound, Status
+from fitball.models.types import GRIP, OUTPUTS, SLIDE_BACKWARD, SLIDE_FORWARD, ImpulseClosures, Rebound, Status
 from fitball.values import Ball, FloatArray, Impacts, OwnImpacts
 
 

@@ -46,6 +46,7 @@ from fitball.models.kernels.vertical import (
     TORSION_RIGID,
     ZETA_THETA,
     VerticalMotion,
+    vertical_at,
 )
 from fitball.models.types import Status
 
@@ -214,3 +215,10 @@ def landed(contact: Contact[Number]) -> tuple[Number, Number, bool]:
     acting = impulse if contact.eps_in_slide else impulse - slipped - held
     turned = contact.omega + (contact.radius * friction - contact.eps * acting) / contact.joint.shell
     return contact.v_x - friction / contact.mass, turned, slipped.real < impulse.real
+
+
+@inner
+def impulse_at(contact: Contact[float], t: float) -> float:
+    """Normal impulse since landing, that of landing included [N s]."""
+    _y, y_rate = vertical_at(contact.vertical.spring, contact.v_y, t)
+    return contact.landing + contact.vertical.riding_mass * (contact.v_y - y_rate)

@@ -19,24 +19,27 @@ from fitball.models.kernels.bounce import BOUNCE, solve_alone
 from fitball.models.kernels.compiled import Entry, calling, inlined, inner, inner_allocating, read_only
 from fitball.models.kernels.contact import Contact, contact_of, landed
 from fitball.models.kernels.dual import SLOPES, STEP, WIDTH, GradientArray, Number, NumberArray, carry, gradient_array
-from fitball.models.kernels.equations import Coupling, coupling_of, free_twist, load_of, twist_at, vertical_after
-from fitball.models.kernels.oscillator import (
-    SERIES_LENGTH,
-    Oscillators,
-    basis_at,
-    forced_response,
-    series_free,
-    series_response,
+from fitball.models.kernels.equations import (
+    Coupling,
+    Drive,
+    Load,
+    State,
+    advance,
+    coupling_of,
+    drive_of,
+    free_twist,
+    load_of,
+    solve_twist,
+    swung_to,
 )
+from fitball.models.kernels.oscillator import SERIES_LENGTH, Oscillators, basis_at
 from fitball.models.kernels.phases import (
     EVENT,
     FORCE_ENDED,
-    GRIP,
-    HOLD,
     MAX_PHASES,
     PIECE_SIZE,
     RESUMED,
-    SLIDE_FORWARD,
+    Piece,
     logged_piece,
     make_scratch,
     rigid_contact,
@@ -54,121 +57,83 @@ from fitball.models.kernels.vertical import (
 from fitball.values import FloatArray
 
 
-class ReplayScratch(NamedTuple):
-    """Twist and force as coefficients: scratch of one thread."""
-
-    twist: NumberArray
-    drive: NumberArray
+@inner
+def followed_again(
+    contact: Contact[Number], phase_log: FloatArray, pieces: int, twist: NumberArray, force: NumberArray
+) -> tuple[Number, Number]:
+    """`(v_x2, omega_2)` of the contact whose `pieces` stand in `phase_log`; `twist` and `force` are scratch."""
+    joint, vertical, spring = contact.joint, contact.vertical, contact.vertical.spring
+    core, shell = joint.core, joint.shell
+    gyration = shell + contact.mass * contact.radius * contact.radius
+    # One division for each relative compliance.
+    coupling = coupling_of(contact, gyration, (core + shell) / (core * shell), (core + gyration) / (core * gyration))
+    v_x, omega_2, _stuck = landed(contact)
+    nothing = 0.0 * contact.v_y
+    state = State(
+        nothing, nothing, contact.v_y, nothing, contact.omega - omega_2, v_x, core * contact.omega + shell * omega_2
+    )
+    for place in range(pieces):
+        piece = logged_piece(phase_log, place)
+        drive = drive_of(contact, coupling, piece.phase)
+        oscillators = Oscillators(drive.torsion, spring)
+        load = load_of(vertical, state.y, state.y_rate)
+        elapsed = vertical.t_force - state.time if piece.ending == FORCE_ENDED else piece.time + nothing
+        basis = basis_at(oscillators, elapsed)
+        # The sum of the spins at the end does not need the twist that slip leaves.
+        twisting = contact.shell_spin or drive.resting or piece.ending != FORCE_ENDED
+        if twisting:
+            solve_twist(drive, oscillators, state, load, piece.series, twist, force)
+        moved = swung_to(oscillators, piece.series, twist, state, elapsed, basis, twisting)
+        if piece.ending == EVENT or piece.ending == RESUMED:
+            moved = on_time(contact, coupling, drive, state, load, moved, piece)
+        state = advance(contact, coupling, drive, state, load, moved)
+    if not contact.shell_spin:
+        return state.v_x, state.spin_sum / coupling.inertia
+    _angle, rate = free_twist(coupling.slide, state.angle, state.rate, vertical.t_contact - vertical.t_force)
+    return state.v_x, (state.spin_sum - core * rate) / coupling.inertia
 
 
 @inlined
-def replay_coupling(contact: Contact[Number]) -> Coupling[Number]:
-    """`coupling_of` with one division for each relative compliance."""
-    core, shell = contact.joint.core, contact.joint.shell
-    gyration = shell + contact.mass * contact.radius * contact.radius
-    return coupling_of(contact, gyration, (core + shell) / (core * shell), (core + gyration) / (core * gyration))
-
-
-@inner
-def replay_derivative(
-    contact: Contact[Number], twist_at_end: bool, phase_log: FloatArray, pieces: int, scratch: ReplayScratch
-) -> tuple[Number, Number, Number, Number]:
-    """`(v_x, spin_sum, angle, rate)` after `pieces` rows of `phase_log`, as in `State`; `rate` that of the twist.
-
-    Without `twist_at_end`, `angle` and `rate` are not brought to the end of a piece that slides until the force ends:
-    the sum of the spins does not need them.
-    """
-    joint, vertical = contact.joint, contact.vertical
-    coupling = replay_coupling(contact)
-    v_x, omega_2, _stuck = landed(contact)
-    spin_sum = joint.core * contact.omega + joint.shell * omega_2
-    angle = 0.0 * contact.omega
-    rate = contact.omega - omega_2
-    y = 0.0 * contact.v_y
-    y_rate = contact.v_y
-    start = 0.0 * vertical.t_force
-    for place in range(pieces):
-        piece = logged_piece(phase_log, place)
-        n, length = piece.series.terms, piece.series.length
-        resting = piece.phase in (GRIP, HOLD)
-        direction = 1.0 if piece.phase == SLIDE_FORWARD else -1.0
-        if resting:
-            acting = contact.eps if piece.phase == GRIP else 0.0 * contact.eps
-            torsion = coupling.grip
-            kappa = acting / coupling.gyration
-            spinning_up = 0.0 * contact.eps
-        else:
-            acting = coupling.eps_slide
-            torsion = coupling.slide
-            spinning_up = direction * contact.mu * contact.radius - coupling.eps_slide
-            kappa = -spinning_up / joint.shell
-
-        oscillators = Oscillators(torsion, vertical.spring)
-        load = load_of(vertical, y, y_rate)
-        momentum = load.momentum
-        force_s = load.force_rate + vertical.spring.decay * load.force
-        elapsed = vertical.t_force - start if piece.ending == FORCE_ENDED else piece.time + 0.0 * start
-        basis = basis_at(oscillators, elapsed)
-        if resting or twist_at_end or piece.ending != FORCE_ENDED:
-            if n > 0:
-                series_free(load.force, force_s, vertical.spring, length, n, scratch.drive)
-                series_response(torsion, kappa, scratch.drive, angle, rate, length, n, scratch.twist)
-            else:
-                forced_response(oscillators, kappa, load.force, force_s, angle, rate, scratch.twist)
-            angle, rate = twist_at(scratch.twist, oscillators, piece.series, elapsed, basis)
-        y, y_rate = vertical_after(vertical.spring, 0, y, y_rate, elapsed, basis)
-
-        if piece.ending in (EVENT, RESUMED):
-            y_accel = -2.0 * vertical.spring.decay * y_rate - vertical.spring.natural_squared * y
-            load = load_of(vertical, y, y_rate)
-            accel = kappa * load.force - 2.0 * torsion.decay * rate - torsion.natural_squared * angle
-            if resting:
-                # Margin of the friction cone on the side where it ended; for a hold, of the grip with the offset.
-                offset = contact.eps if piece.ending == RESUMED else acting
-                arm = piece.side * coupling.lever
-                torque = joint.stiffness * angle + joint.damping * rate
-                g = contact.mu * load.force - arm * (torque - offset * load.force)
-                g_rate = contact.mu * load.force_rate - arm * (
-                    joint.stiffness * rate + joint.damping * accel - offset * load.force_rate
-                )
-            else:
-                impulse = momentum - load.momentum
-                turned = spin_sum + spinning_up * impulse - joint.core * rate
-                friction = direction * contact.mu / contact.mass
-                g = v_x - friction * impulse - contact.radius * turned / coupling.inertia
-                g_rate = -friction * load.force
-                g_rate -= contact.radius * (spinning_up * load.force - joint.core * accel) / coupling.inertia
-            late = carry(0.0, -g / g_rate.real, 1.0)
-            elapsed += late
-            y, y_rate = y + late * y_rate, y_rate + late * y_accel
-            angle, rate = angle + late * rate, rate + late * accel
-
-        impulse = momentum - vertical.riding_mass * y_rate
-        if resting:
-            # About the contact point, and with the momentum of `v_x`: slip of zero that carries something stops too.
-            total = spin_sum + contact.mass * contact.radius * v_x - acting * impulse
-            omega_2 = (total - joint.core * rate) / (joint.core + coupling.gyration)
-            v_x = contact.radius * omega_2
-            spin_sum = coupling.inertia * omega_2 + joint.core * rate
-        else:
-            v_x -= direction * contact.mu / contact.mass * impulse
-            spin_sum += spinning_up * impulse
-        start += elapsed
-    return v_x, spin_sum, angle, rate
-
-
-@inner
-def replay_contact(
-    contact: Contact[Number], phase_log: FloatArray, pieces: int, scratch: ReplayScratch
-) -> tuple[Number, Number]:
-    """`(v_x2, omega_2)` of the contact whose `pieces` stand in `phase_log`."""
-    v_x2, spin_sum, angle, rate = replay_derivative(contact, contact.shell_spin, phase_log, pieces, scratch)
-    coupling = replay_coupling(contact)
-    if not contact.shell_spin:
-        return v_x2, spin_sum / coupling.inertia
-    flight = contact.vertical.t_contact - contact.vertical.t_force
-    _angle, rate = free_twist(coupling.slide, angle, rate, flight)
-    return v_x2, (spin_sum - contact.joint.core * rate) / coupling.inertia
+def on_time(
+    contact: Contact[Number],
+    coupling: Coupling[Number],
+    drive: Drive[Number],
+    start: State[Number],
+    load: Load[Number],
+    moved: State[Number],
+    piece: Piece,
+) -> State[Number]:
+    """`moved`, which is at the logged time, at the time of the event that ended the piece."""
+    joint, spring = contact.joint, contact.vertical.spring
+    there = load_of(contact.vertical, moved.y, moved.y_rate)
+    y_accel = -2.0 * spring.decay * moved.y_rate - spring.natural_squared * moved.y
+    torsion = drive.torsion
+    accel = drive.kappa * there.force - 2.0 * torsion.decay * moved.rate - torsion.natural_squared * moved.angle
+    if drive.resting:
+        # Margin of the friction cone on the side where it ended; for a hold that grips, of the grip with the offset.
+        offset = contact.eps if piece.ending == RESUMED else drive.eps
+        arm = piece.side * coupling.lever
+        torque = joint.stiffness * moved.angle + joint.damping * moved.rate
+        g = contact.mu * there.force - arm * (torque - offset * there.force)
+        g_rate = contact.mu * there.force_rate - arm * (
+            joint.stiffness * moved.rate + joint.damping * accel - offset * there.force_rate
+        )
+    else:
+        impulse = load.momentum - there.momentum
+        turned = start.spin_sum + drive.spinning_up * impulse - joint.core * moved.rate
+        g = start.v_x - drive.braking * impulse - contact.radius * turned / coupling.inertia
+        g_rate = -drive.braking * there.force
+        g_rate -= contact.radius * (drive.spinning_up * there.force - joint.core * accel) / coupling.inertia
+    late = carry(0.0, -g / g_rate.real, 1.0)
+    return State(
+        moved.time + late,
+        moved.y + late * moved.y_rate,
+        moved.y_rate + late * y_accel,
+        moved.angle + late * moved.rate,
+        moved.rate + late * accel,
+        moved.v_x,
+        moved.spin_sum,
+    )
 
 
 # Derivatives with respect to an impact's own speeds, spin, and measured restitution come first.
@@ -177,7 +142,9 @@ TWIST = max(SERIES_LENGTH, 4)
 
 
 class GradientScratch(NamedTuple):
-    """Numbers and their slopes, (..., WIDTH): kernel row, impact (INPUTS), rebound (4); and scratch of `replay`."""
+    """Numbers and their slopes, (..., WIDTH): kernel row, impact (INPUTS), rebound (4); and the coefficients of twist
+    and force.
+    """
 
     row: FloatArray
     impact: FloatArray
@@ -224,8 +191,8 @@ def bounce_gradient(codes: NDArray[np.int64], phase_log: FloatArray, pieces: int
     if codes[TORSION] == TORSION_RIGID:
         out[0], out[2], _regime = rigid_contact(contact)
     else:
-        series = ReplayScratch(gradient_array(scratch.series[:TWIST]), gradient_array(scratch.series[TWIST:]))
-        out[0], out[2] = replay_contact(contact, phase_log, pieces, series)
+        twist, force = gradient_array(scratch.series[:TWIST]), gradient_array(scratch.series[TWIST:])
+        out[0], out[2] = followed_again(contact, phase_log, pieces, twist, force)
 
 
 @calling(BOUNCE)

@@ -48,6 +48,7 @@ from fitball.models.kernels.oscillator import (
 )
 from fitball.models.kernels.search import prepare_series, prepare_swing
 from fitball.models.kernels.vertical import VerticalMotion
+from fitball.models.types import GRIP, HOLD, SLIDE_FORWARD
 from fitball.values import FloatArray
 
 
@@ -72,19 +73,32 @@ class Load(NamedTuple, Generic[Number]):
     momentum: Number
 
 
-class State(NamedTuple):
-    """The ball `time` after landing: compression and its rate, twist angle `theta_1 - theta_2`, velocity along the
-    court, spins of core and shell, and their angular momentum `I1 omega_1 + I2 omega_2`.
+class State(NamedTuple, Generic[Number]):
+    """The ball `time` after landing: compression and its rate, twist angle `theta_1 - theta_2` and its rate, velocity
+    along the court, and the angular momentum `I1 omega_1 + I2 omega_2` of core and shell.
     """
 
-    time: float
-    y: float
-    y_rate: float
-    angle: float
-    v_x: float
-    omega_1: float
-    omega_2: float
-    spin_sum: float
+    time: Number
+    y: Number
+    y_rate: Number
+    angle: Number
+    rate: Number
+    v_x: Number
+    spin_sum: Number
+
+
+class Drive(NamedTuple, Generic[Number]):
+    """What the normal force does in one phase: per unit of it the twist is driven by `kappa`, core and shell by
+    `spinning_up`, and the ball slowed by `braking`; at rest on the court it acts `eps` ahead of the centre instead of
+    the last two.
+    """
+
+    resting: bool
+    torsion: Oscillator[Number]
+    kappa: Number
+    eps: Number
+    spinning_up: Number
+    braking: Number
 
 
 class Weights(NamedTuple):
@@ -130,35 +144,102 @@ def load_of(vertical: VerticalMotion[Number], y: Number, y_rate: Number) -> Load
 
 
 @inner
-def twist_motion(
-    angle: float,
-    rate: float,
-    kappa: float,
-    load: Load[float],
-    oscillators: Oscillators[float],
-    span: float,
-    careful: bool,
-    twist: FloatArray,
-    drive: FloatArray,
-) -> Series:
-    """Solve for the twist in one phase that lasts at most `span`.
+def drive_of(contact: Contact[Number], coupling: Coupling[Number], phase: int) -> Drive[Number]:
+    """What the normal force does in a phase."""
+    nothing = 0.0 * contact.eps
+    if phase == GRIP:
+        return Drive(True, coupling.grip, contact.eps / coupling.gyration, contact.eps, nothing, nothing)
+    if phase == HOLD:
+        return Drive(True, coupling.grip, nothing, nothing, nothing, nothing)
+    friction = contact.mu if phase == SLIDE_FORWARD else -contact.mu
+    spinning_up = friction * contact.radius - coupling.eps_slide
+    return Drive(
+        False, coupling.slide, -spinning_up / contact.joint.shell, nothing, spinning_up, friction / contact.mass
+    )
 
-    In the basis of both oscillators `twist[:4]` are its coefficients and the length is `span`. Near resonance
-    `twist` holds a Taylor series, `drive` that of the force, and the length may be shorter than `span`: the phase is
-    then solved in pieces. `careful` asks for the series, which loses nothing to cancellation just after the start.
+
+@inner
+def series_for(oscillators: Oscillators[float], span: float, careful: bool) -> Series:
+    """How the functions of a phase that lasts at most `span` are held.
+
+    In the basis of both oscillators the length is `span`; near resonance it may be shorter: the phase is then solved
+    in pieces. `careful` asks for a series, which loses nothing to cancellation just after the start.
     """
-    torsion, vertical = oscillators.torsion, oscillators.vertical
     span_squared = span * span
-    force_s = load.force_rate + vertical.decay * load.force
     if not careful and resultant(oscillators) * span_squared * span_squared > NEAR_RESONANCE:
-        forced_response(oscillators, kappa, load.force, force_s, angle, rate, twist)
         return Series(0, span)
-    pole = max(fastest(torsion), fastest(vertical))
+    pole = max(fastest(oscillators.torsion), fastest(oscillators.vertical))
     length = span if pole * span <= SERIES_REACH else SERIES_REACH / pole
-    n = series_length(pole * length)
-    series_free(load.force, force_s, vertical, length, n, drive)
-    series_response(torsion, kappa, drive, angle, rate, length, n, twist)
-    return Series(n, length)
+    return Series(series_length(pole * length), length)
+
+
+@inner
+def solve_twist(
+    drive: Drive[Number],
+    oscillators: Oscillators[Number],
+    state: State[Number],
+    load: Load[Number],
+    series: Series,
+    twist: NumberArray,
+    force: NumberArray,
+) -> None:
+    """Fill `twist` with the coefficients of the twist from `state` on: 4 in the basis of both oscillators, or those
+    of a Taylor series, with the `force` in the same form.
+    """
+    force_s = load.force_rate + oscillators.vertical.decay * load.force
+    n, length = series.terms, series.length
+    if n > 0:
+        series_free(load.force, force_s, oscillators.vertical, length, n, force)
+        series_response(drive.torsion, drive.kappa, force, state.angle, state.rate, length, n, twist)
+    else:
+        forced_response(oscillators, drive.kappa, load.force, force_s, state.angle, state.rate, twist)
+
+
+@inner
+def advance(
+    contact: Contact[Number],
+    coupling: Coupling[Number],
+    drive: Drive[Number],
+    start: State[Number],
+    load: Load[Number],
+    moved: State[Number],
+) -> State[Number]:
+    """What follows from compression and twist, which are those of `moved` at its time: velocity and spins of a phase
+    that began at `start` with `load`.
+    """
+    core = contact.joint.core
+    impulse = load.momentum - contact.vertical.riding_mass * moved.y_rate
+    v_x = start.v_x - drive.braking * impulse
+    spin_sum = start.spin_sum + drive.spinning_up * impulse
+    if drive.resting:
+        # About the contact point, and with the momentum of `v_x`: slip of zero that carries something stops too.
+        total = start.spin_sum + contact.mass * contact.radius * start.v_x - drive.eps * impulse
+        omega_2 = (total - core * moved.rate) / (core + coupling.gyration)
+        v_x = contact.radius * omega_2
+        spin_sum = coupling.inertia * omega_2 + core * moved.rate
+    return State(moved.time, moved.y, moved.y_rate, moved.angle, moved.rate, v_x, spin_sum)
+
+
+@inner
+def swung_to(
+    oscillators: Oscillators[Number],
+    series: Series,
+    twist: NumberArray,
+    start: State[Number],
+    elapsed: Number,
+    basis: Basis[Number],
+    twisting: bool,
+) -> State[Number]:
+    """The state at `start` with time, compression and, if it is wanted, twist as they are `elapsed` later; the basis
+    there a series does not need.
+    """
+    spring = oscillators.vertical
+    swing = swing_at(spring, elapsed) if series.terms > 0 else basis.vertical
+    y, y_rate = swung(spring, swing, start.y, start.y_rate)
+    angle, rate = start.angle, start.rate
+    if twisting:
+        angle, rate = twist_at(twist, oscillators, series, elapsed, basis)
+    return State(start.time + elapsed, y, y_rate, angle, rate, start.v_x, start.spin_sum)
 
 
 @inner
@@ -193,14 +274,6 @@ def twist_in_basis(
         - (vertical.damped_squared * twist[2] + vertical.decay * twist[3]) * s
     )
     return angle, rate
-
-
-@inner
-def vertical_after(
-    spring: Oscillator[Number], terms: int, y: Number, y_rate: Number, elapsed: Number, basis: Basis[Number]
-) -> tuple[Number, Number]:
-    """Displacement and velocity of the core `elapsed` after they were `y`, `y_rate`; a series brings no basis."""
-    return swung(spring, swing_at(spring, elapsed) if terms > 0 else basis.vertical, y, y_rate)
 
 
 @inner

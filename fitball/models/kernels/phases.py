@@ -17,27 +17,34 @@ from fitball.models.kernels.contact import Contact, impulsive_friction, landed
 from fitball.models.kernels.dual import Number, exp
 from fitball.models.kernels.equations import (
     Coupling,
+    Drive,
     Load,
     State,
     Weights,
+    advance,
     compose,
     coupling_of,
+    drive_of,
     free_twist,
     load_of,
-    twist_at,
-    twist_motion,
-    vertical_after,
+    series_for,
+    solve_twist,
+    swung_to,
 )
 from fitball.models.kernels.oscillator import AT_START, SERIES_LENGTH, Basis, Oscillators, Series, basis_at
-from fitball.models.kernels.search import HALVINGS_LEFT, MAX_DEPTH, MAX_HALVINGS, NO_ZERO, SIZE, Stack, first_zero
-from fitball.models.types import MAX_PACKED_PHASES, PHASE_BITS, Phase, Status
+from fitball.models.kernels.search import HALVINGS_LEFT, MAX_DEPTH, MAX_HALVINGS, SIZE, Stack, first_zero
+from fitball.models.types import (
+    FREE,
+    GRIP,
+    HOLD,
+    MAX_PACKED_PHASES,
+    PHASE_BITS,
+    SLIDE_BACKWARD,
+    SLIDE_FORWARD,
+    Status,
+)
 from fitball.values import FloatArray
 
-SLIDE_FORWARD = int(Phase.SLIDE_FORWARD)
-SLIDE_BACKWARD = int(Phase.SLIDE_BACKWARD)
-GRIP = int(Phase.GRIP)
-HOLD = int(Phase.HOLD)
-FREE = int(Phase.FREE)
 # In place of a phase: the friction cone decides which one follows.
 UNDECIDED = 0
 
@@ -166,138 +173,88 @@ def first_fall(
 
 
 @inlined
-def slide(
+def search(
     contact: Contact[float],
     coupling: Coupling[float],
-    state: State,
+    drive: Drive[float],
+    state: State[float],
     mode: Mode,
     load: Load[float],
     careful: bool,
     scratch: Scratch,
-) -> tuple[State, Mode, Piece]:
-    """Slip until it comes to zero or the normal force ends: state and mode after it, and what it was."""
-    joint, radius, direction = contact.joint, contact.radius, mode.side
-    vertical = contact.vertical
-    span = vertical.t_force - state.time
-    oscillators = Oscillators(coupling.slide, vertical.spring)
-    spinning_up = direction * contact.mu * radius - coupling.eps_slide
-    series = twist_motion(
-        state.angle, state.omega_1 - state.omega_2, -spinning_up / joint.shell, load, oscillators, span, careful,
-        scratch.twist, scratch.drive,
-    )  # fmt: skip
-    basis = AT_START if series.terms > 0 else basis_at(oscillators, series.length)
-    event = NO_ZERO
-    if contact.mu > 0.0:
-        slip = Weights(
-            direction * (state.v_x - radius * state.spin_sum / coupling.inertia),
-            0.0,
-            direction * radius * joint.core / coupling.inertia,
-            0.0,
-            -contact.mu / contact.mass - direction * radius * spinning_up / coupling.inertia,
-        )
-        event, there = first_fall(slip, load, oscillators, series, mode.order, series.length, basis, scratch)
-        if math.isnan(event):
-            return state, mode, Piece(mode.phase, LOST, direction, 0.0, series)
-        if event >= FORCE_END_SHARE * span:
-            event = NO_ZERO
-        elif event >= 0.0:
-            basis = there
-        if series.terms == 0 and mode.order > 0 and 0.0 <= event < DOUBTFUL_SHARE * span:
-            return state, mode, Piece(mode.phase, DOUBTFUL, direction, 0.0, series)
-    elapsed = series.length if event < 0.0 else event
-    ending = FORCE_ENDED if series.length >= span else UNFINISHED
-    if event >= 0.0:
-        ending = EVENT
-    y, y_rate = vertical_after(vertical.spring, series.terms, state.y, state.y_rate, elapsed, basis)
-    impulse = load.momentum - vertical.riding_mass * y_rate
-    v_x = state.v_x - direction * contact.mu / contact.mass * impulse
-    spin_sum = state.spin_sum + spinning_up * impulse
-    angle, omega_1, omega_2 = state.angle, state.omega_1, state.omega_2
-    if contact.shell_spin or ending != FORCE_ENDED:
-        angle, rate = twist_at(scratch.twist, oscillators, series, elapsed, basis)
-        omega_2 = (spin_sum - joint.core * rate) / coupling.inertia
-        omega_1 = omega_2 + rate
-    after = Mode(mode.phase, direction, 0, False)
-    if ending == EVENT:
-        after = Mode(UNDECIDED, direction, 0, False)
-        omega_2 = v_x / radius
-        omega_1 = (spin_sum - joint.shell * omega_2) / joint.core
-    moved = State(state.time + elapsed, y, y_rate, angle, v_x, omega_1, omega_2, spin_sum)
-    return moved, after, Piece(mode.phase, ending, direction, elapsed, series)
+) -> tuple[Piece, Basis[float]]:
+    """How long a phase goes on from `state`, and the basis at its end; leaves its twist in the scratch.
+
+    Slip lasts until it comes to zero; a grip or a hold until friction leaves its cone, or a hold can grip; each at
+    most until the normal force ends.
+    """
+    joint, lever, force = contact.joint, coupling.lever, load.force
+    span = contact.vertical.t_force - state.time
+    oscillators = Oscillators(drive.torsion, contact.vertical.spring)
+    series = series_for(oscillators, span, careful)
+    solve_twist(drive, oscillators, state, load, series, scratch.twist, scratch.drive)
+    end, elapsed = series.length, series.length
+    basis = AT_START if series.terms > 0 else basis_at(oscillators, end)
+    ending, event_side = FORCE_ENDED if end >= span else UNFINISHED, mode.side if not drive.resting else 0.0
+    friction = lever * (joint.stiffness * state.angle + joint.damping * state.rate - drive.eps * force)
+    near = 1.0 if friction >= 0.0 else -1.0
+    attempts = 2 if mode.phase == GRIP else 3
+    if not drive.resting:
+        attempts = 1 if contact.mu > 0.0 else 0
+    lost, doubtful = False, False
+    for attempt in range(attempts):
+        # Either side of the cone, the nearer first; then, of a hold, where the grip with offset comes back inside.
+        resuming = attempt == 2
+        side = mode.side if resuming or not drive.resting else -near if attempt == 1 else near
+        if not drive.resting:
+            order = mode.order
+            weights = Weights(
+                side * (state.v_x - contact.radius * state.spin_sum / coupling.inertia),
+                0.0,
+                side * contact.radius * joint.core / coupling.inertia,
+                0.0,
+                -side * (drive.braking + contact.radius * drive.spinning_up / coupling.inertia),
+            )
+        else:
+            inside = -1.0 if resuming else 1.0
+            eps = contact.eps if resuming else drive.eps
+            weights = Weights(
+                0.0,
+                -inside * side * lever * joint.stiffness,
+                -inside * side * lever * joint.damping,
+                inside * (contact.mu + side * lever * eps),
+                0.0,
+            )
+            limit = contact.mu * force
+            at_edge = abs(limit - side * friction) <= CONE_ROUNDING * (limit + abs(friction))
+            order = 1 if at_edge or (mode.phase == GRIP and mode.side * side > 0.0) else 0
+            if resuming:
+                order = 1 if mode.broke else 0
+        t, there = first_fall(weights, load, oscillators, series, order, end, basis, scratch)
+        lost = lost or math.isnan(t)
+        if 0.0 <= t < FORCE_END_SHARE * span:
+            ending, event_side, elapsed, end, basis = RESUMED if resuming else EVENT, side, t, t, there
+            doubtful = doubtful or (order > 0 and t < DOUBTFUL_SHARE * span)
+    if lost:
+        ending = LOST
+    elif doubtful and series.terms == 0:
+        ending = DOUBTFUL
+    return Piece(mode.phase, ending, event_side, elapsed, series), basis
 
 
 @inlined
-def grip(
-    contact: Contact[float],
-    coupling: Coupling[float],
-    state: State,
-    mode: Mode,
-    load: Load[float],
-    careful: bool,
-    scratch: Scratch,
-) -> tuple[State, Mode, Piece]:
-    """Grip, or hold, until friction leaves its cone, a hold can grip, or the normal force ends; as `slide`."""
-    joint, vertical, lever, force = contact.joint, contact.vertical, coupling.lever, load.force
-    span = vertical.t_force - state.time
-    oscillators = Oscillators(coupling.grip, vertical.spring)
+def following(contact: Contact[float], mode: Mode, piece: Piece) -> Mode:
+    """What the contact point does after a piece."""
     gripping = mode.phase == GRIP
-    offset = contact.eps if gripping else 0.0
-    rate = state.omega_1 - state.omega_2
-    series = twist_motion(
-        state.angle, rate, offset / coupling.gyration, load, oscillators, span, careful, scratch.twist, scratch.drive
-    )
-    basis = AT_START if series.terms > 0 else basis_at(oscillators, series.length)
-    friction = lever * (joint.stiffness * state.angle + joint.damping * rate - offset * force)
-    near = 1.0 if friction >= 0.0 else -1.0
-    event, event_side, end = NO_ZERO, 0.0, series.length
-    resumed, lost, doubtful = False, False, False
-    for attempt in range(2 if gripping else 3):
-        # Either side of the cone, the nearer first; then, of a hold, where the grip with offset comes back inside.
-        resuming = attempt == 2
-        side = mode.side if resuming else -near if attempt == 1 else near
-        sign = -1.0 if resuming else 1.0
-        acting = contact.eps if resuming else offset
-        margin = Weights(
-            0.0,
-            -sign * side * lever * joint.stiffness,
-            -sign * side * lever * joint.damping,
-            sign * (contact.mu + side * lever * acting),
-            0.0,
-        )
-        if resuming:
-            order = 1 if mode.broke else 0
-        else:
-            limit = contact.mu * force
-            at_edge = abs(limit - side * friction) <= CONE_ROUNDING * (limit + abs(friction))
-            order = 1 if at_edge or (gripping and mode.side * side > 0.0) else 0
-        t, there = first_fall(margin, load, oscillators, series, order, end, basis, scratch)
-        lost = lost or math.isnan(t)
-        if 0.0 <= t < FORCE_END_SHARE * span:
-            event, event_side, end, basis, resumed = t, side, t, there, resuming
-            doubtful = doubtful or (order > 0 and t < DOUBTFUL_SHARE * span)
-    if lost:
-        return state, mode, Piece(mode.phase, LOST, 0.0, 0.0, series)
-    if doubtful and series.terms == 0:
-        return state, mode, Piece(mode.phase, DOUBTFUL, 0.0, 0.0, series)
-    elapsed = series.length if event < 0.0 else event
-    y, y_rate = vertical_after(vertical.spring, series.terms, state.y, state.y_rate, elapsed, basis)
-    impulse = load.momentum - vertical.riding_mass * y_rate
-    angle, rate = twist_at(scratch.twist, oscillators, series, elapsed, basis)
-    total = joint.core * state.omega_1 + coupling.gyration * state.omega_2 - offset * impulse
-    omega_2 = (total - joint.core * rate) / (joint.core + coupling.gyration)
-    omega_1 = omega_2 + rate
-    spin_sum = joint.core * omega_1 + joint.shell * omega_2
-    moved = State(state.time + elapsed, y, y_rate, angle, contact.radius * omega_2, omega_1, omega_2, spin_sum)
-    if event < 0.0:
-        ending = FORCE_ENDED if series.length >= span else UNFINISHED
-        after = Mode(mode.phase, 0.0 if gripping else mode.side, 0, False)
-    elif resumed:
-        ending, after = RESUMED, Mode(GRIP, mode.side, 0, False)
-    elif gripping and not contact.eps_in_slide:
-        ending, after = EVENT, Mode(UNDECIDED, 0.0, 0, True)
-    else:
-        ending, after = EVENT, Mode(slide_phase(-event_side), -event_side, 2, False)
-    return moved, after, Piece(mode.phase, ending, event_side, elapsed, series)
+    if piece.ending == UNFINISHED or piece.ending == FORCE_ENDED:
+        return Mode(mode.phase, 0.0 if gripping else mode.side, 0, False)
+    if piece.ending == RESUMED:
+        return Mode(GRIP, mode.side, 0, False)
+    if not gripping and mode.phase != HOLD:
+        return Mode(UNDECIDED, mode.side, 0, False)
+    if gripping and not contact.eps_in_slide:
+        return Mode(UNDECIDED, 0.0, 0, True)
+    return Mode(slide_phase(-piece.side), -piece.side, 2, False)
 
 
 OK = int(Status.OK)
@@ -307,6 +264,8 @@ TOO_RAPID = int(Status.TOO_RAPID)
 # under a microsecond, so the bound only stops a contact that will not settle.
 MAX_PHASES = 4096
 
+# An impulse that stops no slip that a float can hold [N s].
+FIRST_IMPULSE = 1e-300
 # Slip below this share of its two terms is none: their rounding.
 SLIP_ROUNDING = 4.5e-16
 
@@ -333,7 +292,7 @@ def contrary(value: float, rate: float) -> float:
 
 
 @inlined
-def land(contact: Contact[float]) -> tuple[State, Mode]:
+def land(contact: Contact[float]) -> tuple[State[float], Mode]:
     """State and mode just after the landing impulse."""
     v_x, omega_2, stuck = contact.v_x, contact.omega, False
     if contact.landing > 0.0:
@@ -343,18 +302,20 @@ def land(contact: Contact[float]) -> tuple[State, Mode]:
     # At zero slip, to the rounding of its two terms, the friction cone decides.
     at_rest = contact.mu > 0.0 and (stuck or abs(slip) <= SLIP_ROUNDING * (abs(v_x) + contact.radius * abs(omega_2)))
     spin_sum = contact.joint.core * contact.omega + contact.joint.shell * omega_2
-    state = State(0.0, 0.0, contact.v_y, 0.0, v_x, contact.omega, omega_2, spin_sum)
+    state = State(0.0, 0.0, contact.v_y, 0.0, contact.omega - omega_2, v_x, spin_sum)
     return state, Mode(UNDECIDED if at_rest else slide_phase(direction), direction, 0, False)
 
 
 @inlined
-def decide(contact: Contact[float], coupling: Coupling[float], state: State, load: Load[float], broke: bool) -> Mode:
+def decide(
+    contact: Contact[float], coupling: Coupling[float], state: State[float], load: Load[float], broke: bool
+) -> Mode:
     """What a contact point without slip does next: grip if friction can, else hold if it can, else slip.
 
     After a grip that `broke` it does not grip at once.
     """
     joint, lever, force = contact.joint, coupling.lever, load.force
-    rate = state.omega_1 - state.omega_2
+    rate = state.rate
     accel = -2.0 * coupling.grip.decay * rate - coupling.grip.natural_squared * state.angle
     # Friction that holds without the offset, and the full one with it, each with its rate.
     free = lever * (joint.stiffness * state.angle + joint.damping * rate)
@@ -366,7 +327,9 @@ def decide(contact: Contact[float], coupling: Coupling[float], state: State, loa
     limit, limit_rate = contact.mu * force, contact.mu * load.force_rate
     if not broke and cone_margin(full, full_rate, limit, limit_rate) > 0.0:
         return Mode(GRIP, 0.0, 0, False)
-    if not contact.eps_in_slide and cone_margin(free, free_rate, limit, limit_rate) > 0.0:
+    # Without an offset to speak of a hold is the grip that has just broken.
+    other = not broke or abs(full - free) > CONE_ROUNDING * (limit + abs(full))
+    if not contact.eps_in_slide and other and cone_margin(free, free_rate, limit, limit_rate) > 0.0:
         return Mode(HOLD, 1.0 if full > 0.0 else -1.0, 0, broke)
     needed = full if contact.eps_in_slide else free
     direction = contrary(needed, full_rate if contact.eps_in_slide else free_rate)
@@ -388,7 +351,7 @@ def two_mass_contact(
     gyration = joint.shell + contact.mass * contact.radius * contact.radius
     coupling = coupling_of(contact, gyration, 1.0 / joint.core + 1.0 / joint.shell, 1.0 / joint.core + 1.0 / gyration)
     state, mode = land(contact)
-    careful, moved = False, False
+    careful, lasted = False, False
     regime, count, pieces = 0, 0, 0
     scratch.stack[HALVINGS_LEFT, 0] = MAX_HALVINGS
 
@@ -396,33 +359,63 @@ def two_mass_contact(
         load = load_of(contact.vertical, state.y, state.y_rate)
         if mode.phase == UNDECIDED:
             mode = decide(contact, coupling, state, load, mode.broke)
-        if mode.phase == GRIP or mode.phase == HOLD:
-            state, mode, piece = grip(contact, coupling, state, mode, load, careful, scratch)
-        else:
-            state, mode, piece = slide(contact, coupling, state, mode, load, careful, scratch)
+        drive = drive_of(contact, coupling, mode.phase)
+        piece, basis = search(contact, coupling, drive, state, mode, load, careful, scratch)
         if piece.ending == LOST:
             return TOO_RAPID, math.nan, math.nan, regime, 0
         careful = piece.ending == DOUBTFUL
         if careful:
             continue
+        oscillators = Oscillators(drive.torsion, contact.vertical.spring)
+        twisting = contact.shell_spin or piece.ending != FORCE_ENDED or drive.resting
+        moved = swung_to(oscillators, piece.series, scratch.twist, state, piece.time, basis, twisting)
+        state = advance(contact, coupling, drive, state, load, moved)
+        if piece.ending == EVENT and not drive.resting:
+            # What the search leaves of the slip is rounding.
+            omega_2 = state.v_x / contact.radius
+            rate = (state.spin_sum - joint.shell * omega_2) / joint.core - omega_2
+            state = State(state.time, state.y, state.y_rate, state.angle, rate, state.v_x, state.spin_sum)
+        mode = following(contact, mode, piece)
         if phase_log is not None:
             log_piece(phase_log, pieces, piece)
             pieces += 1
-        moved = moved or piece.time > 0.0
+        lasted = lasted or piece.time > 0.0
         if piece.ending != UNFINISHED:
-            if moved:
+            if lasted:
                 regime = append_phase(regime, count, piece.phase)
                 count += 1
-            moved = False
+            lasted = False
         if piece.ending == FORCE_ENDED:
             flight = contact.vertical.t_contact - contact.vertical.t_force
             if contact.vertical.t_contact > contact.vertical.t_force:
                 regime = append_phase(regime, count, FREE)
             if not contact.shell_spin:
                 return OK, state.v_x, state.spin_sum / coupling.inertia, regime, pieces
-            _angle, rate = free_twist(coupling.slide, state.angle, state.omega_1 - state.omega_2, flight)
+            _angle, rate = free_twist(coupling.slide, state.angle, state.rate, flight)
             return OK, state.v_x, (state.spin_sum - joint.core * rate) / coupling.inertia, regime, pieces
     return TOO_MANY_PHASES, math.nan, math.nan, regime, 0
+
+
+@inner
+def rigid_phase(contact: Contact[Number], impulse: Number) -> tuple[int, Number, Number]:
+    """`(phase, friction, acting)` once the normal impulse has grown to `impulse`, core and shell turning as one.
+
+    `friction` [N s] retards the ball; `acting` is the share of the impulse during which the offset acted.
+    """
+    slip = contact.v_x - contact.radius * contact.omega
+    direction = 1.0 if slip.real > 0.0 else -1.0
+    if not contact.mu.real > 0.0:
+        friction = direction * contact.mu * impulse
+        return slide_phase(direction), friction, impulse if contact.eps_in_slide else 0.0 * impulse
+    # Where nothing has happened yet, what is about to shows with the first impulse.
+    grown = impulse if impulse.real > 0.0 else impulse + FIRST_IMPULSE
+    friction, slipped, held, onward = impulsive_friction(contact, grown)
+    phase = HOLD if held.real > 0.0 else GRIP
+    if abs(onward) > 0.5:
+        phase = slide_phase(onward)
+    elif slipped.real >= grown.real and abs(slip.real) > 0.0:
+        phase = slide_phase(direction)
+    return phase, friction, grown if contact.eps_in_slide else grown - slipped - held
 
 
 @inner
@@ -431,31 +424,15 @@ def rigid_contact(contact: Contact[Number]) -> tuple[Number, Number, int]:
 
     Slip that ends within the landing impulse takes no time and is no phase of the contact.
     """
-    landing, vertical, radius = contact.landing, contact.vertical, contact.radius
+    vertical = contact.vertical
     # What the core's momentum loses by the time the compressive force ends.
-    impulse = landing + vertical.riding_mass * contact.v_y * (1.0 + exp(-vertical.spring.decay * vertical.t_force))
-    slip = contact.v_x - radius * contact.omega
-    direction = 1.0 if slip.real > 0.0 else -1.0
-    friction, slipped, held, onward = direction * contact.mu * impulse, impulse, 0.0 * impulse, 0.0
-    if contact.mu.real > 0.0:
-        friction, slipped, held, onward = impulsive_friction(contact, impulse)
-    acting = impulse if contact.eps_in_slide else impulse - slipped - held
-    regime = 0
-    count = 0
-    turned = 0.0
-    if contact.mu.real > 0.0 and abs(onward) > 0.5:
-        # Slip that turns round is slip all along; it may have turned while landing.
-        _friction, _slipped, _held, turned = impulsive_friction(contact, landing)
-    if slipped.real > landing.real and abs(turned) < 0.5 and (abs(slip.real) > 0.0 or abs(onward) < 0.5):
-        regime = append_phase(regime, count, slide_phase(direction))
-        count += 1
-    if abs(onward) > 0.5:
-        regime = append_phase(regime, count, slide_phase(onward))
-        count += 1
-    elif slipped.real < impulse.real:
-        regime = append_phase(regime, count, HOLD if held.real > 0.0 else GRIP)
-        count += 1
+    impulse = vertical.riding_mass * contact.v_y * (1.0 + exp(-vertical.spring.decay * vertical.t_force))
+    first, _friction, _acting = rigid_phase(contact, contact.landing)
+    last, friction, acting = rigid_phase(contact, contact.landing + impulse)
+    regime, count = first, 1
+    if last != first:
+        regime, count = append_phase(first, 1, last), 2
     if vertical.t_contact.real > vertical.t_force.real:
         regime = append_phase(regime, count, FREE)
-    spin = contact.omega + (radius * friction - contact.eps * acting) / contact.joint.shell
+    spin = contact.omega + (contact.radius * friction - contact.eps * acting) / contact.joint.shell
     return contact.v_x - friction / contact.mass, spin, regime

@@ -263,6 +263,13 @@ def vertical_motion(
 
 
 @inner
+def vertical_at(spring: Oscillator[float], v_y: float, t: float) -> tuple[float, float]:
+    """Compression and its rate `t` seconds after landing at `v_y`."""
+    swing = swing_at(spring, t)
+    return v_y * swing.sine, v_y * (swing.cosine - spring.decay * swing.sine)
+
+
+@inner
 def spring_integrals(vertical: VerticalMotion[Number], v_y: Number, t: Number) -> tuple[Number, Number]:
     """`(P, Q)` [N s, N s^2] at a time `t` during the contact."""
     swing = swing_at(vertical.spring, t)

@@ -63,9 +63,9 @@ from fitball.models.kernels.oscillator import (
     resultant,
     series_value,
 )
-from fitball.models.kernels.phases import DOUBTFUL_SHARE, FORCE_END_SHARE, FREE, GRIP, SLIDE_BACKWARD, SLIDE_FORWARD
+from fitball.models.kernels.phases import DOUBTFUL_SHARE, FORCE_END_SHARE
 from fitball.models.kernels.search import BOUND, FAST_BOUND, SIZE, swing_derivatives
-from fitball.models.types import PHASE_BITS
+from fitball.models.types import FREE, GRIP, PHASE_BITS, SLIDE_BACKWARD, SLIDE_FORWARD
 from fitball.values import FloatArray
 
 
@@ -162,7 +162,7 @@ def follow(
     contact: Contact[Lanes],
     coupling: Coupling[Lanes],
     task: Task,
-    state: State,
+    state: State[Lanes],
     terms: int,
     among: Mask,
     scratch: LaneScratch,
@@ -170,12 +170,11 @@ def follow(
     """Follow the lanes `among` to an event or the end of their span, in the basis or in a series of some `terms`."""
     mode, load, oscillators, span = task.mode, task.load, task.oscillators, task.span
     twist, function, spring = scratch.twist, scratch.function, contact.vertical.spring
-    rate = state.omega_1 - state.omega_2
     if terms > 0:
-        series_lanes(task.kappa, load, oscillators, state.angle, rate, span, task.reach, terms, scratch)
+        series_lanes(task.kappa, load, oscillators, state.angle, state.rate, span, task.reach, terms, scratch)
     else:
         force_s = load.force_rate + spring.decay * load.force
-        forced_response(oscillators, task.kappa, load.force, force_s, state.angle, rate, twist)
+        forced_response(oscillators, task.kappa, load.force, force_s, state.angle, state.rate, twist)
         halve(oscillators, span, scratch)
     event, lost = among & ~among, among & ~among
     elapsed, side, per_span = span, task.near_side, 1.0 / span
@@ -239,12 +238,12 @@ def merged(mask: Mask, first: Reached, second: Reached) -> Reached:
 def piece_lanes(
     contact: Contact[Lanes],
     coupling: Coupling[Lanes],
-    state: State,
+    state: State[Lanes],
     mode: LaneMode,
     load: Load[Lanes],
     active: Mask,
     scratch: LaneScratch,
-) -> tuple[State, LaneMode, Mask, Mask]:
+) -> tuple[State[Lanes], LaneMode, Mask, Mask]:
     """Follow one piece of the `active` lanes: state and mode after it, those finished, those lost; see `pieces`."""
     joint, radius, eps = contact.joint, contact.radius, contact.eps
     grips, span = mode.gripping, contact.vertical.t_force - state.time
@@ -256,8 +255,7 @@ def piece_lanes(
         0.0 * span,
         -contact.mu / contact.mass - mode.side * radius * spinning_up / coupling.inertia,
     )
-    rate = state.omega_1 - state.omega_2
-    friction = coupling.lever * (joint.stiffness * state.angle + joint.damping * rate - eps * load.force)
+    friction = coupling.lever * (joint.stiffness * state.angle + joint.damping * state.rate - eps * load.force)
     limit = contact.mu * load.force
     kappa = choose(grips, eps / coupling.gyration, -spinning_up / joint.shell)
     oscillators = Oscillators(own_torsion(coupling, grips), contact.vertical.spring)
@@ -273,7 +271,7 @@ def piece_lanes(
     lost = lost | (active & far & (turn <= 0.0) & (turn >= -1.0))
     distant, close = active & ~lost & far, active & ~lost & ~far
     none = active & ~active
-    reached = Reached(none, none, span, mode.side, state.angle, rate, state.y, state.y_rate)
+    reached = Reached(none, none, span, mode.side, state.angle, state.rate, state.y, state.y_rate)
     for terms in (0, terms_of(reach, close)):
         among = distant if terms == 0 else close
         if any_of(among):
@@ -282,20 +280,12 @@ def piece_lanes(
     lost = lost | reached.lost
     # What either phase makes of the impulse.
     event, impulse, rate = reached.event, load.momentum - contact.vertical.riding_mass * reached.y_rate, reached.rate
-    total = joint.core * state.omega_1 + coupling.gyration * state.omega_2 - eps * impulse
-    stuck = (total - joint.core * rate) / (joint.core + coupling.gyration)
-    v_x = state.v_x - mode.side * contact.mu / contact.mass * impulse
-    spin_sum = state.spin_sum + spinning_up * impulse
+    total = state.spin_sum + contact.mass * radius * state.v_x - eps * impulse
+    omega_2 = (total - joint.core * rate) / (joint.core + coupling.gyration)
+    v_x = choose(grips, radius * omega_2, state.v_x - mode.side * contact.mu / contact.mass * impulse)
+    spin_sum = choose(grips, coupling.inertia * omega_2 + joint.core * rate, state.spin_sum + spinning_up * impulse)
+    moved = State(state.time + reached.elapsed, reached.y, reached.y_rate, reached.angle, rate, v_x, spin_sum)
     stopped = event & ~grips
-    rolling = v_x / radius
-    omega_2 = choose(stopped, rolling, (spin_sum - joint.core * rate) / coupling.inertia)
-    omega_1 = choose(stopped, (spin_sum - joint.shell * rolling) / joint.core, omega_2 + rate)
-    omega_2, omega_1 = choose(grips, stuck, omega_2), choose(grips, stuck + rate, omega_1)
-    v_x = choose(grips, radius * stuck, v_x)
-    spin_sum = choose(grips, joint.core * omega_1 + joint.shell * stuck, spin_sum)
-    moved = State(
-        state.time + reached.elapsed, reached.y, reached.y_rate, reached.angle, v_x, omega_1, omega_2, spin_sum
-    )
     broken = event & grips
     if contact.eps_in_slide:
         after = LaneMode(stopped, none, none, none, broken, choose(broken, -reached.side, mode.side))
@@ -335,11 +325,16 @@ def lane_scratch(room: FloatArray) -> LaneScratch:
 
 @inlined
 def decide_lanes(
-    contact: Contact[Lanes], coupling: Coupling[Lanes], state: State, mode: LaneMode, load: Load[Lanes], active: Mask
+    contact: Contact[Lanes],
+    coupling: Coupling[Lanes],
+    state: State[Lanes],
+    mode: LaneMode,
+    load: Load[Lanes],
+    active: Mask,
 ) -> tuple[LaneMode, Mask]:
-    """`two_mass.decide` of the lanes without slip; and those that hold, or are at the edge of the cone."""
+    """`kernels.phases.decide` of the lanes without slip; and those that hold, or are at the edge of the cone."""
     joint, lever, force = contact.joint, coupling.lever, load.force
-    free = lever * (joint.stiffness * state.angle + joint.damping * (state.omega_1 - state.omega_2))
+    free = lever * (joint.stiffness * state.angle + joint.damping * state.rate)
     full = free - lever * contact.eps * force
     limit = contact.mu * force
     margin, noise = limit - abs(full), ROUNDING * (limit + abs(full))
@@ -382,7 +377,7 @@ def bounce_lanes(given: LaneArray, codes: NDArray[np.int64], out: LaneArray, roo
     plain = plain & (stuck | (abs(slip) > ROUNDING * (abs(v_x) + abs(radius * omega_2))))
     zero = 0.0 * v_x
     spin_sum = joint.core * contact.omega + joint.shell * omega_2
-    state = State(zero, zero, contact.v_y, zero, v_x, contact.omega, omega_2, spin_sum)
+    state = State(zero, zero, contact.v_y, zero, contact.omega - omega_2, v_x, spin_sum)
     mode = LaneMode(stuck, none, none, none, none, choose(slip > 0.0, 1.0, -1.0))
     active = plain
     v_x2, spin, angle, rate, regime, place, done = zero, zero, zero, zero, zero, zero + 1.0, none
@@ -401,7 +396,7 @@ def bounce_lanes(given: LaneArray, codes: NDArray[np.int64], out: LaneArray, roo
         v_x2, spin = choose(finished, state.v_x, v_x2), choose(finished, state.spin_sum, spin)
         if contact.shell_spin:
             angle = choose(finished, state.angle, angle)
-            rate = choose(finished, state.omega_1 - state.omega_2, rate)
+            rate = choose(finished, state.rate, rate)
         done = done | finished
         active = active & ~finished & ~lost
     free = vertical.t_contact > vertical.t_force
