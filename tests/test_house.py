@@ -144,8 +144,8 @@ def test_the_compile_cache_expires_when_a_called_kernel_changes(tmp_path):
 
     shutil.copytree(ROOT / "fitball", tmp_path / "fitball", ignore=shutil.ignore_patterns("__pycache__"))
     code = (
-        "import sys\nsys.path.insert(0, '.')\nfrom fitball.models.kernels.bounce_history import vertical_at\n"
-        "from fitball.models.kernels.quantities import Oscillator\n"
+        "import sys\nsys.path.insert(0, '.')\nfrom fitball.models.kernels.vertical import vertical_at\n"
+        "from fitball.models.kernels.oscillator import Oscillator\n"
         "from fitball.first_compile import when_compiling\ntold = []\nwhen_compiling(told.append)\n"
         "print(vertical_at(Oscillator(1.0, 4.0, 5.0, 2.0), 1.0, 0.5)[0], *(one and one.kernel for one in told))"
     )
@@ -162,6 +162,6 @@ def test_the_compile_cache_expires_when_a_called_kernel_changes(tmp_path):
     # What is compiled is told, and that it is done; what comes from disk is not.
     assert known == stale == ["vertical_at", "None"]
     assert python(code, cwd=tmp_path, env=env).stdout.split()[1:] == []
-    other = python("import fitball.models.kernels.batch as b; print(len(b.bounce_batch._cache._cache_file.stamp))")
+    other = python("import fitball.models.kernels.bounce as b; print(len(b.bounce_batch._cache._cache_file.stamp))")
     assert int(other.stdout) > 10
     assert numba.__version__

@@ -13,11 +13,10 @@ from fitball.exports.port.kernel_source import Constant, KernelSource, kernel_so
 from fitball.inference.prediction.valid_range import GRAZING, TINY, ValidRange, restitution_range, valid_range
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Golden
-from fitball.models.capabilities import LINES, Convention, KernelCall
-from fitball.models.kernels.bounce import TORSION, TORSION_RIGID
-from fitball.models.kernels.events import SIZE
 from fitball.models.kernels.oscillator import SERIES_LENGTH
-from fitball.models.kernels.restitution import ANCHOR_SPEED
+from fitball.models.kernels.search import SIZE
+from fitball.models.kernels.vertical import ANCHOR_SPEED, TORSION, TORSION_RIGID
+from fitball.models.model import LINES, Convention, KernelCall
 from fitball.models.types import OUTPUTS, STATUS_REASON, Status
 from fitball.version import __version__
 

@@ -15,7 +15,7 @@ from fitball.exports.port.face import BEYOND_RESTITUTION, BEYOND_SPEEDS, WITHOUT
 from fitball.exports.port.kinds import STRIDE, holds_complex
 from fitball.exports.port.port import SELF_TEST_TOLERANCE, SERIES_SIZE, Port, range_sentences, status_reasons
 from fitball.exports.port.statements import program_of, translated
-from fitball.models.kernels.events import MAX_DEPTH
+from fitball.models.kernels.search import MAX_DEPTH
 from fitball.models.types import PHASE_BITS, PHASE_SYMBOL
 
 WIDTH = 110

@@ -9,8 +9,7 @@ from functools import partial
 import numpy as np
 
 from fitball.data.read import load_table
-from fitball.models.capabilities import Oracle
-from fitball.models.model import Model
+from fitball.models.model import Model, Oracle
 from fitball.models.registry import model
 from fitball.scheduling.engine import Engine, in_order
 from fitball.studies.bench.hard_cases import BASE, hard_cases

@@ -9,38 +9,41 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fitball.models.capabilities import KernelCall, LinearConstraint, Oracle
 from fitball.models.history import History, two_mass_history
-from fitball.models.jacobian import ReboundJacobian, seeds
-from fitball.models.kernels import batch, bounce, bounce_jacobian, force
+from fitball.models.kernels import bounce, derivative, vertical
 from fitball.models.kernels.dual import NumberArray
 from fitball.models.model import (
+    KernelCall,
+    LinearConstraint,
     Model,
+    Oracle,
+    ReboundJacobian,
     ball_columns,
     below_mass_ratio,
     positive,
     restitution_lines,
     saturating_constraints,
+    seeds,
 )
 from fitball.models.specs import specs
 from fitball.models.types import Closures, Rebound
 from fitball.values import Ball, FloatArray, Impacts, OwnImpacts
 
 NORMAL_CODES = {
-    "inner": bounce.NORMAL_INNER,
-    "momentum": bounce.NORMAL_MOMENTUM,
-    "total": bounce.NORMAL_TOTAL,
+    "inner": vertical.NORMAL_INNER,
+    "momentum": vertical.NORMAL_MOMENTUM,
+    "total": vertical.NORMAL_TOTAL,
 }
 TORSION_CODES = {
-    "matched": bounce.TORSION_MATCHED,
-    "free": bounce.TORSION_FREE,
-    "rigid": bounce.TORSION_RIGID,
+    "matched": vertical.TORSION_MATCHED,
+    "free": vertical.TORSION_FREE,
+    "rigid": vertical.TORSION_RIGID,
 }
 COR_CODES = {
-    "line": bounce.COR_LINE,
-    "mean": bounce.COR_MEAN,
-    "measured": bounce.COR_MEASURED,
-    "saturating": bounce.COR_SATURATING,
+    "line": vertical.COR_LINE,
+    "mean": vertical.COR_MEAN,
+    "measured": vertical.COR_MEASURED,
+    "saturating": vertical.COR_SATURATING,
 }
 
 
@@ -99,13 +102,13 @@ class TwoMassModel(Model):
 
     def _rows(self, names: Sequence[str], values: NumberArray) -> NumberArray:
         """The kernel's parameter rows, (draws, columns), in the kind of number of `values`."""
-        rows = np.zeros((values.shape[0], len(bounce.COLUMNS)), dtype=values.dtype)
+        rows = np.zeros((values.shape[0], len(vertical.COLUMNS)), dtype=values.dtype)
         columns, places = _places(tuple(names))
         rows[:, columns] = values[:, places]
         if "mass_ratio" not in names:
-            rows[:, bounce.MASS_RATIO] = 1.0
+            rows[:, vertical.MASS_RATIO] = 1.0
         ball = ball_columns(self.ball, names, values)
-        rows[:, bounce.BALL_MASS], rows[:, bounce.BALL_RADIUS], rows[:, bounce.BALL_INERTIA] = ball
+        rows[:, vertical.BALL_MASS], rows[:, vertical.BALL_RADIUS], rows[:, vertical.BALL_INERTIA] = ball
         return rows
 
     def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts) -> Rebound:
@@ -114,14 +117,14 @@ class TwoMassModel(Model):
         out = np.empty((4, draws, count))
         regime = np.empty((draws, count), dtype=np.int64)
         status = np.empty((draws, count), dtype=np.int8)
-        batch.bounce_batch(self._rows(names, values), self.codes, *_incident(impacts), out, regime, status)
+        bounce.bounce_batch(self._rows(names, values), self.codes, *_incident(impacts), out, regime, status)
         return Rebound(out[0], out[1], out[2], out[3], regime, status)
 
     def kernel_call(self, names: Sequence[str], values: FloatArray) -> KernelCall:
         """See `Model.kernel_call`."""
         row = self._rows(names, np.asarray(values, dtype=np.float64)[None, :])[0]
         return KernelCall(
-            "two-mass", bounce.bounce, bounce.COLUMNS, tuple(map(float, row)), tuple(map(int, self.codes)), {}
+            "two-mass", bounce.bounce, vertical.COLUMNS, tuple(map(float, row)), tuple(map(int, self.codes)), {}
         )
 
     def linear_constraints(self, impacts: Impacts) -> tuple[LinearConstraint, ...]:
@@ -168,7 +171,7 @@ class TwoMassModel(Model):
         out = np.empty((2, values.shape[0], len(impacts), count), dtype=rows.dtype)
         centroid = np.empty((values.shape[0], len(impacts)), dtype=rows.dtype)
         cor = impacts.cor if impacts.cor is not None else np.full(len(impacts), np.nan)
-        force.force_batch(rows, self.codes, impacts.v_y1, cor, first.astype(rows.dtype), spacing, out, centroid)
+        vertical.force_batch(rows, self.codes, impacts.v_y1, cor, first.astype(rows.dtype), spacing, out, centroid)
         return out[0], out[1], centroid
 
     def jacobian(
@@ -181,15 +184,15 @@ class TwoMassModel(Model):
         """See `Model.jacobian`; some 10 us an impact for all parameters."""
         draws, count = values.shape[0], len(impacts)
         chosen = tuple(names) if parameters is None else tuple(parameters)
-        slopes = np.empty((draws, count, 4, bounce_jacobian.INPUTS + len(chosen)))
+        slopes = np.empty((draws, count, 4, derivative.INPUTS + len(chosen)))
         gains = seeds(self._rows, names, values, chosen)
-        bounce_jacobian.jacobian_batch(self._rows(names, values), gains, self.codes, *_incident(impacts), slopes)
+        derivative.jacobian_batch(self._rows(names, values), gains, self.codes, *_incident(impacts), slopes)
         return ReboundJacobian(
             rebound=self.evaluate(names, values, impacts),
             names=chosen,
-            inputs=slopes[..., : bounce_jacobian.COR],
-            parameters=slopes[..., bounce_jacobian.INPUTS :],
-            cor=slopes[..., bounce_jacobian.COR] if self.needs_cor else None,
+            inputs=slopes[..., : derivative.COR],
+            parameters=slopes[..., derivative.INPUTS :],
+            cor=slopes[..., derivative.COR] if self.needs_cor else None,
         )
 
     def history(self, parameters: Mapping[str, ArrayLike], impact: Impacts, times: ArrayLike) -> History:
@@ -202,8 +205,8 @@ class TwoMassModel(Model):
 @lru_cache(maxsize=64)
 def _places(names: tuple[str, ...]) -> tuple[list[int], list[int]]:
     """Columns of the kernel's rows that are among `names`, and their places there: asked at every step."""
-    columns = [column for column, name in enumerate(bounce.COLUMNS) if name in names]
-    return columns, [names.index(bounce.COLUMNS[column]) for column in columns]
+    columns = [column for column, name in enumerate(vertical.COLUMNS) if name in names]
+    return columns, [names.index(vertical.COLUMNS[column]) for column in columns]
 
 
 def compose_two_mass(name: str, ball: Ball, tangential: bool, closures: Closures) -> TwoMassModel:

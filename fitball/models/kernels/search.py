@@ -16,9 +16,20 @@ import math
 
 from fitball.models.kernels.compiled import inner
 from fitball.models.kernels.dual import Number, NumberArray, choose
-from fitball.models.kernels.oscillator import series_value, shift_swing, swing_at
-from fitball.models.kernels.quantities import Basis, Oscillator, Oscillators, Series, Stack, Swing
+from fitball.models.kernels.oscillator import (
+    AT_START,
+    Basis,
+    Oscillator,
+    Oscillators,
+    Series,
+    basis_at,
+    series_value,
+    shift_swing,
+)
 from fitball.values import FloatArray
+
+# A float array of two dimensions: ports lay it out by rows.
+Stack = FloatArray
 
 # Layout of a function's coefficient array: its value (5, from 0), two derivatives, and bounds of the sixth over the
 # envelopes, and over the fast poles of what is overdamped.
@@ -31,7 +42,6 @@ HALVINGS_LEFT, MAX_HALVINGS = MAX_DEPTH, 1.0e6
 NO_ZERO = -1.0
 # Decay over one step back beyond which the basis is computed afresh: undoing it amplifies rounding by its inverse.
 LARGEST_DECAY_UNDONE = 0.5
-AT_START: Basis[float] = Basis(Swing(1.0, 0.0, 1.0, 1.0), Swing(1.0, 0.0, 1.0, 1.0))
 
 
 @inner
@@ -81,12 +91,6 @@ def prepare_series(c: FloatArray, n: int, h: float) -> float:
     for k in range(6, n):
         bound += abs(c[k]) * (k * (k - 1.0) * (k - 2.0) * (k - 3.0) * (k - 4.0) * (k - 5.0))
     return bound / h**6
-
-
-@inner
-def basis_at(oscillators: Oscillators[Number], t: Number) -> Basis[Number]:
-    """The swings of both oscillators at time `t`."""
-    return Basis(swing_at(oscillators.torsion, t), swing_at(oscillators.vertical, t))
 
 
 @inner
