@@ -14,7 +14,7 @@ from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS
 from fitball.models.specs import SPECS
 from fitball.report.form.display_units import handy
 from fitball.report.form.rounding import decimals, fixed
-from fitball.studies.thesis.appendix_d import CASE_IN_APPENDIX_C
+from fitball.thesis.appendix_d import CASE_IN_APPENDIX_C
 
 VALIDATION = ROOT / "fits" / "validation"
 PUBLISHED = "Table 9, case 1"

@@ -114,7 +114,7 @@ from fitball.inference.likelihood.posterior import layout_of
 from fitball.models.kernels import bounce, derivative
 from fitball.models.kernels.compiled import on_disk
 from fitball.first_compile import when_compiling
-from fitball.studies.bench.tables import posed
+from fitball.bench.problems import posed
 told = []
 when_compiling(lambda compiling: told.append(compiling.kernel) if compiling else None)
 layout_of(replace(posed("wang_zero_spin"), threads=2))
