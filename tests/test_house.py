@@ -30,7 +30,8 @@ def test_the_house_grows_by_decision_only():
 
 
 def test_lines_are_counted_by_what_they_are():
-    text = '"""Two\nlines."""\n\nimport ast\nfrom x import (\n    y,\n)\n\n# why\ndef f():\n    """Doc."""\n    return "#"\n'
+    head = '"""Two\nlines."""\n\nimport ast\nfrom x import (\n    y,\n)\n\n'
+    text = head + '# why\ndef f():\n    """Doc."""\n    return "#"\n'
     assert size.kinds_of(text) == {"docstrings": 3, "blank": 2, "imports": 4, "comments": 1, "code": 2}
 
 
@@ -127,7 +128,7 @@ def test_wheel_carries_tables_scenes_schemas_and_template(tmp_path):
         "fitball/data/scene.schema.json",
         "fitball/report/fit.schema.json",
         "fitball/exports/parameters.schema.json",
-        "fitball/report/templates/report.html.j2",
+        "fitball/report/templates/page.css",
         "fitball/py.typed",
     ):
         assert needed in names

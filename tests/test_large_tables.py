@@ -36,9 +36,8 @@ from fitball.inference.results.results import Posterior
 from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.report.figures import canvas
 from fitball.report.figures.kinds import draw
-from fitball.report.fit.csv_tables import prediction_rows
-from fitball.report.fit.html import page
-from fitball.report.fit.terminal import render
+from fitball.report.fit.document import page, render
+from fitball.report.fit.folder import prediction_rows
 from fitball.report.form import listed
 from fitball.report.saved.data_file import data_part, read_data, write_data
 from fitball.report.saved.fit_file import TablePart

@@ -1,15 +1,13 @@
-"""A drop test as sentences and rows of text, for page, terminal and certificate."""
+"""A drop test, as parts of a report and of a certificate."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 from fitball.data.ball_types import BALL_TYPES, DROP_HEIGHT, SOURCE, TEST_TEMPERATURE
 from fitball.data.heights import DRAG_COEFFICIENT
 from fitball.inference.results.drop_test import BallRebound, DropTest, StandardRebound, TestedSpeed
 from fitball.inference.results.quantiles import Spread
-from fitball.report.fit.pace_rows import percent
-from fitball.report.form.rounding import decimals, digits, fixed, interval, significant
+from fitball.report.form.document import Part, Table, Words
+from fitball.report.form.rounding import decimals, digits, interval, percent, ranged, significant
 from fitball.report.form.text_table import Row
 
 CM = 100.0
@@ -19,32 +17,37 @@ MOST_BALLS = 72
 SURE = 0.95
 
 
-@dataclass(frozen=True)
-class DropTable:
-    """All rows; `lead` are the sentences that come first, `missing` says why there are none."""
-
-    lead: tuple[str, ...]
-    speeds: tuple[Row, ...]
-    types: tuple[Row, ...]
-    balls: tuple[Row, ...]
-    remarks: tuple[str, ...]
-    missing: str
-
-
-def drop_table(test: DropTest) -> DropTable:
-    """What there is to show of a drop test."""
-    rebound = test.rebound
+def drop_parts(test: DropTest | None) -> list[Part]:
+    """What there is to show of a drop test besides what comes first; nothing where balls were not dropped."""
+    if test is None:
+        return []
     if test.missing:
-        return DropTable((), (), (), (), (), test.missing)
-    rated = () if rebound is None or rebound.height.median is None else rebound.passing
-    return DropTable(
-        lead=drop_lead(test),
-        speeds=tuple(_speed_row(item) for item in test.speeds),
-        types=tuple(_type_row(test, name) for name in rated),
-        balls=tuple(_ball_row(ball) for ball in test.balls[:MOST_BALLS]),
-        remarks=drop_remarks(test),
-        missing="",
-    )
+        return [Words([f"No restitution at the tested speeds: {test.missing}."], only="page")]
+    limits = "Rebound from 254 cm within the limits of the ITF: probability"
+    return [
+        Table.of("Restitution at the tested speeds", speed_rows(test), only="page"),
+        Table.of(limits, type_rows(test), ["limits"], only="page"),
+        Table.of("Rebound of each ball", ball_rows(test), only="page"),
+        Words(drop_remarks(test), "list"),
+    ]
+
+
+def speed_rows(test: DropTest) -> list[Row]:
+    """The tested speeds; none where nothing can be said of them."""
+    return [_speed_row(item) for item in test.speeds if not test.missing]
+
+
+def type_rows(test: DropTest) -> list[Row]:
+    """The types of balls with the probability to pass as one of them, where there are draws."""
+    rebound = test.rebound
+    if rebound is None or rebound.height.median is None or test.missing:
+        return []
+    return [_type_row(test, rebound, name) for name in rebound.passing]
+
+
+def ball_rows(test: DropTest) -> list[Row]:
+    """The balls one by one, as many as a page has."""
+    return [_ball_row(ball) for ball in test.balls[:MOST_BALLS] if not test.missing]
 
 
 def lead_lines(test: DropTest | None) -> tuple[str, ...]:
@@ -176,16 +179,9 @@ def limits_words(name: str) -> str:
 
 def valued(spread: Spread, factor: float = 1.0, unit: str = "") -> str:
     """A number with its 95 % interval, rounded to what that supports."""
-    value, ends = _valued(spread, factor)
+    value, ends = ranged(spread, factor)
     space = f" {unit}" if unit else ""
     return f"{value}{space}" + (f" {ends}{space} (95 %)" if spread.median is not None else " (best value)")
-
-
-def _valued(spread: Spread, factor: float = 1.0) -> tuple[str, str]:
-    if spread.median is None or spread.q975 is None or spread.q025 is None:
-        return significant(factor * spread.point, 4), "-"
-    places = decimals(0.25 * factor * (spread.q975 - spread.q025))
-    return fixed(factor * spread.median, places), interval(factor * spread.q025, factor * spread.q975, places)
 
 
 def _speed(item: TestedSpeed) -> str:
@@ -201,7 +197,7 @@ def _counted(item: TestedSpeed) -> str:
 
 def _speed_row(item: TestedSpeed) -> Row:
     cor = item.cor
-    value, ends = _valued(cor)
+    value, ends = ranged(cor)
     intervals = {}
     if cor.q16 is not None and cor.q84 is not None and cor.q025 is not None and cor.q975 is not None:
         intervals = {"68 %": interval(cor.q16, cor.q84, decimals(0.25 * (cor.q975 - cor.q025))), "95 %": ends}
@@ -216,15 +212,14 @@ def _speed_row(item: TestedSpeed) -> Row:
 
 
 def _ball_row(ball: BallRebound) -> Row:
-    value, ends = _valued(ball.height, CM)
+    value, ends = ranged(ball.height, CM)
     row = {"ball": ball.label, "drops": str(ball.impacts), "rebound from 254 cm [cm]": value}
     return {**row, "95 %": ends, "passes": percent(ball.passes)}
 
 
-def _type_row(test: DropTest, name: str) -> Row:
+def _type_row(test: DropTest, rebound: StandardRebound, name: str) -> Row:
     """A type of ball: its limits, and the probabilities to lie within them."""
-    assert test.rebound is not None
-    passing = test.rebound.passing[name]
+    passing = rebound.passing[name]
     chances = {"mean": passing.mean, "another ball": passing.ball, "one more measured drop": passing.drop}
     if not test.balls:
         del chances["another ball"]

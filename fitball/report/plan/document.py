@@ -1,19 +1,28 @@
-"""A plan in words and cells, the same on the terminal and on the page."""
+"""A plan for a person: one document, for terminal and page."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
+from pathlib import Path
 
 import numpy as np
 
+from fitball.files import all_or_none
 from fitball.inference.design.results import Plan, Worth
 from fitball.inference.design.sensor import AS_BEFORE
 from fitball.inference.design.settings import Setting
 from fitball.inference.design.target import Part
+from fitball.inference.problem.problem import Problem
+from fitball.report.form.atomic_write import write_text
+from fitball.report.form.csv import csv_text
 from fitball.report.form.display_units import handy
-from fitball.report.form.rounding import digits
+from fitball.report.form.document import Document, Picture, Section, Table, Words, as_page, on_terminal
+from fitball.report.form.json_text import json_text
+from fitball.report.form.rounding import digits, percent
 from fitball.report.form.sentences import listed
 from fitball.report.form.text_table import Row
+from fitball.report.plan.rows import plan_json, plan_rows
 from fitball.values import FloatArray
 from fitball.wording import spoken
 
@@ -30,9 +39,78 @@ LEGEND = (
     "posterior; one nat narrows one quantity to 37 % of its sd. Behind it the expected sd of each part of the target."
 )
 SENSORS_LEGEND = (
-    "Best impact: the gain of the best single impact read that way. Same batch: the impacts above read that way; "
-    "of a drop as many drops."
+    "Best impact: the gain of the best single impact read that way. Same batch: the impacts above read that way; of "
+    "a drop as many drops."
 )
+CAPTION = (
+    "Expected gain of one more impact, measured as before, over what the machine can be set to. Numbers: the chosen "
+    "impacts in their order. Dots: impacts of the fitted table, at the nearest spin."
+)
+FIRST_ORDER = (
+    "{} draws of the posterior to first order; noise and all other parameters as uncertain as the fit left them. "
+    "Within the fitted model: what it does not describe no gain counts."
+)
+JSON_NAME, PICTURE = "plan.json", "plan.png"
+
+
+def plan_document(
+    plan: Plan, title: str, pictures: Collection[str] = (), command: str | None = None, folder: Path | None = None
+) -> Document:
+    """All that is said of a plan, with its map of gains if that is among the `pictures`; `command` is the line that
+    made it, None where none did.
+    """
+    said, sensors, parts = headline(plan), sensors_table(plan), parts_table(plan)
+    sections = [
+        Section("impacts", "Impacts to measure, best first", [
+            Table.of("Chosen impacts", chosen_table(plan), ["surface", "sensor", "contact"], rank="first"),
+            Words([f"{LEGEND} `plan.csv` has these impacts with empty columns to fill in."], "quiet", "page"),
+            *[Picture(name, CAPTION, f"{CAPTION} {said}") for name in pictures],
+        ]),
+        Section("sensors", "Ways of measuring", [
+            Table.of(
+                "Ways of measuring side by side", sensors, ["what it reads"], only="" if len(sensors) > 1 else "page"
+            ),
+            Words([SENSORS_LEGEND], "quiet", "page"),
+            Table("Expected sd of each part of the target after the batch", parts, only="page"),
+        ]),
+        Section("rests", "What this rests on", [
+            Words([
+                f"Settings looked at: {ranges_text(plan)}.", FIRST_ORDER.format(plan.draws),
+                f"Seed {plan.seed}. `plan.json` holds every number of this page and more.",
+            ], "list", "page"),
+            Words([] if command is None else [command], "code", "page"),
+        ]),
+        Section("", "", [Words([] if folder is None else [
+            f"{folder / 'plan.html'}; plan.csv has the impacts to measure, with empty columns to fill in"
+        ], only="terminal")]),
+    ]  # fmt: skip
+    return Document(title, [Words([said], "lead", rank="first"), Words(points(plan), "list", rank="first")], sections)
+
+
+def title_of(problem: Problem) -> str:
+    """What a plan is headed by."""
+    return f"{problem.table.name}, {problem.model.name}: what to measure next"
+
+
+def render(plan: Plan, problem: Problem, folder: Path | None = None) -> str:
+    """A plan on a terminal."""
+    return on_terminal(plan_document(plan, title_of(problem), folder=folder))
+
+
+@all_or_none()
+def write_all(plan: Plan, problem: Problem, folder: Path, command: str | None = None) -> None:
+    """Write every file, each whole or not at all, `plan.json` last; `command` is the line that asked.
+
+    Raises ResultFolderError.
+    """
+    from fitball.report.figures.save import save_figure
+    from fitball.report.plan.figure import plan_figure
+
+    title = title_of(problem)
+    images = {"map": save_figure(plan_figure(plan, title), folder / PICTURE)}
+    write_text(folder / "plan.html", as_page(plan_document(plan, title, images, command), images))
+    write_text(folder / "plan.csv", csv_text(plan_rows(plan, problem)))
+    write_text(folder / JSON_NAME, json_text(plan_json(plan)))
 
 
 def sd_text(part: Part, sd: float) -> str:
@@ -96,7 +174,7 @@ def points(plan: Plan) -> tuple[str, ...]:
     if partly:
         most = max(one.unsolved for one in partly)
         said.append(
-            f"At {len(partly)} of the chosen impacts up to {100.0 * most:.0f} % of the draws cannot be evaluated; "
+            f"At {len(partly)} of the chosen impacts up to {percent(most)} of the draws cannot be evaluated; "
             "gains are averaged over the others."
         )
     if plan.lost > 0.0:

@@ -1,11 +1,8 @@
-"""The court pace rating as sentences and rows of text, for page and terminal."""
+"""The court pace rating, as parts of a report and of a certificate."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-
-import numpy as np
 
 from fitball.inference.results.adequacy import Adequacy
 from fitball.inference.results.pace_rating import (
@@ -20,9 +17,10 @@ from fitball.inference.results.pace_rating import (
 )
 from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import Estimate, Fit, Verdict
-from fitball.report.fit.adequacy_rows import conditional_words
+from fitball.report.fit.judged import conditional_words
 from fitball.report.form.display_units import INCIDENT
-from fitball.report.form.rounding import decimals, fixed, interval
+from fitball.report.form.document import Part, Table, Words
+from fitball.report.form.rounding import decimals, interval, percent, ranged
 from fitball.report.form.text_table import Row
 
 # Difference of two ratings below which nobody would see it in a rating rounded to a whole number.
@@ -36,28 +34,39 @@ NARROWED = 0.2
 QUANTITIES = {"v_y1": "vertical speed", "theta_1": "angle", "omega_1": "spin"}
 
 
-@dataclass(frozen=True)
-class PaceTable:
-    """All surfaces, remarks, and why there is no rating (empty where there is one); what is told of the court as a
-    whole, and its places as measured.
+PACE = (
+    "What the court pace test of the ITF (CS 01/02: a ball at 30 m/s and 16 degrees with hardly any spin) would find "
+    "on this surface: 100 (1 - mu) + 150 (0.81 - e_T), from the velocities that the model predicts for that impact. "
+    "There mu is the apparent friction of that one impact, which is the coefficient of sliding friction only if the "
+    'ball slides throughout; "by fitted mu" is the rating with the fitted coefficient instead. Large is fast. '
+    "Slow: up to 29; medium-slow: 30 to 34; medium: 35 to 39; medium-fast: 40 to 44; fast: from 45."
+)
+
+
+def pace_parts(fit: Fit) -> list[Part]:
+    """The court as measured and the ratings by the model, one line a surface on a terminal; nothing where no motion
+    along the court was measured.
     """
-
-    rows: tuple[Row, ...]
-    remarks: tuple[str, ...]
-    missing: str
-    court: tuple[str, ...]
-    places: tuple[Row, ...]
-
-
-def pace_table(fit: Fit) -> PaceTable | None:
-    """The ratings of a fit; None where no motion along the court was measured."""
     pace = fit.court_pace
     if pace is None:
-        return None
+        return []
+    parts: list[Part] = [
+        Words(pace_lines(fit), only="terminal"),
+        Words(court_lines(pace), only="page"),
+        Table.of("Places on the court, as measured", place_rows(pace), only="page"),
+    ]
+    if pace.missing:
+        return [*parts, Words([f"No ITF court pace rating by the model: {pace.missing}."], only="page")]
     rows = surface_rows(pace)
+    if not fit.levels:
+        rows = [{head: cell for head, cell in row.items() if head not in ("surface", "impacts")} for row in rows]
     said = rests(fit.parameters, fit.adequacy)
-    remarks = ([f"The rating is {said}."] if said else []) + pace_remarks(pace)
-    return PaceTable(rows, tuple(remarks), pace.missing, court_lines(pace), place_rows(pace))
+    return [
+        *parts,
+        Words([PACE], only="page"),
+        Table.of("Court pace rating", rows, ["category", "contact there"], only="page"),
+        Words([*([f"The rating is {said}."] if said else []), *pace_remarks(pace)], "list", "page"),
+    ]
 
 
 def pace_lines(fit: Fit) -> tuple[str, ...]:
@@ -107,11 +116,8 @@ def court_lines(pace: CourtPace) -> tuple[str, ...]:
 
 def _court_words(court: CourtMean) -> str:
     likely = {name: share for name, share in court.categories.items() if share >= LIKELY}
-    places = _places(court.rating)
-    within = ""
-    if court.rating.q025 is not None:
-        within = f" {interval(court.rating.q025, court.rating.q975, places)} (95 %)"
-    parts = [f"{_middle(court.rating, places)}{within}, {_shares(likely, bool(within))}"]
+    (value, ends), known = ranged(court.rating, places=1), court.rating.q025 is not None
+    parts = [f"{value}{f' {ends} (95 %)' * known}, {_shares(likely, known)}"]
     if court.places > 1:
         parts[0] += f"; mean of {court.places} places ({court.column})"
         # Of a make of places where repeats tell it, else of those that were tested.
@@ -128,15 +134,11 @@ def _court_words(court: CourtMean) -> str:
     return ", ".join(parts)
 
 
-def place_rows(pace: CourtPace) -> tuple[Row, ...]:
+def place_rows(pace: CourtPace) -> list[Row]:
     """The places of a court, as measured."""
     rows: list[Row] = []
     for place in () if pace.measured is None else pace.measured.places:
-        spread = place.rating
-        value, ends = "-", "-"
-        if spread is not None:
-            digits = _places(spread)
-            value, ends = _middle(spread, digits), interval(spread.q025, spread.q975, digits)
+        value, ends = ("-", "-") if place.rating is None else ranged(place.rating, places=1)
         rows.append(
             {
                 "place": place.label,
@@ -148,30 +150,27 @@ def place_rows(pace: CourtPace) -> tuple[Row, ...]:
                 "restitution": f"{place.restitution:.3f}",
             }
         )
-    return tuple(rows)
+    return rows
 
 
-def surface_rows(pace: CourtPace) -> tuple[Row, ...]:
+def surface_rows(pace: CourtPace) -> list[Row]:
     """Every surface, by the model."""
-    return tuple(_row(rating) for rating in pace.ratings)
+    return [_row(rating) for rating in pace.ratings]
 
 
 def _row(rating: PaceRating) -> Row:
-    places = _places(rating.rating)
-    sampled = rating.rating.median is not None
-    row = {
-        "surface": surface_words(rating),
-        "impacts": str(rating.impacts),
-        "rating": _middle(rating.rating, places),
-    }
-    if sampled:
-        row["68 %"] = interval(rating.rating.q16, rating.rating.q84, places)
-        row["95 %"] = interval(rating.rating.q025, rating.rating.q975, places)
+    found = rating.rating
+    value, ends = ranged(found, places=1)
+    row = {"surface": surface_words(rating), "impacts": str(rating.impacts), "rating": value}
+    sampled = found.q025 is not None and found.q975 is not None
+    if found.q025 is not None and found.q975 is not None:
+        row["68 %"] = interval(found.q16, found.q84, decimals(0.25 * (found.q975 - found.q025)))
+        row["95 %"] = ends
     return {
         **row,
         "category": _shares(rating.categories, sampled),
         "mu of the test": _with_interval(rating.friction),
-        "by fitted mu": _middle(rating.sliding_rating, places),
+        "by fitted mu": ranged(rating.sliding_rating, places=1)[0],
         "restitution": _with_interval(rating.restitution),
         "contact there": _shares(rating.regimes, sampled),
     }
@@ -203,12 +202,13 @@ def pace_remarks(pace: CourtPace) -> list[str]:
         if rating.reach.outside:
             lines = f"; the line of {' and of '.join(rating.reach.lines)} is continued" if rating.reach.lines else ""
             remarks.append(f"{name}An extrapolation: the test impact lies {reach_words(rating.reach)}{lines}.")
-        gap = abs(_number(rating.rating) - _number(rating.sliding_rating))
+        one, other = (it.point if it.median is None else it.median for it in (rating.rating, rating.sliding_rating))
+        gap = abs(one - other)
         if gap > EQUAL:
             remarks.append(
                 f"{name}The apparent friction of the test impact and the fitted coefficient differ (the ball slides "
                 f"throughout with probability {percent(rating.slides)}): with the fitted one the rating would be "
-                f"{_middle(rating.sliding_rating, _places(rating.sliding_rating))}."
+                f"{ranged(rating.sliding_rating, places=1)[0]}."
             )
         if rating.saturated > SATURATES:
             remarks.append(
@@ -254,37 +254,11 @@ def reach_words(reach: Reach) -> str:
     return " and ".join(parts) if parts else "within what was measured"
 
 
-def _number(spread: Spread) -> float:
-    return spread.point if spread.median is None else spread.median
-
-
-def _places(spread: Spread) -> int:
-    """Decimals that a quarter of the 95 % interval supports; one without a posterior, as ratings are quoted."""
-    if spread.q025 is None or spread.q975 is None:
-        return 1
-    return decimals(0.25 * (spread.q975 - spread.q025))
-
-
-def _middle(spread: Spread, places: int) -> str:
-    return fixed(_number(spread), places)
-
-
 def _with_interval(spread: Spread) -> str:
-    if spread.q025 is None:
-        return fixed(spread.point, 3)
-    places = _places(spread)
-    return f"{_middle(spread, places)} {interval(spread.q025, spread.q975, places)}"
+    value, ends = ranged(spread, places=3)
+    return value if ends == "-" else f"{value} {ends}"
 
 
 def _shares(shares: Mapping[str, float], sampled: bool) -> str:
     """Names with their probability; without a posterior there is one name and nothing to say of probability."""
     return ", ".join(f"{name} {percent(part)}" if sampled else name for name, part in shares.items() if part > 0.0)
-
-
-def percent(share: float) -> str:
-    """A probability in whole per cent; none is called certain that is not."""
-    if 0.0 < share < 0.005:
-        return "< 1 %"
-    if 0.995 < share < 1.0:
-        return "> 99 %"
-    return f"{np.round(100.0 * share):.0f} %"
