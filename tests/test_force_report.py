@@ -21,7 +21,7 @@ from fitball.cli.main import main
 from fitball.data.bundled import bundled_folder, bundled_names
 from fitball.data.read import load_table
 from fitball.data.scene import NO_CONTACT_TIME, Scene
-from fitball.exports.paper_table import latex_table
+from fitball.exports.parameters import latex_table
 from fitball.inference.calibrate import fingerprint, run
 from fitball.inference.effort import Effort
 from fitball.inference.identifiability.fisher import information_evidence

@@ -10,6 +10,7 @@ import pytest
 from samples import problem_of
 
 import fitball
+from fitball.bench.problems import enlarged, spread_draws
 from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
@@ -41,7 +42,6 @@ from fitball.report.form import numbers
 from fitball.report.saved.data_file import data_part, read_data, write_data
 from fitball.report.saved.fit_file import TablePart
 from fitball.report.saved.fit_text import fit_text
-from fitball.studies.bench.tables import enlarged, spread_draws
 
 
 def long_problem(rows, **choices):

@@ -10,7 +10,7 @@ from fitball.data.impact_text import parse_impact
 from fitball.errors import ParameterError
 from fitball.inference.prediction.engine_fit import EngineFit, EngineSettings, fit_engine, middle_impact
 from fitball.inference.prediction.extrapolation import calibrated_range
-from fitball.models.kernels.contact import zero_force_release
+from fitball.models.kernels.vertical import zero_force_release
 from fitball.observables import COMPARED
 from fitball.report.form.files import json_text
 from fitball.report.form.numbers import output_scale

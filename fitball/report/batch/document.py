@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -76,7 +76,7 @@ MOST_ERROR = 0.1
 # Populations with poor weights that are told one by one.
 MOST_POOR = 2
 # Tables that are practical to fit together.
-MOST_JOINT = 12
+MOST_TOGETHER = 12
 
 
 def batch_document(
@@ -166,20 +166,17 @@ def write_results(
     command: str | None = None,
     quantities: Sequence[str] = (),
     over: Over = None,
-    beside: Callable[[Sequence[Populated]], Sequence[Populated]] = lambda _weighted: (),
 ) -> Shown:
     """Write every file, each whole or not at all; `command` is the line that asked. Returns what they show.
 
-    Populations are those of parameters that enough tables tell, and of `quantities`, `over` levels or not, and what
-    `beside` makes of them. Parquet needs pyarrow, and is
-    left out without it. Raises ResultFolderError, ParameterError as `populations` does.
+    Populations are those of parameters that enough tables tell, and of `quantities`, `over` levels or not. Parquet
+    needs pyarrow, and is left out without it. Raises ResultFolderError, ParameterError as `populations` does.
     """
     from fitball.report.batch.figure import batch_figure
     from fitball.report.figures.canvas import save_figure
 
     series = all_series(rows)
     populated = populations(rows, folder, [*default_names(series), *quantities], over)
-    populated = (*populated, *beside(populated))
     write_populations(populated, folder)
     write_csv(folder / CSV_NAME, rows)
     if find_spec("pyarrow") is not None:
@@ -223,10 +220,10 @@ def head(series: Series) -> str:
 
 
 def pooled_heads(populated: Populated) -> tuple[str, ...]:
-    """Heads of the columns of a quantity: alone, and given the other tables; of a joint fit the latter alone."""
+    """Heads of the columns of a quantity: alone, and given the other tables."""
     unit = handy(populated.quantity.name, populated.quantity.unit).unit
     name = f"{populated.name}{f' [{unit}]' if unit else ''}"
-    return (name,) if populated.joint else (f"{name} alone", "given all")
+    return f"{name} alone", "given all"
 
 
 def pooled_cells(name: str, place: int, series: Sequence[Series], populated: Sequence[Populated]) -> tuple[str, ...]:
@@ -241,7 +238,7 @@ def pooled_cells(name: str, place: int, series: Sequence[Series], populated: Seq
         column = columns.get(one.quantity.name)
         # A ratio is no column of the tables: its draws are all there is.
         alone = cell(column, place) if column is not None else _drawn(one, one.own[name], one.own_sds[name])
-        shown += [] if one.joint else [alone]
+        shown.append(alone)
         shown.append(_drawn(one, table.known, table.sd) + ("" if table.trusted else " ?"))
     return tuple(shown)
 
@@ -471,7 +468,9 @@ def doubts(populated: Populated) -> list[str]:
             f"{len(found.doubtful)} {few} ({_some(found.doubtful)}), nor what the others say of {each}: few draws "
             "there meet the population."
         )
-    if said and not populated.joint and len(populated.quantity.parts) == 1 and len(found.tables) <= MOST_JOINT:
-        how = spoken(f"fitball population FOLDER --of {name} --joint", f"batch.population('{name}', joint=True)")
+    if said and len(populated.quantity.parts) == 1 and len(found.tables) <= MOST_TOGETHER:
+        how = spoken(
+            f"fitball calibrate TABLES --pool {name}=table", f"calibrate(tables, pool={{'{name}': 'table'}})"
+        )
         said[-1] += f" So few tables can be fitted together instead: {how}."
     return said

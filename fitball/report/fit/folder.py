@@ -13,13 +13,12 @@ from fitball.errors import ResultFolderError
 from fitball.files import all_or_none
 from fitball.inference.results.quantiles import ESSENTIALS, SUMMARY
 from fitball.inference.results.results import Estimate, Fit, Predictive
-from fitball.inference.thesis.published_cases import wang_rows
 from fitball.report.figures.quantities import prediction_of
 from fitball.report.figures.registry import FIGURES
 from fitball.report.fit.document import page
 from fitball.report.form.files import OWN_FILES, remove, write_csv, write_text
 from fitball.report.form.folders import clear_leftovers, make_folder
-from fitball.report.form.numbers import THESIS, listed_places
+from fitball.report.form.numbers import listed_places
 from fitball.report.saved.data_file import DATA_NAME, write_data
 from fitball.report.saved.fit_text import fit_text
 from fitball.report.saved.posterior_file import write_netcdf
@@ -100,18 +99,15 @@ def write_figures(fit: Fit, folder: Path) -> dict[str, bytes]:
 
 
 def summary_rows(fit: Fit) -> list[dict[str, object]]:
-    """One row per parameter, SI at full precision; where the data are the thesis's with the factor to its unit."""
+    """One row per parameter, SI at full precision."""
     rows: list[dict[str, object]] = []
-    theirs = wang_rows(fit.problem.table) is not None
     for item in fit.estimates:
-        squares, scale = fit.least_squares, THESIS.get(item.name)
+        squares = fit.least_squares
         row: dict[str, object] = {"parameter": item.name}
         row |= {name: getattr(item, name) for name in ("unit", *SUMMARY, "point")}
         row |= {"least_squares": squares.values[item.name], "least_squares_stderr": squares.stderr[item.name]}
         row |= {"prior": item.prior, "contraction": item.contraction, "verdict": item.verdict_words}
         row |= {name: getattr(item, name) for name in ("reason", "ess_bulk", "ess_tail", "r_hat")}
-        if theirs:
-            row |= {"thesis_unit": getattr(scale, "unit", None), "thesis_factor": getattr(scale, "factor", None)}
         rows.append(row)
     return rows
 

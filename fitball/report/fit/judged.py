@@ -201,12 +201,20 @@ def evidence_parts(fit: Fit, pictures: Sequence[Part]) -> list[Part]:
         Table.of("Evidence on each parameter", evidence_rows(fit), ["", "unit", "verdict"], only="page"),
         Words([
             *([f"There are no profiles: {found.profiles_missing}."] if found.profiles_missing else []),
-            *found.eigendirections.sentences,
+            *([_ends(found.eigendirections.held)] if found.eigendirections.held else []),
         ], "list"),
         *pictures,
         Words([DIRECTIONS] * bool(combined), only="page"),
         Table.of("Combinations of parameters", combined, ["without the scene: combination"], only="page"),
     ]  # fmt: skip
+
+
+def _ends(held: Sequence[str]) -> str:
+    names = listed(held)
+    return (
+        f"The model ends next to the maximum in {names}: there is no derivative, and what is said to first order "
+        f"takes {names} as fixed."
+    )
 
 
 def evidence_rows(fit: Fit) -> list[Row]:
