@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from fitball.inference.likelihood.posterior import layout_of
+from fitball.inference.calibrate import compile_ahead
 from fitball.studies.bench.tables import posed
 
-layout_of(replace(posed("wang_zero_spin"), threads=2))
+compile_ahead(replace(posed("wang_zero_spin"), threads=2))
