@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.report.form.document import columns
     from fitball.report.form.folders import held
     from fitball.thesis.chapter_five import derive
-    from fitball.thesis.chapter_five_page import write
+    from fitball.thesis.page import write
     from fitball.thesis.ranking import in_brief, side_by_side
 
     check_whole(seed=args.seed)

@@ -1,8 +1,11 @@
-"""Figures of `fitball rederive`, in the manner of the thesis: measured, printed and recomputed values together."""
+"""The page and the files of `fitball rederive`, `report.html` last; and its figures, in the manner of the thesis:
+measured, printed and recomputed values together.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -10,18 +13,65 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from fitball.data.scene import load_scene
 from fitball.data.thesis_tables import fraction, thesis_table
 from fitball.data.wang import SPINS, measured
+from fitball.files import all_or_none
 from fitball.inference.thesis.inputs import C1, C2, INCH, STIFFNESS, TORSION, case_parameters, printed_model
 from fitball.models.specs import SPECS
 from fitball.models.thesis.model import ThesisCourse
-from fitball.report.figures.canvas import log_scale, new_figure, own_style
+from fitball.report.figures.canvas import log_scale, new_figure, own_style, save_figure
+from fitball.report.figures.embed import embed
+from fitball.report.form.files import write_text
+from fitball.report.form.folders import make_folder
 from fitball.report.form.palette import MARKERS, SERIES
+from fitball.report.form.template import render_template
+from fitball.thesis import ranking, recalibration
 from fitball.thesis.appendix_d import CASE_IN_APPENDIX_C, percentage_errors
 from fitball.thesis.chapter_five import ChapterFive
 from fitball.thesis.printed_tables import INPUT_HEADS, USED_IN_EXAMPLE_2, examples, figures_36_to_44
 from fitball.thesis.recalibration import Recalibration, offset_constants
 from fitball.values import FloatArray, impacts
+
+
+@all_or_none()
+def write(chapter: ChapterFive, folder: Path) -> None:
+    """Write CSV files, figures and the page, each whole or not at all. Raises ResultFolderError."""
+    make_folder(folder)
+    for name, frame in chapter.tables.items():
+        write_text(folder / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
+    images = {name: save_figure(draw(), folder / f"{name}.png") for name, draw in draw_all(chapter).items()}
+    write_text(folder / "report.html", page(chapter, images))
+
+
+def page(chapter: ChapterFive, images: Mapping[str, bytes]) -> str:
+    """The page as text."""
+    off = chapter.appendix_c.exceptions
+    beyond = off[off["column"].isin(("v_x2", "omega_2")) & (off["error [%]"].abs() > 1.0)]
+    return render_template(
+        "fitball.thesis",
+        "chapter_five.html.j2",
+        found=chapter,
+        figures={name: embed(images[name], said, said) for name, said in CAPTIONS.items() if name in images},
+        tables=chapter.tables,
+        text=_text,
+        brief=ranking.in_brief(chapter.rankings),
+        scene=load_scene(recalibration.TABLE),
+        scales=ranking.SCALE,
+        resamples=ranking.RESAMPLES,
+        beyond=beyond,
+        inertia_shares=", ".join(f"{name} {100.0 * share:.0f} %" for name, share in chapter.inertia.shares.items()),
+    )
+
+
+def _text(value: object) -> str:
+    """A cell, numbers to four significant digits."""
+    if isinstance(value, (bool, np.bool_)):
+        return "yes" if value else "no"
+    if isinstance(value, (float, np.floating)):
+        return "" if np.isnan(value) else f"{value:.4g}"
+    return str(value)
+
 
 CAPTIONS: Mapping[str, str] = {
     "glance": (
