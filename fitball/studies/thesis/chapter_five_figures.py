@@ -14,7 +14,7 @@ from fitball.data.thesis_tables import fraction, thesis_table
 from fitball.data.wang import SPINS, measured
 from fitball.inference.thesis.inputs import C1, C2, INCH, STIFFNESS, TORSION, case_parameters, printed_model
 from fitball.models.specs import SPECS
-from fitball.models.thesis.model import ThesisCourse
+from fitball.models.thesis import ThesisCourse
 from fitball.report.figures.canvas import log_scale, new_figure
 from fitball.report.figures.style import own_style
 from fitball.report.form.palette import MARKERS, SERIES
