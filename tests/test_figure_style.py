@@ -20,7 +20,7 @@ from fitball.report.figures.canvas import Margins, group_handles, group_styles, 
 from fitball.report.figures.kinds import draw
 from fitball.report.figures.parameter_axis import parameter_axis
 from fitball.report.figures.sketch import ball_sketch
-from fitball.report.fit.html import page
+from fitball.report.fit.document import page
 from fitball.report.form.palette import (
     MEASURED,
     MODEL,
@@ -90,8 +90,8 @@ def test_every_symbol_is_one_parameters_and_reads_on_a_page():
 
 def test_the_table_of_parameters_says_what_they_mean(point_fit):
     text = page(point_fit, {})
-    assert f'<td class="text">\u03bc</td><td class="text"></td><td class="meaning">{SPECS["mu"].meaning}</td>' in text
-    assert '<td class="meaning">vertical stiffness between core and shell</td>' in text
+    assert f'<td class="text">\u03bc</td><td class="text"></td><td class="words">{SPECS["mu"].meaning}</td>' in text
+    assert '<td class="words">vertical stiffness between core and shell</td>' in text
     assert "K<sub>y</sub>" in text
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numba
 import pytest
+import size
 
 ROOT = Path(__file__).resolve().parent.parent
 HEAVY = ("numba", "scipy", "pandas", "matplotlib", "lmfit", "emcee", "h5py")
@@ -17,6 +18,21 @@ HEAVY = ("numba", "scipy", "pandas", "matplotlib", "lmfit", "emcee", "h5py")
 
 def python(code, *, cwd=ROOT, env=None):
     return subprocess.run([sys.executable, "-c", code], cwd=cwd, env=env, capture_output=True, text=True, check=False)
+
+
+def test_the_house_grows_by_decision_only():
+    totals = size.totals()
+    assert totals.keys() == size.CEILINGS.keys()
+    above = {what: found for what, found in totals.items() if found > size.CEILINGS[what]}
+    assert not above, (
+        f"more than the ceilings of scripts/size.py: {above}; CONTRIBUTING.md says how growth is decided"
+    )
+
+
+def test_lines_are_counted_by_what_they_are():
+    head = '"""Two\nlines."""\n\nimport ast\nfrom x import (\n    y,\n)\n\n'
+    text = head + '# why\ndef f():\n    """Doc."""\n    return "#"\n'
+    assert size.kinds_of(text) == {"docstrings": 3, "blank": 2, "imports": 4, "comments": 1, "code": 2}
 
 
 def test_help_imports_nothing_heavy():
@@ -112,7 +128,7 @@ def test_wheel_carries_tables_scenes_schemas_and_template(tmp_path):
         "fitball/data/scene.schema.json",
         "fitball/report/fit.schema.json",
         "fitball/exports/parameters.schema.json",
-        "fitball/report/templates/report.html.j2",
+        "fitball/report/templates/page.css",
         "fitball/py.typed",
     ):
         assert needed in names

@@ -11,6 +11,7 @@ import pytest
 from samples import COMPOSITIONS
 
 import fitball
+from fitball.bench.hard_cases import hard_cases
 from fitball.models.kernels import bounce as kernel
 from fitball.models.kernels.bounce import bounce
 from fitball.models.kernels.dual import WIDTH, choose
@@ -18,7 +19,6 @@ from fitball.models.kernels.lanes import number
 from fitball.models.kernels.lanes.number import any_of, lane_array, largest
 from fitball.models.kernels.phases import MAX_PHASES, PIECE_SIZE, make_scratch
 from fitball.models.two_mass import _incident
-from fitball.studies.bench.hard_cases import hard_cases
 from fitball.values import Impacts, OwnImpacts
 
 ULPS = 1.5

@@ -10,6 +10,7 @@ import pytest
 from samples import problem_of
 
 import fitball
+from fitball.bench.problems import enlarged, spread_draws
 from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
@@ -35,14 +36,12 @@ from fitball.inference.results.results import Posterior
 from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.report.figures import canvas
 from fitball.report.figures.kinds import draw
-from fitball.report.fit.csv_tables import prediction_rows
-from fitball.report.fit.html import page
-from fitball.report.fit.terminal import render
+from fitball.report.fit.document import page, render
+from fitball.report.fit.folder import prediction_rows
 from fitball.report.form import listed
 from fitball.report.saved.data_file import data_part, read_data, write_data
 from fitball.report.saved.fit_file import TablePart
 from fitball.report.saved.fit_text import fit_text
-from fitball.studies.bench.tables import enlarged, spread_draws
 
 
 def long_problem(rows, **choices):

@@ -16,7 +16,6 @@ from fitball.inference.results.drop_test import DropTest
 from fitball.inference.results.evidence import Identifiability
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.pace_rating import CourtPace
-from fitball.report.fit.summary import notes
 from fitball.report.saved.fit_file import FitFile
 from fitball.report.saved.restore import restored
 from fitball.report.saved.saved_fit import SavedFit, as_saved
@@ -66,17 +65,17 @@ class Found:
         return tuple(self.parameters.values())
 
     @property
-    def derived(self) -> Mapping[str, results.Estimate]:
-        """Estimates by name of what follows from several parameters: the ratio of the stiffnesses, and restitution
+    def derived(self) -> tuple[results.Estimate, ...]:
+        """Estimates of what follows from several parameters: the ratio of the stiffnesses, and restitution
         and offset at a measured speed where 10 m/s was not measured.
         """
-        made = self.saved.derived if self._made is None else self._made.derived
-        return {estimate.name: estimate for estimate in made}
+        return self.saved.derived if self._made is None else self._made.derived
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What one should know: of the table's reading, assumptions, what was left out, what the search met."""
-        return notes(self._made) if self._made is not None else self.saved.file.notes
+        made = self._made
+        return self.saved.file.notes if made is None else (*made.problem.table.remarks, *made.notes)
 
     @property
     def seed(self) -> int:

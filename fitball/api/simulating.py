@@ -17,7 +17,7 @@ from fitball.models.model import Model
 from fitball.models.registry import DEFAULT_MODEL, model
 from fitball.report.history.rows import history_rows, simulation_json
 from fitball.report.history.text import render_all
-from fitball.report.predict.text import remarks_on
+from fitball.report.predict import remarks_on
 from fitball.report.saved.saved_fit import SavedFit
 from fitball.values import Impacts
 

@@ -90,7 +90,7 @@ def _show(args: argparse.Namespace) -> int:
     from fitball.data.read import load_table
     from fitball.data.reading.doubt import doubt_of_table
     from fitball.data.scene import load_scene
-    from fitball.report.fit.balance_table import balance_table
+    from fitball.report.fit.rows import balance_table
     from fitball.report.form.text_table import MOST_LINES, columns, more
 
     scene = load_scene(args.data, as_read=True)
@@ -105,10 +105,10 @@ def _show(args: argparse.Namespace) -> int:
         print(one_line(line))
     print()
     _print_columns(table)
-    balances = balance_table(scene_balances(table, scene), MOST_LINES)
+    balances, meanings = balance_table(scene_balances(table, scene))
     print("\nmodel-free, from the measurements alone:")
     rest = more(len(table), "--json for the table, balances.csv of a fit")
-    for line in (*columns([balances.heads, *balances.rows]), *rest, *(f"  {line}" for line in balances.legend)):
+    for line in (*columns(balances.rows[: MOST_LINES + 1]), *rest, *(f"  {line}" for line in meanings)):
         print(line)
     for heading, lines in (
         ("known", _known(scene)),

@@ -12,9 +12,8 @@ from fitball.report.figures.curves import curve_columns
 from fitball.report.figures.force import force_panels
 from fitball.report.figures.predictive import agreements
 from fitball.report.figures.residuals import incident_quantities, residual_data
-from fitball.report.fit.evidence_rows import evidence_rows
-from fitball.report.fit.summary import parameter_rows
-from fitball.report.form.display_units import output_scale
+from fitball.report.form.display_units import handy, output_scale
+from fitball.report.form.parameters import parameter_row, profile_interval
 
 # Correlations named, the strongest first.
 NAMED = 3
@@ -83,11 +82,10 @@ def _residuals(fit: Fit) -> str:
 
 
 def _profiles(fit: Fit) -> str:
-    parts = [
-        f"{row['parameter']} {row['profile, 95 %']} {row['unit']}".rstrip()
-        for row in evidence_rows(fit)
-        if row["profile, 95 %"] != "-"
-    ]
+    parts = []
+    for name, item in fit.identifiability.evidence.items():
+        scale = handy(name, fit.parameters[name].unit)
+        parts += [f"{name} {profile_interval(item.profile, scale)} {scale.unit}".rstrip()] if item.profile else []
     return "Profile likelihoods with their 95 % intervals: " + "; ".join(parts) + "."
 
 
@@ -95,7 +93,7 @@ def _corner(fit: Fit) -> str:
     names, matrix = fit.problem.free_names, fit.correlation
     medians = "; ".join(
         f"{row.name} {row.median} {row.interval_95} {row.unit}".rstrip()
-        for row in parameter_rows(fit)
+        for row in map(parameter_row, fit.estimates)
         if row.name in names
     )
     text = f"Posterior of {len(names)} parameters, median and 95 % interval: {medians}."

@@ -7,6 +7,8 @@ from decimal import ROUND_HALF_EVEN, Context, Decimal
 
 from uncertainties.formatting import PDG_precision
 
+from fitball.inference.results.quantiles import Spread
+
 MOST_DECIMALS = 9
 # Digits enough for any double.
 _WIDE = Context(prec=400)
@@ -36,6 +38,35 @@ def fixed(value: float | None, places: int) -> str:
 def interval(low: float | None, high: float | None, places: int) -> str:
     """Two ends with the same decimals."""
     return f"[{fixed(low, places)}, {fixed(high, places)}]"
+
+
+def plus_minus(value: float, sd: float, places: int | None = None) -> str:
+    """A number with its standard deviation, both with the decimals that this supports or that are asked for."""
+    places = decimals(sd) if places is None else places
+    return f"{fixed(value, places)} +- {fixed(sd, places)}"
+
+
+def ranged(spread: Spread, factor: float = 1.0, places: int | None = None) -> tuple[str, str]:
+    """The best value, times a factor, and its 95 % interval, with the decimals that a quarter of that supports; of a
+    point fit a dash for the interval, and as many decimals as are asked for, or four digits.
+    """
+    if spread.median is None or spread.q025 is None or spread.q975 is None:
+        point = factor * spread.point
+        return significant(point, 4) if places is None else fixed(point, places), "-"
+    places = decimals(0.25 * factor * (spread.q975 - spread.q025))
+    return fixed(factor * spread.median, places), interval(factor * spread.q025, factor * spread.q975, places)
+
+
+def percent(share: float, fine: bool = False) -> str:
+    """A share in whole per cent, or as `fine` as a tenth where it is small; what is neither none nor all is not
+    called so.
+    """
+    least, words = (0.001, ("< 0.1 %", "> 99.9 %")) if fine else (0.005, ("< 1 %", "> 99 %"))
+    if 0.0 < share < least:
+        return words[0]
+    if 1.0 - least < share < 1.0:
+        return words[1]
+    return f"{100.0 * share:.{1 if fine and share < 0.1 else 0}f} %"
 
 
 def digits(value: float, count: int) -> str:

@@ -7,11 +7,18 @@ import unicodedata
 
 from markupsafe import Markup, escape
 
+from fitball.report.form.document import Cell
+
 # A command, a brace, a mark of height, or one character.
 _TOKEN = re.compile(r"\\[A-Za-z]+|[{}^_]|.")
 _TAGS = {"_": "sub", "^": "sup"}
 # Commands that are not the name of a Greek letter; of the two epsilons figures use the curly one.
 _LETTERS = {"\\mathrm": "", "\\varepsilon": "\u03b5", "\\nu": "\u03bd"}
+
+
+def symbol_cell(mathtext: str) -> Cell:
+    """A symbol for a page; for who has no such letters nothing."""
+    return Cell("", symbol_html(mathtext))
 
 
 def symbol_html(mathtext: str) -> Markup:

@@ -17,15 +17,18 @@ MOST_LINES = 40
 WIDEST = 80
 
 
-def columns(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
-    """Rows of cells as lines: the first `left` columns flush left, the others right. A cell stays in its line."""
+def columns(rows: Sequence[Sequence[str]], left: int | Sequence[bool] = 1) -> list[str]:
+    """Rows of cells as lines: the first `left` columns, or those it names, flush left, the others right. A cell stays
+    in its line.
+    """
+    aligned = [k < left for k in range(len(rows[0]))] if isinstance(left, int) else left
     rows = [[one_line(cell, WIDEST) for cell in row] for row in rows]
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     lines = []
     for row in rows:
         cells = [
-            cell.ljust(width) if k < left else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+            cell.ljust(width) if flush else cell.rjust(width)
+            for cell, width, flush in zip(row, widths, aligned, strict=True)
         ]
         lines.append("  ".join(cells).rstrip())
     return lines
@@ -40,7 +43,9 @@ def listed_rows(rows: Sequence[Row], left: int = 1, without: str | None = None) 
 def wrapped(texts: Iterable[str], first: str = "", others: str = "") -> list[str]:
     """Texts as lines of `WIDTH`, the first line of each indented by `first`, its others by `others`."""
     return [
-        line for text in texts for line in textwrap.wrap(text, WIDTH, initial_indent=first, subsequent_indent=others)
+        line
+        for text in texts
+        for line in textwrap.wrap(text, WIDTH, initial_indent=first, subsequent_indent=others, break_on_hyphens=False)
     ]
 
 
