@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fitball.models.kernels.bounce import tied_inertia_split
+from fitball.models.kernels.contact import tied_inertia_split
 from fitball.models.model import Model
 from fitball.models.registry import model
 from fitball.values import Ball, Impacts, impacts

@@ -18,8 +18,7 @@ from fitball.data.scene import load_scene
 from fitball.data.table import ImpactTable, Measurement
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.problem import Problem
-from fitball.models.capabilities import Oracle
-from fitball.models.model import Model
+from fitball.models.model import Model, Oracle
 from fitball.models.registry import DEFAULT_MODEL, model
 from fitball.scheduling.engine import Engine, in_order
 from fitball.values import FloatArray, Impacts, impacts

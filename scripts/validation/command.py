@@ -132,7 +132,7 @@ def _ranks(args: argparse.Namespace) -> int:
 def _trust(args: argparse.Namespace) -> int:
     """Fit simulated tables and count; 1 where what fits say of themselves is not true."""
     _checked(args, 60)
-    from fitball.report.form.atomic_write import write_text
+    from fitball.report.form.files import write_text
     from validation.scenarios import SCENARIOS
     from validation.trust import judge, study
 
@@ -148,7 +148,7 @@ def _trust(args: argparse.Namespace) -> int:
 def _plan(args: argparse.Namespace) -> int:
     """Refit tables at planned impacts; 1 where a promise is not kept."""
     _checked(args, 40)
-    from fitball.report.form.atomic_write import write_text
+    from fitball.report.form.files import write_text
     from validation import plans
 
     folder, workers = _place_and_workers(args, "plan")
@@ -205,9 +205,8 @@ def _named(option: str, text: str | None, known: Iterable[str]) -> list[str]:
 
 def _end(args: argparse.Namespace, record: Path, found: Verdict) -> int:
     """Write tables and figures beside the `record`, print what it holds or the text; 0 where all holds."""
-    from fitball.report.figures.save import save_figure
-    from fitball.report.form.atomic_write import write_text
-    from fitball.report.form.csv import csv_text
+    from fitball.report.figures.canvas import save_figure
+    from fitball.report.form.files import csv_text, write_text
 
     for name, rows in found.tables.items():
         if rows:

@@ -29,7 +29,7 @@ from fitball.inference.results.results import PointFit
 from fitball.inference.sampling.ensembles import ENSEMBLES, Sampled, Schedule, Settings, default_walkers, sample
 from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.models.types import Rebound
-from fitball.report.form.atomic_write import write_text
+from fitball.report.form.files import write_text
 from fitball.scheduling.engine import Engine, in_order
 from fitball.values import FloatArray
 from fitball.version import __version__

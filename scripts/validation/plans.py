@@ -25,7 +25,7 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit
 from fitball.inference.sampling.importance_posterior import importance_posterior
 from fitball.inference.sampling.moves import StudentProposal
-from fitball.report.form.text_table import columns
+from fitball.report.form.document import columns
 from fitball.values import FloatArray, Impacts
 from validation.harness import Row, Study, Verdict, standard_error
 

@@ -25,7 +25,7 @@ from fitball.inference.results.results import Posterior, thinned
 from fitball.inference.sampling.ensembles import Schedule
 from fitball.models.registry import model
 from fitball.observables import SI_UNITS
-from fitball.report.form.text_table import columns
+from fitball.report.form.document import columns
 from fitball.values import FloatArray, Impacts
 from validation.harness import CHAIN, LEVEL, SCHEDULE, Rate, Row, Study, Verdict, drawn_values, maximum, short_chain
 

@@ -32,10 +32,9 @@ from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.ensembles import Sampled
 from fitball.models.registry import parameter_spec
-from fitball.report.figures.canvas import new_figure
-from fitball.report.figures.style import own_style
+from fitball.report.figures.canvas import new_figure, own_style
+from fitball.report.form.document import columns
 from fitball.report.form.palette import MODEL, POOR
-from fitball.report.form.text_table import columns
 from fitball.values import FloatArray
 from validation.harness import (
     CHAIN,

@@ -33,11 +33,10 @@ from fitball.exports.port.translate import program_of, translated
 from fitball.inference.prediction.valid_range import GRAZING, TINY, ValidRange, restitution_range, valid_range
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Golden
-from fitball.models.capabilities import LINES, Convention, KernelCall
-from fitball.models.kernels.bounce import TORSION, TORSION_RIGID
-from fitball.models.kernels.events import MAX_DEPTH, SIZE
 from fitball.models.kernels.oscillator import SERIES_LENGTH
-from fitball.models.kernels.restitution import ANCHOR_SPEED
+from fitball.models.kernels.search import MAX_DEPTH, SIZE
+from fitball.models.kernels.vertical import ANCHOR_SPEED, TORSION, TORSION_RIGID
+from fitball.models.model import LINES, Convention, KernelCall
 from fitball.models.types import OUTPUTS, PHASE_BITS, PHASE_SYMBOL, STATUS_REASON, Status
 from fitball.version import __version__
 
