@@ -63,6 +63,13 @@ def test_a_posterior_blind_to_the_data_is_caught_by_the_likelihood_alone():
     assert mean.holds and not score.holds
 
 
+def test_a_slant_that_no_bin_shows_is_seen_by_the_empirical_distribution():
+    slanted = (200 * ((np.arange(300) + 0.5) / 300) ** 1.35).astype(int).tolist()
+    (found,) = quantities({"toy": [{"ranks": {"mean": rank}, "converged": True, "failed": ""} for rank in slanted]})
+    assert found.chi_square_p > 0.01 > found.ecdf_p
+    assert not found.holds
+
+
 def test_too_few_and_unconverged_replicates_prove_nothing():
     ranked = made(Toy(), 40)
     assert "prove nothing" in found_of(ranked[:19])[1][0]
