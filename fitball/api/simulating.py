@@ -14,7 +14,8 @@ from fitball.inference.prediction.simulate import Simulation, chosen_parameters,
 from fitball.inference.prediction.simulate import simulate as follow
 from fitball.inference.results.results import RunStatus, Verdict
 from fitball.models.model import Model
-from fitball.models.registry import DEFAULT_MODEL, model
+from fitball.models.names import DEFAULT_MODEL
+from fitball.models.registry import model
 from fitball.report.history.rows import history_rows, simulation_json
 from fitball.report.history.text import render_all
 from fitball.report.predict.text import remarks_on

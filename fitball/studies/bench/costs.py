@@ -9,7 +9,8 @@ from pathlib import Path
 import pandas as pd
 
 from fitball.inference.likelihood.posterior import log_posterior
-from fitball.models.registry import DEFAULT_MODEL, model
+from fitball.models.names import DEFAULT_MODEL
+from fitball.models.registry import model
 from fitball.studies.bench.clock import Action, Pace, by_turns, fresh_process
 from fitball.studies.bench.tables import base_values, posed, spread_coordinates, spread_draws, write_simulated
 from fitball.values import impacts

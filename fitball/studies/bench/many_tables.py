@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import pandas as pd
 
-from fitball.models.registry import DEFAULT_MODEL
+from fitball.models.names import DEFAULT_MODEL
 from fitball.studies.bench.clock import fresh_process
 from fitball.studies.bench.tables import base_values, simulated_frame
 from fitball.values import impacts

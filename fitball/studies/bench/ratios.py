@@ -18,7 +18,8 @@ from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.point.point_fit import point_fit
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.ensembles import sample
-from fitball.models.registry import DEFAULT_MODEL, model
+from fitball.models.names import DEFAULT_MODEL
+from fitball.models.registry import model
 from fitball.studies.bench.clock import Action, Pace, by_turns, fresh_process
 from fitball.studies.bench.costs import REBOUND
 from fitball.studies.bench.integrators import fixed_steps, set_up

@@ -15,7 +15,8 @@ from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable, Measurement
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.problem import Problem
-from fitball.models.registry import DEFAULT_MODEL, model
+from fitball.models.names import DEFAULT_MODEL
+from fitball.models.registry import model
 from fitball.studies.bench.hard_cases import BASE
 from fitball.values import FloatArray, Impacts, impacts
 
