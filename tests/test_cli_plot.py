@@ -157,7 +157,7 @@ def test_missing_damaged_and_older_files(small_fit, tmp_path, capsys):
     content["schema_version"] = 1
     (here / "fit.json").write_text(json.dumps(content), encoding="utf-8")
     assert main(["plot", str(here), "corner"]) == 2
-    assert "reads version 4: run calibrate again" in capsys.readouterr().err
+    assert "reads version 5: run calibrate again" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

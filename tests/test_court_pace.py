@@ -22,8 +22,7 @@ from fitball.report.fit.headline import headline
 from fitball.report.fit.html import page
 from fitball.report.fit.pace_rows import pace_lines, pace_remarks, pace_table
 from fitball.report.fit.terminal import render, render_json
-from fitball.report.saved.fit_text import fit_text
-from fitball.report.saved.saved_fit import as_saved
+from fitball.report.saved.fit_file import fit_text
 
 # 30 m/s at 16 degrees, by a pocket calculator.
 V_X1, V_Y1 = 28.837851, 8.269121
@@ -205,7 +204,7 @@ def oblique(mu, speeds, tmp_path):
             rows.append(f"{v_x1},{v_y1},0,{v_x1 - lost},{0.8 * v_y1}")
     (tmp_path / "t.csv").write_text("v_x1,v_y1,omega_1,v_x2,v_y2\n" + "\n".join(rows) + "\n", encoding="utf-8")
     fit = fitball.calibrate(tmp_path / "t.csv", "brody", point_only=True, seed=1)
-    return fit.court_pace if hasattr(fit, "court_pace") else fit.result.court_pace
+    return fit.court_pace
 
 
 def test_a_rating_at_the_grip_limit_says_so(tmp_path):
@@ -229,7 +228,7 @@ def test_a_drop_test_has_no_court_pace(tmp_path, grip_slip_fit, brief):
     fit = fitball.calibrate(table, model="brody", point_only=True, cores=1)
     assert json.loads(fit_text(fit))["court_pace"] is None
     assert "Court pace" not in page(fit, {})
-    assert pace_lines(replace(grip_slip_fit.result, court_pace=None)) == ()
+    assert pace_lines(replace(grip_slip_fit, court_pace=None)) == ()
 
 
 def test_other_balls_have_no_court_pace(grip_slip_fit):
@@ -274,7 +273,7 @@ def test_it_is_saved_shown_and_optional(grip_slip_fit, grip_slip_folder, tmp_pat
 
 def test_draws_without_a_rebound_are_told_and_most_of_them_give_no_rating(grip_slip_fit):
     """Restitutions above 1 in some of the draws: intervals of the rest, or none."""
-    fit = grip_slip_fit.result
+    fit = grip_slip_fit
     column = fit.posterior.names.index("cor_10")
     for failing, rated in ((0.3, True), (0.7, False)):
         values = fit.posterior.values.copy()
@@ -296,12 +295,12 @@ def test_a_rating_that_rests_on_the_prior_of_friction_says_so(grip_slip_fit):
         (mu,) = (item for item in grip_slip_fit.estimates if item.name == "mu")
         changed = replace(mu, verdict=Verdict.PRIOR_DOMINATED, contraction=contraction)
         return replace(
-            grip_slip_fit.result,
+            grip_slip_fit,
             estimates=tuple(changed if item is mu else item for item in grip_slip_fit.estimates),
         )
 
     assert "as uncertain as the prior of mu" in pace_lines(told(0.1))[0]
     # A prior that ends above what the table has leaves a narrow rating, which is not that of the prior either.
     assert "as uncertain" not in pace_lines(told(0.99))[0] and "decided by priors" in pace_lines(told(0.99))[0]
-    assert "prior" not in pace_lines(grip_slip_fit.result)[0]
-    assert "The rating by the model is as uncertain as the prior of mu" in certificate(as_saved(told(0.1)))
+    assert "prior" not in pace_lines(grip_slip_fit)[0]
+    assert "The rating by the model is as uncertain as the prior of mu" in certificate(told(0.1))

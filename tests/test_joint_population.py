@@ -35,7 +35,7 @@ def season(small_fit, short_fit, tmp_path, monkeypatch):
     text = (folder / "d" / "run.toml").read_text("utf-8")
     mass = next(line for line in text.splitlines() if line.startswith("mass = "))
     (folder / "d" / "run.toml").write_text(text.replace(mass, "mass = 0.059"), encoding="utf-8")
-    write_results([row_of(name, short_fit.saved, short_fit.result.problem) for name in NAMES], folder)
+    write_results([row_of(name, short_fit, short_fit.problem) for name in NAMES], folder)
     return folder
 
 

@@ -27,7 +27,7 @@ from fitball.report.fit.summary import parameter_rows, prediction_table, thesis_
 from fitball.report.fit.terminal import render, render_json
 from fitball.report.form.display_units import HANDY, THESIS
 from fitball.report.form.rounding import decimals, fixed
-from fitball.report.saved.fit_text import fit_text
+from fitball.report.saved.fit_file import fit_text
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,8 @@ def test_golden_impacts_hold_to_the_last_digit(two_mass, two_mass_folder):
         ("[]", "read kind None, expected 'fitball fit'"),
         ('{"kind": "fitball fit", "schema_version": 99}', "schema_version 99"),
         ('{"kind": "fitball fit", "schema_version": 1}', "run calibrate again"),
-        ('{"kind": "fitball fit", "schema_version": 4}', "damaged"),
+        ('{"kind": "fitball fit", "schema_version": 5}', "damaged"),
+        ('{"kind": "fitball fit", "schema_version": 4}', "damaged: not the layout of version 4"),
     ],
 )
 def test_a_file_that_is_no_fit_is_refused(tmp_path, content, said):
@@ -219,7 +220,7 @@ def test_no_number_is_longer_than_it_deserves(fit, two_mass, tmp_path):
 
 
 def test_rows_say_what_the_estimates_say(two_mass):
-    for row, item in zip(parameter_rows(two_mass), two_mass.estimates, strict=True):
+    for row, item in zip(parameter_rows(two_mass), (*two_mass.estimates, *two_mass.derived.values()), strict=True):
         assert row.verdict == item.verdict_words
         assert row.reason == item.reason
         assert row.reason

@@ -32,10 +32,10 @@ from fitball.report.batch.rows import DONE, NAME, Row
 from fitball.report.fit.folder import write_all
 from fitball.report.form.atomic_write import write_text
 from fitball.report.form.bounded_read import read_bounded
-from fitball.report.saved.data_file import DATA_NAME
-from fitball.report.saved.run_file import RUN_NAME
-from fitball.report.saved.run_record import RunRecord, read_run
-from fitball.report.saved.saved_fit import FIT_NAME, read_fit
+from fitball.report.saved.fit_file import read_fit
+from fitball.report.saved.netcdf_files import DATA_NAME, read_data
+from fitball.report.saved.run_file import RUN_NAME, RunRecord, read_run
+from fitball.report.saved.structure import FIT_NAME
 from fitball.values import FloatArray
 from fitball.wording import option
 
@@ -93,10 +93,10 @@ def _fitted(problem: Problem, effort: Effort, place: Path, report: Report) -> Fi
     begun, done = place / BEGUN_NAME, place / DONE_NAME
     same = _says(begun, mark)
     if same and (place / FIT_NAME).is_file() and _says(done, steps):
-        return load_fit(place).result
+        return load_fit(place)
     run = begin(problem, effort, place, overwrite=not same, resume=same)
     write_text(begun, mark)
-    fit = run.fit(report).result
+    fit = run.fit(report)
     write_all(fit, place)
     write_text(done, steps)
     return fit
@@ -117,11 +117,11 @@ def poolable(rows: Sequence[Row], folder: Path) -> tuple[dict[str, Member], dict
     left_out: dict[str, str] = {}
     for name in (str(row[NAME]) for row in rows if row["outcome"] == DONE):
         saved = read_fit(folder / name)
-        if not all(saved.beside(file).is_file() for file in (DATA_NAME, RUN_NAME)):
+        if not all((folder / name / file).is_file() for file in (DATA_NAME, RUN_NAME)):
             raise ResultFolderError(
                 f"{folder / name}: of an older batch, without measurements; run it again with {option('overwrite')}"
             )
-        table, force = saved.measured()
+        table, force = read_data(saved.source, folder / name / DATA_NAME)
         members[name] = read_run(folder / name), replace(table, name=name)
         if force is not None:
             left_out[name] = "it has force records, which are fitted alone"

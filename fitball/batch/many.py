@@ -29,7 +29,7 @@ from fitball.report.batch.series import all_series
 from fitball.report.batch.text import render
 from fitball.report.form.bounded_read import read_bounded
 from fitball.report.form.folders import held
-from fitball.report.saved.saved_fit import read_fit
+from fitball.report.saved.fit_file import read_fit
 from fitball.scheduling.engine import engine
 
 if TYPE_CHECKING:

@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.report.fit.folder import older_result, write_all
     from fitball.report.form.folders import held
     from fitball.report.form.json_text import json_text
-    from fitball.report.saved.run_record import find_records, find_tables, read_run, record_problem
+    from fitball.report.saved.run_file import find_records, find_tables, read_run, record_problem
     from fitball.studies.repeat.compare import Outcome, compared
     from fitball.studies.repeat.kept import check_rows, read_kept, write_numbers
     from fitball.studies.repeat.text import render, repetition_json
@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     try:
         with place as name, held(Path(name)):
             folder = Path(name)
-            fit = begin(problem, effort, folder).fit(progress).result
+            fit = begin(problem, effort, folder).fit(progress)
             progress("comparison", None)
             (write_numbers if args.out is None else write_all)(fit, folder)
             repetition = compared(problem, original, read_kept(folder))

@@ -36,9 +36,9 @@ def _page_of_fit(place: str) -> tuple[FittedModel, str, str, str]:
     from fitball.api import load_fit
     from fitball.exports.formats import origin_of
 
-    saved = load_fit(place).saved
-    table = saved.content["table"]
-    intro = f"As fitted to {table['name']}, {table['impacts']} impacts."
+    saved = load_fit(place)
+    table = saved.source
+    intro = f"As fitted to {table.name}, {table.impacts} impacts."
     return saved.fitted, intro, origin_of(saved), f"fit_{saved.fitted.model_name}"
 
 

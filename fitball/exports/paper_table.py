@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.adequacy import Answer
-from fitball.inference.results.results import Estimate, RunStatus, Verdict
+from fitball.inference.results.results import Estimate, Fit, RunStatus, Verdict
 from fitball.models.registry import parameter_spec
 from fitball.report.form.display_units import handy
 from fitball.report.form.rounding import decimals, fixed, interval, significant
-from fitball.report.saved.saved_fit import SavedFit
 
 _ESCAPES = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
@@ -53,7 +52,7 @@ NOTES = {
 }
 
 
-def paper_rows(saved: SavedFit) -> tuple[PaperRow, ...]:
+def paper_rows(saved: Fit) -> tuple[PaperRow, ...]:
     """Every parameter: median and standard deviation, or the point estimate to four digits."""
     return tuple(_row(parameter) for parameter in saved.parameters.values())
 
@@ -71,21 +70,21 @@ def _row(parameter: Estimate) -> PaperRow:
     return PaperRow(*head, value, sd, interval(low, high, places), MARKS.get(parameter.verdict, ""))
 
 
-def _caption(saved: SavedFit) -> str:
+def _caption(saved: Fit) -> str:
     """One sentence without markup."""
-    table = saved.content["table"]
+    table = saved.source
     what = "point estimates"
     if saved.status is not RunStatus.POINT_ONLY:
         what = "posterior median, standard deviation and 95 % interval; without them: a fixed value"
-    fitted_to = f"fitted to {table['impacts']} impacts ({table['name']})"
+    fitted_to = f"fitted to {table.impacts} impacts ({table.name})"
     text = f"Parameters of the model {saved.fitted.model_name} {fitted_to}: {what}."
-    described = saved.file.adequacy
+    described = saved.adequacy
     if described is not None and described.answer is Answer.FAILS:
         text += " The model does not describe these impacts."
     return text + (" The sampler did not converge." if saved.status is RunStatus.NOT_CONVERGED else "")
 
 
-def latex_table(saved: SavedFit) -> str:
+def latex_table(saved: Fit) -> str:
     """A `table` environment; needs the package booktabs."""
     lines = [
         "% needs \\usepackage{booktabs}",
@@ -111,7 +110,7 @@ def latex_table(saved: SavedFit) -> str:
     return "\n".join([*lines, r"\end{table}"]) + "\n"
 
 
-def _notes(saved: SavedFit) -> list[tuple[str, str]]:
+def _notes(saved: Fit) -> list[tuple[str, str]]:
     used = {row.mark for row in paper_rows(saved)}
     return [(mark, note) for mark, note in NOTES.items() if mark in used]
 
@@ -132,7 +131,7 @@ def _unit(unit: str) -> str:
     return rf"$\mathrm{{{text}}}$"
 
 
-def markdown_table(saved: SavedFit) -> str:
+def markdown_table(saved: Fit) -> str:
     """The same as a Markdown table."""
     lines = [_caption(saved), "", "| parameter | meaning | value | 95 % interval | unit |", "|---|---|---|---|---|"]
     for row in paper_rows(saved):

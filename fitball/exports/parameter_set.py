@@ -2,55 +2,57 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
-from msgspec import UNSET
+import numpy as np
 
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.quantiles import ESSENTIALS
-from fitball.inference.results.results import Estimate, Verdict
+from fitball.inference.results.results import Estimate, Fit, LevelEstimate, Verdict
 from fitball.models.registry import parameter_spec
-from fitball.report.form.display_units import THESIS, Scale
-from fitball.report.saved.saved_fit import SavedFit
+from fitball.models.types import OUTPUTS
+from fitball.report.saved.structure import plain
 from fitball.version import __version__
 
 SCHEMA_VERSION = 1
 NUMBERS = ("point", *ESSENTIALS)
+# What is told of the table.
+TABLE = ("name", "file", "sha256", "impacts", "flipped", "columns")
 
 
-def parameter_content(saved: SavedFit) -> dict[str, Any]:
+def parameter_content(saved: Fit) -> dict[str, Any]:
     """What `parameters.schema.json` describes: SI, no nulls, absent numbers left out."""
-    content = saved.content
-    golden = content["golden"]
     parameter_set: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
         "kind": "fitball parameter set",
         "fitball": __version__,
         "status": str(saved.status),
         "model": {"name": saved.fitted.model_name, "closures": dict(saved.fitted.options)},
-        "ball": dict(content["ball"]),
-        "table": dict(content["table"]),
-        "parameters": {
-            name: _parameter(parameter, _thesis_scale(saved, name)) for name, parameter in saved.parameters.items()
-        },
+        "ball": plain(saved.fitted.ball),
+        "table": {key: part for key, part in plain(saved.source).items() if key in TABLE}
+        | {"flipped": list(saved.source.flipped)},
+        "parameters": {name: _parameter(parameter) for name, parameter in saved.parameters.items()},
     }
-    if content["levels"]:
-        parameter_set["levels"] = _levels(content["levels"])
-    if content["correlation"] is not None:
-        parameter_set["correlation"] = content["correlation"]
+    if saved.levels:
+        parameter_set["levels"] = _levels(saved.levels)
+    if saved.correlation is not None:
+        parameter_set["correlation"] = {"names": list(saved.free_names), "values": saved.correlation.tolist()}
+    impacts, rebound = saved.golden.impacts, saved.golden.rebound
+    columns = {name: getattr(rebound, name) for name in (*OUTPUTS, "regime")}
     parameter_set["golden"] = {
-        part: {name: column for name, column in golden[part].items() if column is not None}
-        for part in ("impacts", "rebound")
+        "impacts": {name: column for name, column in plain(impacts).items() if column is not None},
+        "rebound": {name: column.tolist() for name, column in columns.items() if not np.isnan(column).any()},
     }
     return parameter_set
 
 
-def _levels(listed: list[dict[str, Any]]) -> dict[str, Any]:
+def _levels(listed: Sequence[LevelEstimate]) -> dict[str, Any]:
     """Values of the parameters that differ between surfaces, balls or tables: by parameter, then by label."""
     levels: dict[str, Any] = {}
     for item in listed:
-        one = levels.setdefault(item["parameter"], {"column": item["column"], "values": {}})
-        one["values"][item["label"]] = {name: item[name] for name in NUMBERS if item[name] is not None}
+        one = levels.setdefault(item.parameter, {"column": item.column, "values": {}})
+        one["values"][item.label] = {name: getattr(item, name) for name in NUMBERS if getattr(item, name) is not None}
     return levels
 
 
@@ -59,7 +61,7 @@ def role(name: str) -> str:
     return "noise" if name in NOISE_SPECS else "model" if parameter_spec(name) is not None else "group"
 
 
-def _parameter(parameter: Estimate, scale: Scale | None) -> dict[str, Any]:
+def _parameter(parameter: Estimate) -> dict[str, Any]:
     content: dict[str, Any] = {
         "role": role(parameter.name),
         "unit": parameter.unit,
@@ -71,12 +73,4 @@ def _parameter(parameter: Estimate, scale: Scale | None) -> dict[str, Any]:
     if parameter.given:
         content["given"] = list(parameter.given)
     content |= {name: getattr(parameter, name) for name in NUMBERS if getattr(parameter, name) is not None}
-    if scale is not None:
-        numbers = {name: content[name] * scale.factor for name in NUMBERS if name in content}
-        content["thesis"] = {"unit": scale.unit} | numbers
     return content
-
-
-def _thesis_scale(saved: SavedFit, name: str) -> Scale | None:
-    """The thesis's unit of a parameter that was fitted to the thesis's data."""
-    return None if saved.file.parameters[name].thesis_units is UNSET else THESIS[name]

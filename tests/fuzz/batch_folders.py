@@ -18,7 +18,7 @@ from fitball.inference.problem.choices import Choices
 from fitball.report.batch.rows import row_of
 from fitball.report.form.csv import csv_text
 from fitball.report.form.json_text import json_text
-from fitball.report.saved.saved_fit import read_fit
+from fitball.report.saved.fit_file import read_fit
 
 TABLES = ("a", "b", "day/c", "day/d")
 WAYS = {

@@ -33,8 +33,8 @@ from fitball.report.form.display_units import output_scale
 from fitball.report.form.palette import verdict_html
 from fitball.report.form.rounding import fixed
 from fitball.report.form.template import render_template
-from fitball.report.saved.fit_text import versions_line
 from fitball.values import FloatArray
+from fitball.version import versions_line
 
 # Impacts listed one by one; compare.json holds them all.
 MOST_ROWS = 300

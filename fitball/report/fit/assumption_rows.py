@@ -76,7 +76,7 @@ def _choice_lines(fit: Fit, found: Assumptions) -> tuple[str, ...]:
 
 
 def _scale(fit: Fit, name: str) -> Scale:
-    unit = next((item.unit for item in (*fit.estimates, *fit.derived) if item.name == name), "")
+    unit = next((item.unit for item in (*fit.estimates, *fit.derived.values()) if item.name == name), "")
     return handy(name, unit)
 
 

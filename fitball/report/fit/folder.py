@@ -14,11 +14,10 @@ from fitball.report.form.atomic_write import OWN_FILES, remove, write_text
 from fitball.report.form.csv import write_csv
 from fitball.report.form.folders import clear_leftovers, make_folder
 from fitball.report.form.listed import listed_places
-from fitball.report.saved.data_file import DATA_NAME, write_data
-from fitball.report.saved.fit_text import fit_text
-from fitball.report.saved.posterior_file import write_netcdf
+from fitball.report.saved.fit_file import fit_text
+from fitball.report.saved.netcdf_files import DATA_NAME, POSTERIOR_NAME, write_data, write_netcdf
 from fitball.report.saved.run_file import RUN_NAME, run_text
-from fitball.report.saved.saved_fit import FIT_NAME, POSTERIOR_NAME
+from fitball.report.saved.structure import FIT_NAME
 from fitball.wording import spoken
 
 CHAIN_NAME = "posterior.h5"

@@ -36,7 +36,7 @@ def headline(fit: Fit) -> str:
     for verdict, words in VERDICT_WORDS.items():
         names = [
             item.name
-            for item in (*fit.derived, *fit.estimates)
+            for item in (*fit.derived.values(), *fit.estimates)
             if item.verdict is verdict and item.name not in pooled
         ]
         if names:
@@ -63,5 +63,5 @@ def _pooling(fit: Fit) -> set[str]:
 
 def told_rows(fit: Fit, verdicts: Sequence[Verdict]) -> tuple[ParameterRow, ...]:
     """The parameters with one of these verdicts, in the order of the fit."""
-    rows = zip(parameter_rows(fit), (*fit.estimates, *fit.derived), strict=True)
+    rows = zip(parameter_rows(fit), (*fit.estimates, *fit.derived.values()), strict=True)
     return tuple(row for row, item in rows if item.verdict in verdicts)

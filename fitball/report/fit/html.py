@@ -29,7 +29,7 @@ from fitball.report.fit.summary import (
 )
 from fitball.report.form.listed import file_words
 from fitball.report.form.template import render_template
-from fitball.report.saved.fit_text import versions_line
+from fitball.version import versions_line
 from fitball.wording import speaking_to_command_line
 
 # Impacts listed one by one; the files beside the page hold them all.

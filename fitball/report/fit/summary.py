@@ -21,7 +21,6 @@ from fitball.report.form.rounding import decimals, fixed, interval, significant
 from fitball.report.form.sentences import listed
 from fitball.report.form.symbols import symbol_html
 from fitball.report.form.text_table import Row
-from fitball.report.saved.fit_file import DiagnosticsPart
 from fitball.wording import spoken
 
 # Heads of the columns that show fields of a `ParameterRow`.
@@ -85,7 +84,7 @@ def parameter_row(estimate: Estimate) -> ParameterRow:
 
 def parameter_rows(fit: Fit) -> tuple[ParameterRow, ...]:
     """Every parameter, and what follows from several."""
-    return tuple(map(parameter_row, (*fit.estimates, *fit.derived)))
+    return tuple(map(parameter_row, (*fit.estimates, *fit.derived.values())))
 
 
 def measured_lines(fit: Fit) -> tuple[str, ...]:
@@ -94,7 +93,7 @@ def measured_lines(fit: Fit) -> tuple[str, ...]:
         return ()
     speeds = fit.problem.impacts.v_y1
     lines = []
-    for item in fit.derived:
+    for item in fit.derived.values():
         if " at " in item.name:
             row = parameter_row(item)
             value = row.point if row.median == "-" else f"{row.median} {row.interval_95}"
@@ -123,7 +122,7 @@ def numbers_of(row: ParameterRow, sampled: bool) -> Row:
 def parameter_table(fit: Fit) -> tuple[Row, ...]:
     """Every parameter, as the page has it."""
     sampled, rows = fit.posterior is not None, []
-    for item, row in zip((*fit.estimates, *fit.derived), parameter_rows(fit), strict=True):
+    for item, row in zip((*fit.estimates, *fit.derived.values()), parameter_rows(fit), strict=True):
         cells = named(fit, item.name, handy(item.name, item.unit)) | {"meaning": item.meaning}
         cells |= numbers_of(row, sampled) | {"prior (SI)": item.prior}
         rows.append(cells | ({"contraction": row.contraction} if sampled else {}) | {"verdict": verdict_cell(item)})
@@ -242,12 +241,12 @@ def diagnosis_lines(fit: Fit, *, budget: bool = True) -> tuple[str, ...]:
 
 
 def _optima(fit: Fit) -> str:
-    """What the search found, in words; nothing where a fit was read back, which does not know."""
+    """What the search found, in words; nothing of a fit that an older fitball saved, which does not know."""
     count = len(fit.point.optima)
     return f", {count} optimum{'s' if count != 1 else ''} worth an ensemble" if fit.least_squares.starts else ""
 
 
-def sampler_words(diagnostics: Diagnostics | DiagnosticsPart) -> str:
+def sampler_words(diagnostics: Diagnostics) -> str:
     """How often was drawn by whom."""
     chains, steps = diagnostics.ensembles, diagnostics.steps
     if diagnostics.pareto_k is not None:
@@ -267,4 +266,4 @@ def thinning(diagnostics: Diagnostics) -> str:
 
 def notes(fit: Fit) -> tuple[str, ...]:
     """What the reader of the table and of the scene should know."""
-    return (*fit.problem.table.remarks, *fit.notes)
+    return fit.notes

@@ -40,13 +40,14 @@ def render(fit: Fit, folder: Path) -> str:
     first = wrapped((*lead_lines(fit.drop_test), *measured_lines(fit)), others="  ")
     parts += [*first, *([""] if first else []), *wrapped([fit.verdict]), *_listed(adequacy_lines(fit))]
     # The notes of the problem stood there before the fit began.
-    parts += [*_listed(f"note: {note}" for note in fit.notes if note not in fit.problem.notes), ""]
+    known = (*fit.problem.table.remarks, *fit.problem.notes)
+    parts += [*_listed(f"note: {note}" for note in fit.notes if note not in known), ""]
     rows = parameter_rows(fit)
     heads = ["parameter", "unit", "median", "68 %", "95 %", "point", "prior (SI)", "verdict"]
     body = [
         # Which assumptions is said below: a line of the table has no room for it.
         [row.name, row.unit, row.median, row.interval_68, row.interval_95, row.point, row.prior, estimate.verdict]
-        for row, estimate in zip(rows, (*fit.estimates, *fit.derived), strict=True)
+        for row, estimate in zip(rows, (*fit.estimates, *fit.derived.values()), strict=True)
     ]
     parts += columns([heads, *body], left=2)
     thesis = thesis_rows(fit)
@@ -75,6 +76,7 @@ def render(fit: Fit, folder: Path) -> str:
     balances = balance_table(fit.balances, MOST_LINES)
     parts += ["", "Model-free, from the measurements alone:", "", *columns([balances.heads, *balances.rows])]
     parts += more(len(table), file_words("balances.csv", len(table)))
+    known = (*fit.problem.table.remarks, *fit.problem.notes)
     parts += [*_listed(balances.legend), "", *wrapped(diagnosis_lines(fit), others="  ")]
     times = ", ".join(f"{timing.stage} {timing.seconds:.1f} s" for timing in fit.timings)
     parts += ["", f"Time: {times}.", f"Results: {folder}"]
@@ -93,7 +95,7 @@ def render_json(fit: Fit, folder: Path) -> str:
         "table": fit.problem.table.name,
         "folder": str(folder),
         "parameters": {estimate.name: _numbers(estimate) for estimate in fit.estimates},
-        "derived": {estimate.name: _numbers(estimate) for estimate in fit.derived},
+        "derived": {estimate.name: _numbers(estimate) for estimate in fit.derived.values()},
         "rms": dict(fit.point.rms),
         "court_pace": None if fit.court_pace is None else asdict(fit.court_pace),
         "assumptions": None if fit.assumptions is None else asdict(fit.assumptions),
