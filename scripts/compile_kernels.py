@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
+from fitball.bench.problems import posed
 from fitball.inference.likelihood.posterior import layout_of
-from fitball.studies.bench.tables import posed
 
 layout_of(replace(posed("wang_zero_spin"), threads=2))

@@ -48,8 +48,8 @@ def test_an_open_profile_is_read_back_open():
         ((), ("k_y",)), 1,
     )  # fmt: skip
     action = ActiveImpacts(("a",), 1, 2, ("grip",), ("b",), 1, 0.25)
-    evidence = Evidence(profile, None, InformationEvidence(None, 2.0, 0.5, 0.4), None, None, action, "because")
-    identifiability = Identifiability({"mu": evidence}, Eigendirections((), (), ("a sentence",)), "", 0.87)
+    evidence = Evidence(profile, None, InformationEvidence(None, 2.0, 0.5, 0.4), None, None, action)
+    identifiability = Identifiability({"mu": evidence}, Eigendirections((), (), ("mu",)), "", 0.87)
     read = structured(Path("fit.json"), plain(identifiability), Identifiability)
     same_values(read.evidence["mu"], evidence)
     assert read.profile_coverage == 0.87

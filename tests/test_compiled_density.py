@@ -19,7 +19,7 @@ from fitball.errors import ParameterError
 from fitball.inference.likelihood import posterior
 from fitball.inference.likelihood.density_kernels import PART, algebraic_log_densities, log_densities
 from fitball.inference.likelihood.posterior import densities, layout_of, log_posterior, why_not_compiled
-from fitball.models.kernels.batch import bounce_batch
+from fitball.models.kernels.bounce import bounce_batch
 
 SCENE = fitball.load_scene("wang_all.csv")
 WEIGHED = replace(SCENE, ball_sd={"mass": 0.002, "inertia_ratio": 0.02})

@@ -292,12 +292,9 @@ def test_draws_without_a_rebound_are_told_and_most_of_them_give_no_rating(grip_s
 
 def test_a_rating_that_rests_on_the_prior_of_friction_says_so(grip_slip_fit):
     def told(contraction):
-        (mu,) = (item for item in grip_slip_fit.estimates if item.name == "mu")
-        changed = replace(mu, verdict=Verdict.PRIOR_DOMINATED, contraction=contraction)
-        return replace(
-            grip_slip_fit,
-            estimates=tuple(changed if item is mu else item for item in grip_slip_fit.estimates),
-        )
+        known = grip_slip_fit.parameters
+        mu = replace(known["mu"], verdict=Verdict.PRIOR_DOMINATED, contraction=contraction)
+        return replace(grip_slip_fit, parameters={**known, "mu": mu})
 
     assert "as uncertain as the prior of mu" in pace_lines(told(0.1))[0]
     # A prior that ends above what the table has leaves a narrow rating, which is not that of the prior either.

@@ -17,7 +17,7 @@ from fitball import environment
 from fitball.errors import MemoryShortageError
 from fitball.first_compile import tell_nobody, when_compiling
 from fitball.models.kernels import kept
-from fitball.models.kernels.kept import KernelFiles
+from fitball.models.kernels.compiled import KernelFiles
 from fitball.report.figures.save import rendered
 
 HOSTILE = {

@@ -19,9 +19,8 @@ import fitball
 from fitball.api import Fit, begin, pose
 from fitball.cli.main import main
 from fitball.exports.formats import TEXT_FORMATS
-from fitball.exports.golden_table import golden_table
-from fitball.exports.port.port import make_port
-from fitball.exports.port.python import python_port
+from fitball.exports.golden import golden_table
+from fitball.exports.port.port import make_port, python_port
 from fitball.inference.calibrate import fingerprint
 from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices

@@ -18,10 +18,9 @@ import xarray as xr
 import fitball
 from fitball.cli.export import FORMAT_NAMES
 from fitball.cli.main import main
+from fitball.exports import OWNERS
 from fitball.exports.formats import TEXT_FORMATS
-from fitball.exports.names import OWNERS
-from fitball.exports.paper_table import latex_table, markdown_table, paper_rows
-from fitball.exports.parameter_set import parameter_content
+from fitball.exports.parameters import latex_table, markdown_table, paper_rows, parameter_content
 from fitball.report.form.rounding import decimals, fixed
 
 
@@ -270,7 +269,7 @@ def test_every_format_of_a_point_fit(point_only):
         if name != "netcdf":
             assert main(["export", str(point_only), "--to", name]) == 0
     assert {path.name for path in point_only.iterdir()} == {
-        "fit.json", "bounce.py", "bounce.h", "bounce.js", "bounce.mjs", "bounce.cs", "bounce.gd",
+        "fit.json", "bounce.py", "bounce.h", "bounce.js", "bounce.mjs", "bounce.cs",
         "golden.csv", "lookup.csv", "lookup.json", "engine.md", "engine.json",
         "parameters.json", "parameters.tex", "parameters.md", "certificate.html",
     }  # fmt: skip

@@ -143,7 +143,7 @@ def test_every_verdict_has_a_colour_that_can_be_read(grip_slip_fit):
         replace(item, verdict=Verdict.GIVEN, given=("offset=contact",)) if item.name == "mu" else item
         for item in fit.estimates
     ]
-    text = page(replace(fit, estimates=tuple(given)), {})
+    text = page(replace(fit, parameters={item.name: item for item in given}), {})
     used = set(re.findall(r'class="(?:text )?v-([^"]*)"', text))
     assert "given" in used
     assert used <= {verdict_mark(verdict) for verdict in Verdict}

@@ -245,7 +245,9 @@ def test_residuals_are_what_a_fitted_bias_leaves(grip_slip_fit):
         for name, size in sizes.items()
         for group in sorted(set(table.labels["group"]))
     )
-    fit = replace(grip_slip_fit, problem=biased, estimates=(*grip_slip_fit.estimates, *offsets))
+    fit = replace(
+        grip_slip_fit, problem=biased, parameters={item.name: item for item in (*grip_slip_fit.estimates, *offsets)}
+    )
     mine = np.array(table.labels["group"]) == "zero"
     for item, other in zip(residual_data(grip_slip_fit), residual_data(fit), strict=True):
         np.testing.assert_allclose(item.values - other.values, 2.0 * mine, rtol=0.05)

@@ -10,6 +10,7 @@ import pytest
 from samples import problem_of
 
 import fitball
+from fitball.bench.problems import enlarged, spread_draws
 from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
@@ -42,7 +43,6 @@ from fitball.report.fit.terminal import render
 from fitball.report.form import listed
 from fitball.report.saved.fit_file import fit_text
 from fitball.report.saved.netcdf_files import read_data, write_data
-from fitball.studies.bench.tables import enlarged, spread_draws
 
 
 def long_problem(rows, **choices):

@@ -16,7 +16,7 @@ from fitball.data.scene import Scene
 from fitball.data.scene_limits import RANGES
 from fitball.data.units import UNITS
 from fitball.inference.prediction.outputs import OUTPUTS as COMPARED_OUTPUTS
-from fitball.models.jacobian import INPUTS, by_output
+from fitball.models.model import INPUTS, by_output
 from fitball.models.types import OUTPUTS, Rebound
 from fitball.observables import COMPARED, INCIDENT_UNITS, NOISE_OF, OBSERVABLES, SHARED_SD, VELOCITIES
 from fitball.report.form.display_units import output_scale

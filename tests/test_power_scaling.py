@@ -148,7 +148,8 @@ def test_a_strong_wrong_prior_is_flagged_and_a_wide_one_is_not():
     assert "conflict" not in wide.disagreement
     assert wrong.power.diagnosis == CONFLICT
     assert wrong.power.own_prior > 0.05
-    assert "its prior and the table pull it apart" in wrong.disagreement
+    reasons = [fit.parameters["cor_10"].reason for fit in fits.values()]
+    assert ["its prior and the table disagree" in reason for reason in reasons] == [False, True]
     # The profile knows no prior: it is the same under both.
     for left, right in zip(wide.profile.interval_95, wrong.profile.interval_95, strict=True):
         assert left == pytest.approx(right, rel=1e-3)

@@ -96,7 +96,7 @@ def text(grip_slip_page):
 
 def test_pages_are_whole(text, grip_slip_fit, point_page, drop_page):
     assert text.count("<img ") == 8
-    assert all(item.name in text and item.verdict in text for item in grip_slip_fit.estimates)
+    assert all(item.name in text and item.verdict_words in text for item in grip_slip_fit.estimates)
     for item in (text, point_page.read_text(encoding="utf-8"), drop_page.read_text(encoding="utf-8")):
         assert faults(item) == []
         assert not re.search(r"\b(nan|None|Undefined|inf)\b", re.sub(r"data:image/[^\"]*", "", item))
@@ -186,8 +186,8 @@ def test_long_tables_are_cut_and_say_so(grip_slip_fit, monkeypatch):
 
 def test_what_is_conditional_is_not_called_identified(grip_slip_fit):
     fit = grip_slip_fit
-    conditional = tuple(replace(item, verdict=Verdict.CONDITIONAL) for item in fit.estimates)
-    said = page(replace(fit, estimates=conditional), {})
+    conditional = {item.name: replace(item, verdict=Verdict.CONDITIONAL) for item in fit.estimates}
+    said = page(replace(fit, parameters=conditional), {})
     assert "every free parameter stands above" in said and "parameter is identified" not in said
 
 

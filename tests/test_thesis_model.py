@@ -17,8 +17,8 @@ from fitball.inference.thesis.inputs import INERTIA_OF, case_parameters, printed
 from fitball.inference.thesis.published_cases import predictions
 from fitball.models.thesis.kernel import first_sign_change
 from fitball.models.types import Status
-from fitball.studies.thesis.appendix_c import recompute, with_corrected_inputs, worst_error
-from fitball.studies.thesis.predictions import chapter_five_predictions
+from fitball.thesis.appendix_c import recompute, with_corrected_inputs, worst_error
+from fitball.thesis.predictions import chapter_five_predictions
 
 ROWS = recompute(with_corrected_inputs(thesis_table("appendix_c"), thesis_table("errata")))
 LISTED = {

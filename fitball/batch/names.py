@@ -19,8 +19,6 @@ from fitball.report.saved.run_file import RUN_NAME
 from fitball.report.saved.structure import FIT_NAME
 from fitball.visible import one_line
 
-# What begins the name of a folder with a joint fit.
-JOINT = "joint_"
 # What fitball writes into the folder of a batch or of a table, besides names that begin with a dot.
 OWN_NAMES = frozenset(
     (
@@ -46,7 +44,7 @@ def fault_of(name: str) -> str:
 
 def _fault_of_part(part: str) -> str:
     kept = same_key(part)
-    if kept in OWN_NAMES or kept.startswith(JOINT):
+    if kept in OWN_NAMES:
         return f"fitball itself writes to files and folders that are called {part}"
     if part.startswith("."):
         return "names that begin with a dot are those of hidden files"

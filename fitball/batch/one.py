@@ -99,7 +99,7 @@ def _write(fit: Fit, folder: Path, full: bool) -> None:
     if full:
         write_all(fit, folder)
         return
-    # What a joint fit is made from: measurements and settings.
+    # What a fit is read back with: measurements and settings.
     write_data(fit.problem, folder / DATA_NAME)
     write_text(folder / RUN_NAME, run_text(fit, folder))
     write_text(folder / FIT_NAME, fit_text(fit))

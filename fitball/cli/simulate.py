@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
 
         return run_map(args)
     if args.example == "list":
-        from fitball.studies.thesis.example_report import list_json, list_text
+        from fitball.thesis.example_report import list_json, list_text
 
         print(json.dumps(list_json(), indent=2) if args.json else list_text())
         return 0
@@ -164,8 +164,8 @@ def _one(args: argparse.Namespace) -> tuple[Course, dict[str, Any], str, str]:
 def _example(args: argparse.Namespace) -> tuple[Course, dict[str, Any], str, str]:
     """A figure of the thesis, as `_one`."""
     from fitball.api import Course
-    from fitball.studies.thesis.example_claims import find_example, findings, run_example
-    from fitball.studies.thesis.example_report import example_json, example_text
+    from fitball.thesis.example_claims import find_example, findings, run_example
+    from fitball.thesis.example_report import example_json, example_text
 
     example = find_example(args.example)
     solved = run_example(example)

@@ -92,7 +92,7 @@ def _posed(problem: Problem, choices: Choices, there: Model) -> Problem:
         problem.scene, priors=_without(problem.scene.priors, silent), fix=_without(problem.scene.fix, gone)
     )
     left = replace(choices, priors=_without(choices.priors, silent), fix=_without(choices.fix, gone))
-    return replace(build_problem(problem.table, scene, left), threads=problem.threads)
+    return replace(build_problem(problem.table, scene, left, problem.force), threads=problem.threads)
 
 
 def _without(named: Mapping[str, Value], gone: Collection[str]) -> dict[str, Value]:

@@ -14,10 +14,9 @@ import numpy as np
 
 from fitball.inference.likelihood.density_kernels import log_densities
 from fitball.inference.problem.layout import Layout
-from fitball.models.kernels.alone import BOUNCE
-from fitball.models.kernels.bounce_jacobian import JACOBIAN
-from fitball.models.kernels.compiled import kept, on_disk
-from fitball.models.kernels.entry import read_only
+from fitball.models.kernels.bounce import BOUNCE
+from fitball.models.kernels.compiled import kept, on_disk, read_only
+from fitball.models.kernels.derivative import JACOBIAN
 from fitball.scheduling.engine import engine
 
 # A kernel by module and name, and the kinds of arguments that it is compiled for.

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.inference.problem.layout import ANGLE, SPEED, Cells, KernelRow, Layout, Levels, Transform
-from fitball.models.kernels.algebraic import algebraic_batch
-from fitball.models.kernels.batch import BATCH
+from fitball.models.impulse import algebraic_batch
+from fitball.models.kernels.bounce import BATCH
 from fitball.models.kernels.compiled import calling, compiled_allocating, inner, inner_allocating
 from fitball.values import FloatArray
 

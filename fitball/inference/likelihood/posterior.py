@@ -23,9 +23,9 @@ from fitball.inference.problem.noise import LOG_TAU, NormalNoise, StudentNoise
 from fitball.inference.problem.parallel import LARGE_BATCH
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import batches
-from fitball.models.capabilities import KernelCall
-from fitball.models.kernels.algebraic import algebraic_bounce
+from fitball.models.impulse import algebraic_bounce
 from fitball.models.kernels.bounce import bounce
+from fitball.models.model import KernelCall
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
-from fitball.models.capabilities import ROUNDING
+from fitball.models.model import ROUNDING
 from fitball.values import FloatArray
 
 # A log prior on [0, ...) ends at minus infinity; this many of its sds below its median a search gives up.

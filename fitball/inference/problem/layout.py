@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
-from fitball.models.capabilities import KernelCall
+from fitball.models.model import KernelCall
 from fitball.models.specs import BALL_PARAMETERS
 from fitball.models.types import OUTPUTS
 from fitball.values import FloatArray

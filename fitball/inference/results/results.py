@@ -64,8 +64,7 @@ class LeastSquares:
     """Weighted least squares: no prior but the bounds, noise at its stated or nominal size.
 
     `values` holds every parameter by name in SI; `stderr` a number, or None with the cause in
-    `missing`. `rms` is the root mean square residual of each observable, in its unit. Of a fit that an older fitball
-    saved nothing is known of the search: no `starts`, `optima` or `evaluations`.
+    `missing`. `rms` is the root mean square residual of each observable, in its unit.
     """
 
     values: Mapping[str, float]

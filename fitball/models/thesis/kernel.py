@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from fitball.models.kernels.compiled import compiled, compiled_allocating
 from fitball.models.kernels.dual import Number, log, sqrt
-from fitball.models.kernels.phases import GRIP, append_phase, slide_phase
-from fitball.models.types import Status
+from fitball.models.kernels.phases import append_phase, slide_phase
+from fitball.models.types import GRIP, Status
 from fitball.values import FloatArray
 
 IntArray = NDArray[np.int64]

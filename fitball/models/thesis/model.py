@@ -7,12 +7,10 @@ from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
-from fitball.models.capabilities import LINES, KernelCall
-from fitball.models.jacobian import INPUTS, ReboundJacobian, moved_inputs
-from fitball.models.kernels.bounce import tied_inertia_split
+from fitball.models.kernels.contact import tied_inertia_split
 from fitball.models.kernels.dual import NumberArray
-from fitball.models.kernels.restitution import ANCHOR_SPEED
-from fitball.models.model import Model, ball_columns
+from fitball.models.kernels.vertical import ANCHOR_SPEED
+from fitball.models.model import INPUTS, LINES, KernelCall, Model, ReboundJacobian, ball_columns, moved_inputs
 from fitball.models.specs import specs
 from fitball.models.thesis import jacobian as thesis_jacobian
 from fitball.models.thesis import kernel as thesis

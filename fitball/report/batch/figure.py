@@ -38,7 +38,7 @@ def batch_figure(
     series: Sequence[Series], tables: Sequence[str], along: Along | None = None, populated: Sequence[Populated] = ()
 ) -> Figure:
     """A panel a quantity over the tables in their order, or along something; `populated` are known populations."""
-    known = {one.quantity.name: one for one in populated if not one.joint}
+    known = {one.quantity.name: one for one in populated}
     figure = new_figure(WIDTH, 0.9 + HEIGHT * len(series))
     panels = figure.subplots(len(series), 1, sharex=True, squeeze=False)[:, 0]
     for panel, one in zip(panels, series, strict=True):

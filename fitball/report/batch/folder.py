@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -37,17 +37,14 @@ def write_results(
     command: str | None = None,
     quantities: Sequence[str] = (),
     over: Over = None,
-    beside: Callable[[Sequence[Populated]], Sequence[Populated]] = lambda _weighted: (),
 ) -> Shown:
     """Write every file, each whole or not at all; `command` is the line that asked. Returns what they show.
 
-    Populations are those of parameters that enough tables tell, and of `quantities`, `over` levels or not, and what
-    `beside` makes of them. Parquet needs pyarrow, and is
-    left out without it. Raises ResultFolderError, ParameterError as `populations` does.
+    Populations are those of parameters that enough tables tell, and of `quantities`, `over` levels or not.
+    Parquet needs pyarrow, and is left out without it. Raises ResultFolderError, ParameterError as `populations` does.
     """
     series = all_series(rows)
     populated = populations(rows, folder, [*default_names(series), *quantities], over)
-    populated = (*populated, *beside(populated))
     write_populations(populated, folder)
     write_csv(folder / CSV_NAME, rows)
     if find_spec("pyarrow") is not None:

@@ -75,11 +75,11 @@ def head(series: Series) -> str:
     return f"{series.name}{f' [{unit}]' if unit else ''}"
 
 
-def pooled_heads(populated: Populated) -> tuple[str, ...]:
-    """Heads of the columns of a quantity: alone, and given the other tables; of a joint fit the latter alone."""
+def pooled_heads(populated: Populated) -> tuple[str, str]:
+    """Heads of the columns of a quantity: alone, and given the other tables."""
     unit = handy(populated.quantity.name, populated.quantity.unit).unit
     name = f"{populated.name}{f' [{unit}]' if unit else ''}"
-    return (name,) if populated.joint else (f"{name} alone", "given all")
+    return f"{name} alone", "given all"
 
 
 def pooled_cells(name: str, place: int, series: Sequence[Series], populated: Sequence[Populated]) -> tuple[str, ...]:
@@ -94,8 +94,7 @@ def pooled_cells(name: str, place: int, series: Sequence[Series], populated: Seq
         column = columns.get(one.quantity.name)
         # A ratio is no column of the tables: its draws are all there is.
         alone = cell(column, place) if column is not None else _drawn(one, one.own[name], one.own_sds[name])
-        shown += [] if one.joint else [alone]
-        shown.append(_drawn(one, table.known, table.sd) + ("" if table.trusted else " ?"))
+        shown += [alone, _drawn(one, table.known, table.sd) + ("" if table.trusted else " ?")]
     return tuple(shown)
 
 

@@ -39,15 +39,14 @@ def table_rows(populated: Populated) -> list[dict[str, object]]:
         for head, known in (("", populated.own[table.name]), ("pooled_", table.known)):
             row |= {f"{head}{end}": value for end, value in _ends(populated, known).items()}
         row |= {"effective_draws": table.effective, "pareto_k": _finite(table.pareto_k), "trusted": table.trusted}
-        row |= {"level": levels.get(table.name), "fit": "joint" if populated.joint else "weighted"}
+        row |= {"level": levels.get(table.name)}
         rows.append(row)
     return rows
 
 
 def content(populated: Sequence[Populated]) -> Mapping[str, object]:
     """What `population.json` holds."""
-    weighted, joint = ({one.quantity.name: _quantity(one) for one in populated if one.joint == way} for way in (0, 1))
-    return {"kind": KIND, "quantities": weighted} | ({"joint": joint} if joint else {})
+    return {"kind": KIND, "quantities": {one.quantity.name: _quantity(one) for one in populated}}
 
 
 def _quantity(one: Populated) -> Mapping[str, object]:

@@ -39,7 +39,7 @@ MOST_ERROR = 0.1
 # Populations with poor weights that are told one by one.
 MOST_POOR = 2
 # Tables that are practical to fit together.
-MOST_JOINT = 12
+MOST_TOGETHER = 12
 
 
 @dataclass(frozen=True)
@@ -240,7 +240,9 @@ def doubts(populated: Populated) -> list[str]:
             f"{len(found.doubtful)} {few} ({_some(found.doubtful)}), nor what the others say of {each}: few draws "
             "there meet the population."
         )
-    if said and not populated.joint and len(populated.quantity.parts) == 1 and len(found.tables) <= MOST_JOINT:
-        how = spoken(f"fitball population FOLDER --of {name} --joint", f"batch.population('{name}', joint=True)")
+    if said and len(populated.quantity.parts) == 1 and len(found.tables) <= MOST_TOGETHER:
+        how = spoken(
+            f"fitball calibrate TABLES --pool {name}=table", f"calibrate(tables, pool={{'{name}': 'table'}})"
+        )
         said[-1] += f" So few tables can be fitted together instead: {how}."
     return said

@@ -8,25 +8,20 @@ import numpy as np
 
 from fitball.inference.results.quantiles import SUMMARY
 from fitball.inference.results.results import Fit, Predictive
-from fitball.inference.thesis.published_cases import wang_rows
 from fitball.report.figures.measured import prediction_of
-from fitball.report.form.display_units import THESIS
 from fitball.report.form.listed import listed_places
 
 
 def summary_rows(fit: Fit) -> list[dict[str, object]]:
-    """One row per parameter, SI at full precision; where the data are the thesis's with the factor to its unit."""
+    """One row per parameter, SI at full precision."""
     rows: list[dict[str, object]] = []
-    theirs = wang_rows(fit.problem.table) is not None
     for item in fit.estimates:
-        squares, scale = fit.least_squares, THESIS.get(item.name)
+        squares = fit.least_squares
         row: dict[str, object] = {"parameter": item.name}
         row |= {name: getattr(item, name) for name in ("unit", *SUMMARY, "point")}
         row |= {"least_squares": squares.values[item.name], "least_squares_stderr": squares.stderr[item.name]}
         row |= {"prior": item.prior, "contraction": item.contraction, "verdict": item.verdict_words}
         row |= {name: getattr(item, name) for name in ("reason", "ess_bulk", "ess_tail", "r_hat")}
-        if theirs:
-            row |= {"thesis_unit": getattr(scale, "unit", None), "thesis_factor": getattr(scale, "factor", None)}
         rows.append(row)
     return rows
 

@@ -7,6 +7,7 @@ from fitball.inference.results.results import Fit
 from fitball.report.fit.summary import named, verdict_cell
 from fitball.report.form.display_units import Scale, handy
 from fitball.report.form.rounding import decimals, interval, significant
+from fitball.report.form.sentences import listed
 from fitball.report.form.text_table import Row
 
 # Ratio of the ends of an interval from which each has digits of its own.
@@ -38,12 +39,16 @@ def evidence_rows(fit: Fit) -> tuple[Row, ...]:
 
 
 def evidence_remarks(fit: Fit) -> tuple[str, ...]:
-    """What cannot be told apart, why there are no profiles, and where the looks disagree."""
+    """Next to which values the model ends, and why there are no profiles."""
     found = fit.identifiability
+    held = listed(found.eigendirections.held)
+    ends = (
+        f"the model ends next to the maximum in {held}: there is no derivative, and what is said to first order "
+        f"takes {held} as fixed"
+    )
     return (
-        *found.eigendirections.sentences,
+        *([ends] if held else []),
         *([f"there are no profiles: {found.profiles_missing}"] if found.profiles_missing else []),
-        *(f"{name}: {item.disagreement}" for name, item in found.evidence.items() if item.disagreement),
     )
 
 

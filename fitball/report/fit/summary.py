@@ -241,9 +241,9 @@ def diagnosis_lines(fit: Fit, *, budget: bool = True) -> tuple[str, ...]:
 
 
 def _optima(fit: Fit) -> str:
-    """What the search found, in words; nothing of a fit that an older fitball saved, which does not know."""
+    """What the search found, in words."""
     count = len(fit.point.optima)
-    return f", {count} optimum{'s' if count != 1 else ''} worth an ensemble" if fit.least_squares.starts else ""
+    return f", {count} optimum{'s' if count != 1 else ''} worth an ensemble"
 
 
 def sampler_words(diagnostics: Diagnostics) -> str:

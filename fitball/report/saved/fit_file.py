@@ -45,7 +45,6 @@ from fitball.report.saved.structure import (
     refuse_foreign,
     structured,
 )
-from fitball.report.saved.version_4 import version_4
 
 # By what share the log likelihood of the point estimate may differ on another machine.
 ROUNDING = 1e-6
@@ -77,8 +76,6 @@ def read_fit(path: Path) -> Fit:
     """
     place = place_of(path, FIT_NAME)
     content = read_json(place)
-    if content.get("kind") == KIND and content.get("schema_version") == 4:
-        content = version_4(place, content)
     refuse_foreign(place, content, KIND, SCHEMA_VERSION)
     record = structured(place, content, Record)
     wrong = checked(record)

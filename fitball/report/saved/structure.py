@@ -21,6 +21,7 @@ Kept = TypeVar("Kept")
 Section = TypeVar("Section", bound=msgspec.Struct)
 Content = dict[str, Any]
 FIT_NAME = "fit.json"
+REPEAT = ", or let `fitball repeat FOLDER --out NEW` make the run of the run.toml beside it again"
 REMEDY = "put back the file that fitball wrote, or run calibrate again"
 # Characters of a message that quotes a file.
 LONGEST_MESSAGE = 500
@@ -31,6 +32,10 @@ _WORDS = {
     "float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "object": "a section",
     "array": "a list",
 }  # fmt: skip
+
+
+class OlderFileError(ResultFolderError):
+    """A file that an older fitball wrote."""
 
 
 class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -73,10 +78,10 @@ def refuse_foreign(place: Path, content: Content, kind: str, version: int) -> No
     version_read = content.get("schema_version")
     if isinstance(version_read, bool) or version_read != version:
         older = isinstance(version_read, int) and version_read < version
-        advice = "run calibrate again" if older else "install the fitball that wrote it"
-        raise ResultFolderError(
-            f"{place}: schema_version {_shown(version_read)}; this fitball reads version {version}: {advice}"
-        )
+        said = f"{place}: schema_version {_shown(version_read)}; this fitball reads version {version}: "
+        if older:
+            raise OlderFileError(f"{said}run calibrate again{REPEAT if place.name == FIT_NAME else ''}")
+        raise ResultFolderError(f"{said}install the fitball that wrote it")
 
 
 def structured(place: Path, content: Content, kind: type[Kept]) -> Kept:
