@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from fitball.errors import ParameterError, suggestion
 from fitball.exports import FORMAT_NAMES, KINDS, OWNERS
 from fitball.inference.results.results import Fit
-from fitball.report.form.atomic_write import refuse_existing, write_bytes, write_text
+from fitball.report.form.files import refuse_existing, write_bytes, write_text
 from fitball.wording import spoken
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Fit, RunStatus, Verdict
 from fitball.inference.results.source import Source
 from fitball.observables import OBSERVABLES
-from fitball.report.predict.rows import prediction_csv_rows
+from fitball.report.predict import prediction_csv_rows
 from fitball.values import Ball, FloatArray, Impacts
 from fitball.wording import option
 

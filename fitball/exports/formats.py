@@ -14,7 +14,7 @@ from fitball.exports.parameters import latex_table, markdown_table, parameter_co
 from fitball.exports.port.languages import c_port, csharp_port, javascript_texts
 from fitball.exports.port.port import Port, make_port, python_port
 from fitball.inference.results.results import Fit
-from fitball.report.form.json_text import json_text
+from fitball.report.form.files import json_text
 from fitball.wording import option
 
 

@@ -11,8 +11,7 @@ from fitball.inference.prediction.lookup import SEED, Lookup, default_axes, make
 from fitball.inference.results.results import Fit
 from fitball.models.types import regime_name
 from fitball.observables import SI_UNITS
-from fitball.report.form.csv import csv_text
-from fitball.report.form.json_text import json_text
+from fitball.report.form.files import csv_text, json_text
 
 
 def lookup_texts(saved: Fit, grid: str | None) -> Mapping[str, str]:

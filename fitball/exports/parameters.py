@@ -17,8 +17,7 @@ from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Estimate, Fit, LevelEstimate, RunStatus, Verdict
 from fitball.models.registry import parameter_spec
 from fitball.models.types import OUTPUTS
-from fitball.report.form.display_units import handy
-from fitball.report.form.rounding import decimals, fixed, interval, significant
+from fitball.report.form.numbers import decimals, fixed, handy, interval, significant
 from fitball.report.saved.structure import plain
 from fitball.version import __version__
 

@@ -18,7 +18,7 @@ from fitball.inference.results.results import Fit, Posterior
 from fitball.inference.results.source import data_columns
 from fitball.inference.sampling.chain_file import EnsembleChain, read_chains
 from fitball.report.fit.folder import CHAIN_NAME
-from fitball.report.form.atomic_write import write_text
+from fitball.report.form.files import write_text
 from fitball.report.saved.fit_file import fit_text, read_fit, read_posterior
 from fitball.report.saved.netcdf_files import DATA_NAME, POSTERIOR_NAME, read_columns, write_data, write_netcdf
 from fitball.report.saved.structure import FIT_NAME

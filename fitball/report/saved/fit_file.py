@@ -32,7 +32,7 @@ from fitball.inference.results.results import (
     Verdict,
     thinned,
 )
-from fitball.report.form.json_text import json_text
+from fitball.report.form.files import json_text
 from fitball.report.saved.fit_consistency import beyond, checked, outside
 from fitball.report.saved.netcdf_files import DATA_NAME, POSTERIOR_NAME, read_data, read_draws
 from fitball.report.saved.run_file import RUN_NAME, RunRecord, read_run

@@ -39,8 +39,8 @@ from fitball.inference.results.source import (
     digest,
 )
 from fitball.observables import SI_UNITS
-from fitball.report.form.atomic_write import write_bytes
-from fitball.report.form.listed import listed_places
+from fitball.report.form.files import write_bytes
+from fitball.report.form.numbers import listed_places
 from fitball.values import FloatArray, Impacts
 from fitball.version import __version__
 from fitball.wording import option
