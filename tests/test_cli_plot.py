@@ -55,7 +55,7 @@ def test_an_open_profile_is_read_back_open():
 
 def test_kinds_and_formats_are_the_ones_promised(short_fit):
     assert all(callable(drawing(name).figure) for name in FIGURES)
-    assert {text.section for text in FIGURES.values()} <= {it.name for it in fit_document(short_fit.result).sections}
+    assert {text.section for text in FIGURES.values()} <= {it.name for it in fit_document(short_fit).sections}
     assert ("png", *STAMPS) == FORMATS
 
 

@@ -254,8 +254,8 @@ def test_it_is_saved_shown_and_optional(grip_slip_fit, grip_slip_folder, tmp_pat
     saved = content["court_pace"]["ratings"][0]
     assert saved["rating"] == asdict(found.rating)
     assert saved["reach"]["outside"] is True
-    text = render(grip_slip_fit.result, tmp_path)
-    assert json.loads(render_json(grip_slip_fit.result, tmp_path))["court_pace"] == content["court_pace"]
+    text = render(grip_slip_fit, tmp_path)
+    assert json.loads(render_json(grip_slip_fit, tmp_path))["court_pace"] == content["court_pace"]
     rating, shares = found.rating, found.categories
     likeliest = max(shares, key=shares.get)
     assert f"[{rating.q025:.1f}, {rating.q975:.1f}] (95 %), {likeliest} ({100.0 * shares[likeliest]:.0f} %)" in text

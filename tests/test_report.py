@@ -211,11 +211,11 @@ def test_rounding_follows_the_particle_data_group(value, sd, text):
 
 def test_no_number_is_longer_than_it_deserves(fit, two_mass, tmp_path):
     for item in (fit, two_mass):
-        text = render(item.result, tmp_path)
+        text = render(item, tmp_path)
         assert not re.search(r"\d\.\d{6,}", text)
         for name in item.parameters:
             assert name in text
-    assert json.loads(render_json(fit.result, tmp_path))["parameters"]["mu"]["verdict"] == "identified"
+    assert json.loads(render_json(fit, tmp_path))["parameters"]["mu"]["verdict"] == "identified"
 
 
 def test_rows_say_what_the_estimates_say(two_mass):
