@@ -27,8 +27,7 @@ from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.noise import KINDS, NORMAL, NoiseKind, noise_with
 from fitball.models.specs import ParameterSpec
 from fitball.report.fit.folder import prepare_folder, write_all
-from fitball.report.saved.restore import restore
-from fitball.report.saved.saved_fit import read_fit
+from fitball.report.saved.fit_file import read_fit, restore
 
 STUDENT = KINDS["student-t"]
 EXPONENT = "noise_exponent"

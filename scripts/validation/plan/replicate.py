@@ -66,7 +66,7 @@ class Narrowed:
 def prepared(name: str, seed: int) -> Ready:
     """Fit the table of the case called `name`, and plan."""
     case = CASES[name]
-    return planned_from(case, calibrate(case.table, case.model, seed=seed, cores=1).result, seed)
+    return planned_from(case, calibrate(case.table, case.model, seed=seed, cores=1), seed)
 
 
 def planned_from(case: Case, fit: Fit, seed: int) -> Ready:
