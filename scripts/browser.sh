@@ -25,12 +25,11 @@ ensure_browser() {
     fi
 }
 
-# The same for what runs the ports in C# (Mono), GDScript (Godot) and JavaScript: some 25 MB, 95 MB on disk.
+# The same for what runs the ports in C# (Mono) and JavaScript.
 ensure_interpreters() {
     wanted=
     command -v node >/dev/null 2>&1 || wanted="$wanted nodejs"
     { command -v mcs && command -v mono; } >/dev/null 2>&1 || wanted="$wanted mono-mcs mono-runtime"
-    command -v godot3-server >/dev/null 2>&1 || wanted="$wanted godot3-server"
     [ -z "$wanted" ] && return
     if [ "$(id -u)" != 0 ] || ! command -v apt-get >/dev/null 2>&1; then
         printf '%s\n' "Not here, and not to be installed (not root, or no apt-get):$wanted. Their tests are skipped." >&2

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
+from fitball.bench.problems import posed
 from fitball.inference.calibrate import compile_ahead
-from fitball.studies.bench.tables import posed
 
 compile_ahead(replace(posed("wang_zero_spin"), threads=2))

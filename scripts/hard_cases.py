@@ -10,11 +10,11 @@ import math
 import sys
 from pathlib import Path
 
-from fitball.models.kernels.bounce import tied_inertia_split
+from fitball.bench.hard_cases import HardCase, hard_cases
+from fitball.models.kernels.contact import tied_inertia_split
 from fitball.models.oracle.oracle import oracle_rebound
 from fitball.models.types import Status
 from fitball.scheduling.engine import engine, in_order
-from fitball.studies.bench.hard_cases import HardCase, hard_cases
 
 ANSWERS = Path(__file__).resolve().parent.parent / "tests" / "data" / "hard_cases.csv"
 HEADS = ("name", "digits", "v_x2", "v_y2", "omega_2", "contact_time", "regime", "status")

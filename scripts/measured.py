@@ -59,7 +59,7 @@ def measure() -> None:
             name: _parameter(item) | _over(fits["all"]["assumptions"]["parameters"].get(name))
             for name, item in fits["all"]["parameters"].items()
         },
-        "known_together": fits["zero"]["identifiability"]["eigendirections"]["sentences"],
+        "ratio": _parameter(fits["zero"]["derived"]["k_theta/k_y"]),
         "compared": [_score(item) for item in compared["models"] if item["name"] in LADDER],
         "duel": _duel(compared, "two-mass", "grip-slip"),
         "stiffness": {name: _parameter(fits[name]["parameters"]["k_y"]) for name in ("drop", "bare")},

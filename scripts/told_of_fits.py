@@ -12,9 +12,8 @@ from measured import ROOT
 
 from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS
 from fitball.models.specs import SPECS
-from fitball.report.form.display_units import handy
-from fitball.report.form.rounding import decimals, fixed
-from fitball.studies.thesis.appendix_d import CASE_IN_APPENDIX_C
+from fitball.report.form.numbers import decimals, fixed, handy
+from fitball.thesis.appendix_d import CASE_IN_APPENDIX_C
 
 VALIDATION = ROOT / "fits" / "validation"
 PUBLISHED = "Table 9, case 1"
@@ -95,8 +94,14 @@ def _missed(rms: dict[str, float]) -> tuple[str, str, str]:
 
 
 def together(numbers: dict[str, Any]) -> str:
-    """What seven impacts tell of parameters together."""
-    return "Of `wang_zero_spin.csv` the report says: " + "; ".join(numbers["known_together"]) + "."
+    """What seven impacts tell of two stiffnesses together."""
+    ratio = numbers["ratio"]
+    low, median, high = (1e3 * ratio[key] for key in ("q16", "median", "q84"))
+    places = decimals(0.5 * (high - low))
+    return (
+        f"Of `wang_zero_spin.csv`, k_theta/k_y is {fixed(median, places)} "
+        f"[{fixed(low, places)}, {fixed(high, places)}] x 10^-3 m^2 (68 %), {ratio['verdict']}."
+    )
 
 
 def stiffness(numbers: dict[str, Any]) -> str:

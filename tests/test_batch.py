@@ -25,11 +25,11 @@ from fitball.cli.main import main
 from fitball.errors import FitballError
 from fitball.inference.effort import Effort
 from fitball.inference.problem.choices import Choices
+from fitball.report.batch.document import centre_rows, told
 from fitball.report.batch.figure import batch_figure
 from fitball.report.batch.rows import HEAD, NAME, read_rows, row_of
 from fitball.report.batch.series import all_series, things_along
-from fitball.report.batch.words import centre_rows, told
-from fitball.report.form.csv import csv_text
+from fitball.report.form.files import csv_text
 
 FILES = ("batch.csv", "batch.html", "batch.parquet")
 
@@ -102,7 +102,7 @@ def test_what_an_earlier_run_wrote_is_no_table(tmp_path):
 @pytest.mark.parametrize(
     ("name", "why"),
     [
-        *((name, "fitball itself") for name in ("batch.csv", "Batch.CSV", "day/fit.json", "corner.png", "joint_mu")),
+        *((name, "fitball itself") for name in ("batch.csv", "Batch.CSV", "day/fit.json", "corner.png")),
         *((name, "a device") for name in ("CON", "aux.csv", "a/nul", "com1", "LPT\u00b9.x", "Con .txt")),
         *((name, "drops") for name in ("a.", "a /b", "b.a ")),
         *((name, "not every file system") for name in ("a:b", "a\\b", 'a"b', "a*", "a?", "a|b", "<a", "a>")),
@@ -116,7 +116,7 @@ def test_names_that_no_folder_can_have_on_some_system(name, why):
 
 
 def test_files_whose_names_collide_are_failed_rows_and_the_others_go_on(courts, tmp_path):
-    names = ("good", "batch.csv", "joint_mu", "Day", "day", "CON", b"b\xff", "e\u0301", "\u00e9")
+    names = ("good", "batch.csv", "Day", "day", "CON", b"b\xff", "e\u0301", "\u00e9")
     (tmp_path / "tables").mkdir()
     for name in names:
         shutil.copy(courts / "court_1.csv", tmp_path / "tables" / f"{os.fsdecode(name)}.csv")

@@ -4,29 +4,40 @@ from __future__ import annotations
 
 import json
 import math
-import re
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from fitball.batch.run import Going
+from fitball.bench import clock, measure, ratios, report
+from fitball.bench.clock import Pace, by_turns
+from fitball.bench.errors import (
+    CAREFUL,
+    FASTEST,
+    LOCATED_8,
+    OURS,
+    SCRIPT,
+    by_order_8,
+    by_solve_ivp,
+    density_costs,
+    errors,
+    plain_log_posterior,
+    work_precision,
+)
+from fitball.bench.integrators import adaptive, fixed_steps, set_up
+from fitball.bench.measure import Bench, batch_costs
+from fitball.bench.problems import (
+    Scene,
+    base_values,
+    default_model,
+    posed,
+    problems,
+    spread_coordinates,
+    spread_draws,
+)
+from fitball.bench.ratios import RATIO, WORK
 from fitball.cli.main import main
-from fitball.data.read import load_table
 from fitball.inference.likelihood.posterior import log_posterior
-from fitball.studies.bench import clock, many_tables, measure, page, ratios, samplers, sampling
-from fitball.studies.bench.clock import Pace, by_turns
-from fitball.studies.bench.costs import batch_costs
-from fitball.studies.bench.densities import OURS, SCRIPT, by_order_8, by_solve_ivp, density_costs, plain_log_posterior
-from fitball.studies.bench.integrators import adaptive, fixed_steps, set_up
-from fitball.studies.bench.measure import Bench
-from fitball.studies.bench.precision import CAREFUL, FASTEST, LOCATED_8, errors, work_precision
-from fitball.studies.bench.ratios import RATIO, WORK
-from fitball.studies.bench.scenes import Scene, default_model
-from fitball.studies.bench.tables import base_values, posed, problems, spread_coordinates, spread_draws
 from fitball.values import impacts
 
 TINY = Pace(1, 1e-5)
@@ -105,7 +116,7 @@ def precision(scene):
 @pytest.fixture(scope="module")
 def densities():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fitball.studies.bench.densities.JUDGED", 2)
+        patch.setattr("fitball.bench.errors.JUDGED", 2)
         return density_costs("zero", posed("wang_zero_spin"), TINY)
 
 
@@ -163,143 +174,29 @@ def test_a_fresh_process_tells_its_time_and_memory():
     assert math.isnan(large) or 180.0 < large - told.megabytes < 220.0
 
 
-def test_effective_draws():
-    """Independent draws count whole, each of ten equal ones a tenth; burn-in does not."""
-    rng = np.random.default_rng(1)
-    free = rng.standard_normal((3000, 4, 2))
-    assert samplers.effective(free) == pytest.approx(0.67 * 12_000, rel=0.2)
-    assert samplers.effective(free[:12]) <= 9 * 4
-    assert samplers.effective(np.repeat(free[:300], 10, axis=0)) == pytest.approx(0.67 * 1200, rel=0.3)
-
-
-class Turns:
-    """A budget of so many looks instead of seconds."""
-
-    def __init__(self, turns):
-        self.turns, self.spent = turns, 1.0
-
-    @property
-    def left(self):
-        self.turns -= 1
-        return self.turns >= 0
-
-
-def test_a_rival_sampler_is_asked_for_its_draws():
-    problem = posed("wang_zero_spin")
-    target = samplers.Target(problem, spread_coordinates(problem, 3))
-    draws = samplers.emcee_stretch(target, Turns(2))
-    assert target.evaluations == pytest.approx(40 * (2 * samplers.BLOCK + 1), abs=80)
-    assert 0.0 < draws < target.evaluations
-    value, slopes = target.with_gradient(target.optima[0])
-    ahead = target.optima[0] + 1e-3 * problem.prior.width * np.eye(problem.dimension)[3]
-    rise = target.one(ahead) - value
-    assert rise == pytest.approx(slopes[3] * 1e-3 * problem.prior.width[3], rel=0.2)
-
-
-def test_a_table_of_samplers_says_what_is_known(monkeypatch):
-    """The script on solve_ivp costs what its densities cost; too few draws tell nothing; missing rivals are named."""
-    monkeypatch.setattr(sampling, "problems", lambda: [("zero", posed("wang_zero_spin"))])
-    monkeypatch.setattr(sampling, "_ours", lambda problem, optima: (OURS, "1", 2.0, 50_000, 1000.0))
-    fakes = [
-        samplers.Sampler(samplers.STRETCH, "emcee", lambda target, budget: 100.0),
-        samplers.Sampler("slow", "numpy", lambda target, budget: 3.0),
-        samplers.Sampler("absent", "no-such-package", lambda target, budget: 1e9),
-    ]
-    monkeypatch.setattr(sampling, "RIVALS", fakes)
-    monkeypatch.setattr(sampling, "point_fit", lambda problem, rng: (None, Point(problem)))
-    monkeypatch.setattr(sampling, "Target", lambda problem, optima: Asked())
-    densities = pd.DataFrame([{"table": "zero", "log posterior": SCRIPT, "microseconds": 5e5}])
-    frame = sampling.sampling_costs(1.0, densities, lambda _stage: None).set_index("sampler")
-    assert list(frame.index) == [OURS, samplers.STRETCH, sampling.NAIVE, "slow"]
-    assert frame.loc[OURS, "draws a CPU second"] == 500.0
-    assert frame.loc[sampling.NAIVE, "CPU seconds"] == 1000.0
-    assert frame.loc[sampling.NAIVE, "draws a CPU second"] == 0.1
-    assert math.isnan(frame.loc["slow", "draws a CPU second"])
-    assert sampling.missing() == ["no-such-package"]
-
-
-class Point:
-    def __init__(self, problem):
-        self.optima = [dict(zip(problem.free_names, np.ones(problem.dimension), strict=True))]
-
-
-class Asked:
-    evaluations = 2000
-
-
-def test_batches_of_tables_are_watched_as_they_go_on(capsys):
-    """CPU a table is that since the look before: a table that costs more and more is seen."""
-    seen = iter([many_tables.Family(30.0, 200.0, 300.0), many_tables.Family(110.0, 210.0, 300.0)])
-    watch = many_tables.Watch(2, lambda: next(seen))
-    for done in range(15):
-        watch(Going(done, 14, 0, 0))
-    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert [(line[0], line[2], *line[4:]) for line in lines] == [
-        ("2", "10", "3.0", "200.0", "300.0"), ("2", "14", "20.0", "210.0", "300.0"),
-    ]  # fmt: skip
-
-
-def test_many_tables_are_fitted_in_a_process_of_its_own(monkeypatch):
-    asked = []
-
-    def fresh(code, **environment):
-        folder = Path(re.search(r"calibrate_many\('(.*?)'", code).group(1))
-        asked.append([load_table(place) for place in sorted(folder.iterdir())])
-        return clock.Told(
-            ["2", "20", "10", "60.5", "2.5", "210", "nan", "2", "20", "12", "70", "2", "210", "300"], 1.0, 1.0
-        )
-
-    monkeypatch.setattr(many_tables, "fresh_process", fresh)
-    frame = many_tables.many_costs(3, 2)
-    assert list(frame["tables"]) == [10, 12]
-    assert frame["worker [MB]"].isna().tolist() == [True, False]
-    (tables,) = asked
-    assert [len(table) for table in tables] == [many_tables.ROWS] * 3
-    assert len({table.digest for table in tables}) == 3
-
-
-@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="this system does not tell")
-def test_processes_that_were_started_count():
-    # The system counts CPU in hundredths of a second.
-    code = "import time\nwhile time.process_time() < 0.1: pass\nprint(flush=True); input()"
-    alone = many_tables.running()
-    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
-        child.stdout.readline()
-        both = many_tables.running()
-        child.communicate(b"\n")
-    assert 3.0 < both.worker < both.parent
-    assert both.seconds >= alone.seconds + 0.05
-
-
-def bench_of(precision, densities, missing):
+def bench_of(precision, densities):
     kinds = pd.DataFrame([{"call": "x", "microseconds an impact": 1.5}])
-    sampled = [
-        {"table": table, "sampler": name, "draws a CPU second": 10.0 + k}
-        for table in ("one", "two") for k, name in enumerate((OURS, "other"))
-    ]  # fmt: skip
     frames = {
         "ratios": pd.DataFrame({WORK: ["a", "b"], "yardstick": "y", RATIO: [2.0, 3.0]}),
         "precision": precision,
         "densities": densities,
-        "samplers": pd.DataFrame(sampled), "batches": kinds, "growth": kinds, "whole": kinds, "processes": kinds,
-        "tables": kinds,
+        "batches": kinds,
     }  # fmt: skip
-    return Bench(frames, "a machine", missing)
+    return Bench(frames, "a machine")
 
 
 def test_files_and_words(precision, densities, tmp_path, monkeypatch, capsys):
-    made = bench_of(precision, densities, ("dynesty", "pints"))
+    made = bench_of(precision, densities)
     monkeypatch.setattr(measure, "measure", lambda extent, cores, report: made)
     out = tmp_path / "bench"
     assert main(["bench", "--quick", "--out", str(out), "--cores", "1"]) == 0
     printed = capsys.readouterr().out
     assert FASTEST in printed
-    assert "not installed: dynesty, pints; pip install dynesty pints" in printed
     assert {item.name for item in out.iterdir()} == {
-        page.FIGURE, page.SAMPLERS, "summary.md", *(f"{name}.csv" for name in made.frames),
+        report.FIGURE, "summary.md", *(f"{name}.csv" for name in made.frames),
     }  # fmt: skip
-    assert "\n".join(page.summary(made)) in (out / "summary.md").read_text(encoding="utf-8")
-    monkeypatch.setattr(page, "save_figure", lambda figure, path: None)
+    assert "\n".join(report.summary(made)) in (out / "summary.md").read_text(encoding="utf-8")
+    monkeypatch.setattr(report, "save_figure", lambda figure, path: None)
     assert main(["bench", "--quick", "--out", str(out), "--json", "--quiet"]) == 0
     assert json.loads(capsys.readouterr().out)["machine"] == "a machine"
     (tmp_path / "file").write_text("")

@@ -18,16 +18,15 @@ from fitball.data.thesis_tables import thesis_table
 from fitball.errors import TableError
 from fitball.inference.effort import Effort
 from fitball.inference.thesis import inputs as thesis_inputs
-from fitball.studies.thesis import (
+from fitball.thesis import (
     appendix_c,
     appendix_d,
     chapter_five,
     printed_tables,
     ranking,
     recalibration,
-    vertical_damping,
 )
-from fitball.studies.thesis.chapter_five_page import write
+from fitball.thesis.page import write
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +141,7 @@ def test_bifilar_inertia_by_hand():
 
 
 def test_nine_dampings_obey_chapter_five():
-    table = vertical_damping.formula_table()
+    table = printed_tables.formula_table()
     nine = table[table["place"].str.startswith("Fig.")]
     assert list(nine["obeys"]) == ["Chapter V"] * 9
     assert nine["nearest [%]"].max() < 0.5
@@ -232,14 +231,14 @@ def test_the_points_of_figures_36_to_44():
 
 
 def test_the_verb_ends_with_one_when_a_reproduction_fails(found, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("fitball.studies.thesis.chapter_five.derive", lambda _effort, _report: found)
-    monkeypatch.setattr("fitball.studies.thesis.chapter_five_page.draw_all", lambda _found: {})
-    monkeypatch.setattr("fitball.studies.thesis.chapter_five_page.page", lambda *_rest: "page")
+    monkeypatch.setattr("fitball.thesis.chapter_five.derive", lambda _effort, _report: found)
+    monkeypatch.setattr("fitball.thesis.page.draw_all", lambda _found: {})
+    monkeypatch.setattr("fitball.thesis.page.page", lambda *_rest: "page")
     assert main(["rederive", "--out", str(tmp_path / "a"), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["holds"] is True and told["summary"] == found.summary and told["verdicts"] == found.verdicts
     broken = replace(found, checks=(replace(found.checks[0], holds=False), *found.checks[1:]))
-    monkeypatch.setattr("fitball.studies.thesis.chapter_five.derive", lambda _effort, _report: broken)
+    monkeypatch.setattr("fitball.thesis.chapter_five.derive", lambda _effort, _report: broken)
     assert main(["rederive", "--out", str(tmp_path / "b")]) == 1
     said = capsys.readouterr().out
     row = next(line for line in said.splitlines() if line.startswith("5: M1/M"))
@@ -250,7 +249,7 @@ def test_the_verb_ends_with_one_when_a_reproduction_fails(found, tmp_path, monke
     assert broken.summary in said
     (tmp_path / "file").write_text("x", encoding="utf-8")
     begun = []
-    monkeypatch.setattr("fitball.studies.thesis.chapter_five.derive", lambda *rest: begun.append(rest))
+    monkeypatch.setattr("fitball.thesis.chapter_five.derive", lambda *rest: begun.append(rest))
     assert main(["rederive", "--out", str(tmp_path / "file")]) == 2
     assert main(["rederive", "--out", str(tmp_path / "c"), "--seed", "-1"]) == 2
     assert "seed = -1: expected a whole number not below 0" in capsys.readouterr().err and not begun

@@ -12,8 +12,8 @@ from fitball.cli.main import main
 from fitball.inference.prediction.simulate import COURSES
 from fitball.models.oracle.oracle import oracle_rebound
 from fitball.models.types import unpack_regime
-from fitball.studies.thesis.example_claims import MEASURES, findings, run_example
-from fitball.studies.thesis.simulate_examples import EXAMPLES
+from fitball.thesis.example_claims import MEASURES, findings, run_example
+from fitball.thesis.simulate_examples import EXAMPLES
 
 
 @pytest.fixture(scope="module")

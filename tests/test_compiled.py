@@ -12,9 +12,8 @@ import pytest
 from numba import TypingError
 
 import fitball
-from fitball.models.kernels import batch, bounce, bounce_jacobian, contact, dual, pieces, two_mass
-from fitball.models.kernels.compiled import apart, calling, compiled, inner
-from fitball.models.kernels.entry import Entry
+from fitball.models.kernels import bounce, derivative, dual, phases, vertical
+from fitball.models.kernels.compiled import Entry, apart, calling, compiled, inner
 from fitball.values import Impacts
 
 
@@ -39,11 +38,11 @@ def test_constants_are_compiled_for_no_more_than_others():
 
 
 def test_a_kernel_for_kernels_is_python_to_python():
-    kernels = (dual.exp, contact.zero_force_release)
+    kernels = (dual.exp, vertical.zero_force_release)
     # Other tests of this process may have compiled what calls them.
     before = [list(kernel.signatures) for kernel in kernels]
     assert whole(0.5, 2) > 0.0 and part(1.5, 2, True) == 3.0
-    assert dual.exp(1.0) == math.exp(1.0) and contact.zero_force_release(0.5)[0] > 0.0
+    assert dual.exp(1.0) == math.exp(1.0) and vertical.zero_force_release(0.5)[0] > 0.0
     assert [list(kernel.signatures) for kernel in kernels] == before
 
 
@@ -55,9 +54,9 @@ def test_every_kind_of_array_is_served_by_one_kernel(wang_impacts, draw_priors):
     for impacts in (wang_impacts, Impacts(*columns), Impacts(*strided), Impacts(*columns, np.full(21, 0.7))):
         chosen.evaluate(chosen.parameter_names, values, impacts)
         chosen.jacobian(chosen.parameter_names, values, impacts)
-    assert len(batch.bounce_batch.signatures) == len(bounce_jacobian.jacobian_batch.signatures) == 1
+    assert len(bounce.bounce_batch.signatures) == len(derivative.jacobian_batch.signatures) == 1
     # What these call was not needed, or was compiled here.
-    for kernel in (bounce.bounce, two_mass.two_mass_contact, pieces.grip, pieces.slide):
+    for kernel in (bounce.bounce, phases.two_mass_contact, phases.search):
         assert len(kernel.overloads) <= 1, kernel.py_func.__name__
 
 
@@ -111,16 +110,16 @@ TOGETHER = """
 import sys
 from dataclasses import replace
 from fitball.inference.calibrate import compile_ahead
-from fitball.models.kernels import alone, batch, bounce_jacobian
+from fitball.models.kernels import bounce, derivative
 from fitball.models.kernels.compiled import on_disk
 from fitball.first_compile import when_compiling
-from fitball.studies.bench.tables import posed
+from fitball.bench.problems import posed
 told = []
 when_compiling(lambda compiling: told.append(compiling.kernel) if compiling else None)
 compile_ahead(replace(posed("wang_zero_spin"), threads=2))
-for entry in (alone.BOUNCE, batch.BATCH, bounce_jacobian.JACOBIAN):
+for entry in (bounce.BOUNCE, bounce.BATCH, derivative.JACOBIAN):
     assert on_disk(entry.kernel, entry.signature.args), entry.name
-print(*told, len(batch.bounce_batch.overloads))
+print(*told, len(bounce.bounce_batch.overloads))
 """
 
 

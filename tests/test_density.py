@@ -16,7 +16,7 @@ from fitball.data.table import Measurement
 from fitball.errors import ParameterError
 from fitball.inference.likelihood.posterior import densities, log_posterior
 from fitball.inference.problem import problem as asked
-from fitball.models.kernels.batch import bounce_batch
+from fitball.models.kernels.bounce import bounce_batch
 
 SCENE = fitball.load_scene("wang_all.csv")
 WEIGHED = replace(SCENE, ball_sd={"mass": 0.002, "inertia_ratio": 0.02})

@@ -1,4 +1,4 @@
-"""Ports in JavaScript, C# and GDScript against the kernels, and results by name in every language."""
+"""Ports in JavaScript and C# against the kernels, and results by name in every language."""
 
 from __future__ import annotations
 
@@ -13,15 +13,12 @@ import pytest
 from test_export_ports import differences, fitted, port_of, python_module, random_cases  # noqa: F401 - a fixture
 from test_total_bounce import ball_of
 
-from fitball.exports.port.csharp import csharp_port
-from fitball.exports.port.gdscript import gdscript_port
-from fitball.exports.port.javascript import javascript_script, javascript_texts
+from fitball.exports.port.languages import csharp_port, javascript_script, javascript_texts
 from fitball.inference.prediction.valid_range import total_rebound, valid_range
 from fitball.models.types import regime_name
 from fitball.values import Ball, Impacts
 
 NODE, MCS, MONO = (shutil.which(name) for name in ("node", "mcs", "mono"))
-GODOT = shutil.which("godot3-server") or shutil.which("godot-server")
 LABELS = ("brody", "grip-slip", "wang_all", "two-mass, measured", "thesis")
 AGREEMENT = 1e-12
 
@@ -110,57 +107,11 @@ CS_CALL = """if (which == K) {
                 }
                 """
 
-GD = """extends SceneTree
-
-func _init():
-    var input = File.new()
-    input.open("res://in.bin", File.READ)
-    var output = File.new()
-    output.open("res://out.bin", File.WRITE)
-    var words = ""
-    var ports = []
-    for name in PORTS:
-        ports.append(load("res://" + name))
-    while input.get_position() < input.get_len():
-        var cells = []
-        for _k in range(WIDTH):
-            cells.append(input.get_double())
-        var made
-        if WIDTH == 25:
-            var codes = []
-            for k in range(13, 21):
-                codes.append(int(cells[k]))
-            var port = ports[0]
-            var scratch = port.KScratch.new(port.zeros(44), port.zeros(44), port.zeros(44), port.zeros(5 * 57))
-            var b = port.bounce(cells.slice(0, 12), codes, cells[21], cells[22], cells[23], cells[24], scratch)
-            made = [b.status, b.v_x2, b.v_y2, b.omega_2, b.contact_time, b.regime]
-        else:
-            var arguments = cells.slice(1, 4 if TOLD.has(int(cells[0])) else 3)
-            var r = ports[int(cells[0])].callv("rebound", arguments)
-            made = [0 if r.error == "" else -1, r.v_x2, r.v_y2, r.omega_2, r.contact_time, NAN, r.extrapolated]
-            words += (r.regime if r.error == "" else r.error) + "\\n"
-        for item in made:
-            output.store_double(item)
-    output.close()
-    var said = File.new()
-    said.open("res://words.txt", File.WRITE)
-    said.store_string(words)
-    said.close()
-    quit()
-"""
-
 
 def run(command, folder):
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
-
-
-def godot(folder, ports, width, told=()):
-    text = GD.replace("    ", "\t").replace("PORTS", json.dumps(ports)).replace("WIDTH", str(width))
-    (folder / "check.gd").write_text(text.replace("TOLD", json.dumps(list(told))))
-    said = run([GODOT, "--path", str(folder), "-s", "check.gd"], folder)
-    assert "SCRIPT ERROR" not in said
 
 
 def compile_cs(folder, *sources):
@@ -172,7 +123,6 @@ def compile_cs(folder, *sources):
 class Language:
     """How ports are written into a folder and run there."""
 
-    name: str
     kernel: object
     faces: object
 
@@ -208,40 +158,23 @@ def cs_faces(folder, ports):
     compile_cs(folder, "check.cs", *(f"port{k}.cs" for k in range(len(ports))))
 
 
-def gd_kernel(folder, port):
-    (folder / "kernel.gd").write_text(gdscript_port(port))
-    godot(folder, ["kernel.gd"], 25)
-
-
-def gd_faces(folder, ports):
-    for k, port in enumerate(ports):
-        (folder / f"port{k}.gd").write_text(gdscript_port(port))
-    godot(
-        folder, [f"port{k}.gd" for k in range(len(ports))], 5, [k for k, port in enumerate(ports) if port.needs_cor]
-    )
-
-
 NO_JS = pytest.mark.skipif(NODE is None, reason="no node here: ports in JavaScript are made but not run")
 NO_CS = pytest.mark.skipif(None in (MCS, MONO), reason="no mcs and mono here: ports in C# are made but not run")
-NO_GD = pytest.mark.skipif(GODOT is None, reason="no godot3-server here: ports in GDScript are made but not run")
 LANGUAGES = [
-    pytest.param(Language("javascript", js_kernel, js_faces), marks=NO_JS, id="javascript"),
-    pytest.param(Language("csharp", cs_kernel, cs_faces), marks=NO_CS, id="csharp"),
-    pytest.param(Language("gdscript", gd_kernel, gd_faces), marks=NO_GD, id="gdscript"),
+    pytest.param(Language(js_kernel, js_faces), marks=NO_JS, id="javascript"),
+    pytest.param(Language(cs_kernel, cs_faces), marks=NO_CS, id="csharp"),
 ]
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_the_kernel_agrees_over_closures_and_priors(language, tmp_path, random_cases):  # noqa: F811
     lines, answers, speeds = random_cases
-    # GDScript is slow.
-    some = slice(None, None, 8 if language.name == "gdscript" else 1)
-    cells = np.array([[float(cell) for cell in line.split()] for line in lines[some]])
+    cells = np.array([[float(cell) for cell in line.split()] for line in lines])
     cells.tofile(tmp_path / "in.bin")
     language.kernel(tmp_path, port_of(fitted("two-mass")))
     rows = np.fromfile(tmp_path / "out.bin").reshape(-1, 6)
     text = "\n".join(" ".join(map(repr, row.tolist())) for row in rows)
-    assert differences(text, answers[some], speeds[some]) < AGREEMENT
+    assert differences(text, answers, speeds) < AGREEMENT
 
 
 def states_of_faces(count):
@@ -324,29 +257,6 @@ def test_csharp_checks_itself(tmp_path):
         run([MCS, "-define:FITBALL_SELF_TEST", "-out:check.exe", "bounce.cs"], tmp_path)
         done = subprocess.run([MONO, "check.exe"], cwd=tmp_path, capture_output=True, text=True, check=False)
         assert done.returncode == code and word in done.stdout
-
-
-@NO_GD
-def test_gdscript_checks_itself(tmp_path):
-    port = port_of(fitted("grip-slip"))
-    right = gdscript_port(port)
-    wrong = right.replace(repr(port.call.row[0]), repr(port.call.row[0] * (1.0 + 1e-10)))
-    (tmp_path / "right.gd").write_text(right)
-    (tmp_path / "wrong.gd").write_text(wrong)
-    script = 'extends SceneTree\nfunc _init():\n\tfor name in ["right", "wrong"]:\n'
-    script += '\t\tprint(load("res://" + name + ".gd").self_test().text)\n\tquit()\n'
-    (tmp_path / "check.gd").write_text(script)
-    said = run([GODOT, "--path", str(tmp_path), "-s", "check.gd"], tmp_path)
-    assert [word for line in said.splitlines() for word in ("passed", "FAILED") if word in line] == [
-        "passed",
-        "FAILED",
-    ]
-
-
-def test_gdscript_is_indented_by_tabs_alone():
-    """Godot refuses a mixture."""
-    lines = gdscript_port(port_of(fitted("two-mass"))).splitlines()
-    assert not [line for line in lines if line.lstrip("\t").startswith(" ")]
 
 
 def test_python_results_have_names_and_are_tuples_still(tmp_path):

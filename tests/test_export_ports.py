@@ -13,9 +13,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitball.exports.port.c import c_port
-from fitball.exports.port.port import make_port
-from fitball.exports.port.python import python_port
+from fitball.exports.port.languages import c_port
+from fitball.exports.port.port import make_port, python_port
 from fitball.inference.prediction.port_check import golden
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.registry import model

@@ -21,7 +21,7 @@ from fitball.cli.main import main
 from fitball.data.bundled import bundled_folder, bundled_names
 from fitball.data.read import load_table
 from fitball.data.scene import NO_CONTACT_TIME, Scene
-from fitball.exports.paper_table import latex_table
+from fitball.exports.parameters import latex_table
 from fitball.inference.calibrate import fingerprint, run
 from fitball.inference.effort import Effort
 from fitball.inference.identifiability.fisher import information_evidence
@@ -29,7 +29,7 @@ from fitball.inference.likelihood.posterior import impact_terms
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import Verdict
 from fitball.report.figures.force import force_panels
-from fitball.report.figures.kinds import drawable_kinds
+from fitball.report.figures.registry import drawable_kinds
 
 # Enough to settle a verdict on six parameters, not to converge.
 SHORT = {"walkers": 14, "max_steps": 150, "cores": 1, "seed": 2}

@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fitball
+from fitball.bench.hard_cases import BASE, FAST, HardCase, hard_cases
 from fitball.errors import ParameterError
 from fitball.models.oracle.oracle import oracle_rebound
 from fitball.models.specs import SPECS
 from fitball.models.types import STATUS_REASON, Phase, Status, unpack_regime
-from fitball.studies.bench.hard_cases import BASE, FAST, HardCase, hard_cases
 
 CASES = {case.name: case for case in hard_cases()}
 ANSWERS = {

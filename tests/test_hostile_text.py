@@ -14,19 +14,15 @@ from itertools import product
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from test_export_languages import GODOT, MCS, MONO, NO_CS, NO_GD, NO_JS, NODE, run
+from test_export_languages import MCS, MONO, NO_CS, NO_JS, NODE, run
 from test_export_ports import CC, FLAGS, fitted, needs_cc, port_of
 from test_interactive import models  # noqa: F401 - a fixture
 
 from fitball import FitballError, load_fit
 from fitball.cli.main import main
 from fitball.exports.interactive import interactive_page, round_impact
-from fitball.exports.port.c import c_port
-from fitball.exports.port.csharp import csharp_port
-from fitball.exports.port.gdscript import gdscript_port
-from fitball.exports.port.javascript import javascript_texts
-from fitball.exports.port.python import python_port
-from fitball.exports.port.render import HARMLESS, source_text
+from fitball.exports.port.languages import c_port, csharp_port, javascript_texts
+from fitball.exports.port.port import HARMLESS, python_port, source_text
 
 # What ends a comment, a string, a line or a script in some language, or goes on in the next line.
 ENDS = (
@@ -101,21 +97,11 @@ def run_csharp(folder, port):
     return run([MONO, "check.exe"], folder)
 
 
-def run_gdscript(folder, port):
-    (folder / "bounce.gd").write_text(gdscript_port(port), encoding="utf-8")
-    # A script that does not parse cannot be made, and what calls it anyway never quits.
-    script = 'extends SceneTree\nfunc _init():\n\tvar port = load("res://bounce.gd")\n\tif port.can_instance():\n'
-    script += "\t\tprint(port.self_test().text)\n\tquit()\n"
-    (folder / "check.gd").write_text(script)
-    return run([GODOT, "--path", str(folder), "-s", "check.gd"], folder).strip().split("\n")[-1]
-
-
 RUNNERS = [
     pytest.param(run_python, id="python"),
     pytest.param(run_c, marks=needs_cc, id="c"),
     pytest.param(run_javascript, marks=NO_JS, id="javascript"),
     pytest.param(run_csharp, marks=NO_CS, id="csharp"),
-    pytest.param(run_gdscript, marks=NO_GD, id="gdscript"),
 ]
 
 

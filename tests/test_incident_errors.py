@@ -12,6 +12,7 @@ from scipy import stats
 from scipy.special import logsumexp
 
 import fitball
+from fitball.bench.hard_cases import BASE
 from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
@@ -21,7 +22,6 @@ from fitball.inference.likelihood.cells import cells, joint_root, shared_covaria
 from fitball.inference.likelihood.posterior import impact_terms, log_likelihood, pointwise
 from fitball.inference.prediction.posterior_predictive import replicated
 from fitball.inference.problem.noise import NORMAL
-from fitball.studies.bench.hard_cases import BASE
 from fitball.values import Impacts
 
 VALUES = {**BASE, "velocity_sd": 0.25, "v_x_sd": 0.25, "v_y_sd": 0.25, "spin_sd": 8.0, "e_x": 0.15, "offset": 0.0}

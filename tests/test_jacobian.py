@@ -9,9 +9,9 @@ import pytest
 from samples import COMPOSITIONS
 
 import fitball
+from fitball.bench.hard_cases import BASE, FAST, SHALLOW, STEEP, HardCase, hard_cases
 from fitball.models.oracle.oracle import oracle_rebound
 from fitball.models.types import Status, regime_name
-from fitball.studies.bench.hard_cases import BASE, FAST, SHALLOW, STEEP, HardCase, hard_cases
 from fitball.values import Ball, Impacts
 
 # Steps are counted in these: the size over which a rebound may change by as much as itself.

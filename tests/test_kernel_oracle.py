@@ -10,7 +10,7 @@ from samples import COMPOSITIONS
 
 from fitball.models.oracle.oracle import oracle_rebound
 from fitball.models.registry import model
-from fitball.models.two_mass_model import TwoMassModel
+from fitball.models.two_mass import TwoMassModel
 from fitball.models.types import Phase, Status, unpack_regime
 from fitball.values import Impacts
 

@@ -11,16 +11,14 @@ import pytest
 from samples import COMPOSITIONS
 
 import fitball
-from fitball.models.kernels import batch
+from fitball.bench.hard_cases import hard_cases
+from fitball.models.kernels import bounce as kernel
 from fitball.models.kernels.bounce import bounce
-from fitball.models.kernels.dual import choose
-from fitball.models.kernels.lanes import elementary
-from fitball.models.kernels.lanes.vector import any_of, lane_array, largest
-from fitball.models.kernels.phases import PIECE_SIZE
-from fitball.models.kernels.two_mass import MAX_PHASES, make_scratch
-from fitball.models.kernels.vectors import WIDTH
-from fitball.models.two_mass_model import _incident
-from fitball.studies.bench.hard_cases import hard_cases
+from fitball.models.kernels.dual import WIDTH, choose
+from fitball.models.kernels.lanes import number
+from fitball.models.kernels.lanes.number import any_of, lane_array, largest
+from fitball.models.kernels.phases import MAX_PHASES, PIECE_SIZE, make_scratch
+from fitball.models.two_mass import _incident
 from fitball.values import Impacts, OwnImpacts
 
 ULPS = 1.5
@@ -30,10 +28,10 @@ ULPS = 1.5
 def functions(x, out):
     given, found = lane_array(x), lane_array(out)
     for row in range(len(x)):
-        sine, cosine = elementary.sin_cos(given[row])
-        found[4 * row] = elementary.exp(-given[row])
+        sine, cosine = number.sin_cos(given[row])
+        found[4 * row] = number.exp(-given[row])
         found[4 * row + 1], found[4 * row + 2] = sine, cosine
-        found[4 * row + 3] = elementary.log(given[row])
+        found[4 * row + 3] = number.log(given[row])
 
 
 @pytest.mark.parametrize(("low", "high"), [(1e-12, 1e-3), (1e-3, 2.0), (0.5, 1.6), (1.5, 30.0), (30.0, 600.0)])
@@ -125,7 +123,7 @@ def wide(chosen, draws, seed):
 def test_lanes_give_what_the_scalar_kernel_gives(name, closures):
     chosen = fitball.model(name, **closures)
     values, impacts = wide(chosen, 400, 3)
-    out, regime, status, careful = solved(batch.bounce_batch, chosen, values, impacts)
+    out, regime, status, careful = solved(kernel.bounce_batch, chosen, values, impacts)
     want, regime_alone, status_alone, _ = solved(one_by_one, chosen, values, impacts)
     np.testing.assert_array_equal(status, status_alone)
     np.testing.assert_array_equal(regime, regime_alone)
@@ -144,7 +142,7 @@ def test_what_a_posterior_asks_is_solved_in_lanes(wang_impacts):
     chosen = fitball.model("two-mass")
     typical = np.array([spec.typical for spec in chosen.parameters])
     values = typical * np.random.default_rng(4).normal(1.0, 0.02, (200, len(typical)))
-    _, regime, status, careful = solved(batch.bounce_batch, chosen, values, wang_impacts)
+    _, regime, status, careful = solved(kernel.bounce_batch, chosen, values, wang_impacts)
     # Beside those that have no answer.
     assert careful - np.count_nonzero(status) < 0.01 * regime.size
 
@@ -153,15 +151,15 @@ def test_what_a_posterior_asks_is_solved_in_lanes(wang_impacts):
 def test_neighbours_and_splits_change_no_bit(closures):
     chosen = fitball.model("two-mass", **closures)
     values, impacts = wide(chosen, 50, 5)
-    whole = solved(batch.bounce_batch, chosen, values, impacts)[:3]
-    by_draw = [solved(batch.bounce_batch, chosen, values[k : k + 1], impacts)[:3] for k in range(50)]
+    whole = solved(kernel.bounce_batch, chosen, values, impacts)[:3]
+    by_draw = [solved(kernel.bounce_batch, chosen, values[k : k + 1], impacts)[:3] for k in range(50)]
     for place, array in enumerate(whole):
         assert np.concatenate([part[place] for part in by_draw], axis=-2).tobytes() == array.tobytes()
     order = np.random.default_rng(6).permutation(50)
-    shuffled = solved(batch.bounce_batch, chosen, values[order], impacts)
+    shuffled = solved(kernel.bounce_batch, chosen, values[order], impacts)
     assert shuffled[0].tobytes() == whole[0][:, order].tobytes()
     own = OwnImpacts(*(np.tile(column, (50, 1)) for column in impacts.states()))
-    assert solved(batch.bounce_batch, chosen, values, own)[0].tobytes() == whole[0].tobytes()
+    assert solved(kernel.bounce_batch, chosen, values, own)[0].tobytes() == whole[0].tobytes()
 
 
 def test_hard_impacts_are_no_different_among_plain_ones():
@@ -170,8 +168,8 @@ def test_hard_impacts_are_no_different_among_plain_ones():
         chosen, hard = case.model, case.impacts
         values = np.array([[case.parameters[name] for name in chosen.parameter_names]])
         plain = Impacts(*np.array([[14.0, 12.0, 100.0], [6.0, 9.0, -50.0], [17.0, 5.0, 20.0]]).T)
-        alone = [solved(batch.bounce_batch, chosen, values, impacts)[0] for impacts in (hard, plain)]
+        alone = [solved(kernel.bounce_batch, chosen, values, impacts)[0] for impacts in (hard, plain)]
         together = Impacts(*(np.append(a, b) for a, b in zip(hard.states()[:3], plain.states()[:3], strict=True)))
         if hard.cor is None:
-            found = solved(batch.bounce_batch, chosen, values, together)[0]
+            found = solved(kernel.bounce_batch, chosen, values, together)[0]
             assert found.tobytes() == np.concatenate(alone, axis=2).tobytes(), case.name

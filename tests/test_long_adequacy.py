@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from samples import problem_of
 
+from fitball.bench.problems import enlarged
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.inference.adequacy import made_tables
@@ -20,7 +21,6 @@ from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.problem import subsample
 from fitball.inference.results.adequacy import FALSE_FAILS, Answer
 from fitball.models.registry import model
-from fitball.studies.bench.tables import enlarged
 
 TRUTH = {"mu": 0.6, "e_x": 0.1, "offset": 0.0, "cor_10": 0.78, "cor_slope": -0.012}
 ROWS = 1200

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from samples import GRIP_SLIP, coordinates_of, drop_table, linear_problem, problem_of, synthetic
 
+from fitball.bench.problems import enlarged
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.data.table import Measurement
@@ -18,7 +19,6 @@ from fitball.inference.point.lmfit_minimiser import Minimiser
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.starts import starting_points
 from fitball.inference.problem.build import Choices, build_problem
-from fitball.studies.bench.tables import enlarged
 
 
 def weighting(problem):

@@ -21,10 +21,10 @@ import fitball
 from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.inference.comparison.candidates import default_names
-from fitball.models.impulse_model import ImpulseModel
-from fitball.models.kernels.phases import GRIP
+from fitball.models.impulse import ImpulseModel
 from fitball.models.registry import MODELS, Entry
 from fitball.models.specs import ParameterSpec, specs
+from fitball.models.types import GRIP
 from fitball.values import FloatArray
 
 CC = shutil.which("cc") or shutil.which("gcc")

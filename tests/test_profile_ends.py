@@ -46,9 +46,7 @@ def judged(problem, truth, names, value=None):
     """Profiles of some parameters, searched from the truth, and what is said of each without a posterior."""
     found = profiles(problem, [truth], names=names).by_name
     said = {
-        item.name: combine(
-            problem, item, None, Evidence(found[item.name], None, None, None, None, None, ""), value=value
-        )[0]
+        item.name: combine(problem, item, None, Evidence(found[item.name], None, None, None, None, None), value=value)
         for item in problem.free
         if item.name in names
     }
@@ -124,17 +122,16 @@ def test_a_range_that_keeps_the_best_fit_out_decides_and_not_the_table(value, ve
         at.name, np.array(seen), np.array([2.5, 0.0, 2.5]), 0.99, seen[::2], seen[::2], (End.CLOSED, End.CLOSED),
         ((), ()), 0,
     )  # fmt: skip
-    evidence = Evidence(profile, None, None, None, None, None, "")
+    evidence = Evidence(profile, None, None, None, None, None)
     base = Judgement(0.9, IDENTIFIED, "the table narrows it", middle=(value - 1e-3, value))
     for judged_by in (None, base):
-        assert combine(problem, at, judged_by, evidence, value=value)[0].verdict is verdict
-    # A narrow peak that holds the best point, but hardly the posterior, is no work of priors; it is told.
+        assert combine(problem, at, judged_by, evidence, value=value).verdict is verdict
+    # A narrow peak that holds the best point, but hardly the posterior, is no work of priors.
     narrow = replace(base, middle=(0.90, 0.95))
-    said, told = combine(problem, at, narrow, evidence, value=0.99)
-    assert said.verdict is IDENTIFIED and "highest where the posterior hardly is" in told
+    assert combine(problem, at, narrow, evidence, value=0.99).verdict is IDENTIFIED
     opened = replace(profile, interval_95=(0.989, None), ends=(End.CLOSED, End.BOUND))
-    assert combine(problem, at, narrow, replace(evidence, profile=opened), value=0.99)[0].verdict is IDENTIFIED
-    said = combine(problem, at, base, evidence)[0].reason
+    assert combine(problem, at, narrow, replace(evidence, profile=opened), value=0.99).verdict is IDENTIFIED
+    said = combine(problem, at, base, evidence).reason
     assert ("keep it from where the table alone has it: 95 % within [0.989, 0.992]" in said) == (verdict is DOMINATED)
 
 
@@ -182,7 +179,7 @@ def written(monkeypatch, residuals, *starts):
     monkeypatch.setattr(profile_module, "surface_of", kind)
     found = profiles(problem, [{"cor_10": a, "cor_slope": b} for a, b in starts]).by_name
     said = {
-        item.name: from_profile(problem, item, Evidence(found[item.name], None, None, None, None, None, "")).verdict
+        item.name: from_profile(problem, item, Evidence(found[item.name], None, None, None, None, None)).verdict
         for item in problem.free
     }
     return found, said

@@ -26,11 +26,11 @@ from fitball.inference.calibrate import fingerprint
 from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.sampling.monte_carlo_error import standard_errors, summaries
+from fitball.repeat.compare import Outcome, compared
+from fitball.repeat.kept import read_kept, write_numbers
 from fitball.report.saved.data_file import digest
 from fitball.report.saved.run_file import run_text
 from fitball.report.saved.run_record import find_tables, read_run, record_problem
-from fitball.studies.repeat.compare import Outcome, compared
-from fitball.studies.repeat.kept import read_kept, write_numbers
 
 BALLS = """id,v_x1 [m/s],v_y1 [m/s],omega_1 [rpm],v_x2 [m/s],v_y2 [m/s],omega_2 [rpm]
 a,16.0,5.0,0,11.5,4.1,2400

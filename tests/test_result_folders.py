@@ -23,11 +23,11 @@ from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.sampling.chain_file import ChainFile, EnsembleChain
+from fitball.repeat.kept import write_numbers
 from fitball.report.saved.data_file import write_data
 from fitball.report.saved.fit_file import fit_schema
 from fitball.report.saved.posterior_file import write_netcdf
 from fitball.report.saved.structure import read_json, read_toml
-from fitball.studies.repeat.kept import write_numbers
 from fitball.values import Ball
 
 SCHEMA = json.loads((files("fitball.report") / "fit.schema.json").read_text(encoding="utf-8"))

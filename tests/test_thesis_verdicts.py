@@ -11,11 +11,11 @@ from fitball.data.thesis_tables import thesis_table
 from fitball.data.wang import measured
 from fitball.inference.thesis.inputs import case_parameters
 from fitball.models.oracle.oracle import oracle_rebound
-from fitball.studies.thesis import appendix_c, printed_tables, ranking
-from fitball.studies.thesis.computation_slips import slip_table, slip_words
-from fitball.studies.thesis.ranking import EXACT, MENDED, PRINTED, RECOMPUTED
-from fitball.studies.thesis.recalibration import Placed
-from fitball.studies.thesis.verdicts import (
+from fitball.thesis import appendix_c, printed_tables, ranking
+from fitball.thesis.ranking import EXACT, MENDED, PRINTED, RECOMPUTED
+from fitball.thesis.recalibration import Placed
+from fitball.thesis.slips import slip_table, slip_words
+from fitball.thesis.verdicts import (
     case_verdict,
     fit_words,
     headline,

@@ -13,7 +13,7 @@ import pytest
 from test_export_ports import CC, FLAGS, MODELS, fitted, needs_cc, port_of, python_module
 
 from fitball.errors import ModelError
-from fitball.exports.port.c import c_port
+from fitball.exports.port.languages import c_port
 from fitball.inference.prediction import valid_range as ranges
 from fitball.inference.prediction.valid_range import total_rebound, valid_range
 from fitball.inference.results.fitted_model import FittedModel

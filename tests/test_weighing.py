@@ -7,6 +7,7 @@ import pytest
 from samples import problem_of
 from scipy.stats import multivariate_t, norm, t
 
+from fitball.bench.problems import enlarged
 from fitball.data.read import load_table
 from fitball.inference import calibrate, weigh
 from fitball.inference.effort import Effort
@@ -15,12 +16,11 @@ from fitball.inference.point.point_fit import point_fit
 from fitball.inference.prediction.posterior_predictive import evenly
 from fitball.inference.problem.noise import KINDS
 from fitball.inference.sampling.moves import DEGREES_OF_FREEDOM, StudentProposal
-from fitball.report.fit.html import page
+from fitball.report.fit.document import page
 from fitball.report.saved.fit_text import fit_text
 from fitball.report.saved.run_file import run_text
 from fitball.report.saved.run_record import read_run
 from fitball.report.saved.saved_fit import read_fit
-from fitball.studies.bench.tables import enlarged
 
 HELD = {"e_x": 0.1, "offset": 0.0, "cor_slope": -0.01, "spin_sd": 14.0, "cor_10": 0.75}
 

@@ -169,7 +169,7 @@ class Fit(Found):
         """The fit in another form, as the verb `export` writes it: texts by the ending of their file, or with `out`
         (a file or a folder) the places that were written.
 
-        Forms are `python`, `c`, `javascript`, `csharp`, `gdscript`, `golden`, `lookup`, `engine`, `json`,
+        Forms are `python`, `c`, `javascript`, `csharp`, `golden`, `lookup`, `engine`, `json`,
         `latex`, `markdown`, `certificate` and `netcdf` (a file only). Options: `prefix` (c, javascript,
         csharp), `inputs_only` (golden), `range` (lookup), `at` and `engine_inertia` (engine), `json` (engine, lookup:
         the JSON alone). Raises ParameterError, ResultFolderError.

@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING
 from fitball.api import Fit, load_fit
 from fitball.api.asked import checked_choices, flips, given
 from fitball.api.calibrating import PathLike, Table
-from fitball.api.progress import Report, Wanted, reporting, silent
-from fitball.batch.joint import joint_populations
 from fitball.batch.names import fault_of
 from fitball.batch.plan import Plan
 from fitball.batch.run import Going, run_tasks
@@ -21,13 +19,12 @@ from fitball.errors import ResultFolderError, suggestion
 from fitball.inference.effort import MAX_STEPS, Effort
 from fitball.inference.problem.choices import Choices
 from fitball.kinds import checked
-from fitball.report.batch.folder import Shown, write_results
+from fitball.report.batch.document import Shown, render, write_results
 from fitball.report.batch.grouping import Over
 from fitball.report.batch.populations import Populated, default_names, populations
 from fitball.report.batch.rows import CSV_NAME, DONE, FAILED, NAME, Row, check_row, read_rows
 from fitball.report.batch.series import all_series
-from fitball.report.batch.text import render
-from fitball.report.form.bounded_read import read_bounded
+from fitball.report.form.files import read_bounded
 from fitball.report.form.folders import held
 from fitball.report.saved.saved_fit import read_fit
 from fitball.scheduling.engine import engine
@@ -72,63 +69,35 @@ class Batch(Mapping[str, Fit]):
         quantities: Sequence[str] = (),
         command: str | None = None,
         over: Over = None,
-        joint: Effort | None = None,
-        report: Report = silent,
     ) -> tuple[Populated, ...]:
         """Write the files of all tables anew with the populations of `quantities`, which are returned; see
         `population`.
         """
         with held(self.folder):
-            return self._summarise(quantities, command, over, joint, report)
+            return self._summarise(quantities, command, over)
 
     def _summarise(
         self,
         quantities: Sequence[str] = (),
         command: str | None = None,
         over: Over = None,
-        joint: Effort | None = None,
-        report: Report = silent,
     ) -> tuple[Populated, ...]:
         """The same in a folder that is held already."""
-        beside = self._beside(quantities, joint, report)
-        self._shown = write_results(self.rows, self.folder, command, quantities, over, beside)
+        self._shown = write_results(self.rows, self.folder, command, quantities, over)
         return self._shown.populated
 
     @checked
-    def population(
-        self,
-        *quantities: str,
-        over: Over = None,
-        joint: bool = False,
-        cores: int | None = None,
-        max_steps: int = MAX_STEPS,
-        progress: Wanted = None,
-    ) -> tuple[Populated, ...]:
+    def population(self, *quantities: str, over: Over = None) -> tuple[Populated, ...]:
         """Centre and spread of parameters or ratios of two (`"k_theta/k_y"`) over the tables, and each table given
         all others, from the draws that were kept: nothing is fitted.
 
         Tables lie on levels `over` a label that all rows of a table share (`"surface"`), over their `"folder"`, or as
-        a mapping of tables to levels tells: then the spread is that between levels, beside that within them. With
-        `joint` follow the parameters (without a name those of doubtful weights) from a fit of all tables together,
-        which is kept in the batch's folder; `cores`, `max_steps` and `progress` as in `calibrate`.
+        a mapping of tables to levels tells: then the spread is that between levels, beside that within them.
 
         Raises ParameterError for what is no quantity or too few tables have, ResultFolderError.
         """
         names = quantities or default_names(all_series(self.rows))
-        found = populations(self.rows, self.folder, names, over)
-        if not joint:
-            return found
-        effort = Effort(cores=(os.cpu_count() or 1) if cores is None else cores, max_steps=max_steps)
-        with reporting(progress) as report, held(self.folder):
-            return (*found, *self._beside(quantities, effort, report)(found))
-
-    def _beside(
-        self, asked: Sequence[str], joint: Effort | None, report: Report
-    ) -> Callable[[Sequence[Populated]], Sequence[Populated]]:
-        """What follows weighted populations: those of a joint fit, if there is to be one."""
-        if joint is None:
-            return lambda _weighted: ()
-        return lambda weighted: joint_populations(self.rows, self.folder, weighted, asked, joint, report)
+        return populations(self.rows, self.folder, names, over)
 
     @checked
     def __getitem__(self, name: str) -> Fit:

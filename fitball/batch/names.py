@@ -9,18 +9,16 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePosixPath
 
 from fitball.batch.plan import RECORD_NAME, ROW_NAME
-from fitball.report.batch import folder as files_of_all
+from fitball.report.batch import document as files_of_all
 from fitball.report.batch import population_files
 from fitball.report.batch.rows import CSV_NAME
-from fitball.report.figures.names import FIGURES
+from fitball.report.figures.registry import FIGURES
 from fitball.report.fit.folder import CHAIN_NAME, DERIVED
 from fitball.report.saved.data_file import DATA_NAME
 from fitball.report.saved.run_file import RUN_NAME
 from fitball.report.saved.saved_fit import FIT_NAME, POSTERIOR_NAME
 from fitball.visible import one_line
 
-# What begins the name of a folder with a joint fit.
-JOINT = "joint_"
 # What fitball writes into the folder of a batch or of a table, besides names that begin with a dot.
 OWN_NAMES = frozenset(
     (
@@ -46,7 +44,7 @@ def fault_of(name: str) -> str:
 
 def _fault_of_part(part: str) -> str:
     kept = same_key(part)
-    if kept in OWN_NAMES or kept.startswith(JOINT):
+    if kept in OWN_NAMES:
         return f"fitball itself writes to files and folders that are called {part}"
     if part.startswith("."):
         return "names that begin with a dot are those of hidden files"

@@ -11,22 +11,21 @@ from typing import TYPE_CHECKING
 from fitball.cli.options import add_study, stages
 
 if TYPE_CHECKING:
-    from fitball.studies.bench.clock import Pace
+    from fitball.bench.clock import Pace
 
 DEFAULT_FOLDER = Path("fits") / "bench"
 
 
 HELP = "speed against error, and where time goes"
 DESCRIPTION = """Measure CPU time per impact and per log posterior against error, beside careless and careful
-integrators; effective draws a CPU second beside other samplers, where these are installed (pip install
-'fitball[bench]'); growth with rows, many tables; time and memory of whole runs. Writes CSV files, figures and a
-summary."""
+integrators. Writes CSV files, a figure and a summary. Effective draws beside other samplers, many tables and whole
+runs are measured by scripts/benchmark of the source tree."""
 EXAMPLE = "examples:\n  fitball bench --quick\n  fitball bench --check\n"
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what the verb may be asked."""
-    parser.add_argument("--quick", action="store_true", help="some minutes instead of an hour")
+    parser.add_argument("--quick", action="store_true", help="a minute or two instead of ten")
     parser.add_argument(
         "--check", nargs="?", const=DEFAULT_FOLDER / "ratios.csv", type=Path, metavar="FILE",
         help=f"measure ratios only and compare them with kept ones (default: {DEFAULT_FOLDER / 'ratios.csv'}); exit "
@@ -37,9 +36,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure, write the folder, print the summary; or compare ratios."""
+    from fitball.bench.measure import FULL, QUICK, measure
+    from fitball.bench.report import summary, write
     from fitball.report.form.folders import held
-    from fitball.studies.bench.measure import FULL, QUICK, measure
-    from fitball.studies.bench.page import missing_words, summary, write
 
     extent = QUICK if args.quick else FULL
     if args.check is not None:
@@ -51,7 +50,6 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         frames = {name: json.loads(frame.to_json(orient="records")) for name, frame in bench.frames.items()}
         print(json.dumps({"machine": bench.machine, **frames}, indent=2))
-        print("\n".join(missing_words(bench)), file=sys.stderr)
     else:
         print("\n".join(summary(bench)))
         print(f"Results: {folder}")
@@ -60,8 +58,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace, pace: Pace) -> int:
     """Compare ratios with those kept; 1 when something has become slower."""
-    from fitball.studies.bench import ratios
-    from fitball.studies.bench.page import verdict
+    from fitball.bench import ratios
+    from fitball.bench.report import verdict
 
     kept = ratios.read_ratios(args.check)
     compared = ratios.compared(kept, ratios.ratios(pace))

@@ -8,16 +8,15 @@ from pathlib import Path
 
 from fitball.cli.options import place, tell_notes
 from fitball.errors import ParameterError, suggestion
-from fitball.exports.names import FORMAT_NAMES, OWNERS
+from fitball.exports import FORMAT_NAMES, OWNERS
 
-HELP = "a fitted parameter set in another form: C, Python, JavaScript, C#, GDScript, tables, engines"
+HELP = "a fitted parameter set in another form: C, Python, JavaScript, C#, tables, engines"
 DESCRIPTION = "Write a fit in another form. Nothing is fitted or sampled again."
 EXAMPLE = """formats:
   python     a module that needs only math: rebound(v_x1, v_y1, omega_1), with a self-test
   c          a C99 header with the same, self-test under FITBALL_SELF_TEST
   javascript the same for a page or Node (.js) and as an ES module (.mjs)
   csharp     the same for Unity, Godot and .NET
-  gdscript   the same for Godot, 3 and 4
   golden     the impacts a port is checked with, and their rebounds; --inputs-only leaves these out
   lookup     rebounds on a grid, and how wrong interpolation between its points is
   engine     restitution and friction for Unity, Godot, Bullet and MuJoCo, and what they lose; as a page and as JSON

@@ -46,13 +46,13 @@ def run(args: argparse.Namespace) -> int:
 
     from fitball.api import begin
     from fitball.errors import ResultFolderError
+    from fitball.repeat.compare import Outcome, compared
+    from fitball.repeat.kept import check_rows, read_kept, write_numbers
+    from fitball.repeat.text import render, repetition_json
     from fitball.report.fit.folder import older_result, write_all
+    from fitball.report.form.files import json_text
     from fitball.report.form.folders import held
-    from fitball.report.form.json_text import json_text
     from fitball.report.saved.run_record import find_records, find_tables, read_run, record_problem
-    from fitball.studies.repeat.compare import Outcome, compared
-    from fitball.studies.repeat.kept import check_rows, read_kept, write_numbers
-    from fitball.studies.repeat.text import render, repetition_json
 
     record = read_run(Path(args.fit))
     original = read_kept(record.folder)

@@ -48,11 +48,10 @@ def run(args: argparse.Namespace) -> int:
     if not (math.isfinite(args.tolerance) and args.tolerance > 0.0):
         raise ParameterError(f"--tolerance {args.tolerance:g}: expected a positive number")
     from fitball.data.port_file import read_port
-    from fitball.exports.golden_table import golden_ids
-    from fitball.exports.port_words import port_json, port_text
+    from fitball.exports.golden import golden_ids, port_json, port_text
     from fitball.inference.prediction.port_check import check_port
     from fitball.observables import OBSERVABLES
-    from fitball.report.form.json_text import json_text
+    from fitball.report.form.files import json_text
     from fitball.report.saved.saved_fit import read_fit
 
     saved = read_fit(_fit_path(args.port, args.fit))

@@ -8,17 +8,12 @@ from dataclasses import dataclass
 from fitball.errors import ParameterError
 from fitball.exports.certificate import certificate
 from fitball.exports.engine_settings import engine_texts
-from fitball.exports.golden_table import golden_table
+from fitball.exports.golden import golden_table
 from fitball.exports.lookup_table import lookup_note, lookup_texts
-from fitball.exports.paper_table import latex_table, markdown_table
-from fitball.exports.parameter_set import parameter_content
-from fitball.exports.port.c import c_port
-from fitball.exports.port.csharp import csharp_port
-from fitball.exports.port.gdscript import gdscript_port
-from fitball.exports.port.javascript import javascript_texts
-from fitball.exports.port.port import Port, make_port
-from fitball.exports.port.python import python_port
-from fitball.report.form.json_text import json_text
+from fitball.exports.parameters import latex_table, markdown_table, parameter_content
+from fitball.exports.port.languages import c_port, csharp_port, javascript_texts
+from fitball.exports.port.port import Port, make_port, python_port
+from fitball.report.form.files import json_text
 from fitball.report.saved.saved_fit import SavedFit
 from fitball.wording import option
 
@@ -75,7 +70,6 @@ TEXT_FORMATS: Mapping[str, TextFormat] = {
     "c": _port(lambda port, prefix: {".h": c_port(port, prefix)}),
     "javascript": _port(javascript_texts),
     "csharp": _port(lambda port, prefix: {".cs": csharp_port(port, prefix)}),
-    "gdscript": _port(lambda port, _prefix: {".gd": gdscript_port(port)}),
     "lookup": TextFormat("lookup", lambda saved, options: lookup_texts(saved, options.range), lookup_note),
     "engine": TextFormat("engine", lambda saved, options: engine_texts(saved, options.at, options.engine_inertia)),
     "json": _parameters(".json", lambda saved: json_text(parameter_content(saved))),

@@ -13,7 +13,7 @@ from markupsafe import Markup
 from fitball.data.read import load_table
 from fitball.errors import ParameterError
 from fitball.exports.port.course import total_moment
-from fitball.exports.port.javascript import javascript_script
+from fitball.exports.port.languages import javascript_script
 from fitball.exports.port.port import Port, make_port, range_sentences
 from fitball.inference.prediction.engine_fit import middle_impact
 from fitball.inference.prediction.port_check import golden

@@ -133,10 +133,9 @@ def compile_ahead(problem: Problem) -> None:
     call = problem.model.kernel_call(problem.model_names, np.ones(len(problem.model_names)))
     if call.convention != "two-mass" or problem.threads == 1:
         return
-    from fitball.models.kernels.alone import BOUNCE
-    from fitball.models.kernels.batch import BATCH
-    from fitball.models.kernels.bounce_jacobian import JACOBIAN
+    from fitball.models.kernels.bounce import BATCH, BOUNCE
     from fitball.models.kernels.compiled import kept, on_disk
+    from fitball.models.kernels.derivative import JACOBIAN
 
     if not kept(BATCH.kernel) or on_disk(BATCH.kernel, BATCH.signature.args):
         return

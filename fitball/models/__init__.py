@@ -1,7 +1,7 @@
 """What a ball does in one impact: parameters and incident states in, rebounds out, batched over draws. Nothing here
 knows of measurements or noise.
 
-Offers: `model` composes a `Model` by name; `SPECS` are the parameters; `history` and `jacobian` ask a
-model for its course, its derivatives and how near its regimes are.
+Offers: `model` composes a `Model` by name; it gives rebounds, their derivatives, and of one impact its `history`;
+`SPECS` are the parameters.
 May import: nothing else.
 """

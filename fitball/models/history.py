@@ -1,20 +1,68 @@
-"""One impact through time: exact courses of what moves and what pushes, and the phases they pass through."""
+"""One impact through time: exact courses of what moves and what pushes, and the phases they pass through.
+
+The bounce is solved once; its pieces are then followed again up to each time, so that a course consists of the closed
+forms of the rebound and of nothing else: `y = v S(t)` and its rate (Jafri 2004, Eqs 2 and 4), the twist and what
+follows from it (`kernels.equations`), or the impulse law of a ball that turns as one (`kernels.contact`).
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fitball.errors import ParameterError
-from fitball.models.kernels import bounce_history as kernel
-from fitball.models.kernels.bounce import BALL_MASS, BALL_RADIUS, MU, SPIN, SPIN_SHELL, TORSION, TORSION_RIGID
-from fitball.models.kernels.phases import PIECE_ENDING, PIECE_PHASE, PIECE_TIME, UNFINISHED
-from fitball.models.kernels.quantities import VerticalMotion
-from fitball.models.types import Phase, Rebound, regime_name
+from fitball.models.kernels.bounce import BOUNCE, solve_alone
+from fitball.models.kernels.compiled import calling, inlined, inner
+from fitball.models.kernels.contact import Contact, contact_of, impulse_at, landed
+from fitball.models.kernels.equations import (
+    State,
+    advance,
+    coupling_of,
+    drive_of,
+    free_twist,
+    load_of,
+    solve_twist,
+    swung_to,
+)
+from fitball.models.kernels.oscillator import Oscillators, basis_at
+from fitball.models.kernels.phases import (
+    EVENT,
+    FORCE_ENDED,
+    MAX_PHASES,
+    PIECE_ENDING,
+    PIECE_PHASE,
+    PIECE_SIZE,
+    PIECE_TIME,
+    UNFINISHED,
+    Scratch,
+    logged_piece,
+    make_scratch,
+    rigid_phase,
+)
+from fitball.models.kernels.vertical import (
+    BALL_MASS,
+    BALL_RADIUS,
+    MU,
+    SPIN,
+    SPIN_SHELL,
+    TANGENTIAL,
+    TORSION,
+    TORSION_RIGID,
+    VerticalMotion,
+    vertical_at,
+    vertical_motion,
+)
+from fitball.models.types import FREE, GRIP, HOLD, SLIDE_FORWARD, Phase, Rebound, regime_name
 from fitball.values import FloatArray, Impacts, numbers
+
+# Rows of the courses.
+Y, V_Y, V_X, OMEGA_CORE, OMEGA_SHELL, TWIST, SLIP, NORMAL_FORCE, FRICTION_FORCE, COURSES = range(10)
+# Halvings that bring a bracket of the size of the contact to the rounding of its ends.
+BISECTIONS = 60
 
 
 @dataclass(frozen=True)
@@ -123,6 +171,159 @@ def checked_times(times: ArrayLike, contact_time: float) -> FloatArray:
     return array
 
 
+class Followed(NamedTuple):
+    """The vertical motion, the landing impulse [N s] with the velocity and the spin of the shell it leaves, and the
+    number of pieces of the contact; none where the motion along the court is not followed.
+    """
+
+    vertical: VerticalMotion[float]
+    landing: float
+    landed_v_x: float
+    landed_omega: float
+    pieces: int
+
+
+@calling(BOUNCE)
+def follow(
+    row: FloatArray,
+    codes: NDArray[np.int64],
+    v_x: float,
+    v_y: float,
+    omega: float,
+    cor: float,
+    times: FloatArray,
+    courses: FloatArray,
+    phases: NDArray[np.int64],
+    phase_log: FloatArray,
+) -> Followed:
+    """Fill `courses` (COURSES, times), `phases` (times,) and the `phase_log` of a contact that has a solution.
+
+    `times` [s] lie within it, to rounding.
+    """
+    scratch = make_scratch()
+    _status, vertical = vertical_motion(row, codes, v_y, cor)
+    _status, contact = contact_of(row, codes, vertical, v_x, v_y, omega)
+    spring = vertical.spring
+    for k in range(times.shape[0]):
+        y, y_rate = vertical_at(spring, v_y, times[k])
+        courses[Y, k], courses[V_Y, k] = y, y_rate
+        courses[V_X, k], courses[OMEGA_CORE, k], courses[OMEGA_SHELL, k] = v_x, omega, omega
+        courses[SLIP, k] = v_x - row[BALL_RADIUS] * omega
+        # The ground cannot pull: once the force has turned tensile there is none. Where it ends, rounding may have
+        # either sign.
+        force = vertical.riding_mass * (2.0 * spring.decay * y_rate + spring.natural_squared * y)
+        courses[NORMAL_FORCE, k] = 0.0 if times[k] > vertical.t_force else max(force, 0.0)
+        # A contact solved in lanes may last a rounding longer.
+        times[k] = min(times[k], vertical.t_contact)
+    if codes[TANGENTIAL] == 0:
+        return Followed(vertical, contact.landing, v_x, omega, 0)
+    if codes[TORSION] == TORSION_RIGID:
+        for k in range(times.shape[0]):
+            put_turning_as_one(contact, times[k], k, courses, phases)
+        _phase, friction, acting = rigid_phase(contact, contact.landing)
+        landed_omega = omega + (contact.radius * friction - contact.eps * acting) / contact.joint.shell
+        pieces = rigid_pieces(contact, phase_log)
+        return Followed(vertical, contact.landing, v_x - friction / contact.mass, landed_omega, pieces)
+    pieces = solve_alone(row, codes, v_x, v_y, omega, cor, scratch, phase_log).pieces
+    follow_pieces(contact, times, courses, phases, phase_log, pieces, scratch)
+    landed_v_x, landed_omega, _stuck = landed(contact)
+    return Followed(vertical, contact.landing, landed_v_x, landed_omega, pieces)
+
+
+@inlined
+def put_turning_as_one(
+    contact: Contact[float], t: float, k: int, courses: FloatArray, phases: NDArray[np.int64]
+) -> None:
+    """Fill in what a ball whose core and shell turn as one does along the court at time `t`.
+
+    Friction follows the impulse that the normal force has given so far, and so does the end of slip.
+    """
+    mass, radius, inertia, t_force = contact.mass, contact.radius, contact.joint.shell, contact.vertical.t_force
+    phase, friction, acting = rigid_phase(contact, impulse_at(contact, min(t, t_force)))
+    turned = contact.omega + (radius * friction - contact.eps * acting) / inertia
+    v_x = contact.v_x - friction / mass
+    courses[V_X, k], courses[OMEGA_CORE, k], courses[OMEGA_SHELL, k] = v_x, turned, turned
+    phases[k] = FREE if t > t_force else phase
+    courses[SLIP, k] = 0.0 if phases[k] == GRIP or phases[k] == HOLD else v_x - radius * turned
+    share = 0.0
+    if phases[k] == GRIP:
+        share = -radius * contact.eps / (inertia * (1.0 / mass + radius * radius / inertia))
+    elif phases[k] != HOLD and phases[k] != FREE:
+        share = -contact.mu if phases[k] == SLIDE_FORWARD else contact.mu
+    courses[FRICTION_FORCE, k] = share * courses[NORMAL_FORCE, k]
+
+
+@inner
+def rigid_pieces(contact: Contact[float], phase_log: FloatArray) -> int:
+    """Write the phases of a contact without twist as pieces into `phase_log`; returns their number, one or two."""
+    t_force = contact.vertical.t_force
+    first, _friction, _acting = rigid_phase(contact, impulse_at(contact, 0.0))
+    last, _friction, _acting = rigid_phase(contact, impulse_at(contact, t_force))
+    left, right = 0.0, t_force
+    if last != first:
+        for _ in range(BISECTIONS):
+            t = 0.5 * (left + right)
+            if rigid_phase(contact, impulse_at(contact, t))[0] == first:
+                left = t
+            else:
+                right = t
+    phase_log[0, PIECE_PHASE], phase_log[0, PIECE_TIME] = first, right
+    phase_log[0, PIECE_ENDING] = FORCE_ENDED if last == first else EVENT
+    if last == first:
+        return 1
+    phase_log[1, PIECE_PHASE], phase_log[1, PIECE_TIME] = last, t_force - right
+    phase_log[1, PIECE_ENDING] = FORCE_ENDED
+    return 2
+
+
+@inner
+def follow_pieces(
+    contact: Contact[float],
+    times: FloatArray,
+    courses: FloatArray,
+    phases: NDArray[np.int64],
+    phase_log: FloatArray,
+    pieces: int,
+    scratch: Scratch,
+) -> None:
+    """Fill in what core and shell on their torsional joint do along the court."""
+    joint, vertical, mass, radius = contact.joint, contact.vertical, contact.mass, contact.radius
+    gyration = joint.shell + mass * radius * radius
+    coupling = coupling_of(contact, gyration, 1.0 / joint.core + 1.0 / joint.shell, 1.0 / joint.core + 1.0 / gyration)
+    v_x, omega_2, _stuck = landed(contact)
+    spin_sum = joint.core * contact.omega + joint.shell * omega_2
+    state = State(0.0, 0.0, contact.v_y, 0.0, contact.omega - omega_2, v_x, spin_sum)
+    for place in range(pieces):
+        piece = logged_piece(phase_log, place)
+        drive, load = drive_of(contact, coupling, piece.phase), load_of(vertical, state.y, state.y_rate)
+        oscillators = Oscillators(drive.torsion, vertical.spring)
+        solve_twist(drive, oscillators, state, load, piece.series, scratch.twist, scratch.drive)
+        # A time belongs to the last piece that starts at or before it and takes any time; -1 is its end.
+        for k in range(-1, times.shape[0]):
+            elapsed = piece.time if k < 0 else min(times[k], vertical.t_force) - state.time
+            if elapsed < 0.0 or (place > 0 and not piece.time > 0.0 and k >= 0):
+                continue
+            basis = basis_at(oscillators, elapsed)
+            moved = swung_to(oscillators, piece.series, scratch.twist, state, elapsed, basis, True)
+            moved = advance(contact, coupling, drive, state, load, moved)
+            if k < 0:
+                after = moved
+                continue
+            angle, rate, phases[k] = moved.angle, moved.rate, piece.phase
+            if times[k] > vertical.t_force:
+                angle, rate = free_twist(coupling.slide, angle, rate, times[k] - vertical.t_force)
+                phases[k] = FREE
+            turned = (moved.spin_sum - joint.core * rate) / coupling.inertia
+            courses[V_X, k], courses[OMEGA_CORE, k], courses[OMEGA_SHELL, k] = moved.v_x, turned + rate, turned
+            courses[TWIST, k] = angle
+            courses[SLIP, k] = 0.0 if drive.resting and phases[k] != FREE else moved.v_x - radius * turned
+            normal, torque = courses[NORMAL_FORCE, k], joint.stiffness * angle + joint.damping * rate
+            courses[FRICTION_FORCE, k] = -mass * drive.braking * normal
+            if drive.resting and phases[k] != FREE:
+                courses[FRICTION_FORCE, k] = coupling.lever * (torque - drive.eps * normal)
+        state = after
+
+
 def two_mass_history(
     row: FloatArray, codes: NDArray[np.int64], impact: Impacts, rebound: Rebound, times: ArrayLike
 ) -> History:
@@ -132,31 +333,34 @@ def two_mass_history(
     v_x, v_y, omega = (float(column[0]) for column in (impact.v_x1, impact.v_y1, impact.omega_1))
     cor = float(impact.cor[0]) if impact.cor is not None else math.nan
     # The end is looked at whether it was asked for or not.
-    followed = kernel.bounce_history(row, codes, v_x, v_y, omega, cor, np.append(wanted, contact_time))
-    courses, at_end = followed.courses[:, :-1], followed.courses[:, -1]
+    times = np.append(wanted, contact_time)
+    courses, phases = np.zeros((COURSES, times.size)), np.zeros(times.size, dtype=np.int64)
+    phase_log = np.zeros((MAX_PHASES, PIECE_SIZE))
+    followed = follow(row, codes, v_x, v_y, omega, cor, times, courses, phases, phase_log)
+    courses, at_end = courses[:, :-1], courses[:, -1]
     spin = followed.landed_omega
     landed = Motion(followed.landed_v_x, v_y, spin if codes[TORSION] == TORSION_RIGID else omega, spin)
-    leaving = Motion(*(float(at_end[k]) for k in (kernel.V_X, kernel.V_Y, kernel.OMEGA_CORE, kernel.OMEGA_SHELL)))
+    leaving = Motion(*(float(at_end[k]) for k in (V_X, V_Y, OMEGA_CORE, OMEGA_SHELL)))
     left = _after_release(codes, leaving, rebound)
     peak_compression, peak_force = _peaks(followed.vertical, v_y)
     return History(
         times=wanted,
-        y=courses[kernel.Y],
-        v_y=courses[kernel.V_Y],
-        v_x=courses[kernel.V_X],
-        omega_1=courses[kernel.OMEGA_CORE],
-        omega_2=courses[kernel.OMEGA_SHELL],
-        twist=courses[kernel.TWIST],
-        slip=courses[kernel.SLIP],
-        normal_force=courses[kernel.NORMAL_FORCE],
-        friction_force=courses[kernel.FRICTION_FORCE],
-        phase=followed.phases[:-1],
+        y=courses[Y],
+        v_y=courses[V_Y],
+        v_x=courses[V_X],
+        omega_1=courses[OMEGA_CORE],
+        omega_2=courses[OMEGA_SHELL],
+        twist=courses[TWIST],
+        slip=courses[SLIP],
+        normal_force=courses[NORMAL_FORCE],
+        friction_force=courses[FRICTION_FORCE],
+        phase=phases[:-1],
         contact_time=contact_time,
         landing=Jump(
             Motion(v_x, v_y, omega, omega), landed, followed.landing, float(row[BALL_MASS]) * (landed.v_x - v_x)
         ),
         release=Jump(leaving, left, 0.0, 0.0),
-        spans=_spans(followed.phase_log, followed.vertical, contact_time),
+        spans=_spans(phase_log[: followed.pieces], followed.vertical, contact_time),
         regime=int(rebound.regime[0]),
         peak_compression=peak_compression,
         peak_force=peak_force,
@@ -205,7 +409,7 @@ def _peaks(vertical: VerticalMotion[float], v_y: float) -> tuple[Peak, Peak]:
     t_force = 0.0
     if slope > 0.0:
         t_force = math.atan2(w * slope, sigma * (2.0 * w_squared + slope + 2.0 * sigma * sigma)) / w
-    y, _rate = kernel.vertical_at(spring, v_y, t_y)
-    at_force, rate = kernel.vertical_at(spring, v_y, t_force)
+    y, _rate = vertical_at(spring, v_y, t_y)
+    at_force, rate = vertical_at(spring, v_y, t_force)
     largest = vertical.riding_mass * (2.0 * sigma * rate + spring.natural_squared * at_force)
     return Peak(y, t_y), Peak(largest, t_force)

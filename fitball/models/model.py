@@ -1,27 +1,127 @@
-"""What every bounce model has in common: a name, a ball, parameters, and `rebound`."""
+"""What every bounce model has in common: a name, a ball, parameters, `rebound`, and what it can do beside that.
+
+Other rooms ask a model what it can do, not for its name or class.
+"""
 
 from __future__ import annotations
 
 import reprlib
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar, final
+from typing import Any, ClassVar, Literal, Protocol, final
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from fitball.errors import ModelError, ParameterError, suggestion
-from fitball.models.capabilities import HAIR, ROUNDING, KernelCall, LinearConstraint, Oracle
 from fitball.models.history import History
-from fitball.models.jacobian import ReboundJacobian
-from fitball.models.kernels.dual import NumberArray
-from fitball.models.kernels.restitution import ANCHOR_SPEED
+from fitball.models.kernels.dual import STEP, NumberArray
+from fitball.models.kernels.vertical import ANCHOR_SPEED
 from fitball.models.specs import BALL_PARAMETERS, BALL_SPECS, ParameterSpec
-from fitball.models.types import STATUS_REASON, Rebound, Status
+from fitball.models.types import OUTPUTS, STATUS_REASON, Rebound, Status
 from fitball.values import Ball, FloatArray, Impacts, OwnImpacts, numbers
 from fitball.wording import spoken
+
+# How far inside an end where the model stops (a restitution of zero, a shell without mass) a search may go, in units
+# of the quantity itself: nothing measurable, and far above rounding.
+ROUNDING = 1e-6
+# A hair inside a bound that a restitution and a mass ratio share: a few times the rounding of either.
+HAIR = 1e-12
+# The parameters of the lines in `v_y1` that the thesis's kernel is given as values.
+LINES = ("eps_10", "eps_slope", "cor_10", "cor_slope")
+
+
+@dataclass(frozen=True)
+class LinearConstraint:
+    """`sum(coefficients[name] * value) <= bound`, in SI: where it is broken the model has no answer.
+
+    `margin` is how far inside a search stays, in units of the bound. `lower_bound_of` names a parameter, of
+    coefficient -1, for which the others make this a lower bound that moves with them, and on which the best fit often
+    lies; `words` say that bound to a reader.
+    """
+
+    coefficients: Mapping[str, float]
+    bound: float
+    margin: float = 0.0
+    lower_bound_of: str = ""
+    words: str = ""
+
+
+class Oracle(Protocol):
+    """A slow solution of the same motion that shares no formula with the kernel."""
+
+    def steps(self, parameters: Mapping[str, float], impacts: Impacts) -> float:
+        """Steps that the impact which takes most would need, of some microseconds each."""
+
+    def rebound(self, parameters: Mapping[str, float], impacts: Impacts, digits: int | None = None) -> Rebound:
+        """Rebound of each impact, (impacts,), in double precision or with so many `digits`."""
+
+
+# How a kernel of one impact is called, as (arguments) -> (results):
+#   impulse   (row, v_x1, v_y1, omega_1) -> (status, v_x2, v_y2, omega_2, phases)
+#   two-mass  (row, codes, v_x1, v_y1, omega_1, cor, scratch) -> Bounce, see `kernels.quantities`
+#   thesis    (row with its offset, code, cor, v_x1, v_y1, omega_1) -> (..., omega_2, contact_time, phases)
+Convention = Literal["impulse", "two-mass", "thesis"]
+
+
+@dataclass(frozen=True)
+class KernelCall:
+    """The kernel of one impact and its constant arguments, in SI: all that a port needs besides the kernel's source.
+
+    `row` are the numbers named by `columns`, `codes` the closures as the kernel reads them. `lines` holds the lines
+    in `v_y1` that the thesis's kernel is given as values (offset and restitution); empty for kernels that evaluate
+    them.
+    """
+
+    convention: Convention
+    entry: Callable[..., Any]
+    columns: tuple[str, ...]
+    row: tuple[float, ...]
+    codes: tuple[int, ...]
+    lines: Mapping[str, float]
+
+
+INPUTS = ("v_x1", "v_y1", "omega_1")
+
+
+@dataclass(frozen=True)
+class ReboundJacobian:
+    """A rebound, (draws, impacts), and its derivatives, SI units; the outputs are in the order of `OUTPUTS`.
+
+    `inputs` (draws, impacts, 4, 3): with respect to `INPUTS`, including what the lines of `eps` and of the
+    restitution make of `v_y1`. `parameters` (draws, impacts, 4, names): with respect to `names`. `cor` (draws,
+    impacts, 4): with respect to the impact's own measured restitution, which the closure `cor = measured` makes an
+    input independent of the speeds; None without that closure. All are those of the regime the impact is in; on the
+    boundary of two regimes the rebound has a kink, and they are one-sided. Where the status is not OK they are NaN,
+    as is the contact time of models that have none.
+    """
+
+    rebound: Rebound
+    names: tuple[str, ...]
+    inputs: FloatArray
+    parameters: FloatArray
+    cor: FloatArray | None
+
+
+def by_output(slopes: FloatArray) -> dict[str, FloatArray]:
+    """Derivatives (..., outputs, inputs) as a view (..., inputs) of each output, by name."""
+    return {name: slopes[..., place, :] for place, name in enumerate(OUTPUTS)}
+
+
+def seeds(
+    rows: Callable[[Sequence[str], NumberArray], NumberArray],
+    names: Sequence[str],
+    values: FloatArray,
+    parameters: Sequence[str],
+) -> FloatArray:
+    """What each column of `rows(names, values)` gains per unit of a parameter, (parameters, draws, columns)."""
+    moved = np.repeat(values[None].astype(np.complex128), len(parameters), axis=0)
+    for k, name in enumerate(parameters):
+        moved[k, :, list(names).index(name)] += 1j * STEP
+    gains = rows(names, moved.reshape(-1, values.shape[1])).imag / STEP
+    return gains.reshape(len(parameters), values.shape[0], gains.shape[1])
 
 
 @dataclass(frozen=True)
@@ -212,6 +312,64 @@ class Model(ABC):
             lengths = {name: column.shape for name, column in zip(names, columns, strict=True)}
             raise ParameterError(f"parameters differ in number of draws: {lengths}") from None
         return names, np.atleast_2d(values), values.ndim == 1
+
+
+@dataclass(frozen=True)
+class SteppedModel(Model):
+    """A model whose bounce takes complex numbers: its derivatives are complex steps (see `kernels.dual`)."""
+
+    @abstractmethod
+    def bounce(
+        self,
+        names: Sequence[str],
+        values: NumberArray,
+        v_x1: NumberArray,
+        v_y1: NumberArray,
+        omega_1: NumberArray,
+        cor: NumberArray | None,
+    ) -> tuple[NumberArray, NDArray[np.int64], NDArray[np.int8]]:
+        """Those of `OUTPUTS` that there are, (outputs, draws, impacts) in the kind of number of `values`, regimes and
+        statuses; incident columns as `Impacts.states` gives them.
+        """
+
+    def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts) -> Rebound:
+        """See `Model.evaluate`."""
+        out, regime, status = self.bounce(names, values, *impacts.states())
+        contact_time = out[3] if self.has_time else np.full(regime.shape, np.nan)
+        return Rebound(out[0], out[1], out[2], contact_time, regime, status)
+
+    def jacobian(
+        self,
+        names: Sequence[str],
+        values: FloatArray,
+        impacts: Impacts | OwnImpacts,
+        parameters: Sequence[str] | None = None,
+    ) -> ReboundJacobian:
+        """See `Model.jacobian`."""
+        chosen = tuple(names) if parameters is None else tuple(parameters)
+        given = [column for column in impacts.states()[: 4 if self.needs_cor else 3] if column is not None]
+        draws, count, first, moves = values.shape[0], len(impacts), len(given), len(given) + len(chosen)
+        # One complex step after the other, all in one batch, as if they were draws.
+        rows = np.repeat(values[None].astype(np.complex128), moves, axis=0)
+        for k, name in enumerate(chosen):
+            rows[first + k, :, list(names).index(name)] += 1j * STEP
+        columns = []
+        for k, column in enumerate(given):
+            moved = np.repeat(np.broadcast_to(column, (1, draws, count)).astype(np.complex128), moves, axis=0)
+            moved[k] += 1j * STEP
+            columns.append(moved.reshape(-1, count))
+        rows, told = rows.reshape(-1, values.shape[1]), columns[3] if first > len(INPUTS) else None
+        out, _regime, status = self.bounce(names, rows, columns[0], columns[1], columns[2], told)
+        slopes = np.full((draws, count, len(OUTPUTS), moves), np.nan)
+        rates = np.where(status == Status.OK, np.imag(out) / STEP, np.nan).reshape(len(out), moves, draws, count)
+        slopes[:, :, : len(out)] = rates.transpose(2, 3, 0, 1)
+        return ReboundJacobian(
+            rebound=self.evaluate(names, values, impacts),
+            names=chosen,
+            inputs=slopes[..., : len(INPUTS)],
+            parameters=slopes[..., first:],
+            cor=slopes[..., len(INPUTS)] if first > len(INPUTS) else None,
+        )
 
 
 def check_impacts(impacts: object) -> None:

@@ -96,6 +96,10 @@ class Phase(IntEnum):
     FREE = 5
 
 
+# As kernels have them.
+SLIDE_FORWARD, SLIDE_BACKWARD, GRIP, HOLD, FREE = (int(phase) for phase in Phase)
+
+
 class Status(IntEnum):
     """Outcome of one impact; everything but OK leaves NaN in that impact's outputs, with this reason."""
 

@@ -14,7 +14,7 @@ from fuzz.mutators import TEXTS, pick
 from fitball.api import pose
 from fitball.data.read import load_table
 from fitball.errors import FitballError
-from fitball.exports.names import FORMAT_NAMES
+from fitball.exports import FORMAT_NAMES
 from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices

@@ -1,7 +1,7 @@
 """One bounce through its contact, in the restricted Python of the kernels: what a page draws.
 
 A contact that is cut at a time is the contact up to there: its pieces are the same closed forms. So the state at a
-time is what `two_mass_contact` finds when the normal force ends then; `models.kernels.bounce_history` follows the
+time is what `two_mass_contact` finds when the normal force ends then; `models.history` follows the
 pieces instead, and tests hold the two against each other.
 """
 
@@ -10,12 +10,17 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from fitball.exports.port.face import OK, Ints
-from fitball.models.kernels.bounce import TANGENTIAL, TORSION, TORSION_RIGID, contact_of, vertical_motion
-from fitball.models.kernels.bounce_history import impulse_at, rigid_phase, vertical_at
-from fitball.models.kernels.phases import FREE, SLIDE_BACKWARD, SLIDE_FORWARD
-from fitball.models.kernels.quantities import Contact, Scratch, VerticalMotion
-from fitball.models.kernels.two_mass import two_mass_contact
-from fitball.models.types import MAX_PACKED_PHASES, PHASE_BITS
+from fitball.models.kernels.contact import Contact, contact_of, impulse_at
+from fitball.models.kernels.phases import Scratch, rigid_phase, two_mass_contact
+from fitball.models.kernels.vertical import (
+    TANGENTIAL,
+    TORSION,
+    TORSION_RIGID,
+    VerticalMotion,
+    vertical_at,
+    vertical_motion,
+)
+from fitball.models.types import FREE, MAX_PACKED_PHASES, PHASE_BITS, SLIDE_BACKWARD, SLIDE_FORWARD
 from fitball.values import FloatArray
 
 # Given by the port.
@@ -107,8 +112,7 @@ def along_court(contact: Contact[float], rigid: bool, time: float, scratch: Scra
     if rigid:
         impulse = impulse_at(contact, min(time, contact.vertical.t_force))
         phase, friction, acting = rigid_phase(contact, impulse)
-        acted = impulse if contact.eps_in_slide else acting
-        turned = contact.omega + (contact.radius * friction - contact.eps * acted) / contact.joint.shell
+        turned = contact.omega + (contact.radius * friction - contact.eps * acting) / contact.joint.shell
         v_x = contact.v_x - friction / contact.mass
         if time > contact.vertical.t_force:
             phase = FREE

@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.models.kernels.bounce import bounce
-from fitball.models.kernels.phases import GRIP, SLIDE_BACKWARD, SLIDE_FORWARD
-from fitball.models.kernels.quantities import Scratch
-from fitball.models.thesis.kernel import thesis_bounce
-from fitball.models.types import Status
+from fitball.models.kernels.phases import Scratch
+from fitball.models.thesis import thesis_bounce
+from fitball.models.types import GRIP, SLIDE_BACKWARD, SLIDE_FORWARD, Status
 from fitball.values import FloatArray
 
 Ints = NDArray[np.int64]

@@ -1,24 +1,43 @@
-"""What a port holds: a kernel with the fitted parameter set, and the golden impacts it is checked with."""
+"""What a port holds: a kernel with the fitted parameter set, and the golden impacts it is checked with; and its text:
+the kernels in a language, set into that language's template.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import ast
+import builtins
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
-from fitball.exports.port.face import BAD_INPUT, fitted_impulse, fitted_thesis, fitted_two_mass, total_bounce
-from fitball.exports.port.kernel_source import Constant, KernelSource, kernel_source
+from fitball.exports.port.dialect import STRIDE, Dialect, holds_complex
+from fitball.exports.port.face import (
+    BAD_INPUT,
+    BEYOND_RESTITUTION,
+    BEYOND_SPEEDS,
+    WITHOUT_TWIST,
+    fitted_impulse,
+    fitted_thesis,
+    fitted_two_mass,
+    total_bounce,
+)
+from fitball.exports.port.kernel_source import Constant, KernelSource, UnportableError, free_names, kernel_source
+from fitball.exports.port.translate import program_of, translated
 from fitball.inference.prediction.valid_range import GRAZING, TINY, ValidRange, restitution_range, valid_range
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Golden
-from fitball.models.capabilities import LINES, Convention, KernelCall
-from fitball.models.kernels.bounce import TORSION, TORSION_RIGID
-from fitball.models.kernels.events import SIZE
 from fitball.models.kernels.oscillator import SERIES_LENGTH
-from fitball.models.kernels.restitution import ANCHOR_SPEED
-from fitball.models.types import OUTPUTS, STATUS_REASON, Status
+from fitball.models.kernels.search import MAX_DEPTH, SIZE
+from fitball.models.kernels.vertical import ANCHOR_SPEED, TORSION, TORSION_RIGID
+from fitball.models.model import LINES, Convention, KernelCall
+from fitball.models.types import OUTPUTS, PHASE_BITS, PHASE_SYMBOL, STATUS_REASON, Status
 from fitball.version import __version__
 
 # Largest difference a self-test allows: of speeds and R*omega relative to the incident speed (of centre and surface
@@ -28,6 +47,16 @@ SELF_TEST_TOLERANCE = 1e-12
 
 # Length of the first three arrays of the two-mass kernel's scratch; see `two_mass.make_scratch`.
 SERIES_SIZE = max(SERIES_LENGTH, SIZE)
+
+WIDTH = 110
+# Punctuation that means nothing in a comment or between double quotes.
+HARMLESS = " .,:;_-+=>()[]/%'"
+STACK_SIZE = (MAX_DEPTH + 1) * STRIDE
+FLAGS = {
+    "BEYOND_SPEEDS": BEYOND_SPEEDS,
+    "BEYOND_RESTITUTION": BEYOND_RESTITUTION,
+    "WITHOUT_TWIST": WITHOUT_TWIST,
+}
 
 
 @dataclass(frozen=True)
@@ -168,3 +197,129 @@ def status_reasons(needs_cor: bool) -> dict[int, str]:
     numbers = "finite numbers, a finite cor" if needs_cor else "finite numbers"
     bad = {BAD_INPUT: f"expected {numbers}, and v_y1 >= 0 towards the court"}
     return bad | {int(status): STATUS_REASON[status] for status in Status if status is not Status.OK}
+
+
+def rendered(port: Port, template: str, **context: object) -> str:
+    """A template filled with what every language says of a port, and `context`."""
+    return (
+        _environment()
+        .get_template(template)
+        .render(
+            port=port,
+            titles=wrapped(port.titles),
+            sentences=wrapped(range_sentences(port)),
+            reasons=status_reasons(port.needs_cor),
+            flags=FLAGS,
+            phases=[PHASE_SYMBOL.get(code, "") for code in range(len(PHASE_SYMBOL) + 1)],  # type: ignore[call-overload]
+            tolerance=SELF_TEST_TOLERANCE,
+            series_size=SERIES_SIZE,
+            stack_size=STACK_SIZE,
+            cor_argument=", cor" if port.needs_cor else "",
+            **context,
+        )
+    )
+
+
+def translated_port(port: Port, dialect: Dialect, template: str) -> str:
+    """The port in a language. Raises UnportableError."""
+    program = program_of(port.source, dialect)
+    kinds = [
+        *program.structs.values(),
+        *(kind for taken, result in program.signatures.values() for kind in (*taken, result)),
+    ]
+
+    def number(value: float) -> str:
+        return dialect.values["nan"] if math.isnan(value) else dialect.number(value)
+
+    return rendered(
+        port,
+        template,
+        kinds=kinds,
+        structs=program.structs.values(),
+        complex_numbers=any(map(holds_complex, kinds)),
+        constants=port.source.constants,
+        literal=dialect.literal,
+        constant=dialect.constant,
+        number=number,
+        functions="\n\n".join(translated(item, program) for item in port.source.functions),
+        dialect=dialect,
+    )
+
+
+def wrapped(sentences: Sequence[str]) -> list[str]:
+    """Sentences as lines of a comment, each begun anew."""
+    return [line for sentence in sentences for line in wrap(sentence, WIDTH)]
+
+
+def source_text(text: str) -> str:
+    """`text` as it may stand in a comment or between double quotes of every language: letters, digits and harmless
+    punctuation as they are, every other character by its code point, such as U+005C.
+
+    Nothing is left that ends a comment, a string or a script, continues a line, breaks one, begins an escape, a
+    trigraph or a directive, or turns the direction of text.
+    """
+    return "".join(char if char.isalnum() or char in HARMLESS else f"U+{ord(char):04X}" for char in text)
+
+
+@cache
+def _environment() -> Environment:
+    return Environment(
+        loader=PackageLoader("fitball.exports.port"),
+        # Whatever a template inserts is text, unless it says `| safe` of code that is translated from kernels.
+        autoescape=False,
+        finalize=lambda value: value if isinstance(value, Markup) else source_text(str(value)),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+
+
+def python_port(port: Port) -> str:
+    """The module's text. Raises UnportableError when it would use more than `math` and what it defines itself."""
+    source = port.source
+    text = rendered(
+        port,
+        "port.py.j2",
+        constants=source.constants,
+        classes="\n\n\n".join(_class(name, fields) for name, fields in source.structs.items()),
+        functions="\n\n\n".join(map(_function, source.functions)),
+    )
+    check_self_contained(text)
+    return text
+
+
+def check_self_contained(text: str) -> None:
+    """Raise UnportableError unless a module imports `math` alone and every name in it is its own or a builtin."""
+    tree = ast.parse(text)
+    known = {*dir(builtins), "math", "__name__"}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) or (isinstance(node, ast.Import) and node.names[0].name != "math"):
+            raise UnportableError(f"the module imports more than math: {ast.unparse(node)}")
+    for item in tree.body:
+        if isinstance(item, (ast.ClassDef, ast.FunctionDef)):
+            known.add(item.name)
+        elif isinstance(item, ast.Assign):
+            known |= {node.id for node in ast.walk(item.targets[0]) if isinstance(node, ast.Name)}
+    for item in tree.body:
+        if isinstance(item, ast.FunctionDef) and (strange := free_names(item) - known):
+            raise UnportableError(f"{item.name} uses {', '.join(sorted(strange))}, which the module does not have")
+
+
+def _class(name: str, fields: Iterable[str]) -> str:
+    """A class for a named tuple, which would need an import."""
+    lines = [f"class {name}:", f"    def __init__(self, {', '.join(fields)}):"]
+    return "\n".join([*lines, *(f"        self.{field} = {field}" for field in fields)])
+
+
+def _function(function: ast.FunctionDef) -> str:
+    """A kernel's text without annotations, which name types that a port does not have."""
+    plain = ast.parse(ast.unparse(function)).body[0]
+    assert isinstance(plain, ast.FunctionDef)
+    plain.returns = None
+    for argument in plain.args.args:
+        argument.annotation = None
+    return ast.unparse(plain)
+
+
+assert PHASE_BITS == 3, "the templates unpack phases by three bits"

@@ -10,7 +10,7 @@ import numpy as np
 from fitball.inference.comparison.results import ModelScore
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.problem.problem import Problem
-from fitball.models.kernels.bounce import tied_inertia_split
+from fitball.models.kernels.contact import tied_inertia_split
 
 # Log density that a search may leave unfound and be settled all the same.
 SETTLED = 0.05

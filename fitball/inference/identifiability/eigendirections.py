@@ -7,22 +7,14 @@ one over the root of its eigenvalue; as a movement it is how parameters can go t
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence, Set
+from collections.abc import Sequence
 
 import numpy as np
 
 from fitball.inference.identifiability.fisher import UNINFORMED, fisher_information, inverse, prior_sds
-from fitball.inference.identifiability.products import (
-    known_products,
-    log_covariance,
-    log_steps,
-    monomial_error,
-    positive,
-)
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import Direction, Eigendirections
-from fitball.inference.results.results import Posterior
 from fitball.values import FloatArray
 
 # Components below this share of an eigenvector's length are left out of its words: together a sixteenth of its
@@ -30,16 +22,10 @@ from fitball.values import FloatArray
 NAMED = 0.25
 # Loss by rounding exponents, as a ratio of standard errors, at which the rounded combination no longer stands for it.
 FAITHFUL = 1.25
-# Standard errors, in sds of the prior, from which the table is said to leave a direction open, and a gain by the
-# scene that makes it known through the scene.
-OPEN_SDS, SCENE_GAIN = 1.0, 0.5
-# Standard error, as a share of that of two parameters, from which a third beside them is told.
-WITH_THIRD = 0.5
 
 
-def eigendirections(problem: Problem, coordinates: FloatArray, posterior: Posterior | None = None) -> Eigendirections:
-    """Directions from stiff to sloppy of the parameters that are not noise, at `coordinates` (free,); the sentences
-    name the products that are known better than their factors, by the posterior where there is one.
+def eigendirections(problem: Problem, coordinates: FloatArray) -> Eigendirections:
+    """Directions from stiff to sloppy of the parameters that are not noise, at `coordinates` (free,).
 
     Parameters so close to where the model ends that no derivative exists are held, and named.
     """
@@ -51,35 +37,11 @@ def eigendirections(problem: Problem, coordinates: FloatArray, posterior: Poster
     block = np.ix_(columns, columns)
     informed, alone = informed[block], alone[block]
     sds = (prior_sds(problem) * problem.prior.width)[columns]
-    steps = log_steps(problem, coordinates, columns)
-    told = _sentences(problem, parameters, sds, steps, alone, _covariance(informed), _covariance(alone))
-    sentences = [*told, *_products(problem, log_covariance(problem, coordinates, posterior), told.values())]
-    ends = [problem.free[k].name for k in fitted if k not in columns]
-    if ends:
-        sentences.append(
-            f"the model ends next to the maximum in {_and(ends)}: there is no derivative, and what is said to first "
-            f"order takes {_and(ends)} as fixed"
-        )
     return Eigendirections(
         directions=_directions(parameters, sds, informed),
         directions_without_scene=_directions(parameters, sds, alone),
-        sentences=tuple(sentences),
+        held=tuple(problem.free[k].name for k in fitted if k not in columns),
     )
-
-
-def _products(problem: Problem, covariance: FloatArray, told: Collection[Set[str]]) -> list[str]:
-    """The products that are known better than what they are made of, but for those of names that were `told`."""
-    parameters = [parameter for parameter in problem.free if positive(parameter)]
-    sentences = []
-    for known in known_products(covariance):
-        used = np.flatnonzero(known.exponents)
-        if {parameters[k].name for k in used} in told:
-            continue
-        factors = [f"{parameters[k].name} to {relative(math.sqrt(covariance[k, k]))}" for k in used]
-        sentences.append(
-            f"{product(parameters, known.exponents)} is known to {relative(known.error)}, but {_and(factors)}"
-        )
-    return sentences
 
 
 def _directions(parameters: Sequence[Parameter], sds: FloatArray, information: FloatArray) -> tuple[Direction, ...]:
@@ -167,76 +129,3 @@ def relative(error: float) -> str:
 
 def _and(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
-
-
-def _sentences(
-    problem: Problem,
-    parameters: Sequence[Parameter],
-    sds: FloatArray,
-    steps: FloatArray,
-    alone: FloatArray,
-    with_scene: FloatArray,
-    without: FloatArray,
-) -> dict[str, Set[str]]:
-    """What can move unnoticed by the table, and what the scene makes of it, with the names of the parameters in it;
-    `steps` are the changes of logarithms for one sd of a prior, NaN where there are none.
-    """
-    eigenvalues, vectors = np.linalg.eigh(alone)
-    sentences: dict[str, Set[str]] = {}
-    for k in range(eigenvalues.size):
-        if eigenvalues[k] * OPEN_SDS**2 >= 1.0:
-            break
-        vector = vectors[:, k]
-        kept = [int(j) for j in np.argsort(-np.abs(vector)) if abs(vector[j]) >= NAMED]
-        before, after = _error(vector, without), _error(vector, with_scene)
-        through = after < SCENE_GAIN * before and problem.contact_time is not None
-        source = "only through the scene's contact time" if through else "only through the priors"
-        named = {parameters[j].name for j in kept}
-        if len(kept) == 1:
-            sentences[f"{parameters[kept[0]].name} is known {source}"] = named
-        elif len(kept) == 2 and all(parameters[j].prior.log for j in kept):
-            sentences[_pair(parameters, sds, steps, without, vector, sorted(kept, reverse=True), source)] = named
-        else:
-            names = _and([parameters[j].name for j in kept])
-            sentences[f"{names} can move together without a trace in the table; how far is known {source}"] = set()
-    return sentences
-
-
-def _pair(
-    parameters: Sequence[Parameter],
-    sds: FloatArray,
-    steps: FloatArray,
-    covariance: FloatArray,
-    vector: FloatArray,
-    kept: Sequence[int],
-    source: str,
-) -> str:
-    """Two logarithms that move together: what stays as it is, alone or with a third, and how well that is known."""
-    first, second = kept
-    moved = vector * sds
-    power = np.round(2.0 * moved[first] / moved[second]) / 2.0
-    if power == 0.0:
-        return f"{parameters[second].name} is known {source}"
-    exponents = np.zeros(len(parameters))
-    exponents[first], exponents[second] = 1.0, -power
-    other = "product" if power > 0.0 else "ratio"
-    exponents, error = _with_third(exponents, np.asarray(covariance * np.outer(steps, steps)))
-    if np.count_nonzero(exponents) > 2:
-        other += f" of {parameters[first].name} and {parameters[second].name}"
-    size = relative(error)
-    known = "is not known" if size == "unknown" else f"is known to {size}"
-    return f"{product(parameters, exponents)} {known}, {'the' if ' of ' in other else 'their'} {other} {source}"
-
-
-def _with_third(exponents: FloatArray, covariance: FloatArray) -> tuple[FloatArray, float]:
-    """A monomial of two, or one with a third factor beside them if that is much better known; and its error."""
-    least = monomial_error(exponents, covariance)
-    best, best_error = exponents, WITH_THIRD * least
-    for k in np.flatnonzero((exponents == 0.0) & np.isfinite(np.diag(covariance))):
-        for power in (1.0, -1.0, 2.0, -2.0):
-            tried = exponents.copy()
-            tried[k] = power
-            error = monomial_error(tried, covariance)
-            if error < best_error:
-                best, best_error = tried, error
-    return best, least if best is exponents else best_error

@@ -123,9 +123,8 @@ def examine(
             contraction=contraction,
             power=powers.get(parameter.name),
             active_impacts=active.get(parameter.name),
-            disagreement="",
         )
-        judgements[parameter.name], disagreement = combine(
+        judgements[parameter.name] = combine(
             problem,
             parameter,
             base,
@@ -139,9 +138,9 @@ def examine(
             judged = judgements[parameter.name]
             reason = f"{extrapolated_words(problem)}; {judged.reason}"
             judgements[parameter.name] = replace(judged, verdict=Verdict.EXTRAPOLATED, reason=reason)
-        evidence[parameter.name] = replace(seen, disagreement=disagreement)
+        evidence[parameter.name] = seen
     return Identifiability(
-        evidence, eigendirections(problem, at, posterior), profiled[0].missing, coverage(problem), several.words
+        evidence, eigendirections(problem, at), profiled[0].missing, coverage(problem), several.words
     ), judgements
 
 

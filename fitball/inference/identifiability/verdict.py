@@ -1,6 +1,4 @@
-"""Four kinds of evidence, one verdict: the posterior's where there is one, corrected by the profile, and
-where they disagree, why.
-"""
+"""Four kinds of evidence, one verdict: the posterior's where there is one, corrected by the profile."""
 
 from __future__ import annotations
 
@@ -20,7 +18,7 @@ from fitball.inference.identifiability.posterior_verdict import (
 from fitball.inference.identifiability.power_scaling import CONFLICT, SENSITIVE
 from fitball.inference.identifiability.profile import degrees_of_freedom
 from fitball.inference.identifiability.profile_ends import profile_contraction
-from fitball.inference.identifiability.scene_share import known_by_scene, rests_on_scene, scene_words
+from fitball.inference.identifiability.scene_share import known_by_scene, scene_words
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.assumptions import CONTACT_TIME, own_prior
@@ -29,13 +27,10 @@ from fitball.inference.results.evidence import (
     End,
     Evidence,
     InformationEvidence,
-    PowerEvidence,
     Profile,
 )
 from fitball.inference.results.results import Verdict
 
-# Difference between the contraction found and the one promised to first order that is worth a word.
-NOT_NORMAL = 0.3
 # Share of the information about a parameter that makes the impacts it comes from worth naming.
 DRIVEN = 1.0 / 3.0
 # Distance from its bound, in the range of a parameter, at which a profile has come to it.
@@ -58,10 +53,10 @@ def combine(
     many: bool = False,
     traded: Sequence[str] | None = None,
     agreed: bool = False,
-) -> tuple[Judgement, str]:
-    """The verdict on one free parameter and the disagreement of its evidence in words; `base` is that of the
-    posterior, `value` the best one in SI, `many` says that profiles were left out because rows are many, `traded`
-    that only the priors of others hold it, and which, `agreed` that there are several fits, which agree on it.
+) -> Judgement:
+    """The verdict on one free parameter; `base` is that of the posterior, `value` the best one in SI, `many` says
+    that profiles were left out because rows are many, `traded` that only the priors of others hold it, and which,
+    `agreed` that there are several fits, which agree on it.
     """
     judged = (
         from_profile(problem, parameter, evidence, many, traded)
@@ -72,7 +67,7 @@ def combine(
     )
     if traded is not None and not judged.given:
         # Whatever its profile does, it does within the ranges of others.
-        return judged, ""
+        return judged
     freedom = degrees_of_freedom(problem, (parameter.name,))
     if judged.verdict in (Verdict.IDENTIFIED, Verdict.ONE_SIDED) and freedom <= LEAST_FREEDOM:
         judged = replace(judged, verdict=Verdict.PRIOR_DOMINATED, reason=_few_words(freedom))
@@ -89,8 +84,7 @@ def combine(
         given = (own_prior(parameter.name),) if judged.verdict is Verdict.IDENTIFIED else ()
         judged = replace(judged, reason=judged.reason + apart, given=(*judged.given, *given))
     remarks = _leaning(evidence.profile) + _active(evidence.active_impacts)
-    differences = [] if base is None else _differences(problem, parameter, base, judged, evidence)
-    return replace(judged, reason=judged.reason + remarks), "; ".join(differences)
+    return replace(judged, reason=judged.reason + remarks)
 
 
 def _within(parameter: Parameter, evidence: Evidence) -> str:
@@ -253,61 +247,6 @@ def _held_off(parameter: Parameter, judged: Judgement, profile: Profile) -> Judg
     within = interval(profile, parameter.spec.unit)
     reason = f"priors, its own or others', keep it from where the table alone has it: 95 % within {within}"
     return replace(judged, verdict=Verdict.PRIOR_DOMINATED, reason=reason)
-
-
-def _differences(
-    problem: Problem, parameter: Parameter, base: Judgement, judged: Judgement, evidence: Evidence
-) -> list[str]:
-    differences = []
-    profile, unit = evidence.profile, parameter.spec.unit
-    if profile is not None:
-        closed = not any(profile.open_sides)
-        within = interval(profile, unit)
-        if base.middle is not None and not _reaches(profile, *base.middle):
-            differences.append(f"the profile is highest where the posterior hardly is, 95 % within {within}")
-        elif judged.verdict is not base.verdict and not closed:
-            differences.append(f"the posterior by itself would be called {base.verdict}, the profile is open")
-        elif base.verdict is Verdict.PRIOR_DOMINATED and closed and rests_on_scene(evidence):
-            differences.append(
-                f"the profile is closed on both sides, {within}, but only because {scene_words(problem)} counts in "
-                "it: without it, it is open"
-            )
-        elif base.verdict is Verdict.PRIOR_DOMINATED and closed:
-            differences.append(
-                f"the profile is closed on both sides, {within}, but the posterior is hardly narrower than what was "
-                "known before"
-            )
-        elif base.verdict is Verdict.ONE_SIDED and closed:
-            end = "upper" if base.open_sides[1] else "lower"
-            differences.append(
-                f"the profile is closed on both sides, {within}, but the posterior stays high to the {end} end of "
-                "what was possible: the best fits there are worse, many others nearly as good"
-            )
-        elif base.verdict is Verdict.IDENTIFIED and rests_on_scene(evidence):
-            differences.append(
-                f"the profile is closed, {within}, only with {scene_words(problem)}: without it, it is open"
-            )
-    if evidence.information is not None and evidence.contraction is not None:
-        promised, reached = evidence.information.contraction, evidence.contraction.contraction
-        if abs(promised - reached) > NOT_NORMAL:
-            differences.append(
-                f"to first order the contraction would be {promised:.2f}, the posterior's is {reached:.2f}: the "
-                "likelihood is far from normal"
-            )
-    return differences + _power(evidence.power, judged.verdict)
-
-
-def _power(power: PowerEvidence | None, verdict: Verdict) -> list[str]:
-    if power is None or not power.diagnosis:
-        return []
-    whose = "its prior" if power.own_prior >= SENSITIVE else "the priors of others"
-    numbers = f"power-scaling: priors {power.prior:.2f}, likelihood {power.likelihood:.2f}"
-    # Where the two disagree the verdict says so; elsewhere that both count is no conflict.
-    if power.diagnosis == CONFLICT:
-        return [f"{whose} and the table both count in it ({numbers})"]
-    if verdict is Verdict.PRIOR_DOMINATED:
-        return []
-    return [f"it follows {whose} more than the table ({numbers})"]
 
 
 def _active(active: ActiveImpacts | None) -> str:

@@ -15,7 +15,7 @@ from fitball.inference.point.minimum import Minimum, straight_minimum, triangle
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import PART
-from fitball.models.capabilities import HAIR
+from fitball.models.model import HAIR
 from fitball.on_demand import heavy_later
 from fitball.values import FloatArray
 

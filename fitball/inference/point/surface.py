@@ -29,7 +29,7 @@ from fitball.inference.problem.noise import NORMAL, NoiseKind, NormalNoise
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import PART, batches, part_of
-from fitball.models.capabilities import ROUNDING
+from fitball.models.model import ROUNDING
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
 

@@ -25,10 +25,8 @@ from fitball.inference.problem.parallel import LARGE_BATCH, evaluate_in_parts
 from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.pooling import Pooling
 from fitball.inference.problem.priors import JointPrior
-from fitball.models.capabilities import LinearConstraint
-from fitball.models.jacobian import by_output
 from fitball.models.kernels.dual import STEP, NumberArray
-from fitball.models.model import Model
+from fitball.models.model import LinearConstraint, Model, by_output
 from fitball.models.specs import BALL_PARAMETERS
 from fitball.models.types import OUTPUTS, Rebound, Status
 from fitball.values import FloatArray, Impacts, OwnImpacts

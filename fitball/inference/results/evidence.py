@@ -95,13 +95,13 @@ class Direction:
 
 @dataclass(frozen=True)
 class Eigendirections:
-    """Directions of parameter space from stiff to sloppy, with and without what the scene knows, and in `sentences`
-    what can move unnoticed by the table.
+    """Directions of parameter space from stiff to sloppy, with and without what the scene knows; `held` are the
+    parameters next to whose best value the model ends.
     """
 
     directions: tuple[Direction, ...]
     directions_without_scene: tuple[Direction, ...]
-    sentences: tuple[str, ...]
+    held: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -149,8 +149,7 @@ class ActiveImpacts:
 class Evidence:
     """All that is known of how well one parameter is known; None where a kind of evidence could not be had.
 
-    `alone` is the profile without the scene's contact time, for parameters that it touches. `disagreement` says in
-    words where two evidence differ and why, "" where they agree.
+    `alone` is the profile without the scene's contact time, for parameters that it touches.
     """
 
     profile: Profile | None
@@ -159,7 +158,6 @@ class Evidence:
     contraction: ContractionEvidence | None
     power: PowerEvidence | None
     active_impacts: ActiveImpacts | None
-    disagreement: str
 
 
 @dataclass(frozen=True)

@@ -1,152 +1,69 @@
-"""One bounce of any two-mass composition, as kernels; batches of them in `batch`.
-
-A parameter set is a row whose columns are `COLUMNS`; closures are passed as integers so that one compiled kernel
-serves every composition. Here stand the lines `COR(v_y1)` (another law of it in `restitution`) and `eps(v_y1)`
-(Jafri 2004, Eq. 51: `eps = C1 v_y1 + C2`), the share of the core in the ball's inertia (Eqs 67 and 69) and `v_y2 =
-COR v_y1` (Eq. 7); the motions themselves stand in `contact` (vertical), `two_mass` and `rigid`.
-"""
+"""One bounce of any two-mass composition, and batches over draws and impacts: eight at once where they are plain."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.models.kernels.compiled import inlined, inner
-from fitball.models.kernels.contact import vertical_contact
-from fitball.models.kernels.dual import Number, NumberArray, sqrt
-from fitball.models.kernels.oscillator import oscillator
-from fitball.models.kernels.quantities import Bounce, Contact, Joint, Scratch, VerticalMotion
-from fitball.models.kernels.restitution import ANCHOR_SPEED, saturating_restitution
-from fitball.models.kernels.rigid import rigid_contact
-from fitball.models.kernels.two_mass import two_mass_contact
-from fitball.models.types import Status
+from fitball.models.kernels.compiled import Entry, apart, calling, inner, read_only
+from fitball.models.kernels.contact import contact_of
+from fitball.models.kernels.dual import WIDTH
+from fitball.models.kernels.lanes.number import lane_array
+from fitball.models.kernels.lanes.phases import (
+    CONTACT_TIME,
+    OMEGA_2,
+    OUTPUTS,
+    PLAIN,
+    REGIME,
+    SCRATCH,
+    V_X2,
+    V_Y2,
+    bounce_lanes,
+)
+from fitball.models.kernels.lanes.start import (
+    COR,
+    DAMPED_SQUARED,
+    DECAY,
+    INPUTS,
+    OMEGA,
+    T_CONTACT,
+    T_FORCE,
+    V_X,
+    V_Y,
+    vertical_in_lanes,
+)
+from fitball.models.kernels.phases import (
+    MAX_PHASES,
+    PIECE_SIZE,
+    Scratch,
+    make_scratch,
+    rigid_contact,
+    two_mass_contact,
+)
+from fitball.models.kernels.vertical import (
+    COLUMNS,
+    OK,
+    TANGENTIAL,
+    TORSION,
+    TORSION_RIGID,
+    vertical_motion,
+)
 from fitball.values import FloatArray
 
-COLUMNS = (
-    "mass_ratio",
-    "k_y",
-    "k_theta",
-    "mu",
-    "eps_10",
-    "eps_slope",
-    "cor_10",
-    "cor_slope",
-    "zeta_theta",
-    "inertia_split",
-    "ball_mass",
-    "ball_radius",
-    "ball_inertia",
-)
-(
-    MASS_RATIO, K_Y, K_THETA, MU, EPS_10, EPS_SLOPE, COR_10, COR_SLOPE, ZETA_THETA, INERTIA_SPLIT,
-    BALL_MASS, BALL_RADIUS, BALL_INERTIA,
-) = range(len(COLUMNS))  # fmt: skip
-# Inner radius of the shell in units of the outer one, for the split of inertia (Jafri 2004, Appendix B).
-CORE_RADIUS_RATIO = 0.97
 
-# What the integers of `codes` choose, and their values.
-RELEASE, NORMAL, OFFSET, SPIN, INERTIA, TORSION, RESTITUTION, TANGENTIAL = range(8)
-RELEASE_ZERO_FORCE, OFFSET_CONTACT, SPIN_SHELL, INERTIA_TIED = 1, 1, 1, 1
-NORMAL_INNER, NORMAL_MOMENTUM, NORMAL_TOTAL = 0, 1, 2
-TORSION_MATCHED, TORSION_FREE, TORSION_RIGID = 0, 1, 2
-COR_LINE, COR_MEAN, COR_MEASURED, COR_SATURATING = 0, 1, 2, 3
+class Bounce(NamedTuple):
+    """One impact solved; `pieces` of it stand in the phase log. All but `status` NaN or 0 where that is not OK."""
 
-OK = int(Status.OK)
-TORSION_TOO_SOFT = int(Status.TORSION_TOO_SOFT)
-NO_INERTIA = int(Status.NO_INERTIA)
-REBOUND_FALLS = int(Status.REBOUND_FALLS)
-
-
-@inner
-def tied_inertia_split(mass_ratio: Number) -> Number:
-    """`I1/I` of a solid core in a thin shell (Eqs 67 and 69 with their fractions in the right order)."""
-    core = 0.4 * CORE_RADIUS_RATIO * CORE_RADIUS_RATIO * mass_ratio
-    return core / (core + 2.0 / 3.0 * (1.0 - mass_ratio))
-
-
-@inner
-def tied_shell_share(mass_ratio: Number) -> Number:
-    """`1 - I1/I` of `tied_inertia_split`, to full precision where the shell is light."""
-    shell = 2.0 / 3.0 * (1.0 - mass_ratio)
-    return shell / (0.4 * CORE_RADIUS_RATIO * CORE_RADIUS_RATIO * mass_ratio + shell)
-
-
-@inlined
-def vertical_motion(
-    row: NumberArray, codes: NDArray[np.int64], v_y: Number, cor_measured: Number
-) -> tuple[int, VerticalMotion[Number]]:
-    """Status and vertical motion of one impact."""
-    mass_ratio, normal = row[MASS_RATIO], codes[NORMAL]
-    cor = row[COR_10]
-    cap = mass_ratio if normal == NORMAL_MOMENTUM else 1.0 + 0.0 * cor
-    if codes[RESTITUTION] == COR_LINE:
-        cor += row[COR_SLOPE] * (v_y - ANCHOR_SPEED)
-    elif codes[RESTITUTION] == COR_MEASURED:
-        cor = cor_measured
-    elif codes[RESTITUTION] == COR_SATURATING:
-        cor = saturating_restitution(cor, row[COR_SLOPE], cap, v_y)
-    riding_mass = row[BALL_MASS] if normal == NORMAL_TOTAL else mass_ratio * row[BALL_MASS]
-    natural_squared = row[K_Y] / riding_mass
-    status, decay, damped_squared, t_force, t_contact = vertical_contact(
-        cor,
-        cap,
-        natural_squared,
-        codes[RELEASE] == RELEASE_ZERO_FORCE,
-    )
-    if codes[RESTITUTION] == COR_SATURATING and ANCHOR_SPEED * row[COR_SLOPE].real <= -row[COR_10].real:
-        status = REBOUND_FALLS
-    spring = oscillator(decay, damped_squared, natural_squared)
-    return status, VerticalMotion(cor, riding_mass, spring, t_force, t_contact)
-
-
-@inlined
-def joint_of(row: NumberArray, codes: NDArray[np.int64], vertical_squared: Number) -> tuple[int, Joint[Number]]:
-    """Status and torsional joint; with `torsion = matched` its damped frequency squared is the vertical one,
-    `vertical_squared`, with `rigid` the shell is the whole ball.
-    """
-    mass_ratio, stiffness, inertia = row[MASS_RATIO], row[K_THETA], row[BALL_INERTIA]
-    nothing = 0.0 * inertia
-    if codes[TORSION] == TORSION_RIGID:
-        return OK, Joint(nothing, inertia, nothing, nothing, nothing)
-    tied = codes[INERTIA] == INERTIA_TIED
-    core = inertia * (tied_inertia_split(mass_ratio) if tied else row[INERTIA_SPLIT])
-    shell = inertia * (tied_shell_share(mass_ratio) if tied else 1.0 - row[INERTIA_SPLIT])
-    if not (core.real > 0.0 and shell.real > 0.0):
-        return NO_INERTIA, Joint(core, shell, nothing, nothing, nothing)
-    compliance = 1.0 / core + 1.0 / shell
-    natural_squared = stiffness * compliance
-    if codes[TORSION] == TORSION_MATCHED:
-        if natural_squared.real < vertical_squared.real:
-            return TORSION_TOO_SOFT, Joint(core, shell, nothing, nothing, nothing)
-        decay = sqrt(natural_squared - vertical_squared)
-        return OK, Joint(core, shell, stiffness, 2.0 * decay / compliance, vertical_squared)
-    zeta = row[ZETA_THETA]
-    decay = zeta * sqrt(natural_squared)
-    slide_squared = natural_squared * (1.0 - zeta) * (1.0 + zeta)
-    return OK, Joint(core, shell, stiffness, 2.0 * decay / compliance, slide_squared)
-
-
-@inlined
-def contact_of(
-    row: NumberArray,
-    codes: NDArray[np.int64],
-    vertical: VerticalMotion[Number],
-    v_x: Number,
-    v_y: Number,
-    omega: Number,
-) -> tuple[int, Contact[Number]]:
-    """Status and contact of one impact whose vertical motion is known."""
-    status, joint = joint_of(row, codes, vertical.spring.damped_squared)
-    landing = 0.0 * v_y
-    if codes[NORMAL] == NORMAL_MOMENTUM:
-        landing = (1.0 - row[MASS_RATIO]) * row[BALL_MASS] * v_y
-    eps = row[EPS_10] + row[EPS_SLOPE] * (v_y - ANCHOR_SPEED)
-    return status, Contact(
-        row[BALL_MASS], row[BALL_RADIUS], joint, row[MU], eps, codes[OFFSET] == OFFSET_CONTACT,
-        codes[SPIN] == SPIN_SHELL, landing, vertical, v_x, v_y, omega,
-    )  # fmt: skip
+    status: int
+    v_x2: float
+    v_y2: float
+    omega_2: float
+    contact_time: float
+    regime: int
+    pieces: int
 
 
 @inner
@@ -183,3 +100,104 @@ def bounce(
     if status != OK:
         return unsolved(status, regime)
     return Bounce(OK, v_x2, v_y2, omega_2, vertical.t_contact, regime, pieces)
+
+
+@apart
+def bounce_alone(
+    row: FloatArray,
+    codes: NDArray[np.int64],
+    v_x: float,
+    v_y: float,
+    omega: float,
+    cor_measured: float,
+    scratch: Scratch,
+    phase_log: FloatArray,
+) -> Bounce:
+    """See `bounce`."""
+    return bounce(row, codes, v_x, v_y, omega, cor_measured, scratch, phase_log)
+
+
+BOUNCE = Entry(
+    bounce_alone,
+    (
+        np.zeros(len(COLUMNS)), np.zeros(TANGENTIAL + 1, dtype=np.int64), 0.0, 0.0, 0.0, 0.0,
+        Scratch(np.zeros(1), np.zeros(1), np.zeros(1), np.zeros((1, 5))), np.zeros((MAX_PHASES, PIECE_SIZE)),
+    ),
+    Bounce(0, 0.0, 0.0, 0.0, 0.0, 0, 0),
+)  # fmt: skip
+solve_alone = BOUNCE.call
+
+
+@inner
+def give_vertical(row: FloatArray, codes: NDArray[np.int64], lane: int, given: FloatArray) -> None:
+    """Fill in the vertical motion of one lane, NaN where it has none."""
+    status, vertical = vertical_motion(row, codes, given[V_Y, lane], given[COR, lane])
+    given[COR, lane] = vertical.cor if status == OK else math.nan
+    given[DECAY, lane] = vertical.spring.decay
+    given[DAMPED_SQUARED, lane] = vertical.spring.damped_squared
+    given[T_FORCE, lane], given[T_CONTACT, lane] = vertical.t_force, vertical.t_contact
+
+
+@calling(BOUNCE)
+def bounce_batch(
+    rows: FloatArray,
+    codes: NDArray[np.int64],
+    v_x1: FloatArray,
+    v_y1: FloatArray,
+    omega_1: FloatArray,
+    cor: FloatArray,
+    out: FloatArray,
+    regime: NDArray[np.int64],
+    status: NDArray[np.int8],
+) -> int:
+    """Fill `out` (4, draws, impacts) with v_x2, v_y2, omega_2, contact_time, and regimes and statuses.
+
+    The incident columns are (1, impacts), shared by all draws, or (draws, impacts). No impact's answer depends on
+    which others there are. Returns how many were not plain and solved one by one.
+    """
+    scratch, phase_log = make_scratch(), np.empty((MAX_PHASES, PIECE_SIZE))
+    draws, impacts = rows.shape[0], v_x1.shape[1]
+    in_lanes = codes[TANGENTIAL] != 0 and codes[TORSION] != TORSION_RIGID
+    given, solved, room = np.zeros((INPUTS, WIDTH)), np.zeros((OUTPUTS, WIDTH)), np.zeros((SCRATCH, WIDTH))
+    alone = not vertical_in_lanes(codes)
+    count = draws * impacts
+    careful = 0
+    for first in range(0, count, WIDTH):
+        filled = min(WIDTH, count - first)
+        if in_lanes:
+            # Draws of one impact lie side by side: they go through the same phases. The last lanes repeat.
+            for lane in range(WIDTH):
+                j, i = divmod(first + min(lane, filled - 1), draws)
+                own = i if v_x1.shape[0] > 1 else 0
+                for column in range(len(COLUMNS)):
+                    given[column, lane] = rows[i, column]
+                given[V_X, lane], given[V_Y, lane] = v_x1[own, j], v_y1[own, j]
+                given[OMEGA, lane], given[COR, lane] = omega_1[own, j], cor[own, j]
+                if alone:
+                    give_vertical(rows[i], codes, lane, given)
+            bounce_lanes(lane_array(given), codes, lane_array(solved), room)
+        for lane in range(filled):
+            j, i = divmod(first + lane, draws)
+            if solved[PLAIN, lane] > 0.5:
+                out[0, i, j], out[1, i, j] = solved[V_X2, lane], solved[V_Y2, lane]
+                out[2, i, j], out[3, i, j] = solved[OMEGA_2, lane], solved[CONTACT_TIME, lane]
+                regime[i, j], status[i, j] = int(solved[REGIME, lane]), OK
+                continue
+            careful += 1
+            own = i if v_x1.shape[0] > 1 else 0
+            one = solve_alone(
+                rows[i], codes, v_x1[own, j], v_y1[own, j], omega_1[own, j], cor[own, j], scratch, phase_log
+            )
+            out[0, i, j], out[1, i, j], out[2, i, j] = one.v_x2, one.v_y2, one.omega_2
+            out[3, i, j], regime[i, j], status[i, j] = one.contact_time, one.regime, one.status
+    return careful
+
+
+BATCH = Entry(
+    bounce_batch,
+    (
+        np.zeros((1, len(COLUMNS))), np.zeros(TANGENTIAL + 1, dtype=np.int64), *(read_only((1, 1)) for _ in range(4)),
+        np.zeros((4, 1, 1)), np.zeros((1, 1), dtype=np.int64), np.zeros((1, 1), dtype=np.int8),
+    ),
+    0,
+)  # fmt: skip

@@ -1,23 +1,202 @@
-"""The one decorator with which kernels are compiled, typed so that a checker sees through it."""
+"""How kernels are compiled, linked and kept on disk.
 
+What only kernels call becomes code that is linked into what Python calls and optimised there: Numba makes machine
+code of every function, optimised by itself, and then once more as part of each that calls it, which for kernels that
+are all expanded into one batch is half of a cold start. What several batches call has machine code of its own
+(`Entry`).
+
+On disk each kernel has a file for each kind of arguments, sealed with a checksum. Numba's own files end a run in a
+traceback when one is cut short, end the process when its machine code is damaged, and mix up kernels that two
+processes compile at once. Here a file that is not whole counts as none.
+"""
+
+# mypy: allow-untyped-calls
 from __future__ import annotations
 
 import gc
+import hashlib
+import os
+import pickle
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from inspect import Parameter, Signature
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar, cast
+from tempfile import NamedTemporaryFile
+from typing import Any, Generic, ParamSpec, TypeVar, cast
 
+import llvmlite.binding as llvm
 import numba
-from numba.core import event
+import numpy as np
+from numba.core import cgutils, codegen, compiler, event, typed_passes, untyped_passes
+from numba.core.compiler_machinery import register_pass
+from numba.core.serialize import dumps
+from numba.core.typing.templates import Signature as Kinds
+from numba.extending import intrinsic
 
 from fitball import first_compile
-from fitball.models.kernels.entry import Entry
-from fitball.models.kernels.kept import KernelFiles
-from fitball.models.kernels.link_only import LinkOnlyCompiler
+from fitball.values import FloatArray
+
+IDLE = (
+    untyped_passes.InlineClosureLikes,
+    untyped_passes.MakeFunctionToJitFunction,
+    untyped_passes.InlineInlinables,
+    untyped_passes.LiteralUnroll,
+    typed_passes.InlineOverloads,
+    typed_passes.NopythonRewrites,
+)
+
+
+class LinkOnlyLibrary(codegen.JITCodeLibrary):
+    """Code for the libraries it is linked into."""
+
+    def _optimize_final_module(self) -> None:
+        """Leave it to these."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class LinkOnlyLowering(typed_passes.NativeLowering):
+    """Lowers into such a library."""
+
+    _name = "link_only_lowering"
+
+    def run_pass(self, state: Any) -> bool:
+        """Lower the function of `state`."""
+        state.library = LinkOnlyLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.flags.no_compile = True
+        super().run_pass(state)
+        # Callers find a function by its entry point; anything unique does, as none is ever entered.
+        entry = object()
+        state["cr"] = state.cr._replace(cfunc=entry)
+        state.targetctx.insert_user_function(entry, state.cr.fndesc, [state.library])
+        return True
+
+
+class LinkOnlyCompiler(compiler.CompilerBase):
+    """Numba's compiler, up to the code that is linked."""
+
+    def define_pipelines(self) -> list[Any]:
+        """The passes: numba's own, less those that are idle."""
+        manager = compiler.DefaultPassBuilder.define_nopython_pipeline(self.state)
+        manager.passes = [
+            (LinkOnlyLowering if one is typed_passes.NativeLowering else one, words)
+            for one, words in manager.passes
+            if one not in IDLE
+        ]
+        manager.finalize()
+        return [manager]
+
+
+SEAL = hashlib.sha256().digest_size
+
+
+class KernelFiles:
+    """Stands in for numba's files of one function: `stem` begins their names, `stamp` says of which sources and of
+    which numba they are. `loaded` is called before machine code that came from disk is linked.
+    """
+
+    def __init__(self, folder: Path, stem: str, stamp: tuple[Any, ...]) -> None:
+        self.folder, self.stem, self.stamp = folder, stem, stamp
+        self.loaded: Callable[[], None] = lambda: None
+
+    def place(self, key: object) -> Path:
+        """Where the kernel is kept for what numba calls its key: kinds of arguments, processor, bytecode."""
+        return self.folder / f"{self.stem}.{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc"
+
+    def load(self, key: object) -> Any:
+        """What was saved, or None where there is none that is whole and of these sources."""
+        try:
+            content = self.place(key).read_bytes()
+        except OSError:
+            return None
+        if content[:SEAL] != self._seal(key, content[SEAL:]):
+            return None
+        self.loaded()
+        return pickle.loads(content[SEAL:])
+
+    def save(self, key: object, data: object) -> None:
+        """Keep it, whole or not at all. Raises OSError."""
+        content: bytes = dumps(data)
+        place = self.place(key)
+        with NamedTemporaryFile(dir=self.folder, prefix=f".{self.stem}.", suffix=".tmp", delete=False) as file:
+            try:
+                file.write(self._seal(key, content) + content)
+                file.close()
+                os.replace(file.name, place)  # noqa: PTH105 - a name of tempfile's
+            except BaseException:
+                Path(file.name).unlink(missing_ok=True)
+                raise
+
+    def _seal(self, key: object, content: bytes) -> bytes:
+        return hashlib.sha256(repr((self.stamp, key)).encode() + content).digest()
+
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+
+class Entry(Generic[P, R]):
+    """A compiled kernel that the linker knows by name, for one kind of arguments: of these and of the result it is
+    given examples. Kernels that `call` it name it in their decorator, `calling`, so that it is linked before them
+    where these come from disk; where they are compiled it is linked last, when another process may have compiled it.
+    """
+
+    def __init__(self, kernel: Callable[P, R], arguments: Sequence[Any], result: R) -> None:
+        self.kernel: Any = kernel
+        self.name = f"fitball.{self.kernel.__name__}"
+        self.signature = Kinds(numba.typeof(result), tuple(map(numba.typeof, arguments)), None)
+        self.call = cast("Callable[P, R]", intrinsic(self._typed()))
+        # How many of the kernels that are being compiled name it.
+        self.named = 0
+        self._linked = False
+
+    def link(self) -> None:
+        """Compile the kernel or read it from disk, if that was not done, and tell the linker where it is.
+
+        Raises TypeError where it gives something else than its example says.
+        """
+        if self._linked:
+            return
+        self.kernel.compile(self.signature.args)
+        made = self.kernel.overloads[self.signature.args]
+        if made.signature.return_type != self.signature.return_type:
+            raise TypeError(f"{self.name} gives {made.signature.return_type}, not {self.signature.return_type}")
+        llvm.add_symbol(self.name, made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
+        self._linked = True
+
+    def _typed(self) -> Any:
+        """The call, as numba wants it from `intrinsic`."""
+
+        def typed(_context: Any, *_kinds: Any) -> Any:
+            if not self.named:
+                # From disk the code would call nothing, and end the process.
+                raise numba.TypingError(f"{self.name} is not linked: name it in @calling")
+            return self.signature, self._emit
+
+        names = ["context", *(f"x{k}" for k in range(len(self.signature.args)))]
+        typed.__signature__ = Signature([Parameter(name, Parameter.POSITIONAL_ONLY) for name in names])  # type: ignore[attr-defined]
+        return typed
+
+    def _emit(self, context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+        self.link()
+        conventions, given, taken = context.call_conv, self.signature.return_type, self.signature.args
+        kind = conventions.get_function_type(given, taken)
+        function = cgutils.get_or_insert_function(builder.module, kind, self.name)
+        status, result = conventions.call_function(builder, function, given, taken, values)
+        with cgutils.if_unlikely(builder, status.is_error):
+            conventions.return_status_propagate(builder, status)
+        return result
+
+
+def read_only(shape: tuple[int, ...]) -> FloatArray:
+    """An array as kernels are given impacts."""
+    array = np.zeros(shape)
+    array.flags.writeable = False
+    return array
 
 
 def _kernel_sources() -> tuple[tuple[str, float, int], ...]:
@@ -190,7 +369,7 @@ class _Compilations(event.Listener):
             first_compile.tell(None)
 
 
-event.register("numba:compile", _Compilations())  # type: ignore[no-untyped-call]
+event.register("numba:compile", _Compilations())
 
 
 def _keep_whole(dispatcher: Any) -> None:

@@ -13,9 +13,57 @@ pole of the other. There the partial fractions cancel, and a Taylor series (`ser
 
 from __future__ import annotations
 
+from typing import Generic, NamedTuple
+
 from fitball.models.kernels.compiled import inner
 from fitball.models.kernels.dual import Number, NumberArray, cos, exp, magnitude, sin, sqrt
-from fitball.models.kernels.quantities import Oscillator, Oscillators, Swing
+
+
+class Oscillator(NamedTuple, Generic[Number]):
+    """`x'' + 2 decay x' + natural_squared x = 0`: `damped_squared = natural_squared - decay^2`, negative when
+    overdamped; `frequency = sqrt(|damped_squared|)` [1/s].
+    """
+
+    decay: Number
+    damped_squared: Number
+    natural_squared: Number
+    frequency: Number
+
+
+class Oscillators(NamedTuple, Generic[Number]):
+    """The twist of core against shell, and the vertical motion that drives it."""
+
+    torsion: Oscillator[Number]
+    vertical: Oscillator[Number]
+
+
+class Swing(NamedTuple, Generic[Number]):
+    """An oscillator's `C = exp(-a t) cos(w t)` and `S = exp(-a t) sin(w t)/w` [s] at a time, and a bound of `C`.
+
+    Overdamped, `envelope` and `fast` are the exponentials of the two poles, their mean is `C`; else `fast` is idle.
+    """
+
+    cosine: Number
+    sine: Number
+    envelope: Number
+    fast: Number
+
+
+class Basis(NamedTuple, Generic[Number]):
+    """The swings of both oscillators at one time."""
+
+    torsion: Swing[Number]
+    vertical: Swing[Number]
+
+
+class Series(NamedTuple):
+    """How the functions of one piece are held: in the basis if `terms` is 0, else as that many Taylor terms in
+    `t/length`; `length` [s] is how long they are good for.
+    """
+
+    terms: int
+    length: float
+
 
 # |w^2| t^2 below which sin(wt)/w is summed as a series; five terms leave an error of 3e-18.
 SMALL_PHASE = 0.01
@@ -179,3 +227,12 @@ def series_value(c: NumberArray, n: int, x: Number) -> tuple[Number, Number, Num
         d = d * x + f
         f = f * x + c[k]
     return f, d, 2.0 * dd
+
+
+AT_START: Basis[float] = Basis(Swing(1.0, 0.0, 1.0, 1.0), Swing(1.0, 0.0, 1.0, 1.0))
+
+
+@inner
+def basis_at(oscillators: Oscillators[Number], t: Number) -> Basis[Number]:
+    """The swings of both oscillators at time `t`."""
+    return Basis(swing_at(oscillators.torsion, t), swing_at(oscillators.vertical, t))

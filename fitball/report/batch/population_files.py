@@ -10,9 +10,7 @@ import numpy as np
 from fitball.inference.population.hyper import Known
 from fitball.inference.population.reweighting import Level
 from fitball.report.batch.populations import Populated
-from fitball.report.form.atomic_write import remove, write_text
-from fitball.report.form.csv import write_csv
-from fitball.report.form.json_text import json_text
+from fitball.report.form.files import json_text, remove, write_csv, write_text
 
 JSON_NAME, CSV_NAME = "population.json", "population.csv"
 KIND = "fitball population"
@@ -39,15 +37,14 @@ def table_rows(populated: Populated) -> list[dict[str, object]]:
         for head, known in (("", populated.own[table.name]), ("pooled_", table.known)):
             row |= {f"{head}{end}": value for end, value in _ends(populated, known).items()}
         row |= {"effective_draws": table.effective, "pareto_k": _finite(table.pareto_k), "trusted": table.trusted}
-        row |= {"level": levels.get(table.name), "fit": "joint" if populated.joint else "weighted"}
+        row |= {"level": levels.get(table.name)}
         rows.append(row)
     return rows
 
 
 def content(populated: Sequence[Populated]) -> Mapping[str, object]:
     """What `population.json` holds."""
-    weighted, joint = ({one.quantity.name: _quantity(one) for one in populated if one.joint == way} for way in (0, 1))
-    return {"kind": KIND, "quantities": weighted} | ({"joint": joint} if joint else {})
+    return {"kind": KIND, "quantities": {one.quantity.name: _quantity(one) for one in populated}}
 
 
 def _quantity(one: Populated) -> Mapping[str, object]:

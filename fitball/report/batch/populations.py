@@ -29,7 +29,7 @@ from fitball.values import FloatArray
 class Populated:
     """A quantity over tables: its `population` in the coordinate, and `own`, what each table says alone, by name;
     `left_out` are tables that have no draws of it, with the reason; `over` is what its levels are of, empty without
-    levels, and `said` what is to be said of them. `joint` tells a fit of all tables together from weighted ones.
+    levels, and `said` what is to be said of them.
     """
 
     quantity: Quantity
@@ -39,12 +39,11 @@ class Populated:
     left_out: Mapping[str, str]
     over: str = ""
     said: tuple[str, ...] = ()
-    joint: bool = False
 
     @property
     def name(self) -> str:
         """What it is called beside others."""
-        return f"{self.quantity.name} (joint fit)" if self.joint else self.quantity.name
+        return self.quantity.name
 
     def ends(self, known: Known) -> tuple[float, float, float]:
         """Median, low and high end of something in the coordinate, in SI."""

@@ -12,7 +12,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.models.kernels.bounce import (
+from fitball.models.kernels.compiled import inlined, inner
+from fitball.models.kernels.contact import Contact, Joint, tied_inertia_split, tied_shell_share
+from fitball.models.kernels.dual import choose
+from fitball.models.kernels.lanes.number import LaneArray, Lanes, Mask, log, sin_cos
+from fitball.models.kernels.oscillator import oscillator
+from fitball.models.kernels.vertical import (
+    ANCHOR_SPEED,
     BALL_INERTIA,
     BALL_MASS,
     BALL_RADIUS,
@@ -30,6 +36,7 @@ from fitball.models.kernels.bounce import (
     K_Y,
     MASS_RATIO,
     MU,
+    NEAR_UNDAMPED,
     NORMAL,
     NORMAL_MOMENTUM,
     NORMAL_TOTAL,
@@ -43,17 +50,8 @@ from fitball.models.kernels.bounce import (
     TORSION,
     TORSION_MATCHED,
     ZETA_THETA,
-    tied_inertia_split,
-    tied_shell_share,
+    VerticalMotion,
 )
-from fitball.models.kernels.compiled import inlined, inner
-from fitball.models.kernels.contact import NEAR_UNDAMPED
-from fitball.models.kernels.dual import choose
-from fitball.models.kernels.lanes.elementary import log, sin_cos
-from fitball.models.kernels.lanes.vector import LaneArray, Lanes, Mask
-from fitball.models.kernels.oscillator import oscillator
-from fitball.models.kernels.quantities import Contact, Joint, VerticalMotion
-from fitball.models.kernels.restitution import ANCHOR_SPEED
 
 # Rows of what the bounce of eight impacts takes: their parameters, the impacts themselves, and, for closures whose
 # vertical motion is found impact by impact, what that is.

@@ -1,0 +1,205 @@
+"""The fitted parameters for other programs, as JSON with a schema (`parameters.schema.json`); and for a paper, as a
+table in LaTeX (booktabs) and Markdown, rounded by the Particle Data Group's rule.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.results.adequacy import Answer
+from fitball.inference.results.quantiles import ESSENTIALS
+from fitball.inference.results.results import Estimate, RunStatus, Verdict
+from fitball.models.registry import parameter_spec
+from fitball.report.form.numbers import decimals, fixed, handy, interval, significant
+from fitball.report.saved.saved_fit import SavedFit
+from fitball.version import __version__
+
+SCHEMA_VERSION = 1
+NUMBERS = ("point", *ESSENTIALS)
+_ESCAPES = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "|": r"\textbar{}", "<": r"\textless{}",
+    ">": r"\textgreater{}",
+}  # fmt: skip
+
+
+def parameter_content(saved: SavedFit) -> dict[str, Any]:
+    """What `parameters.schema.json` describes: SI, no nulls, absent numbers left out."""
+    content = saved.content
+    golden = content["golden"]
+    parameter_set: dict[str, Any] = {
+        "schema_version": SCHEMA_VERSION,
+        "kind": "fitball parameter set",
+        "fitball": __version__,
+        "status": str(saved.status),
+        "model": {"name": saved.fitted.model_name, "closures": dict(saved.fitted.options)},
+        "ball": dict(content["ball"]),
+        "table": dict(content["table"]),
+        "parameters": {name: _parameter(parameter) for name, parameter in saved.parameters.items()},
+    }
+    if content["levels"]:
+        parameter_set["levels"] = _levels(content["levels"])
+    if content["correlation"] is not None:
+        parameter_set["correlation"] = content["correlation"]
+    parameter_set["golden"] = {
+        part: {name: column for name, column in golden[part].items() if column is not None}
+        for part in ("impacts", "rebound")
+    }
+    return parameter_set
+
+
+def _levels(listed: list[dict[str, Any]]) -> dict[str, Any]:
+    """Values of the parameters that differ between surfaces, balls or tables: by parameter, then by label."""
+    levels: dict[str, Any] = {}
+    for item in listed:
+        one = levels.setdefault(item["parameter"], {"column": item["column"], "values": {}})
+        one["values"][item["label"]] = {name: item[name] for name in NUMBERS if item[name] is not None}
+    return levels
+
+
+def role(name: str) -> str:
+    """Whether a parameter belongs to the bounce, to the noise of a measurement, or to a group of impacts."""
+    return "noise" if name in NOISE_SPECS else "model" if parameter_spec(name) is not None else "group"
+
+
+def _parameter(parameter: Estimate) -> dict[str, Any]:
+    content: dict[str, Any] = {
+        "role": role(parameter.name),
+        "unit": parameter.unit,
+        "meaning": parameter.meaning,
+        "fixed": parameter.verdict is Verdict.FIXED,
+        "verdict": str(parameter.verdict),
+        "prior": parameter.prior,
+    }
+    if parameter.given:
+        content["given"] = list(parameter.given)
+    return content | {name: getattr(parameter, name) for name in NUMBERS if getattr(parameter, name) is not None}
+
+
+@dataclass(frozen=True)
+class PaperRow:
+    """One parameter as text, in a handy unit; `sd` and `interval_95` are empty without a posterior.
+
+    `mark` refers to a note on what its uncertainty rests on, if not on the table alone.
+    """
+
+    name: str
+    label: str
+    meaning: str
+    unit: str
+    value: str
+    sd: str = ""
+    interval_95: str = ""
+    mark: str = ""
+
+
+MARKS = {
+    Verdict.PRIOR_DOMINATED: "a",
+    Verdict.ONE_SIDED: "b",
+    Verdict.GIVEN: "c",
+    Verdict.CONDITIONAL: "d",
+    Verdict.UNEXAMINED: "e",
+}
+NOTES = {
+    "a": "set by what was assumed beforehand rather than by the impacts",
+    "b": "bounded by the impacts from one side only",
+    "c": "rests on assumptions that the impacts cannot test",
+    "d": "conditional: holds only as far as the model describes the impacts, which it does not, or not all",
+    "e": "how far it rests on assumptions could not be examined",
+}
+
+
+def paper_rows(saved: SavedFit) -> tuple[PaperRow, ...]:
+    """Every parameter: median and standard deviation, or the point estimate to four digits."""
+    return tuple(_row(parameter) for parameter in saved.parameters.values())
+
+
+def _row(parameter: Estimate) -> PaperRow:
+    scale = handy(parameter.name, parameter.unit)
+    spec = parameter_spec(parameter.name) or NOISE_SPECS.get(parameter.name)
+    label = spec.label if spec is not None else ""
+    head = (parameter.name, label, parameter.meaning, scale.unit)
+    if parameter.median is None or parameter.sd is None or parameter.verdict is Verdict.FIXED:
+        return PaperRow(*head, significant(parameter.point * scale.factor, 4))
+    places = decimals(parameter.sd * scale.factor)
+    low, high = (None if end is None else end * scale.factor for end in (parameter.q025, parameter.q975))
+    value, sd = (fixed(number * scale.factor, places) for number in (parameter.median, parameter.sd))
+    return PaperRow(*head, value, sd, interval(low, high, places), MARKS.get(parameter.verdict, ""))
+
+
+def _caption(saved: SavedFit) -> str:
+    """One sentence without markup."""
+    table = saved.content["table"]
+    what = "point estimates"
+    if saved.status is not RunStatus.POINT_ONLY:
+        what = "posterior median, standard deviation and 95 % interval; without them: a fixed value"
+    fitted_to = f"fitted to {table['impacts']} impacts ({table['name']})"
+    text = f"Parameters of the model {saved.fitted.model_name} {fitted_to}: {what}."
+    described = saved.file.adequacy
+    if described is not None and described.answer is Answer.FAILS:
+        text += " The model does not describe these impacts."
+    return text + (" The sampler did not converge." if saved.status is RunStatus.NOT_CONVERGED else "")
+
+
+def latex_table(saved: SavedFit) -> str:
+    """A `table` environment; needs the package booktabs."""
+    lines = [
+        "% needs \\usepackage{booktabs}",
+        r"\begin{table}",
+        r"  \centering",
+        rf"  \caption{{{_escaped(_caption(saved))}}}",
+        r"  \small",
+        r"  \begin{tabular}{@{}lp{0.28\linewidth}rll@{}}",
+        r"    \toprule",
+        r"    Parameter & & Value & 95\,\% interval & Unit \\",
+        r"    \midrule",
+    ]
+    for row in paper_rows(saved):
+        mark = rf"$^{{\mathrm{{{row.mark}}}}}$" if row.mark else ""
+        symbol = row.label or _escaped(row.name)
+        value = rf"${row.value} \pm {row.sd}${mark}" if row.sd else f"${_power(row.value)}$"
+        spread = f"${row.interval_95}$" if row.interval_95 else ""
+        lines.append(
+            rf"    {symbol} & \raggedright {_escaped(row.meaning)} & {value} & {spread} & {_unit(row.unit)} \\"
+        )
+    lines += [r"    \bottomrule", r"  \end{tabular}"]
+    lines += [rf"  \par\smallskip\footnotesize $^{{\mathrm{{{mark}}}}}$ {note}." for mark, note in _notes(saved)]
+    return "\n".join([*lines, r"\end{table}"]) + "\n"
+
+
+def _notes(saved: SavedFit) -> list[tuple[str, str]]:
+    used = {row.mark for row in paper_rows(saved)}
+    return [(mark, note) for mark, note in NOTES.items() if mark in used]
+
+
+def _escaped(text: str) -> str:
+    return "".join(_ESCAPES.get(letter, letter) for letter in text)
+
+
+def _power(number: str) -> str:
+    """A number with a power of ten as LaTeX writes it."""
+    return re.sub(r"e([+-])0*(\d+)$", lambda match: rf" \times 10^{{{match[1].strip('+')}{match[2]}}}", number)
+
+
+def _unit(unit: str) -> str:
+    if not unit:
+        return ""
+    text = re.sub(r"\b1e(-?\d+) ", r"10^{\1}\\,", unit).replace(" ", r"\,").replace("%", r"\%")
+    return rf"$\mathrm{{{text}}}$"
+
+
+def markdown_table(saved: SavedFit) -> str:
+    """The same as a Markdown table."""
+    lines = [_caption(saved), "", "| parameter | meaning | value | 95 % interval | unit |", "|---|---|---|---|---|"]
+    for row in paper_rows(saved):
+        superscript = f" ({row.mark})" if row.mark else ""
+        value = f"{row.value} ± {row.sd}{superscript}" if row.sd else row.value
+        cells = (f"`{row.name}`", row.meaning, value, row.interval_95, row.unit)
+        # A label may hold what divides cells, or a line break.
+        plain = (" ".join(cell.split()).replace("|", r"\|") for cell in cells)
+        lines.append("|" + "".join(f" {cell} |" if cell else " |" for cell in plain))
+    notes = [f"({mark}) {note}." for mark, note in _notes(saved)]
+    return "\n".join([*lines, *([""] if notes else []), *notes]) + "\n"

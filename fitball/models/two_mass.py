@@ -1,0 +1,229 @@
+"""The face of the two-mass compositions: arrays and names on this side, kernels on the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fitball.models.history import History, two_mass_history
+from fitball.models.kernels import bounce, derivative, vertical
+from fitball.models.kernels.dual import NumberArray
+from fitball.models.model import (
+    KernelCall,
+    LinearConstraint,
+    Model,
+    Oracle,
+    ReboundJacobian,
+    ball_columns,
+    below_mass_ratio,
+    positive,
+    restitution_lines,
+    saturating_constraints,
+    seeds,
+)
+from fitball.models.specs import specs
+from fitball.models.types import Closures, Rebound
+from fitball.values import Ball, FloatArray, Impacts, OwnImpacts
+
+NORMAL_CODES = {
+    "inner": vertical.NORMAL_INNER,
+    "momentum": vertical.NORMAL_MOMENTUM,
+    "total": vertical.NORMAL_TOTAL,
+}
+TORSION_CODES = {
+    "matched": vertical.TORSION_MATCHED,
+    "free": vertical.TORSION_FREE,
+    "rigid": vertical.TORSION_RIGID,
+}
+COR_CODES = {
+    "line": vertical.COR_LINE,
+    "mean": vertical.COR_MEAN,
+    "measured": vertical.COR_MEASURED,
+    "saturating": vertical.COR_SATURATING,
+}
+
+
+def two_mass_parameters(closures: Closures, tangential: bool) -> tuple[str, ...]:
+    """Names of the parameters a composition has; without tangential motion only the vertical ones.
+
+    Without tangential motion and with `normal = total` the mass ratio acts nowhere and is left out.
+    """
+    rigid = closures.torsion == "rigid"
+    wanted = {
+        "mass_ratio": closures.normal != "total" or (tangential and not rigid and closures.inertia == "tied"),
+        "k_y": True,
+        "k_theta": tangential and not rigid,
+        "mu": tangential,
+        "eps_10": tangential,
+        "eps_slope": tangential,
+        "cor_10": closures.cor != "measured",
+        "cor_slope": closures.cor in ("line", "saturating"),
+        "zeta_theta": tangential and closures.torsion == "free",
+        "inertia_split": tangential and not rigid and closures.inertia == "table",
+    }
+    return tuple(name for name, present in wanted.items() if present)
+
+
+@dataclass(frozen=True)
+class TwoMassModel(Model):
+    """A two-mass ball composed of `closures`.
+
+    With `tangential` false only the vertical motion is solved: `v_x2` and `omega_2` repeat the incident
+    values and cost nothing.
+    """
+
+    has_time = True
+    has_force = True
+    no_history = ""
+
+    closures: Closures = field(kw_only=True)
+
+    @cached_property
+    def codes(self) -> NDArray[np.int64]:
+        """The closures as the kernel reads them."""
+        chosen = self.closures
+        return np.array(
+            [
+                chosen.release == "zero_force",
+                NORMAL_CODES[chosen.normal],
+                chosen.offset == "contact",
+                chosen.spin == "shell",
+                chosen.inertia == "tied",
+                TORSION_CODES[chosen.torsion],
+                COR_CODES[chosen.cor],
+                self.tangential,
+            ],
+            dtype=np.int64,
+        )
+
+    def _rows(self, names: Sequence[str], values: NumberArray) -> NumberArray:
+        """The kernel's parameter rows, (draws, columns), in the kind of number of `values`."""
+        rows = np.zeros((values.shape[0], len(vertical.COLUMNS)), dtype=values.dtype)
+        columns, places = _places(tuple(names))
+        rows[:, columns] = values[:, places]
+        if "mass_ratio" not in names:
+            rows[:, vertical.MASS_RATIO] = 1.0
+        ball = ball_columns(self.ball, names, values)
+        rows[:, vertical.BALL_MASS], rows[:, vertical.BALL_RADIUS], rows[:, vertical.BALL_INERTIA] = ball
+        return rows
+
+    def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts) -> Rebound:
+        """See `Model.evaluate`."""
+        draws, count = values.shape[0], len(impacts)
+        out = np.empty((4, draws, count))
+        regime = np.empty((draws, count), dtype=np.int64)
+        status = np.empty((draws, count), dtype=np.int8)
+        bounce.bounce_batch(self._rows(names, values), self.codes, *_incident(impacts), out, regime, status)
+        return Rebound(out[0], out[1], out[2], out[3], regime, status)
+
+    def kernel_call(self, names: Sequence[str], values: FloatArray) -> KernelCall:
+        """See `Model.kernel_call`."""
+        row = self._rows(names, np.asarray(values, dtype=np.float64)[None, :])[0]
+        return KernelCall(
+            "two-mass", bounce.bounce, vertical.COLUMNS, tuple(map(float, row)), tuple(map(int, self.codes)), {}
+        )
+
+    def linear_constraints(self, impacts: Impacts) -> tuple[LinearConstraint, ...]:
+        """See `Model.linear_constraints`: under momentum balance the core cannot return faster than it came."""
+        momentum = self.closures.normal == "momentum"
+        if self.closures.cor == "saturating":
+            return saturating_constraints(capped_by_mass_ratio=momentum)
+        if not momentum:
+            return super().linear_constraints(impacts)
+        if impacts.cor is not None and self.needs_cor:
+            return (below_mass_ratio({}, float(impacts.cor.max())),)
+        lines = restitution_lines(self.parameter_names, impacts)
+        return tuple(constraint for line in lines for constraint in (positive(line), below_mass_ratio(line)))
+
+    @property
+    def oracle(self) -> Oracle | None:
+        """See `Model.oracle`."""
+        # Its imports take a quarter of a second, which only a calibration needs.
+        from fitball.models.oracle.oracle import TwoMassOracle
+
+        return TwoMassOracle(self.closures, self.ball) if self.tangential else None
+
+    @property
+    def force_remark(self) -> str:
+        """The landing impulse of the shell takes no time and is not in the force."""
+        if self.closures.normal != "momentum":
+            return ""
+        return (
+            "the blow that stops the shell at landing takes no time and is in no force record: records are compared "
+            "with the spring's force alone"
+        )
+
+    def force_integrals(
+        self,
+        names: Sequence[str],
+        values: NumberArray,
+        impacts: Impacts,
+        first: NumberArray,
+        spacing: FloatArray,
+        count: int,
+    ) -> tuple[NumberArray, NumberArray, NumberArray]:
+        """See `Model.force_integrals`."""
+        rows = self._rows(names, values)
+        out = np.empty((2, values.shape[0], len(impacts), count), dtype=rows.dtype)
+        centroid = np.empty((values.shape[0], len(impacts)), dtype=rows.dtype)
+        cor = impacts.cor if impacts.cor is not None else np.full(len(impacts), np.nan)
+        vertical.force_batch(rows, self.codes, impacts.v_y1, cor, first.astype(rows.dtype), spacing, out, centroid)
+        return out[0], out[1], centroid
+
+    def jacobian(
+        self,
+        names: Sequence[str],
+        values: FloatArray,
+        impacts: Impacts | OwnImpacts,
+        parameters: Sequence[str] | None = None,
+    ) -> ReboundJacobian:
+        """See `Model.jacobian`; some 10 us an impact for all parameters."""
+        draws, count = values.shape[0], len(impacts)
+        chosen = tuple(names) if parameters is None else tuple(parameters)
+        slopes = np.empty((draws, count, 4, derivative.INPUTS + len(chosen)))
+        gains = seeds(self._rows, names, values, chosen)
+        derivative.jacobian_batch(self._rows(names, values), gains, self.codes, *_incident(impacts), slopes)
+        return ReboundJacobian(
+            rebound=self.evaluate(names, values, impacts),
+            names=chosen,
+            inputs=slopes[..., : derivative.COR],
+            parameters=slopes[..., derivative.INPUTS :],
+            cor=slopes[..., derivative.COR] if self.needs_cor else None,
+        )
+
+    def history(self, parameters: Mapping[str, ArrayLike], impact: Impacts, times: ArrayLike) -> History:
+        """See `Model.history`."""
+        names, values = self._single(parameters, impact)
+        rebound = self.rebound(parameters, impact)
+        return two_mass_history(self._rows(names, values)[0], self.codes, impact, rebound, times)
+
+
+@lru_cache(maxsize=64)
+def _places(names: tuple[str, ...]) -> tuple[list[int], list[int]]:
+    """Columns of the kernel's rows that are among `names`, and their places there: asked at every step."""
+    columns = [column for column, name in enumerate(vertical.COLUMNS) if name in names]
+    return columns, [names.index(vertical.COLUMNS[column]) for column in columns]
+
+
+def compose_two_mass(name: str, ball: Ball, tangential: bool, closures: Closures) -> TwoMassModel:
+    """The model of a composition with its parameters."""
+    parameters = specs(*two_mass_parameters(closures, tangential))
+    return TwoMassModel(name, ball, asdict(closures), parameters, closures=closures, tangential=tangential)
+
+
+def _incident(impacts: Impacts | OwnImpacts) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Incident columns as the kernels take them; NaN stands for a restitution that was not measured."""
+    v_x1, v_y1, omega_1, cor = impacts.states()
+    measured = np.full(v_y1.shape, np.nan) if cor is None else cor
+    return _read_only(v_x1), _read_only(v_y1), _read_only(omega_1), _read_only(measured)
+
+
+def _read_only(column: FloatArray) -> FloatArray:
+    """A column as one kind of array: for each other kind the kernel would be compiled again."""
+    view = np.ascontiguousarray(column).view()
+    view.flags.writeable = False
+    return view

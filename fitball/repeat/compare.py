@@ -1,0 +1,231 @@
+"""A fit beside its repetition: bit-equal, equal within a tolerance, or different and where.
+
+Numbers of a posterior may differ by their Monte Carlo standard errors, a maximum by what its search leaves open,
+rebounds by rounding; verdicts and the status not at all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from scipy.special import ndtri
+
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.quantiles import QUANTILES
+from fitball.inference.sampling.monte_carlo_error import standard_errors
+from fitball.repeat.bits import differing_leaves, same_bytes
+from fitball.repeat.checks import contradictions
+from fitball.repeat.kept import Kept
+
+# Chance that any one of all numbers of a true repetition lies farther off than its limit.
+FALSE_ALARM = 1e-3
+# A search for the maximum ends when its simplex spans 1e-5 of log density, steps of large tables when they promise
+# 1e-8 of chi-square; so far above that no second search should end.
+LOG_POSTERIOR = 1e-3
+LOG_POSTERIOR_EACH = 1e-7
+# Such a point lies within sqrt(2e-3) sd of the maximum, and no posterior is wider than its prior.
+OF_WIDTH = 0.05
+# Share of a derived number that other rounding may change where draws and point are the same bytes.
+ROUNDING = 1e-9
+
+
+class Outcome(StrEnum):
+    """What a repetition found."""
+
+    BIT_EQUAL = "bit-equal"
+    WITHIN = "equal within tolerance"
+    DIFFERENT = "different"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing compared. `allowed` is the largest difference that counts as equal (None: equality alone does),
+    `standard_error` that of the difference of two Monte Carlo numbers, `basis` why so much is allowed.
+    """
+
+    what: str
+    original: float | str
+    repeated: float | str
+    basis: str
+    differs: bool
+    allowed: float | None = None
+    standard_error: float | None = None
+
+    @property
+    def difference(self) -> float | None:
+        """Repeated less original, None for words."""
+        if isinstance(self.original, str) or isinstance(self.repeated, str):
+            return None
+        return self.repeated - self.original
+
+    @property
+    def ratio(self) -> float | None:
+        """Difference over its standard error; None where there is none."""
+        difference = self.difference
+        if difference is None or not self.standard_error:
+            return None
+        return abs(difference) / self.standard_error
+
+
+@dataclass(frozen=True)
+class Repetition:
+    """The outcome; `same` says of each part whether it is the same bytes. `limit` is the largest ratio of a
+    difference to its standard error that counts as equal; `findings` are empty where all is the same bytes.
+    """
+
+    outcome: Outcome
+    same: Mapping[str, bool]
+    findings: tuple[Finding, ...]
+    limit: float
+    notes: tuple[str, ...]
+
+    @property
+    def different(self) -> tuple[Finding, ...]:
+        """What differs by more than it may."""
+        return tuple(finding for finding in self.findings if finding.differs)
+
+    @property
+    def largest(self) -> Finding | None:
+        """The largest difference in standard errors, None without a posterior."""
+        known = [finding for finding in self.findings if finding.ratio is not None]
+        return max(known, key=lambda item: item.ratio or 0.0, default=None)
+
+
+def compared(problem: Problem, original: Kept, repeated: Kept) -> Repetition:
+    """Compare a result with its repetition; `problem` is that of the repetition."""
+    same = same_bytes(original, repeated)
+    limit = ratio_limit(problem.dimension)
+    notes = tuple(_notes(original, repeated))
+    if all(same.values()):
+        return Repetition(Outcome.BIT_EQUAL, same, (), limit, notes)
+    findings = [
+        *_words(original, repeated),
+        *_monte_carlo(original, repeated, limit),
+        *_point(problem, original, repeated),
+        *_golden(original),
+    ]
+    findings += [Finding(what, a, b, basis, True) for what, a, b, basis in contradictions(original)]
+    findings += _derived(original, repeated, same, {finding.what for finding in findings if finding.differs})
+    outcome = Outcome.DIFFERENT if any(finding.differs for finding in findings) else Outcome.WITHIN
+    return Repetition(outcome, same, tuple(findings), limit, notes)
+
+
+def ratio_limit(dimension: int) -> float:
+    """Standard errors that the largest of all numbers of `dimension` parameters may differ by (Bonferroni)."""
+    count = max(dimension, 1) * (len(QUANTILES) + 1)
+    return float(-ndtri(0.5 * FALSE_ALARM / count))
+
+
+def _notes(original: Kept, repeated: Kept) -> Iterator[str]:
+    old, new = original.content, repeated.content
+    others = [
+        f"{name} {old['versions'].get(name, '-')}, now {version}"
+        for name, version in new["versions"].items()
+        if old["versions"].get(name) != version
+    ]
+    if others:
+        yield "made with other versions, so that bits may differ: " + "; ".join(others)
+    if old["seed"] != new["seed"]:
+        yield f"run.toml names seed {new['seed']}, the fit was made with seed {old['seed']}"
+    for name, item in new["parameters"].items():
+        before = old["parameters"].get(name)
+        if before is not None and before["prior"] != item["prior"]:
+            yield f"run.toml has the prior {item['prior']} for {name}, the fit was made with {before['prior']}"
+    if old["status"] == "not converged":
+        yield "the sampler of this fit did not converge: the standard errors are themselves unsure"
+
+
+def _words(original: Kept, repeated: Kept) -> Iterator[Finding]:
+    old, new = original.content, repeated.content
+    told = [("status", old["status"], new["status"]), ("free parameters", _free(original), _free(repeated))]
+    told += [
+        (f"{name} verdict", item["verdict"], new["parameters"][name]["verdict"])
+        for name, item in old["parameters"].items()
+        if name in new["parameters"]
+    ]
+    for what, before, now in told:
+        yield Finding(what, before, now, "the same word", before != now)
+
+
+def _free(kept: Kept) -> str:
+    return ", ".join(name for name, item in kept.content["parameters"].items() if item["verdict"] != "fixed")
+
+
+def _monte_carlo(original: Kept, repeated: Kept, limit: float) -> Iterator[Finding]:
+    one, other = original.posterior, repeated.posterior
+    if one is None or other is None:
+        return
+    for name in one.names:
+        if name not in other.names:
+            continue
+        mine = standard_errors(one.values[..., one.names.index(name)])
+        its = standard_errors(other.values[..., other.names.index(name)])
+        for number, error in mine.items():
+            old = original.content["parameters"][name][number]
+            new = repeated.content["parameters"][name][number]
+            joint = math.hypot(error, its[number])
+            yield _number(f"{name} {number}", old, new, limit * joint, "Monte Carlo error", joint)
+
+
+def _number(what: str, old: float, new: float, allowed: float, basis: str, error: float | None = None) -> Finding:
+    gap = abs(new - old)
+    # An allowance that is not a number allows nothing.
+    return Finding(what, old, new, basis, gap > 0.0 and not gap <= allowed, allowed, error)
+
+
+def _point(problem: Problem, original: Kept, repeated: Kept) -> Iterator[Finding]:
+    old, new = original.content, repeated.content
+    measured = sum(observable.observed.size for observable in problem.observables)
+    allowed = LOG_POSTERIOR + LOG_POSTERIOR_EACH * measured
+    basis = "what the search for the maximum leaves open"
+    scores = [float(item["scores"]["log_posterior"]) for item in (old, new)]
+    yield _number("log posterior at the point estimate", scores[0], scores[1], allowed, basis)
+    for parameter in problem.parameters:
+        if parameter.name not in old["parameters"]:
+            continue
+        before, now = (float(item["parameters"][parameter.name]["point"]) for item in (old, new))
+        # One width of the prior along its coordinate, as a difference in value there.
+        scale = abs(before) if parameter.prior.log else 1.0
+        width = OF_WIDTH * parameter.prior.width * scale if parameter.free else 0.0
+        yield _number(f"{parameter.name} point", before, now, width, basis)
+
+
+def _golden(original: Kept) -> Iterator[Finding]:
+    """The kept golden impacts, bounced anew with the kept parameters: is it still the same model?"""
+    fitted, golden = original.saved.fitted, original.saved.golden
+    names = fitted.model.parameter_names
+    row = np.array([[golden.parameters[name] for name in names]])
+    rebound = fitted.model.evaluate(names, row, golden.impacts)
+    for name in ("v_x2", "v_y2", "omega_2", "contact_time"):
+        old, new = getattr(golden.rebound, name), getattr(rebound, name)[0]
+        known = ~np.isnan(old)
+        if not known.any():
+            continue
+        allowed = ROUNDING * float(np.max(np.abs(old[known])))
+        worst = int(np.argmax(np.where(known, np.abs(new - old), -1.0)))
+        what = f"golden impact {worst + 1} {name}"
+        yield _number(what, float(old[worst]), float(new[worst]), allowed, "rounding of the model")
+
+
+def _derived(original: Kept, repeated: Kept, same: Mapping[str, bool], told: set[str]) -> Iterator[Finding]:
+    """Numbers of `fit.json` that differ although the draws (or the point) they follow from do not."""
+    old, new = original.content, repeated.content
+    if old["versions"] != new["versions"]:
+        return
+    if original.posterior is None:
+        source = old["fitted"]["point"] == new["fitted"]["point"] or old["golden"] == new["golden"]
+    else:
+        source = same.get("chain", same.get("draws", False))
+    if not source:
+        return
+    for place, one, other in differing_leaves(old, new):
+        inside = place.removeprefix("parameters.")
+        what = place if inside == place else inside.replace(".", " ")
+        numbers = isinstance(one, int | float) and isinstance(other, int | float)
+        if what not in told and not (numbers and abs(one - other) <= ROUNDING * abs(one)):
+            before, now = (one, other) if numbers else (str(one), str(other))
+            yield Finding(what, before, now, "draws or point are the same bytes", True)

@@ -1,0 +1,195 @@
+"""What the numbers say of Table 9 and Eq. (53), in words: no word here but follows from the numbers given."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from fitball.inference.thesis.inputs import C1
+from fitball.report.form.numbers import listed
+from fitball.thesis.appendix_d import CASE_IN_APPENDIX_C
+from fitball.thesis.ranking import EXACT, MENDED, PRINTED, RECOMPUTED, SCALE, UNITS, Ranking
+from fitball.thesis.recalibration import Placed
+from fitball.values import FloatArray
+
+# Share of resampled sets of impacts from which on a place counts as certain; its complement rules the place out.
+SURE = 0.95
+# Relative difference in score within which two sets do equally well.
+EQUAL = 0.01
+# Shares that differ by less tell the same.
+SAME_SHARE = 0.05
+# Levels are shares of some thousand correlated draws: beyond this one they are not told apart.
+CONTOUR = 0.99
+# A published value outside the central share of a parameter's draws is named.
+CENTRAL = 0.95
+# Standard errors beyond which a slope is another one.
+APART = 3.0
+NOUNS: Mapping[str, str] = {"v_x2": "velocity", "omega_2": "spin"}
+
+
+def ranking_verdict(rankings: Mapping[str, Ranking]) -> str:
+    """Which set is best by the ranking that no erratum enters, and what the other rankings say."""
+    answer = rankings[RECOMPUTED].pooled
+    leader = str(answer["score"].idxmin())
+    equal = _equals(answer, leader)
+    others = f"{_sets(equal)} score within {_percent(EQUAL)} of it" if equal else "none comes near it"
+    exact = rankings[EXACT].pooled
+    best = str(exact["score"].idxmin())
+    return (
+        f"Recomputed at Wang's impacts, where no erratum enters, {_set(leader)} is first of {len(answer)} in "
+        f"{_percent(answer['best'][leader])} of resampled sets of impacts; {others}. {_print(rankings)} With the "
+        f"thesis's equations solved exactly {_set(best)} comes first, in {_percent(exact['best'][best])}."
+    )
+
+
+def _print(rankings: Mapping[str, Ranking]) -> str:
+    """What print says is first, and whether that rests on its misprints."""
+    printed = rankings[PRINTED].pooled["best"]
+    first = str(printed.idxmax())
+    mended, recomputed = (float(rankings[name].pooled["best"][first]) for name in (MENDED, RECOMPUTED))
+    rests = max(abs(printed[first] - share) for share in (mended, recomputed)) > SAME_SHARE
+    how = "rests" if rests else "does not rest"
+    return (
+        f"As printed {_set(first)} is first in {_percent(printed[first])}, which {how} on misprinted rows: "
+        f"{_percent(mended)} once those of known cause are mended, {_percent(recomputed)} recomputed."
+    )
+
+
+def case_verdict(case: int, rankings: Mapping[str, Ranking]) -> str:
+    """Whether a case of Table 9 is among the three best of the seven sets."""
+    pooled = {name: ranking.pooled for name, ranking in rankings.items()}
+    answer = pooled[RECOMPUTED]
+    mine = _chosen(answer, case)
+    sure = float(answer["among the best three"][mine])
+    shares = {name: _percent(float(item["best"][mine])) for name, item in pooled.items()}
+    return (
+        f"set {mine.partition(':')[0]} of Appendix C, rank {int(answer['score'].rank()[mine])} of {len(answer)} "
+        f"recomputed, first in {shares[RECOMPUTED]} and among the best three in {_percent(sure)} of resampled sets "
+        f"of impacts (first as printed in {shares[PRINTED]}, with known misprints mended in {shares[MENDED]}, solved "
+        f"exactly in {shares[EXACT]}). {_claim(answer, mine, sure)}"
+    )
+
+
+def headline(rankings: Mapping[str, Ranking], placed: Mapping[str, Sequence[Placed]]) -> str:
+    """What is left of Table 9, in two sentences."""
+    sure = rankings[RECOMPUTED].pooled["among the best three"]
+    standing = _grouped((_standing(float(sure[_chosen(sure, case)])), f"case {case}") for case in CASE_IN_APPENDIX_C)
+    cases = {name: [item for item in items if item.point.startswith("case")] for name, items in placed.items()}
+    beyond = _grouped(
+        (f"{sum(item.level > CONTOUR for item in items)} of {len(items)}", name) for name, items in cases.items()
+    )
+    return (
+        f"Table 9's claim that its cases are the three best of the {len(sure)} sets {standing}. Its cases beyond "
+        f"the {_percent(CONTOUR)} contour of a free fit: {beyond}."
+    )
+
+
+def _standing(sure: float) -> str:
+    return "stands" if sure >= SURE else "falls" if sure <= 1.0 - SURE else "is undecided"
+
+
+def _chosen(sets: pd.DataFrame | pd.Series, case: int) -> str:
+    return next(str(name) for name in sets.index if str(name).startswith(f"{CASE_IN_APPENDIX_C[case]}:"))
+
+
+def _claim(answer: pd.DataFrame, mine: str, sure: float) -> str:
+    claim = f"Its claim to be among the three best {_standing(sure)}"
+    if sure >= SURE:
+        equal = _equals(answer, mine)
+        shared = f", but shared: {_sets(equal)} score within {_percent(EQUAL)} of it" if equal else ""
+        return f"{claim}{shared}."
+    leader = str(answer["score"].idxmin())
+    heads = {output: f"{output} [{UNITS[output]}]" for output in SCALE}
+    worst = max(SCALE, key=lambda output: answer[heads[output]][mine] / answer[heads[output]][leader])
+    miss, best = answer[heads[worst]][mine], answer[heads[worst]][leader]
+    return (
+        f"{claim}: it misses the {NOUNS[worst]} by {miss:.3g} {UNITS[worst]}, {miss / best:.2g} times what "
+        f"{_set(leader)} does."
+    )
+
+
+def fit_words(own: pd.DataFrame, case: int, fitted: str, rms: Mapping[str, float]) -> str:
+    """Errors of a case with the damping of Chapter V beside those of a free fit."""
+    mine = own.loc[f"case {case}"]
+    return (
+        f"With Chapter V's own c_y it misses by {mine['v_x2 [m/s]']:.2f} m/s and {mine['omega_2 [rad/s]']:.0f} "
+        f"rad/s; {fitted}, fitted freely, by {rms['v_x2']:.2f} m/s and {rms['omega_2']:.0f} rad/s."
+    )
+
+
+def posterior_verdict(placed: Sequence[Placed]) -> str:
+    """How far out in one posterior the published points lie, and by which parameters."""
+    beyond = f"beyond the {_percent(CONTOUR)} contour"
+    contours = _grouped(
+        (beyond if place.level > CONTOUR else f"on the {_percent(place.level)} contour", place.point)
+        for place in placed
+    )
+    names = dict.fromkeys(name for place in placed for name in place.below)
+    outside = {
+        name: _grouped((_outside(place, name), place.point) for place in placed if name in place.below)
+        for name in names
+    }
+    told = [f"{name} {words}" for name, words in outside.items() if words]
+    central = f"outside the central {_percent(CENTRAL)}"
+    return f"{contours}. Parameter by parameter, {f'{central}: ' + '; '.join(told) if told else f'none {central}'}."
+
+
+def _outside(place: Placed, name: str) -> str:
+    """Empty for a value among the central draws."""
+    if name in place.excluded:
+        return f"excluded by the model itself, since {place.excluded[name]}"
+    below = place.below[name]
+    if min(below, 1.0 - below) >= 0.5 * (1.0 - CENTRAL):
+        return ""
+    side, share = ("above", below) if below > 0.5 else ("below", 1.0 - below)
+    return f"{side} {'every draw' if share >= 1.0 else f'{_percent(share)} of draws'}"
+
+
+def _grouped(pairs: Iterable[tuple[str, str]]) -> str:
+    """Words with the points they are true of, in order; empty words are left out."""
+    points: dict[str, list[str]] = {}
+    for words, point in pairs:
+        points.setdefault(words, []).append(point)
+    return ", ".join(f"{words} ({listed(names)})" for words, names in points.items() if words)
+
+
+def offset_verdict(v_y1: FloatArray, offset: FloatArray, sd: FloatArray) -> str:
+    """Whether model-free offsets [in] grow with `v_y1` [m/s] as Eq. (53) has it: a straight line weighted by `sd`."""
+    (slope, _), covariance = np.polyfit(v_y1, offset, 1, w=1.0 / sd, cov="unscaled")
+    error = float(np.sqrt(covariance[0, 0]))
+    distance = abs(slope - C1) / error
+    grows = "does not grow" if distance > APART else "may grow"
+    return (
+        f"a line through the model-free offsets, weighted by their sd, rises by {slope:.4f} +- {error:.4f} in per "
+        f"m/s, Eq. (53) by {C1:g}: {distance:.0f} standard errors apart; the offset {grows} with the "
+        "vertical velocity as Eq. (53) has it."
+    )
+
+
+def _equals(pooled: pd.DataFrame, name: str) -> list[str]:
+    """The other sets whose score is within `EQUAL` of one's."""
+    near = np.abs(pooled["score"] / pooled["score"][name] - 1.0) <= EQUAL
+    return [str(item) for item in pooled.index[near] if item != name]
+
+
+def _set(name: str) -> str:
+    """`set 5 (case 1 of Table 9)`, or the set's own values where Table 9 has it not."""
+    number, _, values = name.partition(": ")
+    cases = {index: case for case, index in CASE_IN_APPENDIX_C.items()}
+    known = int(number) in cases
+    return f"set {number} ({f'case {cases[int(number)]} of Table 9' if known else values})"
+
+
+def _sets(names: Sequence[str]) -> str:
+    return listed([f"set {name.partition(':')[0]}" for name in names])
+
+
+def _percent(share: float) -> str:
+    """Whole per cents, tenths near none and all, and no rounding to none or all."""
+    if share <= 0.0 or 0.01 <= share <= 0.99 or share >= 1.0:
+        return f"{100.0 * share:.0f} %"
+    if 0.001 <= share <= 0.999:
+        return f"{100.0 * share:.1f} %"
+    return "under 0.1 %" if share < 0.5 else "over 99.9 %"
