@@ -22,14 +22,12 @@ from fitball.inference.results.evidence import (
     InformationEvidence,
     Profile,
 )
-from fitball.report.figures.kinds import KINDS, drawable_kinds
-from fitball.report.figures.names import FIGURES
+from fitball.report.figures.canvas import STAMPS
 from fitball.report.figures.profiles import profile_panels
 from fitball.report.figures.regimes import OTHERS, regime_bars, regime_colours
-from fitball.report.figures.save import STAMPS
-from fitball.report.fit.alt_texts import WORDS
+from fitball.report.figures.registry import FIGURES, drawable_kinds, drawing
 from fitball.report.fit.document import fit_document
-from fitball.report.form.display_units import handy
+from fitball.report.form.numbers import handy
 from fitball.report.form.palette import FAINT
 from fitball.report.saved.structure import plain, structured
 
@@ -56,7 +54,7 @@ def test_an_open_profile_is_read_back_open():
 
 
 def test_kinds_and_formats_are_the_ones_promised(short_fit):
-    assert set(KINDS) == set(FIGURES) == set(WORDS)
+    assert all(callable(drawing(name).figure) for name in FIGURES)
     assert {text.section for text in FIGURES.values()} <= {it.name for it in fit_document(short_fit.result).sections}
     assert ("png", *STAMPS) == FORMATS
 

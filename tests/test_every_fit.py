@@ -85,7 +85,7 @@ def quick():
         patch.setattr("fitball.inference.point.point_fit.STARTS", 3)
         patch.setattr("fitball.inference.point.starts.SCREENED", 100)
         patch.setattr("fitball.inference.sampling.ensembles.POOL", 300)
-        patch.setattr("fitball.report.figures.save.save_figure.__defaults__", ("png", 30))
+        patch.setattr("fitball.report.figures.canvas.save_figure.__defaults__", ("png", 30))
         patch.setattr("matplotlib.layout_engine.do_constrained_layout", lambda *_, **__: None)
         patch.setattr("fitball.report.fit.document._pictures", lambda fit, _images: _pictures(fit, {}))
         yield

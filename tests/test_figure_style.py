@@ -17,8 +17,8 @@ from fitball.report.batch.figure import batch_figure
 from fitball.report.batch.rows import row_of
 from fitball.report.batch.series import all_series
 from fitball.report.figures.canvas import Margins, group_handles, group_styles, legend_below, log_ticks, panels
-from fitball.report.figures.kinds import draw
-from fitball.report.figures.parameter_axis import parameter_axis
+from fitball.report.figures.quantities import parameter_axis
+from fitball.report.figures.registry import draw
 from fitball.report.figures.sketch import ball_sketch
 from fitball.report.fit.document import page
 from fitball.report.form.palette import (
@@ -34,7 +34,7 @@ from fitball.report.form.palette import (
     style_rules,
     verdict_mark,
 )  # fmt: skip
-from fitball.report.form.symbols import symbol_html
+from fitball.report.form.parameters import symbol_html
 from fitball.report.saved.saved_fit import as_saved
 from fitball.wording import in_formula, short
 

@@ -24,9 +24,9 @@ from fitball.models.registry import model
 from fitball.observables import OBSERVABLES
 from fitball.report.figures.corner import LEVELS, corner_data, pair_density
 from fitball.report.figures.curves import curve_columns
-from fitball.report.figures.kinds import draw
-from fitball.report.figures.measured import measured_outputs
 from fitball.report.figures.predictive import agreements, interval_band
+from fitball.report.figures.quantities import measured_outputs
+from fitball.report.figures.registry import draw
 from fitball.report.figures.residuals import incident_quantities, residual_data, trend
 from fitball.report.fit.document import page
 from fitball.report.fit.rows import thesis_rows

@@ -24,9 +24,8 @@ from fitball.errors import ResultFolderError
 from fitball.report.fit.document import render
 from fitball.report.fit.folder import prepare_folder, render_json, write_all
 from fitball.report.fit.rows import balance_table, prediction_table, thesis_rows
-from fitball.report.form.display_units import HANDY, THESIS
+from fitball.report.form.numbers import HANDY, THESIS, decimals, fixed
 from fitball.report.form.parameters import parameter_row
-from fitball.report.form.rounding import decimals, fixed
 from fitball.report.saved.fit_text import fit_text
 
 

@@ -20,16 +20,15 @@ from fitball.inference.identifiability.posterior_verdict import plain
 from fitball.inference.prediction.outputs import root_mean_square
 from fitball.inference.results.results import BudgetLine, ErrorBudget, Verdict
 from fitball.inference.thesis.published_cases import case_errors, compare_cases
-from fitball.report.figures.canvas import new_figure
-from fitball.report.figures.names import DPI, FIGURES
-from fitball.report.figures.save import PNG_COLOURS, few_colours, save_figure
-from fitball.report.fit.alt_texts import alt_text
+from fitball.report.figures.canvas import PNG_COLOURS, few_colours, new_figure, save_figure
+from fitball.report.figures.registry import FIGURES, alt_text
 from fitball.report.fit.cases import case_parts
 from fitball.report.fit.document import page
 from fitball.report.fit.folder import write_all
 from fitball.report.fit.rows import budget_rows, budget_sentence
+from fitball.report.form.document import DPI
+from fitball.report.form.numbers import digits
 from fitball.report.form.palette import MEASURED, MODEL
-from fitball.report.form.rounding import digits
 
 ROOT = Path(__file__).resolve().parent.parent
 # Elements that have no end tag (HTML, "void elements"), so far as these pages use them.

@@ -24,14 +24,14 @@ from fitball.kinds import checked
 from fitball.report.compare.document import render
 from fitball.report.compare.rows import csv_rows, json_content
 from fitball.report.compare.words import words
+from fitball.report.form.document import columns as aligned
 from fitball.report.form.folders import clear_folder, held
-from fitball.report.form.text_table import columns as aligned
 from fitball.scheduling.engine import Engine, engine
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from fitball.report.figures.shown import Figure
+    from fitball.report.figures.canvas import Figure
 
 
 class Comparison:

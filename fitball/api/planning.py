@@ -25,7 +25,7 @@ from fitball.wording import option
 if TYPE_CHECKING:
     import pandas as pd
 
-    from fitball.report.figures.shown import Figure
+    from fitball.report.figures.canvas import Figure
 
 # A range as text, as its ends in SI, or one value in SI.
 Span = str | float | tuple[float, float]

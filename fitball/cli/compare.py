@@ -48,8 +48,8 @@ def run(args: argparse.Namespace) -> int:
     from fitball.api.comparing import contest
     from fitball.inference.results.results import RunStatus
     from fitball.report.compare.document import JSON_NAME, render, write_all
+    from fitball.report.form.files import json_text
     from fitball.report.form.folders import clear_folder, held
-    from fitball.report.form.json_text import json_text
 
     asked = contest(
         args.data, None if args.models is None else model_names(args.models), quick=args.quick, seed=args.seed,

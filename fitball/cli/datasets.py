@@ -71,7 +71,7 @@ def _list(args: argparse.Namespace) -> int:
 
 def _priors(args: argparse.Namespace) -> int:
     from fitball.data.literature import PREFIX, published_priors
-    from fitball.report.form.text_table import WIDTH
+    from fitball.report.form.document import WIDTH
 
     rows = published_priors()
     if args.json:
@@ -91,7 +91,7 @@ def _show(args: argparse.Namespace) -> int:
     from fitball.data.reading.doubt import doubt_of_table
     from fitball.data.scene import load_scene
     from fitball.report.fit.rows import balance_table
-    from fitball.report.form.text_table import MOST_LINES, columns, more
+    from fitball.report.form.document import MOST_LINES, columns, more
 
     scene = load_scene(args.data, as_read=True)
     table = load_table(args.data, scene=scene, flip=args.flip, columns=args.columns)
@@ -153,8 +153,8 @@ def _columns(table: ImpactTable) -> dict[str, Any]:
 def _print_columns(table: ImpactTable) -> None:
     """The table, aligned; in SI units but for angles, which people read in degrees."""
     from fitball.data.units import UNITS
-    from fitball.report.form.rounding import significant
-    from fitball.report.form.text_table import MOST_LINES, columns, more
+    from fitball.report.form.document import MOST_LINES, columns, more
+    from fitball.report.form.numbers import significant
 
     cells = [["id", *table.ids[:MOST_LINES]]]
     for name, values in _columns(table).items():

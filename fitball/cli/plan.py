@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     cost = pairs("--cost", args.cost, float, "NAME=C, such as contact_time=2", "a number", last=True)
     args.progress("loading", None)
     from fitball.api import load_fit
-    from fitball.report.form.json_text import json_text
+    from fitball.report.form.files import json_text
 
     place = Path(args.fit)
     folder = Path(args.out) if args.out else (place.parent if place.is_file() else place) / "plan"

@@ -54,10 +54,8 @@ def run(args: argparse.Namespace) -> int:
     from fitball.api.predicting import foretell
     from fitball.files import is_stream
     from fitball.inference.prediction.holdout_scores import impacts_seen
-    from fitball.report.form.atomic_write import refuse_existing, write_text
-    from fitball.report.form.csv import csv_text
     from fitball.report.form.document import on_terminal
-    from fitball.report.form.json_text import json_text
+    from fitball.report.form.files import csv_text, json_text, refuse_existing, write_text
     from fitball.report.predict import predict_document, prediction_csv_rows, prediction_json
 
     if args.out is not None:

@@ -21,9 +21,9 @@ from fitball.report.fit.pace import (
     surface_rows,
     surface_words,
 )
+from fitball.report.form.document import Row
 from fitball.report.form.parameters import parameter_row
 from fitball.report.form.template import render_template
-from fitball.report.form.text_table import Row
 from fitball.report.saved.saved_fit import SavedFit
 
 # Rows of a table that one page has room for, in two halves; and lines of remarks.

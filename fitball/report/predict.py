@@ -13,9 +13,8 @@ from fitball.inference.prediction.holdout_scores import ObservableScore
 from fitball.inference.prediction.new_impacts import NewPrediction, OutputPrediction
 from fitball.inference.results.quantiles import BAND
 from fitball.observables import COMPARED, OBSERVABLES
-from fitball.report.form.display_units import INCIDENT, output_scale
 from fitball.report.form.document import MOST_LINES, Document, Part, Section, Table, Words
-from fitball.report.form.rounding import decimals, fixed, interval, percent, significant
+from fitball.report.form.numbers import INCIDENT, decimals, fixed, interval, output_scale, percent, significant
 from fitball.values import FloatArray
 from fitball.wording import spoken
 

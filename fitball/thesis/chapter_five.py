@@ -12,7 +12,7 @@ from uncertainties.core import Variable
 from fitball.data.thesis_tables import thesis_table
 from fitball.inference.effort import Effort
 from fitball.inference.thesis.inputs import INCH, INERTIA_OF
-from fitball.report.form.sentences import listed
+from fitball.report.form.numbers import listed
 from fitball.thesis import (
     appendix_c,
     appendix_d,

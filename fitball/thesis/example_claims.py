@@ -16,7 +16,7 @@ from fitball.inference.thesis.inputs import BALL_RADIUS, INERTIA, INERTIA_OF, ca
 from fitball.models.history import History, Span
 from fitball.models.registry import model
 from fitball.models.types import Phase
-from fitball.report.form.text_table import WIDTH, columns
+from fitball.report.form.document import WIDTH, columns
 from fitball.thesis.printed_tables import examples, rebound_words, transition_words
 from fitball.thesis.simulate_examples import COR, EXAMPLES, Claim, Example
 from fitball.values import FloatArray, impacts

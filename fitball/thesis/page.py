@@ -20,11 +20,9 @@ from fitball.files import all_or_none
 from fitball.inference.thesis.inputs import C1, C2, INCH, STIFFNESS, TORSION, case_parameters, printed_model
 from fitball.models.specs import SPECS
 from fitball.models.thesis import ThesisCourse
-from fitball.report.figures.canvas import log_scale, new_figure
+from fitball.report.figures.canvas import log_scale, new_figure, own_style, save_figure
 from fitball.report.figures.embed import embed
-from fitball.report.figures.save import save_figure
-from fitball.report.figures.style import own_style
-from fitball.report.form.atomic_write import write_text
+from fitball.report.form.files import write_text
 from fitball.report.form.folders import make_folder
 from fitball.report.form.palette import MARKERS, SERIES
 from fitball.report.form.template import render_template

@@ -24,9 +24,6 @@ from fitball.report.compare.rows import (
     scored_outputs,
 )
 from fitball.report.compare.words import sentences, words
-from fitball.report.form.atomic_write import write_text
-from fitball.report.form.csv import csv_text
-from fitball.report.form.display_units import output_scale
 from fitball.report.form.document import (
     MOST_ROWS,
     Document,
@@ -39,8 +36,8 @@ from fitball.report.form.document import (
     on_terminal,
     term,
 )
-from fitball.report.form.json_text import json_text
-from fitball.report.form.rounding import fixed
+from fitball.report.form.files import csv_text, json_text, write_text
+from fitball.report.form.numbers import fixed, output_scale
 from fitball.report.saved.fit_text import versions_line
 from fitball.values import FloatArray
 
@@ -151,7 +148,7 @@ def write_all(comparison: Comparison, folder: Path, command: str | None = None) 
     Raises ResultFolderError.
     """
     from fitball.report.compare.figures import draw_all
-    from fitball.report.figures.save import save_figure
+    from fitball.report.figures.canvas import save_figure
 
     images = {name: save_figure(figure, folder / PICTURES[name]) for name, figure in draw_all(comparison).items()}
     write_text(folder / "compare.html", as_page(compare_document(comparison, images, command), images))

@@ -14,11 +14,9 @@ from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.assumptions import Quantity
 from fitball.models.registry import parameter_spec
 from fitball.report.compare.rows import published_rms, schemes, scored_outputs
-from fitball.report.figures.canvas import log_scale, new_figure, verbatim
-from fitball.report.figures.measured import axis_label, output_label
-from fitball.report.figures.parameter_axis import ParameterAxis, parameter_axis
-from fitball.report.figures.style import own_style
-from fitball.report.form.display_units import handy, output_scale
+from fitball.report.figures.canvas import log_scale, new_figure, own_style, verbatim
+from fitball.report.figures.quantities import ParameterAxis, axis_label, output_label, parameter_axis
+from fitball.report.form.numbers import handy, output_scale
 from fitball.report.form.palette import FAINT, GUIDE, MODEL, series_style
 
 PUBLISHED_MARK = "x"

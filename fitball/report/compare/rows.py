@@ -14,9 +14,8 @@ from fitball.inference.comparison.results import Comparison, FixedPrediction, Mo
 from fitball.inference.prediction.outputs import OUTPUTS, root_mean_square
 from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.assumptions import Summary
-from fitball.report.form.display_units import handy, output_scale
 from fitball.report.form.document import Table
-from fitball.report.form.rounding import decimals, fixed, interval
+from fitball.report.form.numbers import decimals, fixed, handy, interval, output_scale
 from fitball.values import FloatArray
 from fitball.version import __version__
 

@@ -8,10 +8,9 @@ from fitball.inference.results.results import Fit
 from fitball.inference.thesis.published_cases import CaseComparison, PublishedCase, compare_cases
 from fitball.observables import COMPARED, OBSERVABLES
 from fitball.report.fit.rows import thesis_rows
-from fitball.report.form.display_units import THESIS, Scale, handy, output_scale
 from fitball.report.form.document import Part, Table, Words
+from fitball.report.form.numbers import THESIS, Scale, digits, handy, output_scale
 from fitball.report.form.parameters import parameter_row
-from fitball.report.form.rounding import digits
 
 PARAMETERS = ("mass_ratio", "k_y", "k_theta", "mu", "eps_10", "eps_slope")
 SI_UNITS = {"k_y": "N/m", "k_theta": "N m/rad", "eps_10": "m", "eps_slope": "m/(m/s)"}

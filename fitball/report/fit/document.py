@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from fitball.inference.results.results import Fit, Verdict
-from fitball.report.figures.names import FIGURES
+from fitball.report.figures.registry import FIGURES
 from fitball.report.fit.cases import case_parts
 from fitball.report.fit.drop import drop_parts, lead_lines
 from fitball.report.fit.judged import adequacy_parts, assumption_parts, evidence_parts
@@ -24,7 +24,7 @@ from fitball.report.fit.rows import (
     thesis_rows,
 )
 from fitball.report.form.document import Document, Part, Picture, Section, Table, Words, as_page, on_terminal
-from fitball.report.form.listed import file_words
+from fitball.report.form.numbers import file_words
 from fitball.report.form.parameters import NOT_TOLD, TOLD, told_line
 from fitball.report.saved.fit_text import versions_line
 from fitball.wording import speaking_to_command_line
@@ -159,7 +159,7 @@ def _pictures(fit: Fit, pictures: Collection[str]) -> dict[str, list[Part]]:
     if not pictures:
         return sections
     # What a figure shows is told by what draws it, which whoever wants no figures does not load.
-    from fitball.report.fit.alt_texts import alt_text
+    from fitball.report.figures.registry import alt_text
 
     for name, text in FIGURES.items():
         if name in pictures:

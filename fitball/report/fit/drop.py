@@ -6,9 +6,8 @@ from fitball.data.ball_types import BALL_TYPES, DROP_HEIGHT, SOURCE, TEST_TEMPER
 from fitball.data.heights import DRAG_COEFFICIENT
 from fitball.inference.results.drop_test import BallRebound, DropTest, StandardRebound, TestedSpeed
 from fitball.inference.results.quantiles import Spread
-from fitball.report.form.document import Part, Table, Words
-from fitball.report.form.rounding import decimals, digits, interval, percent, ranged, significant
-from fitball.report.form.text_table import Row
+from fitball.report.form.document import Part, Row, Table, Words
+from fitball.report.form.numbers import decimals, digits, interval, percent, ranged, significant
 
 CM = 100.0
 # Balls told one by one on a page.

@@ -13,13 +13,12 @@ from fitball.errors import ResultFolderError
 from fitball.files import all_or_none
 from fitball.inference.results.quantiles import ESSENTIALS, SUMMARY
 from fitball.inference.results.results import Estimate, Fit, Predictive
-from fitball.report.figures.measured import prediction_of
-from fitball.report.figures.names import FIGURES
+from fitball.report.figures.quantities import prediction_of
+from fitball.report.figures.registry import FIGURES
 from fitball.report.fit.document import page
-from fitball.report.form.atomic_write import OWN_FILES, remove, write_text
-from fitball.report.form.csv import write_csv
+from fitball.report.form.files import OWN_FILES, remove, write_csv, write_text
 from fitball.report.form.folders import clear_leftovers, make_folder
-from fitball.report.form.listed import listed_places
+from fitball.report.form.numbers import listed_places
 from fitball.report.saved.data_file import DATA_NAME, write_data
 from fitball.report.saved.fit_text import fit_text
 from fitball.report.saved.posterior_file import write_netcdf
@@ -93,8 +92,8 @@ def write_all(fit: Fit, folder: Path, command: str | None = None, *, figures: bo
 def write_figures(fit: Fit, folder: Path) -> dict[str, bytes]:
     """Draw every figure that the fit can show; returns the files written by name. Raises ResultFolderError."""
     # Whoever wants no figures does not load what draws them.
-    from fitball.report.figures.kinds import draw, drawable_kinds
-    from fitball.report.figures.save import save_figure
+    from fitball.report.figures.canvas import save_figure
+    from fitball.report.figures.registry import draw, drawable_kinds
 
     return {name: save_figure(draw(name, fit), folder / f"{name}.png") for name in drawable_kinds(fit)}
 

@@ -11,13 +11,20 @@ from fitball.inference.results.assumptions import PACE, Alternative, Assumptions
 from fitball.inference.results.evidence import InformationEvidence
 from fitball.inference.results.results import Estimate, Fit, Verdict
 from fitball.observables import OBSERVABLES
-from fitball.report.form.display_units import Scale, handy, output_scale
-from fitball.report.form.document import Part, Table, Words, judged
-from fitball.report.form.parameters import profile_interval
-from fitball.report.form.rounding import decimals, fixed, interval, percent, plus_minus, significant
-from fitball.report.form.sentences import listed
-from fitball.report.form.symbols import symbol_cell
-from fitball.report.form.text_table import Row
+from fitball.report.form.document import Part, Row, Table, Words, judged
+from fitball.report.form.numbers import (
+    Scale,
+    decimals,
+    fixed,
+    handy,
+    interval,
+    listed,
+    output_scale,
+    percent,
+    plus_minus,
+    significant,
+)
+from fitball.report.form.parameters import profile_interval, symbol_cell
 from fitball.wording import option, spoken
 
 # The order in which kinds of checks are shown, of each and each column the surest; the file has them all.

@@ -18,10 +18,8 @@ from fitball.inference.results.pace_rating import (
 from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import Estimate, Fit, Verdict
 from fitball.report.fit.judged import conditional_words
-from fitball.report.form.display_units import INCIDENT
-from fitball.report.form.document import Part, Table, Words
-from fitball.report.form.rounding import decimals, interval, percent, ranged
-from fitball.report.form.text_table import Row
+from fitball.report.form.document import Part, Row, Table, Words
+from fitball.report.form.numbers import INCIDENT, decimals, interval, percent, ranged
 
 # Difference of two ratings below which nobody would see it in a rating rounded to a whole number.
 EQUAL = 0.05

@@ -15,15 +15,23 @@ from fitball.inference.results.quantiles import ESSENTIALS, quantiles
 from fitball.inference.results.results import Diagnostics, ErrorBudget, Fit, RunStatus
 from fitball.inference.thesis.published_cases import wang_rows
 from fitball.models.types import regime_name
-from fitball.report.figures.measured import prediction, prediction_of
+from fitball.report.figures.quantities import prediction, prediction_of
 from fitball.report.fit.judged import named
-from fitball.report.form.display_units import THESIS, handy, output_scale
-from fitball.report.form.document import MOST_ROWS, Table, term
-from fitball.report.form.listed import file_words
+from fitball.report.form.document import MOST_ROWS, Row, Table, term
+from fitball.report.form.numbers import (
+    THESIS,
+    decimals,
+    digits,
+    file_words,
+    fixed,
+    handy,
+    listed,
+    output_scale,
+    percent,
+    plus_minus,
+    significant,
+)
 from fitball.report.form.parameters import ParameterRow, parameter_row, rounded, verdict_cell
-from fitball.report.form.rounding import decimals, digits, fixed, percent, plus_minus, significant
-from fitball.report.form.sentences import listed
-from fitball.report.form.text_table import Row
 from fitball.report.saved.fit_file import DiagnosticsPart
 from fitball.wording import spoken
 

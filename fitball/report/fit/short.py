@@ -8,9 +8,9 @@ from html import escape
 from fitball.inference.results.quantiles import SUMMARY
 from fitball.inference.results.results import Estimate, Verdict
 from fitball.report.fit.rows import sampler_words
+from fitball.report.form.document import columns, wrapped
+from fitball.report.form.numbers import listed
 from fitball.report.form.parameters import ParameterRow, parameter_row
-from fitball.report.form.sentences import listed
-from fitball.report.form.text_table import columns, wrapped
 from fitball.report.saved.saved_fit import SavedFit
 
 # Correlations that a report lists.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import re
+import textwrap
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -17,8 +18,13 @@ from markupsafe import Markup, escape
 
 from fitball.inference.results.results import Verdict
 from fitball.report.form.palette import style_rules, verdict_mark
-from fitball.report.form.text_table import Row, columns, wrapped
+from fitball.visible import one_line
 
+# A row of a table as text, by the heads of its columns, in their order: what terminal, page and certificate show.
+Row: TypeAlias = dict[str, str]
+WIDTH = 100
+# A cell that is longer than the texts of this program is a label of the user's: a few words of it tell which.
+WIDEST = 80
 Only: TypeAlias = Literal["", "page", "terminal"]
 Rank: TypeAlias = Literal["first", "full", "folded"]
 # Rows of a table that a terminal shows, and a page.
@@ -139,6 +145,43 @@ class Document:
 
 def _holds(part: Part) -> bool:
     return bool(part.texts) if isinstance(part, Words) else not isinstance(part, Table) or len(part.rows) > 1
+
+
+def columns(rows: Sequence[Sequence[str]], left: int | Sequence[bool] = 1) -> list[str]:
+    """Rows of cells as lines: the first `left` columns, or those it names, flush left, the others right. A cell stays
+    in its line.
+    """
+    aligned = [k < left for k in range(len(rows[0]))] if isinstance(left, int) else left
+    rows = [[one_line(cell, WIDEST) for cell in row] for row in rows]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        cells = [
+            cell.ljust(width) if flush else cell.rjust(width)
+            for cell, width, flush in zip(row, widths, aligned, strict=True)
+        ]
+        lines.append("  ".join(cells).rstrip())
+    return lines
+
+
+def listed_rows(rows: Sequence[Row], left: int = 1, without: str | None = None) -> list[str]:
+    """Rows under their heads, as lines; one column may be left out."""
+    heads = [head for head in rows[0] if head != without]
+    return columns([heads, *([row[head] for head in heads] for row in rows)], left)
+
+
+def wrapped(texts: Iterable[str], first: str = "", others: str = "") -> list[str]:
+    """Texts as lines of `WIDTH`, the first line of each indented by `first`, its others by `others`."""
+    return [
+        line
+        for text in texts
+        for line in textwrap.wrap(text, WIDTH, initial_indent=first, subsequent_indent=others, break_on_hyphens=False)
+    ]
+
+
+def more(count: int, where: str) -> list[str]:
+    """A line that says how many of `count` rows are not shown, and where they are; nothing when all are."""
+    return [f"... and {count - MOST_LINES:,} more: {where}"] if count > MOST_LINES else []
 
 
 def on_terminal(document: Document, full: bool = True) -> str:

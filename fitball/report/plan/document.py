@@ -14,14 +14,9 @@ from fitball.inference.design.sensor import AS_BEFORE
 from fitball.inference.design.settings import Setting
 from fitball.inference.design.target import Part
 from fitball.inference.problem.problem import Problem
-from fitball.report.form.atomic_write import write_text
-from fitball.report.form.csv import csv_text
-from fitball.report.form.display_units import handy
-from fitball.report.form.document import Document, Picture, Section, Table, Words, as_page, on_terminal
-from fitball.report.form.json_text import json_text
-from fitball.report.form.rounding import digits, percent
-from fitball.report.form.sentences import listed
-from fitball.report.form.text_table import Row
+from fitball.report.form.document import Document, Picture, Row, Section, Table, Words, as_page, on_terminal
+from fitball.report.form.files import csv_text, json_text, write_text
+from fitball.report.form.numbers import digits, handy, listed, percent
 from fitball.report.plan.rows import plan_json, plan_rows
 from fitball.values import FloatArray
 from fitball.wording import spoken
@@ -103,7 +98,7 @@ def write_all(plan: Plan, problem: Problem, folder: Path, command: str | None = 
 
     Raises ResultFolderError.
     """
-    from fitball.report.figures.save import save_figure
+    from fitball.report.figures.canvas import save_figure
     from fitball.report.plan.figure import plan_figure
 
     title = title_of(problem)

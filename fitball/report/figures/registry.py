@@ -1,26 +1,29 @@
-"""The figures of a fit by name, and what is said of each: nothing here draws, so that it loads at once."""
+"""The figures of a fit by name, what is said of each, and the module that draws it, loaded when it is asked to."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Protocol, cast
 
-# Dots an inch of figures as PNG files.
-DPI = 150
+from fitball.errors import ResultFolderError
+
+if TYPE_CHECKING:
+    from fitball.inference.results.results import Fit
+    from fitball.report.figures.canvas import Figure
 
 
 @dataclass(frozen=True)
 class FigureText:
-    """A figure in words: a line of help, its `caption`, and the section of the page it stands in (an id in
-    `html.SECTIONS`).
-    """
+    """What is said of a figure: a line of help, its `caption`, and the section of the page it stands in."""
 
     summary: str
     caption: str
     section: str
 
 
-# In the order of the page.
+# In the order of the page; each is drawn by the module of its name.
 FIGURES: Mapping[str, FigureText] = {
     "sketch": FigureText(
         "the ball of the model, with the symbols of its parameters",
@@ -72,3 +75,41 @@ FIGURES: Mapping[str, FigureText] = {
         "diagnosis",
     ),
 }
+
+
+class Drawing(Protocol):
+    """The module of a figure."""
+
+    def figure(self, fit: Fit) -> Figure:
+        """The figure of a fit that has what it shows."""
+
+    def missing(self, fit: Fit) -> str:
+        """Why a fit cannot show it, "" where it can."""
+
+    def words(self, fit: Fit) -> str:
+        """What it shows, for readers who do not see it."""
+
+
+def drawing(name: str) -> Drawing:
+    """The module of the figure `name`."""
+    return cast(Drawing, import_module(f"fitball.report.figures.{name}"))
+
+
+def draw(name: str, fit: Fit) -> Figure:
+    """A figure by name. Raises ResultFolderError where the fit has not what it shows."""
+    from fitball.report.figures.canvas import own_style
+
+    if missing := drawing(name).missing(fit):
+        raise ResultFolderError(f"{name}: {missing}")
+    with own_style():
+        return drawing(name).figure(fit)
+
+
+def drawable_kinds(fit: Fit) -> list[str]:
+    """The figures this fit can show."""
+    return [name for name in FIGURES if not drawing(name).missing(fit)]
+
+
+def alt_text(name: str, fit: Fit) -> str:
+    """What a figure that this fit can show shows, in words and numbers."""
+    return drawing(name).words(fit)

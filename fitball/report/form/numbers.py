@@ -1,13 +1,21 @@
-"""Numbers as a person should see them: rounded to what their uncertainty supports (PDG rule)."""
+"""Numbers and units as a person should see them: rounded to what their uncertainty supports (PDG rule), in handy
+multiples of SI; names in sentences.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from decimal import ROUND_HALF_EVEN, Context, Decimal
 
+import numpy as np
 from uncertainties.formatting import PDG_precision
 
+from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.quantiles import Spread
+from fitball.models.specs import SPECS
+from fitball.observables import OBSERVABLES
 
 MOST_DECIMALS = 9
 # Digits enough for any double.
@@ -81,3 +89,75 @@ def significant(value: float | None, digits: int = 3) -> str:
     if value is None or not math.isfinite(value):
         return "-"
     return f"{value:.{digits}g}"
+
+
+INCH = 0.0254
+POUND_FORCE = 4.4482216152605
+POUND = 0.45359237
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A unit and the factor that turns an SI value into it."""
+
+    unit: str
+    factor: float
+
+
+# Other units than SI in which people read parameters and columns of a rebound, by name.
+HANDY: Mapping[str, Scale] = {
+    item.name: Scale(*item.shown)
+    for registry in (SPECS, NOISE_SPECS, OBSERVABLES)
+    for item in registry.values()
+    if item.shown is not None
+}
+
+# Jafri (2004), Appendix B: inch, pound force, second; speeds in metres per second.
+THESIS: Mapping[str, Scale] = {
+    "k_y": Scale("lb/in", INCH / POUND_FORCE),
+    "k_theta": Scale("lb in/rad", 1.0 / (INCH * POUND_FORCE)),
+    "eps_10": Scale("in", 1.0 / INCH),
+    "eps_slope": Scale("in/(m/s)", 1.0 / INCH),
+    "offset": Scale("in", 1.0 / INCH),
+    "ball_mass": Scale("lb", 1.0 / POUND),
+    "ball_radius": Scale("in", 1.0 / INCH),
+}
+
+
+# Quantities of an incident state, in the units that people read.
+INCIDENT: Mapping[str, Scale] = {
+    "v_y1": Scale("m/s", 1.0),
+    "theta_1": Scale("deg", 57.29577951308232),
+    "omega_1": Scale("rad/s", 1.0),
+}
+
+
+def handy(name: str, unit: str) -> Scale:
+    """The handy multiple for a parameter or output, SI itself where none is listed; a value "at 2 m/s" is read as the
+    parameter is.
+    """
+    return HANDY.get(name.partition(" at ")[0], Scale(unit, 1.0))
+
+
+def output_scale(name: str) -> Scale:
+    """The unit in which people read a column of a rebound."""
+    return handy(name, OBSERVABLES[name].unit)
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words with commas and an `and` before the last."""
+    return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
+
+
+# Impacts that are listed; data.nc holds the measurements of all.
+LISTED = 20_000
+
+
+def listed_places(count: int) -> list[int]:
+    """Which of so many impacts the files list: all, or `LISTED` of them, evenly spread."""
+    return [round(place) for place in np.linspace(0, count - 1, min(count, LISTED))]
+
+
+def file_words(name: str, count: int) -> str:
+    """Where so many impacts are listed, and how many of them."""
+    return name if count <= LISTED else f"{name}, which lists {LISTED:,} of all {count:,}, evenly spread"
