@@ -17,9 +17,8 @@ from made import pages
 from samples import TWO_MASS, coordinates_of, problem_of
 from scipy.stats import norm
 from scipy.stats import t as student
-from validation.sbc.replicate import RANKED
-from validation.sbc.summary import FAMILY_ERROR
-from validation.trust.pinned import PINNED
+from validation.pinned import PINNED
+from validation.ranks import FAMILY_ERROR, RANKED
 
 import fitball
 from fitball.data.columns import HEIGHTS, LABELS, MEASURED
