@@ -56,7 +56,7 @@ def test_every_kind_of_array_is_served_by_one_kernel(wang_impacts, draw_priors):
         chosen.jacobian(chosen.parameter_names, values, impacts)
     assert len(bounce.bounce_batch.signatures) == len(derivative.jacobian_batch.signatures) == 1
     # What these call was not needed, or was compiled here.
-    for kernel in (bounce.bounce, phases.two_mass_contact, phases.grip, phases.slide):
+    for kernel in (bounce.bounce, phases.two_mass_contact, phases.search):
         assert len(kernel.overloads) <= 1, kernel.py_func.__name__
 
 

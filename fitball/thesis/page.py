@@ -19,7 +19,7 @@ from fitball.data.wang import SPINS, measured
 from fitball.files import all_or_none
 from fitball.inference.thesis.inputs import C1, C2, INCH, STIFFNESS, TORSION, case_parameters, printed_model
 from fitball.models.specs import SPECS
-from fitball.models.thesis.model import ThesisCourse
+from fitball.models.thesis import ThesisCourse
 from fitball.report.figures.canvas import log_scale, new_figure, own_style, save_figure
 from fitball.report.form.document import figure_html
 from fitball.report.form.files import write_text
