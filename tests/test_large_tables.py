@@ -210,7 +210,7 @@ def long_fits():
 
 def test_text_and_files_do_not_grow_with_rows(long_fits, tmp_path):
     lines = [render(fit, tmp_path).splitlines() for fit in long_fits]
-    assert abs(len(lines[0]) - len(lines[1])) <= 4 and len(lines[1]) < 160
+    assert abs(len(lines[0]) - len(lines[1])) <= 4 and len(lines[1]) < 220
     assert "... and 1,200 more: predictions.csv" in lines[1] and "... and 1,200 more: balances.csv" in lines[1]
     for text in (fit_text, lambda fit: page(fit, {})):
         short, long = (len(text(fit)) for fit in long_fits)
