@@ -22,8 +22,8 @@ from validation.sbc.summary import FAMILY_ERROR
 from validation.trust.pinned import PINNED
 
 import fitball
-from fitball.data.columns import HEIGHTS, LABELS, MEASURED
-from fitball.data.scene_file import KEYS
+from fitball.data.header import HEIGHTS, LABELS, MEASURED
+from fitball.data.scene_keys import KEYS
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
 from fitball.inference import weigh
 from fitball.inference.adequacy import describe, looks, refit

@@ -7,8 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import pandas as pd
 
-from fitball.data.thesis_tables import thesis_table
-from fitball.data.wang import SPINS, measured
+from fitball.data.published import SPINS, measured, thesis_table
 from fitball.inference.prediction.outputs import root_mean_square
 from fitball.inference.thesis.inputs import BALL_RADIUS, INERTIA, INERTIA_OF, printed_model, row_parameters
 from fitball.report.form.rounding import digits

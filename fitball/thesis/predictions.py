@@ -6,8 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fitball.data.thesis_tables import thesis_table
-from fitball.data.wang import measured
+from fitball.data.published import measured, thesis_table
 from fitball.inference.thesis.inputs import printed_model, row_parameters
 from fitball.models.model import Model
 from fitball.values import FloatArray, impacts

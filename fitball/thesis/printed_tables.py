@@ -12,8 +12,7 @@ import pandas as pd
 from uncertainties import ufloat
 from uncertainties.core import Variable
 
-from fitball.data.thesis_tables import thesis_table
-from fitball.data.wang import SPINS, measured
+from fitball.data.published import SPINS, measured, thesis_table
 from fitball.inference.thesis.inputs import INCH, case_parameters, printed_model, relative_error
 from fitball.thesis.appendix_d import CASE_IN_APPENDIX_C
 from fitball.thesis.predictions import chapter_five_predictions

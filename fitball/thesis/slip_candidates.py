@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from fitball.data.thesis_tables import thesis_table
+from fitball.data.published import thesis_table
 from fitball.inference.thesis.inputs import INCH
 from fitball.thesis.appendix_b import Clause, Inputs, Row, filled_in, outputs, row_inputs
 from fitball.thesis.appendix_c import HEADS

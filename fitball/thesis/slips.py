@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import pandas as pd
 
-from fitball.data.thesis_tables import fraction, thesis_table
+from fitball.data.published import fraction, thesis_table
 from fitball.errors import Fault, TableError
 from fitball.thesis import appendix_c, appendix_d
 from fitball.thesis.appendix_b import CODES, INPUTS, Clause, filled_in, outputs, row_inputs

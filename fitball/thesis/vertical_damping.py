@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pandas as pd
 
-from fitball.data.thesis_tables import fraction, thesis_table
-from fitball.data.wang import SPINS, measured
+from fitball.data.published import SPINS, fraction, measured, thesis_table
 from fitball.inference.thesis.inputs import BALL_MASS_ROUNDED, DAMPING, STIFFNESS
 
 # Eq. (8): exp(-x) = (M/M1) COR; Chapter III: exp(-x) = (M1/M)/COR; Chapter V: exp(-x) = COR.

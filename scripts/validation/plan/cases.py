@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fitball.data.range_text import parse_range
+from fitball.data.lines import parse_range
 from fitball.inference.design.make_plan import Asked
 
 TIMER = "contact_time"
