@@ -22,7 +22,7 @@ from validation.sbc.summary import FAMILY_ERROR
 from validation.trust.pinned import PINNED
 
 import fitball
-from fitball.data.header import HEIGHTS, LABELS, MEASURED
+from fitball.data.columns import HEIGHTS, LABELS, MEASURED
 from fitball.data.scene_keys import KEYS
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
 from fitball.inference import weigh

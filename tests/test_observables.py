@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fitball
-from fitball.data.header import REBOUND
+from fitball.data.columns import REBOUND
 from fitball.data.kinematics import independent
 from fitball.data.scene import Scene
 from fitball.data.scene_keys import RANGES

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.checks import knows_incident
+from fitball.data.columns import SD_SUFFIX
 from fitball.data.findings import Findings
-from fitball.data.header import SD_SUFFIX
 from fitball.data.kinematics import Uncertain, independent, velocity
 from fitball.data.numbers import NumberColumn
 from fitball.data.scene import Scene

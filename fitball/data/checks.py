@@ -5,15 +5,16 @@ parts larger than their whole, and columns that say the same in other words.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.data.columns import ANGLES, COLUMNS, INCIDENT, NUMBERS, REBOUND, SD_SUFFIX
 from fitball.data.findings import Findings
-from fitball.data.header import NUMBERS, REBOUND, SD_SUFFIX, Header
-from fitball.data.kinematics import independent
+from fitball.data.header import Header
+from fitball.data.kinematics import Uncertain, independent, velocity
 from fitball.data.names import guess_of
 from fitball.data.numbers import NumberColumn
 from fitball.observables import OBSERVABLES
@@ -126,8 +127,6 @@ def _check_sds(present: Collection[str], found: Findings) -> None:
 
 BoolArray = NDArray[np.bool_]
 
-# Angles and the normal rebound speed are printed negative by tables that count along one fixed axis.
-_SIGN_IS_CONVENTION = ("v_y2", "theta_2", "theta_1")
 _UPWARD = ": it is negative in every row, as if counted upward; if so pass "
 # Share of the others up to which rows are few enough to be slips; one row is, beside two.
 FEW = 0.2
@@ -137,12 +136,6 @@ AGAINST = (
     "balls fly against x, along which offsets and topspin are counted: there topspin and offsets ahead of the ball "
     "are negative; mirrored they say the same (v_x and spins with the other sign, angles from 180 deg)"
 )
-_POSITIVE = {
-    "v_y1": "a positive speed towards the court",
-    "v_1": "a positive speed",
-    **{name: item.positive for name, item in OBSERVABLES.items() if item.positive},
-}
-_ANGLES = ("theta_1", *(name for name, item in OBSERVABLES.items() if item.angle))
 
 
 def one_sign(columns: Mapping[str, NumberColumn], found: Findings) -> dict[str, NumberColumn]:
@@ -152,9 +145,9 @@ def one_sign(columns: Mapping[str, NumberColumn], found: Findings) -> dict[str, 
     rows in the minority.
     """
     turned = dict(columns)
-    for name in _SIGN_IS_CONVENTION:
+    for name in (*REBOUND, *INCIDENT):
         column = columns.get(name)
-        if column is None:
+        if column is None or not COLUMNS[name].turned:
             continue
         negative, positive = column.values < 0.0, column.values > 0.0
         if negative.any() and positive.any():
@@ -173,12 +166,12 @@ def one_sign(columns: Mapping[str, NumberColumn], found: Findings) -> dict[str, 
 def check_ranges(columns: Mapping[str, NumberColumn], found: Findings) -> None:
     """Add a fault for every speed, time or sd that is not positive, every angle outside 0 to 180 deg."""
     for name, column in columns.items():
-        expected = "a positive standard deviation" if name.endswith(SD_SUFFIX) else _POSITIVE.get(name)
+        expected = "a positive standard deviation" if name.endswith(SD_SUFFIX) else COLUMNS[name].positive
         if expected:
             bad = column.values <= 0.0
             hint = _UPWARD + option("flip", "v_y1") if name == "v_y1" and bool((column.values < 0.0).all()) else ""
             _report(column, bad, f"expected {expected}{hint}", found)
-        if name in _ANGLES:
+        if name in ANGLES:
             outside = (column.values <= 0.0) | (column.values >= pi)
             _report(column, outside, "expected an angle to the court between 0 and 180 deg: check the unit", found)
 
@@ -240,61 +233,31 @@ AVERAGING = 0.005
 GROSS = 0.2
 
 
-@dataclass(frozen=True)
-class _Expected:
-    """What other columns say of one column: `values`, the `rounding` half-width they carry, the `scale` of a
-    relative difference (all (impacts,), SI), and which columns they are.
-    """
-
-    values: FloatArray
-    rounding: FloatArray
-    scale: FloatArray
-    basis: tuple[str, str]
-
-
 def check_redundant(columns: Mapping[str, NumberColumn], end: str, found: Findings) -> None:
     """Compare every velocity column that does not count with those that do, row by row.
 
     A difference beyond rounding and averaging becomes a notice, a gross one a fault.
     """
     counted = independent(columns, end)
-    for name in (f"v_x{end}", f"v_y{end}", f"v_{end}", f"theta_{end}"):
+    read = {name: columns[name] for name in counted}
+    halves = {name: np.full_like(item.values, item.half_width) for name, item in read.items()}
+    known = {name: Uncertain.measured(name, item.values, halves[name]) for name, item in read.items()}
+    said = velocity(known, end).columns(end)
+    for name, other in said.items():
         if name in columns and name not in counted:
-            expected = _from_components if counted[0].startswith("v_x") else _from_polar
-            _compare(columns[name], expected(columns, end, name), found)
+            scale = np.ones_like(other.value) if name in ANGLES else np.abs(said[f"v_{end}"].value)
+            _compare(columns[name], other, scale, counted, found)
 
 
-def _from_components(columns: Mapping[str, NumberColumn], end: str, name: str) -> _Expected:
-    x, y = columns[f"v_x{end}"], columns[f"v_y{end}"]
-    speed = np.hypot(x.values, y.values)
-    basis = (x.name, y.name)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        if name.startswith("theta"):
-            rounding = (np.abs(y.values) * x.half_width + np.abs(x.values) * y.half_width) / speed**2
-            return _Expected(np.arctan2(y.values, x.values), rounding, np.ones_like(speed), basis)
-        rounding = (np.abs(x.values) * x.half_width + np.abs(y.values) * y.half_width) / speed
-        return _Expected(speed, rounding, speed, basis)
-
-
-def _from_polar(columns: Mapping[str, NumberColumn], end: str, name: str) -> _Expected:
-    speed, angle = columns[f"v_{end}"], columns[f"theta_{end}"]
-    along, across = np.cos(angle.values), np.sin(angle.values)
-    if name.startswith("v_y"):
-        along, across = across, along
-    rounding = np.abs(along) * speed.half_width + np.abs(speed.values * across) * angle.half_width
-    return _Expected(speed.values * along, rounding, np.abs(speed.values), (speed.name, angle.name))
-
-
-def _compare(read: NumberColumn, expected: _Expected, found: Findings) -> None:
-    first, second = expected.basis
-    excess = np.abs(read.values - expected.values) - expected.rounding - read.half_width
-    kind = f"{read.name} is at odds with {first} and {second}, which are used"
-    for k in np.flatnonzero(excess > AVERAGING * expected.scale).tolist():
-        here, there = read.shown(read.values[k]), read.shown(expected.values[k])
-        seen = f"read {here}, but {first} and {second} give {there}"
-        if excess[k] > GROSS * expected.scale[k]:
+def _compare(read: NumberColumn, said: Uncertain, scale: FloatArray, basis: tuple[str, ...], found: Findings) -> None:
+    """Hold a column against what the two of its `basis` say, to rounding and to shares of a `scale` (impacts,)."""
+    names = " and ".join(basis)
+    excess = np.abs(read.values - said.value) - said.reach - read.half_width
+    kind = f"{read.name} is at odds with {names}, which are used"
+    for k in np.flatnonzero(excess > AVERAGING * scale).tolist():
+        seen = f"read {read.shown(read.values[k])}, but {names} give {read.shown(said.value[k])}"
+        if excess[k] > GROSS * scale[k]:
             advice = "check the units and the row, or delete the redundant column"
             found.fault(f"{seen}; expected agreement: {advice}", read.name, k)
         else:
-            message = f"{read.name}: {seen}; {first} and {second} are used"
-            found.notice(message, read.name, first, second, place=k, kind=kind)
+            found.notice(f"{read.name}: {seen}; {names} are used", read.name, *basis, place=k, kind=kind)

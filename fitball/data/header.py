@@ -8,13 +8,12 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cache
 
+from fitball.data.columns import LABELS, MEASURED, NUMBERS, SD_SUFFIX
 from fitball.data.findings import Findings, RawRow, Vocabulary
-from fitball.data.names import HEIGHTS as HEIGHT_OF
 from fitball.data.names import LONGEST, bare, cell_parts, end_of, guess_of
 from fitball.data.table import FrozenMapping
-from fitball.data.units import UNITS, Dimension, Unit, parse_unit, unit_of
+from fitball.data.units import Unit, parse_unit, unit_of
 from fitball.errors import ParameterError, UnitError, suggestion
-from fitball.observables import OBSERVABLES
 from fitball.visible import some, unguarded
 from fitball.wording import spoken
 
@@ -98,22 +97,6 @@ def with_units(columns: Mapping[str, str], units: Mapping[str, str], known: Coll
         texts[ours] = f"{said.theirs.get(ours, name)} [{unit}]"
     return texts
 
-
-INCIDENT: Mapping[str, Dimension] = {
-    "v_x1": Dimension.SPEED,
-    "v_y1": Dimension.SPEED,
-    "v_1": Dimension.SPEED,
-    "theta_1": Dimension.ANGLE,
-    "omega_1": Dimension.SPIN,
-}
-REBOUND: Mapping[str, Dimension] = {name: UNITS[item.unit].dimension for name, item in OBSERVABLES.items()}
-MEASURED: Mapping[str, Dimension] = {**INCIDENT, **REBOUND}
-LABELS = ("id", "surface", "ball", "group", "location")
-# What labs write instead of v_y1 and v_y2 of a drop test (`data.heights`).
-HEIGHTS: Mapping[str, Dimension] = dict.fromkeys(HEIGHT_OF.values(), Dimension.LENGTH)
-SD_SUFFIX = "_sd"
-_QUANTITIES = {**MEASURED, **HEIGHTS}
-NUMBERS: Mapping[str, Dimension] = {**_QUANTITIES, **{name + SD_SUFFIX: _QUANTITIES[name] for name in _QUANTITIES}}
 
 # High enough to pass over words that only share a few letters ("case", "temperature"), low enough
 # to catch one wrong, missing or swapped character in names as short as "v_y1" (difflib ratio 0.75 and up).

@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitball.data.checks import GROSS
+from fitball.data.columns import COLUMNS, HEIGHTS, SD_SUFFIX
 from fitball.data.findings import Findings
-from fitball.data.header import HEIGHTS, SD_SUFFIX
 from fitball.data.numbers import NumberColumn
 from fitball.data.units import DEFAULT_UNIT, Dimension
 from fitball.values import Ball
@@ -32,7 +32,7 @@ AIR_DENSITY = 1.204
 DRAG_COEFFICIENT = 0.507
 # Deceleration of a tennis ball by air over its speed squared [1/m]: only to tell how much is left out.
 DRAG = AIR_DENSITY * DRAG_COEFFICIENT * np.pi * 0.033**2 / (2.0 * 0.0577)
-SPEED_OF: Mapping[str, str] = dict(zip(HEIGHTS, ("v_y1", "v_y2"), strict=True))
+SPEED_OF: Mapping[str, str] = {name: f"v_y{COLUMNS[name].end}" for name in HEIGHTS}
 
 
 def speeds_of_heights(columns: Mapping[str, NumberColumn], found: Findings) -> dict[str, NumberColumn]:

@@ -51,6 +51,11 @@ class Uncertain:
             total = np.hypot(total, part)
         return total
 
+    @property
+    def reach(self) -> FloatArray:
+        """What all deviations together make at most, as those of rounding may, (impacts,)."""
+        return sum((np.abs(part) for part in self.parts.values()), np.zeros_like(self.value))
+
     def _with(self, other: Uncertain, value: FloatArray, mine: FloatArray, others: FloatArray) -> Uncertain:
         """`value` whose derivatives by self and other are `mine` and `others`."""
         parts = {name: mine * part for name, part in self.parts.items()}
@@ -98,6 +103,12 @@ class Uncertain:
             root = np.sqrt(self.value)
             return self._through(root, 0.5 / root)
 
+    def over(self, along: Uncertain) -> Uncertain:
+        """The angle to the court [rad] of a velocity with this across it and `along` it, 0 to pi."""
+        with _quiet():
+            square = self.value**2 + along.value**2
+            return self._with(along, np.arctan2(self.value, along.value), along.value / square, -self.value / square)
+
     def _through(self, value: FloatArray, slope: FloatArray) -> Uncertain:
         """`value`, a function of this alone whose derivative is `slope`."""
         return Uncertain(value, {name: slope * part for name, part in self.parts.items()})
@@ -123,6 +134,13 @@ class Velocity:
     x: Uncertain | None
     y: Uncertain | None
     speed_squared: Uncertain | None
+
+    def columns(self, end: str) -> dict[str, Uncertain]:
+        """The columns of `end` that it determines, by name."""
+        speed = None if self.speed_squared is None else self.speed_squared.sqrt()
+        angle = None if self.x is None or self.y is None else self.y.over(self.x)
+        told = {f"v_x{end}": self.x, f"v_y{end}": self.y, f"v_{end}": speed, f"theta_{end}": angle}
+        return {name: item for name, item in told.items() if item is not None}
 
 
 def velocity(known: Mapping[str, Uncertain], end: str) -> Velocity:

@@ -12,7 +12,7 @@ from math import isfinite, pi
 
 import numpy as np
 
-from fitball.data.header import SD_SUFFIX
+from fitball.data.columns import COLUMNS, SD_SUFFIX
 from fitball.data.kinematics import Uncertain, covariance_matrix, velocity
 from fitball.data.numbers import refuse_beyond
 from fitball.data.units import Dimension, Unit, parse_unit
@@ -21,11 +21,9 @@ from fitball.values import FloatArray, Impacts
 
 # What a quantity may be called, and what it measures; the first name of each is that of the tables.
 _NAMES = {
-    **dict.fromkeys(("v_1", "v"), ("v_1", Dimension.SPEED)),
-    **dict.fromkeys(("theta_1", "theta"), ("theta_1", Dimension.ANGLE)),
-    **dict.fromkeys(("v_x1", "v_x"), ("v_x1", Dimension.SPEED)),
-    **dict.fromkeys(("v_y1", "v_y"), ("v_y1", Dimension.SPEED)),
-    **dict.fromkeys(("omega_1", "omega", "spin"), ("omega_1", Dimension.SPIN)),
+    said: (name, COLUMNS[name].dimension)
+    for name in ("v_1", "theta_1", "v_x1", "v_y1", "omega_1")
+    for said in (name, *COLUMNS[name].said)
 }
 _SENSES = {"top": 1.0, "topspin": 1.0, "back": -1.0, "backspin": -1.0}
 SIZE = r"(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
@@ -155,11 +153,10 @@ def grid_impacts(axes: tuple[Axis, ...], points: FloatArray) -> Impacts:
     """Impacts at `points` (points, axes) in SI."""
     named = {axis.name: points[:, k] for k, axis in enumerate(axes)}
     zeros = np.zeros(len(points))
+    spin = named.get("omega_1", zeros)
     if "v_1" in named:
-        v_x, v_y = named["v_1"] * np.cos(named["theta_1"]), named["v_1"] * np.sin(named["theta_1"])
-    else:
-        v_x, v_y = named.get("v_x1", zeros), named["v_y1"]
-    return Impacts(v_x, v_y, named.get("omega_1", zeros))
+        return Impacts.polar(named["v_1"], named["theta_1"], spin)
+    return Impacts(named.get("v_x1", zeros), named["v_y1"], spin)
 
 
 def parse_grid(text: str) -> tuple[Axis, ...]:

@@ -16,8 +16,8 @@ from math import comb, log
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.data.columns import ANGLES, COLUMNS, FLIPPABLE, FROM_NORMAL, REBOUND, SD_SUFFIX
 from fitball.data.findings import Findings
-from fitball.data.header import MEASURED, REBOUND, SD_SUFFIX
 from fitball.data.laws import Columns, Misfit, Motion, chosen_rows, misfit, missing_above, motion_of, signed, unsigned
 from fitball.data.numbers import NumberColumn
 from fitball.data.scene import Scene
@@ -27,16 +27,12 @@ from fitball.errors import ParameterError, suggestion
 from fitball.values import Ball, FloatArray, quotient
 from fitball.wording import option
 
-ANGLES = ("theta_1", "theta_2")
-# Columns that have another way of counting; a speed and a time have not.
-FLIPPABLE = ("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2", *ANGLES)
-
 
 def flipped(name: str, values: FloatArray) -> FloatArray:
     """The values [SI] of a column counted the other way round: angles from the normal instead of from the court, all
     others with the other sign.
     """
-    other: FloatArray = np.pi / 2.0 - values if name in ANGLES else -values
+    other: FloatArray = np.pi / 2.0 - values if COLUMNS[name].flip == FROM_NORMAL else -values
     return other
 
 
@@ -55,8 +51,7 @@ def flip_columns(
         if flip.count(name) > 1:
             raise ParameterError(f"flip: {name} is named twice")
         turned[name] = replace(columns[name], values=flipped(name, columns[name].values))
-        how = "from the normal" if name in ANGLES else "with the other sign"
-        found.notice(f"{name} is counted {how}, on request (flip)", name)
+        found.notice(f"{name} is counted {COLUMNS[name].flip}, on request (flip)", name)
     return turned
 
 
@@ -209,7 +204,7 @@ def _unit_slips(columns: Columns, units: Mapping[str, str]) -> Iterator[Hypothes
     """One unit for both ends, for one of them, and for speeds and spins together."""
     whole: dict[Dimension, list[Hypothesis]] = {Dimension.SPEED: [], Dimension.SPIN: [], Dimension.ANGLE: []}
     for dimension, usual in _USUAL.items():
-        present = tuple(name for name in columns if MEASURED[name] is dimension)
+        present = tuple(name for name in columns if COLUMNS[name].dimension is dimension)
         ends = [tuple(name for name in present if name.endswith(end)) for end in ("1", "2")]
         for symbol in usual:
             whole[dimension] += _unit(present, symbol, units, 1)
@@ -323,7 +318,7 @@ def doubt_of(columns: Columns, units: Mapping[str, str], ball: Ball) -> Doubt | 
     `units` are the symbols by column, as the header says. Rows in which all was measured (a gap is NaN) are looked
     at; where these are too few, those that have all but what is missing most often, and so on.
     """
-    columns = {name: values for name, values in columns.items() if MEASURED[name] is not Dimension.TIME}
+    columns = _moving(columns)
     gaps = {name: int(np.isnan(values).sum()) for name, values in columns.items() if name in REBOUND}
     sparsest = max(gaps, key=lambda name: gaps[name], default=None)
     if sparsest is not None and gaps[sparsest] and len(chosen_rows(columns)) < LEAST_COMPLETE:
@@ -375,10 +370,14 @@ def _better(columns: Columns, as_read: Misfit, tried: Iterable[Hypothesis], ball
     return tuple(sorted(equal, key=lambda item: (item.hypothesis.parts, item.misfit.cost))[:MOST_NAMED])
 
 
+def _moving(columns: Columns) -> Columns:
+    """The columns that say how the ball moves: a time does not."""
+    return {name: values for name, values in columns.items() if COLUMNS[name].dimension is not Dimension.TIME}
+
+
 def gaps_of_table(table: ImpactTable, ball: Ball) -> str | None:
     """What there is to say of rebound spins that are missing, see `missing_above`."""
-    columns = {name: values for name, values in columns_of(table).items() if MEASURED[name] is not Dimension.TIME}
-    return missing_above(columns, ball)
+    return missing_above(_moving(columns_of(table)), ball)
 
 
 def doubt_of_table(table: ImpactTable, ball: Ball) -> Doubt | None:
@@ -391,7 +390,7 @@ def columns_of(table: ImpactTable) -> dict[str, FloatArray]:
     impacts = table.impacts
     state = {
         "v_x1": impacts.v_x1, "v_y1": impacts.v_y1, "omega_1": impacts.omega_1,
-        "v_1": np.hypot(impacts.v_x1, impacts.v_y1), "theta_1": np.arctan2(impacts.v_y1, impacts.v_x1),
+        "v_1": impacts.speed, "theta_1": impacts.angle,
     }  # fmt: skip
     if {"v_x1", "v_y1"} <= table.units.keys():
         state = {name: state[name] for name in ("v_x1", "v_y1", "omega_1")}

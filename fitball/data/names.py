@@ -11,6 +11,8 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from fitball.data.columns import COLUMNS, HEIGHTS
+
 _SQUARE = re.compile(r"^(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$")
 _ROUND = re.compile(r"^(?P<name>.*?)\s*[({](?P<unit>[^(){}]*)[)}]$")
 # Behind the name: "v_1 / m/s" (ISO 80000), "v_1 in m/s", "v_1, m/s", "v_1: m/s", "v_1_mph", "v_1 mph".
@@ -84,7 +86,7 @@ _LEXICON: Mapping[tuple[str, str], str] = {
 }
 _WORDS = {word: told for told, words in _LEXICON.items() for word in words.split()}
 _LONGEST_WORD = max(map(len, _WORDS))
-HEIGHTS = {"1": "drop_height", "2": "rebound_height"}
+_HEIGHTS = {COLUMNS[name].end: name for name in HEIGHTS}
 
 
 @dataclass(frozen=True)
@@ -134,7 +136,7 @@ def guess_of(name: str) -> Guess | None:
     if directions and quantity != "v":
         return None
     names = tuple(
-        (HEIGHTS[end] if quantity == "height" else f"{quantity}_{''.join(directions)}{end}") + suffix
+        (_HEIGHTS[end] if quantity == "height" else f"{quantity}_{''.join(directions)}{end}") + suffix
         for end in sorted(ends or {"1", "2"})
     )
     return Guess(names)

@@ -24,14 +24,9 @@ from fitball.data.checks import (
     knows_incident,
     one_sign,
 )
+from fitball.data.columns import INCIDENT, LABELS, MEASURED, NUMBERS, REBOUND, SD_SUFFIX
 from fitball.data.findings import Findings, RawTable
 from fitball.data.header import (
-    INCIDENT,
-    LABELS,
-    MEASURED,
-    NUMBERS,
-    REBOUND,
-    SD_SUFFIX,
     Column,
     Header,
     Naming,

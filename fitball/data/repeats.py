@@ -14,7 +14,7 @@ from math import exp
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.data.header import LABELS
+from fitball.data.columns import LABELS
 from fitball.data.laws import chosen_rows, misfit, motion_of
 from fitball.data.misreading import columns_of
 from fitball.data.table import ImpactTable

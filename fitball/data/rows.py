@@ -14,8 +14,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.data.columns import REBOUND, SD_SUFFIX
 from fitball.data.findings import Findings
-from fitball.data.header import REBOUND, SD_SUFFIX, Header
+from fitball.data.header import Header
 from fitball.data.kinematics import Uncertain, independent, velocity
 from fitball.data.numbers import NumberColumn
 from fitball.data.table import summed_up

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fitball.data.header import NUMBERS
+from fitball.data.columns import NUMBERS
 from fitball.data.heights import GRAVITY
 from fitball.data.numbers import refuse_beyond
 from fitball.data.units import Dimension, parse_unit

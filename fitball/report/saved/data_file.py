@@ -11,8 +11,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.data.columns import SD_SUFFIX
 from fitball.data.hdf5_arrays import array, finite, opened, texts
-from fitball.data.header import SD_SUFFIX
 from fitball.data.table import ImpactTable, Measurement
 from fitball.errors import ParameterError, ResultFolderError
 from fitball.inference.problem.force_records import Averaged, ForceRecords
