@@ -3,6 +3,6 @@
 from dataclasses import replace
 
 from fitball.bench.problems import posed
-from fitball.inference.likelihood.posterior import layout_of
+from fitball.inference.calibrate import compile_ahead
 
-layout_of(replace(posed("wang_zero_spin"), threads=2))
+compile_ahead(replace(posed("wang_zero_spin"), threads=2))

@@ -1,5 +1,5 @@
-"""How large is the house? Lines and modules by room: code, imports, docstrings, blank and comments apart; templates and
-JavaScript beside. `python scripts/size.py`; `tests/test_house.py` holds the totals under `CEILINGS`.
+"""How large is the house? Lines and modules by room: code, imports, docstrings, blank and comments apart; templates
+and JavaScript beside. `python scripts/size.py`; `tests/test_house.py` holds the totals under `CEILINGS`.
 """
 
 from __future__ import annotations

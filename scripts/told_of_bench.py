@@ -9,7 +9,7 @@ from measured import ROOT
 from told_of_fits import table
 
 from fitball.bench.errors import FASTEST
-from fitball.report.form.rounding import digits
+from fitball.report.form.numbers import digits
 
 # Errors at which the closed form is compared with what is fastest there, and how one would integrate carelessly.
 ERRORS = (1e-3, 1e-6, 1e-9, 1e-12)

@@ -12,8 +12,7 @@ from measured import ROOT
 
 from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS
 from fitball.models.specs import SPECS
-from fitball.report.form.display_units import handy
-from fitball.report.form.rounding import decimals, fixed
+from fitball.report.form.numbers import decimals, fixed, handy
 from fitball.thesis.appendix_d import CASE_IN_APPENDIX_C
 
 VALIDATION = ROOT / "fits" / "validation"

@@ -14,7 +14,7 @@ from snippets import posix_shell
 import fitball
 from fitball.cli.main import main
 from fitball.inference.comparison import cross_validation
-from fitball.report.figures import save
+from fitball.report.figures import canvas
 from fitball.report.history import film
 
 # What is added to a line of each verb; the road is the same, only shorter. One fit is sampled, that of the table
@@ -51,7 +51,7 @@ def make_quick(patch) -> None:
     calibrate = fitball.calibrate
     search_briefly(patch)
     patch.setattr(matplotlib.figure.Figure, "savefig", blank)
-    patch.setattr(save, "rendered", lambda _figure, form, _dpi: BLANK[form])
+    patch.setattr(canvas, "rendered", lambda _figure, form, _dpi: BLANK[form])
     patch.setattr(fitball, "calibrate", lambda *a, **k: calibrate(*a, **{"max_steps": STEPS, "cores": 1} | k), False)
     patch.setattr(film, "DPI", 8)
     patch.setattr(cross_validation, "SINGLY", 1)

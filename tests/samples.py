@@ -65,7 +65,7 @@ def search_briefly(patch):
 
 def leave_out_figures(patch, but=()):
     """Results are saved without their figures, most of the time a save takes: for tests that look at other files."""
-    patch.setattr("fitball.report.figures.kinds.drawable_kinds", lambda _fit: [*but])
+    patch.setattr("fitball.report.figures.registry.drawable_kinds", lambda _fit: [*but])
 
 
 def save_without_figures(fit, folder):

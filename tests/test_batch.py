@@ -25,11 +25,11 @@ from fitball.cli.main import main
 from fitball.errors import FitballError
 from fitball.inference.effort import Effort
 from fitball.inference.problem.choices import Choices
+from fitball.report.batch.document import centre_rows, told
 from fitball.report.batch.figure import batch_figure
 from fitball.report.batch.rows import HEAD, NAME, read_rows, row_of
 from fitball.report.batch.series import all_series, things_along
-from fitball.report.batch.words import centre_rows, told
-from fitball.report.form.csv import csv_text
+from fitball.report.form.files import csv_text
 
 FILES = ("batch.csv", "batch.html", "batch.parquet")
 

@@ -25,9 +25,8 @@ from fitball.thesis import (
     printed_tables,
     ranking,
     recalibration,
-    vertical_damping,
 )
-from fitball.thesis.chapter_five_page import write
+from fitball.thesis.page import write
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +141,7 @@ def test_bifilar_inertia_by_hand():
 
 
 def test_nine_dampings_obey_chapter_five():
-    table = vertical_damping.formula_table()
+    table = printed_tables.formula_table()
     nine = table[table["place"].str.startswith("Fig.")]
     assert list(nine["obeys"]) == ["Chapter V"] * 9
     assert nine["nearest [%]"].max() < 0.5
@@ -233,8 +232,8 @@ def test_the_points_of_figures_36_to_44():
 
 def test_the_verb_ends_with_one_when_a_reproduction_fails(found, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("fitball.thesis.chapter_five.derive", lambda _effort, _report: found)
-    monkeypatch.setattr("fitball.thesis.chapter_five_page.draw_all", lambda _found: {})
-    monkeypatch.setattr("fitball.thesis.chapter_five_page.page", lambda *_rest: "page")
+    monkeypatch.setattr("fitball.thesis.page.draw_all", lambda _found: {})
+    monkeypatch.setattr("fitball.thesis.page.page", lambda *_rest: "page")
     assert main(["rederive", "--out", str(tmp_path / "a"), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["holds"] is True and told["summary"] == found.summary and told["verdicts"] == found.verdicts

@@ -18,7 +18,8 @@ from test_report_browser import FOUND, PHONE, SCREEN, complaints
 from test_report_html import faults
 
 from fitball.cli.main import main
-from fitball.report.compare.text import ASSUMED, ERRORS, LEGEND
+from fitball.inference.results.adequacy import Answer
+from fitball.report.compare.document import ANSWERS, ASSUMED, ERRORS, LEGEND
 
 ROWS = """id,group,v_x1 [m/s],v_y1 [m/s],omega_1 [rpm],v_x2 [m/s],v_y2 [m/s],omega_2 [rpm]
 a,flat,16.0,5.0,0,11.5,4.1,2400
@@ -120,8 +121,10 @@ def test_the_page_says_what_the_terminal_says(done):
     content = json.loads((place / "fits" / "balls" / "compare" / "compare.json").read_text(encoding="utf-8"))
     models = [model["name"] for model in content["models"]]
     said = [LEGEND, ERRORS, ASSUMED, content["words"], *(f"{note}." for note in content["notes"])]
-    said += ["grip-slip: this table cannot tell", "brody: yes, with exceptions: v_x2: its scatter is not that of"]
     said += [f"{name}: identified" for name in models]
+    for model in content["models"]:
+        answer = ANSWERS[Answer(model["adequacy"]["answer"])].partition("{")[0]
+        said.append(f"{model['name']}: {answer}")
     for text in said:
         assert squeezed(text) in squeezed(out) and squeezed(text) in squeezed(shown), text
     best = content["models"][0]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -23,14 +22,12 @@ from fitball.inference.results.evidence import (
     InformationEvidence,
     Profile,
 )
-from fitball.report.figures.kinds import KINDS, drawable_kinds
-from fitball.report.figures.names import FIGURES
+from fitball.report.figures.canvas import STAMPS
 from fitball.report.figures.profiles import profile_panels
 from fitball.report.figures.regimes import OTHERS, regime_bars, regime_colours
-from fitball.report.figures.save import STAMPS
-from fitball.report.fit.alt_texts import WORDS
-from fitball.report.fit.html import SECTIONS
-from fitball.report.form.display_units import handy
+from fitball.report.figures.registry import FIGURES, drawable_kinds, drawing
+from fitball.report.fit.document import fit_document
+from fitball.report.form.numbers import handy
 from fitball.report.form.palette import FAINT
 from fitball.report.saved.structure import plain, structured
 
@@ -56,12 +53,9 @@ def test_an_open_profile_is_read_back_open():
     assert read.eigendirections == identifiability.eigendirections
 
 
-def test_kinds_and_formats_are_the_ones_promised():
-    assert set(KINDS) == set(FIGURES) == set(WORDS)
-    page = (files("fitball.report") / "templates" / "report.html.j2").read_text(encoding="utf-8")
-    for text in FIGURES.values():
-        assert text.section in SECTIONS
-        assert f"in figures.{text.section} %}}" in page
+def test_kinds_and_formats_are_the_ones_promised(short_fit):
+    assert all(callable(drawing(name).figure) for name in FIGURES)
+    assert {text.section for text in FIGURES.values()} <= {it.name for it in fit_document(short_fit.result).sections}
     assert ("png", *STAMPS) == FORMATS
 
 

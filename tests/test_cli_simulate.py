@@ -14,8 +14,8 @@ from fitball.cli.main import main
 from fitball.inference.prediction.simulate import POINTS, chosen_parameters, simulate, simulate_fit
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.specs import SPECS
+from fitball.report.history.document import render
 from fitball.report.history.figure import ALL_PANELS, DRAWN, LABELS, history_figure
-from fitball.report.history.text import render_simulation
 from fitball.report.saved.fit_text import fit_text
 from fitball.thesis.simulate_examples import EXAMPLES
 
@@ -156,7 +156,7 @@ def test_bands_are_the_quantiles_of_the_draws():
         assert (some.band is None) == (share > 0.5)
         told = f"{100 * share:.0f} % of the draws cannot be solved at this impact: no bands."
         rest = f"{row} more, {100 * share:.0f} %, cannot be solved at this impact: bands are of the rest."
-        said = " ".join(render_simulation(some).split())
+        said = " ".join(render([some]).split())
         assert (told in said) == (share > 0.5) and (rest in said) == (share <= 0.5)
 
 

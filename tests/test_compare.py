@@ -29,10 +29,10 @@ from fitball.inference.results.results import RunStatus
 from fitball.inference.sampling.ensembles import Schedule
 from fitball.report.compare.rows import json_content
 from fitball.report.compare.words import words
-from fitball.report.form.json_text import json_text
+from fitball.report.form.files import json_text
 from fitball.scheduling.engine import engine
 from fitball.thesis import ranking
-from fitball.thesis.predictions import chapter_five_predictions
+from fitball.thesis.printed_tables import chapter_five_predictions
 
 
 def synthetic_table(model, seed, **truth):

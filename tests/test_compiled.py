@@ -56,7 +56,7 @@ def test_every_kind_of_array_is_served_by_one_kernel(wang_impacts, draw_priors):
         chosen.jacobian(chosen.parameter_names, values, impacts)
     assert len(bounce.bounce_batch.signatures) == len(derivative.jacobian_batch.signatures) == 1
     # What these call was not needed, or was compiled here.
-    for kernel in (bounce.bounce, phases.two_mass_contact, phases.grip, phases.slide):
+    for kernel in (bounce.bounce, phases.two_mass_contact, phases.search):
         assert len(kernel.overloads) <= 1, kernel.py_func.__name__
 
 
@@ -109,18 +109,17 @@ def test_a_kernel_that_does_not_name_the_entry_it_calls_is_refused():
 TOGETHER = """
 import sys
 from dataclasses import replace
-from fitball.inference.likelihood import ahead
-from fitball.inference.likelihood.posterior import layout_of
+from fitball.inference.calibrate import compile_ahead
 from fitball.models.kernels import bounce, derivative
 from fitball.models.kernels.compiled import on_disk
 from fitball.first_compile import when_compiling
 from fitball.bench.problems import posed
 told = []
 when_compiling(lambda compiling: told.append(compiling.kernel) if compiling else None)
-layout_of(replace(posed("wang_zero_spin"), threads=2))
+compile_ahead(replace(posed("wang_zero_spin"), threads=2))
 for entry in (bounce.BOUNCE, bounce.BATCH, derivative.JACOBIAN):
     assert on_disk(entry.kernel, entry.signature.args), entry.name
-print(*told, len(ahead.log_densities.overloads))
+print(*told, len(bounce.bounce_batch.overloads))
 """
 
 
@@ -136,4 +135,4 @@ def test_two_processes_compile_what_a_fit_calls(tmp_path):
     assert told == [["bounce_alone", "jacobian_batch", "0"], ["0"]]
     # No kernel that both compiled is kept: the files of one would stand in the index of the other.
     kept = {file.name.partition("-")[0].partition(".")[2] for file in tmp_path.rglob("*.nbc")}
-    assert kept == {"bounce_alone", "bounce_batch", "jacobian_batch", "log_densities", "algebraic_batch"}
+    assert kept == {"bounce_alone", "bounce_batch", "jacobian_batch"}

@@ -18,10 +18,9 @@ from fitball.inference.design.target import of_court_pace
 from fitball.inference.prediction.court_pace import DRAWS, court_pace, pace_by_surface
 from fitball.inference.results.pace_rating import apparent_friction, itf_impact, pace_categories, pace_rating
 from fitball.inference.results.results import Verdict, thinned
-from fitball.report.fit.headline import headline
-from fitball.report.fit.html import page
-from fitball.report.fit.pace_rows import pace_lines, pace_remarks, pace_table
-from fitball.report.fit.terminal import render, render_json
+from fitball.report.fit.document import page, render
+from fitball.report.fit.folder import render_json
+from fitball.report.fit.pace import pace_lines, pace_remarks
 from fitball.report.saved.fit_text import fit_text
 from fitball.report.saved.saved_fit import as_saved
 
@@ -125,7 +124,7 @@ def test_a_ball_that_grips_has_less_apparent_friction(brief):
     assert mu < 1.2
     assert found.sliding_friction.point == 1.3
     assert found.rating.point - found.sliding_rating.point == pytest.approx(100.0 * (1.3 - mu), abs=1e-4)
-    assert any("differ" in line for line in pace_table(fit).remarks)
+    assert any("differ" in line for line in pace_remarks(fit.court_pace))
 
 
 def test_every_surface_has_its_own_rating(two_surfaces):
@@ -149,10 +148,8 @@ def test_every_surface_has_its_own_rating(two_surfaces):
     assert lines[0].startswith("ITF court pace rating of clay: ")
     assert "extrapolated" not in lines[0]
     # What is told level by level is not called unknown because the pooling is.
-    said = headline(fit)
-    assert said.endswith("; mu differs between 2 surfaces and is told for each of them.")
-    assert "mu_place" not in said
-    assert "mu[clay]" in page(fit, {})
+    said = page(fit, {})
+    assert "mu differs between 2 surfaces and is told for each of them." in said and "mu[clay]" in said
 
 
 def test_extrapolation_is_flagged_with_its_distance(two_surfaces, grip_slip_fit):
@@ -258,8 +255,8 @@ def test_it_is_saved_shown_and_optional(grip_slip_fit, grip_slip_folder, tmp_pat
     saved = content["court_pace"]["ratings"][0]
     assert saved["rating"] == asdict(found.rating)
     assert saved["reach"]["outside"] is True
-    text = render(grip_slip_fit, tmp_path)
-    assert json.loads(render_json(grip_slip_fit, tmp_path))["court_pace"] == content["court_pace"]
+    text = render(grip_slip_fit.result, tmp_path)
+    assert json.loads(render_json(grip_slip_fit.result, tmp_path))["court_pace"] == content["court_pace"]
     rating, shares = found.rating, found.categories
     likeliest = max(shares, key=shares.get)
     assert f"[{rating.q025:.1f}, {rating.q975:.1f}] (95 %), {likeliest} ({100.0 * shares[likeliest]:.0f} %)" in text
@@ -284,7 +281,7 @@ def test_draws_without_a_rebound_are_told_and_most_of_them_give_no_rating(grip_s
         if rated:
             (rating,) = found.ratings
             assert rating.failed == pytest.approx(failing, abs=0.05)
-            told = pace_table(replace(fit, court_pace=found)).remarks
+            told = pace_remarks(found)
             assert any("of the draws cannot be solved there: intervals are of the rest" in line for line in told)
         else:
             assert found.ratings == ()

@@ -53,7 +53,7 @@ from fitball.models.registry import MODELS
 from fitball.models.specs import SPECS
 from fitball.models.types import PHASE_SYMBOL, Closures, ThesisClosures
 from fitball.observables import NOISE_OF
-from fitball.report.figures.kinds import KINDS
+from fitball.report.figures.registry import FIGURES
 from fitball.report.fit.folder import CHAIN_NAME
 from fitball.report.saved.data_file import COUNTS, NUMBERS
 
@@ -210,7 +210,7 @@ def test_result_folder(tmp_path, brief):
     fit = fitball.calibrate(drop, max_steps=100, walkers=16, cores=1)
     folder = fit.save(tmp_path / "out")
     written = {path.name for path in folder.iterdir()}
-    assert column(FORMATS, "file", "content") == written | {CHAIN_NAME} | {f"{kind}.png" for kind in KINDS}
+    assert column(FORMATS, "file", "content") == written | {CHAIN_NAME} | {f"{kind}.png" for kind in FIGURES}
     content = json.loads((folder / "fit.json").read_text(encoding="utf-8"))
     schema = json.loads((files("fitball.report") / "fit.schema.json").read_text(encoding="utf-8"))
     described = {row[0].strip("`"): row[1] for row in table(FORMATS, "key", "content")}

@@ -27,8 +27,7 @@ from fitball.inference.results.drop_test import (
     share_within,
 )
 from fitball.inference.results.results import PointFit, Posterior
-from fitball.report.fit.drop_rows import drop_lead, drop_remarks
-from fitball.report.fit.drop_rows import drop_table as rows_of
+from fitball.report.fit.drop import ball_rows, drop_lead, drop_remarks, speed_rows, type_rows
 from fitball.values import Ball, Impacts
 
 V0 = 7.058171
@@ -92,8 +91,7 @@ def test_other_balls_are_not_judged_by_the_rules_of_tennis():
     drops, basketball = dropped([6.0] * 12, [0.745] * 12), Ball(0.62, 0.12, 0.6 * 0.62 * 0.12**2)
     found, _ = told(drops, ball=basketball)
     assert found.rebound is None and not found.missing
-    shown = rows_of(found)
-    assert shown.speeds[0]["COR"].startswith("0.7") and shown.types == ()
+    assert speed_rows(found)[0]["COR"].startswith("0.7") and type_rows(found) == []
     words = " ".join((*drop_lead(found), *drop_remarks(found)))
     assert "COR at 6.00 m/s" in words and "are those of tennis balls" in words
     assert not any(item in words for item in ("passes", "Limits:", "The ITF tests"))
@@ -111,8 +109,7 @@ def test_probability_to_pass_is_that_of_the_limits(mean, kind):
     assert found.rebound.passing[kind].mean == pytest.approx(high - low, abs=0.025)
     assert found.rebound.passing[kind].ball is None
     assert "no type is stated" not in drop_lead(found)[-1]
-    table = rows_of(found)
-    assert [row["ball"] for row in table.types] == [item.words for item in BALL_TYPES.values()]
+    assert [row["ball"] for row in type_rows(found)] == [item.words for item in BALL_TYPES.values()]
 
 
 def test_limits_are_those_of_the_itf():
@@ -220,7 +217,7 @@ def test_balls_are_told_apart_from_noise_and_count_as_a_sample():
     low, high = next_ball.cdf(np.sqrt(np.array([1.35, 1.47]) / 2.54))
     assert passing.ball == pytest.approx(high - low, abs=0.06)
     assert passing.mean > 0.99
-    assert rows_of(found).balls[0]["ball"] == "b0"
+    assert ball_rows(found)[0]["ball"] == "b0"
 
 
 @pytest.mark.parametrize(

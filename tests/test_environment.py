@@ -18,7 +18,7 @@ from fitball.errors import MemoryShortageError
 from fitball.first_compile import tell_nobody, when_compiling
 from fitball.models.kernels import kept
 from fitball.models.kernels.compiled import KernelFiles
-from fitball.report.figures.save import rendered
+from fitball.report.figures.canvas import rendered
 
 HOSTILE = {
     "text.usetex": True, "figure.dpi": 1e6, "font.family": "No Such Font", "savefig.format": "pdf",

@@ -25,8 +25,8 @@ from fitball.inference.calibrate import fingerprint
 from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices
 from fitball.inference.sampling.ensembles import SamplingInterrupted
+from fitball.report.fit.document import _pictures
 from fitball.report.fit.folder import write_all
-from fitball.report.fit.html import page_figures
 from fitball.report.saved.restore import restore
 
 ROWS = [
@@ -85,9 +85,9 @@ def quick():
         patch.setattr("fitball.inference.point.point_fit.STARTS", 3)
         patch.setattr("fitball.inference.point.starts.SCREENED", 100)
         patch.setattr("fitball.inference.sampling.ensembles.POOL", 300)
-        patch.setattr("fitball.report.figures.save.save_figure.__defaults__", ("png", 30))
+        patch.setattr("fitball.report.figures.canvas.save_figure.__defaults__", ("png", 30))
         patch.setattr("matplotlib.layout_engine.do_constrained_layout", lambda *_, **__: None)
-        patch.setattr("fitball.report.fit.html.page_figures", lambda fit, _images: page_figures(fit, {}))
+        patch.setattr("fitball.report.fit.document._pictures", lambda fit, _images: _pictures(fit, {}))
         yield
 
 

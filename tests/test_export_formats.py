@@ -21,7 +21,7 @@ from fitball.cli.main import main
 from fitball.exports import OWNERS
 from fitball.exports.formats import TEXT_FORMATS
 from fitball.exports.parameters import latex_table, markdown_table, paper_rows, parameter_content
-from fitball.report.form.rounding import decimals, fixed
+from fitball.report.form.numbers import decimals, fixed
 
 
 @pytest.fixture(scope="module")

@@ -17,10 +17,10 @@ from fitball.report.batch.figure import batch_figure
 from fitball.report.batch.rows import row_of
 from fitball.report.batch.series import all_series
 from fitball.report.figures.canvas import Margins, group_handles, group_styles, legend_below, log_ticks, panels
-from fitball.report.figures.kinds import draw
-from fitball.report.figures.parameter_axis import parameter_axis
+from fitball.report.figures.quantities import parameter_axis
+from fitball.report.figures.registry import draw
 from fitball.report.figures.sketch import ball_sketch
-from fitball.report.fit.html import page
+from fitball.report.fit.document import page
 from fitball.report.form.palette import (
     MEASURED,
     MODEL,
@@ -34,7 +34,7 @@ from fitball.report.form.palette import (
     style_rules,
     verdict_mark,
 )  # fmt: skip
-from fitball.report.form.symbols import symbol_html
+from fitball.report.form.parameters import symbol_html
 from fitball.report.saved.saved_fit import as_saved
 from fitball.wording import in_formula, short
 
@@ -90,8 +90,8 @@ def test_every_symbol_is_one_parameters_and_reads_on_a_page():
 
 def test_the_table_of_parameters_says_what_they_mean(point_fit):
     text = page(point_fit, {})
-    assert f'<td class="text">\u03bc</td><td class="text"></td><td class="meaning">{SPECS["mu"].meaning}</td>' in text
-    assert '<td class="meaning">vertical stiffness between core and shell</td>' in text
+    assert f'<td class="text">\u03bc</td><td class="text"></td><td class="words">{SPECS["mu"].meaning}</td>' in text
+    assert '<td class="words">vertical stiffness between core and shell</td>' in text
     assert "K<sub>y</sub>" in text
 
 

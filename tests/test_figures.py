@@ -24,12 +24,12 @@ from fitball.models.registry import model
 from fitball.observables import OBSERVABLES
 from fitball.report.figures.corner import LEVELS, corner_data, pair_density
 from fitball.report.figures.curves import curve_columns
-from fitball.report.figures.kinds import draw
-from fitball.report.figures.measured import measured_outputs
 from fitball.report.figures.predictive import agreements, interval_band
+from fitball.report.figures.quantities import measured_outputs
+from fitball.report.figures.registry import draw
 from fitball.report.figures.residuals import incident_quantities, residual_data, trend
-from fitball.report.fit.html import page
-from fitball.report.fit.summary import thesis_rows
+from fitball.report.fit.document import page
+from fitball.report.fit.rows import thesis_rows
 
 DROP = "v_y1,v_y2\n4,3.21\n6,4.68\n8,6.13\n10,7.48\n"
 TRUTH = {
@@ -349,7 +349,7 @@ def test_a_drop_test_has_no_spin_and_one_curve(tmp_path):
     np.testing.assert_allclose(column.bands["v_y2"][0], cor * column.along)
     assert list(incident_quantities(fit)) == ["v_y1"]
     # Thesis units stand only beside the thesis's data.
-    assert thesis_rows(fit) == ()
+    assert thesis_rows(fit) == []
     assert "In the units of the thesis" not in page(fit, {})
 
 

@@ -21,8 +21,7 @@ from fitball.cli.main import main
 from fitball.errors import ResultFolderError
 from fitball.inference.sampling.chain_file import ChainFile, EnsembleChain, read_chains
 from fitball.report.form import folders
-from fitball.report.form.atomic_write import refuse_existing, remove, write_text
-from fitball.report.form.csv import write_csv
+from fitball.report.form.files import refuse_existing, remove, write_csv, write_text
 from fitball.report.form.folders import LOCK_NAME, held
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -12,8 +12,7 @@ from PIL import Image
 import fitball
 from fitball.cli.main import main
 from fitball.inference.prediction.simulate import chosen_parameters, simulate
-from fitball.report.history.film import write_film
-from fitball.report.history.motion import FLIGHT, LASTS, motion
+from fitball.report.history.film import FLIGHT, LASTS, motion, write_film
 
 FRAMES_PER_SECOND = 100
 

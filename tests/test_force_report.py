@@ -29,7 +29,7 @@ from fitball.inference.likelihood.posterior import log_likelihood_terms
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import Verdict
 from fitball.report.figures.force import force_panels
-from fitball.report.figures.kinds import drawable_kinds
+from fitball.report.figures.registry import drawable_kinds
 
 # Enough to settle a verdict on six parameters, not to converge.
 SHORT = {"walkers": 14, "max_steps": 150, "cores": 1, "seed": 2}

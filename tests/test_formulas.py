@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from fitball.cli.main import main
 from fitball.report.batch.rows import failed_row, read_rows
-from fitball.report.form.csv import csv_text
+from fitball.report.form.files import csv_text
 from fitball.visible import guarded, unguarded
 
 # What spreadsheets compute, by the list of OWASP ("CSV Injection").

@@ -30,9 +30,9 @@ NAMES = [target.name for target in (*hand_written(), *of_a_fit(Path()), *of_a_ba
 @pytest.fixture
 def targets(small_fit, monkeypatch):
     # Figures of batches draw what was read, slowly; one population is read as all are.
-    monkeypatch.setattr("fitball.report.batch.folder.default_names", lambda _series: ())
-    monkeypatch.setattr("fitball.report.batch.folder.batch_figure", lambda *_given, **_others: None)
-    monkeypatch.setattr("fitball.report.batch.folder.save_figure", lambda *_given: b"")
+    monkeypatch.setattr("fitball.report.batch.document.default_names", lambda _series: ())
+    monkeypatch.setattr("fitball.report.batch.figure.batch_figure", lambda *_given, **_others: None)
+    monkeypatch.setattr("fitball.report.figures.canvas.save_figure", lambda *_given: b"")
     return {target.name: target for target in (*hand_written(), *of_a_fit(small_fit), *of_a_batch(small_fit))}
 
 

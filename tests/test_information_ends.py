@@ -24,8 +24,8 @@ from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.surface import Surface
 from fitball.inference.results.evidence import Profiles
 from fitball.inference.results.results import Verdict
-from fitball.report.fit.summary import diagnosis_lines
-from fitball.report.fit.terminal import render
+from fitball.report.fit.document import render
+from fitball.report.fit.rows import diagnosis_lines
 
 SLOWEST = 1.9488
 # Restitution is all but 1 at the slowest impact, the mass ratio between it and 1: a step down makes it smaller than

@@ -30,7 +30,7 @@ from fitball.inference.results.pace_rating import CourtPace, adjusted
 from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.models.registry import parameter_spec
-from fitball.report.fit.pace_rows import court_lines, place_rows, warmth_words
+from fitball.report.fit.pace import court_lines, place_rows, warmth_words
 from fitball.report.saved.restore import restore
 
 MU = {"A": 0.60, "B": 0.66, "C": 0.54, "D": 0.62, "E": 0.58}
@@ -204,7 +204,7 @@ def test_a_drop_test_from_table_to_certificate(drops, capsys, without_figures):
     assert main(["calibrate", str(drops / "drops.csv"), *words, "--cores", "1"]) == 0
     told = capsys.readouterr()
     lines = told.out.splitlines()
-    assert lines[2].startswith("COR at 7.06 m/s: 0.74")
+    assert lines[3].startswith("COR at 7.06 m/s: 0.74")
     assert "ITF type 1 (fast), 138 to 151 cm" in told.out
     assert "prior of cor_10 from literature:itf-type-2" in told.err
     content = json.loads((out / "fit.json").read_text(encoding="utf-8"))

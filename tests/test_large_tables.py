@@ -35,11 +35,10 @@ from fitball.inference.problem.subsample import thinned_problem
 from fitball.inference.results.results import Posterior
 from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.report.figures import canvas
-from fitball.report.figures.kinds import draw
-from fitball.report.fit.csv_tables import prediction_rows
-from fitball.report.fit.html import page
-from fitball.report.fit.terminal import render
-from fitball.report.form import listed
+from fitball.report.figures.registry import draw
+from fitball.report.fit.document import page, render
+from fitball.report.fit.folder import prediction_rows
+from fitball.report.form import numbers
 from fitball.report.saved.data_file import data_part, read_data, write_data
 from fitball.report.saved.fit_file import TablePart
 from fitball.report.saved.fit_text import fit_text
@@ -221,7 +220,7 @@ def test_text_and_files_do_not_grow_with_rows(long_fits, tmp_path):
 
 def test_files_list_some_of_very_many_impacts(long_fits, monkeypatch, tmp_path):
     """Evenly spread, first and last among them; terminal and page say how many of how many."""
-    monkeypatch.setattr(listed, "LISTED", 100)
+    monkeypatch.setattr(numbers, "LISTED", 100)
     fit = long_fits[1]
     rows = list(prediction_rows(fit))
     names = [row["id"] for row in rows[:100]]
@@ -230,7 +229,7 @@ def test_files_list_some_of_very_many_impacts(long_fits, monkeypatch, tmp_path):
     words = "predictions.csv, which lists 100 of all 1,240, evenly spread"
     assert words in " ".join(render(fit, tmp_path).split())
     assert "<code>predictions.csv</code>, which lists 100 of all 1,240" in page(fit, {})
-    assert len(list(fit.balances.rows(listed.listed_places(1240)))) == 100
+    assert len(list(fit.balances.rows(numbers.listed_places(1240)))) == 100
 
 
 def test_figures_draw_some_of_many_impacts(long_fits, monkeypatch):

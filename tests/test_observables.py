@@ -19,7 +19,7 @@ from fitball.inference.prediction.outputs import OUTPUTS as COMPARED_OUTPUTS
 from fitball.models.model import INPUTS, by_output
 from fitball.models.types import OUTPUTS, Rebound
 from fitball.observables import COMPARED, INCIDENT_UNITS, NOISE_OF, OBSERVABLES, SHARED_SD, VELOCITIES
-from fitball.report.form.display_units import output_scale
+from fitball.report.form.numbers import output_scale
 from fitball.report.saved.fit_file import GoldenRebound, Incident
 
 POINT = {"mu": 0.55, "eps_10": 2e-3, "eps_slope": 0.0, "cor_10": 0.77, "cor_slope": -0.015, "mass_ratio": 0.87,

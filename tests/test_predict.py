@@ -16,8 +16,7 @@ from fitball.inference.prediction.holdout_scores import impacts_seen, scores
 from fitball.inference.prediction.new_impacts import BATCH, predict_new
 from fitball.inference.problem.observables import Observable
 from fitball.inference.results.fitted_model import FittedModel
-from fitball.report.predict.rows import prediction_csv_rows, prediction_json
-from fitball.report.predict.text import remarks_on
+from fitball.report.predict import prediction_csv_rows, prediction_json, remarks_on
 
 NAMES = ("mu", "e_x", "offset", "cor_10", "cor_slope", "velocity_sd", "spin_sd")
 BALL = fitball.Ball()

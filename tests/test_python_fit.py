@@ -20,7 +20,7 @@ from fitball.errors import ParameterError, ResultFolderError
 from fitball.inference.comparison.psis_loo import leave_one_out
 from fitball.inference.effort import Effort
 from fitball.inference.prediction.simulate import COURSES, Band
-from fitball.report.figures.names import FIGURES
+from fitball.report.figures.registry import FIGURES
 from fitball.values import same
 
 

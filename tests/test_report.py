@@ -21,12 +21,11 @@ import fitball
 from fitball.data.balances import scene_balances
 from fitball.data.scene import load_scene
 from fitball.errors import ResultFolderError
-from fitball.report.fit.balance_table import balance_table
-from fitball.report.fit.folder import prepare_folder, write_all
-from fitball.report.fit.summary import parameter_rows, prediction_table, thesis_rows
-from fitball.report.fit.terminal import render, render_json
-from fitball.report.form.display_units import HANDY, THESIS
-from fitball.report.form.rounding import decimals, fixed
+from fitball.report.fit.document import render
+from fitball.report.fit.folder import prepare_folder, render_json, write_all
+from fitball.report.fit.rows import balance_table, prediction_table, thesis_rows
+from fitball.report.form.numbers import HANDY, THESIS, decimals, fixed
+from fitball.report.form.parameters import parameter_row
 from fitball.report.saved.fit_text import fit_text
 
 
@@ -211,15 +210,15 @@ def test_rounding_follows_the_particle_data_group(value, sd, text):
 
 def test_no_number_is_longer_than_it_deserves(fit, two_mass, tmp_path):
     for item in (fit, two_mass):
-        text = render(item, tmp_path)
+        text = render(item.result, tmp_path)
         assert not re.search(r"\d\.\d{6,}", text)
         for name in item.parameters:
             assert name in text
-    assert json.loads(render_json(fit, tmp_path))["parameters"]["mu"]["verdict"] == "identified"
+    assert json.loads(render_json(fit.result, tmp_path))["parameters"]["mu"]["verdict"] == "identified"
 
 
 def test_rows_say_what_the_estimates_say(two_mass):
-    for row, item in zip(parameter_rows(two_mass), (*two_mass.estimates, *two_mass.derived), strict=True):
+    for row, item in ((parameter_row(item), item) for item in (*two_mass.estimates, *two_mass.derived)):
         assert row.verdict == item.verdict_words
         assert row.reason == item.reason
         assert row.reason
@@ -236,9 +235,18 @@ def test_the_chain_survives_saving_beside_it(two_mass_folder):
 
 def test_balances_are_shown_with_what_their_uncertainty_supports():
     table, scene = fitball.load_table("wang_zero_spin.csv"), load_scene("wang_zero_spin.csv")
-    shown = balance_table(scene_balances(table, scene))
-    assert shown.heads == ("impact", "mu_bar", "e_x", "offset [mm]", "cor", "energy_lost [J]", "energy_fraction")
+    shown, meanings = balance_table(scene_balances(table, scene))
+    heads = tuple(shown.rows[0])
+    assert heads == (
+        "impact",
+        "mu_bar",
+        "e_x",
+        "offset [mm]",
+        "cor",
+        "energy_lost [J]",
+        "energy_fraction",
+    )
     # By hand from Table 1 of Jafri (2004): (15.62 - 11.09) / (4.81 + 4.22) and 4.22 / 4.81.
-    assert shown.rows[0][1] == "0.502 +- 0.031"
-    assert shown.rows[0][4] == "0.88 +- 0.05"
-    assert len(shown.legend) == 6
+    assert shown.rows[1][1] == "0.502 +- 0.031"
+    assert shown.rows[1][4] == "0.88 +- 0.05"
+    assert len(meanings) == 6

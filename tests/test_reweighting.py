@@ -21,7 +21,7 @@ from fitball.inference.population.hyper import Before
 from fitball.inference.population.quantity import log_density, prior_of, quantity
 from fitball.inference.population.reweighting import population
 from fitball.report.batch import populations
-from fitball.report.batch.folder import write_results
+from fitball.report.batch.document import write_results
 from fitball.report.batch.rows import read_rows, row_of
 from fitball.report.saved.saved_fit import read_fit
 
@@ -313,8 +313,8 @@ def season(small_fit, short_fit, tmp_path_factory):
     assert (folder / "parameters.png").stat().st_size > 10_000
     picture = (folder / "parameters.png").read_bytes()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fitball.report.batch.folder.batch_figure", lambda *_given, **_others: None)
-        patch.setattr("fitball.report.batch.folder.save_figure", lambda *_given: picture)
+        patch.setattr("fitball.report.batch.figure.batch_figure", lambda *_given, **_others: None)
+        patch.setattr("fitball.report.figures.canvas.save_figure", lambda *_given: picture)
         yield folder
 
 

@@ -17,18 +17,18 @@ SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 CONTRACTS = [contract["name"] for contract in SETTINGS["tool"]["importlinter"]["contracts"]]
 # For each contract a module and what it must not import.
 BREAKS = {
-    "Information flows one way": ("fitball.data.table", "fitball.report.form.rounding"),
+    "Information flows one way": ("fitball.data.table", "fitball.report.form.numbers"),
     "Inference: what is asked, how probable, what is found, what follows": (
         "fitball.inference.problem.priors", "fitball.inference.likelihood.residuals",
     ),
     "Report: shapes, then files and figures, then each verb's own words": (
-        "fitball.report.form.csv", "fitball.report.saved.structure",
+        "fitball.report.form.files", "fitball.report.saved.structure",
     ),
     "Models: kernels, faces, registry": ("fitball.models.types", "fitball.models.registry"),
     "Only figures draw": ("fitball.inference.results.results", "matplotlib"),
     "Only the minimiser knows lmfit": ("fitball.inference.point.starts", "lmfit"),
     "Only sampling knows emcee": ("fitball.inference.point.point_fit", "emcee"),
-    "Only scheduling starts processes, by joblib or Dask": ("fitball.report.batch.page", "joblib"),
+    "Only scheduling starts processes, by joblib or Dask": ("fitball.report.batch.document", "joblib"),
     "Models need numpy and numba only, their oracle scipy and mpmath too": ("fitball.models.model", "pandas"),
 }  # fmt: skip
 ROOMS = sorted(place.parent for place in (ROOT / "fitball").rglob("__init__.py") if place.parent.name != "fitball")

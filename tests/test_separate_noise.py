@@ -37,7 +37,7 @@ from fitball.inference.problem.parameters import NOISE_SPECS, SD_SPECS
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.types import Rebound
 from fitball.observables import NOISE_OF, OBSERVABLES, SHARED_SD
-from fitball.report.form.display_units import handy, output_scale
+from fitball.report.form.numbers import handy, output_scale
 
 WANG = load_table("wang_all.csv")
 TRUTH = {**GRIP_SLIP, "v_x_sd": 0.6, "v_y_sd": 0.1}

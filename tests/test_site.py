@@ -233,7 +233,7 @@ def test_snippets_share_a_folder_and_a_namespace_and_are_woven_in(tmp_path):
 
 
 def test_the_gallery_shows_every_kind_of_figure():
-    from fitball.report.figures.names import FIGURES
+    from fitball.report.figures.registry import FIGURES
 
     shown = {Path(file).stem for file, _ in figures(PAGES["gallery"])}
     assert shown >= {*FIGURES, "history", "regime_map", "bounce", "compare"}

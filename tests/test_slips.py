@@ -10,7 +10,7 @@ from fitball.errors import TableError
 from fitball.inference.thesis.inputs import C1, C2, INCH, INERTIA, case_parameters, printed_model
 from fitball.thesis import appendix_c, slips
 from fitball.thesis.appendix_b import CODES, Clause, filled_in, outputs, row_inputs
-from fitball.thesis.slip_candidates import by_chance, candidates
+from fitball.thesis.slips import by_chance, candidates
 from fitball.values import impacts
 
 ERRATA = thesis_table("errata")

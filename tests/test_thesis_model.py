@@ -14,10 +14,10 @@ from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.starts import starting_points
 from fitball.inference.thesis.inputs import INERTIA_OF, case_parameters, printed_model
 from fitball.inference.thesis.published_cases import predictions
-from fitball.models.thesis.kernel import first_sign_change
+from fitball.models.thesis import Pair, first_sign_change
 from fitball.models.types import Status
 from fitball.thesis.appendix_c import recompute, with_corrected_inputs, worst_error
-from fitball.thesis.predictions import chapter_five_predictions
+from fitball.thesis.printed_tables import chapter_five_predictions
 
 ROWS = recompute(with_corrected_inputs(thesis_table("appendix_c"), thesis_table("errata")))
 LISTED = {
@@ -169,7 +169,7 @@ def test_first_sign_change_against_a_fine_grid():
         u0, end = rng.uniform(0.0, 6.0), np.pi / z.imag
         times = np.linspace(0.0, end, 20001)
         values = u0 + (h * (np.exp(z * times) - 1.0)).real
-        found = first_sign_change(u0, h, z, end)
+        found = first_sign_change(u0, Pair(h.real, h.imag), Pair(z.real, z.imag), end)
         below = np.flatnonzero(values <= 0.0)
         if below.size == 0:
             assert found < 0.0 or values.min() < 1e-6
@@ -191,7 +191,7 @@ def test_backward_slip_mirrors_forward_slip_without_offset():
 
 def test_damping_formulas():
     """The restitution each formula asks of the core, through `exp(-pi zeta/sqrt(1-zeta^2))`."""
-    from fitball.models.thesis.kernel import DAMPING_CHAPTER_FIVE, DAMPING_CHAPTER_THREE, thesis_damping
+    from fitball.models.thesis import DAMPING_CHAPTER_FIVE, DAMPING_CHAPTER_THREE, thesis_damping
 
     core, k_y = 0.038, 1.4e4
     for formula, expected in ((DAMPING_CHAPTER_FIVE, 0.77), (DAMPING_CHAPTER_THREE, 0.66 / 0.77)):

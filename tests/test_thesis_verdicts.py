@@ -11,9 +11,9 @@ from fitball.data.published import measured, thesis_table
 from fitball.inference.thesis.inputs import case_parameters
 from fitball.models.oracle.oracle import oracle_rebound
 from fitball.thesis import appendix_c, printed_tables, ranking
-from fitball.thesis.computation_slips import slip_table, slip_words
 from fitball.thesis.ranking import EXACT, MENDED, PRINTED, RECOMPUTED
 from fitball.thesis.recalibration import Placed
+from fitball.thesis.slips import slip_table, slip_words
 from fitball.thesis.verdicts import (
     case_verdict,
     fit_words,

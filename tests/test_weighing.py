@@ -16,7 +16,7 @@ from fitball.inference.point.point_fit import point_fit
 from fitball.inference.prediction.posterior_predictive import evenly
 from fitball.inference.problem.noise import KINDS
 from fitball.inference.sampling.moves import DEGREES_OF_FREEDOM, StudentProposal
-from fitball.report.fit.html import page
+from fitball.report.fit.document import page
 from fitball.report.saved.fit_text import fit_text
 from fitball.report.saved.run_file import run_text
 from fitball.report.saved.run_record import read_run

@@ -21,17 +21,17 @@ from fitball.inference.comparison.published_sets import published_sets
 from fitball.inference.effort import Effort
 from fitball.inference.results.results import RunStatus
 from fitball.kinds import checked
+from fitball.report.compare.document import render
 from fitball.report.compare.rows import csv_rows, json_content
-from fitball.report.compare.text import render
 from fitball.report.compare.words import words
+from fitball.report.form.document import columns as aligned
 from fitball.report.form.folders import clear_folder, held
-from fitball.report.form.text_table import columns as aligned
 from fitball.scheduling.engine import Engine, engine
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from fitball.report.figures.shown import Figure
+    from fitball.report.figures.canvas import Figure
 
 
 class Comparison:
@@ -87,7 +87,7 @@ class Comparison:
 
     def report(self) -> str:
         """All of it as text."""
-        return render(self.result, self.words)
+        return render(self.result)
 
     def json(self) -> Mapping[str, object]:
         """All of it as `compare.json` has it."""
@@ -95,19 +95,19 @@ class Comparison:
 
     def plot(self) -> Figure:
         """Scores and errors of the models, as a matplotlib Figure that pyplot does not know."""
-        from fitball.report.compare.figure import compare_figure
+        from fitball.report.compare.figures import compare_figure
 
         return compare_figure(self.result)
 
     @checked
     def save(self, folder: PathLike, *, overwrite: bool = False) -> Path:
         """Write `compare.json`, tables and figures. Raises ResultFolderError."""
-        from fitball.report.compare.folder import JSON_NAME, write_all
+        from fitball.report.compare.document import JSON_NAME, write_all
 
         path = Path(folder)
         with held(path):
             clear_folder(path, JSON_NAME, overwrite=overwrite)
-            write_all(self.result, self.words, path)
+            write_all(self.result, path)
         return path
 
     def __eq__(self, other: object) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from fitball.errors import ParameterError, suggestion
 from fitball.exports import FORMAT_NAMES, KINDS, OWNERS
-from fitball.report.form.atomic_write import refuse_existing, write_bytes, write_text
+from fitball.report.form.files import refuse_existing, write_bytes, write_text
 from fitball.report.saved.saved_fit import SavedFit
 from fitball.wording import spoken
 

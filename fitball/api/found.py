@@ -16,7 +16,6 @@ from fitball.inference.results.drop_test import DropTest
 from fitball.inference.results.evidence import Identifiability
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.pace_rating import CourtPace
-from fitball.report.fit.summary import notes
 from fitball.report.saved.fit_file import FitFile
 from fitball.report.saved.restore import restored
 from fitball.report.saved.saved_fit import SavedFit, as_saved
@@ -75,7 +74,8 @@ class Found:
     @property
     def notes(self) -> tuple[str, ...]:
         """What one should know: of the table's reading, assumptions, what was left out, what the search met."""
-        return notes(self._made) if self._made is not None else self.saved.file.notes
+        made = self._made
+        return self.saved.file.notes if made is None else (*made.problem.table.remarks, *made.notes)
 
     @property
     def seed(self) -> int:

@@ -18,14 +18,14 @@ from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.results import Fit, RunStatus
 from fitball.kinds import checked
 from fitball.report.form.folders import clear_folder, held
+from fitball.report.plan.document import render
 from fitball.report.plan.rows import plan_json, plan_rows
-from fitball.report.plan.text import render
 from fitball.wording import option
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from fitball.report.figures.shown import Figure
+    from fitball.report.figures.canvas import Figure
 
 # A range as text, as its ends in SI, or one value in SI.
 Span = str | float | tuple[float, float]
@@ -51,9 +51,9 @@ class Plan:
 
         return pd.DataFrame(plan_rows(self.result, self._problem)).set_index("id")
 
-    def report(self) -> str:
-        """All of it as text."""
-        return render(self.result)
+    def report(self, folder: Path | None = None) -> str:
+        """All of it as text, with the `folder` that it was saved in."""
+        return render(self.result, self._problem, folder)
 
     def json(self) -> Mapping[str, object]:
         """All of it as `plan.json` has it."""
@@ -61,15 +61,15 @@ class Plan:
 
     def plot(self) -> Figure:
         """The map of gains, as a matplotlib Figure that pyplot does not know."""
+        from fitball.report.plan.document import title_of
         from fitball.report.plan.figure import plan_figure
-        from fitball.report.plan.folder import title_of
 
         return plan_figure(self.result, title_of(self._problem))
 
     @checked
     def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False, command: str | None = None) -> Path:
         """Write `plan.json`, `plan.csv`, `plan.png` and `plan.html`. Raises ResultFolderError."""
-        from fitball.report.plan.folder import JSON_NAME, write_all
+        from fitball.report.plan.document import JSON_NAME, write_all
 
         path = Path(folder)
         with held(path):

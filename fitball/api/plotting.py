@@ -11,11 +11,11 @@ from fitball.inference.identifiability.examine import with_profiles
 from fitball.inference.results.evidence import LEFT_OUT
 from fitball.inference.results.results import Fit
 from fitball.kinds import checked
-from fitball.report.figures.names import FIGURES
+from fitball.report.figures.registry import FIGURES
 from fitball.scheduling.engine import engine
 
 if TYPE_CHECKING:
-    from fitball.report.figures.shown import Figure
+    from fitball.report.figures.canvas import Figure
 
 
 class Plots:
@@ -31,7 +31,7 @@ class Plots:
         """A figure by name. Raises ParameterError for a name that is none, ResultFolderError where the fit has not
         what it shows.
         """
-        from fitball.report.figures.kinds import draw
+        from fitball.report.figures.registry import draw
 
         if kind not in FIGURES:
             raise ParameterError(f"unknown figure '{kind}': {suggestion(kind, FIGURES)}")
@@ -48,7 +48,7 @@ class Plots:
             return self("corner")
         if package != "corner":
             raise ParameterError(f"package={package!r}: expected 'fitball' or 'corner'")
-        from fitball.report.figures.corner_package import package_corner_figure
+        from fitball.report.figures.corner import package_corner_figure
 
         return package_corner_figure(self._fit())
 
@@ -59,7 +59,7 @@ class Plots:
 
     def __iter__(self) -> Iterator[str]:
         """The names of the figures that this fit can show."""
-        from fitball.report.figures.kinds import drawable_kinds
+        from fitball.report.figures.registry import drawable_kinds
 
         return iter(drawable_kinds(self._fit()))
 
@@ -75,7 +75,7 @@ class Plots:
 
 def lacks_profiles(fit: Fit) -> bool:
     """Whether there are no profiles that could be computed."""
-    from fitball.report.figures.kinds import has_profiles
+    from fitball.report.figures.profiles import has_profiles
 
     return not has_profiles(fit) and fit.identifiability.profiles_missing in ("", LEFT_OUT)
 

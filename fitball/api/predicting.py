@@ -22,7 +22,7 @@ from fitball.inference.prediction.over_assumptions import with_assumptions
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import RunStatus, Verdict
 from fitball.observables import OBSERVABLES
-from fitball.report.predict.rows import prediction_csv_rows
+from fitball.report.predict import prediction_csv_rows
 from fitball.report.saved.fit_file import TablePart
 from fitball.report.saved.saved_fit import SavedFit
 from fitball.values import Ball, FloatArray, Impacts

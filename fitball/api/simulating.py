@@ -15,16 +15,15 @@ from fitball.inference.prediction.simulate import simulate as follow
 from fitball.inference.results.results import RunStatus, Verdict
 from fitball.models.model import Model
 from fitball.models.registry import DEFAULT_MODEL, model
-from fitball.report.history.rows import history_rows, simulation_json
-from fitball.report.history.text import render_all
-from fitball.report.predict.text import remarks_on
+from fitball.report.history.document import history_rows, render, simulation_json
+from fitball.report.predict import remarks_on
 from fitball.report.saved.saved_fit import SavedFit
 from fitball.values import Impacts
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from fitball.report.figures.shown import Figure
+    from fitball.report.figures.canvas import Figure
 
 
 @dataclass(frozen=True, repr=False)
@@ -44,7 +43,7 @@ class Course:
 
     def report(self) -> str:
         """Phases with their times, peaks, and the state before and after, as text."""
-        return render_all(self.simulations)
+        return render(self.simulations)
 
     def to_frame(self) -> pd.DataFrame:
         """The course: one row a point of time, columns with their units, quantiles where there is a posterior."""

@@ -16,7 +16,7 @@ from fitball.kinds import checked
 from fitball.values import Impacts
 
 if TYPE_CHECKING:
-    from fitball.report.figures.shown import Figure
+    from fitball.report.figures.canvas import Figure
 
 FitOrFolder = Fit | str | os.PathLike[str]
 P = ParamSpec("P")

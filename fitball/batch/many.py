@@ -19,13 +19,12 @@ from fitball.errors import ResultFolderError, suggestion
 from fitball.inference.effort import MAX_STEPS, Effort
 from fitball.inference.problem.choices import Choices
 from fitball.kinds import checked
-from fitball.report.batch.folder import Shown, write_results
+from fitball.report.batch.document import Shown, render, write_results
 from fitball.report.batch.grouping import Over
 from fitball.report.batch.populations import Populated, default_names, populations
 from fitball.report.batch.rows import CSV_NAME, DONE, FAILED, NAME, Row, check_row, read_rows
 from fitball.report.batch.series import all_series
-from fitball.report.batch.text import render
-from fitball.report.form.bounded_read import read_bounded
+from fitball.report.form.files import read_bounded
 from fitball.report.form.folders import held
 from fitball.report.saved.saved_fit import read_fit
 from fitball.scheduling.engine import engine

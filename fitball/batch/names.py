@@ -9,10 +9,10 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePosixPath
 
 from fitball.batch.plan import RECORD_NAME, ROW_NAME
-from fitball.report.batch import folder as files_of_all
+from fitball.report.batch import document as files_of_all
 from fitball.report.batch import population_files
 from fitball.report.batch.rows import CSV_NAME
-from fitball.report.figures.names import FIGURES
+from fitball.report.figures.registry import FIGURES
 from fitball.report.fit.folder import CHAIN_NAME, DERIVED
 from fitball.report.saved.data_file import DATA_NAME
 from fitball.report.saved.run_file import RUN_NAME

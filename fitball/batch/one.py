@@ -16,8 +16,7 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit
 from fitball.report.batch.rows import CSV_NAME, Row, check_row, failed_row, row_of
 from fitball.report.fit.folder import prepare_folder, write_all
-from fitball.report.form.atomic_write import remove, write_text
-from fitball.report.form.json_text import json_text
+from fitball.report.form.files import json_text, remove, write_text
 from fitball.report.saved.data_file import DATA_NAME, write_data
 from fitball.report.saved.fit_text import fit_text
 from fitball.report.saved.run_file import RUN_NAME, run_text

@@ -11,9 +11,8 @@ from fitball.batch.plan import RECORD_NAME, Plan
 from fitball.batch.task import Task
 from fitball.errors import ParameterError, ResultFolderError
 from fitball.report.batch.rows import FAILED, HEAD, NAME, Row, failed_row
-from fitball.report.form.atomic_write import write_text
+from fitball.report.form.files import json_text, write_text
 from fitball.report.form.folders import LOCK_NAME, make_folder
-from fitball.report.form.json_text import json_text
 from fitball.report.saved.structure import read_json
 from fitball.scheduling.engine import Engine
 

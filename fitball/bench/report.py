@@ -13,10 +13,8 @@ from fitball.bench.errors import FASTEST, OURS
 from fitball.bench.measure import Bench
 from fitball.bench.problems import HARD
 from fitball.bench.ratios import RATIO, TOLERATED, WORK
-from fitball.report.figures.canvas import new_figure
-from fitball.report.figures.save import save_figure
-from fitball.report.figures.style import own_style
-from fitball.report.form.atomic_write import write_text
+from fitball.report.figures.canvas import new_figure, own_style, save_figure
+from fitball.report.form.files import write_text
 from fitball.report.form.palette import SERIES
 
 FIGURE = "speed_against_error.png"

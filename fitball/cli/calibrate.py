@@ -45,8 +45,8 @@ def run(args: argparse.Namespace) -> int:
     progress("loading", None)
     from fitball.api import begin, pose
     from fitball.inference.results.results import RunStatus
-    from fitball.report.fit.folder import write_all
-    from fitball.report.fit.terminal import render, render_json
+    from fitball.report.fit.document import render
+    from fitball.report.fit.folder import render_json, write_all
     from fitball.report.form.folders import held
 
     if args.resume and args.overwrite:

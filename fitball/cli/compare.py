@@ -47,10 +47,9 @@ def run(args: argparse.Namespace) -> int:
     progress("loading", None)
     from fitball.api.comparing import contest
     from fitball.inference.results.results import RunStatus
-    from fitball.report.compare.folder import JSON_NAME, write_all
-    from fitball.report.compare.text import render
+    from fitball.report.compare.document import JSON_NAME, render, write_all
+    from fitball.report.form.files import json_text
     from fitball.report.form.folders import clear_folder, held
-    from fitball.report.form.json_text import json_text
 
     asked = contest(
         args.data, None if args.models is None else model_names(args.models), quick=args.quick, seed=args.seed,
@@ -64,12 +63,12 @@ def run(args: argparse.Namespace) -> int:
             tell_notes(asked.said)
         comparison = asked.compare(lambda stage: progress(stage, None))
         progress("figures and files", None)
-        write_all(comparison.result, comparison.words, folder, args.command)
+        write_all(comparison.result, folder, args.command)
     progress.finish()
     if args.json:
         print(json_text(comparison.json()), end="")
     else:
-        print(folder if args.quiet else render(comparison.result, comparison.words, folder))
+        print(folder if args.quiet else render(comparison.result, str(folder)))
     if comparison.status is RunStatus.INTERRUPTED:
         return 130
     return 0 if comparison.status is RunStatus.CONVERGED else 1

@@ -71,7 +71,7 @@ def _list(args: argparse.Namespace) -> int:
 
 def _priors(args: argparse.Namespace) -> int:
     from fitball.data.published import PREFIX, published_priors
-    from fitball.report.form.text_table import WIDTH
+    from fitball.report.form.document import WIDTH
 
     rows = published_priors()
     if args.json:
@@ -90,8 +90,8 @@ def _show(args: argparse.Namespace) -> int:
     from fitball.data.misreading import doubt_of_table
     from fitball.data.read import load_table
     from fitball.data.scene import load_scene
-    from fitball.report.fit.balance_table import balance_table
-    from fitball.report.form.text_table import MOST_LINES, columns, more
+    from fitball.report.fit.rows import balance_table
+    from fitball.report.form.document import MOST_LINES, columns, more
 
     scene = load_scene(args.data, as_read=True)
     table = load_table(args.data, scene=scene, flip=args.flip, columns=args.columns)
@@ -105,10 +105,10 @@ def _show(args: argparse.Namespace) -> int:
         print(one_line(line))
     print()
     _print_columns(table)
-    balances = balance_table(scene_balances(table, scene), MOST_LINES)
+    balances, meanings = balance_table(scene_balances(table, scene))
     print("\nmodel-free, from the measurements alone:")
     rest = more(len(table), "--json for the table, balances.csv of a fit")
-    for line in (*columns([balances.heads, *balances.rows]), *rest, *(f"  {line}" for line in balances.legend)):
+    for line in (*columns(balances.rows[: MOST_LINES + 1]), *rest, *(f"  {line}" for line in meanings)):
         print(line)
     for heading, lines in (
         ("known", _known(scene)),
@@ -153,8 +153,8 @@ def _columns(table: ImpactTable) -> dict[str, Any]:
 def _print_columns(table: ImpactTable) -> None:
     """The table, aligned; in SI units but for angles, which people read in degrees."""
     from fitball.data.units import UNITS
-    from fitball.report.form.rounding import significant
-    from fitball.report.form.text_table import MOST_LINES, columns, more
+    from fitball.report.form.document import MOST_LINES, columns, more
+    from fitball.report.form.numbers import significant
 
     cells = [["id", *table.ids[:MOST_LINES]]]
     for name, values in _columns(table).items():

@@ -62,8 +62,7 @@ def run(args: argparse.Namespace) -> int:
     cost = pairs("--cost", args.cost, float, "NAME=C, such as contact_time=2", "a number", last=True)
     args.progress("loading", None)
     from fitball.api import load_fit
-    from fitball.report.form.json_text import json_text
-    from fitball.report.plan.text import render
+    from fitball.report.form.files import json_text
 
     place = Path(args.fit)
     folder = Path(args.out) if args.out else (place.parent if place.is_file() else place) / "plan"
@@ -77,5 +76,5 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(json_text(made.json()), end="")
     else:
-        print(folder if args.quiet else render(made.result, folder))
+        print(folder if args.quiet else made.report(folder))
     return 0

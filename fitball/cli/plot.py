@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fitball.cli.options import add_scheduler, count, place, tell_notes
 from fitball.errors import ParameterError, suggestion
-from fitball.report.figures.names import FIGURES
+from fitball.report.figures.registry import FIGURES
 
 KIND_LINES = "\n".join(f"  {name:10}  {text.summary}" for name, text in FIGURES.items())
 FORMATS = ("png", "svg", "pdf")
@@ -59,7 +59,7 @@ def _draw(args: argparse.Namespace, path: Path, folder: Path) -> None:
     """Draw into the folder; a fit in it is replaced by nobody meanwhile."""
     from fitball.api import load_fit
     from fitball.api.plotting import Plots, lacks_profiles, profiled
-    from fitball.report.figures.save import save_figure
+    from fitball.report.figures.canvas import save_figure
 
     fit = load_fit(path)
     if args.kind == "profiles" and not args.quiet and lacks_profiles(fit.result):

@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     """Weight the draws, write the files, print what was found."""
     from fitball.batch.many import FOLDER, load_batch
     from fitball.report.batch.population_files import content
-    from fitball.report.form.json_text import json_text
+    from fitball.report.form.files import json_text
 
     batch = load_batch(Path(args.folder) if args.folder else FOLDER)
     asked = [name.strip() for name in args.of.split(",") if name.strip()]

@@ -54,11 +54,9 @@ def run(args: argparse.Namespace) -> int:
     from fitball.api.predicting import foretell
     from fitball.files import is_stream
     from fitball.inference.prediction.holdout_scores import impacts_seen
-    from fitball.report.form.atomic_write import refuse_existing, write_text
-    from fitball.report.form.csv import csv_text
-    from fitball.report.form.json_text import json_text
-    from fitball.report.predict.rows import prediction_csv_rows, prediction_json
-    from fitball.report.predict.text import render_prediction, render_scores
+    from fitball.report.form.document import on_terminal
+    from fitball.report.form.files import csv_text, json_text, refuse_existing, write_text
+    from fitball.report.predict import predict_document, prediction_csv_rows, prediction_json
 
     if args.out is not None:
         refuse_existing(Path(args.out), args.overwrite)
@@ -76,9 +74,8 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(json_text(prediction_json(prediction, ids, found.scores, found.notes)), end="")
     elif not args.quiet:
-        print(render_prediction(prediction, ids))
-        if found.scores:
-            print("\n" + render_scores(found.scores, impacts_seen(fit.impacts, found.new.impacts), len(ids)))
+        seen = impacts_seen(fit.impacts, found.new.impacts) if found.scores else 0
+        print(on_terminal(predict_document(prediction, ids, found.scores, seen)))
     if args.out is not None and not args.json and not is_stream(Path(args.out)):
         print(args.out)
     return 0

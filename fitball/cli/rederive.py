@@ -28,10 +28,10 @@ def run(args: argparse.Namespace) -> int:
     """Compute the tables again, write the page, print what holds; 1 where a count has changed."""
     from fitball.errors import check_whole
     from fitball.inference.effort import Effort
+    from fitball.report.form.document import columns
     from fitball.report.form.folders import held
-    from fitball.report.form.text_table import columns
     from fitball.thesis.chapter_five import derive
-    from fitball.thesis.chapter_five_page import write
+    from fitball.thesis.page import write
     from fitball.thesis.ranking import in_brief, side_by_side
 
     check_whole(seed=args.seed)

@@ -50,8 +50,8 @@ def run(args: argparse.Namespace) -> int:
     from fitball.repeat.kept import check_rows, read_kept, write_numbers
     from fitball.repeat.text import render, repetition_json
     from fitball.report.fit.folder import older_result, write_all
+    from fitball.report.form.files import json_text
     from fitball.report.form.folders import held
-    from fitball.report.form.json_text import json_text
     from fitball.report.saved.run_record import find_records, find_tables, read_run, record_problem
 
     record = read_run(Path(args.fit))

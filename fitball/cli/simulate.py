@@ -91,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
 
         return run_map(args)
     if args.example == "list":
-        from fitball.thesis.example_report import list_json, list_text
+        from fitball.thesis.example_claims import list_json, list_text
 
         print(json.dumps(list_json(), indent=2) if args.json else list_text())
         return 0
@@ -99,9 +99,9 @@ def run(args: argparse.Namespace) -> int:
         from fitball.cli.simulate_page import write_page
 
         return write_page(args)
-    from fitball.report.form.atomic_write import refuse_existing
+    from fitball.report.form.files import refuse_existing
     from fitball.report.form.folders import clear_folder, held
-    from fitball.report.history.folder import CSV_NAME, FIGURE_STEM, JSON_NAME
+    from fitball.report.history.document import CSV_NAME, FIGURE_STEM, JSON_NAME
 
     if args.animate is not None:
         from fitball.report.history.film import check_film
@@ -161,8 +161,7 @@ def _one(args: argparse.Namespace) -> tuple[Course, dict[str, Any], str, str]:
 def _example(args: argparse.Namespace) -> tuple[Course, dict[str, Any], str, str]:
     """A figure of the thesis, as `_one`."""
     from fitball.api import Course
-    from fitball.thesis.example_claims import find_example, findings, run_example
-    from fitball.thesis.example_report import example_json, example_text
+    from fitball.thesis.example_claims import example_json, example_text, find_example, findings, run_example
 
     example = find_example(args.example)
     solved = run_example(example)
@@ -175,11 +174,8 @@ def _example(args: argparse.Namespace) -> tuple[Course, dict[str, Any], str, str
 
 def _write(args: argparse.Namespace, folder: Path, course: Course, extra: dict[str, Any], text: str) -> None:
     """Figure and files, then what was asked for on stdout."""
-    from fitball.report.form.atomic_write import write_text
-    from fitball.report.form.csv import csv_text
-    from fitball.report.form.json_text import json_text
-    from fitball.report.history.folder import write_all
-    from fitball.report.history.rows import history_rows, simulation_json
+    from fitball.report.form.files import csv_text, json_text, write_text
+    from fitball.report.history.document import history_rows, simulation_json, write_all
 
     content = {**extra, "simulations": [simulation_json(simulation) for simulation in course.simulations]}
     table = csv_text(history_rows(course.simulations))

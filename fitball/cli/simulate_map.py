@@ -27,11 +27,9 @@ def run_map(args: argparse.Namespace) -> int:
     from fitball.data.lines import parse_window
     from fitball.files import all_or_none
     from fitball.inference.prediction.regime_map import regime_map
-    from fitball.report.figures.save import save_figure
-    from fitball.report.form.atomic_write import write_text
-    from fitball.report.form.csv import csv_text
+    from fitball.report.figures.canvas import save_figure
+    from fitball.report.form.files import csv_text, json_text, write_text
     from fitball.report.form.folders import clear_folder, held
-    from fitball.report.form.json_text import json_text
     from fitball.report.history.regime_map import contour_names, map_figure, map_json, map_rows, map_text
 
     contours = CONTOURS if args.contours is None else args.contours

@@ -16,7 +16,7 @@ def write_page(args: argparse.Namespace) -> int:
     from fitball.data.lines import parse_impact
     from fitball.exports.interactive import interactive_page, round_impact
     from fitball.files import is_stream
-    from fitball.report.form.atomic_write import refuse_existing, write_text
+    from fitball.report.form.files import refuse_existing, write_text
 
     fitted, intro, origin, name = _page_of_fit(args.fit) if args.fit is not None else _page_of_values(args)
     impact = round_impact(fitted) if args.impact is None else parse_impact(args.impact)

@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.exports.golden import golden_ids, port_json, port_text
     from fitball.inference.prediction.port_check import check_port
     from fitball.observables import OBSERVABLES
-    from fitball.report.form.json_text import json_text
+    from fitball.report.form.files import json_text
     from fitball.report.saved.saved_fit import read_fit
 
     saved = read_fit(_fit_path(args.port, args.fit))

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from fitball.inference.results.drop_test import DropTest
 from fitball.inference.results.pace_rating import CourtPace
 from fitball.inference.results.results import Verdict
-from fitball.report.fit.drop_rows import drop_lead, drop_remarks, drop_table
-from fitball.report.fit.pace_rows import (
+from fitball.report.fit.drop import ball_rows, drop_lead, drop_remarks, speed_rows
+from fitball.report.fit.pace import (
     category_words,
     court_lines,
     pace_remarks,
@@ -21,9 +21,9 @@ from fitball.report.fit.pace_rows import (
     surface_rows,
     surface_words,
 )
-from fitball.report.fit.summary import parameter_row
+from fitball.report.form.document import Row
+from fitball.report.form.parameters import parameter_row
 from fitball.report.form.template import render_template
-from fitball.report.form.text_table import Row
 from fitball.report.saved.saved_fit import SavedFit
 
 # Rows of a table that one page has room for, in two halves; and lines of remarks.
@@ -97,15 +97,15 @@ def _content(saved: SavedFit) -> _Content:
 
 
 def _of_drops(test: DropTest) -> _Content:
-    shown = drop_table(test)
+    balls, speeds = ball_rows(test), speed_rows(test)
     parts = []
-    if shown.balls:
+    if balls:
         heads = ("ball", "drops", "rebound from 254 cm [cm]", "95 %", "passes")
         left = _left_out(len(test.balls), "balls")
-        parts.append(Part("Rebound from 254 cm, ball by ball", heads, shown.balls[:MOST_ROWS], left, True))
-    elif len(shown.speeds) > 1:
+        parts.append(Part("Rebound from 254 cm, ball by ball", heads, balls[:MOST_ROWS], left, True))
+    elif len(speeds) > 1:
         heads = ("speed [m/s]", "drops", "COR", "95 %", "measured mean")
-        parts.append(Part("Restitution at the tested speeds", heads, shown.speeds))
+        parts.append(Part("Restitution at the tested speeds", heads, speeds))
     title = "Drop test" if test.rebound is None else "Drop test of tennis balls"
     return _Content(title, drop_lead(test), tuple(parts), drop_remarks(test))
 
@@ -137,8 +137,7 @@ def _of_parameters(saved: SavedFit) -> _Content:
     sure = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.UNEXAMINED)
     told = [item for item in saved.parameters.values() if item.verdict in sure]
     listed = [
-        {"parameter": row.name, "unit": row.unit, "value": row.median if row.median != "-" else row.point,
-         "95 %": row.interval_95}
+        {"parameter": row.name, "unit": row.unit, "value": row.best, "95 %": row.interval_95}
         for row in map(parameter_row, told[:MOST_ROWS])
     ]  # fmt: skip
     parts = (Part("Parameters that the table tells", tuple(listed[0]), listed, "", True),) if listed else ()

@@ -12,8 +12,8 @@ from fitball.inference.prediction.engine_fit import EngineFit, EngineSettings, f
 from fitball.inference.prediction.extrapolation import calibrated_range
 from fitball.models.kernels.vertical import zero_force_release
 from fitball.observables import COMPARED
-from fitball.report.form.display_units import output_scale
-from fitball.report.form.json_text import json_text
+from fitball.report.form.files import json_text
+from fitball.report.form.numbers import output_scale
 from fitball.report.saved.saved_fit import SavedFit
 
 # Contact time taken where the model has none [s]: a tennis ball's is 4 to 5.5 ms (Cross; Brody).

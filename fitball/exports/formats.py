@@ -13,7 +13,7 @@ from fitball.exports.lookup_table import lookup_note, lookup_texts
 from fitball.exports.parameters import latex_table, markdown_table, parameter_content
 from fitball.exports.port.languages import c_port, csharp_port, javascript_texts
 from fitball.exports.port.port import Port, make_port, python_port
-from fitball.report.form.json_text import json_text
+from fitball.report.form.files import json_text
 from fitball.report.saved.saved_fit import SavedFit
 from fitball.wording import option
 

@@ -12,7 +12,7 @@ from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Golden
 from fitball.models.types import OUTPUTS, regime_name
 from fitball.observables import INCIDENT_UNITS, SI_UNITS
-from fitball.report.form.csv import csv_text
+from fitball.report.form.files import csv_text
 from fitball.values import FloatArray
 
 EXPLANATION = (

@@ -10,8 +10,7 @@ from fitball.data.lines import parse_grid
 from fitball.inference.prediction.lookup import SEED, Lookup, default_axes, make_lookup
 from fitball.models.types import regime_name
 from fitball.observables import SI_UNITS
-from fitball.report.form.csv import csv_text
-from fitball.report.form.json_text import json_text
+from fitball.report.form.files import csv_text, json_text
 from fitball.report.saved.saved_fit import SavedFit
 
 

@@ -13,8 +13,7 @@ from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Estimate, RunStatus, Verdict
 from fitball.models.registry import parameter_spec
-from fitball.report.form.display_units import handy
-from fitball.report.form.rounding import decimals, fixed, interval, significant
+from fitball.report.form.numbers import decimals, fixed, handy, interval, significant
 from fitball.report.saved.saved_fit import SavedFit
 from fitball.version import __version__
 

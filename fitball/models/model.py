@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import reprlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Literal, Protocol, final
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from fitball.errors import ModelError, ParameterError, suggestion
 from fitball.models.history import History
@@ -122,31 +122,6 @@ def seeds(
         moved[k, :, list(names).index(name)] += 1j * STEP
     gains = rows(names, moved.reshape(-1, values.shape[1])).imag / STEP
     return gains.reshape(len(parameters), values.shape[0], gains.shape[1])
-
-
-@dataclass(frozen=True)
-class Moved:
-    """What a model is given to find derivative number `place`: all as it is but for the one input that is moved."""
-
-    place: int
-    values: NumberArray
-    v_x1: NumberArray
-    v_y1: NumberArray
-    omega_1: NumberArray
-    cor: NumberArray | None
-
-
-def moved_inputs(
-    names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts, parameters: Sequence[str]
-) -> Iterator[Moved]:
-    """One complex step after the other: along `INPUTS`, the measured restitution if there is one, `parameters`."""
-    given = [column for column in impacts.states() if column is not None]
-    for place in range(len(given) + len(parameters)):
-        moved = values.astype(np.complex128)
-        if place >= len(given):
-            moved[:, list(names).index(parameters[place - len(given)])] += 1j * STEP
-        inputs = [column + (1j * STEP if k == place else 0j) for k, column in enumerate(given)]
-        yield Moved(place, moved, inputs[0], inputs[1], inputs[2], inputs[3] if len(inputs) > 3 else None)
 
 
 @dataclass(frozen=True)
@@ -337,6 +312,64 @@ class Model(ABC):
             lengths = {name: column.shape for name, column in zip(names, columns, strict=True)}
             raise ParameterError(f"parameters differ in number of draws: {lengths}") from None
         return names, np.atleast_2d(values), values.ndim == 1
+
+
+@dataclass(frozen=True)
+class SteppedModel(Model):
+    """A model whose bounce takes complex numbers: its derivatives are complex steps (see `kernels.dual`)."""
+
+    @abstractmethod
+    def bounce(
+        self,
+        names: Sequence[str],
+        values: NumberArray,
+        v_x1: NumberArray,
+        v_y1: NumberArray,
+        omega_1: NumberArray,
+        cor: NumberArray | None,
+    ) -> tuple[NumberArray, NDArray[np.int64], NDArray[np.int8]]:
+        """Those of `OUTPUTS` that there are, (outputs, draws, impacts) in the kind of number of `values`, regimes and
+        statuses; incident columns as `Impacts.states` gives them.
+        """
+
+    def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts) -> Rebound:
+        """See `Model.evaluate`."""
+        out, regime, status = self.bounce(names, values, *impacts.states())
+        contact_time = out[3] if self.has_time else np.full(regime.shape, np.nan)
+        return Rebound(out[0], out[1], out[2], contact_time, regime, status)
+
+    def jacobian(
+        self,
+        names: Sequence[str],
+        values: FloatArray,
+        impacts: Impacts | OwnImpacts,
+        parameters: Sequence[str] | None = None,
+    ) -> ReboundJacobian:
+        """See `Model.jacobian`."""
+        chosen = tuple(names) if parameters is None else tuple(parameters)
+        given = [column for column in impacts.states()[: 4 if self.needs_cor else 3] if column is not None]
+        draws, count, first, moves = values.shape[0], len(impacts), len(given), len(given) + len(chosen)
+        # One complex step after the other, all in one batch, as if they were draws.
+        rows = np.repeat(values[None].astype(np.complex128), moves, axis=0)
+        for k, name in enumerate(chosen):
+            rows[first + k, :, list(names).index(name)] += 1j * STEP
+        columns = []
+        for k, column in enumerate(given):
+            moved = np.repeat(np.broadcast_to(column, (1, draws, count)).astype(np.complex128), moves, axis=0)
+            moved[k] += 1j * STEP
+            columns.append(moved.reshape(-1, count))
+        rows, told = rows.reshape(-1, values.shape[1]), columns[3] if first > len(INPUTS) else None
+        out, _regime, status = self.bounce(names, rows, columns[0], columns[1], columns[2], told)
+        slopes = np.full((draws, count, len(OUTPUTS), moves), np.nan)
+        rates = np.where(status == Status.OK, np.imag(out) / STEP, np.nan).reshape(len(out), moves, draws, count)
+        slopes[:, :, : len(out)] = rates.transpose(2, 3, 0, 1)
+        return ReboundJacobian(
+            rebound=self.evaluate(names, values, impacts),
+            names=chosen,
+            inputs=slopes[..., : len(INPUTS)],
+            parameters=slopes[..., first:],
+            cor=slopes[..., len(INPUTS)] if first > len(INPUTS) else None,
+        )
 
 
 def check_impacts(impacts: object) -> None:

@@ -14,7 +14,7 @@ from fitball.kinds import checked
 from fitball.models.impulse import BRODY, GRIP_SLIP, compose_grip_slip
 from fitball.models.model import Model
 from fitball.models.specs import SPECS, ParameterSpec
-from fitball.models.thesis.model import compose_thesis
+from fitball.models.thesis import compose_thesis
 from fitball.models.two_mass import compose_two_mass
 from fitball.models.types import Closures, ImpulseClosures, ThesisClosures, options_of
 from fitball.values import Ball

@@ -15,7 +15,7 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit, Posterior
 from fitball.inference.sampling.chain_file import EnsembleChain, read_chains
 from fitball.report.fit.folder import CHAIN_NAME
-from fitball.report.form.atomic_write import write_text
+from fitball.report.form.files import write_text
 from fitball.report.saved.data_file import DATA_NAME, data_columns, read_columns, write_data
 from fitball.report.saved.fit_text import fit_text
 from fitball.report.saved.posterior_file import write_netcdf

@@ -9,8 +9,8 @@ from typing import Any
 
 from fitball.repeat.compare import FALSE_ALARM, Finding, Outcome, Repetition
 from fitball.repeat.kept import Kept
-from fitball.report.form.rounding import significant
-from fitball.report.form.text_table import columns
+from fitball.report.form.document import columns
+from fitball.report.form.numbers import significant
 
 # Rows of the table that are printed; JSON holds all.
 SHOWN = 20

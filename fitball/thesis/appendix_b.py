@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 from fitball.data.published import fraction
 from fitball.inference.thesis import inputs as thesis_inputs
 from fitball.inference.thesis.inputs import DAMPING, INCH, INERTIA, STIFFNESS
-from fitball.models.thesis.kernel import ThesisContact, ThesisMotion, stray_impulse, thesis_motion
+from fitball.models.thesis import Pair, ThesisContact, ThesisMotion, stray_impulse, thesis_motion
 from fitball.models.types import Status
 from fitball.thesis.appendix_c import COLUMNS
 
@@ -66,7 +66,7 @@ def filled_in(own: Inputs, clauses: Iterable[Clause]) -> dict[str, Inputs]:
     return made
 
 
-def program(inputs: Inputs, ball_mass: float | None = None) -> ThesisMotion | None:
+def program(inputs: Inputs, ball_mass: float | None = None) -> ThesisMotion[float] | None:
     """A worksheet filled in, or None where its formulas have no solution."""
     mass = thesis_inputs.BALL_MASS if ball_mass is None else ball_mass
     core_mass = inputs["mass_ratio"] * mass
@@ -93,9 +93,9 @@ def program(inputs: Inputs, ball_mass: float | None = None) -> ThesisMotion | No
     return motion if motion.status == int(Status.OK) else None
 
 
-def swing(motion: ThesisMotion, n: Any) -> Any:
+def swing(motion: ThesisMotion[float], n: Any) -> Any:
     """`e^{zt}` at the dimensionless time `n = t/t_c`."""
-    return np.exp(motion.z * n * math.pi / motion.z.imag)
+    return np.exp(complex(*motion.z) * n * math.pi / motion.z.im)
 
 
 def outputs(codes: Mapping[str, Inputs]) -> dict[str, float]:
@@ -117,14 +117,17 @@ def outputs(codes: Mapping[str, Inputs]) -> dict[str, float]:
 
 
 def _tangential(
-    codes: Mapping[str, Inputs], velocity: ThesisMotion, spin: ThesisMotion, rolling: ThesisMotion
+    codes: Mapping[str, Inputs],
+    velocity: ThesisMotion[float],
+    spin: ThesisMotion[float],
+    rolling: ThesisMotion[float],
 ) -> tuple[float, float]:
     """`v_x2` [m/s] and `omega_2` [rad/s]; the search for the transition has a radius of its own."""
     first, radius = codes["velocity"], codes["transition"]["radius"] * INCH
 
     def sliding(n: Any) -> tuple[Any, Any]:
-        v_x = first["v_x1"] - (velocity.friction * (swing(velocity, n) - 1.0)).real
-        return v_x, codes["spin"]["omega_1"] + (spin.slide * (swing(spin, n) - 1.0)).real
+        v_x = first["v_x1"] - (complex(*velocity.friction) * (swing(velocity, n) - 1.0)).real
+        return v_x, codes["spin"]["omega_1"] + (complex(*spin.slide) * (swing(spin, n) - 1.0)).real
 
     def slip(n: Any) -> Any:
         v_x, omega = sliding(n)
@@ -134,10 +137,10 @@ def _tangential(
     if gripped.size == 0:
         v_x, omega = map(float, sliding(1.0))
         core_mass, end = first["mass_ratio"] * thesis_inputs.BALL_MASS, complex(swing(velocity, 1.0))
-        stray = stray_impulse(core_mass, -velocity.z.real, first["v_y1"], velocity.z, end)
+        stray = stray_impulse(core_mass, first["v_y1"], velocity.z, Pair(end.real, end.imag))
         return v_x - velocity.sign * thesis_inputs.FRICTION / thesis_inputs.BALL_MASS * stray, omega
     if gripped[0] == 0:
         return math.nan, math.nan
     n = float(brentq(slip, STEPS[gripped[0] - 1], STEPS[gripped[0]], xtol=1e-14))
-    omega = float(sliding(n)[1] + (rolling.roll * (swing(rolling, 1.0) - swing(rolling, n))).real)
+    omega = float(sliding(n)[1] + (complex(*rolling.roll) * (swing(rolling, 1.0) - swing(rolling, n))).real)
     return codes["rolling"]["radius"] * INCH * omega, omega

@@ -12,7 +12,7 @@ from uncertainties.core import Variable
 from fitball.data.published import thesis_table
 from fitball.inference.effort import Effort
 from fitball.inference.thesis.inputs import INCH, INERTIA_OF
-from fitball.report.form.sentences import listed
+from fitball.report.form.numbers import listed
 from fitball.thesis import (
     appendix_c,
     appendix_d,
@@ -21,12 +21,10 @@ from fitball.thesis import (
     recalibration,
     slips,
     verdicts,
-    vertical_damping,
 )
 from fitball.thesis.appendix_d import CASE_IN_APPENDIX_C
-from fitball.thesis.check import Check
-from fitball.thesis.computation_slips import slip_table, slip_words
-from fitball.thesis.predictions import chapter_five_predictions
+from fitball.thesis.printed_tables import Check, chapter_five_predictions
+from fitball.thesis.slips import slip_table, slip_words
 
 # What the recomputation gave when it was last looked at by a person; `Check.holds` compares against it.
 ROWS_WITHIN = {0.1: 110, 0.5: 118, 1.0: 127}
@@ -80,7 +78,7 @@ def derive(effort: Effort, report: Callable[[str], None]) -> ChapterFive:
     report("Appendix D and Tables 2 to 8")
     rows_d, inertia = appendix_d.recompute(), printed_tables.bifilar_inertia()
     energies, friction = printed_tables.energies(), printed_tables.mean_friction()
-    damping, examples = vertical_damping.formula_table(), printed_tables.examples()
+    damping, examples = printed_tables.formula_table(), printed_tables.examples()
     report("Table 9")
     rankings = ranking.rank_all(rows_c, seed)
     own = {f"case {case}": ranking.errors(found) for case, found in chapter_five_predictions().items()}
@@ -204,7 +202,7 @@ def _check_damping(rows: pd.DataFrame) -> Check:
         "Damping c_y",
         f"{len(obeying)} of the {len(nine)} values of Chapter V obey exp(-x) = COR to "
         f"{obeying['nearest [%]'].max():.1f} %; of the {len(appendix)} of Appendix C {counts.get('Chapter III', 0)} "
-        f"obey exp(-x) = (M1/M)/COR to {vertical_damping.OBEYS:g} %, {counts.get('Eq. (8)', 0)} Eq. (8), "
+        f"obey exp(-x) = (M1/M)/COR to {printed_tables.OBEYS:g} %, {counts.get('Eq. (8)', 0)} Eq. (8), "
         f"{counts.get('none', 0)} none. Eq. (8) as printed has no solution for {impossible} of the {len(rows)}: it "
         "asks the core for COR M/M1 > 1 of its speed.",
         len(obeying) == len(nine) and counts.get("Chapter III") == 19,

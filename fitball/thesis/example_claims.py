@@ -1,10 +1,12 @@
-"""Examples of the thesis solved exactly, and what they say of each of its claims."""
+"""Examples of the thesis solved exactly, what they say of each of its claims, and what a user reads of it."""
 
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from fitball.inference.thesis.inputs import BALL_RADIUS, INERTIA, INERTIA_OF, ca
 from fitball.models.history import History, Span
 from fitball.models.registry import model
 from fitball.models.types import Phase
+from fitball.report.form.document import WIDTH, columns
 from fitball.thesis.printed_tables import examples, rebound_words, transition_words
 from fitball.thesis.simulate_examples import COR, EXAMPLES, Claim, Example
 from fitball.values import FloatArray, impacts
@@ -243,3 +246,70 @@ MEASURES: Mapping[str, Measure] = {
     "friction starts negative": _every(lambda h: h.friction_force[0] < 0.0),
     "friction is mu F": _every(lambda h: np.allclose(np.abs(h.friction_force), h.friction * h.normal_force)),
 }
+
+
+def list_text() -> str:
+    """All examples, one per line."""
+    return "\n".join(
+        columns([["example", "what it shows"], *([example.name, example.title] for example in EXAMPLES)], left=2)
+    )
+
+
+def list_json() -> list[dict[str, str]]:
+    """All examples: name and title."""
+    return [{"name": example.name, "title": example.title} for example in EXAMPLES]
+
+
+def example_text(example: Example, results: Sequence[Finding]) -> str:
+    """Title, inputs, and each claim with its finding."""
+    head = f"{example.name}: {example.title} (Jafri 2004)"
+    lines = [head, "=" * len(head), *_wrapped("Stated: ", example.stated)]
+    for text in example.assumed:
+        lines += _wrapped("Assumed: ", text)
+    for text in remarks(example):
+        lines += _wrapped("Note: ", text)
+    rows = [["the thesis says", "printed", "exact", "exact - printed", "thesis's computation"]]
+    rows += [[finding.claim.said, *_cells(finding)] for finding in results]
+    notes = [line for finding in results if finding.note for line in _wrapped("* ", finding.note)]
+    return "\n".join([*lines, "", *columns(rows), *notes])
+
+
+def example_json(example: Example, results: Sequence[Finding]) -> dict[str, Any]:
+    """The record of an example: what was stated, assumed, claimed and found."""
+    return {
+        "name": example.name,
+        "title": example.title,
+        "stated": example.stated,
+        "assumed": list(example.assumed),
+        "remarks": list(remarks(example)),
+        "claims": [
+            {
+                "said": finding.claim.said,
+                "curve": example.curves[finding.claim.curve].label,
+                "unit": finding.claim.unit,
+                "printed": finding.claim.printed,
+                "exact": finding.found,
+                "difference": finding.difference,
+                "thesis_computation": finding.computed,
+                "note": finding.note,
+            }
+            for finding in results
+        ],
+    }
+
+
+def _wrapped(head: str, text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent=head, subsequent_indent=" " * len(head))
+
+
+def _cells(finding: Finding) -> list[str]:
+    unit = f" {finding.claim.unit}" if finding.claim.unit else ""
+    numbers = (finding.claim.printed, finding.found, finding.difference, finding.computed)
+    printed, exact, difference, computed = (
+        "" if number is None or isinstance(number, bool) else f"{number:.5g}{unit}" for number in numbers
+    )
+    if isinstance(finding.found, bool):
+        exact = "so it is" if finding.found else "not so"
+    elif finding.found is None:
+        exact = "never"
+    return [f"{printed} *" if finding.note else printed, exact, difference, computed]

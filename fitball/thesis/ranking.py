@@ -14,7 +14,7 @@ from fitball.inference.thesis.published_cases import set_name
 from fitball.models.model import Model
 from fitball.models.registry import model
 from fitball.thesis import appendix_c
-from fitball.thesis.predictions import spin_predictions
+from fitball.thesis.printed_tables import spin_predictions
 from fitball.values import FloatArray
 
 OUTPUTS = ("v_x2", "theta_2", "omega_2")

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from fitball.inference.thesis.inputs import C1
-from fitball.report.form.sentences import listed
+from fitball.report.form.numbers import listed
 from fitball.thesis.appendix_d import CASE_IN_APPENDIX_C
 from fitball.thesis.ranking import EXACT, MENDED, PRINTED, RECOMPUTED, SCALE, UNITS, Ranking
 from fitball.thesis.recalibration import Placed

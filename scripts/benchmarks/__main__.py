@@ -17,8 +17,8 @@ from fitball.bench.clock import Pace
 from fitball.bench.errors import density_costs
 from fitball.bench.problems import problems
 from fitball.bench.report import markdown
-from fitball.report.figures.save import save_figure
-from fitball.report.form.atomic_write import write_text
+from fitball.report.figures.canvas import save_figure
+from fitball.report.form.files import write_text
 from fitball.report.form.folders import held
 
 DEFAULT_FOLDER = Path("fits") / "bench"

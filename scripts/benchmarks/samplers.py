@@ -28,8 +28,7 @@ from fitball.inference.point.point_fit import point_fit
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.convergence import TAILS
 from fitball.inference.sampling.ensembles import default_walkers, sample, starting_positions
-from fitball.report.figures.canvas import new_figure
-from fitball.report.figures.style import own_style
+from fitball.report.figures.canvas import new_figure, own_style
 from fitball.report.form.palette import GUIDE, SERIES
 from fitball.values import FloatArray
 from fitball.version import __version__

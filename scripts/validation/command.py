@@ -119,7 +119,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(args: argparse.Namespace) -> int:
     """Rank truths among draws; 1 where they do not rank uniformly."""
     models = _checked(args, 300)
-    from fitball.report.figures.save import save_figure
+    from fitball.report.figures.canvas import save_figure
     from validation.sbc.figure import rank_figure
     from validation.sbc.replicate import BounceExperiment
     from validation.sbc.run import run_replicates
@@ -144,7 +144,7 @@ def _run(args: argparse.Namespace) -> int:
 def _trust(args: argparse.Namespace) -> int:
     """Fit simulated tables and count; 1 where what fits say of themselves is not true."""
     _checked(args, 60)
-    from fitball.report.form.atomic_write import write_text
+    from fitball.report.form.files import write_text
     from validation.trust.findings import findings, findings_json, findings_text, rate_rows
     from validation.trust.run import run_scenario
     from validation.trust.scenarios import SCENARIOS
@@ -163,7 +163,7 @@ def _trust(args: argparse.Namespace) -> int:
 def _plan(args: argparse.Namespace) -> int:
     """Refit tables at planned impacts; 1 where a promise is not kept."""
     _checked(args, 40)
-    from fitball.report.form.atomic_write import write_text
+    from fitball.report.form.files import write_text
     from validation.plan.cases import CASES
     from validation.plan.findings import findings_json, findings_text, gain_rows, sd_rows
     from validation.plan.run import run_case
@@ -182,7 +182,7 @@ def _plan(args: argparse.Namespace) -> int:
 def _population(args: argparse.Namespace) -> int:
     """Fit tables of known populations, weight their draws, and count; 1 where intervals do not hold."""
     _checked(args, 50)
-    from fitball.report.form.text_table import columns
+    from fitball.report.form.document import columns
     from validation.population.coverage import run_populations
     from validation.population.findings import (
         Coverage,
@@ -234,8 +234,7 @@ def _end(
     text: str,
 ) -> int:
     """Write the `tables` beside the `record`, print its content or the `text`; 0 where all holds."""
-    from fitball.report.form.atomic_write import write_text
-    from fitball.report.form.csv import csv_text
+    from fitball.report.form.files import csv_text, write_text
 
     for name, rows in tables.items():
         write_text(record.with_name(f"{name}.csv"), csv_text(rows))
@@ -262,7 +261,7 @@ def _checked(args: argparse.Namespace, replicates: int) -> tuple[str, ...]:
 
 def render(findings: Sequence[ModelFinding]) -> str:
     """The verdict as a person reads it."""
-    from fitball.report.form.text_table import columns
+    from fitball.report.form.document import columns
 
     parts = []
     for finding in findings:

@@ -16,8 +16,7 @@ from fitball.data.bundled import bundled_folder
 from fitball.inference.effort import Effort
 from fitball.inference.problem.choices import Choices
 from fitball.report.batch.rows import row_of
-from fitball.report.form.csv import csv_text
-from fitball.report.form.json_text import json_text
+from fitball.report.form.files import csv_text, json_text
 from fitball.report.saved.saved_fit import read_fit
 
 TABLES = ("a", "b", "day/c", "day/d")

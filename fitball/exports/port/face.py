@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fitball.models.kernels.bounce import bounce
 from fitball.models.kernels.phases import Scratch
-from fitball.models.thesis.kernel import thesis_bounce
+from fitball.models.thesis import thesis_bounce
 from fitball.models.types import GRIP, SLIDE_BACKWARD, SLIDE_FORWARD, Status
 from fitball.values import FloatArray
 

@@ -11,11 +11,10 @@ and the posterior comes out too narrow (pull request 531 of its repository).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitball.inference.sampling.emcee_package import emcee
 from fitball.inference.sampling.level_coordinates import Straight
@@ -78,33 +77,9 @@ class StudentProposal:
         return proposed, self.log_density(coordinates) - self.log_density(proposed)
 
 
-@lru_cache(maxsize=8)
-def _pairs(count: int) -> NDArray[np.intp]:
-    """All ordered pairs (pairs, 2) of different walkers, in the order in which emcee has them."""
-    later, earlier = np.tril_indices(count, -1)
-    return np.stack([np.concatenate([later, earlier]), np.concatenate([earlier, later])], axis=1)
-
-
-def _differential_evolution() -> Any:
-    """The move of emcee, its proposal at a third of the cost: the same numbers."""
-    move = emcee.moves.DEMove()
-
-    def get_proposal(
-        walkers: FloatArray, others: Any, random: np.random.RandomState
-    ) -> tuple[FloatArray, FloatArray]:
-        (others,) = others
-        every = _pairs(len(others))
-        start, end = every[random.randint(len(every), size=len(walkers))].T
-        stretch = move.g0 * (1.0 + move.sigma * random.standard_normal((len(walkers), 1)))
-        return walkers + stretch * (others[end] - others[start]), np.zeros(len(walkers))
-
-    move.get_proposal = get_proposal
-    return move
-
-
 def warm_up_moves() -> Moves:
     """Moves that need nothing but the ensemble itself."""
-    return [(_differential_evolution(), 1.0 - STRETCH), (emcee.moves.StretchMove(), STRETCH)]
+    return [(emcee.moves.DEMove(), 1.0 - STRETCH), (emcee.moves.StretchMove(), STRETCH)]
 
 
 def production_moves(proposal: StudentProposal | None, straight: Straight) -> Moves:

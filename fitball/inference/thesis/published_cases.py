@@ -111,7 +111,7 @@ def compare_cases(table: ImpactTable, rebound: Rebound, given_columns: tuple[str
 def predictions() -> Mapping[int, Mapping[str, FloatArray]]:
     """`v_x2`, `v_y2` [m/s] and `omega_2` [rad/s] (21,) of Wang's impacts by case: what the thesis's computation gives
     with Chapter V's damping and mean restitution. It stands in a file, so that no fit compiles that computation;
-    `fitball.thesis.predictions` makes it.
+    `fitball.thesis.printed_tables` makes it.
     """
     with PREDICTIONS.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))

@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.models.registry import parameter_spec
+from fitball.report.batch.document import centre_of
 from fitball.report.batch.populations import Populated
 from fitball.report.batch.series import Along, Series
-from fitball.report.batch.words import centre_of
-from fitball.report.figures.canvas import log_scale, new_figure, verbatim
-from fitball.report.figures.parameter_axis import ParameterAxis, parameter_axis
-from fitball.report.figures.style import own_style
+from fitball.report.figures.canvas import log_scale, new_figure, own_style, verbatim
+from fitball.report.figures.quantities import ParameterAxis, parameter_axis
 from fitball.report.form.palette import FAINT, GUIDE, MODEL, TREND, pale
 from fitball.values import FloatArray
 

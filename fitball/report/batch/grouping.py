@@ -9,7 +9,7 @@ from pathlib import PurePosixPath
 from fitball.errors import ParameterError, suggestion
 from fitball.report.batch.rows import DONE, LABEL, NAME, Row
 from fitball.report.batch.series import things_along
-from fitball.report.form.sentences import listed
+from fitball.report.form.numbers import listed
 from fitball.wording import option
 
 # Levels that are the folders of tables, unless tables have a label of that name.

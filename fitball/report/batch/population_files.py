@@ -10,9 +10,7 @@ import numpy as np
 from fitball.inference.population.hyper import Known
 from fitball.inference.population.reweighting import Level
 from fitball.report.batch.populations import Populated
-from fitball.report.form.atomic_write import remove, write_text
-from fitball.report.form.csv import write_csv
-from fitball.report.form.json_text import json_text
+from fitball.report.form.files import json_text, remove, write_csv, write_text
 
 JSON_NAME, CSV_NAME = "population.json", "population.csv"
 KIND = "fitball population"

@@ -14,8 +14,8 @@ from fitball.inference.comparison.results import Comparison, FixedPrediction, Mo
 from fitball.inference.prediction.outputs import OUTPUTS, root_mean_square
 from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.assumptions import Summary
-from fitball.report.form.display_units import handy, output_scale
-from fitball.report.form.rounding import decimals, fixed, interval
+from fitball.report.form.document import Table
+from fitball.report.form.numbers import decimals, fixed, handy, interval, output_scale
 from fitball.values import FloatArray
 from fitball.version import __version__
 
@@ -95,18 +95,18 @@ def error_table(comparison: Comparison) -> list[list[str]]:
     return rows
 
 
-def extrapolation_table(comparison: Comparison) -> list[list[str]]:
-    """Root mean square errors of the first outputs where many impacts were left out at once; empty without any."""
+def extrapolation_table(comparison: Comparison) -> list[Table]:
+    """Root mean square errors of the first outputs where many impacts were left out at once; none without any."""
     names = [name for name in schemes(comparison) if name != IMPACTS]
     if not names:
         return []
     outputs = [name for name in SHOWN if name in scored_outputs(comparison)][:2]
-    rows = [["", *(head(output) if k == 0 else "" for output in outputs for k in range(len(names)))]]
-    rows.append(["left out together", *(names * len(outputs))])
+    rows = [["left out together", *(names * len(outputs))]]
     for scored in comparison.models:
         cells = [in_unit(output, scored.out_of_sample(name).get(output)) for output in outputs for name in names]
         rows.append([scored.name, *cells])
-    return rows
+    over = [("", 1), *((head(output), len(names)) for output in outputs)]
+    return [Table("Errors where many impacts were left out together", rows, over=over)]
 
 
 def assumption_table(comparison: Comparison) -> list[list[str]]:

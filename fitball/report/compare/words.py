@@ -10,8 +10,7 @@ from fitball.inference.comparison.results import Comparison, ModelScore
 from fitball.inference.prediction.outputs import OUTPUTS
 from fitball.models.registry import DEFAULT_MODEL
 from fitball.report.compare.rows import in_unit, schemes, scored_outputs
-from fitball.report.form.display_units import output_scale
-from fitball.report.form.rounding import fixed
+from fitball.report.form.numbers import fixed, output_scale
 
 
 def words(comparison: Comparison) -> str:

@@ -1,5 +1,5 @@
 """Figures of a fit: the arrays first, then the drawing; one registry of kinds.
 
-Offers: `KINDS`, `draw`, `save_figure`.
+Offers: `FIGURES`, `draw`, `save_figure`.
 May import: report.form, inference, models, data.
 """

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from fitball.inference.results.results import Fit
-from fitball.report.figures.canvas import verbatim
-from fitball.report.figures.parameter_axis import ParameterAxis, drawn, parameter, parameter_axis
+from fitball.report.figures.canvas import new_figure, own_style, verbatim
+from fitball.report.figures.quantities import ParameterAxis, drawn, no_posterior, parameter, parameter_axis
 from fitball.report.figures.sheet import Panel, Sheet, Side
 from fitball.report.form.palette import MEASURED, MODEL, PRIOR, pale
+from fitball.report.form.parameters import parameter_row
 from fitball.values import FloatArray
 
 CORNER_DRAWS = 12_000
@@ -121,7 +122,7 @@ PANEL, WIDEST, LEAST, GAP, LABEL_MARGIN, LABELS = 1.55, 10.8, 0.75, 0.12, 0.95, 
 SHADES = [pale(MODEL, 0.35), pale(MODEL, 0.7)]
 
 
-def corner_figure(fit: Fit) -> Figure:
+def figure(fit: Fit) -> Figure:
     """All pairs of free parameters."""
     data = corner_data(fit)
     count = len(data.axes)
@@ -196,3 +197,55 @@ def _legend(sheet: Sheet, title: str, small: bool) -> None:
         handles=handles, loc="upper right", bbox_to_anchor=(0.995, 1.0 - 0.3 / sheet.figure.get_figheight()),
         fontsize=8 if small else 11, frameon=False, title=title, title_fontsize=9 if small else 13, alignment="right",
     )  # fmt: skip
+
+
+def missing(fit: Fit) -> str:
+    """Why a fit has no such figure, "" where it has."""
+    return no_posterior(fit)
+
+
+# Correlations that the words name, the strongest first.
+NAMED = 3
+
+
+def words(fit: Fit) -> str:
+    """The figure in words and numbers, for who does not see it."""
+    names, matrix = fit.problem.free_names, fit.correlation
+    medians = "; ".join(
+        f"{row.name} {row.median} {row.interval_95} {row.unit}".rstrip()
+        for row in map(parameter_row, fit.estimates)
+        if row.name in names
+    )
+    text = f"Posterior of {len(names)} parameters, median and 95 % interval: {medians}."
+    if matrix is None or len(names) < 2:
+        return text
+    above = [(abs(matrix[i, j]), i, j) for i in range(len(names)) for j in range(i)]
+    strongest = sorted(above, reverse=True)[:NAMED]
+    pairs = ", ".join(f"{names[j]} with {names[i]} {matrix[i, j]:+.2f}" for _size_of, i, j in strongest)
+    return f"{text} Strongest correlations: {pairs}."
+
+
+# Inches: a panel, and what surrounds them.
+PACKAGE_PANEL, ROUND = 1.6, 1.2
+
+
+@own_style()
+def package_corner_figure(fit: Fit) -> Figure:
+    """Draws and point estimate in the units of our own corner plot, on its axes; `corner.overplot_points` and the
+    like take the figure.
+    """
+    # What it imports takes longer than our own plot takes to draw.
+    from corner import corner
+
+    axes, draws, point = in_units(fit)
+    side = PACKAGE_PANEL * len(axes) + ROUND
+    made: Figure = corner(
+        draws,
+        labels=[axis.label for axis in axes],
+        axes_scale=["log" if axis.logarithmic else "linear" for axis in axes],
+        truths=point,
+        max_n_ticks=3,
+        labelpad=0.12,
+        fig=new_figure(side, side, layout=None),
+    )
+    return made

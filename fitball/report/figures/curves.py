@@ -26,8 +26,8 @@ from fitball.report.figures.canvas import (
     shown_rows,
     verbatim,
 )
-from fitball.report.figures.measured import Measured, group_of, measured_outputs, output_label
-from fitball.report.form.display_units import output_scale
+from fitball.report.figures.quantities import Measured, group_of, measured_outputs, output_label
+from fitball.report.form.numbers import output_scale
 from fitball.report.form.palette import FAINT, MEASURED, MODEL
 from fitball.values import FloatArray
 from fitball.wording import short
@@ -104,7 +104,7 @@ MOST_BARS = 60
 BINNED, BINS, LEAST_IN_BIN, MOST_FAR = 200, 24, 5, 300
 
 
-def curves_figure(fit: Fit) -> Figure:
+def figure(fit: Fit) -> Figure:
     """A column for each speed and spin, a row for each output."""
     columns = curve_columns(fit)
     points = measured_outputs(fit)
@@ -208,3 +208,22 @@ def _legend(figure: Figure, fit: Fit, groups: NDArray[np.str_], columns: Sequenc
     if any(column.rows.size < groups.size for column in columns):
         handles["other impacts"] = Line2D([], [], color=FAINT, marker=".", linestyle="none", markersize=6)
     legend_below(figure, handles, 1 if figure.get_figwidth() < 6.5 else 3)
+
+
+def missing(_fit: Fit) -> str:
+    """Every fit has this figure."""
+    return ""
+
+
+def words(fit: Fit) -> str:
+    """The figure in words and numbers, for who does not see it."""
+    along = "incidence angle" if fit.problem.table.has_tangential else "vertical speed"
+    parts = []
+    for column in curve_columns(fit):
+        ends = [
+            f"{name} from {band[len(band) // 2, 0]:.3g} to {band[len(band) // 2, -1]:.3g} {output_scale(name).unit}"
+            for name, band in column.bands.items()
+        ]
+        where = f"at {column.title}" if column.title else "over all"
+        parts.append(f"{where}, near {column.rows.size} impact{'s' * (column.rows.size != 1)}, {', '.join(ends)}")
+    return f"Predicted rebounds along {along}: " + "; ".join(parts) + "."

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 from dataclasses import dataclass
 
-from fitball.report.figures.names import DPI
+from fitball.report.form.document import DPI
 
 
 @dataclass(frozen=True)

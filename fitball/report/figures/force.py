@@ -80,7 +80,7 @@ COLUMNS = 3
 CELL = (2.9, 2.1)
 
 
-def force_figure(fit: Fit) -> Figure:
+def figure(fit: Fit) -> Figure:
     """Measured means with the sensor's noise, the model's force, and what a record is expected to show."""
     shown = force_panels(fit)
     figure, axes = filled(len(shown), COLUMNS, CELL, Margins(across=0.6, down=0.75, top=0.75, bottom=1.15))
@@ -103,3 +103,21 @@ def force_figure(fit: Fit) -> Figure:
     legend_below(figure, drawn_handles(axes[0, 0]), min(COLUMNS, len(shown)))
     fit_heading(figure, fit, "force records", narrow=len(shown) == 1)
     return figure
+
+
+def missing(fit: Fit) -> str:
+    """Why a fit has no such figure, "" where it has."""
+    return "" if fit.problem.force is not None else "there are no force records in this fit"
+
+
+def words(fit: Fit) -> str:
+    """The figure in words and numbers, for who does not see it."""
+    parts = []
+    for panel in force_panels(fit):
+        inside = np.sum((panel.means >= panel.expected[0]) & (panel.means <= panel.expected[1]))
+        parts.append(
+            f"{panel.title}: measured up to {panel.means.max():.0f} N, "
+            f"the model up to {panel.course[1].max():.0f} N, "
+            f"{inside} of {panel.means.size} means within the 95 % range of a record"
+        )
+    return "Force records beside the model's force. " + "; ".join(parts) + "."

@@ -24,7 +24,7 @@ from fitball.report.figures.canvas import (
     legend_below,
     shown_rows,
 )
-from fitball.report.figures.measured import (
+from fitball.report.figures.quantities import (
     bias,
     group_of,
     measured_part,
@@ -34,7 +34,7 @@ from fitball.report.figures.measured import (
     prediction,
     prediction_of,
 )
-from fitball.report.form.display_units import output_scale
+from fitball.report.form.numbers import output_scale
 from fitball.report.form.palette import GUIDE, MODEL, NOISE
 from fitball.values import FloatArray
 
@@ -111,7 +111,7 @@ CELL = (2.85, 2.85)
 MOST_INTERVALS = 150
 
 
-def predictive_figure(fit: Fit) -> Figure:
+def figure(fit: Fit) -> Figure:
     """A panel for each output."""
     items = agreements(fit)
     columns, narrow = min(COLUMNS, len(items)), len(items) == 1
@@ -172,3 +172,19 @@ def _draw(axis: Axes, item: Agreement, groups: tuple[str, ...], styles: Styles) 
     axis.set_ylabel(f"measured {output_label(item.name)}")
     axis.grid(alpha=0.3)
     axis.tick_params(labelsize=8)
+
+
+def missing(_fit: Fit) -> str:
+    """Every fit has this figure."""
+    return ""
+
+
+def words(fit: Fit) -> str:
+    """The figure in words and numbers, for who does not see it."""
+    parts = [
+        f"{item.name}: {np.count_nonzero(item.inside)} of {item.inside.size} measurements within the 95 % range of a "
+        f"new one, root mean square difference {item.rms:.2g} {output_scale(item.name).unit}"
+        for item in agreements(fit)
+    ]
+    what = "posterior median" if fit.predictive is not None else "point estimate"
+    return f"Measured rebounds against the {what}. " + "; ".join(parts) + "."

@@ -20,8 +20,10 @@ from fitball.report.figures.canvas import (
     log_scale,
     verbatim,
 )
-from fitball.report.figures.parameter_axis import ParameterAxis, parameter, parameter_axis
+from fitball.report.figures.quantities import ParameterAxis, parameter, parameter_axis
+from fitball.report.form.numbers import handy
 from fitball.report.form.palette import GUIDE, MEASURED, MODEL
+from fitball.report.form.parameters import profile_interval
 from fitball.values import FloatArray
 from fitball.wording import short
 
@@ -90,7 +92,7 @@ LEVEL_WORDS = ("0", f"-{DROP_68:g} (68 %)", "-1", f"-{DROP_95:.2f} (95 %)")
 CELL = (2.3, 1.75)
 
 
-def profiles_figure(fit: Fit) -> Figure:
+def figure(fit: Fit) -> Figure:
     """All profiles; with a posterior its 95 % intervals below them."""
     shown = profile_panels(fit)
     figure, grid = filled(len(shown), COLUMNS, CELL, Margins(left=1.15, down=0.75, bottom=1.05, top=0.75))
@@ -128,3 +130,22 @@ def _draw(axis: Axes, panel: ProfilePanel, words: str) -> None:
     axis.set_title(verbatim(short(panel.name, 34)), fontsize=9, pad=3)
     axis.set_xlabel(panel.axis.label, labelpad=2)
     axis.tick_params(labelsize=8)
+
+
+def missing(fit: Fit) -> str:
+    """Why a fit has no such figure, "" where it has."""
+    return "" if has_profiles(fit) else f"there are no profiles: {fit.identifiability.profiles_missing}"
+
+
+def has_profiles(fit: Fit) -> bool:
+    """Whether any parameter has one."""
+    return any(evidence.profile is not None for evidence in fit.identifiability.evidence.values())
+
+
+def words(fit: Fit) -> str:
+    """The figure in words and numbers, for who does not see it."""
+    parts = []
+    for name, item in fit.identifiability.evidence.items():
+        scale = handy(name, fit.parameters[name].unit)
+        parts += [f"{name} {profile_interval(item.profile, scale)} {scale.unit}".rstrip()] if item.profile else []
+    return "Profile likelihoods with their 95 % intervals: " + "; ".join(parts) + "."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,10 +11,10 @@ from matplotlib.figure import Figure
 
 from fitball.inference.results.results import Fit, Predictive
 from fitball.report.figures.canvas import drawn_handles, fit_heading, legend_below, new_figure, verbatim
-from fitball.report.figures.measured import group_of
+from fitball.report.figures.quantities import group_of
 from fitball.report.form.palette import FAINT, REGIMES
 from fitball.values import FloatArray
-from fitball.wording import short
+from fitball.wording import option, short
 
 # Inches: the figure, one bar, what surrounds them in all, below them, and left of them besides their labels.
 WIDTH, ROW, ROUND, BELOW, LEFT = 8.5, 0.27, 1.6, 1.05, 0.5
@@ -78,7 +79,7 @@ def regime_colours(regimes: Sequence[str]) -> list[str]:
     return colours
 
 
-def regimes_figure(fit: Fit) -> Figure:
+def figure(fit: Fit) -> Figure:
     """One bar per impact, one colour per phase sequence."""
     assert fit.predictive is not None
     data = regime_bars(fit, fit.predictive)
@@ -105,3 +106,26 @@ def regimes_figure(fit: Fit) -> Figure:
     legend_below(figure, drawn_handles(axis), 3)
     fit_heading(figure, fit, "regimes")
     return figure
+
+
+def missing(fit: Fit) -> str:
+    """Why a fit has no such figure, "" where it has."""
+    if fit.predictive is None:
+        return f"the probability of regimes needs a posterior; run calibrate without {option('point_only')}"
+    return "" if fit.problem.table.has_tangential else "no motion along the court was measured: there are no regimes"
+
+
+# A sequence less probable than this may be another one.
+SURE = 0.95
+
+
+def words(fit: Fit) -> str:
+    """The figure in words and numbers, for who does not see it."""
+    if fit.predictive is None:
+        return ""
+    first = [next(iter(shares.items())) for shares in fit.predictive.regimes]
+    counts = Counter(name for name, _share in first).most_common()
+    doubtful = sum(share < SURE for _name, share in first)
+    parts = ", ".join(f"{name} at {count}" for name, count in counts)
+    sure = "all of them certain" if doubtful == 0 else f"{doubtful} of them below {100.0 * SURE:.0f} % probability"
+    return f"Most probable sequence of slip and grip of {len(first)} impacts: {parts}; {sure}."

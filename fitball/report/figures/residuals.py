@@ -29,7 +29,7 @@ from fitball.report.figures.canvas import (
     shown_rows,
     verbatim,
 )
-from fitball.report.figures.measured import bias, group_of, measured_part, measured_rows, noise_sd, prediction
+from fitball.report.figures.quantities import bias, group_of, measured_part, measured_rows, noise_sd, prediction
 from fitball.report.form.palette import FAINT, GUIDE, MEASURED, TREND
 from fitball.values import FloatArray
 from fitball.wording import short
@@ -112,7 +112,7 @@ GREYS = LinearSegmentedColormap.from_list("density", ["#ffffff", FAINT, GUIDE, M
 MOST_GROUPS = 8
 
 
-def residuals_figure(fit: Fit) -> Figure:
+def figure(fit: Fit) -> Figure:
     """A row for each output, a column for each quantity, one for groups and one for quantiles."""
     data, quantities = residual_data(fit), incident_quantities(fit)
     groups = np.array(group_of(fit))
@@ -227,3 +227,22 @@ def _legend(figure: Figure, fit: Fit, styles: Styles) -> None:
     if len(fit.problem.table) > MOST_DOTS:
         handles["density of impacts"] = Patch(color=FAINT, linewidth=0)
     legend_below(figure, handles, 6 if figure.get_figwidth() > 7.0 else 3)
+
+
+def missing(_fit: Fit) -> str:
+    """Every fit has this figure."""
+    return ""
+
+
+def words(fit: Fit) -> str:
+    """The figure in words and numbers, for who does not see it."""
+    parts = []
+    for item in residual_data(fit):
+        worst = int(np.argmax(np.abs(item.values)))
+        beyond = int(np.sum(np.abs(item.values) > 2.0))
+        parts.append(
+            f"{item.name}: {beyond} of {item.values.size} beyond 2 sd, the largest {item.values[worst]:+.1f} sd at "
+            f"impact {fit.problem.table.ids[item.rows[worst]]}"
+        )
+    against = ", ".join(incident_quantities(fit)) or "normal quantiles"
+    return f"Standardised residuals, measured minus predicted, against {against}. " + "; ".join(parts) + "."

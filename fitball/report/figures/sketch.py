@@ -23,7 +23,7 @@ TURNS = 5
 FORCE = GUIDE
 
 
-def sketch_figure(fit: Fit) -> Figure:
+def figure(fit: Fit) -> Figure:
     """The sketch for the parameters that the model of a fit has."""
     return ball_sketch(fit.problem.model.specs, f"{fit.problem.model.name}: symbols and signs")
 
@@ -157,3 +157,16 @@ def _spin(axis: Axes) -> None:
 
 def _symbol(name: str) -> str:
     return SPECS[name].label
+
+
+def missing(_fit: Fit) -> str:
+    """Every fit has this figure."""
+    return ""
+
+
+def words(fit: Fit) -> str:
+    """The figure in words and numbers, for who does not see it."""
+    specs = fit.problem.model.specs
+    what = "a core within a shell, joined by springs and dampers" if "mass_ratio" in specs else "one body"
+    meanings = "; ".join(f"{name}: {spec.meaning}" for name, spec in specs.items())
+    return f"Sketch of the ball on the court: {what}. Topspin and speeds towards the right are positive. {meanings}."

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from fitball.inference.results.results import Fit
+from fitball.inference.results.results import TARGET_R_HAT, Fit
 from fitball.report.figures.canvas import fit_heading, legend_below
-from fitball.report.figures.parameter_axis import ParameterAxis, drawn, parameter, parameter_axis
+from fitball.report.figures.quantities import ParameterAxis, drawn, no_posterior, parameter, parameter_axis
 from fitball.report.figures.sheet import Panel, Sheet, Side
 from fitball.report.form.palette import SERIES
 from fitball.values import FloatArray
@@ -61,7 +61,7 @@ def _marginal(axis: ParameterAxis, draws: FloatArray) -> tuple[FloatArray, Float
 WIDE, NARROW, HIGH, LEFT, RIGHT, TOP, BOTTOM, ACROSS, DOWN = 6.6, 1.7, 0.9, 1.1, 0.15, 0.55, 0.9, 0.15, 0.12
 
 
-def trace_figure(fit: Fit) -> Figure:
+def figure(fit: Fit) -> Figure:
     """A row for each free parameter."""
     data = trace_data(fit)
     height = BOTTOM + TOP + len(data) * (HIGH + DOWN)
@@ -101,3 +101,25 @@ def _draw(sheet: Sheet, item: TraceData, left: Panel, right: Panel, colours: lis
     walkers = [left.path(item.steps, walker) for turn in item.values.swapaxes(0, 1) for walker in turn]
     sheet.lines(walkers, colours * item.values.shape[1], 0.5, antialiaseds=False)
     sheet.lines([right.steps(*marginal, lying=True) for marginal in item.marginals], colours, 1.2)
+
+
+def missing(fit: Fit) -> str:
+    """Why a fit has no such figure, "" where it has."""
+    return no_posterior(fit)
+
+
+def words(fit: Fit) -> str:
+    """The figure in words and numbers, for who does not see it."""
+    diagnostics = fit.diagnostics
+    if diagnostics is None:
+        return ""
+    worst = max(diagnostics.r_hat, key=lambda name: diagnostics.r_hat[name])
+    chains = diagnostics.ensembles
+    who = f"Walkers of {chains} ensembles" if diagnostics.pareto_k is None else f"{chains} chains of weighed draws"
+    many = " are not yet enough" if diagnostics.max_r_hat < TARGET_R_HAT else " do not yet agree"
+    state = " agree" if diagnostics.converged else many
+    return (
+        f"{who} over steps {diagnostics.warm_up} to {diagnostics.steps}: they{state}; "
+        f"the largest R-hat is {diagnostics.max_r_hat:.3f}, of {worst}, "
+        f"the smallest effective sample size {min(diagnostics.min_ess_bulk, diagnostics.min_ess_tail):.0f}."
+    )

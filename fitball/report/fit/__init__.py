@@ -1,5 +1,5 @@
-"""One fit for a person: on the terminal, as a page, as CSV files, as a folder.
+"""One fit for a person as a document; as CSV files, as a folder.
 
-Offers: `render`, `page`, `write_all`.
+Offers: `fit_document`, `render`, `page`, `write_all`.
 May import: report.saved, report.figures, report.form, inference, models, data.
 """

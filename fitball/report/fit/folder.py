@@ -1,19 +1,24 @@
-"""The result folder: may it be written, and the writing of it, `fit.json` last."""
+"""The result folder of a fit: may it be written, the writing of it, `fit.json` last, and its tables for machines."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
+
+import numpy as np
 
 from fitball.errors import ResultFolderError
 from fitball.files import all_or_none
-from fitball.inference.results.results import Fit
-from fitball.report.figures.names import FIGURES
-from fitball.report.fit.csv_tables import prediction_rows, regime_rows, summary_rows
-from fitball.report.fit.html import page
-from fitball.report.form.atomic_write import OWN_FILES, remove, write_text
-from fitball.report.form.csv import write_csv
+from fitball.inference.results.quantiles import ESSENTIALS, SUMMARY
+from fitball.inference.results.results import Estimate, Fit, Predictive
+from fitball.report.figures.quantities import prediction_of
+from fitball.report.figures.registry import FIGURES
+from fitball.report.fit.document import page
+from fitball.report.form.files import OWN_FILES, remove, write_csv, write_text
 from fitball.report.form.folders import clear_leftovers, make_folder
-from fitball.report.form.listed import listed_places
+from fitball.report.form.numbers import listed_places
 from fitball.report.saved.data_file import DATA_NAME, write_data
 from fitball.report.saved.fit_text import fit_text
 from fitball.report.saved.posterior_file import write_netcdf
@@ -87,7 +92,72 @@ def write_all(fit: Fit, folder: Path, command: str | None = None, *, figures: bo
 def write_figures(fit: Fit, folder: Path) -> dict[str, bytes]:
     """Draw every figure that the fit can show; returns the files written by name. Raises ResultFolderError."""
     # Whoever wants no figures does not load what draws them.
-    from fitball.report.figures.kinds import draw, drawable_kinds
-    from fitball.report.figures.save import save_figure
+    from fitball.report.figures.canvas import save_figure
+    from fitball.report.figures.registry import draw, drawable_kinds
 
     return {name: save_figure(draw(name, fit), folder / f"{name}.png") for name in drawable_kinds(fit)}
+
+
+def summary_rows(fit: Fit) -> list[dict[str, object]]:
+    """One row per parameter, SI at full precision."""
+    rows: list[dict[str, object]] = []
+    for item in fit.estimates:
+        squares = fit.least_squares
+        row: dict[str, object] = {"parameter": item.name}
+        row |= {name: getattr(item, name) for name in ("unit", *SUMMARY, "point")}
+        row |= {"least_squares": squares.values[item.name], "least_squares_stderr": squares.stderr[item.name]}
+        row |= {"prior": item.prior, "contraction": item.contraction, "verdict": item.verdict_words}
+        row |= {name: getattr(item, name) for name in ("reason", "ess_bulk", "ess_tail", "r_hat")}
+        rows.append(row)
+    return rows
+
+
+def prediction_rows(fit: Fit) -> Iterator[dict[str, object]]:
+    """One row per impact and measured column: measured (empty where it was not), predicted, with intervals in SI
+    (angles in radians).
+    """
+    for observable in (item.everywhere(len(fit.problem.table)) for item in fit.problem.observables):
+        point, prediction = observable.predict(fit.point.rebound)[0], prediction_of(fit, observable)
+        for k in listed_places(len(fit.problem.table)):
+            row: dict[str, object] = {
+                "id": fit.problem.table.ids[k],
+                "output": observable.name,
+                "measured": float(observable.observed[k]),
+                "point": float(point[k]),
+            }
+            for key in ("median", "mean_q025", "mean_q16", "mean_q84", "mean_q975", "data_q025", "data_q975", "sd"):
+                row[key] = None if prediction is None else float(getattr(prediction, key)[k])
+            yield row
+
+
+def regime_rows(fit: Fit, predictive: Predictive) -> Iterator[dict[str, object]]:
+    """One row per impact and phase sequence with its posterior probability."""
+    for k in listed_places(len(fit.problem.table)):
+        for regime, share in predictive.regimes[k].items():
+            yield {"id": fit.problem.table.ids[k], "regime": regime, "probability": float(np.round(share, 6))}
+
+
+def render_json(fit: Fit, folder: Path) -> str:
+    """The summary for machines: everything but draws; the full parameter set is in `fit.json`."""
+    content = {
+        "status": fit.status,
+        "verdict": fit.verdict,
+        "drop_test": None if fit.drop_test is None else asdict(fit.drop_test),
+        "adequacy": None if fit.adequacy is None else asdict(fit.adequacy),
+        "model": fit.problem.model.name,
+        "table": fit.problem.table.name,
+        "folder": str(folder),
+        "parameters": {estimate.name: _numbers(estimate) for estimate in fit.estimates},
+        "derived": {estimate.name: _numbers(estimate) for estimate in fit.derived},
+        "rms": dict(fit.point.rms),
+        "court_pace": None if fit.court_pace is None else asdict(fit.court_pace),
+        "assumptions": None if fit.assumptions is None else asdict(fit.assumptions),
+        "notes": (*fit.problem.table.remarks, *fit.notes),
+        "seconds": {timing.stage: timing.seconds for timing in fit.timings},
+    }
+    return json.dumps(content, indent=2, allow_nan=False)
+
+
+def _numbers(estimate: Estimate) -> dict[str, object]:
+    names = ("unit", *ESSENTIALS, "point", "verdict", "given", "reason")
+    return {name: getattr(estimate, name) for name in names}

@@ -7,9 +7,10 @@ from html import escape
 
 from fitball.inference.results.quantiles import SUMMARY
 from fitball.inference.results.results import Estimate, Verdict
-from fitball.report.fit.summary import ParameterRow, parameter_row, sampler_words
-from fitball.report.form.sentences import listed
-from fitball.report.form.text_table import columns, wrapped
+from fitball.report.fit.rows import sampler_words
+from fitball.report.form.document import columns, wrapped
+from fitball.report.form.numbers import listed
+from fitball.report.form.parameters import ParameterRow, parameter_row
 from fitball.report.saved.saved_fit import SavedFit
 
 # Correlations that a report lists.
@@ -28,18 +29,12 @@ def _rows(saved: SavedFit) -> list[tuple[Estimate, ParameterRow]]:
     return [(item, parameter_row(item)) for item in saved.parameters.values()]
 
 
-def _value(row: ParameterRow) -> str:
-    """Median and sd, or the point estimate, with the unit."""
-    number = row.point if row.median == "-" else f"{row.median} +- {row.sd}"
-    return f"{number} {row.unit}".rstrip()
-
-
 def _brief(saved: SavedFit) -> list[str]:
     """Whether the model describes the table, and the parameters that were fitted by what the table says of them."""
     adequacy, rows = saved.file.adequacy, _rows(saved)
     lines = [] if adequacy is None else [f"does the model describe the table: {adequacy.answer}"]
     for verdict in Verdict:
-        told = [f"{item.name} = {_value(row)}" for item, row in rows if item.verdict is verdict]
+        told = [f"{item.name} = {row.plus_minus}" for item, row in rows if item.verdict is verdict]
         if told and verdict is not Verdict.FIXED:
             lines.append(f"{verdict}: {'; '.join(told)}")
     return lines
@@ -55,8 +50,7 @@ def html_text(saved: SavedFit) -> str:
     heads = ("", "median", "sd", "95 %", "unit", "verdict")
     lines = []
     for item, row in _rows(saved):
-        median = row.point if row.median == "-" else row.median
-        cells = (item.name, median, row.sd, row.interval_95, row.unit, row.verdict)
+        cells = (item.name, row.best, row.sd, row.interval_95, row.unit, row.verdict)
         shown = "".join(f"<td>{escape(cell)}</td>" for cell in cells[1:])
         lines.append(f'<tr title="{escape(item.meaning)}"><th>{escape(item.name)}</th>{shown}</tr>')
     top = "".join(f"<th>{head}</th>" for head in heads)
@@ -105,7 +99,7 @@ def _parameter_lines(saved: SavedFit) -> list[str]:
     for item, row in _rows(saved):
         fixed = item.verdict is Verdict.FIXED
         interval = "" if row.interval_95 == "-" else row.interval_95
-        cells.append([f"{item.name}:", _value(row), interval, "" if fixed else item.prior, row.verdict])
+        cells.append([f"{item.name}:", row.plus_minus, interval, "" if fixed else item.prior, row.verdict])
     return [f"    {line}" for line in columns(cells, left=5)]
 
 

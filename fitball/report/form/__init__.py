@@ -1,6 +1,6 @@
-"""Shapes that all reports share: rounding, units for reading, symbols, colours, text tables, CSV, folders, files
-written whole or not at all.
+"""What all reports are made of: the document and its renderers, numbers and units, parameters as text, colours,
+files, folders.
 
-Offers: `columns`, `csv_text`, `json_text`, `write_text`, `fixed`, `handy`, `symbol_html`, `style_rules`.
+Offers: `Document`, `on_terminal`, `as_page`, `as_markdown`, `parameter_row`, `fixed`, `handy`, `write_text`.
 May import: data, models, inference.problem, inference.results.
 """

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from fitball.errors import ResultFolderError
 from fitball.files import LEFTOVERS, refusal, refuse_special
-from fitball.report.form.atomic_write import remove
+from fitball.report.form.files import remove
 from fitball.wording import option
 
 if TYPE_CHECKING:

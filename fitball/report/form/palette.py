@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from markupsafe import Markup
-
 from fitball.inference.results.results import Verdict
 
 # What was measured; what the model says, its posterior included; what noise adds to it; what was known beforehand.
@@ -68,12 +66,6 @@ def series_style(place: int) -> tuple[str, str]:
 def verdict_mark(verdict: Verdict) -> str:
     """The verdict as a style sheet names it, whatever words are added to it."""
     return verdict.name.lower().replace("_", "-")
-
-
-def verdict_html(verdict: Verdict, words: str, reason: str = "") -> Markup:
-    """A verdict in its colour; the reason shows where one points at it."""
-    cell = Markup('<span class="v-{}" title="{}">{}</span>')
-    return cell.format(verdict_mark(verdict), reason, words)
 
 
 def style_rules() -> str:

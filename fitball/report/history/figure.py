@@ -15,8 +15,7 @@ from matplotlib.patches import Patch
 from fitball.inference.prediction.simulate import Simulation
 from fitball.models.history import History
 from fitball.models.types import PHASE_SYMBOL, Phase
-from fitball.report.figures.canvas import new_figure, other_scale
-from fitball.report.figures.style import own_style
+from fitball.report.figures.canvas import new_figure, other_scale, own_style
 from fitball.report.form.palette import PHASES, SERIES
 
 # Pale, so that lines of any colour stand out.

@@ -20,10 +20,9 @@ from scipy.ndimage import distance_transform_edt
 from fitball.inference.prediction.regime_map import NONE, RegimeMap
 from fitball.models.types import STATUS_REASON, Status, regime_name
 from fitball.observables import OBSERVABLES
-from fitball.report.figures.canvas import new_figure, other_scale, verbatim
+from fitball.report.figures.canvas import new_figure, other_scale, own_style, verbatim
 from fitball.report.figures.regimes import OTHERS, regime_colours
-from fitball.report.figures.style import own_style
-from fitball.report.form.display_units import output_scale
+from fitball.report.form.numbers import output_scale
 from fitball.report.form.palette import REGIMES
 from fitball.values import FloatArray, Impacts
 

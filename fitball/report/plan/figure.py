@@ -14,10 +14,9 @@ from matplotlib.patheffects import withStroke
 
 from fitball.inference.design.results import Plan
 from fitball.inference.design.sensor import AS_BEFORE
-from fitball.report.figures.canvas import Margins, filled, heading, new_figure, verbatim
-from fitball.report.figures.style import own_style
+from fitball.report.figures.canvas import Margins, filled, heading, new_figure, own_style, verbatim
 from fitball.report.form.palette import FAINT, MEASURED, MODEL, TREND, series_style
-from fitball.report.plan.words import spin_text
+from fitball.report.plan.document import spin_text
 from fitball.values import FloatArray
 
 CELL = (2.5, 2.6)

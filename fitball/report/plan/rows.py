@@ -11,7 +11,7 @@ from fitball.inference.design.settings import Setting
 from fitball.inference.design.target import levels_at
 from fitball.inference.problem.problem import Problem
 from fitball.observables import OBSERVABLES
-from fitball.report.form.display_units import output_scale
+from fitball.report.form.numbers import output_scale
 from fitball.values import FloatArray
 
 Row = dict[str, object]

@@ -15,8 +15,8 @@ from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.quantiles import SUMMARY
 from fitball.inference.results.results import Estimate, Fit, Golden
 from fitball.inference.thesis.published_cases import wang_rows
-from fitball.report.form.display_units import THESIS
-from fitball.report.form.json_text import json_text
+from fitball.report.form.files import json_text
+from fitball.report.form.numbers import THESIS
 from fitball.report.saved import fit_file as parts
 from fitball.report.saved.data_file import data_part
 from fitball.report.saved.structure import part, plain

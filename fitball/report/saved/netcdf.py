@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.report.form.atomic_write import write_bytes
+from fitball.report.form.files import write_bytes
 from fitball.version import __version__
 
 

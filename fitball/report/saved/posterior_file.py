@@ -9,7 +9,7 @@ import numpy as np
 
 from fitball.data.hdf5_arrays import array, finite, group, opened
 from fitball.inference.results.results import Fit, Posterior
-from fitball.report.form.listed import listed_places
+from fitball.report.form.numbers import listed_places
 from fitball.report.saved.netcdf import Variable, write_groups
 from fitball.values import FloatArray
 from fitball.wording import option

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from fitball.errors import FitballError, ResultFolderError
-from fitball.report.form.bounded_read import read_bounded
+from fitball.report.form.files import read_bounded
 
 Kept = TypeVar("Kept")
 Section = TypeVar("Section", bound=msgspec.Struct)

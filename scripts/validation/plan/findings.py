@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitball.errors import FitError
-from fitball.report.form.text_table import columns
+from fitball.report.form.document import columns
 from validation.plan.replicate import AGAIN, PLANNED, Narrowed, Ready
 
 # By what share the sds found may differ from those promised.

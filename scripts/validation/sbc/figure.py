@@ -9,8 +9,7 @@ from scipy.stats import binom
 
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.models.registry import parameter_spec
-from fitball.report.figures.canvas import new_figure
-from fitball.report.figures.style import own_style
+from fitball.report.figures.canvas import new_figure, own_style
 from fitball.report.form.palette import MODEL, POOR
 from validation.sbc.summary import VALUES, ModelFinding, QuantityFinding
 from validation.sbc.uniformity import NullDistribution, bins_for, empirical, null_distribution

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from fitball.errors import ResultFolderError
 from fitball.files import refusal
-from fitball.report.form.atomic_write import write_text
+from fitball.report.form.files import write_text
 
 NUMBER = "replicate"
 

@@ -1,0 +1,264 @@
+"""A comparison of models for a person: one document, for terminal and page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from pathlib import Path
+
+import numpy as np
+
+from fitball.files import all_or_none
+from fitball.inference.comparison.cross_validation import IMPACTS
+from fitball.inference.comparison.results import Comparison, ModelScore
+from fitball.inference.prediction.outputs import measured_outputs
+from fitball.inference.results.adequacy import Answer
+from fitball.inference.results.results import Verdict
+from fitball.report.compare.rows import (
+    assumption_table,
+    csv_rows,
+    error_table,
+    extrapolation_table,
+    head,
+    json_content,
+    score_table,
+    scored_outputs,
+)
+from fitball.report.compare.words import sentences, words
+from fitball.report.form.document import (
+    MOST_ROWS,
+    Document,
+    Picture,
+    Section,
+    Table,
+    Words,
+    as_page,
+    judged,
+    on_terminal,
+    term,
+)
+from fitball.report.form.files import csv_text, json_text, write_text
+from fitball.report.form.numbers import fixed, output_scale
+from fitball.report.saved.fit_text import versions_line
+from fitball.values import FloatArray
+
+JSON_NAME = "compare.json"
+PICTURES = {"ranking": "compare.png", "forest": "forest.png"}
+LEGEND = (
+    "elpd: log predictive density of impacts left out one at a time, summed over the scored columns (Pareto smoothed "
+    "importance sampling; an impact whose Pareto k exceeds 0.7 is left out and the model sampled anew; "
+    "every chain has an effective sample size of at least 400 or is named below). Difference: to the best, with "
+    "sqrt(n) times the sd over impacts. p_loo: effective number of parameters. Stacking: weights of models "
+    "(Yao et al. 2018); those that predict alike share theirs. AICc, BIC: maximised likelihood without priors; all "
+    "free parameters, noise included, count whether or not the table sees them, and n is the number of measurements. "
+    "Describes: whether the model describes the table at all; below stands what is against it."
+)
+ANSWERS = {
+    Answer.DESCRIBES: "yes, no check of the residuals finds a pattern",
+    Answer.EXCEPT: "yes, with exceptions: {}",
+    Answer.FAILS: "NO: {}",
+    Answer.UNTOLD: "this table cannot tell",
+}
+ERRORS = "Root mean square errors of predictions at the maximum of the posterior of a fit without those impacts."
+ANGLE = " theta_2 follows from v_x2 and v_y2 where it is not an independent column."
+ASSUMED = (
+    "What rests on assumptions: the median and sd of each parameter under the best model that has it; its lowest and "
+    "highest median, and the outermost ends of its 95 % intervals, over the models that this table does not surely "
+    "score below the best of all; and the mixture of all models by stacking weights."
+)
+PUBLISHED = (
+    " In brackets: parameter sets published with these data, nothing fitted here and not out of sample, since they "
+    "were tuned on these impacts; those of Appendix C are told each impact's v_y2."
+)
+RANKING = (
+    "Left: log predictive density of impacts left out, less that of the best model, with the standard error of the "
+    "difference. Right: root mean square errors on impacts left out, one panel an output."
+)
+FOREST = (
+    "Each quantity under each model, best model at the top: median, 95 % interval (thin) and within it one standard "
+    "deviation (thick); pale under models that the table surely scores below the best. Shaded: lowest to highest "
+    "median over those that are not pale. Below the line: the mixture of all by stacking weights."
+)
+
+
+def compare_document(
+    comparison: Comparison, pictures: Collection[str] = (), command: str | None = None, folder: str = ""
+) -> Document:
+    """All that is said of a comparison, with those of the pictures `ranking` and `forest` that there are; `command`
+    is the line that made it, None where none did.
+    """
+    table, models, said = comparison.table, comparison.models, sentences(comparison)
+    scores, errors, assumed = score_table(comparison), error_table(comparison), assumption_table(comparison)
+    angle = ANGLE * ("theta_2" in scored_outputs(comparison))
+    ranked = "; ".join(f"{row[0]} {row[scores[0].index('difference')]}" for row in scores[1:])
+    moved = "; ".join(
+        f"{row[0]} {row[2]} {row[1]}".strip() + f", over as good {row[3]}" * (row[3] != "-") for row in assumed[1:]
+    )
+    drawn = {
+        "ranking": Picture("ranking", RANKING, f"Models by predictive density: {ranked}."),
+        "forest": Picture("forest", FOREST, f"Each quantity under each model. By the best model: {moved}."),
+    }
+    done = f"{comparison.seconds:.0f} s"
+    quick = "; --quick: no exact refits of influential impacts" * comparison.quick
+    sections = [
+        Section("ranking", "Which model predicts best", [
+            *[drawn[name] for name in pictures if name == "ranking"],
+            Table("Scores and weights", scores, ["describes"]), Words([LEGEND], "quiet"),
+        ]),
+        Section("adequacy", "Does each model describe the table?", [Words(adequacy_lines(comparison), "list")]),
+        Section("errors", "Errors on impacts left out", [
+            Table("Errors, each impact left out", errors), *extrapolation_table(comparison),
+            Words([ERRORS + angle + PUBLISHED * bool(comparison.published)], "quiet"),
+        ]),
+        Section("parameters", "Each parameter over the models", [
+            *[drawn[name] for name in pictures if name == "forest"],
+            Table("Each quantity over the models", assumed, ["unit", "most moved by"]),
+            Words([ASSUMED] * bool(assumed), "quiet"),
+        ]),
+        Section("verdicts", "What the table does not tell of each model's parameters", [
+            Words([term(scored.name, untold(scored)) for scored in models], "list"), verdict_table(comparison),
+        ]),
+        Section("predictions", "Impacts left out, predicted", held_out(comparison)),
+        Section("notes", "Notes, and what was left out", [
+            Words([f"{note}." for note in remarks(comparison)], "list"),
+        ]),
+        Section("repeat", "How to repeat it", [
+            Words([command] if command else [], "code", "page"),
+            Words([
+                f"Table {table.name}, SHA-256 {table.digest}",
+                f"Seed {comparison.seed}{quick}; {done}",
+                f"Versions: {versions_line()}",
+                "`compare.json` holds every number of this page and more; `compare.csv` a row a model.",
+            ], "list", "page"),
+        ]),
+        Section("", "", [Words([f"Time: {done}.{f' Results: {folder}' * bool(folder)}"], only="terminal")]),
+    ]  # fmt: skip
+    title = f"{len(models)} models on {table.name} ({len(table)} impacts), scored by {', '.join(comparison.columns)}"
+    return Document(title, [Words(said[:1], "lead", rank="first"), Words(said[1:], rank="first")], sections)
+
+
+def render(comparison: Comparison, folder: str = "") -> str:
+    """The comparison on a terminal."""
+    return on_terminal(compare_document(comparison, folder=folder))
+
+
+@all_or_none()
+def write_all(comparison: Comparison, folder: Path, command: str | None = None) -> None:
+    """Write every file, each whole or not at all, `compare.json` last; `command` is the line that asked for it.
+
+    Raises ResultFolderError.
+    """
+    from fitball.report.compare.figures import draw_all
+    from fitball.report.figures.canvas import save_figure
+
+    images = {name: save_figure(figure, folder / PICTURES[name]) for name, figure in draw_all(comparison).items()}
+    write_text(folder / "compare.html", as_page(compare_document(comparison, images, command), images))
+    write_text(folder / "compare.csv", csv_text(csv_rows(comparison)))
+    write_text(folder / "compare.txt", render(comparison, str(folder)) + "\n")
+    write_text(folder / JSON_NAME, json_text(json_content(comparison, words(comparison))))
+
+
+def adequacy_lines(comparison: Comparison) -> list[str]:
+    """Whether each model describes the table, in a line, where that was looked at."""
+    looked = [(scored.name, scored.fit.adequacy) for scored in comparison.models]
+    return [
+        term(name, ANSWERS[found.answer].format("; ".join(found.exceptions)))
+        for name, found in looked
+        if found is not None
+    ]
+
+
+def remarks(comparison: Comparison) -> list[str]:
+    """What a reader of the whole should know: what was left out, what did not settle."""
+    return [
+        *comparison.notes,
+        *(f"{scored.name}: {note}" for scored in comparison.models for note in remarks_on(scored)),
+    ]
+
+
+def remarks_on(scored: ModelScore) -> list[str]:
+    """What a reader of one model's scores should know."""
+    notes = list(scored.notes)
+    if scored.fit.diagnostics is not None and not scored.fit.diagnostics.converged:
+        notes.append("its posterior did not converge: " + "; ".join(scored.fit.diagnostics.complaints))
+    ids = scored.fit.problem.table.ids
+    if scored.loo.unsettled:
+        notes.append(f"refits without {', '.join(ids[k] for k in scored.loo.unsettled)} did not converge")
+    if scored.loo.doubtful:
+        notes.append(f"elpd of {', '.join(ids[k] for k in scored.loo.doubtful)} is doubtful (Pareto k above 0.7)")
+    return notes
+
+
+def untold(scored: ModelScore) -> str:
+    """The parameters of a model that the table leaves open, by verdict."""
+    open_ones = scored.unidentified
+    if not open_ones:
+        return "identified throughout"
+    parts = []
+    for verdict in (Verdict.CONDITIONAL, Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED):
+        names = [name for name, one in open_ones.items() if one is verdict]
+        if names:
+            parts.append(f"{verdict} {', '.join(names)}")
+    return "; ".join(parts)
+
+
+def verdict_table(comparison: Comparison) -> Table:
+    """What each model's fit says of each parameter; empty where a model has it not."""
+    told = [{one.name: one.verdict for one in scored.fit.estimates} for scored in comparison.models]
+    names = dict.fromkeys(name for one in told for name in one)
+    heads = ["parameter", *(scored.name for scored in comparison.models)]
+    rows = [[name, *(judged(one[name], one[name]) if name in one else "" for one in told)] for name in names]
+    return Table("Verdict on each parameter under each model", [heads, *rows], heads, only="page")
+
+
+def held_out(comparison: Comparison) -> list[Words | Table]:
+    """Each impact beside its predictions by fits without it, by the best model and the simplest that is not surely
+    worse (else the second); nothing where no model has any.
+    """
+    best, simplest = comparison.models[0], comparison.simplest
+    chosen = [best, simplest] if simplest is not best else [*comparison.models[:2]]
+    errors = [_by_impact(comparison, scored) for scored in chosen]
+    outputs = [name for name in scored_outputs(comparison) if any(name in one for one in errors)]
+    if not outputs:
+        return []
+    measured, table = measured_outputs(comparison.table), comparison.table
+    impacts, both = table.impacts, len(chosen) > 1
+    angle, speed = np.degrees(np.arctan2(impacts.v_y1, impacts.v_x1)), np.hypot(impacts.v_x1, impacts.v_y1)
+    columns = {"impact": list(table.ids)}
+    columns |= {"angle [deg]": [f"{it:.1f}" for it in angle]} if table.has_tangential else {}
+    columns["speed [m/s]"] = [f"{it:.1f}" for it in speed]
+    for name in outputs:
+        misses = [one.get(name, np.full(len(table), np.nan)) for one in errors]
+        told = np.transpose([measured[name] + miss for miss in (np.zeros(len(table)), *misses)])[:MOST_ROWS]
+        columns[head(name)] = [" | ".join(map(_cells(name, measured[name]), row)) for row in told.tolist()]
+    if both:
+        gap = chosen[0].loo.elpd - chosen[1].loo.elpd
+        columns["elpd, first less second"] = [fixed(it, 1) for it in gap.tolist()]
+    names = [scored.name for scored in chosen]
+    text = (
+        f"Measured | {' | '.join(names)}, each impact predicted at the maximum of the posterior of a fit without it."
+    )
+    if both:
+        text += f" Last column: its share in the difference of scores, positive where {names[0]} foresees it better."
+    rows = list(zip(*columns.values(), strict=False))
+    label = "Impacts left out, measured and predicted"
+    listed = Table(label, [[*columns], *rows], count=len(table), rest="`compare.json`", only="page")
+    return [Words([text], only="page"), listed]
+
+
+def _by_impact(comparison: Comparison, scored: ModelScore) -> dict[str, FloatArray]:
+    """Errors on left-out impacts in the table's order, by output; NaN where a fold has no fit."""
+    known = {}
+    for missed in scored.missed:
+        if missed.scheme == IMPACTS:
+            for name, column in missed.errors.items():
+                known[name] = np.full(len(comparison.table), np.nan)
+                known[name][missed.rows] = column
+    return known
+
+
+def _cells(name: str, measured: FloatArray) -> Callable[[float], str]:
+    """How values of a column are written: three digits or four of its largest."""
+    factor = output_scale(name).factor
+    largest = float(np.nanmax(np.abs(measured))) * factor
+    places = 0 if largest >= 100.0 else 1 if largest >= 20.0 else 2
+    return lambda value: fixed(value * factor, places)

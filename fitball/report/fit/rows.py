@@ -1,0 +1,262 @@
+"""What a fit found, as rows and lines of its report: parameters, predictions, balances, point fit and sampler, error
+budget.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from fitball.data.balances import Balance, Balances
+from fitball.inference.results.quantiles import ESSENTIALS, quantiles
+from fitball.inference.results.results import Diagnostics, ErrorBudget, Fit, RunStatus
+from fitball.inference.thesis.published_cases import wang_rows
+from fitball.models.types import regime_name
+from fitball.report.figures.quantities import prediction, prediction_of
+from fitball.report.fit.judged import named
+from fitball.report.form.document import MOST_ROWS, Row, Table, term
+from fitball.report.form.numbers import (
+    THESIS,
+    decimals,
+    digits,
+    file_words,
+    fixed,
+    handy,
+    listed,
+    output_scale,
+    percent,
+    plus_minus,
+    significant,
+)
+from fitball.report.form.parameters import ParameterRow, parameter_row, rounded, verdict_cell
+from fitball.report.saved.fit_file import DiagnosticsPart
+from fitball.wording import spoken
+
+# Sequence of slip and grip that is named without its probability.
+SURE = 0.995
+
+
+def parameter_table(fit: Fit) -> list[Row]:
+    """Every parameter and what follows from several: value and intervals, prior, verdict."""
+    sampled, rows = fit.posterior is not None, []
+    for item in (*fit.estimates, *fit.derived):
+        row = parameter_row(item)
+        cells = named(fit, item.name, handy(item.name, item.unit)) | {"meaning": item.meaning}
+        cells |= row.numbers(sampled) | {"prior (SI)": item.prior}
+        rows.append(cells | ({"contraction": row.contraction} if sampled else {}) | {"verdict": verdict_cell(item)})
+    return rows
+
+
+def measured_lines(fit: Fit) -> list[str]:
+    """What comes first where lines are anchored at a speed that was not measured: their values at one that was."""
+    if fit.drop_test is not None:
+        return []
+    speeds = fit.problem.impacts.v_y1
+    lines = []
+    for item in fit.derived:
+        if " at " in item.name:
+            row = parameter_row(item)
+            among = f"{significant(float(speeds.min()), 2)} to {significant(float(speeds.max()), 2)} m/s measured"
+            sure = " (95 %)" if row.median != "-" else ""
+            lines.append(
+                f"{item.name}: {row.within}{f' {row.unit}' if row.unit else ''}{sure}, {row.verdict}; {among}."
+            )
+    return lines
+
+
+def level_rows(fit: Fit) -> list[Row]:
+    """What each surface, ball or table has of a parameter that differs between them; empty where none does."""
+    rows = []
+    for level in fit.levels:
+        scale = handy(level.parameter, level.unit)
+        name = f"{level.parameter}[{level.label}]"
+        row = ParameterRow(name, scale.unit, **rounded(vars(level), scale.factor))
+        rows.append({"level": name, "unit": scale.unit, "impacts": str(level.impacts), **row.numbers()})
+    return rows
+
+
+def thesis_rows(fit: Fit) -> list[ParameterRow]:
+    """The parameters that the thesis quotes in units of its own, in those, with `C1`, `C2` of its Eq. (51); none
+    where the data are not the thesis's.
+    """
+    if wang_rows(fit.problem.table) is None:
+        return []
+    rows = [parameter_row(estimate, THESIS[estimate.name]) for estimate in fit.estimates if estimate.name in THESIS]
+    renamed = [replace(row, name="C1 = eps_slope") if row.name == "eps_slope" else row for row in rows]
+    return [*renamed, *_offset_at_zero(fit)]
+
+
+def _offset_at_zero(fit: Fit) -> list[ParameterRow]:
+    """`C2` of `eps = C1 v_y + C2`: the offset line at zero speed, `eps_10 - 10 eps_slope`, draw by draw."""
+    if not {"eps_10", "eps_slope"} <= fit.point.values.keys():
+        return []
+
+    def at_zero(values: Mapping[str, Any]) -> Any:
+        return (values["eps_10"] - 10.0 * values["eps_slope"]) * THESIS["eps_10"].factor
+
+    numbers: dict[str, float | None] = dict.fromkeys(ESSENTIALS) | {"point": at_zero(fit.point.values)}
+    if fit.posterior is not None and {"eps_10", "eps_slope"} & set(fit.problem.free_names):
+        draws = at_zero(fit.problem.all_values(fit.posterior.draws))
+        numbers |= {"sd": float(np.std(draws)), **quantiles(draws)}
+    return [ParameterRow("C2", "in", **rounded(numbers, 1.0))]
+
+
+def prediction_table(fit: Fit) -> list[Row]:
+    """Measured | predicted: the posterior median with the 68 % half-width of the noise-free prediction, or the point
+    estimate where there is no posterior, with the regime and its probability; of as many impacts as a page lists.
+    """
+    problem = fit.problem
+    impacts = problem.impacts
+    shown = range(len(impacts))[:MOST_ROWS]
+    theta = np.degrees(np.arctan2(impacts.v_y1, impacts.v_x1))
+    speed = np.hypot(impacts.v_x1, impacts.v_y1)
+    columns: dict[str, list[str]] = {}
+    for observable in (item.everywhere(len(impacts)) for item in problem.observables):
+        scale = output_scale(observable.name)
+        told, observed = prediction_of(fit, observable), observable.observed * scale.factor
+        predicted = prediction(fit, observable) * scale.factor
+        half = None if told is None else 0.5 * (told.mean_q84 - told.mean_q16) * scale.factor
+        cells = [_cell(observed[k], predicted[k], None if half is None else half[k]) for k in shown]
+        columns[f"{observable.name} [{scale.unit}]"] = cells
+    along = problem.table.has_tangential
+    return [
+        {"impact": problem.table.ids[k]}
+        | ({"incidence [deg]": f"{theta[k]:.1f}"} if along else {})
+        | {"speed [m/s]": f"{speed[k]:.1f}"}
+        | {head: column[k] for head, column in columns.items()}
+        | ({"contact": _regime(fit, k)} if along else {})
+        for k in shown
+    ]
+
+
+def _cell(observed: float, predicted: float, half: float | None) -> str:
+    if half is None:
+        return f"{significant(observed, 4)} | {significant(predicted, 4)}"
+    # Measurement and prediction side by side need the same decimals; never finer than three.
+    places = min(max(decimals(half), 0), 3)
+    return f"{fixed(observed, places)} | {plus_minus(predicted, half, places)}"
+
+
+def _regime(fit: Fit, k: int) -> str:
+    if fit.predictive is None:
+        return regime_name(int(fit.point.rebound.regime[0, k])) if fit.problem.model.tangential else ""
+    name, share = next(iter(fit.predictive.regimes[k].items()))
+    return name if share > SURE else f"{name} ({percent(share)})"
+
+
+def balance_table(balances: Balances) -> tuple[Table, list[str]]:
+    """The balances that at least one impact has, value and one standard deviation, and a sentence for each."""
+    known = [balance for balance in balances.all if balance.known]
+    scales = [handy(item.name, item.unit) for item in known]
+    heads = [
+        f"{item.name} [{scale.unit}]" if scale.unit else item.name for item, scale in zip(known, scales, strict=True)
+    ]
+    rows = [
+        [name, *(_balance(item, k, scale.factor) for item, scale in zip(known, scales, strict=True))]
+        for k, name in enumerate(balances.ids[:MOST_ROWS])
+    ]
+    rest = file_words("`balances.csv`", len(balances.ids))
+    table = Table("Model-free balances", [["impact", *heads], *rows], count=len(balances.ids), rest=rest)
+    return table, [term(item.name, item.meaning) for item in known]
+
+
+def _balance(balance: Balance, index: int, factor: float) -> str:
+    if balance.reasons[index]:
+        return "-"
+    value, sd = balance.values[index] * factor, balance.sd[index] * factor
+    return plus_minus(value, sd) if sd > 0.0 else significant(value)
+
+
+def diagnosis_lines(fit: Fit) -> list[str]:
+    """Sampler and point fit in sentences."""
+    squares = fit.least_squares
+    rms = ", ".join(
+        f"{name} {significant(value * output_scale(name).factor)} {output_scale(name).unit}"
+        for name, value in squares.rms.items()
+    )
+    lines = [
+        f"Least squares: chi-square {squares.chi_square:.1f} for {squares.degrees_of_freedom} degrees of freedom"
+        + (f", best of {squares.starts} starts ({len(squares.optima)} distinct optima)" if squares.starts else "")
+        + f"; root mean square residuals: {rms}.",
+        f"Maximum a posteriori: log posterior {fit.point.log_posterior:.2f}{_optima(fit)}.",
+    ]
+    diagnostics = fit.diagnostics
+    if diagnostics is not None:
+        k = diagnostics.pareto_k
+        pareto = "" if k is None else f", Pareto k of the weights {k:.2f}"
+        lines.append(
+            f"Sampling: {sampler_words(diagnostics)} "
+            f"({diagnostics.warm_up} of them warm-up{_thinning(diagnostics)}), acceptance "
+            f"{np.mean(diagnostics.acceptance):.2f}, smallest effective sample size "
+            f"{diagnostics.min_ess_bulk:.0f} (bulk), {diagnostics.min_ess_tail:.0f} (tail), "
+            f"largest R-hat {diagnostics.max_r_hat:.4f}{pareto}."
+        )
+    for cause in dict.fromkeys(squares.missing.values()):
+        names = [name for name, why in squares.missing.items() if why == cause]
+        lines.append(f"No standard error of {listed(names)} by least squares: {cause}.")
+    if fit.status is RunStatus.NOT_CONVERGED:
+        again = spoken("Use --resume with more --max-steps.", "Fit again with a larger max_steps.")
+        lines.append(f"NOT CONVERGED: intervals and verdicts may change. {again}")
+    return lines
+
+
+def _optima(fit: Fit) -> str:
+    """What the search found, in words; nothing where a fit was read back, which does not know."""
+    count = len(fit.point.optima)
+    return f", {count} optimum{'s' if count != 1 else ''} worth an ensemble" if fit.least_squares.starts else ""
+
+
+def sampler_words(diagnostics: Diagnostics | DiagnosticsPart) -> str:
+    """How often was drawn by whom."""
+    chains, steps = diagnostics.ensembles, diagnostics.steps
+    if diagnostics.pareto_k is not None:
+        return f"{chains} chains of {steps} draws weighed by their density"
+    return f"{chains} ensembles of {diagnostics.walkers} walkers, {steps} steps"
+
+
+def _thinning(diagnostics: Diagnostics) -> str:
+    """That of a long run not all steps are kept, in words; nothing where they are."""
+    after = diagnostics.steps - diagnostics.warm_up
+    return "" if diagnostics.kept == after else f", {diagnostics.kept} of the other {after} kept"
+
+
+def budget_rows(budget: ErrorBudget) -> list[Row]:
+    """A row for each output, in handy units."""
+    rows = []
+    for name, line in budget.lines.items():
+        scale = output_scale(name)
+        width = "-" if line.posterior is None else digits(line.posterior * scale.factor, 2)
+        least = min(line.measurement, line.posterior or line.measurement)
+        rows.append(
+            {
+                "output": name,
+                "unit": scale.unit,
+                "arithmetic, at most": _power(line.numerical * scale.factor, ".1e"),
+                "measurement, one sd": digits(line.measurement * scale.factor, 2),
+                "parameters, half of 68 %": width,
+                "arithmetic over the smaller": _power(line.numerical / least, ".0e"),
+            }
+        )
+    return rows
+
+
+def _power(value: float, form: str) -> str:
+    """An error as a power of ten; none at all where every compared digit is the same."""
+    return format(value, form) if value > 0.0 else "none found"
+
+
+def budget_sentence(budget: ErrorBudget) -> str:
+    """What the table of the budget says."""
+    measured = {not line.posterior or line.measurement > line.posterior for line in budget.lines.values()}
+    most = "the measurement limits some outputs, the uncertain parameters others"
+    if measured == {True}:
+        most = "the measurement limits every single impact"
+    elif measured == {False}:
+        most = "the uncertain parameters limit the prediction"
+    size = "no error of it was found"
+    if budget.share > 0.0:
+        size = f"its error is at most {budget.share:.0e} of the smaller of the other two"
+    return f"The arithmetic adds nothing: {size}, comparing {budget.impacts} impacts with {budget.reference}; {most}."

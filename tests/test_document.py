@@ -1,0 +1,89 @@
+"""A document: the same words and tables on a terminal, as a page, as Markdown."""
+
+from __future__ import annotations
+
+import pytest
+from markupsafe import Markup
+from test_report_html import faults
+
+from fitball.inference.results.results import Verdict
+from fitball.report.form import document as module
+from fitball.report.form.document import (
+    Cell,
+    Document,
+    Picture,
+    Section,
+    Table,
+    Words,
+    as_markdown,
+    as_page,
+    judged,
+    on_terminal,
+    term,
+)
+
+# The header of a PNG file up to its width, 300 pixels.
+PNG = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR" + (300).to_bytes(4, "big")
+ROWS = [
+    {
+        "name": "mu",
+        "": Cell("", Markup("<i>m</i>")),
+        "value": "0.55 +- 0.02",
+        "verdict": judged(Verdict.GIVEN, "given", "a < b"),
+    },
+    {"name": "k", "value": "-", "verdict": "<none>"},
+]
+DOCUMENT = Document("A & B", [Words(["Good: 1 +- 2 `run`."], "lead", rank="first")], [
+    Section("one", "First", [
+        Table.of("Values", ROWS, ["verdict"], aside=[""], rank="first"),
+        Table.of("Kept back", [{"a": "1"}], only="page", rank="folded"),
+        Picture("curve", "A curve.", "It rises."),
+    ]),
+    Section("empty", "Nothing", [Words([]), Table("none", [["head"]])]),
+    Section("two", "Second", [
+        Words([term("mu", "one & two"), "plain"], "list"), Words(["there"], only="terminal"),
+        Words(["here"], only="page"),
+    ], "short"),
+])  # fmt: skip
+
+
+def test_a_terminal_has_plain_lines():
+    assert on_terminal(DOCUMENT).split("\n\n") == [
+        "A & B\n=====",
+        "Good: 1 +- 2 `run`.",
+        "First",
+        "name         value  verdict\nmu    0.55 +- 0.02  given\nk                -  <none>",
+        "Second\n- mu: one & two\n- plain",
+        "there",
+    ]
+    assert on_terminal(DOCUMENT, full=False).endswith("<none>")
+
+
+def test_a_page_is_typeset_escaped_and_whole():
+    page = as_page(DOCUMENT, {"curve": PNG})
+    assert faults(page) == []
+    for said in (
+        "<title>A &amp; B - fitball</title>", "Good: 1 \u00b1 2 <code>run</code>.", "<td><i>m</i></td>",
+        '<td class="text"><span class="v-given" title="a &lt; b">given</span></td>',
+        '<td class="text">&lt;none&gt;</td>', "<details><summary>Kept back</summary>", "<b>mu</b>: one &amp; two",
+        '<section id="two" class="short">', ">here<", 'alt="It rises."',
+    ):  # fmt: skip
+        assert said in page, said
+    assert "there" not in page and "Nothing" not in page and "Contents" not in page
+
+
+def test_markdown_has_the_tables_of_the_page():
+    text = as_markdown(DOCUMENT)
+    assert text.startswith("# A & B\n\nGood") and "## Second\n\n- mu: one & two\n- plain\n\nhere\n" in text
+    assert "| name | | value | verdict |\n|---|---|---|---|\n| mu | | 0.55 +- 0.02 | given |" in text
+
+
+@pytest.mark.parametrize(("count", "left"), [(0, 3), (100, 98)])
+def test_many_rows_are_cut_and_said_to_be(monkeypatch, count, left):
+    monkeypatch.setattr(module, "MOST_ROWS", 2)
+    monkeypatch.setattr(module, "MOST_LINES", 2)
+    rows = [["n"], *([str(k)] for k in range(5))]
+    document = Document("", [Table("Numbers", rows, count=count, rest="`all.csv`, which has them")], [])
+    assert on_terminal(document) == f"n\n0\n1\n... and {left} more: all.csv, which has them"
+    page = as_page(document, {})
+    assert f"{left} more stand in <code>all.csv</code>, which has them." in page and "<td>2" not in page
