@@ -22,7 +22,7 @@ from validation.ranks import FAMILY_ERROR, RANKED
 
 import fitball
 from fitball.data.columns import HEIGHTS, LABELS, MEASURED
-from fitball.data.scene_file import KEYS
+from fitball.data.scene_keys import KEYS
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
 from fitball.inference import weigh
 from fitball.inference.adequacy import describe, looks, refit

@@ -11,9 +11,9 @@ import pytest
 
 import fitball
 from fitball.data.columns import REBOUND
-from fitball.data.redundancy import independent
+from fitball.data.kinematics import independent
 from fitball.data.scene import Scene
-from fitball.data.scene_limits import RANGES
+from fitball.data.scene_keys import RANGES
 from fitball.data.units import UNITS
 from fitball.inference.prediction.outputs import OUTPUTS as COMPARED_OUTPUTS
 from fitball.models.model import INPUTS, by_output

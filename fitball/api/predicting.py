@@ -10,13 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fitball.api.asked import flips
-from fitball.data.columns import split_cell
-from fitball.data.impact_text import parse_uncertain_impact
-from fitball.data.naming import naming
-from fitball.data.read import load_table
+from fitball.data.header import naming, split_cell
+from fitball.data.lines import parse_uncertain_impact
+from fitball.data.read import framed, in_memory, load_table, written_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable
-from fitball.data.written import framed, in_memory, written_table
 from fitball.errors import ParameterError, check_whole
 from fitball.inference.prediction.holdout_scores import ObservableScore, scores
 from fitball.inference.prediction.new_impacts import NewPrediction, observed_observables, predict_new

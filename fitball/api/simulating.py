@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from fitball.data.impact_text import parse_impact
+from fitball.data.lines import parse_impact
 from fitball.errors import ParameterError, check_whole
 from fitball.inference.comparison.candidates import parse_name
 from fitball.inference.prediction.new_impacts import predict_new

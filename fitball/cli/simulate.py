@@ -150,7 +150,7 @@ def _check_together(args: argparse.Namespace) -> None:
 def _one(args: argparse.Namespace) -> tuple[Course, dict[str, Any], str, str]:
     """The impact that was asked for: its course, what its file says besides, its text, and a name for its folder."""
     from fitball.api import simulate
-    from fitball.data.impact_text import parse_impact
+    from fitball.data.lines import parse_impact
 
     impact = parse_impact(args.impact)
     course = simulate(impact, fit=args.fit, model=args.model, values=args.values, draws=args.draws)

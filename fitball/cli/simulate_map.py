@@ -24,7 +24,7 @@ CONTOURS = "theta_2"
 
 def run_map(args: argparse.Namespace) -> int:
     """Compute the map, write figure, table and record, and print it in words."""
-    from fitball.data.grid_text import parse_window
+    from fitball.data.lines import parse_window
     from fitball.files import all_or_none
     from fitball.inference.prediction.regime_map import regime_map
     from fitball.report.figures.canvas import save_figure

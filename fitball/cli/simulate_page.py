@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 def write_page(args: argparse.Namespace) -> int:
     """Write the page of the fit or model that was asked for. Raises ParameterError."""
     from fitball.cli.simulate import DEFAULT_FOLDER
-    from fitball.data.impact_text import parse_impact
+    from fitball.data.lines import parse_impact
     from fitball.exports.interactive import interactive_page, round_impact
     from fitball.files import is_stream
     from fitball.report.form.files import refuse_existing, write_text

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from fitball.data.impact_text import parse_impact
+from fitball.data.lines import parse_impact
 from fitball.errors import ParameterError
 from fitball.inference.prediction.engine_fit import EngineFit, EngineSettings, fit_engine, middle_impact
 from fitball.inference.prediction.extrapolation import calibrated_range

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.api.calibrating import calibrate
-from fitball.data.range_text import parse_range
+from fitball.data.lines import parse_range
 from fitball.errors import FitError
 from fitball.inference.design.knowledge import Knowledge, knowledge, solved
 from fitball.inference.design.make_plan import Asked, make_plan

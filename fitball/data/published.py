@@ -1,4 +1,6 @@
-"""Priors from the literature: a small table, each value with where it was published and what its width means.
+"""What is printed elsewhere and comes with the package: the tables of Jafri (2004), digits as printed, units in the
+heads; Wang's measurements, table by table, as the thesis uses them; priors from the literature, each value with where
+it was published and what its width means.
 
 `mu=literature:clay` asks for the row of parameter `mu` and key `clay` of `datasets/literature/priors.csv`.
 """
@@ -8,10 +10,54 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from fitball.data.bundled import bundled_folder
-from fitball.errors import ParameterError, suggestion
+from fitball.data.read import load_table
+from fitball.errors import Fault, ParameterError, TableError, suggestion
+from fitball.values import FloatArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+FOLDER = "thesis"
+
+
+def thesis_table(name: str) -> pd.DataFrame:
+    """One printed table by the stem of its file, such as `appendix_c`; text columns stay text.
+
+    Raises TableError when there is no such table.
+    """
+    import pandas as pd
+
+    text = {"mass_ratio": str, "row": str, "printed": str, "correct": str}
+    return pd.read_csv(_file(name), dtype=text, na_filter=False)
+
+
+def thesis_rows(name: str) -> list[dict[str, str]]:
+    """The same as text, row by row, for who has no need of a frame."""
+    with _file(name).open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def _file(name: str) -> Path:
+    path = bundled_folder() / FOLDER / f"{name}.csv"
+    if not path.is_file():
+        known = ", ".join(sorted(item.stem for item in path.parent.glob("*.csv")))
+        raise TableError(str(path), [Fault(f"no printed table of that name (known: {known})")])
+    return path
+
+
+def fraction(text: str) -> float:
+    """`2/3` as a number."""
+    return float(Fraction(text))
+
 
 PREFIX = "literature:"
 
@@ -87,3 +133,18 @@ def with_published(priors: Mapping[str, str]) -> tuple[dict[str, str], dict[str,
         if row is not None:
             written[name], sources[name] = row.text, row.provenance
     return written, sources
+
+
+SPINS = ("zero", "topspin", "backspin")
+FILES = {"zero": "wang_zero_spin.csv", "topspin": "wang_topspin.csv", "backspin": "wang_backspin.csv"}
+
+
+def measured(spin: str) -> dict[str, FloatArray]:
+    """`v_x2`, `v_y2`, `v_2` [m/s], `theta_2` [deg], `omega_2` [rad/s], incident `v_x1`, `v_y1`, `omega_1`, all (7,).
+
+    The angle is the printed one, even where the components beside it give another.
+    """
+    table = load_table(FILES[spin])
+    columns = {name: getattr(table.impacts, name) for name in table.incident_columns}
+    columns |= {item.name: item.values for item in (*table.measurements, *table.redundant)}
+    return columns | {"theta_2": np.degrees(columns["theta_2"])}

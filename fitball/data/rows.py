@@ -1,11 +1,13 @@
-"""Cells of a table that say that nothing was measured: which of them leave a gap, which leave nothing of a row.
+"""Which rows are impacts, and what they are called.
 
-A gap in a rebound column is no fault: the rest of its row was measured and counts. A row of which the incident state
-is not known, or nothing of the rebound, is left out, and a column without a single number is taken as not there.
+A gap in a rebound column (a cell that says that nothing was measured) is no fault: the rest of its row counts. A row
+of which the incident state is not known, or nothing of the rebound, is left out, and a column without a single number
+is taken as not there.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -14,11 +16,10 @@ from numpy.typing import NDArray
 
 from fitball.data.columns import REBOUND, SD_SUFFIX
 from fitball.data.findings import Findings
-from fitball.data.number_column import NumberColumn
-from fitball.data.propagation import Uncertain
-from fitball.data.redundancy import independent
+from fitball.data.header import Header
+from fitball.data.kinematics import Uncertain, independent, velocity
+from fitball.data.numbers import NumberColumn
 from fitball.data.table import summed_up
-from fitball.data.velocity import velocity
 from fitball.observables import OBSERVABLES, VELOCITIES
 
 Columns = Mapping[str, NumberColumn]
@@ -128,3 +129,42 @@ def _usable(columns: Columns, rebound: bool, found: Findings) -> NDArray[np.int6
         kind = f"left out, because {what} was not measured"
         found.notice(kind, *gaps, place=k, kind=kind)
     return np.flatnonzero(~(unknown | nothing))
+
+
+def unique_ids(header: Header, found: Findings) -> tuple[str, ...]:
+    """One name an impact; a notice for each that was empty or stood already."""
+    if "id" not in header.texts:
+        return tuple(str(row.number) for row in found.rows)
+    written = header.cells("id", found.rows)
+    taken = set(written)
+    ids: list[str] = []
+    seen: Counter[str] = Counter()
+    for place, text in enumerate(written):
+        name, kind = text, ""
+        if not text:
+            kind = "id is empty: the number of the row is taken"
+            name = _free(f"row {found.rows[place].number}", 0, taken)
+        elif seen[text]:
+            kind = "id names an earlier impact too and was made unique"
+            name = _free(text, seen[text], taken)
+        if kind:
+            found.notice(f"{kind}: '{name}'", "id", place=place, kind=kind)
+        seen[text] += 1
+        taken.add(name)
+        ids.append(name)
+    return tuple(ids)
+
+
+def repeated(name: str, k: int = 2) -> str:
+    """The name of the `k`-th impact that is called `name`."""
+    return f"{name} ({k})"
+
+
+def _free(name: str, count: int, taken: set[str]) -> str:
+    """`name`, or the first `name (2)`, `name (3)`, ... that is not taken; `count` impacts have the name already."""
+    if name not in taken:
+        return name
+    k = count + 1
+    while repeated(name, k) in taken:
+        k += 1
+    return repeated(name, k)

@@ -1,4 +1,5 @@
-"""What a name that is not ours probably means: which quantity, and before or after the bounce.
+"""What a header cell says: name and unit, in the ways in which people write both into one, and what a name that is
+not ours probably means: which quantity, and before or after the bounce.
 
 A guess is offered, never taken. It says which end of the bounce it means only where the name does, so that incidence
 is never offered for rebound.
@@ -7,10 +8,60 @@ is never offered for rebound.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from fitball.data.dialect.header_cell import LONGEST
+from fitball.data.columns import COLUMNS, HEIGHTS
+
+_SQUARE = re.compile(r"^(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$")
+_ROUND = re.compile(r"^(?P<name>.*?)\s*[({](?P<unit>[^(){}]*)[)}]$")
+# Behind the name: "v_1 / m/s" (ISO 80000), "v_1 in m/s", "v_1, m/s", "v_1: m/s", "v_1_mph", "v_1 mph".
+_BEHIND = (
+    re.compile(r"^(?P<name>.+?)\s*/\s*[({\[]?(?P<unit>.+?)[)}\]]?$"),
+    re.compile(r"^(?P<name>.+?)\s+in\s+(?P<unit>.+)$"),
+    re.compile(r"^(?P<name>.+?)\s*[,:;]\s*(?P<unit>.+)$"),
+)
+_JOINED = re.compile(r"(?<=[0-9A-Za-z])[_ ](?=[A-Za-z°])")
+
+# Characters of a cell that may hold name and unit; a longer one is all name. No name of ours and no unit is near it,
+# and the patterns above take time with the square of the length.
+LONGEST = 100
+
+Known = Callable[[str], bool]
+UNMATCHED = "the brackets do not match; expected a name and a unit, such as 'v_x1 [m/s]'"
+
+
+def cell_parts(cell: str, known: Known, is_unit: Known) -> tuple[str, str | None, str]:
+    """Name and unit (None where there is none) of a header cell, and what is wrong with it.
+
+    Square brackets always hold a unit; round ones do behind a name that is `known`, or when what is in them
+    `is_unit`; without brackets a unit must be one.
+    """
+    text = cell.strip()
+    if len(text) > LONGEST:
+        return text, None, ""
+    slash = re.fullmatch(r"(.+?)\s*/\s*\[([^\[\]]*)\]", text)
+    match = _SQUARE.match(text if slash is None else f"{slash[1]} [{slash[2]}]")
+    if match is None:
+        return text.split("[")[0].strip(), None, UNMATCHED
+    name = match["name"].strip()
+    if match["unit"] is not None or known(name):
+        return name, match["unit"], ""
+    # Of a quotient in round brackets the slash belongs to neither.
+    bracket = _ROUND.match(re.sub(r"\s*/\s*(?=[({][^(){}]*[)}]$)", " ", name))
+    if bracket and (known(bracket["name"]) or is_unit(bracket["unit"])):
+        return bracket["name"].strip(), bracket["unit"], ""
+    for pattern in _BEHIND:
+        behind = pattern.match(name)
+        if behind and is_unit(behind["unit"]):
+            return behind["name"].strip(), behind["unit"], ""
+    for place in _JOINED.finditer(name):
+        front, unit = name[: place.start()], name[place.end() :]
+        for spelling in (unit, unit.replace("_", "/", 1)):
+            if known(front) and is_unit(spelling):
+                return front, spelling, ""
+    return name, None, ""
+
 
 _GREEK = {"θ": "theta", "ω": "omega", "ϑ": "theta", "σ": "sd"}
 # Words of names, by what they tell: the quantity, its direction, the end of the bounce, a deviation, nothing.
@@ -35,7 +86,7 @@ _LEXICON: Mapping[tuple[str, str], str] = {
 }
 _WORDS = {word: told for told, words in _LEXICON.items() for word in words.split()}
 _LONGEST_WORD = max(map(len, _WORDS))
-HEIGHTS = {"1": "drop_height", "2": "rebound_height"}
+_HEIGHTS = {COLUMNS[name].end: name for name in HEIGHTS}
 
 
 @dataclass(frozen=True)
@@ -85,7 +136,7 @@ def guess_of(name: str) -> Guess | None:
     if directions and quantity != "v":
         return None
     names = tuple(
-        (HEIGHTS[end] if quantity == "height" else f"{quantity}_{''.join(directions)}{end}") + suffix
+        (_HEIGHTS[end] if quantity == "height" else f"{quantity}_{''.join(directions)}{end}") + suffix
         for end in sorted(ends or {"1", "2"})
     )
     return Guess(names)

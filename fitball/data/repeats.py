@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.columns import LABELS
-from fitball.data.reading.doubt import columns_of
-from fitball.data.reading.impulse_laws import misfit
-from fitball.data.reading.motion import chosen_rows, motion_of
+from fitball.data.laws import chosen_rows, misfit, motion_of
+from fitball.data.misreading import columns_of
 from fitball.data.table import ImpactTable
 from fitball.values import Ball, FloatArray
 
