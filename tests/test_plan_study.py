@@ -22,7 +22,7 @@ CASE = Case(
 
 @pytest.fixture(scope="module")
 def ready(grip_slip_fit):
-    return planned_from("friction", CASE, grip_slip_fit.result, 1)
+    return planned_from("friction", CASE, grip_slip_fit, 1)
 
 
 def test_new_impacts_enter_the_density_beside_those_of_the_table(ready):

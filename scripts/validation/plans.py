@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.api.calibrating import calibrate
-from fitball.data.range_text import parse_range
+from fitball.data.lines import parse_range
 from fitball.errors import FitError
 from fitball.inference.design.knowledge import Knowledge, knowledge, solved
 from fitball.inference.design.make_plan import Asked, make_plan
@@ -106,7 +106,7 @@ class Ready:
 def prepared(name: str, seed: int) -> Ready:
     """Fit the table of the case called `name`, and plan."""
     case = CASES[name]
-    return planned_from(name, case, calibrate(case.table, case.model, seed=seed, cores=1).result, seed)
+    return planned_from(name, case, calibrate(case.table, case.model, seed=seed, cores=1), seed)
 
 
 def planned_from(name: str, case: Case, fit: Fit, seed: int) -> Ready:
