@@ -16,7 +16,7 @@ from validation.sbc.replicate import BounceExperiment, Ranked, ranks_among, run_
 from validation.sbc.run import run_replicates
 from validation.sbc.summary import summarise, summary_json, summary_rows
 
-from fitball.cli.progress import ProgressLine
+from fitball.cli.terminal import ProgressLine
 from fitball.errors import ResultFolderError
 from fitball.inference.likelihood.posterior import densities
 from fitball.scheduling.engine import engine
