@@ -193,7 +193,7 @@ def run_batch(args: argparse.Namespace) -> int:
     """Fit what is not fitted yet, write the files of all, print what was found."""
     args.progress("loading", None)
     from fitball.batch.many import FOLDER, batch_of
-    from fitball.batch.plan import Plan
+    from fitball.batch.run import Plan
     from fitball.inference.results.results import RunStatus
     from fitball.report.batch.rows import FAILED
 

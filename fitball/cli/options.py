@@ -16,7 +16,7 @@ from fitball.models.names import DEFAULT_MODEL, RANKED
 from fitball.visible import one_line
 
 if TYPE_CHECKING:
-    from fitball.api.calibrating import Reading
+    from fitball.api.reading import Reading
     from fitball.inference.effort import Effort
     from fitball.inference.problem.choices import Choices
 

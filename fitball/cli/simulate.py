@@ -232,7 +232,7 @@ def _from_fit(args: argparse.Namespace) -> tuple[FittedModel, str, Impacts | Non
 
 def _from_values(args: argparse.Namespace) -> tuple[FittedModel, str, Impacts | None, str]:
     """A model at its defaults, some of them set."""
-    from fitball.api.simulating import model_at
+    from fitball.api.predicting import model_at
     from fitball.inference.results.fitted_model import at_values
 
     model, parameters, notes = model_at(args.model, args.values)

@@ -58,7 +58,7 @@ def run_plot(args: argparse.Namespace) -> int:
 def _draw(args: argparse.Namespace, path: Path, folder: Path) -> None:
     """Draw into the folder; a fit in it is replaced by nobody meanwhile."""
     from fitball.api import load_fit
-    from fitball.api.plotting import Plots, lacks_profiles, profiled
+    from fitball.api.fit import Plots, lacks_profiles, profiled
     from fitball.report.figures.canvas import save_figure
 
     fit = load_fit(path)
