@@ -121,10 +121,12 @@ def paper_rows(saved: SavedFit) -> tuple[PaperRow, ...]:
 def _row(parameter: Estimate) -> PaperRow:
     row = parameter_row(parameter)
     spec = parameter_spec(parameter.name) or NOISE_SPECS.get(parameter.name)
-    paper = PaperRow(row.name, spec.label if spec is not None else "", parameter.meaning, row.unit, row.best)
-    if row.median == "-":
+    paper = PaperRow(row.name, spec.label if spec is not None else "", parameter.meaning, row.unit, row.point)
+    if row.median == "-" or parameter.verdict is Verdict.FIXED:
         return paper
-    return replace(paper, sd=row.sd, interval_95=row.interval_95, mark=MARKS.get(parameter.verdict, ""))
+    return replace(
+        paper, value=row.median, sd=row.sd, interval_95=row.interval_95, mark=MARKS.get(parameter.verdict, "")
+    )
 
 
 def _caption(saved: SavedFit) -> str:
