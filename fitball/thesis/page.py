@@ -13,9 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from fitball.data.published import SPINS, fraction, measured, thesis_table
 from fitball.data.scene import load_scene
-from fitball.data.thesis_tables import fraction, thesis_table
-from fitball.data.wang import SPINS, measured
 from fitball.files import all_or_none
 from fitball.inference.thesis.inputs import C1, C2, INCH, STIFFNESS, TORSION, case_parameters, printed_model
 from fitball.models.specs import SPECS
