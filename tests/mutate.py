@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parent.parent
 COPIED = ("fitball", "datasets", "tests", "scripts", "fits", "pyproject.toml", "README.md", "CHANGELOG.md")
 # Test files that run compiled kernels, whose lines no tracer sees.
 KERNEL_TESTS = (
-    "small_and_flat", "certificates", "kernel_invariants", "kernel_oracle", "jacobian", "history", "hard_cases",
+    "small_and_flat", "certificates", "laws", "kernel_oracle", "jacobian", "history", "hard_cases",
     "thesis_model", "force_likelihood", "export_ports", "export_languages",
 )  # fmt: skip
 COMPARED = {

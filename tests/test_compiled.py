@@ -132,7 +132,7 @@ def test_two_processes_compile_what_a_fit_calls(tmp_path):
         ).stdout.split()
         for _ in range(2)
     ]  # fmt: skip
-    assert told == [["bounce_alone", "jacobian_batch", "0"], ["0"]]
+    assert told == [["bounce", "jacobian_batch", "0"], ["0"]]
     # No kernel that both compiled is kept: the files of one would stand in the index of the other.
     kept = {file.name.partition("-")[0].partition(".")[2] for file in tmp_path.rglob("*.nbc")}
-    assert kept == {"bounce_alone", "bounce_batch", "jacobian_batch"}
+    assert kept == {"bounce", "bounce_batch", "jacobian_batch"}

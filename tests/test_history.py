@@ -7,11 +7,12 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from integrated import Contact
 
 import fitball
 from fitball.errors import FitballError, ModelError, ParameterError
-from fitball.models.registry import with_history
+from fitball.models.names import FOLLOWED, RANKED
+from fitball.models.registry import MODELS
 from fitball.models.types import Phase, unpack_regime
 
 BALL = fitball.Ball()
@@ -63,94 +64,19 @@ def history(case, points=301):
     return model, values, impact, model.history(values, impact, np.linspace(0.0, 1.0, points) * contact)
 
 
-class Integrated:
-    """Equations of motion of one contact, integrated by scipy with its own search for every event."""
-
-    def __init__(self, model, p, impact, landed, contact, core_return):
-        c = model.closures
-        self.eps = p["eps_10"] + p["eps_slope"] * (float(impact.v_y1[0]) - 10.0)
-        m, self.mu, self.in_slide, self.rigid = p["mass_ratio"], p["mu"], c.offset == "contact", c.torsion == "rigid"
-        self.riding = BALL.mass * (1.0 if c.normal == "total" else m)
-        solid, thin = 0.4 * 0.97**2 * m, 2.0 / 3.0 * (1.0 - m)
-        self.core = BALL.inertia * (p["inertia_split"] if c.inertia == "table" else solid / (solid + thin))
-        self.shell = BALL.inertia - self.core
-        if self.rigid:
-            self.core, self.shell = 0.0, BALL.inertia
-        # Either release leaves exp(-sigma t_c) of the core's speed, whatever its formula.
-        sigma = -math.log(core_return) / contact
-        self.k_y, self.c_y = p["k_y"], 2.0 * sigma * self.riding
-        self.k = self.c = 0.0
-        if not self.rigid:
-            compliance = 1.0 / self.core + 1.0 / self.shell
-            natural = math.sqrt(p["k_theta"] * compliance)
-            w2 = p["k_y"] / self.riding - sigma**2
-            zeta = p["zeta_theta"] if c.torsion == "free" else math.sqrt(1.0 - w2 / natural**2)
-            self.k, self.c = p["k_theta"], 2.0 * zeta * natural / compliance
-        self.start = np.array([0.0, landed.v_y, landed.v_x, landed.omega_1, landed.omega_2, 0.0])
-        self.contact = contact
-
-    def forces(self, z):
-        return self.k_y * z[0] + self.c_y * z[1], self.k * z[5] + self.c * (z[3] - z[4])
-
-    def needed(self, z, eps):
-        force, torque = self.forces(z)
-        return BALL.mass * BALL.radius * (torque - eps * force) / (self.shell + BALL.mass * BALL.radius**2)
-
-    def ground(self, phase, z):
-        """Normal force, friction, and the lever of the normal force."""
-        force = self.forces(z)[0]
-        if phase is Phase.FREE:
-            return 0.0, 0.0, 0.0
-        if phase is Phase.GRIP:
-            return force, self.needed(z, self.eps), self.eps
-        if phase is Phase.HOLD:
-            return force, self.needed(z, 0.0), 0.0
-        sign = 1.0 if phase is Phase.SLIDE_FORWARD else -1.0
-        return force, -sign * self.mu * force, self.eps if self.in_slide else 0.0
-
-    def rates(self, phase, z):
-        force, torque = self.forces(z)
-        normal, friction, lever = self.ground(phase, z)
-        shell = (torque - BALL.radius * friction - lever * normal) / self.shell
-        core = shell if self.rigid else -torque / self.core
-        return [z[1], -force / self.riding, friction / BALL.mass, core, shell, z[3] - z[4]]
-
-    def endings(self, phase):
-        if phase is Phase.FREE:
-            return []
-        ends = [lambda z: self.forces(z)[0]]
-        if phase in (Phase.GRIP, Phase.HOLD):
-            eps = self.eps if phase is Phase.GRIP else 0.0
-            ends += [lambda z, s=s: self.mu * self.forces(z)[0] - s * self.needed(z, eps) for s in (1, -1)]
-            if phase is Phase.HOLD:
-                ends.append(lambda z: abs(self.needed(z, self.eps)) - self.mu * self.forces(z)[0])
-        else:
-            sign = 1.0 if phase is Phase.SLIDE_FORWARD else -1.0
-            ends.append(lambda z: sign * (z[2] - BALL.radius * z[4]))
-        return ends
-
-    def run(self, phases):
-        """Dense solutions phase by phase, `(start, end, phase, solution)`; `phases` says only which comes next."""
-        pieces, time, z = [], 0.0, self.start
-        for place, phase in enumerate(phases):
-            events = []
-            for end in self.endings(phase):
-                # A zero that the phase starts on is not its end: an event needs a fall through zero.
-                event = lambda t, z, end=end: end(z)  # noqa: E731
-                event.terminal, event.direction = True, -1.0
-                events.append(event)
-            if place == len(phases) - 1:
-                events = []
-            found = solve_ivp(
-                lambda _t, z, phase=phase: self.rates(phase, z), (time, self.contact), z, method="DOP853",
-                rtol=1e-11, atol=1e-13, events=events, dense_output=True, max_step=self.contact / 50.0,
-            )  # fmt: skip
-            pieces.append((time, float(found.t[-1]), phase, found.sol))
-            time, z = float(found.t[-1]), found.y[:, -1].copy()
-            if phase not in (Phase.GRIP, Phase.HOLD, Phase.FREE) and place < len(phases) - 1:
-                # What is left of the slip is the tolerance of the integration.
-                z[2] = BALL.radius * z[4] if phases[place + 1] is not Phase.FREE else z[2]
-        return pieces
+def followed(contact, landed, phases):
+    """Dense solutions phase by phase, `(start, end, phase, solution)`; `phases` says only which comes next."""
+    pieces, time, z = [], 0.0, [0.0, landed.v_y, landed.v_x, landed.omega_1, landed.omega_2, 0.0]
+    for place, phase in enumerate(phases):
+        last = place == len(phases) - 1
+        ends = [] if last else contact.endings(phase)
+        found = contact.run(phase, time, z, contact.duration, ends, 1e-11, 1e-13)
+        pieces.append((time, float(found.t[-1]), phase, found.sol))
+        time, z = float(found.t[-1]), found.y[:, -1].copy()
+        if phase not in (Phase.GRIP, Phase.HOLD, Phase.FREE) and not last and phases[place + 1] is not Phase.FREE:
+            # What is left of the slip is the tolerance of the integration.
+            z[2] = BALL.radius * z[4]
+    return pieces
 
 
 @pytest.mark.parametrize("case", CASES, ids=IDS)
@@ -159,8 +85,8 @@ def test_courses_against_an_independent_integration(case):
     assert found.regime_name == case[4]
     core_return = -found.release.before.v_y / found.landing.after.v_y
     told = unpack_regime(found.regime)
-    integrated = Integrated(model, values, impact, found.landing.after, found.contact_time, core_return)
-    pieces = integrated.run(told)
+    integrated = Contact(model.closures, values, impact, core_return, found.contact_time)
+    pieces = followed(integrated, found.landing.after, told)
     assert [span.phase for span in found.spans] == list(told)
     ends = [piece[1] for piece in pieces[:-1]]
     np.testing.assert_allclose([span.start for span in found.spans[1:]], ends, atol=1e-7 * found.contact_time)
@@ -277,19 +203,6 @@ def test_every_composition_at_odd_values():
     assert followed > 600
 
 
-def test_mirror_symmetry_without_offset():
-    model = fitball.model("two-mass")
-    values = {name: {**PARAMETERS, "eps_10": 0.0, "eps_slope": 0.0}[name] for name in model.parameter_names}
-    times = np.linspace(0.0, 4e-3, 50)
-    right = model.history(values, fitball.impacts(12.0, 10.0, 50.0), times)
-    left = model.history(values, fitball.impacts(-12.0, 10.0, -50.0), times)
-    for name in ("v_x", "omega_1", "omega_2", "twist", "slip", "friction_force"):
-        np.testing.assert_allclose(getattr(left, name), -getattr(right, name), rtol=1e-12, atol=1e-12)
-    for name in ("y", "v_y", "normal_force"):
-        np.testing.assert_array_equal(getattr(left, name), getattr(right, name))
-    assert left.regime_name == "slide back-grip-slide" and right.regime_name == "slide-grip-slide back"
-
-
 def test_drop_without_motion_along_the_court():
     model = fitball.model("two-mass", tangential=False)
     values = {name: PARAMETERS[name] for name in model.parameter_names}
@@ -318,8 +231,13 @@ def test_misuse_is_named():
         model.history(values, fitball.impacts([12.0, 13.0], 10.0), 0.0)
     with pytest.raises(ParameterError, match="exceeds mass_ratio"):
         model.history({**values, "mass_ratio": 0.5}, impact, 0.0)
-    assert with_history() == ("two-mass", "thesis-exact")
     for name in ("grip-slip", "brody", "thesis"):
         with pytest.raises(ModelError, match=f"model {name} has no (history|time axis)") as caught:
             fitball.model(name).history({}, impact, 0.0)
         assert isinstance(caught.value, FitballError)
+
+
+def test_help_names_the_models_that_have_a_history_and_those_that_are_compared():
+    composed = [fitball.model(name) for name in MODELS]
+    assert tuple(one.name for one in composed if not one.no_history) == FOLLOWED
+    assert tuple(one.name for one in composed if not one.unranked) == RANKED

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from samples import COMPOSITIONS
@@ -83,9 +81,3 @@ def test_landing_impulse_matters(wang_impacts):
     loss = (wang_impacts.v_x1 - with_impulse.v_x2)[sliding]
     np.testing.assert_allclose(loss, (0.56 * wang_impacts.v_y1 * (1.0 + cor))[sliding], rtol=1e-12)
     assert np.all((wang_impacts.v_x1 - inner.v_x2)[sliding] < 0.95 * loss)
-
-
-def test_frozen_oracle_inputs_are_not_changed(wang_impacts):
-    chosen = model("two-mass")
-    assert isinstance(chosen, TwoMassModel)
-    assert replace(chosen, ball=chosen.ball) == chosen

@@ -12,7 +12,7 @@ from oracle_case import AS_THE_THESIS, BALL, DEFAULT, PARAMETERS, distance
 from scipy.integrate import solve_ivp
 
 from fitball.errors import ParameterError
-from fitball.models.oracle import phases as oracle_phases
+from fitball.models.oracle import oracle
 from fitball.models.oracle.oracle import oracle_rebound
 from fitball.models.types import Closures, Phase, Status, unpack_regime
 from fitball.values import impacts
@@ -31,21 +31,6 @@ def test_rigid_ball_slides_or_rolls() -> None:
     np.testing.assert_allclose(rebound.v_x2, at.v_x1 - lost, rtol=0, atol=1e-13)
     turned = at.omega_1 + lost / (BALL.inertia_ratio * BALL.radius)
     np.testing.assert_allclose(rebound.omega_2 * BALL.radius, turned * BALL.radius, rtol=0, atol=1e-13)
-
-
-@pytest.mark.parametrize("normal", ["inner", "total"])
-def test_stiff_torsion_approaches_the_rigid_one(normal: str) -> None:
-    rigid = Closures("zero_force", normal, "contact", "mean", "tied", "rigid", "line")  # type: ignore[arg-type]
-    at = impacts([20.0, 8.0, 2.0], 10.0, [0.0, 50.0, 200.0])
-    aim = oracle_rebound(rigid, BALL, PARAMETERS, at)
-    apart = []
-    for k_theta in (1e4, 1e6, 1e8):
-        elastic = replace(rigid, torsion="free")
-        stiff = oracle_rebound(elastic, BALL, PARAMETERS | {"k_theta": k_theta, "zeta_theta": 1.0}, at)
-        apart.append(distance(stiff, aim, at))
-    assert apart[1] < 0.15 * apart[0]
-    assert apart[2] < 0.15 * apart[1]
-    assert apart[2] < 1e-4
 
 
 def test_hold_keeps_a_rigid_ball_rolling_without_offset() -> None:
@@ -151,7 +136,7 @@ def test_a_contact_without_end_is_said_to_be_one(monkeypatch) -> None:
     at = impacts([5.0, 5.0], [10.0, 10.0], [0.0, 0.0])
     ended = oracle_rebound(DEFAULT, BALL, PARAMETERS, at)
     assert np.all(ended.status == Status.OK)
-    monkeypatch.setattr(oracle_phases, "PHASE_LIMIT", 1)
+    monkeypatch.setattr(oracle, "PHASE_LIMIT", 1)
     rebound = oracle_rebound(DEFAULT, BALL, PARAMETERS, at)
     assert np.all(rebound.status == Status.TOO_MANY_PHASES)
     for column in (rebound.v_x2, rebound.v_y2, rebound.omega_2, rebound.contact_time):

@@ -7,15 +7,14 @@ damping with the oracle.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
+from integrated import Contact
 from oracle_case import AS_THE_THESIS, BALL, DEFAULT, PARAMETERS
-from scipy.integrate import solve_ivp
 
 from fitball.models.oracle.oracle import oracle_rebound
 from fitball.models.types import Closures, Phase, unpack_regime
@@ -26,103 +25,34 @@ def runge_kutta(
     closures: Closures, p: dict[str, float], at: Impacts, core_return: float, contact_time: float
 ) -> tuple[float, float, float, tuple[Phase, ...]]:
     """v_x2, omega_2, the core's final speed over v_y1, and the phases."""
-    mass, radius, inertia = BALL.mass, BALL.radius, BALL.inertia
-    v_y1, m = float(at.v_y1[0]), p["mass_ratio"]
-    riding = mass if closures.normal == "total" else m * mass
-    solid, thin = 0.4 * 0.97**2 * m, 2 / 3 * (1 - m)
-    core = inertia * (p["inertia_split"] if closures.inertia == "table" else solid / (solid + thin))
-    shell = inertia - core
-    loss = math.log(core_return)
-    omega_y = math.sqrt(p["k_y"] / riding)
-    # Either release closure decays as exp(-zeta omega_y t_c), which gives zeta from t_c without its formula.
-    zeta = -loss / (omega_y * contact_time)
-    c_y = 2 * riding * zeta * omega_y
-    compliance = 1 / core + 1 / shell
-    natural = math.sqrt(p["k_theta"] * compliance)
-    ratio = omega_y * math.sqrt(1 - zeta**2) / natural
-    zeta_theta = p["zeta_theta"] if closures.torsion == "free" else math.sqrt(1 - ratio**2)
-    c_theta = 2 * zeta_theta * natural / compliance
-    eps = p["eps_10"] + p["eps_slope"] * (v_y1 - 10)
-    mu, in_slide = p["mu"], closures.offset == "contact"
-    rolling = shell + mass * radius**2
-
-    def forces(z: Any) -> tuple[float, float]:
-        return p["k_y"] * z[0] + c_y * z[1], p["k_theta"] * z[5] + c_theta * (z[3] - z[4])
-
-    def needed(z: Any, offset: float) -> float:
-        force, torque = forces(z)
-        return mass * radius * (torque - offset * force) / rolling
-
-    def motion(phase: Phase) -> Callable[[float, Any], list[float]]:
-        def rates(_: float, z: Any) -> list[float]:
-            force, torque = forces(z)
-            ground, friction, lever = force, 0.0, 0.0
-            if phase is Phase.FREE:
-                ground = 0.0
-            elif phase is Phase.GRIP:
-                friction, lever = needed(z, eps), eps
-            elif phase is Phase.HOLD:
-                friction = needed(z, 0.0)
-            else:
-                friction = -mu * force if phase is Phase.SLIDE_FORWARD else mu * force
-                lever = eps if in_slide else 0.0
-            turn = (torque - radius * friction - lever * ground) / shell
-            return [z[1], -force / riding, friction / mass, -torque / core, turn, z[3] - z[4]]
-
-        return rates
-
-    def falling(function: Callable[[Any], float]) -> Any:
-        def event(_: float, z: Any) -> float:
-            return function(z)
-
-        event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]
-        return event
-
-    def endings(phase: Phase) -> list[Any]:
-        offset = eps if phase is Phase.GRIP else 0.0
-        cone = [falling(lambda z, s=s: mu * forces(z)[0] - s * needed(z, offset)) for s in (1, -1)]
-        if phase is Phase.GRIP:
-            return cone
-        if phase is Phase.HOLD:
-            return [*cone, falling(lambda z: abs(needed(z, eps)) - mu * forces(z)[0])]
-        sign = 1 if phase is Phase.SLIDE_FORWARD else -1
-        return [falling(lambda z: sign * (z[2] - radius * z[4]))]
+    contact, v_y1 = Contact(closures, p, at, core_return, contact_time), float(at.v_y1[0])
+    mu, eps, in_slide = contact.mu, contact.eps, contact.in_slide
 
     def at_rest(z: Any, broken: Phase | None, ending: int) -> Phase:
-        limit = mu * forces(z)[0]
+        limit = mu * contact.forces(z)[0]
         if broken is Phase.HOLD and ending == 2:
             return Phase.GRIP
-        if broken is not Phase.GRIP and broken is not Phase.HOLD and abs(needed(z, eps)) <= limit:
+        if broken is not Phase.GRIP and broken is not Phase.HOLD and abs(contact.needed(z, eps)) <= limit:
             return Phase.GRIP
-        if broken is not Phase.HOLD and not in_slide and abs(needed(z, 0.0)) <= limit:
+        if broken is not Phase.HOLD and not in_slide and abs(contact.needed(z, 0.0)) <= limit:
             return Phase.HOLD
-        return Phase.SLIDE_BACKWARD if needed(z, eps if in_slide else 0.0) > 0 else Phase.SLIDE_FORWARD
+        against = contact.needed(z, eps if in_slide else 0.0) > 0
+        return Phase.SLIDE_BACKWARD if against else Phase.SLIDE_FORWARD
 
     z = np.array([0.0, v_y1, at.v_x1[0], at.omega_1[0], at.omega_1[0], 0.0])
     if closures.normal == "momentum":
-        _land(z, (1 - m) * mass * v_y1, mu, eps, in_slide, shell)
-    slip, time, phases = z[2] - radius * z[4], 0.0, list[Phase]()
+        _land(z, (1 - p["mass_ratio"]) * BALL.mass * v_y1, mu, eps, in_slide, contact.shell)
+    slip, time, phases = z[2] - BALL.radius * z[4], 0.0, list[Phase]()
     phase = Phase.SLIDE_FORWARD if slip > 0 else Phase.SLIDE_BACKWARD
     if abs(slip) < 1e-12 * v_y1:
         phase = at_rest(z, None, 0)
 
-    def advance(phase: Phase, events: list[Any]) -> Any:
+    def advance(phase: Phase, ends: list[Any]) -> Any:
         phases.append(phase)
-        step = contact_time / 100
-        return solve_ivp(
-            motion(phase),
-            (time, 2 * contact_time),
-            z,
-            "DOP853",
-            events=events,
-            rtol=1e-13,
-            atol=1e-16,
-            max_step=step,
-        )
+        return contact.run(phase, time, z, 2 * contact_time, ends, 1e-13, 1e-16)
 
-    lifted = falling(lambda z: forces(z)[0])
     for _ in range(20):
-        run = advance(phase, [lifted, *endings(phase)])
+        run = advance(phase, contact.endings(phase))
         z, time = run.y[:, -1], run.t[-1]
         if run.t_events[0].size:
             break
@@ -131,10 +61,10 @@ def runge_kutta(
     else:
         pytest.fail(f"no end of phases: {phases}")
     if closures.release == "zero_displacement":
-        run = advance(Phase.FREE, [falling(lambda z: z[0])])
+        run = advance(Phase.FREE, [lambda z: z[0]])
         z, time = run.y[:, -1], run.t[-1]
     assert time == pytest.approx(contact_time, rel=1e-10, abs=0)
-    turn = z[4] if closures.spin == "shell" else (core * z[3] + shell * z[4]) / inertia
+    turn = z[4] if closures.spin == "shell" else (contact.core * z[3] + contact.shell * z[4]) / BALL.inertia
     return float(z[2]), float(turn), float(-z[1] / v_y1), tuple(phases)
 
 

@@ -58,10 +58,10 @@ def _from_fit(args: argparse.Namespace) -> tuple[FittedModel, str, Impacts | Non
     """A fit, and the impacts it was made from."""
     from fitball.api import load_fit
 
-    saved = load_fit(args.fit).saved
+    saved = load_fit(args.fit)
     if saved.at_common and not args.quiet:
         tell_notes([saved.at_common])
-    table = saved.file.table.name
+    table = saved.source.name
     return saved.fitted, f"{saved.fitted.model.name} fitted to {table}", saved.impacts, table
 
 

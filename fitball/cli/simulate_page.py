@@ -36,9 +36,9 @@ def _page_of_fit(place: str) -> tuple[FittedModel, str, str, str]:
     from fitball.api import load_fit
     from fitball.exports.formats import origin_of
 
-    saved = load_fit(place).saved
-    table = saved.content["table"]
-    intro = f"As fitted to {table['name']}, {table['impacts']} impacts."
+    saved = load_fit(place)
+    table = saved.source
+    intro = f"As fitted to {table.name}, {table.impacts} impacts."
     return saved.fitted, intro, origin_of(saved), f"fit_{saved.fitted.model_name}"
 
 
@@ -46,7 +46,7 @@ def _page_of_values(args: argparse.Namespace) -> tuple[FittedModel, str, str, st
     """The same of a model at its defaults, some of them set."""
     from fitball.exports.interactive import preset
     from fitball.inference.comparison.candidates import parse_name
-    from fitball.models.registry import DEFAULT_MODEL
+    from fitball.models.names import DEFAULT_MODEL
 
     name, closures = parse_name(args.model if args.model is not None else DEFAULT_MODEL)
     given = ", some of them given" if args.values else ""

@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     from fitball.inference.prediction.port_check import check_port
     from fitball.observables import OBSERVABLES
     from fitball.report.form.files import json_text
-    from fitball.report.saved.saved_fit import read_fit
+    from fitball.report.saved.fit_file import read_fit
 
     saved = read_fit(_fit_path(args.port, args.fit))
     port = read_port(Path(args.port))

@@ -17,7 +17,7 @@ from typing import Generic, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.models.kernels.compiled import compiled, compiled_allocating, inner
+from fitball.models.kernels.compiled import compiled, inner
 from fitball.models.kernels.contact import tied_inertia_split
 from fitball.models.kernels.dual import Number, NumberArray, carry, cos, exp, log, sin, sqrt
 from fitball.models.kernels.phases import append_phase, slide_phase
@@ -322,7 +322,7 @@ def thesis_bounce(
     return OK, row[BALL_RADIUS] * omega_2, v_y2, omega_2, motion.t_c, append_phase(regime, 1, GRIP)
 
 
-@compiled_allocating
+@compiled
 def thesis_batch(
     rows: NumberArray,
     eps: NumberArray,

@@ -20,7 +20,7 @@ from fitball.inference.thesis.inputs import C1, C2, INCH, STIFFNESS, TORSION, ca
 from fitball.models.specs import SPECS
 from fitball.models.thesis import ThesisCourse
 from fitball.report.figures.canvas import log_scale, new_figure, own_style, save_figure
-from fitball.report.figures.embed import embed
+from fitball.report.form.document import figure_html
 from fitball.report.form.files import write_text
 from fitball.report.form.folders import make_folder
 from fitball.report.form.palette import MARKERS, SERIES
@@ -51,7 +51,7 @@ def page(chapter: ChapterFive, images: Mapping[str, bytes]) -> str:
         "fitball.thesis",
         "chapter_five.html.j2",
         found=chapter,
-        figures={name: embed(images[name], said, said) for name, said in CAPTIONS.items() if name in images},
+        figures={name: figure_html(images[name], said, said) for name, said in CAPTIONS.items() if name in images},
         tables=chapter.tables,
         text=_text,
         brief=ranking.in_brief(chapter.rankings),

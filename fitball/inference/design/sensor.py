@@ -44,7 +44,7 @@ class PlannedColumn(Observable):
     `noise`, or of `sd` () where that is known.
     """
 
-    observed: FloatArray = field(default_factory=lambda: np.empty(0), compare=False)
+    observed: FloatArray = field(default_factory=lambda: np.zeros(()), compare=False)
     sd: FloatArray | None = None
     noise: str | None = None
     share: float = 1.0

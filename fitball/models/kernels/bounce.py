@@ -72,7 +72,7 @@ def unsolved(status: int, regime: int) -> Bounce:
     return Bounce(status, math.nan, math.nan, math.nan, math.nan, regime, 0)
 
 
-@inner
+@apart
 def bounce(
     row: FloatArray,
     codes: NDArray[np.int64],
@@ -83,7 +83,7 @@ def bounce(
     scratch: Scratch,
     phase_log: FloatArray | None,
 ) -> Bounce:
-    """Solve one impact; `codes` as named above, `phase_log` as in `two_mass_contact`."""
+    """Solve one impact; `codes` as named in `vertical`, `phase_log` as in `two_mass_contact`."""
     status, vertical = vertical_motion(row, codes, v_y, cor_measured)
     if status != OK:
         return unsolved(status, 0)
@@ -102,23 +102,8 @@ def bounce(
     return Bounce(OK, v_x2, v_y2, omega_2, vertical.t_contact, regime, pieces)
 
 
-@apart
-def bounce_alone(
-    row: FloatArray,
-    codes: NDArray[np.int64],
-    v_x: float,
-    v_y: float,
-    omega: float,
-    cor_measured: float,
-    scratch: Scratch,
-    phase_log: FloatArray,
-) -> Bounce:
-    """See `bounce`."""
-    return bounce(row, codes, v_x, v_y, omega, cor_measured, scratch, phase_log)
-
-
 BOUNCE = Entry(
-    bounce_alone,
+    bounce,
     (
         np.zeros(len(COLUMNS)), np.zeros(TANGENTIAL + 1, dtype=np.int64), 0.0, 0.0, 0.0, 0.0,
         Scratch(np.zeros(1), np.zeros(1), np.zeros(1), np.zeros((1, 5))), np.zeros((MAX_PHASES, PIECE_SIZE)),

@@ -219,17 +219,20 @@ INNER: dict[str, Any] = {
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a kernel that allocates nothing: cached on disk, free of the interpreter lock, strict IEEE arithmetic.
+    """Compile a kernel that Python calls: cached on disk, free of the interpreter lock, strict IEEE arithmetic.
 
-    `error_model="numpy"` lets a division by zero give an infinity instead of an exception, so that a
-    batch is never stopped by one impact; every kernel marks such an impact by its status. References to arrays
-    are not counted: their owner is the allocating kernel above, and the counting took a fifth of the time.
+    `error_model="numpy"` lets a division by zero give an infinity instead of an exception, so that a batch is never
+    stopped by one impact; every kernel marks such an impact by its status.
     """
-    return cast("Callable[P, R]", _compile(function, {"_nrt": False, "no_cfunc_wrapper": True}))
+    return cast("Callable[P, R]", _compile(function, {"no_cfunc_wrapper": True}))
 
 
 def inner(function: Callable[P, R]) -> Callable[P, R]:
-    """As `compiled`, for what kernels call: linked into them, not kept on disk; called from Python it is Python."""
+    """As `compiled`, for what kernels call and what makes no arrays: linked into them, not kept on disk.
+
+    Called from Python it is Python. References to arrays are not counted: their owner is the kernel above, and the
+    counting took a fifth of the time.
+    """
     return cast("Callable[P, R]", _inner(function, INNER))
 
 
@@ -243,13 +246,8 @@ def inner_allocating(function: Callable[P, R]) -> Callable[P, R]:
     return cast("Callable[P, R]", _inner(function, {**INNER, "_nrt": True}))
 
 
-def compiled_allocating(function: Callable[P, R]) -> Callable[P, R]:
-    """As `compiled`, for kernels that make arrays."""
-    return cast("Callable[P, R]", _compile(function, {"no_cfunc_wrapper": True}))
-
-
 def calling(*entries: Entry[..., Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """As `compiled_allocating`, for kernels that call others at their `entries`: these are linked before them."""
+    """As `compiled`, for kernels that call others at their `entries`: these are linked before them."""
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
         dispatcher = _compile(function, {"no_cfunc_wrapper": True})

@@ -17,7 +17,7 @@ from typing import Generic, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.models.kernels.compiled import compiled_allocating, inlined, inner
+from fitball.models.kernels.compiled import compiled, inlined, inner
 from fitball.models.kernels.dual import Number, NumberArray, carry, cos, cosh, exp, log, log1p, sin, sinh, sqrt
 from fitball.models.kernels.oscillator import Oscillator, oscillator, swing_at
 from fitball.models.types import Status
@@ -277,7 +277,7 @@ def spring_integrals(vertical: VerticalMotion[Number], v_y: Number, t: Number) -
     return scale * (1.0 - swing.cosine + vertical.spring.decay * swing.sine), scale * (t - swing.sine)
 
 
-@compiled_allocating
+@compiled
 def force_batch(
     rows: NumberArray,
     codes: NDArray[np.int64],
