@@ -20,9 +20,8 @@ from fitball.api import Fit
 from fitball.data.read import load_table
 from fitball.inference.problem.priors import parse_prior
 from fitball.models.model import Model
-from fitball.report.saved.data_file import write_data
-from fitball.report.saved.fit_text import fit_text
-from fitball.report.saved.posterior_file import write_netcdf
+from fitball.report.saved.fit_file import fit_text
+from fitball.report.saved.netcdf_files import write_data, write_netcdf
 from fitball.report.saved.run_file import run_text
 from fitball.values import FloatArray, Impacts
 

@@ -17,11 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.design.information import covariances, differentiated
+from fitball.inference.design.information import differentiated
 from fitball.inference.design.knowledge import Knowledge, solved
 from fitball.inference.design.sensor import PlannedColumn, Sensor
 from fitball.inference.design.target import Target
-from fitball.inference.problem.incident import whitened
+from fitball.inference.likelihood.cells import joint_root, shared_covariance
+from fitball.inference.likelihood.cells import solved as whiten
 from fitball.inference.problem.problem import Problem
 from fitball.values import FloatArray
 
@@ -87,7 +88,10 @@ class Read:
         sds = [self.sds[:, j].reshape(-1, *extra) for j in range(count)]
         if self.shared is None:
             return [gap / sd for gap, sd in zip(gaps, sds, strict=True)], sds
-        return whitened(gaps, sds, self.shared[:, :count, :count].reshape(-1, *extra, count, count))
+        shared = self.shared[:, :count, :count].reshape(-1, *extra, count, count)
+        root = joint_root(shared, np.stack(sds, axis=-1))
+        z, widths = whiten(root, np.stack(gaps, axis=-1)[..., None])[..., 0], np.diagonal(root, axis1=-2, axis2=-1)
+        return list(np.moveaxis(z, -1, 0)), list(np.moveaxis(widths, -1, 0))
 
 
 def read(plans: Sequence[Planned], coordinates: FloatArray) -> tuple[list[Read], NDArray[np.bool_]]:
@@ -102,8 +106,7 @@ def read(plans: Sequence[Planned], coordinates: FloatArray) -> tuple[list[Read],
         else:
             made = differentiated(problem, coordinates)
             rebound = made.rebound
-            nothing = np.zeros((*rebound.v_x2.shape, len(sensor.columns)))
-            shared = covariances(made, sensor, nothing, made.solved)
+            shared = shared_covariance(problem, columns, rebound, sensor.columns)
         means = np.stack([column.predict(rebound) + _bias(problem, columns, column) for column in sensor.columns], 2)
         sds = np.stack([column.sds(columns, rebound) for column in sensor.columns], axis=2)
         possible &= np.all(solved(rebound), axis=1)

@@ -10,7 +10,7 @@ from samples import GRIP_SLIP, TWO_MASS
 from scipy.optimize import minimize_scalar
 from scipy.special import comb
 from scipy.stats import beta, f, norm
-from validation.trust.foreign import INERTIA_RATIO, MASS, RADIUS, foreign_text, rebound
+from validation.foreign import INERTIA_RATIO, MASS, RADIUS, foreign_text, rebound
 
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene

@@ -316,7 +316,7 @@ def test_a_damaged_table_of_all_is_refused(alone, tmp_path, spoil, said):
 
 def test_another_scene_is_another_setting_wherever_its_file_lies(short_fit, tmp_path):
     """What is told of a fit rests on it beyond its parameters: court pace on the temperature of the ball, a label."""
-    problem, plan = short_fit.result.problem, quick(tmp_path)
+    problem, plan = short_fit.problem, quick(tmp_path)
 
     def mark(**scene):
         return plan.mark(replace(problem, scene=replace(problem.scene, **scene)))
@@ -327,11 +327,11 @@ def test_another_scene_is_another_setting_wherever_its_file_lies(short_fit, tmp_
 
 def test_labels_of_whole_tables_are_read_back_as_they_were(short_fit):
     """With line breaks in them, as cells of workbooks have; an empty one is none."""
-    result = short_fit.result
+    result = short_fit
     count = len(result.problem.table)
     labels = {"note": ("",) * count, "court": ("one\nsouth\u2028side, old",) * count}
     table = replace(result.problem.table, labels=labels)
-    row = row_of("a\x85b", short_fit.saved, replace(result.problem, table=table))
+    row = row_of("a\x85b", short_fit, replace(result.problem, table=table))
     assert {key: cell for key, cell in row.items() if key.startswith(("label:c", "label:n"))} == {
         "label:court": labels["court"][0]
     }

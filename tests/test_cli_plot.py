@@ -55,7 +55,7 @@ def test_an_open_profile_is_read_back_open():
 
 def test_kinds_and_formats_are_the_ones_promised(short_fit):
     assert all(callable(drawing(name).figure) for name in FIGURES)
-    assert {text.section for text in FIGURES.values()} <= {it.name for it in fit_document(short_fit.result).sections}
+    assert {text.section for text in FIGURES.values()} <= {it.name for it in fit_document(short_fit).sections}
     assert ("png", *STAMPS) == FORMATS
 
 
@@ -151,7 +151,7 @@ def test_missing_damaged_and_older_files(small_fit, tmp_path, capsys):
     content["schema_version"] = 1
     (here / "fit.json").write_text(json.dumps(content), encoding="utf-8")
     assert main(["plot", str(here), "corner"]) == 2
-    assert "reads version 4: run calibrate again" in capsys.readouterr().err
+    assert "reads version 5: run calibrate again" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from samples import drop_table, linear_problem, problem_of, search_briefly
-from validation.shared.simulated import SCHEDULE
+from validation.harness import SCHEDULE
 
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene

@@ -21,8 +21,7 @@ from fitball.inference.results.results import Verdict, thinned
 from fitball.report.fit.document import page, render
 from fitball.report.fit.folder import render_json
 from fitball.report.fit.pace import pace_lines, pace_remarks
-from fitball.report.saved.fit_text import fit_text
-from fitball.report.saved.saved_fit import as_saved
+from fitball.report.saved.fit_file import fit_text
 
 # 30 m/s at 16 degrees, by a pocket calculator.
 V_X1, V_Y1 = 28.837851, 8.269121
@@ -202,7 +201,7 @@ def oblique(mu, speeds, tmp_path):
             rows.append(f"{v_x1},{v_y1},0,{v_x1 - lost},{0.8 * v_y1}")
     (tmp_path / "t.csv").write_text("v_x1,v_y1,omega_1,v_x2,v_y2\n" + "\n".join(rows) + "\n", encoding="utf-8")
     fit = fitball.calibrate(tmp_path / "t.csv", "brody", point_only=True, seed=1)
-    return fit.court_pace if hasattr(fit, "court_pace") else fit.result.court_pace
+    return fit.court_pace
 
 
 def test_a_rating_at_the_grip_limit_says_so(tmp_path):
@@ -226,7 +225,7 @@ def test_a_drop_test_has_no_court_pace(tmp_path, grip_slip_fit, brief):
     fit = fitball.calibrate(table, model="brody", point_only=True, cores=1)
     assert json.loads(fit_text(fit))["court_pace"] is None
     assert "Court pace" not in page(fit, {})
-    assert pace_lines(replace(grip_slip_fit.result, court_pace=None)) == ()
+    assert pace_lines(replace(grip_slip_fit, court_pace=None)) == ()
 
 
 def test_other_balls_have_no_court_pace(grip_slip_fit):
@@ -255,8 +254,8 @@ def test_it_is_saved_shown_and_optional(grip_slip_fit, grip_slip_folder, tmp_pat
     saved = content["court_pace"]["ratings"][0]
     assert saved["rating"] == asdict(found.rating)
     assert saved["reach"]["outside"] is True
-    text = render(grip_slip_fit.result, tmp_path)
-    assert json.loads(render_json(grip_slip_fit.result, tmp_path))["court_pace"] == content["court_pace"]
+    text = render(grip_slip_fit, tmp_path)
+    assert json.loads(render_json(grip_slip_fit, tmp_path))["court_pace"] == content["court_pace"]
     rating, shares = found.rating, found.categories
     likeliest = max(shares, key=shares.get)
     assert f"[{rating.q025:.1f}, {rating.q975:.1f}] (95 %), {likeliest} ({100.0 * shares[likeliest]:.0f} %)" in text
@@ -271,7 +270,7 @@ def test_it_is_saved_shown_and_optional(grip_slip_fit, grip_slip_folder, tmp_pat
 
 def test_draws_without_a_rebound_are_told_and_most_of_them_give_no_rating(grip_slip_fit):
     """Restitutions above 1 in some of the draws: intervals of the rest, or none."""
-    fit = grip_slip_fit.result
+    fit = grip_slip_fit
     column = fit.posterior.names.index("cor_10")
     for failing, rated in ((0.3, True), (0.7, False)):
         values = fit.posterior.values.copy()
@@ -290,15 +289,12 @@ def test_draws_without_a_rebound_are_told_and_most_of_them_give_no_rating(grip_s
 
 def test_a_rating_that_rests_on_the_prior_of_friction_says_so(grip_slip_fit):
     def told(contraction):
-        (mu,) = (item for item in grip_slip_fit.estimates if item.name == "mu")
-        changed = replace(mu, verdict=Verdict.PRIOR_DOMINATED, contraction=contraction)
-        return replace(
-            grip_slip_fit.result,
-            estimates=tuple(changed if item is mu else item for item in grip_slip_fit.estimates),
-        )
+        known = grip_slip_fit.parameters
+        mu = replace(known["mu"], verdict=Verdict.PRIOR_DOMINATED, contraction=contraction)
+        return replace(grip_slip_fit, parameters={**known, "mu": mu})
 
     assert "as uncertain as the prior of mu" in pace_lines(told(0.1))[0]
     # A prior that ends above what the table has leaves a narrow rating, which is not that of the prior either.
     assert "as uncertain" not in pace_lines(told(0.99))[0] and "decided by priors" in pace_lines(told(0.99))[0]
-    assert "prior" not in pace_lines(grip_slip_fit.result)[0]
-    assert "The rating by the model is as uncertain as the prior of mu" in certificate(as_saved(told(0.1)))
+    assert "prior" not in pace_lines(grip_slip_fit)[0]
+    assert "The rating by the model is as uncertain as the prior of mu" in certificate(told(0.1))

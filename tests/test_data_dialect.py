@@ -20,8 +20,7 @@ from fitball.data.table import ImpactTable
 from fitball.errors import TableError
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.choices import Choices
-from fitball.report.saved.run_file import run_text
-from fitball.report.saved.run_record import find_tables, read_run, record_problem
+from fitball.report.saved.run_file import find_tables, read_run, record_problem, run_text
 
 Rows = list[list[str]]
 HEADER = [

@@ -17,8 +17,7 @@ from fitball.data.bundled import bundled_names, bundled_tables
 from fitball.data.force_file import find_force
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
-from fitball.data.scene_file import KEYS, Kind
-from fitball.data.scene_limits import range_fault
+from fitball.data.scene_keys import KEYS, Kind, range_fault
 from fitball.errors import SceneError, TableError
 from fitball.inference.problem.build import Choices, build_problem
 

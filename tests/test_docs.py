@@ -17,13 +17,12 @@ from made import pages
 from samples import TWO_MASS, coordinates_of, problem_of
 from scipy.stats import norm
 from scipy.stats import t as student
-from validation.sbc.replicate import RANKED
-from validation.sbc.summary import FAMILY_ERROR
-from validation.trust.pinned import PINNED
+from validation.pinned import PINNED
+from validation.ranks import FAMILY_ERROR, RANKED
 
 import fitball
 from fitball.data.columns import HEIGHTS, LABELS, MEASURED
-from fitball.data.scene_file import KEYS
+from fitball.data.scene_keys import KEYS
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
 from fitball.inference import weigh
 from fitball.inference.adequacy import describe, looks, refit
@@ -47,6 +46,7 @@ from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results import adequacy, fitted_model, score_difference
 from fitball.inference.results import assumptions as assumption_values
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT, RunStatus, Verdict
+from fitball.inference.results.source import COUNTS, NUMBERS
 from fitball.inference.sampling import ensembles as sampling
 from fitball.inference.sampling import importance_posterior, moves
 from fitball.models.registry import MODELS
@@ -55,7 +55,6 @@ from fitball.models.types import PHASE_SYMBOL, Closures, ThesisClosures
 from fitball.observables import NOISE_OF
 from fitball.report.figures.registry import FIGURES
 from fitball.report.fit.folder import CHAIN_NAME
-from fitball.report.saved.data_file import COUNTS, NUMBERS
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 PAGES = {f"{name}.md": text for name, text in pages().items()}
@@ -214,7 +213,7 @@ def test_result_folder(tmp_path, brief):
     content = json.loads((folder / "fit.json").read_text(encoding="utf-8"))
     schema = json.loads((files("fitball.report") / "fit.schema.json").read_text(encoding="utf-8"))
     described = {row[0].strip("`"): row[1] for row in table(FORMATS, "key", "content")}
-    assert set(described) == set(content) == set(schema["$defs"]["FitFile"]["properties"])
+    assert set(described) == set(content) == set(schema["$defs"]["Record"]["properties"])
     assert described["schema_version"] == str(content["schema_version"])
     assert described["kind"] == f"`{content['kind']}`"
     assert all(f"`{item}`" in described["status"] for item in RunStatus)

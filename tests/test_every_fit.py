@@ -27,7 +27,7 @@ from fitball.inference.problem.build import Choices
 from fitball.inference.sampling.ensembles import SamplingInterrupted
 from fitball.report.fit.document import _pictures
 from fitball.report.fit.folder import write_all
-from fitball.report.saved.restore import restore
+from fitball.report.saved.fit_file import restore
 
 ROWS = [
     "id,surface,group,v_x1 [m/s],v_y1 [m/s],omega_1 [rpm],v_x2 [m/s],v_y2 [m/s],omega_2 [rpm],v_x1_sd,"

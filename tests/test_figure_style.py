@@ -35,7 +35,6 @@ from fitball.report.form.palette import (
     verdict_mark,
 )  # fmt: skip
 from fitball.report.form.parameters import symbol_html
-from fitball.report.saved.saved_fit import as_saved
 from fitball.wording import in_formula, short
 
 
@@ -135,7 +134,7 @@ def test_every_colour_means_one_thing():
 
 
 def test_every_verdict_has_a_colour_that_can_be_read(grip_slip_fit):
-    fit = grip_slip_fit.result
+    fit = grip_slip_fit
     assert set(VERDICTS) == set(Verdict)
     assert VERDICTS[Verdict.GIVEN] == VERDICTS[Verdict.CONDITIONAL] == VERDICTS[Verdict.ONE_SIDED]
     for tone in VERDICTS.values():
@@ -144,7 +143,7 @@ def test_every_verdict_has_a_colour_that_can_be_read(grip_slip_fit):
         replace(item, verdict=Verdict.GIVEN, given=("offset=contact",)) if item.name == "mu" else item
         for item in fit.estimates
     ]
-    text = page(replace(fit, estimates=tuple(given)), {})
+    text = page(replace(fit, parameters={item.name: item for item in given}), {})
     used = set(re.findall(r'class="(?:text )?v-([^"]*)"', text))
     assert "given" in used
     assert used <= {verdict_mark(verdict) for verdict in Verdict}
@@ -155,13 +154,13 @@ def test_every_verdict_has_a_colour_that_can_be_read(grip_slip_fit):
 
 def test_dollars_of_the_user_begin_no_formula(grip_slip_fit):
     """In names of tables, in groups, surfaces and names of impacts: a formula of theirs may be none."""
-    odd, result = "a$^$b", grip_slip_fit.result
+    odd, result = "a$^$b", grip_slip_fit
     table = result.problem.table
     labels = {name: tuple(f"{odd}{cell}" for cell in column) for name, column in table.labels.items()}
     table = replace(table, name=odd, labels=labels, ids=tuple(f"{odd}{name}" for name in table.ids))
     fit = replace(result, problem=replace(result.problem, table=table))
     figures = [draw(name, fit) for name in ("regimes", "curves", "residuals", "corner")]
-    for figure in (*figures, batch_figure(all_series([row_of(odd, as_saved(fit), fit.problem)])[:1], [odd])):
+    for figure in (*figures, batch_figure(all_series([row_of(odd, fit, fit.problem)])[:1], [odd])):
         figure.draw_without_rendering()
 
 

@@ -11,7 +11,6 @@ import pytest
 from scipy.stats import norm, t
 
 import fitball
-from fitball.api.fit import Fit
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import ParameterError
@@ -48,7 +47,7 @@ TRUTH = {
 @pytest.fixture
 def grip_slip_fit(grip_slip_fit):
     """The frozen values of the shared fit, which figures are made from."""
-    return grip_slip_fit.result
+    return grip_slip_fit
 
 
 def table_of(tmp_path, rows, name="mixed"):
@@ -246,7 +245,9 @@ def test_residuals_are_what_a_fitted_bias_leaves(grip_slip_fit):
         for name, size in sizes.items()
         for group in sorted(set(table.labels["group"]))
     )
-    fit = replace(grip_slip_fit, problem=biased, estimates=(*grip_slip_fit.estimates, *offsets))
+    fit = replace(
+        grip_slip_fit, problem=biased, parameters={item.name: item for item in (*grip_slip_fit.estimates, *offsets)}
+    )
     mine = np.array(table.labels["group"]) == "zero"
     for item, other in zip(residual_data(grip_slip_fit), residual_data(fit), strict=True):
         np.testing.assert_allclose(item.values - other.values, 2.0 * mine, rtol=0.05)
@@ -317,7 +318,7 @@ def test_contours_hold_their_share_of_the_draws(grip_slip_fit):
 
 
 def test_the_package_corner_draws_the_same_in_panels_of_its_own(grip_slip_fit):
-    fit = Fit(grip_slip_fit)
+    fit = grip_slip_fit
     ours, theirs = corner_data(grip_slip_fit), fit.plot.corner(package="corner")
     count = len(ours.axes)
     panels = np.array(theirs.axes).reshape(count, count)

@@ -25,7 +25,7 @@ from fitball.exports.parameters import latex_table
 from fitball.inference.calibrate import fingerprint, run
 from fitball.inference.effort import Effort
 from fitball.inference.identifiability.fisher import information_evidence
-from fitball.inference.likelihood.posterior import log_likelihood_terms
+from fitball.inference.likelihood.posterior import impact_terms
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import Verdict
 from fitball.report.figures.force import force_panels
@@ -96,7 +96,7 @@ def test_files_hold_the_records(table, fit, folder):
     schema = json.loads((files("fitball.report") / "fit.schema.json").read_text(encoding="utf-8"))
     jsonschema.validate(content, schema)
     digest = sha256(table.with_name("drops_force.csv").read_bytes()).hexdigest()
-    assert content["data"]["force"]["sha256"] == digest
+    assert content["source"]["force"]["sha256"] == digest
     named = tomllib.loads((folder / "run.toml").read_text())["force"]
     assert named["sha256"] == digest and (folder / named["file"]).resolve().samefile(
         table.with_name("drops_force.csv")
@@ -108,7 +108,7 @@ def test_files_hold_the_records(table, fit, folder):
 
 def test_a_unit_of_per_cent_does_not_comment_out_its_line(folder):
     """Force records bring a parameter in per cent."""
-    text = latex_table(fitball.load_fit(folder).saved)
+    text = latex_table(fitball.load_fit(folder))
     assert r"$\mathrm{\%}$" in text
     assert not re.search(r"(?<!\\)%", text.removeprefix("% needs"))
 
@@ -147,7 +147,7 @@ def test_no_record_no_figure(tmp_path, capsys, brief):
     fit = fitball.calibrate(table, point_only=True, cores=1)
     folder = fit.save(tmp_path / "fit")
     assert "force" not in drawable_kinds(fit)
-    assert "force" not in json.loads((folder / "fit.json").read_text())["data"]
+    assert json.loads((folder / "fit.json").read_text())["source"]["force"] is None
     assert main(["plot", str(folder), "force"]) == 2
     assert "there are no force records" in capsys.readouterr().err
 
@@ -217,7 +217,7 @@ def test_a_contact_time_column_identifies_k_y(tmp_path, horizontal):
             assert judged.point == pytest.approx(K_Y, rel=0.03)
             assert "contact_time_sd" in fit.problem.free_names
             values = np.array([[fit.point.values[name] for name in fit.problem.free_names]])
-            terms = log_likelihood_terms(fit.problem, values, fit.problem.rebound(values))
+            terms = impact_terms(fit.problem, values, fit.problem.rebound(values))
             assert terms["contact_time"].shape == (1, 8)
         else:
             assert judged.verdict is Verdict.FIXED

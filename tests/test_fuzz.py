@@ -12,15 +12,16 @@ from pathlib import Path
 import pytest
 from fuzz import examples
 from fuzz.batch_folders import of_a_batch
+from fuzz.contended import contended
 from fuzz.file_names import file_names
 from fuzz.harness import findings, make_case
 from fuzz.saved_files import of_a_fit
 from fuzz.surroundings import run_in_shell, surroundings
 from fuzz.user_files import hand_written
+from fuzz.workbooks import workbooks
 
 from fitball.cli.main import main
-from fitball.data.grid_text import parse_grid
-from fitball.data.impact_text import parse_uncertain_impact
+from fitball.data.lines import parse_grid, parse_uncertain_impact
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.inference.problem.priors import parse_prior
@@ -53,16 +54,19 @@ def test_damaged_input_is_used_or_refused(name, targets, tmp_path, pytestconfig)
     assert not found, "\n".join(found)
 
 
-def test_a_table_may_be_named_as_it_likes(tmp_path, pytestconfig):
-    target = file_names()
+@pytest.mark.parametrize("make", [file_names, workbooks])
+def test_a_table_may_be_called_and_kept_as_it_likes(make, tmp_path, pytestconfig):
+    target = make()
     cases = pytestconfig.getoption("fuzz") or target.few
     found = findings(target, built(target, tmp_path), tmp_path, main, cases)
     assert not found, "\n".join(found)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="redirections of a shell")
-def test_no_surroundings_end_in_a_traceback(tmp_path, pytestconfig):
-    target = surroundings()
+@pytest.mark.parametrize("make", [surroundings, contended])
+def test_no_surroundings_end_in_a_traceback(make, tmp_path, pytestconfig):
+    """Nor do others who write into the same folder."""
+    target = make()
     cases = pytestconfig.getoption("fuzz") or target.few
     found = findings(target, built(target, tmp_path), tmp_path, run_in_shell, cases)
     assert not found, "\n".join(found)

@@ -11,7 +11,8 @@ from integrated import Contact
 
 import fitball
 from fitball.errors import FitballError, ModelError, ParameterError
-from fitball.models.registry import with_history
+from fitball.models.names import FOLLOWED, RANKED
+from fitball.models.registry import MODELS
 from fitball.models.types import Phase, unpack_regime
 
 BALL = fitball.Ball()
@@ -230,8 +231,13 @@ def test_misuse_is_named():
         model.history(values, fitball.impacts([12.0, 13.0], 10.0), 0.0)
     with pytest.raises(ParameterError, match="exceeds mass_ratio"):
         model.history({**values, "mass_ratio": 0.5}, impact, 0.0)
-    assert with_history() == ("two-mass", "thesis-exact")
     for name in ("grip-slip", "brody", "thesis"):
         with pytest.raises(ModelError, match=f"model {name} has no (history|time axis)") as caught:
             fitball.model(name).history({}, impact, 0.0)
         assert isinstance(caught.value, FitballError)
+
+
+def test_help_names_the_models_that_have_a_history_and_those_that_are_compared():
+    composed = [fitball.model(name) for name in MODELS]
+    assert tuple(one.name for one in composed if not one.no_history) == FOLLOWED
+    assert tuple(one.name for one in composed if not one.unranked) == RANKED

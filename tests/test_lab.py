@@ -16,7 +16,7 @@ from test_court_pace import sliding_rows
 import fitball
 from fitball.api import pose
 from fitball.cli.main import main
-from fitball.data.literature import published_priors, with_published
+from fitball.data.published import published_priors, with_published
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitballError, ParameterError
@@ -31,7 +31,7 @@ from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.models.registry import parameter_spec
 from fitball.report.fit.pace import court_lines, place_rows, warmth_words
-from fitball.report.saved.restore import restore
+from fitball.report.saved.fit_file import restore
 
 MU = {"A": 0.60, "B": 0.66, "C": 0.54, "D": 0.62, "E": 0.58}
 
@@ -195,7 +195,7 @@ def dropped(drops, tmp_path_factory):
     fit = fitball.calibrate(
         drops / "drops.csv", "brody", priors={"cor_10": "literature:itf-type-2"}, point_only=True, cores=1
     )
-    return fitball.load_fit(save_without_figures(fit, tmp_path_factory.mktemp("dropped") / "fit")).saved
+    return fitball.load_fit(save_without_figures(fit, tmp_path_factory.mktemp("dropped") / "fit"))
 
 
 def test_a_drop_test_from_table_to_certificate(drops, capsys, without_figures):
@@ -223,7 +223,7 @@ def test_a_drop_test_from_table_to_certificate(drops, capsys, without_figures):
     page = (out / "certificate.html").read_text(encoding="utf-8")
     sentence, software = content["adequacy"]["sentence"], content["versions"]["fitball"]
     words = ("COR at 7.06 m/s", "literature:itf-type-2", "12 impacts", sentence[:40], software)
-    for word in (*words, content["table"]["sha256"]):
+    for word in (*words, content["source"]["sha256"]):
         assert word in page
     assert "http" not in page and "<script" not in page
 
@@ -256,8 +256,8 @@ def test_a_full_certificate_prints_on_one_page(dropped, tmp_path):
     """Two dozen balls, every remark, a long verdict: still one sheet of A4."""
     rebound = Spread(1.4, 1.4, 1.38, 1.39, 1.41, 1.42)
     balls = tuple(BallRebound(f"ball number {k}", 4, rebound, 0.6) for k in range(30))
-    test = replace(dropped.file.drop_test, balls=balls, shared_error=0.01)
-    adequacy = replace(dropped.file.adequacy, sentence=(dropped.file.adequacy.sentence + " ") * 3)
+    test = replace(dropped.drop_test, balls=balls, shared_error=0.01)
+    adequacy = replace(dropped.adequacy, sentence=(dropped.adequacy.sentence + " ") * 3)
     file = msgspec.structs.replace(dropped.file, drop_test=test, adequacy=adequacy)
     page = tmp_path / "certificate.html"
     page.write_text(certificate(replace(dropped, file=file)), encoding="utf-8")

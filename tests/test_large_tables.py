@@ -33,15 +33,15 @@ from fitball.inference.problem import parallel, subsample
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import thinned_problem
 from fitball.inference.results.results import Posterior
+from fitball.inference.results.source import source_of
 from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.report.figures import canvas
 from fitball.report.figures.registry import draw
 from fitball.report.fit.document import page, render
 from fitball.report.fit.folder import prediction_rows
 from fitball.report.form import numbers
-from fitball.report.saved.data_file import data_part, read_data, write_data
-from fitball.report.saved.fit_file import TablePart
-from fitball.report.saved.fit_text import fit_text
+from fitball.report.saved.fit_file import fit_text
+from fitball.report.saved.netcdf_files import read_data, write_data
 
 
 def long_problem(rows, **choices):
@@ -210,7 +210,7 @@ def long_fits():
 
 def test_text_and_files_do_not_grow_with_rows(long_fits, tmp_path):
     lines = [render(fit, tmp_path).splitlines() for fit in long_fits]
-    assert abs(len(lines[0]) - len(lines[1])) <= 4 and len(lines[1]) < 160
+    assert abs(len(lines[0]) - len(lines[1])) <= 4 and len(lines[1]) < 220
     assert "... and 1,200 more: predictions.csv" in lines[1] and "... and 1,200 more: balances.csv" in lines[1]
     for text in (fit_text, lambda fit: page(fit, {})):
         short, long = (len(text(fit)) for fit in long_fits)
@@ -252,7 +252,7 @@ def test_figures_draw_some_of_many_impacts(long_fits, monkeypatch):
 
 def test_a_long_fit_is_read_back_whole(long_fits, tmp_path, capsys):
     fit = long_fits[1]
-    folder = fitball.Fit(fit).save(tmp_path / "fit")
+    folder = fitball.Fit.of(fit).save(tmp_path / "fit")
     # Every row is in the files that hold rows.
     assert len((folder / "predictions.csv").read_text(encoding="utf-8").splitlines()) == 3 * 1240 + 1
     assert len((folder / "balances.csv").read_text(encoding="utf-8").splitlines()) == 1241
@@ -294,11 +294,9 @@ def test_data_are_read_back_as_they_were(tmp_path):
     force = 1000.0 * np.maximum(np.sin(np.pi * (times - 1e-3) / 4e-3), 0.0) * (times < 5e-3)
     rows = [f"y,{1e3 * t:.3f},{f:.3f}" for t, f in zip(times, force, strict=True)]
     records.write_text("\n".join(["id,t [ms],F [N]", *rows]) + "\n", encoding="utf-8")
-    table = load_table(path)
     problem = problem_of(path)
     write_data(problem, tmp_path / "data.nc")
-    part = TablePart(table.name, table.source, table.digest, len(table), table.flipped)
-    found, force = read_data(part, data_part(problem), tmp_path / "data.nc")
+    found, force = read_data(source_of(problem), tmp_path / "data.nc")
     assert (found.ids, found.labels) == (("x", "y"), {"impact": ("1", "2"), "a/b": ("", "über")})
     (item,) = found.measurements
     np.testing.assert_array_equal(item.sd, [0.1, 0.2])

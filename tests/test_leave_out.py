@@ -17,7 +17,7 @@ from fitball.inference.comparison.cross_validation import IMPACTS, leave_out, ma
 from fitball.inference.comparison.information_criteria import criteria
 from fitball.inference.comparison.psis_loo import leave_one_out, refitted_elpd, smoothed_elpd
 from fitball.inference.effort import Effort
-from fitball.inference.likelihood.posterior import log_likelihood_terms, log_posterior, pointwise
+from fitball.inference.likelihood.posterior import impact_terms, log_posterior, pointwise
 from fitball.inference.point.point_fit import point_fit
 from fitball.inference.prediction.outputs import measured_outputs, output_errors, root_mean_square
 from fitball.inference.problem.build import Choices, build_problem
@@ -68,7 +68,7 @@ def test_withheld_takes_away_the_likelihood_of_those_rows_and_nothing_else():
     rows = np.array([1, 5])
     held = withheld(problem, rows)
     values = problem.to_values(coordinates)
-    terms = log_likelihood_terms(problem, values, problem.rebound(values))
+    terms = impact_terms(problem, values, problem.rebound(values))
     lost = sum(term[:, rows].sum(axis=1) for term in terms.values())
     np.testing.assert_allclose(
         log_posterior(held, coordinates), log_posterior(problem, coordinates) - lost, rtol=1e-11

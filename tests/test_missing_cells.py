@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from samples import GRIP_SLIP, coordinates_of, drop_table, problem_of, same_values, synthetic
 from scipy import stats
-from validation.sbc.replicate import BounceExperiment
+from validation.ranks import Bounces
 
 import fitball
 from fitball.data.balances import scene_balances
@@ -33,9 +33,9 @@ from fitball.inference.prediction.drop_test import drop_test
 from fitball.inference.prediction.new_impacts import observed_observables
 from fitball.inference.prediction.posterior_predictive import replicated
 from fitball.inference.problem.subsample import part_of, thinned_rows, withheld
-from fitball.report.saved.data_file import data_part, read_data, write_data
-from fitball.report.saved.fit_text import fit_text
-from fitball.report.saved.saved_fit import read_fit
+from fitball.inference.results.source import source_of
+from fitball.report.saved.fit_file import fit_text, read_fit
+from fitball.report.saved.netcdf_files import read_data, write_data
 
 WANG = load_table("wang_all.csv")
 SDS = {"v_x2": 0.25, "v_y2": 0.25, "omega_2": 10.0}
@@ -351,7 +351,7 @@ def test_a_simulated_table_has_the_same_gaps(tmp_path):
         "v_x1,v_y1,omega_1,v_x2,v_y2,v_y2_sd,omega_2\n15,5,0,11,4,0.1,\n14,7,0,9,,,290\n13,9,0,8,7,0.2,260\n"
     )
     table = load_table(place)
-    made = BounceExperiment(str(place), "grip-slip").simulated(
+    made = Bounces(str(place), "grip-slip").simulated(
         values_of(problem_of(table, "grip-slip"))[0], np.random.default_rng(2)
     )
     for one, other in zip(table.measurements, made.table.measurements, strict=True):
@@ -367,7 +367,7 @@ def test_restitution_as_measured_needs_every_speed():
 def test_a_gappy_table_goes_to_a_folder_and_back(tmp_path, brief):
     fit = fitball.calibrate(with_gaps(stating(WANG), 4), scene=Scene(), model="grip-slip", point_only=True, cores=1)
     folder = fit.save(tmp_path / "fit")
-    table, _force = read_fit(folder).measured()
+    table, _force = read_data(read_fit(folder).source, folder / "data.nc")
     same_values(table.measurements, fit.problem.table.measurements)
     predictions = (folder / "predictions.csv").read_text()
     assert "nan" not in predictions
@@ -376,7 +376,7 @@ def test_a_gappy_table_goes_to_a_folder_and_back(tmp_path, brief):
     assert np.isnan(fit.problem.table.measurement(output).values[WANG.ids.index(impact)])
     assert "NaN" not in fit_text(fit)
     content = json.loads((folder / "fit.json").read_text())
-    assert content["scores"]["least_squares"]["degrees_of_freedom"] == sum(
+    assert content["least_squares"]["degrees_of_freedom"] == sum(
         int(item.measured.sum()) for item in table.measurements
     ) - 5  # fmt: skip
     page = (folder / "report.html").read_text()
@@ -393,7 +393,7 @@ def test_a_gappy_table_goes_to_a_folder_and_back(tmp_path, brief):
     broken = replace(fit.problem, table=empty)
     write_data(broken, folder / "data.nc")
     with pytest.raises(ResultFolderError, match="v_x2: not one number"):
-        read_data(read_fit(folder).file.table, data_part(broken), folder / "data.nc")
+        read_data(source_of(broken), folder / "data.nc")
 
 
 def test_balances_say_what_an_impact_lacks():

@@ -104,7 +104,7 @@ def test_its_rebounds_and_derivatives():
 
 def test_calibrate_fits_it(folder):
     fit = json.loads((folder / "fit.json").read_text("utf-8"))
-    assert fit["model"] == {"name": "toy", "closures": {}}
+    assert (fit["fitted"]["model_name"], fit["fitted"]["options"]) == ("toy", {})
     found = {name: item["verdict"] for name, item in fit["parameters"].items() if name in ("e_y", "e_x", "drag")}
     assert found == dict.fromkeys(("e_y", "e_x", "drag"), "identified")
     assert fit["parameters"]["drag"]["meaning"] == "share of v_x lost besides"

@@ -18,8 +18,9 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import ParameterError
 from fitball.inference.identifiability.fisher import fisher_information, information_evidence
+from fitball.inference.likelihood.cells import prediction_slopes
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
-from fitball.inference.likelihood.residuals import Weighting, default_noise, prediction_slopes, residuals
+from fitball.inference.likelihood.residuals import Weighting, default_noise, residuals
 from fitball.inference.prediction.new_impacts import predict_new
 from fitball.inference.prediction.posterior_predictive import with_noise
 from fitball.inference.problem import noise, parameters
@@ -27,8 +28,7 @@ from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.noise import KINDS, NORMAL, NoiseKind, noise_with
 from fitball.models.specs import ParameterSpec
 from fitball.report.fit.folder import prepare_folder, write_all
-from fitball.report.saved.restore import restore
-from fitball.report.saved.saved_fit import read_fit
+from fitball.report.saved.fit_file import read_fit, restore
 
 STUDENT = KINDS["student-t"]
 EXPONENT = "noise_exponent"

@@ -27,7 +27,7 @@ from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.point_fit import point_fit
 from fitball.inference.point.starts import starting_points
 from fitball.models.types import Status
-from fitball.report.saved.fit_text import fit_text
+from fitball.report.saved.fit_file import fit_text
 
 RADIUS = fitball.Ball().radius
 

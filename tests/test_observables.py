@@ -11,16 +11,15 @@ import pytest
 
 import fitball
 from fitball.data.columns import REBOUND
-from fitball.data.redundancy import independent
+from fitball.data.kinematics import independent
 from fitball.data.scene import Scene
-from fitball.data.scene_limits import RANGES
+from fitball.data.scene_keys import RANGES
 from fitball.data.units import UNITS
 from fitball.inference.prediction.outputs import OUTPUTS as COMPARED_OUTPUTS
 from fitball.models.model import INPUTS, by_output
 from fitball.models.types import OUTPUTS, Rebound
 from fitball.observables import COMPARED, INCIDENT_UNITS, NOISE_OF, OBSERVABLES, SHARED_SD, VELOCITIES
 from fitball.report.form.numbers import output_scale
-from fitball.report.saved.fit_file import GoldenRebound, Incident
 
 POINT = {"mu": 0.55, "eps_10": 2e-3, "eps_slope": 0.0, "cor_10": 0.77, "cor_slope": -0.015, "mass_ratio": 0.87,
          "k_y": 2e4, "k_theta": 20.0}  # fmt: skip
@@ -67,5 +66,3 @@ def test_files_and_scenes_know_every_column():
     for noise in (SHARED_SD, *NOISE_OF.values()):
         assert getattr(Scene(), noise) is None
         assert f"measurement.{noise}" in RANGES
-    assert GoldenRebound.__struct_fields__ == (*OUTPUTS, "regime")
-    assert Incident.__struct_fields__ == (*INCIDENT_UNITS, "cor")

@@ -14,18 +14,19 @@ from test_design import first_order, posterior_from
 
 import fitball
 from fitball.data.join import joined
-from fitball.data.range_text import Range, parse_range
+from fitball.data.lines import Range, parse_range
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitError, ParameterError
 from fitball.inference.design.gain import nothing_measured, over_draws
-from fitball.inference.design.information import covariances, differentiated, information_rows
+from fitball.inference.design.information import differentiated, information_rows
 from fitball.inference.design.knowledge import NEXT, Knowledge, knowledge
 from fitball.inference.design.make_plan import Asked, make_plan
 from fitball.inference.design.results import Chosen
 from fitball.inference.design.sensor import as_before, parse_sensor, usual_sensors
 from fitball.inference.design.settings import build_settings
 from fitball.inference.design.target import Part, parse_target
+from fitball.inference.likelihood.cells import shared_covariance
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.report.plan.rows import plan_rows
 from fitball.values import Impacts
@@ -79,12 +80,11 @@ def told_of_noise(known, made, sensor):
     names = known.problem.free_names
     free = [names.index(column.noise) for column in sensor.columns]
     rows = information_rows(made, sensor, np.eye(len(names)))[0, 0, len(sensor.columns) :][:, free]
-    sds = np.stack([column.sds(made.columns, made.rebound) for column in sensor.columns], axis=2)
+    sds = np.stack([column.sds(made.columns, made.rebound) for column in sensor.columns], axis=2)[0, 0]
+    shared = shared_covariance(made.problem, made.columns, made.rebound, sensor.columns)[0, 0]
 
     def distance(logs):
-        one, other = (
-            covariances(made, sensor, sds * np.exp(by), made.solved)[0, 0] for by in (np.zeros(len(free)), logs)
-        )
+        one, other = (shared + np.diag(sds * np.exp(by)) ** 2 for by in (np.zeros(len(free)), logs))
         ratio = np.linalg.solve(other, one)
         return 0.5 * (np.trace(ratio) - len(free) - np.linalg.slogdet(ratio)[1])
 
@@ -106,8 +106,7 @@ def test_an_uncertain_incident_state_adds_its_scatter(known, briefly):
     uncertain = Knowledge(problem, known.coordinates)
     planned, draws = uncertain.at(ITF, np.zeros(1, dtype=np.int64)), uncertain.some(1)
     sensor, made = as_before(problem), differentiated(planned, draws)
-    none = np.zeros((1, 1, len(sensor.columns)))
-    found = covariances(made, sensor, none, made.solved)[0, 0]
+    found = shared_covariance(planned, made.columns, made.rebound, sensor.columns)[0, 0]
     # Errors of this size are those of a typical impact: its speed, direction and spin.
     assert planned.incident is not None
     # They are as large in speed and direction for every impact, whatever its speed.

@@ -17,7 +17,7 @@ from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
 from fitball.inference.identifiability.fisher import fisher_information
 from fitball.inference.identifiability.power_scaling import CONFLICT, WEAK, diagnosis, power_evidence, sensitivities
-from fitball.inference.likelihood.posterior import log_likelihood, log_likelihood_terms
+from fitball.inference.likelihood.posterior import impact_terms, log_likelihood
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import Posterior
 
@@ -42,7 +42,7 @@ def power_tree(problem, values):
     rebound = problem.rebound(values)
     names = problem.free_names
     prior = {name: problem.free[k].prior.log_density(coordinates[:, k]) for k, name in enumerate(names)}
-    terms = log_likelihood_terms(problem, values, rebound)
+    terms = impact_terms(problem, values, rebound)
     return xr.DataTree.from_dict(
         {
             "posterior": xr.Dataset({name: (dims, coordinates[None, :, k]) for k, name in enumerate(names)}),

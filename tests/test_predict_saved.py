@@ -17,7 +17,7 @@ from fitball.errors import ResultFolderError
 from fitball.inference.prediction.new_impacts import predict_new
 from fitball.inference.results.fitted_model import PREDICTING
 from fitball.inference.results.results import thinned
-from fitball.report.saved.posterior_file import write_netcdf
+from fitball.report.saved.netcdf_files import write_netcdf
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,6 @@ from fitball.inference.identifiability.profile import coverage, profiles
 from fitball.inference.identifiability.profile_path import best_top, profile_paths, searches, sweep
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
 from fitball.inference.point.gauss_newton import descend
-from fitball.inference.point.general_surface import GeneralSurface
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.quadratic_program import constrained_step
 from fitball.inference.point.surface import Conditions, Surface
@@ -312,10 +311,10 @@ def test_gradients_are_those_of_the_cost(tmp_path, penalised):
         assert gradient[0, k] == pytest.approx(slope, rel=1e-4, abs=1e-3)
 
 
-@pytest.mark.parametrize("kind", [Surface, GeneralSurface])
-def test_a_penalised_surface_is_the_posterior_without_what_is_left_out(two_mass, kind):
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_penalised_surface_is_the_posterior_without_what_is_left_out(two_mass, closed):
     problem, rows = two_mass[0], np.array([1, 5])
-    surface = kind(problem, penalised=True)
+    surface = Surface(problem, penalised=True, closed=closed)
     values = np.array([[two_mass[1].values[name] for name in problem.free_names]]) * np.array([[1.0], [1.001]])
     counted = np.ones((2, len(problem.impacts)), dtype=bool)
     counted[:, rows] = False

@@ -17,20 +17,16 @@ import fitball
 from fitball.api import pose
 from fitball.cli.main import main
 from fitball.data.bundled import bundled_names
-from fitball.data.reading.doubt import doubt_of, doubt_of_table
-from fitball.data.reading.flip import FLIPPABLE, flipped
-from fitball.data.reading.hypotheses import hypotheses
-from fitball.data.reading.impulse_laws import misfit
-from fitball.data.reading.motion import motion_of
-from fitball.data.reading.spins import missing_above
+from fitball.data.laws import misfit, missing_above, motion_of
+from fitball.data.misreading import FLIPPABLE, doubt_of, doubt_of_table, flipped, hypotheses
 from fitball.data.scene import Scene, load_scene
 from fitball.data.units import UNITS
 from fitball.errors import ParameterError, ReadingError, TableError
 from fitball.inference.calibrate import fingerprint
 from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices
-from fitball.report.saved.restore import restore
-from fitball.report.saved.run_record import find_tables, read_run, record_problem
+from fitball.report.saved.fit_file import restore
+from fitball.report.saved.run_file import find_tables, read_run, record_problem
 
 CLEAR = ("wide", "backspin", "basketball")
 
@@ -269,7 +265,7 @@ def test_a_flip_is_applied_told_kept_and_repeated(spins, tmp_path, capsys, brief
     assert 0.4 < fit.point.values["mu"] < 0.75
     fit.save(tmp_path / "fit")
     kept = json.loads((tmp_path / "fit" / "fit.json").read_text("utf-8"))
-    assert kept["table"]["flipped"] == flip
+    assert kept["source"]["flipped"] == flip
     assert any("omega_1 is counted with the other sign" in note for note in kept["notes"])
     run = tomllib.loads((tmp_path / "fit" / "run.toml").read_text("utf-8"))
     assert run["table"]["flipped"] == flip

@@ -26,7 +26,7 @@ from fitball.report.fit.folder import prepare_folder, render_json, write_all
 from fitball.report.fit.rows import balance_table, prediction_table, thesis_rows
 from fitball.report.form.numbers import HANDY, THESIS, decimals, fixed
 from fitball.report.form.parameters import parameter_row
-from fitball.report.saved.fit_text import fit_text
+from fitball.report.saved.fit_file import fit_text
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,8 @@ def test_golden_impacts_hold_to_the_last_digit(two_mass, two_mass_folder):
         ("[]", "read kind None, expected 'fitball fit'"),
         ('{"kind": "fitball fit", "schema_version": 99}', "schema_version 99"),
         ('{"kind": "fitball fit", "schema_version": 1}', "run calibrate again"),
-        ('{"kind": "fitball fit", "schema_version": 4}', "damaged"),
+        ('{"kind": "fitball fit", "schema_version": 5}', "damaged"),
+        ('{"kind": "fitball fit", "schema_version": 4}', "fitball repeat FOLDER --out NEW"),
     ],
 )
 def test_a_file_that_is_no_fit_is_refused(tmp_path, content, said):
@@ -210,15 +211,15 @@ def test_rounding_follows_the_particle_data_group(value, sd, text):
 
 def test_no_number_is_longer_than_it_deserves(fit, two_mass, tmp_path):
     for item in (fit, two_mass):
-        text = render(item.result, tmp_path)
+        text = render(item, tmp_path)
         assert not re.search(r"\d\.\d{6,}", text)
         for name in item.parameters:
             assert name in text
-    assert json.loads(render_json(fit.result, tmp_path))["parameters"]["mu"]["verdict"] == "identified"
+    assert json.loads(render_json(fit, tmp_path))["parameters"]["mu"]["verdict"] == "identified"
 
 
 def test_rows_say_what_the_estimates_say(two_mass):
-    for row, item in ((parameter_row(item), item) for item in (*two_mass.estimates, *two_mass.derived)):
+    for row, item in ((parameter_row(item), item) for item in (*two_mass.estimates, *two_mass.derived.values())):
         assert row.verdict == item.verdict_words
         assert row.reason == item.reason
         assert row.reason

@@ -180,9 +180,9 @@ def test_long_tables_are_cut_and_say_so(grip_slip_fit, monkeypatch):
 
 
 def test_what_is_conditional_is_not_called_identified(grip_slip_fit):
-    fit = grip_slip_fit.result
-    conditional = tuple(replace(item, verdict=Verdict.CONDITIONAL) for item in fit.estimates)
-    said = page(replace(fit, estimates=conditional), {})
+    fit = grip_slip_fit
+    conditional = {item.name: replace(item, verdict=Verdict.CONDITIONAL) for item in fit.estimates}
+    said = page(replace(fit, parameters=conditional), {})
     assert "every free parameter stands above" in said and "parameter is identified" not in said
 
 
@@ -203,7 +203,7 @@ def test_alt_texts_carry_the_numbers(grip_slip_fit):
     assert f"{grip_slip_fit.diagnostics.max_r_hat:.3f}" in found["trace"]
     for r_hat, words in ((1.003, "they are not yet enough; the largest R-hat is 1.003"), (1.02, "do not yet agree")):
         worst = replace(grip_slip_fit.diagnostics, converged=False, max_r_hat=r_hat)
-        assert words in alt_text("trace", replace(grip_slip_fit.result, diagnostics=worst))
+        assert words in alt_text("trace", replace(grip_slip_fit, diagnostics=worst))
 
 
 def test_bounds_in_words_have_no_powers_of_ten():

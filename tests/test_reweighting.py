@@ -23,7 +23,7 @@ from fitball.inference.population.reweighting import population
 from fitball.report.batch import populations
 from fitball.report.batch.document import write_results
 from fitball.report.batch.rows import read_rows, row_of
-from fitball.report.saved.saved_fit import read_fit
+from fitball.report.saved.fit_file import read_fit
 
 WIDE = (-np.inf, np.inf)
 # Interim prior of the tables of a made population, far from it: mean, sd.
@@ -309,7 +309,7 @@ def season(small_fit, short_fit, tmp_path_factory):
     for name in names:
         (folder / name).mkdir(parents=True)
         shutil.copy(small_fit / "fit.json", folder / name)
-    write_results([row_of(name, short_fit.saved, short_fit.result.problem) for name in names], folder)
+    write_results([row_of(name, short_fit, short_fit.problem) for name in names], folder)
     assert (folder / "parameters.png").stat().st_size > 10_000
     picture = (folder / "parameters.png").read_bytes()
     with pytest.MonkeyPatch.context() as patch:
@@ -319,7 +319,7 @@ def season(small_fit, short_fit, tmp_path_factory):
 
 
 def test_the_rows_of_a_batch_are_read_back_as_they_were(season, short_fit):
-    row = row_of("a", short_fit.saved, short_fit.result.problem)
+    row = row_of("a", short_fit, short_fit.problem)
     assert read_rows((season / "batch.csv").read_text("utf-8"))[0] == row
     assert list(fitball.load_batch(season)) == ["a", "b", "c", "d"]
 

@@ -18,7 +18,7 @@ from fitball.inference.point.maximum_posterior import Candidate, _best_of, maxim
 from fitball.inference.point.starts import starting_points
 from fitball.inference.prediction.posterior_predictive import predictive
 from fitball.inference.results.results import PointFit, Posterior
-from fitball.report.saved.fit_text import fit_text
+from fitball.report.saved.fit_file import fit_text
 
 HEAD = "id,v_x1 [m/s],v_y1 [m/s],omega_1 [rpm],v_x2 [m/s],v_y2 [m/s],omega_2 [rpm]"
 TWO = f"{HEAD}\na,16.0,5.0,0,11.5,4.1,2400\nb,15.0,7.5,50,8.9,6.0,2700\n"

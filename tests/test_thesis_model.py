@@ -8,8 +8,7 @@ from samples import problem_of
 from scipy.optimize import brentq
 
 import fitball
-from fitball.data.thesis_tables import fraction, thesis_table
-from fitball.data.wang import SPINS
+from fitball.data.published import SPINS, fraction, thesis_table
 from fitball.errors import ModelError, ParameterError
 from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.starts import starting_points

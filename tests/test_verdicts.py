@@ -15,7 +15,7 @@ from fitball.inference.identifiability.profile import degrees_of_freedom, profil
 from fitball.inference.identifiability.several_fits import _joined, several_fits
 from fitball.inference.identifiability.traded import traded
 from fitball.inference.likelihood.posterior import densities
-from fitball.inference.point.general_surface import surface_of
+from fitball.inference.point.surface import surface_of
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.evidence import End
 from fitball.inference.results.results import Verdict

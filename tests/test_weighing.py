@@ -17,10 +17,8 @@ from fitball.inference.prediction.posterior_predictive import evenly
 from fitball.inference.problem.noise import KINDS
 from fitball.inference.sampling.moves import DEGREES_OF_FREEDOM, StudentProposal
 from fitball.report.fit.document import page
-from fitball.report.saved.fit_text import fit_text
-from fitball.report.saved.run_file import run_text
-from fitball.report.saved.run_record import read_run
-from fitball.report.saved.saved_fit import read_fit
+from fitball.report.saved.fit_file import fit_text, read_fit
+from fitball.report.saved.run_file import read_run, run_text
 
 HELD = {"e_x": 0.1, "offset": 0.0, "cor_slope": -0.01, "spin_sd": 14.0, "cor_10": 0.75}
 
@@ -104,9 +102,9 @@ def test_weighed_fits_say_so_and_are_read_back(fits, tmp_path):
     (tmp_path / "fit.json").write_text(fit_text(fits[0]), encoding="utf-8")
     (tmp_path / "run.toml").write_text(run_text(fits[0], tmp_path), encoding="utf-8")
     saved = read_fit(tmp_path)
-    assert saved.file.diagnostics is not None
-    assert saved.file.diagnostics.pareto_k == fits[0].diagnostics.pareto_k
-    assert "weighed by its density on all 400 rows (Pareto k" in " ".join(saved.file.notes)
+    assert saved.diagnostics is not None
+    assert saved.diagnostics.pareto_k == fits[0].diagnostics.pareto_k
+    assert "weighed by its density on all 400 rows (Pareto k" in " ".join(saved.notes)
     text = page(fits[0], {})
     assert "draws weighed by their density" in text and "ensembles of 1 walkers" not in text
     # Made again, it is weighed again.

@@ -8,8 +8,8 @@ from dataclasses import fields
 from numbers import Real
 from typing import Any, TypeVar
 
+from fitball.data.read import check_source, in_memory
 from fitball.data.table import ImpactTable
-from fitball.data.written import check_source, in_memory
 from fitball.errors import ParameterError
 from fitball.inference.problem.choices import Choices
 from fitball.inference.problem.priors import FAMILIES

@@ -23,7 +23,7 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.chain_file import ChainFile
 from fitball.kinds import checked
 from fitball.report.fit.folder import CHAIN_NAME, prepare_folder
-from fitball.report.saved.saved_fit import read_fit
+from fitball.report.saved.fit_file import read_fit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,7 +46,7 @@ class Run:
 
     def fit(self, report: Report = silent) -> Fit:
         """Fit. Raises as `inference.calibrate.run` does, on Ctrl-C with the chain kept."""
-        return Fit(run(self.problem, self.effort, self.chain, self.resumes, report, assumptions=True))
+        return Fit.of(run(self.problem, self.effort, self.chain, self.resumes, report, assumptions=True))
 
 
 class Reading(TypedDict, total=False):
@@ -193,4 +193,4 @@ def load_fit(path: PathLike) -> Fit:
     >>> fit.status
     <RunStatus.NOT_CONVERGED: 'not converged'>
     """
-    return Fit(read_fit(Path(path)))
+    return Fit.of(read_fit(Path(path)))

@@ -64,7 +64,7 @@ class Comparison:
 
     def __getitem__(self, name: str) -> Fit:
         """The fit of a model."""
-        return Fit(self.result.by_name[name].fit)
+        return Fit.of(self.result.by_name[name].fit)
 
     def __repr__(self) -> str:
         head = f"<Comparison of {len(self.names)} models on {self.result.table.name}: {self.status}>"

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from fitball.errors import ParameterError, suggestion
 from fitball.exports import FORMAT_NAMES, KINDS, OWNERS
+from fitball.inference.results.results import Fit
 from fitball.report.form.files import refuse_existing, write_bytes, write_text
-from fitball.report.saved.saved_fit import SavedFit
 from fitball.wording import spoken
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class Exported:
 
 
 def exported(
-    saved: SavedFit, to: str, options: Mapping[str, Any], tree: Callable[[], tuple[xr.DataTree, str]]
+    saved: Fit, to: str, options: Mapping[str, Any], tree: Callable[[], tuple[xr.DataTree, str]]
 ) -> Exported:
     """A fit in the form called `to`; `tree` makes what netCDF holds, with a note. Raises ParameterError for an
     unknown form, or an option that it does not have.

@@ -4,34 +4,34 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fitball.api.exporting import Exported, exported
-from fitball.api.found import Found
 from fitball.api.planning import Plan, Span, parsed, planned
 from fitball.api.plotting import Plots
 from fitball.api.predicting import foretell
 from fitball.api.progress import Wanted
 from fitball.api.simulating import Course, course_of_fit
+from fitball.data.table import ImpactTable
 from fitball.errors import ParameterError, ResultFolderError
 from fitball.inference.design.make_plan import Asked
 from fitball.inference.prediction.new_impacts import NewPrediction, predict_new
 from fitball.inference.problem.observables import Observable
-from fitball.inference.results.fitted_model import FittedModel
+from fitball.inference.results import results
 from fitball.kinds import checked
 from fitball.report.fit.folder import prepare_folder, write_all
 from fitball.report.fit.short import html_text, report_text, short_text, summary_columns
 from fitball.report.form.folders import held
-from fitball.values import FloatArray, Impacts, same
+from fitball.report.saved.fit_file import complete, load
+from fitball.values import FloatArray, Impacts
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
 
-class Fit(Found):
+class Fit(results.Fit):
     """What a calibration found; `calibrate` makes one and `load_fit` reads one back, with all that its folder holds.
 
     Numbers are in SI, angles in radians. Two fits are equal when they say the same to the last digit: measurements,
@@ -43,12 +43,24 @@ class Fit(Found):
       ...
     """
 
+    @classmethod
+    def of(cls, found: results.Fit) -> Fit:
+        """What a run found, or what was read, with all that can be asked of it here."""
+        fit = cls.__new__(cls)
+        fit.__dict__.update(vars(found))
+        return fit
+
+    @property
+    def table(self) -> ImpactTable:
+        """The measurements."""
+        return self.problem.table
+
     def __repr__(self) -> str:
-        return short_text(self.saved)
+        return short_text(self)
 
     def _repr_html_(self) -> str:
         """A short table, as a notebook shows it."""
-        return html_text(self.saved)
+        return html_text(self)
 
     def report(self) -> str:
         """The fit as text, in the manner of lmfit: outcome, statistics, parameters, correlations, notes.
@@ -58,7 +70,7 @@ class Fit(Found):
             grip-slip on wang_zero_spin: 7 impacts with v_x2, v_y2 and omega_2; 7 free parameters
         ...
         """
-        return report_text(self.saved)
+        return report_text(self)
 
     def summary(self) -> pd.DataFrame:
         """One row a parameter, in SI: unit, median, sd, quantiles, point estimate, prior, verdict, sampling.
@@ -68,7 +80,7 @@ class Fit(Found):
         """
         import pandas as pd
 
-        columns = summary_columns(self.saved)
+        columns = summary_columns(self)
         return pd.DataFrame(columns, index=pd.Index(self.parameters, name="parameter"))
 
     def draws(self) -> pd.DataFrame:
@@ -83,7 +95,7 @@ class Fit(Found):
     @property
     def plot(self) -> Plots:
         """Figures by name: `fit.plot.corner()`, `fit.plot("corner")`; `dir(fit.plot)` lists them."""
-        return Plots(lambda: self.result)
+        return Plots(self)
 
     @checked
     def predict(
@@ -107,7 +119,7 @@ class Fit(Found):
         >>> fit.predict("v=17, theta=25, spin=100")["v_x2_median [m/s]"].round().tolist()
         [10.0]
         """
-        return foretell(self.saved, self.predicting, data, units, flip, exact_incidence, seed, columns).frame()
+        return foretell(self, self.predicting, data, units, flip, exact_incidence, seed, columns).frame()
 
     @checked
     def predict_interval(
@@ -121,15 +133,10 @@ class Fit(Found):
         """The same as arrays; see `inference.prediction.new_impacts.predict_new`."""
         return predict_new(self.predicting, impacts, observed, seed, incident_covariance)
 
-    @cached_property
-    def predicting(self) -> FittedModel:
-        """The fitted model with the draws that predictions are made from."""
-        return self._made.predicting if self._made is not None else self.saved.predicting
-
     @checked
     def simulate(self, impact: Impacts | str, *, draws: int = 200) -> Course:
         """One impact through time, with bands from `draws` of the posterior; see `fitball.simulate`."""
-        return course_of_fit(self.saved, impact, draws)
+        return course_of_fit(self, impact, draws)
 
     @checked
     def plan(
@@ -160,7 +167,7 @@ class Fit(Found):
         """
         ranges = (parsed("speed", speed), parsed("angle", angle), parsed("spin", spin))
         ways = (sensors,) if isinstance(sensors, str) else sensors
-        return planned(self.result, Asked(target, *ranges, impacts, repeats, ways, dict(cost or {}), seed), progress)
+        return planned(self, Asked(target, *ranges, impacts, repeats, ways, dict(cost or {}), seed), progress)
 
     @checked
     def export(
@@ -190,10 +197,9 @@ class Fit(Found):
         def tree() -> tuple[xr.DataTree, str]:
             from fitball.exports.arviz_file import partial_tree
 
-            alone = self._read is not None and not self._read.complete
-            return partial_tree(self.saved) if alone else (self.to_inferencedata(), "")
+            return (self.to_inferencedata(), "") if complete(self) else partial_tree(self)
 
-        return exported(self.saved, to, options, tree)
+        return exported(self, to, options, tree)
 
     @checked
     def to_inferencedata(self, draws: int | None = None) -> xr.DataTree:
@@ -208,7 +214,7 @@ class Fit(Found):
         """
         from fitball.exports.arviz_file import whole_tree
 
-        return whole_tree(self.result, draws)
+        return whole_tree(self, draws)
 
     @checked
     def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False, figures: bool = True) -> Path:
@@ -218,23 +224,15 @@ class Fit(Found):
         Raises ResultFolderError for a folder that cannot be written, or that holds an older result unless it may
         `overwrite` that.
         """
-        path, result = Path(folder), self.result
+        path = Path(folder)
+        load(self)
         with held(path):
             prepare_folder(path, overwrite=overwrite, resume=False)
-            write_all(result, path, figures=figures)
+            write_all(self, path, figures=figures)
         return path
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Fit):
-            return NotImplemented
-        if self is other:
-            return True
-        return self.saved.content == other.saved.content and same(self.posterior, other.posterior)
-
-    def __hash__(self) -> int:
-        return hash((self.verdict, self.seed, tuple(self.parameters)))
 
     def __getstate__(self) -> dict[str, Any]:
         """All of it, so that it can be unpickled where its folder is not; of a lone `fit.json` that alone."""
-        alone = self._read is not None and not self._read.complete
-        return {"_made": None if alone else self.result, "_read": self._read}
+        if complete(self):
+            load(self)
+        return dict(vars(self))

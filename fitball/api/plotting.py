@@ -23,7 +23,7 @@ class Plots:
     `axes`. None is known to pyplot: nothing has to be closed, and a notebook shows the one that a cell ends with.
     """
 
-    def __init__(self, fit: Callable[[], Fit]) -> None:
+    def __init__(self, fit: Fit) -> None:
         self._fit = fit
 
     @checked
@@ -35,8 +35,7 @@ class Plots:
 
         if kind not in FIGURES:
             raise ParameterError(f"unknown figure '{kind}': {suggestion(kind, FIGURES)}")
-        fit = self._fit()
-        return draw(kind, profiled(fit) if kind == "profiles" else fit)
+        return draw(kind, profiled(self._fit) if kind == "profiles" else self._fit)
 
     @checked
     def corner(self, package: str = "fitball") -> Figure:
@@ -50,7 +49,7 @@ class Plots:
             raise ParameterError(f"package={package!r}: expected 'fitball' or 'corner'")
         from fitball.report.figures.corner import package_corner_figure
 
-        return package_corner_figure(self._fit())
+        return package_corner_figure(self._fit)
 
     def __getattr__(self, kind: str) -> Callable[[], Figure]:
         if kind not in FIGURES:
@@ -61,7 +60,7 @@ class Plots:
         """The names of the figures that this fit can show."""
         from fitball.report.figures.registry import drawable_kinds
 
-        return iter(drawable_kinds(self._fit()))
+        return iter(drawable_kinds(self._fit))
 
     def __dir__(self) -> list[str]:
         return sorted(FIGURES)

@@ -10,23 +10,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fitball.api.asked import flips
-from fitball.data.columns import split_cell
-from fitball.data.impact_text import parse_uncertain_impact
-from fitball.data.naming import naming
-from fitball.data.read import load_table
+from fitball.data.header import naming, split_cell
+from fitball.data.lines import parse_uncertain_impact
+from fitball.data.read import framed, in_memory, load_table, written_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable
-from fitball.data.written import framed, in_memory, written_table
 from fitball.errors import ParameterError, check_whole
 from fitball.inference.prediction.holdout_scores import ObservableScore, scores
 from fitball.inference.prediction.new_impacts import NewPrediction, observed_observables, predict_new
 from fitball.inference.prediction.over_assumptions import with_assumptions
 from fitball.inference.results.fitted_model import FittedModel
-from fitball.inference.results.results import RunStatus, Verdict
+from fitball.inference.results.results import Fit, RunStatus, Verdict
+from fitball.inference.results.source import Source
 from fitball.observables import OBSERVABLES
 from fitball.report.predict import prediction_csv_rows
-from fitball.report.saved.fit_file import TablePart
-from fitball.report.saved.saved_fit import SavedFit
 from fitball.values import Ball, FloatArray, Impacts
 from fitball.wording import option
 
@@ -125,7 +122,7 @@ def _written(texts: Sequence[str]) -> New:
 
 
 def foretell(
-    saved: SavedFit,
+    saved: Fit,
     fitted: FittedModel,
     data: Any,
     units: Mapping[str, str] | None = None,
@@ -138,14 +135,14 @@ def foretell(
     `predict_new` do.
     """
     check_whole(seed=seed)
-    columns, assumed = _named_as_before(data, columns, saved.file.table.columns)
+    columns, assumed = _named_as_before(data, columns, saved.source.columns)
     new = new_impacts(data, fitted.ball, units, flips(flip), columns)
     stated, table = new.covariance is not None, new.table
     covariance = None if exact_incidence else new.covariance
     observables, unused = observed_observables(fitted, table) if table is not None else ((), ())
     prediction = predict_new(fitted, new.impacts, observables, seed, covariance)
-    prediction = with_assumptions(prediction, fitted, saved.file.assumptions)
-    notes = [*assumed, *(() if table is None else (*table.remarks, *_other_flips(saved.file.table, table))), *unused]
+    prediction = with_assumptions(prediction, fitted, saved.assumptions)
+    notes = [*assumed, *(() if table is None else (*table.remarks, *_other_flips(saved.source, table))), *unused]
     if saved.status is RunStatus.POINT_ONLY:
         notes.append(POINT_ONLY)
     if stated:
@@ -170,7 +167,7 @@ def _named_as_before(
     return taken, (f"columns are taken to be named as in the table of the fit: {said}",) if taken else ()
 
 
-def _cautions(saved: SavedFit, fitted: FittedModel, prediction: NewPrediction) -> list[str]:
+def _cautions(saved: Fit, fitted: FittedModel, prediction: NewPrediction) -> list[str]:
     """What the fit itself leaves open."""
     notes = [f"{saved.at_common}; no interval contains how far they differ"] if saved.at_common else []
     if any(f"{name}_offset[" in parameter for name in OBSERVABLES for parameter in saved.parameters):
@@ -191,7 +188,7 @@ def _cautions(saved: SavedFit, fitted: FittedModel, prediction: NewPrediction) -
     return notes
 
 
-def _other_flips(fitted: TablePart, table: ImpactTable) -> tuple[str, ...]:
+def _other_flips(fitted: Source | ImpactTable, table: ImpactTable) -> tuple[str, ...]:
     """What to say where the fit counted columns the other way round and these impacts do not, or the reverse."""
     flipped = [", ".join(sorted({name.rpartition(":")[2] for name in item.flipped})) for item in (fitted, table)]
     if flipped[0] == flipped[1]:

@@ -6,18 +6,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from fitball.data.impact_text import parse_impact
+from fitball.data.lines import parse_impact
 from fitball.errors import ParameterError, check_whole
 from fitball.inference.comparison.candidates import parse_name
 from fitball.inference.prediction.new_impacts import predict_new
 from fitball.inference.prediction.simulate import Simulation, chosen_parameters, simulate_fit
 from fitball.inference.prediction.simulate import simulate as follow
-from fitball.inference.results.results import RunStatus, Verdict
+from fitball.inference.results.results import Fit, RunStatus, Verdict
 from fitball.models.model import Model
-from fitball.models.registry import DEFAULT_MODEL, model
+from fitball.models.names import DEFAULT_MODEL
+from fitball.models.registry import model
 from fitball.report.history.document import history_rows, render, simulation_json
 from fitball.report.predict import remarks_on
-from fitball.report.saved.saved_fit import SavedFit
 from fitball.values import Impacts
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def _course(simulation: Simulation, source: str, notes: Sequence[str]) -> Course
     return Course((simulation,), source, title, tuple(notes))
 
 
-def course_of_fit(saved: SavedFit, impact: Impacts | str, draws: int) -> Course:
+def course_of_fit(saved: Fit, impact: Impacts | str, draws: int) -> Course:
     """Point estimate and bands of a fit. Raises ParameterError, and what `Model.history` raises."""
     given = impact_of(impact)
     check_whole(draws=draws)

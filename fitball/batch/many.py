@@ -26,7 +26,7 @@ from fitball.report.batch.rows import CSV_NAME, DONE, FAILED, NAME, Row, check_r
 from fitball.report.batch.series import all_series
 from fitball.report.form.files import read_bounded
 from fitball.report.form.folders import held
-from fitball.report.saved.saved_fit import read_fit
+from fitball.report.saved.fit_file import read_fit
 from fitball.scheduling.engine import engine
 
 if TYPE_CHECKING:

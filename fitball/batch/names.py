@@ -14,9 +14,9 @@ from fitball.report.batch import population_files
 from fitball.report.batch.rows import CSV_NAME
 from fitball.report.figures.registry import FIGURES
 from fitball.report.fit.folder import CHAIN_NAME, DERIVED
-from fitball.report.saved.data_file import DATA_NAME
+from fitball.report.saved.netcdf_files import DATA_NAME, POSTERIOR_NAME
 from fitball.report.saved.run_file import RUN_NAME
-from fitball.report.saved.saved_fit import FIT_NAME, POSTERIOR_NAME
+from fitball.report.saved.structure import FIT_NAME
 from fitball.visible import one_line
 
 # What fitball writes into the folder of a batch or of a table, besides names that begin with a dot.

@@ -14,14 +14,14 @@ from fitball.errors import FitballError, ResultFolderError
 from fitball.files import all_or_none
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit
+from fitball.inference.results.source import Digest
 from fitball.report.batch.rows import CSV_NAME, Row, check_row, failed_row, row_of
 from fitball.report.fit.folder import prepare_folder, write_all
 from fitball.report.form.files import json_text, remove, write_text
-from fitball.report.saved.data_file import DATA_NAME, write_data
-from fitball.report.saved.fit_text import fit_text
+from fitball.report.saved.fit_file import fit_text, read_fit
+from fitball.report.saved.netcdf_files import DATA_NAME, write_data
 from fitball.report.saved.run_file import RUN_NAME, run_text
-from fitball.report.saved.saved_fit import FIT_NAME, read_fit
-from fitball.report.saved.structure import Digest, Part, damaged, read_json, structured
+from fitball.report.saved.structure import FIT_NAME, Part, damaged, read_json, structured
 from fitball.wording import option
 
 
@@ -86,7 +86,7 @@ def _fitted(plan: Plan, task: Task) -> Done:
     for place in (plan.folder / CSV_NAME, folder / ROW_NAME):
         remove(place)
     prepare_folder(folder, overwrite=True, resume=False)
-    fit = Run(problem, plan.effort).fit().result
+    fit = Run(problem, plan.effort).fit()
     _write(fit, folder, plan.full)
     row = row_of(task.name, read_fit(folder), problem)
     write_text(folder / ROW_NAME, json_text({"mark": mark, "row": row}))
@@ -116,6 +116,6 @@ def kept_row(folder: Path, name: str, mark: str, problem: Problem) -> Row | None
     saved = read_fit(folder)
     check_row(dict(kept.row), saved, place)
     row = row_of(name, saved, problem)
-    if saved.file.table.sha256 != problem.table.digest or kept.row != row:
+    if saved.source.sha256 != problem.table.digest or kept.row != row:
         raise damaged(place, "not the row of the fit.json beside it")
     return row

@@ -11,7 +11,7 @@ from typing import Any
 
 from fitball.api.calibrating import PathLike, Table
 from fitball.batch.names import faults, names_of
-from fitball.data.written import in_memory
+from fitball.data.read import in_memory
 from fitball.errors import ParameterError
 from fitball.visible import one_line
 

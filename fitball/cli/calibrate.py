@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
         if args.resume and not begun.resumes:
             print(f"note: {folder} holds no chain to resume: starting anew", file=sys.stderr)
         try:
-            fit = begun.fit(progress).result
+            fit = begun.fit(progress)
             progress("files" if args.no_figures else "figures and files", None)
             write_all(fit, folder, args.command, figures=not args.no_figures)
         except (KeyboardInterrupt, ResultFolderError) as error:

@@ -5,16 +5,17 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fitball.cli.options import add_reading, add_scheduler, place, reading_of, tell_notes, whole
+from fitball.cli.options import add_reading, add_scheduler, either, place, reading_of, tell_notes, whole
 from fitball.errors import ModelError
+from fitball.models.names import RANKED
 
 HELP = "compare models on a table of impacts by predictions of impacts left out"
-EXAMPLE = """examples:
+EXAMPLE = f"""examples:
   fitball compare wang_all.csv
   fitball compare my_balls.csv --models brody,grip-slip,two-mass,two-mass+torsion=free
   fitball compare wang_zero_spin.csv --quick --json
 
-A model is {ladder}, with +CLOSURE=OPTION for each closure changed (the first two know cor alone):
+A model is {either(RANKED[::-1])}, with +CLOSURE=OPTION for each closure changed (the first two know cor alone):
 release (zero_force, zero_displacement), normal (momentum, total, inner), offset (contact, grip), spin (mean, shell),
 inertia (tied, table), torsion (matched, free, rigid), cor (line, saturating, mean, measured).
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Iterable
 
 from fitball.errors import ParameterError, suggestion
 
@@ -46,17 +45,4 @@ def complete(parser: argparse.ArgumentParser) -> None:
         return
     import argcomplete
 
-    for action in _actions(parser):
-        if action.help and "{" in action.help:
-            # Names that stand in for others would have to be looked up where it takes long.
-            action.help = action.metavar if isinstance(action.metavar, str) else None
     argcomplete.autocomplete(parser, always_complete_options="long", exit_method=sys.exit)
-
-
-def _actions(parser: argparse.ArgumentParser) -> Iterable[argparse.Action]:
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for child in dict.fromkeys(action.choices.values()):
-                yield from _actions(child)
-        else:
-            yield action

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from fitball.cli.options import add_cores, add_reading, add_structure, count, pairs, whole
+from fitball.cli.options import add_cores, add_reading, add_structure, count, either, marked, pairs, whole
+from fitball.models.names import RANKED
 
 if TYPE_CHECKING:
     from fitball.inference.effort import Effort
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 def add_fitting(parser: argparse.ArgumentParser) -> None:
     """Add what a fit may be asked, of one table or of many."""
-    parser.add_argument("--model", metavar="NAME", help="{ranked}")
+    parser.add_argument("--model", metavar="NAME", help=either(marked(RANKED)))
     parser.add_argument(
         "--closure", metavar="NAME=OPTION", action="append", default=[], help="replace a closure, e.g. normal=total"
     )

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from fitball.errors import ParameterError
+from fitball.models.names import DEFAULT_MODEL
 from fitball.visible import one_line
 
 if TYPE_CHECKING:
@@ -19,30 +20,14 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class ModelHelp(argparse.RawDescriptionHelpFormatter):
-    """Help in which names of models stand for `{ranked}` (those that can be compared), `{ladder}` (the same, simplest
-    first) and `{followed}` (those with a history). They are asked for only when help is shown: kernels take a second
-    to load.
-    """
-
-    def _get_help_string(self, action: argparse.Action) -> str | None:
-        return None if action.help is None else _with_models(action.help)
-
-    def _format_text(self, text: str) -> str:
-        return super()._format_text(_with_models(text))
+def either(names: Sequence[str]) -> str:
+    """`a, b or c`."""
+    return f"{', '.join(names[:-1])} or {names[-1]}"
 
 
-def _with_models(text: str) -> str:
-    if "{" not in text:
-        return text
-    from fitball.models.registry import DEFAULT_MODEL, ranked, with_history
-
-    def listed(names: Sequence[str]) -> str:
-        return f"{', '.join(names[:-1])} or {names[-1]}"
-
-    marked = {name: f"{name} (default)" if name == DEFAULT_MODEL else name for name in ranked()}
-    text = text.replace("{ladder}", listed(ranked()[::-1])).replace("{ranked}", listed([*marked.values()]))
-    return text.replace("{followed}", listed([marked[name] for name in with_history()]))
+def marked(models: Sequence[str]) -> list[str]:
+    """Names of models, the default marked."""
+    return [f"{name} (default)" if name == DEFAULT_MODEL else name for name in models]
 
 
 def whole(text: str) -> int:
@@ -118,7 +103,7 @@ def add_verb(
         help=help,
         description=description or help[0].upper() + help[1:] + ".",
         epilog=epilog,
-        formatter_class=ModelHelp,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.set_defaults(run=run)
     return parser

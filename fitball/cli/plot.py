@@ -62,14 +62,14 @@ def _draw(args: argparse.Namespace, path: Path, folder: Path) -> None:
     from fitball.report.figures.canvas import save_figure
 
     fit = load_fit(path)
-    if args.kind == "profiles" and not args.quiet and lacks_profiles(fit.result):
+    if args.kind == "profiles" and not args.quiet and lacks_profiles(fit):
         tell_notes(["the file holds no profiles: computing them"])
-    shown = profiled(fit.result, args.cores, args.scheduler) if args.kind == "profiles" else fit.result
+    shown = profiled(fit, args.cores, args.scheduler) if args.kind == "profiles" else fit
     kinds = [args.kind] if args.kind != "all" else list(fit.plot)
     left_out = [name for name in FIGURES if args.kind == "all" and name not in (*kinds, "force")]
     if left_out and not args.quiet:
         tell_notes([f"left out {', '.join(left_out)}: this fit has not what they show"])
     for name in kinds:
         place = folder / f"{name}.{args.format}"
-        save_figure(Plots(lambda: shown)(name), place, args.format)
+        save_figure(Plots(shown)(name), place, args.format)
         print(place)

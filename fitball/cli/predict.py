@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     fit = load_fit(args.fit)
     data = args.impact if args.data is None else args.data
     found = foretell(
-        fit.saved, fit.predicting, data, flip=args.flip, columns=args.columns, exact_incidence=args.exact_incidence,
+        fit, fit.predicting, data, flip=args.flip, columns=args.columns, exact_incidence=args.exact_incidence,
         seed=args.seed,
     )  # fmt: skip
     ids, prediction = found.new.ids, found.prediction

@@ -52,12 +52,20 @@ def run(args: argparse.Namespace) -> int:
     from fitball.report.fit.folder import older_result, write_all
     from fitball.report.form.files import json_text
     from fitball.report.form.folders import held
-    from fitball.report.saved.run_record import find_records, find_tables, read_run, record_problem
+    from fitball.report.saved.run_file import find_records, find_tables, read_run, record_problem
+    from fitball.report.saved.structure import OlderFileError
 
     record = read_run(Path(args.fit))
-    original = read_kept(record.folder)
+    try:
+        original = read_kept(record.folder)
+    except OlderFileError:
+        # It cannot be compared with, and is the reason for many to make it again.
+        if args.out is None:
+            raise
+        original = None
     problem = record_problem(record, find_tables(record, args.data), find_records(record, args.force))
-    check_rows(problem, original)
+    if original is not None:
+        check_rows(problem, original)
     if args.out is not None and (older := older_result(Path(args.out))):
         raise ResultFolderError(
             f"{args.out}: holds {' and '.join(older)} of an older run, which is never replaced here; name another "
@@ -68,15 +76,19 @@ def run(args: argparse.Namespace) -> int:
     try:
         with place as name, held(Path(name)):
             folder = Path(name)
-            fit = begin(problem, effort, folder).fit(progress).result
+            fit = begin(problem, effort, folder).fit(progress)
             progress("comparison", None)
             (write_numbers if args.out is None else write_all)(fit, folder)
-            repetition = compared(problem, original, read_kept(folder))
+            repetition = None if original is None else compared(problem, original, read_kept(folder))
     except KeyboardInterrupt:
         progress.finish()
         print("Interrupted: nothing was compared.", file=sys.stderr)
         return 130
     progress.finish()
+    if original is None or repetition is None:
+        tell_notes(["an older fitball made this fit: nothing was compared"])
+        print(args.out)
+        return 0
     if not args.quiet:
         tell_notes(repetition.notes)
     if args.json:

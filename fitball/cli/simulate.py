@@ -7,8 +7,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fitball.cli.options import count, pairs, place, tell_files, tell_notes
+from fitball.cli.options import count, either, marked, pairs, place, tell_files, tell_notes
 from fitball.errors import ParameterError, suggestion
+from fitball.models.names import FOLLOWED
 
 if TYPE_CHECKING:
     from fitball.api import Course
@@ -41,7 +42,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--impact", metavar="TEXT", help='the impact, e.g. "v=17, theta=18, spin=100" (default: m/s, deg, rad/s)'
     )
     parser.add_argument("--fit", metavar="FIT", help="a result folder of fitball calibrate, or its fit.json")
-    parser.add_argument("--model", metavar="NAME", help="{followed}, with +CLOSURE=OPTION for each one changed")
+    parser.add_argument(
+        "--model", metavar="NAME", help=f"{either(marked(FOLLOWED))}, with +CLOSURE=OPTION for each one changed"
+    )
     parser.add_argument(
         "--set", metavar="NAME=VALUE", action="append", default=[], dest="values",
         help="a parameter of the model in SI units; repeatable",
@@ -147,7 +150,7 @@ def _check_together(args: argparse.Namespace) -> None:
 def _one(args: argparse.Namespace) -> tuple[Course, dict[str, Any], str, str]:
     """The impact that was asked for: its course, what its file says besides, its text, and a name for its folder."""
     from fitball.api import simulate
-    from fitball.data.impact_text import parse_impact
+    from fitball.data.lines import parse_impact
 
     impact = parse_impact(args.impact)
     course = simulate(impact, fit=args.fit, model=args.model, values=args.values, draws=args.draws)

@@ -24,7 +24,7 @@ CONTOURS = "theta_2"
 
 def run_map(args: argparse.Namespace) -> int:
     """Compute the map, write figure, table and record, and print it in words."""
-    from fitball.data.grid_text import parse_window
+    from fitball.data.lines import parse_window
     from fitball.files import all_or_none
     from fitball.inference.prediction.regime_map import regime_map
     from fitball.report.figures.canvas import save_figure
@@ -58,10 +58,10 @@ def _from_fit(args: argparse.Namespace) -> tuple[FittedModel, str, Impacts | Non
     """A fit, and the impacts it was made from."""
     from fitball.api import load_fit
 
-    saved = load_fit(args.fit).saved
+    saved = load_fit(args.fit)
     if saved.at_common and not args.quiet:
         tell_notes([saved.at_common])
-    table = saved.file.table.name
+    table = saved.source.name
     return saved.fitted, f"{saved.fitted.model.name} fitted to {table}", saved.impacts, table
 
 

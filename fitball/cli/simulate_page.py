@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 def write_page(args: argparse.Namespace) -> int:
     """Write the page of the fit or model that was asked for. Raises ParameterError."""
     from fitball.cli.simulate import DEFAULT_FOLDER
-    from fitball.data.impact_text import parse_impact
+    from fitball.data.lines import parse_impact
     from fitball.exports.interactive import interactive_page, round_impact
     from fitball.files import is_stream
     from fitball.report.form.files import refuse_existing, write_text
@@ -36,9 +36,9 @@ def _page_of_fit(place: str) -> tuple[FittedModel, str, str, str]:
     from fitball.api import load_fit
     from fitball.exports.formats import origin_of
 
-    saved = load_fit(place).saved
-    table = saved.content["table"]
-    intro = f"As fitted to {table['name']}, {table['impacts']} impacts."
+    saved = load_fit(place)
+    table = saved.source
+    intro = f"As fitted to {table.name}, {table.impacts} impacts."
     return saved.fitted, intro, origin_of(saved), f"fit_{saved.fitted.model_name}"
 
 
@@ -46,7 +46,7 @@ def _page_of_values(args: argparse.Namespace) -> tuple[FittedModel, str, str, st
     """The same of a model at its defaults, some of them set."""
     from fitball.exports.interactive import preset
     from fitball.inference.comparison.candidates import parse_name
-    from fitball.models.registry import DEFAULT_MODEL
+    from fitball.models.names import DEFAULT_MODEL
 
     name, closures = parse_name(args.model if args.model is not None else DEFAULT_MODEL)
     given = ", some of them given" if args.values else ""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from fitball.errors import Fault, ParameterError, ResultFolderError, TableError
 
 if TYPE_CHECKING:
-    from fitball.data.port_file import PortFile
+    from fitball.data.read import PortFile
     from fitball.inference.results.results import Golden
     from fitball.values import FloatArray
 
@@ -47,12 +47,12 @@ def run(args: argparse.Namespace) -> int:
     """Compare the port and print where it deviates; 0 where it agrees, else 1."""
     if not (math.isfinite(args.tolerance) and args.tolerance > 0.0):
         raise ParameterError(f"--tolerance {args.tolerance:g}: expected a positive number")
-    from fitball.data.port_file import read_port
+    from fitball.data.read import read_port
     from fitball.exports.golden import golden_ids, port_json, port_text
     from fitball.inference.prediction.port_check import check_port
     from fitball.observables import OBSERVABLES
     from fitball.report.form.files import json_text
-    from fitball.report.saved.saved_fit import read_fit
+    from fitball.report.saved.fit_file import read_fit
 
     saved = read_fit(_fit_path(args.port, args.fit))
     port = read_port(Path(args.port))

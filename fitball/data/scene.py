@@ -8,11 +8,18 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from fitball.data.ball_types import BALL_TYPES, like_tennis
 from fitball.data.bundled import resolve_table
-from fitball.data.frozen import FrozenMapping
-from fitball.data.scene_file import Quantity, read_scene_file
-from fitball.data.scene_limits import density_fault, meant_inertia, range_fault, unlikely, unlikely_density
+from fitball.data.heights import BALL_TYPES, like_tennis
+from fitball.data.scene_keys import (
+    Quantity,
+    density_fault,
+    meant_inertia,
+    range_fault,
+    read_scene_file,
+    unlikely,
+    unlikely_density,
+)
+from fitball.data.table import FrozenMapping
 from fitball.errors import ParameterError, SceneError, fault_list, suggestion
 from fitball.kinds import checked
 from fitball.observables import NOISE_OF, SHARED_SD

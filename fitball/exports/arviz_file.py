@@ -12,10 +12,9 @@ from fitball.data.table import ImpactTable
 from fitball.errors import ParameterError, ResultFolderError, check_whole
 from fitball.inference.prediction.posterior_predictive import replicated
 from fitball.inference.results.results import Estimate, Fit, Posterior, RunStatus
+from fitball.inference.results.source import INCIDENT
 from fitball.observables import SI_UNITS
-from fitball.report.saved.data_file import DATA_NAME, INCIDENT
-from fitball.report.saved.posterior_file import variable
-from fitball.report.saved.saved_fit import POSTERIOR_NAME, SavedFit
+from fitball.report.saved.netcdf_files import DATA_NAME, POSTERIOR_NAME, read_data, variable
 from fitball.values import FloatArray
 from fitball.version import __version__
 from fitball.wording import option
@@ -53,7 +52,7 @@ def whole_tree(fit: Fit, draws: int | None = None) -> xr.DataTree:
     return _tree(groups | _measured(problem.table), problem.model.name, fit.status)
 
 
-def partial_tree(saved: SavedFit) -> tuple[xr.DataTree, str]:
+def partial_tree(saved: Fit) -> tuple[xr.DataTree, str]:
     """What can be had of a `fit.json` that not all files of its folder lie beside, and a note on what is missing.
 
     Without `posterior.nc` the draws of `fit.json` make one chain. Raises ResultFolderError for a point fit, and for a
@@ -61,9 +60,10 @@ def partial_tree(saved: SavedFit) -> tuple[xr.DataTree, str]:
     """
     if saved.status is RunStatus.POINT_ONLY or saved.fitted.draws.shape[0] == 0:
         raise _no_draws()
-    places = {name: saved.beside(name) for name in (POSTERIOR_NAME, DATA_NAME)}
+    assert saved.place is not None
+    places = {name: saved.place.with_name(name) for name in (POSTERIOR_NAME, DATA_NAME)}
     notes = [] if places[DATA_NAME].exists() else [f"{places[DATA_NAME]} is missing: the file holds no measurements"]
-    posterior = saved.posterior() if places[POSTERIOR_NAME].exists() else None
+    posterior = saved.posterior if places[POSTERIOR_NAME].exists() else None
     if posterior is None:
         count = saved.fitted.draws.shape[0]
         notes.append(
@@ -75,7 +75,7 @@ def partial_tree(saved: SavedFit) -> tuple[xr.DataTree, str]:
     else:
         held = posterior.values.shape[1] * posterior.values.shape[2]
         groups = _sampled(saved.parameters, posterior, *_chains(posterior, min(DRAWS, held)))
-    measured = _measured(saved.measured()[0]) if places[DATA_NAME].exists() else {}
+    measured = _measured(read_data(saved.source, places[DATA_NAME])[0]) if places[DATA_NAME].exists() else {}
     return _tree(groups | measured, saved.fitted.model_name, saved.status), "; ".join(notes)
 
 

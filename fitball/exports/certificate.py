@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from fitball.inference.results.drop_test import DropTest
 from fitball.inference.results.pace_rating import CourtPace
-from fitball.inference.results.results import Verdict
+from fitball.inference.results.results import Fit, Verdict
 from fitball.report.fit.drop import ball_rows, drop_lead, drop_remarks, speed_rows
 from fitball.report.fit.pace import (
     category_words,
@@ -24,7 +24,6 @@ from fitball.report.fit.pace import (
 from fitball.report.form.document import Row
 from fitball.report.form.parameters import parameter_row
 from fitball.report.form.template import render_template
-from fitball.report.saved.saved_fit import SavedFit
 
 # Rows of a table that one page has room for, in two halves; and lines of remarks.
 MOST_ROWS, MOST_PLACES, MOST_REMARKS = 24, 12, 9
@@ -62,9 +61,8 @@ class _Content:
     remarks: tuple[str, ...]
 
 
-def certificate(saved: SavedFit) -> str:
+def certificate(saved: Fit) -> str:
     """The page as HTML that needs nothing but itself and prints on one sheet of A4."""
-    file = saved.file
     content = _content(saved)
     sources = tuple(
         f"Prior of {name}: {item.prior}, {item.prior_source}"
@@ -77,22 +75,22 @@ def certificate(saved: SavedFit) -> str:
         "fitball.report",
         "certificate.html.j2",
         title=content.title,
-        subject=f"Table {file.table.name}: {file.table.impacts} impacts; fitball {file.versions['fitball']}",
-        table=file.table,
+        subject=f"Table {saved.source.name}: {saved.source.impacts} impacts; fitball {saved.versions['fitball']}",
+        table=saved.source,
         result=content.result,
         parts=content.parts,
-        adequacy="Not looked at." if file.adequacy is None else file.adequacy.sentence,
+        adequacy="Not looked at." if saved.adequacy is None else saved.adequacy.sentence,
         remarks=[*remarks[:MOST_REMARKS], *([more] if more else [])] or ["Nothing besides the table and its scene."],
         facts=_facts(saved),
     )
 
 
-def _content(saved: SavedFit) -> _Content:
-    dropped, pace = saved.file.drop_test, saved.file.court_pace
+def _content(saved: Fit) -> _Content:
+    dropped, pace = saved.drop_test, saved.court_pace
     if dropped is not None and not dropped.missing:
         return _of_drops(dropped)
     if pace is not None and (pace.ratings or pace.measured is not None):
-        return _of_court(pace, rests(saved.parameters, saved.file.adequacy) if pace.ratings else "")
+        return _of_court(pace, rests(saved.parameters, saved.adequacy) if pace.ratings else "")
     return _of_parameters(saved)
 
 
@@ -133,7 +131,7 @@ def _of_court(pace: CourtPace, said: str) -> _Content:
     return _Content("Court pace", result, tuple(parts), (*remarks, *pace_remarks(pace)))
 
 
-def _of_parameters(saved: SavedFit) -> _Content:
+def _of_parameters(saved: Fit) -> _Content:
     sure = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.UNEXAMINED)
     told = [item for item in saved.parameters.values() if item.verdict in sure]
     listed = [
@@ -141,25 +139,27 @@ def _of_parameters(saved: SavedFit) -> _Content:
         for row in map(parameter_row, told[:MOST_ROWS])
     ]  # fmt: skip
     parts = (Part("Parameters that the table tells", tuple(listed[0]), listed, "", True),) if listed else ()
-    return _Content(f"Fit of model {saved.file.model.name}", (saved.verdict,), parts, ())
+    return _Content(f"Fit of model {saved.fitted.model_name}", (saved.verdict,), parts, ())
 
 
 def _left_out(count: int, what: str, most: int = MOST_ROWS) -> str:
     return f"{count - most} more {what} stand in report.html." if count > most else ""
 
 
-def _facts(saved: SavedFit) -> tuple[tuple[str, str], ...]:
-    file = saved.file
-    ball = file.ball
-    columns = ", ".join((*file.data.incident_columns, *file.data.measurements))
-    labels = f"; labels {', '.join(file.data.labels)}" if file.data.labels else ""
-    closures = ", ".join(f"{name} {option}" for name, option in file.model.closures.items())
+def _facts(saved: Fit) -> tuple[tuple[str, str], ...]:
+    ball = saved.fitted.ball
+    columns = ", ".join((*saved.source.incident_columns, *saved.source.measurements))
+    labels = f"; labels {', '.join(saved.source.labels)}" if saved.source.labels else ""
+    closures = ", ".join(f"{name} {option}" for name, option in saved.fitted.options.items())
     facts = [
-        ("Table", f"{file.table.file}, {file.table.impacts} impacts: {columns}{labels}"),
+        ("Table", f"{saved.source.file}, {saved.source.impacts} impacts: {columns}{labels}"),
         ("Ball", f"{1e3 * ball.mass:.4g} g, radius {1e3 * ball.radius:.4g} mm"),
-        ("Model", f"{file.model.name}{f' ({closures})' if closures else ''}; {file.status}, seed {file.seed}"),
-        ("Software", ", ".join(f"{name} {number}" for name, number in list(file.versions.items())[:4])),
+        (
+            "Model",
+            f"{saved.fitted.model_name}{f' ({closures})' if closures else ''}; {saved.status}, seed {saved.seed}",
+        ),
+        ("Software", ", ".join(f"{name} {number}" for name, number in list(saved.versions.items())[:4])),
     ]
-    if file.table.flipped:
-        facts.append(("Counted the other way round", ", ".join(file.table.flipped)))
+    if saved.source.flipped:
+        facts.append(("Counted the other way round", ", ".join(saved.source.flipped)))
     return tuple(facts)

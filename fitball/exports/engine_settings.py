@@ -6,15 +6,15 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from fitball.data.impact_text import parse_impact
+from fitball.data.lines import parse_impact
 from fitball.errors import ParameterError
 from fitball.inference.prediction.engine_fit import EngineFit, EngineSettings, fit_engine, middle_impact
 from fitball.inference.prediction.extrapolation import calibrated_range
+from fitball.inference.results.results import Fit
 from fitball.models.kernels.vertical import zero_force_release
 from fitball.observables import COMPARED
 from fitball.report.form.files import json_text
 from fitball.report.form.numbers import output_scale
-from fitball.report.saved.saved_fit import SavedFit
 
 # Contact time taken where the model has none [s]: a tennis ball's is 4 to 5.5 ms (Cross; Brody).
 USUAL_CONTACT = 0.005
@@ -22,7 +22,7 @@ USUAL_CONTACT = 0.005
 STEPS = 20
 
 
-def engine_texts(saved: SavedFit, at: str | None, inertia_ratio: float) -> Mapping[str, str]:
+def engine_texts(saved: Fit, at: str | None, inertia_ratio: float) -> Mapping[str, str]:
     """The page and the JSON. Raises ParameterError for an operating point that is no one impact."""
     point = middle_impact(saved.fitted) if at is None else parse_impact(at)
     if not saved.fitted.tangential and (abs(point.v_x1[0]) > 0.0 or abs(point.omega_1[0]) > 0.0):
@@ -55,13 +55,13 @@ def _settings(item: EngineSettings) -> dict[str, Any]:
     }
 
 
-def _content(saved: SavedFit, engine: EngineFit) -> dict[str, Any]:
+def _content(saved: Fit, engine: EngineFit) -> dict[str, Any]:
     ball = saved.fitted.ball
     return {
         "schema_version": 1,
         "kind": "fitball engine settings",
         "model": saved.fitted.model_name,
-        "table": saved.content["table"]["file"],
+        "table": saved.source.file,
         "units": {"speeds": "m/s", "spins": "rad/s", "angles": "rad", "times": "s"},
         "ball": {"mass": ball.mass, "radius": ball.radius, "inertia_ratio": engine.inertia_ratio},
         "operating_point": {name: float(getattr(engine.point, name)[0]) for name in ("v_x1", "v_y1", "omega_1")},
@@ -101,13 +101,13 @@ def _engines(engine: EngineFit) -> dict[str, Any]:
     }
 
 
-def _page(saved: SavedFit, engine: EngineFit) -> str:
+def _page(saved: Fit, engine: EngineFit) -> str:
     point = engine.point
     speed = math.hypot(point.v_x1[0], point.v_y1[0])
     angle = math.degrees(math.atan2(point.v_y1[0], point.v_x1[0]))
     best, wide = engine.at_point, engine.over_range
     lines = [
-        f"# Engine settings for {saved.fitted.model_name} on {saved.content['table']['name']}",
+        f"# Engine settings for {saved.fitted.model_name} on {saved.source.name}",
         "",
         f"Operating point: {speed:.4g} m/s at {angle:.4g} deg, spin {point.omega_1[0]:.4g} rad/s (topspin positive). "
         f"Ball: mass {saved.fitted.ball.mass * 1e3:.4g} g, radius {saved.fitted.ball.radius * 1e3:.4g} mm, "
@@ -144,13 +144,13 @@ def _page(saved: SavedFit, engine: EngineFit) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _outside(saved: SavedFit, engine: EngineFit) -> bool:
+def _outside(saved: Fit, engine: EngineFit) -> bool:
     fitted = saved.fitted
     known = calibrated_range(fitted.impacts, engine.point, fitted.ball.radius, fitted.tangential, ())
     return bool(known.outside[0])
 
 
-def _warning(saved: SavedFit, engine: EngineFit) -> list[str]:
+def _warning(saved: Fit, engine: EngineFit) -> list[str]:
     said = [f"**{saved.at_common}.**"] if saved.at_common else []
     if _outside(saved, engine):
         said.append("**The operating point lies outside the calibrated range.**")

@@ -13,8 +13,8 @@ from fitball.exports.lookup_table import lookup_note, lookup_texts
 from fitball.exports.parameters import latex_table, markdown_table, parameter_content
 from fitball.exports.port.languages import c_port, csharp_port, javascript_texts
 from fitball.exports.port.port import Port, make_port, python_port
+from fitball.inference.results.results import Fit
 from fitball.report.form.files import json_text
-from fitball.report.saved.saved_fit import SavedFit
 from fitball.wording import option
 
 
@@ -36,27 +36,27 @@ class TextFormat:
     """
 
     stem: str
-    make: Callable[[SavedFit, Options], Mapping[str, str]]
+    make: Callable[[Fit, Options], Mapping[str, str]]
     note: Callable[[Mapping[str, str]], str] = lambda _texts: ""
     bounces: bool = True
 
 
-def _parameters(ending: str, make: Callable[[SavedFit], str]) -> TextFormat:
+def _parameters(ending: str, make: Callable[[Fit], str]) -> TextFormat:
     return TextFormat("parameters", lambda saved, _options: {ending: make(saved)}, bounces=False)
 
 
-def origin_of(saved: SavedFit) -> str:
+def origin_of(saved: Fit) -> str:
     """Which fit a port is of, in a line."""
-    table = saved.content["table"]
-    origin = f"table {table['file']} ({table['impacts']} impacts), point estimate, fit {saved.status}"
-    pooled = sorted({item["parameter"] for item in saved.content["levels"]})
+    table = saved.source
+    origin = f"table {table.file} ({table.impacts} impacts), point estimate, fit {saved.status}"
+    pooled = sorted({item.parameter for item in saved.levels})
     if pooled:
         origin += f", {', '.join(pooled)} at the value common to all levels"
     return origin
 
 
 def _port(make: Callable[[Port, str], Mapping[str, str]]) -> TextFormat:
-    def texts(saved: SavedFit, options: Options) -> Mapping[str, str]:
+    def texts(saved: Fit, options: Options) -> Mapping[str, str]:
         prefix = options.prefix
         if not (prefix.isascii() and prefix.lstrip("_").isidentifier()):
             raise ParameterError(f"{option('prefix', prefix)}: expected the beginning of a name, such as clay_")

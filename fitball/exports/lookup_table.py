@@ -6,15 +6,15 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from fitball.data.grid_text import parse_grid
+from fitball.data.lines import parse_grid
 from fitball.inference.prediction.lookup import SEED, Lookup, default_axes, make_lookup
+from fitball.inference.results.results import Fit
 from fitball.models.types import regime_name
 from fitball.observables import SI_UNITS
 from fitball.report.form.files import csv_text, json_text
-from fitball.report.saved.saved_fit import SavedFit
 
 
-def lookup_texts(saved: SavedFit, grid: str | None) -> Mapping[str, str]:
+def lookup_texts(saved: Fit, grid: str | None) -> Mapping[str, str]:
     """The table and its description. Raises ParameterError for a grid that is none."""
     axes = default_axes(saved.fitted) if grid is None else parse_grid(grid)
     lookup = make_lookup(saved.fitted, axes)
@@ -56,13 +56,13 @@ def _rows(lookup: Lookup) -> list[dict[str, object]]:
     return rows
 
 
-def _content(saved: SavedFit, lookup: Lookup) -> dict[str, Any]:
+def _content(saved: Fit, lookup: Lookup) -> dict[str, Any]:
     units = {axis.name: axis.unit for axis in lookup.axes}
     return {
         "schema_version": 1,
         "kind": "fitball lookup table",
         "model": saved.fitted.model_name,
-        "table": saved.content["table"]["file"],
+        "table": saved.source.file,
         "parameters": dict(saved.golden.parameters),
         "order": "the last axis varies fastest",
         "axes": [

@@ -5,20 +5,26 @@ table in LaTeX (booktabs) and Markdown, rounded by the Particle Data Group's rul
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.quantiles import ESSENTIALS
-from fitball.inference.results.results import Estimate, RunStatus, Verdict
+from fitball.inference.results.results import Estimate, Fit, LevelEstimate, RunStatus, Verdict
 from fitball.models.registry import parameter_spec
+from fitball.models.types import OUTPUTS
 from fitball.report.form.numbers import decimals, fixed, handy, interval, significant
-from fitball.report.saved.saved_fit import SavedFit
+from fitball.report.saved.structure import plain
 from fitball.version import __version__
 
 SCHEMA_VERSION = 1
 NUMBERS = ("point", *ESSENTIALS)
+# What is told of the table.
+TABLE = ("name", "file", "sha256", "impacts", "flipped", "columns")
 _ESCAPES = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
     "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "|": r"\textbar{}", "<": r"\textless{}",
@@ -26,38 +32,42 @@ _ESCAPES = {
 }  # fmt: skip
 
 
-def parameter_content(saved: SavedFit) -> dict[str, Any]:
+def parameter_content(saved: Fit) -> dict[str, Any]:
     """What `parameters.schema.json` describes: SI, no nulls, absent numbers left out."""
-    content = saved.content
-    golden = content["golden"]
+    source, impacts, rebound = plain(saved.source), saved.golden.impacts, saved.golden.rebound
+    columns = {name: getattr(rebound, name) for name in (*OUTPUTS, "regime")}
     parameter_set: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
         "kind": "fitball parameter set",
         "fitball": __version__,
         "status": str(saved.status),
         "model": {"name": saved.fitted.model_name, "closures": dict(saved.fitted.options)},
-        "ball": dict(content["ball"]),
-        "table": dict(content["table"]),
+        "ball": plain(saved.fitted.ball),
+        "table": {key: source[key] for key in TABLE} | {"flipped": list(saved.source.flipped)},
         "parameters": {name: _parameter(parameter) for name, parameter in saved.parameters.items()},
     }
-    if content["levels"]:
-        parameter_set["levels"] = _levels(content["levels"])
-    if content["correlation"] is not None:
-        parameter_set["correlation"] = content["correlation"]
+    if saved.levels:
+        parameter_set["levels"] = _levels(saved.levels)
+    if saved.correlation is not None:
+        parameter_set["correlation"] = {"names": list(saved.free_names), "values": saved.correlation.tolist()}
     parameter_set["golden"] = {
-        part: {name: column for name, column in golden[part].items() if column is not None}
-        for part in ("impacts", "rebound")
+        "impacts": {name: column for name, column in plain(impacts).items() if column is not None},
+        "rebound": {name: column.tolist() for name, column in columns.items() if not np.isnan(column).any()},
     }
     return parameter_set
 
 
-def _levels(listed: list[dict[str, Any]]) -> dict[str, Any]:
+def _levels(listed: Sequence[LevelEstimate]) -> dict[str, Any]:
     """Values of the parameters that differ between surfaces, balls or tables: by parameter, then by label."""
     levels: dict[str, Any] = {}
     for item in listed:
-        one = levels.setdefault(item["parameter"], {"column": item["column"], "values": {}})
-        one["values"][item["label"]] = {name: item[name] for name in NUMBERS if item[name] is not None}
+        one = levels.setdefault(item.parameter, {"column": item.column, "values": {}})
+        one["values"][item.label] = _known(item)
     return levels
+
+
+def _known(item: Estimate | LevelEstimate) -> dict[str, float]:
+    return {name: number for name in NUMBERS if (number := getattr(item, name)) is not None}
 
 
 def role(name: str) -> str:
@@ -112,7 +122,7 @@ NOTES = {
 }
 
 
-def paper_rows(saved: SavedFit) -> tuple[PaperRow, ...]:
+def paper_rows(saved: Fit) -> tuple[PaperRow, ...]:
     """Every parameter: median and standard deviation, or the point estimate to four digits."""
     return tuple(_row(parameter) for parameter in saved.parameters.values())
 
@@ -130,21 +140,21 @@ def _row(parameter: Estimate) -> PaperRow:
     return PaperRow(*head, value, sd, interval(low, high, places), MARKS.get(parameter.verdict, ""))
 
 
-def _caption(saved: SavedFit) -> str:
+def _caption(saved: Fit) -> str:
     """One sentence without markup."""
-    table = saved.content["table"]
+    table = saved.source
     what = "point estimates"
     if saved.status is not RunStatus.POINT_ONLY:
         what = "posterior median, standard deviation and 95 % interval; without them: a fixed value"
-    fitted_to = f"fitted to {table['impacts']} impacts ({table['name']})"
+    fitted_to = f"fitted to {table.impacts} impacts ({table.name})"
     text = f"Parameters of the model {saved.fitted.model_name} {fitted_to}: {what}."
-    described = saved.file.adequacy
+    described = saved.adequacy
     if described is not None and described.answer is Answer.FAILS:
         text += " The model does not describe these impacts."
     return text + (" The sampler did not converge." if saved.status is RunStatus.NOT_CONVERGED else "")
 
 
-def latex_table(saved: SavedFit) -> str:
+def latex_table(saved: Fit) -> str:
     """A `table` environment; needs the package booktabs."""
     lines = [
         "% needs \\usepackage{booktabs}",
@@ -170,7 +180,7 @@ def latex_table(saved: SavedFit) -> str:
     return "\n".join([*lines, r"\end{table}"]) + "\n"
 
 
-def _notes(saved: SavedFit) -> list[tuple[str, str]]:
+def _notes(saved: Fit) -> list[tuple[str, str]]:
     used = {row.mark for row in paper_rows(saved)}
     return [(mark, note) for mark, note in NOTES.items() if mark in used]
 
@@ -191,7 +201,7 @@ def _unit(unit: str) -> str:
     return rf"$\mathrm{{{text}}}$"
 
 
-def markdown_table(saved: SavedFit) -> str:
+def markdown_table(saved: Fit) -> str:
     """The same as a Markdown table."""
     lines = [_caption(saved), "", "| parameter | meaning | value | 95 % interval | unit |", "|---|---|---|---|---|"]
     for row in paper_rows(saved):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -41,9 +41,11 @@ from fitball.inference.results.results import (
     Verdict,
     thinned,
 )
+from fitball.inference.results.source import source_of
 from fitball.inference.sampling.ensembles import Sampled
 from fitball.inference.sampling.monte_carlo_error import summaries
 from fitball.values import FloatArray
+from fitball.version import package_versions
 
 # Draws that fit.json holds: enough to look at, and to know the posterior beside it again; predictions take more.
 KEPT_DRAWS = 400
@@ -78,14 +80,14 @@ def assemble(
         identifiability, judgements = examine(
             problem, point, profiled, posterior, correlation, regimes, [*point.optima, *squares.optima]
         )
-        estimates = tuple(
+        estimates = [
             _estimate(problem, k, point, posterior, sampled, judgements, described, assumptions)
             for k in range(len(problem.parameters))
-        )
-        followed = tuple(
+        ]
+        followed = [
             _derived(item, described, assumptions)
             for item in derived(problem, point, posterior, derived_generator(effort.seed))
-        )
+        ]
         fitted = _fitted(problem, point, posterior)
         chosen = golden(fitted, problem.impacts)
         budget = error_budget(problem, fitted, point, prediction, chosen)
@@ -95,12 +97,19 @@ def assemble(
     lab = lab_generator(effort.seed)
     return Fit(
         problem=problem,
-        notes=(*problem.notes, *said, *force_notes(problem, point)),
+        source=source_of(problem),
+        notes=(*problem.table.remarks, *problem.notes, *said, *force_notes(problem, point)),
         balances=scene_balances(problem.table, problem.scene),
         least_squares=squares,
         point=point,
         posterior=posterior,
-        estimates=estimates,
+        log_posterior=point.log_posterior,
+        log_likelihood=point.log_likelihood,
+        rms=point.rms,
+        optima=point.optima,
+        optima_log_posterior=point.optima_log_posterior,
+        parameters={item.name: item for item in estimates},
+        derived={item.name: item for item in followed},
         covariance=covariance,
         correlation=correlation,
         diagnostics=diagnostics,
@@ -112,14 +121,14 @@ def assemble(
         levels=group_estimates(problem, point, posterior),
         status=status,
         verdict=f"{described.sentence} "
-        f"{_sentence(status, diagnostics, (*followed, *estimates), identifiability.several)}",
+        f"{_sentence(status, diagnostics, [*followed, *estimates], identifiability.several)}",
         seed=effort.seed,
         timings=tuple(watch.timings),
         court_pace=court_pace(problem, point, posterior, lab),
         drop_test=drop_test(problem, point, posterior, lab),
         adequacy=described,
         assumptions=assumptions,
-        derived=followed,
+        versions=package_versions(),
     )
 
 
@@ -240,7 +249,7 @@ def _fitted(problem: Problem, point: PointFit, posterior: Posterior | None) -> F
 
 
 def _sentence(
-    status: RunStatus, diagnostics: Diagnostics | None, estimates: tuple[Estimate, ...], several: str = ""
+    status: RunStatus, diagnostics: Diagnostics | None, estimates: Sequence[Estimate], several: str = ""
 ) -> str:
     if diagnostics is None:
         head = "Point fit only: no posterior; the verdicts rest on profile likelihoods and Fisher information."

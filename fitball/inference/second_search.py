@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitball.inference.point.general_surface import SEARCHED
 from fitball.inference.point.least_squares import deeper
 from fitball.inference.point.maximum_posterior import higher_maximum
+from fitball.inference.point.surface import SEARCHED
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import LeastSquares, PointFit
 from fitball.inference.sampling.ensembles import Sampled

@@ -13,13 +13,13 @@ from fitball.errors import ModelError, suggestion
 from fitball.kinds import checked
 from fitball.models.impulse import BRODY, GRIP_SLIP, compose_grip_slip
 from fitball.models.model import Model
+from fitball.models.names import DEFAULT_MODEL
 from fitball.models.specs import SPECS, ParameterSpec
 from fitball.models.thesis import compose_thesis
 from fitball.models.two_mass import compose_two_mass
 from fitball.models.types import Closures, ImpulseClosures, ThesisClosures, options_of
 from fitball.values import Ball
 
-DEFAULT_MODEL = "two-mass"
 _Chosen = Closures | ThesisClosures | ImpulseClosures
 
 
@@ -133,16 +133,6 @@ def parameter_spec(name: str) -> ParameterSpec | None:
     """What a parameter of any model, or of its ball, is; None for a name that none of them has."""
     own = (spec for other in MODELS for spec in model(other).parameters if spec.name == name)
     return SPECS.get(name) or next(own, None)
-
-
-def with_history() -> tuple[str, ...]:
-    """Names of the models whose `history` gives courses."""
-    return tuple(name for name in MODELS if not model(name).no_history)
-
-
-def ranked() -> tuple[str, ...]:
-    """Names of the models that may stand in a comparison."""
-    return tuple(name for name in MODELS if not model(name).unranked)
 
 
 def _changed(base: _Chosen, chosen: Mapping[str, str]) -> _Chosen:

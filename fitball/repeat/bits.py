@@ -11,7 +11,7 @@ import numpy as np
 from fitball.repeat.kept import Kept
 
 # What says where and with what a fit was made, not what it found.
-IGNORED = ("versions", "table.name", "table.file", "data.force.file")
+IGNORED = ("versions", "source.name", "source.file", "source.force.file")
 
 
 def differing_leaves(one: Any, other: Any, at: str = "") -> Iterator[tuple[str, Any, Any]]:

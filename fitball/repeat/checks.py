@@ -19,16 +19,8 @@ Contradiction = tuple[str, float, float, str]
 
 def contradictions(kept: Kept) -> Iterator[Contradiction]:
     """What is said, the number there, the number that follows from the other file, and which file that is."""
-    yield from _points(kept)
     yield from _summaries(kept)
     yield from _draws(kept)
-
-
-def _points(kept: Kept) -> Iterator[Contradiction]:
-    golden = kept.saved.golden.parameters
-    for name, parameter in kept.saved.parameters.items():
-        if name in golden and golden[name] != parameter.point:
-            yield f"{name} point", parameter.point, float(golden[name]), "fit.json names it twice"
 
 
 def _summaries(kept: Kept) -> Iterator[Contradiction]:

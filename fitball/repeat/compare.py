@@ -182,7 +182,7 @@ def _point(problem: Problem, original: Kept, repeated: Kept) -> Iterator[Finding
     measured = sum(observable.observed.size for observable in problem.observables)
     allowed = LOG_POSTERIOR + LOG_POSTERIOR_EACH * measured
     basis = "what the search for the maximum leaves open"
-    scores = [float(item["scores"]["log_posterior"]) for item in (old, new)]
+    scores = [float(item["log_posterior"]) for item in (old, new)]
     yield _number("log posterior at the point estimate", scores[0], scores[1], allowed, basis)
     for parameter in problem.parameters:
         if parameter.name not in old["parameters"]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +15,13 @@ from fitball.errors import ResultFolderError
 from fitball.files import all_or_none
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit, Posterior
+from fitball.inference.results.source import data_columns
 from fitball.inference.sampling.chain_file import EnsembleChain, read_chains
 from fitball.report.fit.folder import CHAIN_NAME
 from fitball.report.form.files import write_text
-from fitball.report.saved.data_file import DATA_NAME, data_columns, read_columns, write_data
-from fitball.report.saved.fit_text import fit_text
-from fitball.report.saved.posterior_file import write_netcdf
-from fitball.report.saved.saved_fit import FIT_NAME, POSTERIOR_NAME, SavedFit, read_fit
+from fitball.report.saved.fit_file import fit_text, read_fit, read_posterior
+from fitball.report.saved.netcdf_files import DATA_NAME, POSTERIOR_NAME, read_columns, write_data, write_netcdf
+from fitball.report.saved.structure import FIT_NAME
 
 
 @dataclass(frozen=True)
@@ -29,28 +31,29 @@ class Kept:
     """
 
     folder: Path
-    saved: SavedFit
+    saved: Fit
     posterior: Posterior | None
     chains: tuple[EnsembleChain, ...] | None
 
-    @property
+    @cached_property
     def content(self) -> Mapping[str, Any]:
         """`fit.json`."""
-        return self.saved.content
+        content: Mapping[str, Any] = json.loads(fit_text(self.saved))
+        return content
 
 
 def read_kept(folder: Path) -> Kept:
     """Read a result folder. Raises ResultFolderError for what is missing, damaged or foreign."""
     saved = read_fit(folder)
-    posterior, chain = saved.posterior(agreeing=False), folder / CHAIN_NAME
+    posterior, chain = read_posterior(saved, folder / FIT_NAME, agreeing=False), folder / CHAIN_NAME
     chains = tuple(read_chains(chain)[2]) if chain.exists() and posterior is not None else None
     return Kept(folder, saved, posterior, chains)
 
 
 def check_rows(problem: Problem, original: Kept) -> None:
     """Raise ResultFolderError unless the rows of the files are those the fit was made from, to the last digit."""
-    place, file = original.folder / DATA_NAME, original.saved.file
-    kept, now = read_columns(file.data, file.table.impacts, place), data_columns(problem.table, problem.force)
+    place = original.folder / DATA_NAME
+    kept, now = read_columns(original.saved.source, place), data_columns(problem.table, problem.force)
     # Names of tables, and so ids and labels, may differ: a file may lie elsewhere under another name.
     numbers = [name for name, column in now.items() if column.dtype.kind in "fi"]
     changed = [

@@ -81,8 +81,8 @@ def repetition_json(repetition: Repetition, original: Mapping[str, Any]) -> dict
     return {
         "kind": "fitball repetition",
         "outcome": str(repetition.outcome),
-        "model": original["model"]["name"],
-        "table": original["table"]["name"],
+        "model": original["fitted"]["model_name"],
+        "table": original["source"]["name"],
         "same_bytes": dict(repetition.same),
         "limit": repetition.limit,
         "false_alarm": FALSE_ALARM,

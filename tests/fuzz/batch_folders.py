@@ -17,7 +17,7 @@ from fitball.inference.effort import Effort
 from fitball.inference.problem.choices import Choices
 from fitball.report.batch.rows import row_of
 from fitball.report.form.files import csv_text, json_text
-from fitball.report.saved.saved_fit import read_fit
+from fitball.report.saved.fit_file import read_fit
 
 TABLES = ("a", "b", "day/c", "day/d")
 WAYS = {

@@ -19,7 +19,7 @@ from fitball.exports.formats import TEXT_FORMATS, Options
 from fitball.inference.calibrate import fingerprint, run
 from fitball.inference.effort import Effort
 from fitball.inference.sampling.chain_file import ChainFile
-from fitball.report.saved.saved_fit import read_fit
+from fitball.report.saved.fit_file import read_fit
 
 FIT = "{folder}/fit"
 ODD = (

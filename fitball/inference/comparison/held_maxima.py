@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.inference.point.gauss_newton import Searches, descend
-from fitball.inference.point.general_surface import surface_of
-from fitball.inference.point.surface import Conditions
+from fitball.inference.point.surface import Conditions, surface_of
 from fitball.inference.problem.problem import Problem
 from fitball.values import FloatArray
 

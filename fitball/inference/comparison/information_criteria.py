@@ -10,7 +10,7 @@ import numpy as np
 
 from fitball.inference.identifiability.profile_path import free_searches
 from fitball.inference.point.gauss_newton import descend
-from fitball.inference.point.general_surface import surface_of
+from fitball.inference.point.surface import surface_of
 from fitball.inference.problem.problem import Problem
 
 # A promised gain of log likelihood below which the maximum is found.

@@ -97,7 +97,7 @@ def score_model(task: Task, report: Callable[[str], None] = lambda _stage: None)
     missed, notes = leave_out(
         problem, fit.point, task.folds, candidate.given_columns, np.random.default_rng(fold_seed)
     )
-    notes += fit.notes[len(problem.notes) :]
+    notes += fit.notes[len(problem.table.remarks) + len(problem.notes) :]
     every = {observable.name for observable in problem.observables} == set(columns)
     starts = (*fit.point.optima[:FOLLOWED], fit.least_squares.values, *task.beside)
     information = criteria(problem, starts) if every else None

@@ -15,7 +15,7 @@ import numpy as np
 
 from fitball.data.columns import NUMBERS
 from fitball.data.heights import GRAVITY
-from fitball.data.limits import refuse_beyond
+from fitball.data.numbers import refuse_beyond
 from fitball.data.units import Dimension, parse_unit
 from fitball.errors import ParameterError, UnitError, suggestion
 from fitball.inference.problem.noise import Sizes
@@ -44,7 +44,7 @@ class PlannedColumn(Observable):
     `noise`, or of `sd` () where that is known.
     """
 
-    observed: FloatArray = field(default_factory=lambda: np.empty(0), compare=False)
+    observed: FloatArray = field(default_factory=lambda: np.zeros(()), compare=False)
     sd: FloatArray | None = None
     noise: str | None = None
     share: float = 1.0

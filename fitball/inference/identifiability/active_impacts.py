@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from fitball.inference.likelihood.cells import prediction_slopes
 from fitball.inference.likelihood.force import force_slopes
-from fitball.inference.likelihood.residuals import prediction_slopes
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem

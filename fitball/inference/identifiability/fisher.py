@@ -5,15 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.inference.likelihood.cells import cells
 from fitball.inference.likelihood.force import force_information
-from fitball.inference.likelihood.incident_marginal import whitening
-from fitball.inference.likelihood.residuals import Columns, own_spreads, prediction_slopes
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import LOOKED_AT, thinned_problem
 from fitball.inference.results.evidence import InformationEvidence
 from fitball.inference.sampling.moves import StudentProposal
-from fitball.models.types import Rebound
-from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray
 
 
@@ -46,7 +43,7 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
 
     Where a spread depends on a parameter, twice the squared slope of its logarithm adds to that of the prediction: so
     it is with a fitted noise and with an angle, whose spread falls with the rebound speed. Uncertain incidence is a
-    covariance of the columns of an impact, and what the noises of these tell is taken within it (see `_growth`); that
+    covariance of the columns of an impact, and what the noises of these tell is taken within it (see `cells`); that
     this covariance moves with the parameters too is left out. Of heavy tails it is what they tell of their scale and
     of their shape. Of a large table a part is looked at and counted for the whole. Rows and columns of a parameter
     that has no room to either side (LEAST_ROOM) are NaN.
@@ -58,62 +55,35 @@ def fisher_information(problem: Problem, coordinates: FloatArray, *, scene: bool
         len(all_of.observed) / len(some.observed) / share
         for all_of, some in zip(whole.observables, problem.observables, strict=True)
     ])  # fmt: skip
-    rebound, slopes = problem.differentiated(coordinates[None, :])
-    columns = problem.all_values(problem.to_values(coordinates[None, :]))
-    width = problem.prior.width
-    rows = (prediction_slopes(problem, coordinates[None, :])[0] * np.sqrt(own)[:, None]).reshape(-1, width.size)
-    information = rows.T @ rows
+    made, width = cells(problem, coordinates[None, :], slopes=True), problem.prior.width
     kinds = [parameter.name for parameter in problem.noise.parameters]
-    told = problem.noise.shape_information({name: float(columns[name][0]) for name in kinds})
-    growth, between = _growth(problem, columns, rebound, slopes)
-    by_cell = np.concatenate([growth[:, :, None], np.zeros((*growth.shape[:2], len(kinds), width.size))], axis=2)
+    sizes = {name: float(made.columns[name][0]) for name in kinds}
+    weight = np.sqrt(own)[made.column]
+    rows = made.slope[0] * weight[:, None] * width * np.sqrt(problem.noise.information(sizes))
+    told = problem.noise.shape_information(sizes)
+    by_cell = np.zeros((weight.size, 1 + len(kinds), width.size))
+    by_cell[:, 0] = made.growth[0]
     for row, name in enumerate(kinds, start=1):
         if name in problem.free_names:
             k = problem.free_names.index(name)
-            value = columns[name][0] if problem.free[k].prior.log else 1.0
-            for column, observable in enumerate(problem.observables):
-                by_cell[observable.places(len(problem.impacts)), column, row, k] = value
-    by_cell *= np.sqrt(own)[:, None, None] * width
-    information += np.einsum("mcki,kl,mclj->ij", by_cell, told, by_cell, optimize=True)
-    shared = (between * np.outer(own, own)[..., None] ** 0.25 * width).reshape(-1, width.size)
-    information += told[0, 0] * (shared.T @ shared)
+            by_cell[:, row, k] = sizes[name] if problem.free[k].prior.log else 1.0
+    by_cell *= weight[:, None, None] * width
+    information = rows.T @ rows + np.einsum("cki,kl,clj->ij", by_cell, told, by_cell, optimize=True)
+    if problem.incident is not None:
+        below, above = np.tril_indices(own.size, -1)
+        turn = (made.turn[0] * (own[below] * own[above])[:, None] ** 0.25 * width).reshape(-1, width.size)
+        information += told[0, 0] * (turn.T @ turn)
     information *= share
     if whole.force is not None:
         information += force_information(whole, whole.force, coordinates) * np.outer(width, width)
     if scene and problem.contact_time is not None:
-        row = slopes["contact_time"][0].mean(axis=0) * width / problem.contact_time[1]
+        row = made.pace[0] * width / problem.contact_time[1]
         information += np.outer(row, row)
     scale = prior_sds(problem)
     scaled: FloatArray = information * np.outer(scale, scale)
     ended = _without_room(problem, coordinates)
     scaled[ended], scaled[:, ended] = np.nan, np.nan
     return scaled
-
-
-def _growth(problem: Problem, columns: Columns, rebound: Rebound, slopes: Columns) -> tuple[FloatArray, FloatArray]:
-    """Derivatives (impacts, columns, free) of the logarithm of the spread of each column given those before it, with
-    respect to coordinates, and (impacts, columns, columns, free) half of those of how the columns go together.
-
-    Of a normal distribution whose covariance C changes by dC, 1/2 tr(C^-1 dC C^-1 dC) is told. With L the lower
-    factor of C this is twice the sum of squares of L^-1 dC L^-T/2, its diagonal the former,
-    the rest the latter.
-    """
-    own = np.zeros((len(problem.impacts), len(problem.observables), problem.dimension))
-    for place, observable in enumerate(problem.observables):
-        rows = observable.places(len(problem.impacts))
-        if observable.turned:
-            speed = np.hypot(rebound.v_x2, rebound.v_y2)[0, :, None]
-            own[rows, place] -= (OBSERVABLES["v_2"].slopes(rebound, slopes)[0] / speed)[rows]
-        if observable.noise in problem.free_names:
-            k = problem.free_names.index(observable.noise)
-            own[rows, place, k] += 1.0 if problem.free[k].prior.log else 1.0 / columns[observable.noise][0]
-    if problem.incident is None:
-        return own, np.zeros((*own.shape[:2], *own.shape[1:]))
-    spreads = own_spreads(problem, columns, rebound)
-    roots = (whitening(problem, problem.incident, columns, rebound, spreads) * spreads[..., None, :])[0]
-    whole = np.einsum("iac,ick,ibc->iabk", roots, own, roots, optimize=True)
-    among = np.eye(whole.shape[1], dtype=bool)
-    return np.einsum("iaak->iak", whole), np.where(among[..., None], 0.0, whole)
 
 
 def _without_room(problem: Problem, coordinates: FloatArray) -> NDArray[np.bool_]:

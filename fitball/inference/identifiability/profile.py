@@ -19,8 +19,7 @@ from scipy.special import gammaincinv, ndtr, stdtr
 
 from fitball.inference.identifiability.profile_ends import at_bounds, ended_by_range
 from fitball.inference.identifiability.profile_path import Point, Top, best_top, profile_paths, sweep
-from fitball.inference.point.general_surface import surface_of
-from fitball.inference.point.surface import Surface
+from fitball.inference.point.surface import Surface, surface_of
 from fitball.inference.problem.parameters import NOISE_SPECS, SD_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import End, Interval, Profile, Profiles

@@ -10,8 +10,7 @@ import numpy as np
 from fitball.inference.identifiability.posterior_verdict import plain
 from fitball.inference.identifiability.profile import DROP_95
 from fitball.inference.identifiability.profile_path import best_top, free_searches, standard_errors
-from fitball.inference.point.general_surface import surface_of
-from fitball.inference.point.surface import Surface
+from fitball.inference.point.surface import Surface, surface_of
 from fitball.inference.problem.problem import Problem
 from fitball.values import FloatArray
 

@@ -9,8 +9,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitball.inference.identifiability.fisher import UNINFORMED, inverse, prior_sds
+from fitball.inference.likelihood.cells import prediction_slopes
 from fitball.inference.likelihood.force import force_information
-from fitball.inference.likelihood.residuals import prediction_slopes
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import LOOKED_AT, thinned_problem

@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.inference.likelihood.cells import cells_of
 from fitball.inference.likelihood.force import force_log_likelihood
-from fitball.inference.likelihood.incident_marginal import marginal_terms
+from fitball.inference.likelihood.regime_mixture import mixtures
 from fitball.inference.problem.noise import LOG_TAU
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import batches
@@ -38,10 +39,12 @@ def densities(problem: Problem, values: FloatArray, *, measured: bool = True) ->
     for some in batches(problem, values.shape[0]):
         rebound = problem.rebound(values[some])
         # A marked impact (see models.types.Status) has no density: the parameters are impossible there.
-        possible = ~np.any(rebound.status, axis=1)
+        possible = np.logical_not(rebound.status.any(axis=1))
         scene = log_scene_density(problem, rebound)
-        likelihood = log_likelihood(problem, values[some], rebound) if measured else np.zeros_like(scene)
+        likelihood = log_likelihood(problem, values[some], rebound) if measured else np.zeros(possible.size)
         parts.append((possible, scene, likelihood))
+    if len(parts) == 1:
+        return Densities(*parts[0])
     possible, scene, likelihood = (np.concatenate(column) for column in zip(*parts, strict=True))
     return Densities(possible, scene, likelihood)
 
@@ -55,30 +58,20 @@ def log_scene_density(problem: Problem, rebound: Rebound) -> FloatArray:
     return -0.5 * (z * z + LOG_TAU) - math.log(sd)
 
 
-def log_likelihood_terms(problem: Problem, values: FloatArray, rebound: Rebound) -> Mapping[str, FloatArray]:
-    """Log density of each measurement at free values (draws, free), column -> (draws, measurements).
-
-    With incident errors the measurements of an impact depend on each other: each is given those before it, and there
-    is a term for every impact, zero where nothing was measured.
-    """
-    if problem.incident is not None:
-        return marginal_terms(problem, problem.incident, values, rebound)
-    columns = problem.all_values(values)
-    terms: dict[str, FloatArray] = {}
-    for observable in problem.observables:
-        sd = observable.sds(columns, rebound)
-        z = problem.deviation(columns, observable, rebound) / sd
-        terms[observable.name] = problem.noise.log_density(z, columns) - np.log(sd)
-    return terms
-
-
 def impact_terms(problem: Problem, values: FloatArray, rebound: Rebound) -> Mapping[str, FloatArray]:
-    """`log_likelihood_terms` over all impacts, (draws, impacts): zero where a column was not measured."""
-    terms = log_likelihood_terms(problem, values, rebound)
+    """Log density of each measurement at free values (draws, free), column -> (draws, impacts): zero where a column
+    was not measured.
+
+    With incident errors the measurements of an impact depend on each other: each is given those before it, and near a
+    change of regime only their sum is meant, which stands in the first.
+    """
+    made = cells_of(problem, problem.all_values(values), rebound)
+    terms = made.spread_out(problem.noise.log_density(made.z, made.columns) - made.log_sd)
     if problem.incident is not None:
-        return terms
-    count = len(problem.impacts)
-    return {item.name: item.spread_out(terms[item.name], count, 0.0) for item in problem.observables}
+        draws, rows, density = mixtures(problem, made.columns, rebound)
+        terms[draws, rows] = 0.0
+        terms[draws, rows, 0] = density
+    return {item.name: terms[..., k] for k, item in enumerate(problem.observables)}
 
 
 def pointwise(problem: Problem, values: FloatArray, columns: Sequence[str]) -> tuple[FloatArray, FloatArray]:
@@ -97,11 +90,14 @@ def pointwise(problem: Problem, values: FloatArray, columns: Sequence[str]) -> t
 
 def log_likelihood(problem: Problem, values: FloatArray, rebound: Rebound) -> FloatArray:
     """Log likelihood (draws,) of free values (draws, free); NaN where the model cannot be evaluated."""
-    total = np.zeros(values.shape[0])
-    for term in log_likelihood_terms(problem, values, rebound).values():
-        total += term.sum(axis=1)
+    columns = problem.all_values(values)
+    if problem.incident is None:
+        made = cells_of(problem, columns, rebound)
+        total: FloatArray = (problem.noise.log_density(made.z, columns) - made.log_sd).sum(axis=1)
+    else:
+        total = np.sum(list(impact_terms(problem, values, rebound).values()), axis=(0, 2))
     if problem.force is not None:
-        total += force_log_likelihood(problem, problem.force, problem.all_values(values))
+        total += force_log_likelihood(problem, problem.force, columns)
     return total
 
 

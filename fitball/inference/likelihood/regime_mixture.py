@@ -11,12 +11,16 @@ of a Jacobian for every part.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from fitball.inference.likelihood.cells import UNKNOWN, Columns, joint_root, solved, spread_by_input
+from fitball.inference.problem.observables import Observable
+from fitball.inference.problem.problem import Problem
 from fitball.models.types import Rebound
 from fitball.values import FloatArray, Impacts, OwnImpacts
 
@@ -31,6 +35,10 @@ REACH = 3.0
 WIDTH = 0.2
 PARTS = 35
 OUTERMOST = 4.0
+# Angle [rad] by which a velocity noise of 1 m/s turns a rebound of some 10 m/s.
+TURN = 0.1
+# Pairs of draw and impact that are split at once: more only take more memory.
+PAIRS = 2000
 
 
 def roots(covariance: FloatArray) -> FloatArray:
@@ -106,3 +114,116 @@ def mixed(log_densities: FloatArray) -> FloatArray:
     """Log density of each pair from those of its parts, (pairs, parts)."""
     density: FloatArray = logsumexp(log_densities + parts()[1], axis=1)
     return density
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Pairs of a draw and an impact of the table near a change of regime.
+
+    `columns` parameters (pairs,), `measured` what was seen, (pairs, 1) or, where nothing was, NaN, with the `bias` of
+    its group; `states` incident states (pairs, 1); `root` (pairs, 3, 3) as in `roots`, `towards` (pairs, 3) a
+    direction, in principal axes, in which the regime changes.
+    """
+
+    columns: Columns
+    measured: Sequence[Observable]
+    bias: Sequence[FloatArray | float]
+    states: States
+    root: FloatArray
+    towards: FloatArray
+
+
+def mixtures(
+    problem: Problem, columns: Columns, rebound: Rebound
+) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
+    """Draws and rows whose impact is near a change of regime, and the log density of all its measurements there."""
+    assert problem.incident is not None
+    root = roots(problem.incident.covariance)
+    towards = crossings(
+        lambda impacts, rows: problem.rebound_like(columns, impacts, rows), problem.impacts, root, rebound
+    )
+    draws, rows = np.nonzero(np.any(np.abs(towards) > 0.0, axis=-1))
+    density = np.empty(draws.size)
+    for start in range(0, draws.size, PAIRS):
+        some = slice(start, start + PAIRS)
+        density[some] = _mixture(problem, _pairs(problem, columns, draws[some], rows[some], root, towards))
+    return draws, rows, density
+
+
+def _pairs(
+    problem: Problem,
+    columns: Columns,
+    draws: NDArray[np.int64],
+    rows: NDArray[np.int64],
+    root: FloatArray,
+    towards: FloatArray,
+) -> Pairs:
+    whole, bias = [item.everywhere(len(problem.impacts)) for item in problem.observables], problem.group_bias
+    v_x1, v_y1, omega_1, cor = problem.impacts.take(rows).states()
+    return Pairs(
+        problem.paired(columns, draws, rows),
+        [
+            replace(
+                item, observed=item.observed[rows][:, None], sd=None if item.sd is None else item.sd[rows][:, None]
+            )
+            for item in whole
+        ],
+        [0.0 if bias is None else bias.offset(columns, item.name)[draws, rows][:, None] for item in whole],
+        (v_x1.T, v_y1.T, omega_1.T, None if cor is None else cor.T),
+        root[rows],
+        towards[draws, rows],
+    )
+
+
+def _mixture(problem: Problem, pairs: Pairs) -> FloatArray:
+    """Log density (pairs,) of all measurements of each impact, its incident errors split."""
+    across = _across(problem, pairs)
+    along = np.einsum("pij,pj->pi", pairs.root, across)
+    states, possible = displaced(pairs.states, parts()[0][:, None] * along[:, None, :])
+    rebound, slopes = problem.linearised(pairs.columns, states)
+    gaps, sds, by_input = [], [], []
+    for item, bias in zip(pairs.measured, pairs.bias, strict=True):
+        gap = item.observed - item.predict(rebound) - bias
+        missing = np.broadcast_to(np.isnan(item.observed), gap.shape)
+        gaps.append(np.where(missing, 0.0, gap))
+        sds.append(np.where(missing, UNKNOWN, np.broadcast_to(item.sds(pairs.columns, rebound), gap.shape)))
+        by_input.append(item.column.slopes(rebound, slopes))
+    own = np.stack(sds, axis=2)
+    root = joint_root(spread_by_input(np.stack(by_input, axis=2), narrowed(pairs.root, across)[:, None]), own)
+    z = solved(root, np.stack(gaps, axis=2)[..., None])[..., 0]
+    flat = problem.noise.log_density(z.reshape(len(z), -1), pairs.columns).reshape(z.shape)
+    terms = np.where(own < UNKNOWN, flat - np.log(np.diagonal(root, axis1=2, axis2=3)), 0.0)
+    return mixed(np.where(possible & (rebound.status == 0), terms.sum(axis=2), -np.inf))
+
+
+def _across(problem: Problem, pairs: Pairs) -> FloatArray:
+    """Directions (pairs, 3), in principal axes, across the boundaries that lie `towards` somewhere.
+
+    The rebound is continuous, so that its derivative jumps by a matrix of rank one whose rows point across.
+    """
+    moves = REACH * np.einsum("pij,pj->pi", pairs.root, pairs.towards)
+    states, possible = displaced(pairs.states, np.stack([np.zeros_like(moves), moves], axis=1))
+    rebound, slopes = problem.linearised(pairs.columns, states)
+    # In units of any noise: only the direction of the jump is wanted.
+    by_observable = np.stack(
+        [
+            item.column.slopes(rebound, slopes) / _typical_noise(problem, item, pairs.columns)
+            for item in pairs.measured
+        ],
+        axis=2,
+    )
+    jump = np.matmul(by_observable[:, 1] - by_observable[:, 0], pairs.root)
+    # Where the other side has no derivative the way that was looked is all that is known.
+    known = np.isfinite(jump).all(axis=(1, 2)) & possible[:, 1]
+    across = pairs.towards.copy()
+    across[known] = np.linalg.svd(jump[known])[2][:, 0]
+    return across
+
+
+def _typical_noise(problem: Problem, item: Observable, columns: Columns) -> FloatArray | float:
+    """A noise of a measured column, (pairs, 1, 1) or one number."""
+    if item.sd is not None:
+        stated = next(one.sd for one in problem.observables if one.name == item.name)
+        return float(np.nanmedian(np.asarray(stated)))
+    size = columns[str(item.noise)][:, None, None]
+    return TURN * size if item.turned else size

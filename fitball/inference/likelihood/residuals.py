@@ -1,6 +1,4 @@
-"""Weighted residuals of a problem for given noise, and derivatives of these and of rebounds with respect to the free
-parameters, batched over draws. A model differentiates itself (`Model.jacobian`); here is the chain rule.
-"""
+"""Weighted residuals of a problem for given noise, and their derivatives, batched over draws."""
 
 from __future__ import annotations
 
@@ -9,14 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitball.inference.likelihood.cells import cells, cells_of
 from fitball.inference.likelihood.force import force_residuals
-from fitball.inference.likelihood.incident_marginal import UNKNOWN, measured_of, seen, standardised, whitening
-from fitball.inference.problem.noise import NORMAL, Sizes
-from fitball.inference.problem.observables import Observable
+from fitball.inference.problem.noise import NORMAL
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
-from fitball.models.types import Rebound
-from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray
 
 # Residual [sd] that stands for a parameter set the model cannot evaluate; it only has to be worse than any fit.
@@ -36,23 +31,14 @@ class Weighting:
 def residuals(problem: Problem, values: FloatArray, weighting: Weighting) -> FloatArray:
     """Weighted residuals (draws, residuals) at free values (draws, free); the scene's contact time is one."""
     rebound = problem.rebound(values)
-    columns = problem.all_values(values)
     kind = problem.noise if weighting.penalised else NORMAL
-    rows = []
-    if problem.incident is not None:
-        held = {**columns, **_held(weighting, values.shape[0])}
-        slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
-        measured = seen(problem, held)
-        deviations, _ = standardised(measured, held, rebound, slopes, problem.incident.covariance)
-        rows = [kind.residual(-z, weighting.noise) for z in measured_of(measured, deviations)]
-    for observable in problem.observables if problem.incident is None else ():
-        z = problem.deviation(columns, observable, rebound) / observable.sds(weighting.noise, rebound)
-        rows.append(kind.residual(-z, weighting.noise))
+    columns = {**problem.all_values(values), **_held(weighting, values.shape[0])}
+    rows = [kind.residual(-cells_of(problem, columns, rebound).z, columns)]
     if problem.contact_time is not None:
         value, sd = problem.contact_time
         rows.append((rebound.contact_time.mean(axis=1, keepdims=True) - value) / sd)
     if problem.force is not None:
-        rows.append(force_residuals(problem, {**columns, **_held(weighting, values.shape[0])}))
+        rows.append(force_residuals(problem, columns))
     if weighting.penalised:
         coordinates = problem.to_coordinates(values)
         for column, parameter in enumerate(problem.free):
@@ -94,62 +80,25 @@ def named_values(problem: Problem, values: FloatArray) -> dict[str, float]:
     return {name: float(column[0]) for name, column in problem.all_values(values[None, :]).items()}
 
 
-Slopes = Mapping[str, FloatArray]
-Columns = Mapping[str, FloatArray]
-
-
-def observable_slopes(problem: Problem, observable: Observable, rebound: Rebound, slopes: Slopes) -> FloatArray:
-    """Derivatives (draws, impacts, free) of what is measured in an observable, the bias of its group included."""
-    derivatives = observable.column.slopes(rebound, slopes)
-    if problem.group_bias is None:
-        return derivatives
-    derivatives = derivatives.copy()
-    for place, label in enumerate(problem.group_bias.labels):
-        name = problem.group_bias.name(observable.name, label)
-        if name in problem.free_names:
-            derivatives[:, problem.group_bias.index == place, problem.free_names.index(name)] += 1.0
-    return derivatives
-
-
-def deviation_slopes(
-    problem: Problem, observable: Observable, columns: Columns, sizes: Sizes, rebound: Rebound, slopes: Slopes
-) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """Predicted less measured (draws, measurements) in units of the noise among `sizes`, its derivatives (...,
-    free), and those of minus the logarithm of its spread, None where that depends on noise alone.
-    """
-    mine = slice(None) if observable.rows is None else observable.rows
-    spread = np.broadcast_to(observable.sds(sizes, rebound), rebound.v_x2[:, mine].shape)
-    z = -problem.deviation(columns, observable, rebound) / spread
-    slope = observable_slopes(problem, observable, rebound, slopes)[:, mine] / spread[..., None]
-    if not observable.turned:
-        return z, slope, None
-    # The spread of an angle falls with the rebound speed: z = (angle - observed) speed/noise.
-    growth = (OBSERVABLES["v_2"].slopes(rebound, slopes) / np.hypot(rebound.v_x2, rebound.v_y2)[..., None])[:, mine]
-    return z, slope + z[..., None] * growth, growth
-
-
 def residual_slopes(problem: Problem, coordinates: FloatArray, weighting: Weighting) -> FloatArray:
     """Derivatives (draws, residuals, free) of `residuals` with respect to coordinates (draws, free), all exact; zero
-    where a rebound cannot be evaluated and residuals are constant. Not for errors of the incident state, whose
-    residuals hold derivatives themselves (`differentiable`).
+    for the noise, which is held, and where a rebound cannot be evaluated and residuals are constant. Not for errors
+    of the incident state, whose residuals hold derivatives themselves (`differentiable`).
     """
-    values = problem.to_values(coordinates)
-    columns = problem.all_values(values)
-    rebound, slopes = problem.differentiated(coordinates)
+    made = cells(problem, coordinates, slopes=True, sizes=_held(weighting, coordinates.shape[0]))
     kind = problem.noise if weighting.penalised else NORMAL
-    rows = []
-    for observable in problem.observables:
-        z, slope, _growth = deviation_slopes(problem, observable, columns, weighting.noise, rebound, slopes)
-        rows.append(kind.residual_rate(z, weighting.noise)[..., None] * slope)
+    slope = made.slope + made.z[..., None] * made.growth
+    slope[..., [k for k, name in enumerate(problem.free_names) if name in NOISE_SPECS]] = 0.0
+    rows = [kind.residual_rate(-made.z, made.columns)[..., None] * slope]
     if problem.contact_time is not None:
-        rows.append(slopes["contact_time"].mean(axis=1, keepdims=True) / problem.contact_time[1])
+        rows.append(made.pace[:, None] / problem.contact_time[1])
     if weighting.penalised:
         for k, parameter in enumerate(problem.free):
             if parameter.prior.normal and parameter.name not in NOISE_SPECS:
                 unit = np.eye(problem.dimension)[k] / parameter.prior.b
                 rows.append(np.broadcast_to(unit, (coordinates.shape[0], 1, unit.size)))
     stacked = np.concatenate(rows, axis=1)
-    impossible = np.any(rebound.status, axis=1) | ~np.all(np.isfinite(stacked), axis=(1, 2))
+    impossible = np.any(made.rebound.status, axis=1) | ~np.all(np.isfinite(stacked), axis=(1, 2))
     stacked[impossible] = 0.0
     return stacked
 
@@ -159,32 +108,3 @@ def differentiable(problem: Problem) -> bool:
     incident state, which hold derivatives themselves, nor of force records, whose start of contact is searched for.
     """
     return problem.incident is None and problem.force is None
-
-
-def own_spreads(problem: Problem, columns: Columns, rebound: Rebound) -> FloatArray:
-    """The noise (draws, impacts, columns) of each measured column, `UNKNOWN` where nothing was measured."""
-    spreads = []
-    for observable in problem.observables:
-        sds = np.broadcast_to(observable.sds(columns, rebound), (*rebound.v_x2.shape[:-1], observable.observed.size))
-        spreads.append(observable.spread_out(sds, len(problem.impacts), UNKNOWN))
-    return np.stack(spreads, axis=2)
-
-
-def prediction_slopes(problem: Problem, coordinates: FloatArray) -> FloatArray:
-    """Derivatives (draws, impacts, columns, free) of all predictions, in units of their noise, with respect to
-    coordinates (draws, free) counted in widths of the priors; zero where nothing was measured.
-
-    Errors of the incident state count as noise that the columns of an impact share: each is taken given those before
-    it. A measurement with heavy tails is worth less than a normal one.
-    """
-    rebound, slopes = problem.differentiated(coordinates)
-    columns = problem.all_values(problem.to_values(coordinates))
-    spreads = own_spreads(problem, columns, rebound)
-    by_column = [observable_slopes(problem, observable, rebound, slopes) for observable in problem.observables]
-    told = np.where(spreads[..., None] < UNKNOWN, np.stack(by_column, axis=2), 0.0)
-    if problem.incident is None:
-        told /= spreads[..., None]
-    else:
-        told = whitening(problem, problem.incident, columns, rebound, spreads) @ told
-    scaled: FloatArray = np.sqrt(problem.noise.information(columns))[..., None, None, None] * told
-    return scaled * problem.prior.width

@@ -16,9 +16,8 @@ from fitball.inference.likelihood.residuals import (
     root_mean_squares,
 )
 from fitball.inference.point.gauss_newton import Searches, descend
-from fitball.inference.point.general_surface import SEARCHED
 from fitball.inference.point.lmfit_minimiser import SAME_OPTIMUM, Minimiser, minima
-from fitball.inference.point.surface import Surface
+from fitball.inference.point.surface import SEARCHED, Surface
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import LeastSquares

@@ -12,9 +12,8 @@ from fitball.errors import FitError
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
 from fitball.inference.likelihood.residuals import named_values, root_mean_squares
 from fitball.inference.point.gauss_newton import Searches, descend
-from fitball.inference.point.general_surface import SEARCHED, surface_of
 from fitball.inference.point.lmfit_minimiser import SAME_OPTIMUM, simplex
-from fitball.inference.point.surface import Surface
+from fitball.inference.point.surface import SEARCHED, Surface, surface_of
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import PointFit
 from fitball.values import FloatArray

@@ -1,12 +1,14 @@
 """The likelihood of a table as a surface over the parameters that are not noise, the noise at its best at every
-point; or its posterior, as one over all of them.
+point; or over all of them, where the best noise has no closed form; or its posterior, over all of them.
 
-The scene's contact time counts as one more measurement where that is asked for. No prior enters a likelihood; bounds,
-and what the model can evaluate, do.
+Columns are coordinates of the priors, but for parameters of the model's linear constraints, which are taken as
+values, as the constraints are linear in. The scene's contact time counts as one more measurement where that is asked
+for. No prior enters a likelihood; bounds, and what the model can evaluate, do.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,18 +17,37 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.likelihood.force import force_cost, force_slopes
-from fitball.inference.likelihood.posterior import log_scene_density
-from fitball.inference.likelihood.residuals import deviation_slopes
-from fitball.inference.point.searched_columns import SearchedColumns
-from fitball.inference.problem.noise import LOG_TAU
-from fitball.inference.problem.observables import Observable
-from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.likelihood.cells import Cells, cells_of
+from fitball.inference.likelihood.force import (
+    force_cost,
+    force_information_rows,
+    force_log_likelihood,
+    force_slopes,
+)
+from fitball.inference.likelihood.posterior import impact_terms, log_scene_density
+from fitball.inference.problem.noise import NORMAL, NoiseKind, NormalNoise
+from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
+from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import PART, batches, part_of
+from fitball.models.model import ROUNDING
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
 
 Columns = Mapping[str, FloatArray]
+# A log prior on [0, ...) ends at minus infinity; this many of its sds below its median a search gives up.
+PRIOR_REACH = 8.0
+# Step of differences in widths of the priors: it moves a minimum by half of itself, far less than any error.
+STEP = 1e-6
+# Rows up to which a search begins from many places.
+SEARCHED = 1000
+
+
+def surface_of(problem: Problem, promised: float = 1e-3, *, penalised: bool = False) -> Surface:
+    """The surface of a problem's likelihood, or posterior; see `Surface` for `promised` and `penalised`."""
+    # With records the noise of a likelihood is held, see `noise_held`; that of a posterior is not.
+    recorded = penalised and problem.force is not None
+    closed = isinstance(problem.noise, NormalNoise) and problem.incident is None and not recorded
+    return Surface(problem, promised=promised, penalised=penalised, closed=closed)
 
 
 @dataclass(frozen=True)
@@ -48,11 +69,12 @@ class Conditions:
         """Those of a problem that consists of some `impacts` alone."""
         return self if self.counted is None else replace(self, counted=self.counted[:, impacts])
 
-    def measurements(self, observable: Observable) -> NDArray[np.bool_]:
-        """Which measurements of an observable count, broadcastable to (rows, measurements)."""
+    def counting(self, array: FloatArray, impact: NDArray[np.int64]) -> FloatArray:
+        """An array (rows, cells, ...) that is zero where the `impact` (cells,) does not count."""
         if self.counted is None:
-            return np.ones((1, observable.observed.size), dtype=bool)
-        return self.counted[:, observable.places(self.counted.shape[1])]
+            return array
+        counted = self.counted[:, impact]
+        return np.where(counted.reshape(*counted.shape, *(1,) * (array.ndim - 2)), array, 0.0)
 
 
 class Linear(NamedTuple):
@@ -67,12 +89,146 @@ class Linear(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Surface(SearchedColumns):
-    """The negative log likelihood of a problem and its derivatives, batched over rows; where `penalised`, minus the
-    log posterior but for a constant. A search has settled where it promises to lower it by less than `promised`.
+class Surface:
+    """The negative log likelihood of a problem and its derivatives, batched over rows, in the free parameters that
+    are
+    not noise, if that is normal and its best size known (`closed`); in all of them where it is not, or where the
+    surface is `penalised`: minus the log posterior but for a constant, within the priors.
+
+    A search has settled where it promises to lower it by less than `promised`. Where `stretched`, bounds that only
+    end a search lie one width of the prior further out, as far as physics goes.
     """
 
+    problem: Problem
     promised: float = 1e-3
+    penalised: bool = False
+    stretched: bool = False
+    closed: bool = True
+
+    @cached_property
+    def columns(self) -> list[int]:
+        """Places of the columns among the free parameters."""
+        return [k for k in range(self.problem.dimension) if k not in self.noise_columns]
+
+    @cached_property
+    def noise_columns(self) -> list[int]:
+        """Places of the noise parameters that are no columns, but at their best at every point."""
+        noise = [k for k, parameter in enumerate(self.problem.free) if parameter.name in NOISE_SPECS]
+        return noise if self.closed and not self.penalised else []
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The parameters of the objective, one per column."""
+        return tuple(self.problem.free[k] for k in self.columns)
+
+    @cached_property
+    def _constrained(self) -> frozenset[str]:
+        """Parameters of which the model demands something linear, at some level at least."""
+        constraints = self.problem.model.linear_constraints(self.problem.impacts)
+        return frozenset(name for constraint in constraints for name in constraint.coefficients)
+
+    @cached_property
+    def _as_value(self) -> NDArray[np.bool_]:
+        """Columns taken as values although their prior is one of the logarithm."""
+        return np.array(
+            [parameter.prior.log and parameter.name in self._constrained for parameter in self.parameters], dtype=bool
+        )
+
+    @cached_property
+    def width(self) -> FloatArray:
+        """A typical size of each column."""
+        return np.array([self._width(k) for k in self.columns])
+
+    def _width(self, column: int) -> float:
+        prior = self.problem.free[column].prior
+        return prior.width * (float(np.exp(prior.a)) if prior.log and self.is_value(column) else 1.0)
+
+    def is_value(self, column: int) -> bool:
+        """Whether a free parameter's coordinate is here its value although its prior has another."""
+        return self.problem.free[column].name in self._constrained
+
+    def ends(self, column: int) -> tuple[float, float]:
+        """Bounds of a free parameter in the coordinate it has here."""
+        low, high = self._searched(column)
+        if not self.stretched:
+            return low, high
+        (first, last), width = self._possible(column), self._width(column)
+        return max(low - width, min(low, first)), min(high + width, max(high, last))
+
+    def _searched(self, column: int) -> tuple[float, float]:
+        parameter = self.problem.free[column]
+        own = parameter.prior
+        # A bound at which the model has no answer is kept off as such a constraint is.
+        prior = replace(own, upper=own.upper - ROUNDING) if parameter.spec.open_above else own
+        low, high = prior.support if self.penalised else prior.ends
+        if self.is_value(column):
+            return float(prior.value(np.array(low))), float(prior.value(np.array(high)))
+        return max(low, own.a - PRIOR_REACH * own.b) if own.log else low, high
+
+    def _possible(self, column: int) -> tuple[float, float]:
+        """What physics leaves of a free parameter, in the coordinate it has here."""
+        parameter = self.problem.free[column]
+        low, high = parameter.spec.beyond
+        if parameter.prior.log and not self.is_value(column):
+            return (math.log(low) if low > 0.0 else -math.inf), math.log(high)
+        return low, high
+
+    @cached_property
+    def searched_for(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which ends of all columns only end a search, (columns,) each: physics goes on there."""
+        ends = [(self._searched(k), self._possible(k)) for k in self.columns]
+        low = np.array([first > possible for (first, _), (possible, _) in ends], dtype=bool)
+        high = np.array([last < possible - ROUNDING for (_, last), (_, possible) in ends], dtype=bool)
+        return low, high
+
+    @cached_property
+    def limits(self) -> tuple[FloatArray, FloatArray]:
+        """Bounds of all columns, (columns,) each."""
+        low, high = np.array([self.ends(k) for k in self.columns]).reshape(-1, 2).T
+        return low, high
+
+    @cached_property
+    def walls(self) -> tuple[FloatArray, FloatArray]:
+        """The model's linear constraints as conditions `a x <= b`, (walls, columns) and (walls,)."""
+        fixed = {
+            parameter.name: parameter.fixed for parameter in self.problem.parameters if parameter.fixed is not None
+        }
+        places = {parameter.name: k for k, parameter in enumerate(self.parameters)}
+        rows: list[FloatArray] = []
+        bounds: list[float] = []
+        for constraint in self.problem.linear_constraints:
+            row, bound = np.zeros(len(places)), constraint.bound - constraint.margin
+            for name, factor in constraint.coefficients.items():
+                if name in places:
+                    row[places[name]] = factor
+                elif name in fixed:
+                    bound -= factor * fixed[name]
+            if np.any(row):
+                rows.append(row)
+                bounds.append(bound)
+        return np.array(rows).reshape(-1, len(places)), np.array(bounds)
+
+    def from_values(self, values: FloatArray) -> FloatArray:
+        """Columns (rows, columns) of free values (rows, free)."""
+        x = self.problem.to_coordinates(values)[:, self.columns]
+        x[:, self._as_value] = values[:, self.columns][:, self._as_value]
+        return x
+
+    def _coordinates(self, x: FloatArray) -> FloatArray:
+        """Coordinates (rows, free) of the priors; noise, which the rebound does not see, at its prior's centre."""
+        full = np.empty((x.shape[0], self.problem.dimension))
+        full[:, self.columns] = np.where(self._as_value, np.log(np.where(self._as_value, x, 1.0)), x)
+        full[:, self.noise_columns] = self._typical_noise
+        return full
+
+    @cached_property
+    def _typical_noise(self) -> FloatArray:
+        priors = [self.problem.free[k].prior for k in self.noise_columns]
+        return np.array([float(prior.coordinate(prior.quantile(np.array([0.5])))[0]) for prior in priors])
+
+    def _chain(self, x: FloatArray) -> FloatArray:
+        """Derivatives (rows, columns) of the coordinates of the priors."""
+        return np.where(self._as_value, 1.0 / np.where(self._as_value, x, 1.0), 1.0)
 
     def free(self, x: FloatArray) -> Conditions:
         """Conditions of rows `x` (rows, columns) that hold nothing, with the scene's contact time if there is one."""
@@ -138,34 +294,56 @@ class Surface(SearchedColumns):
         return np.array([item.b**-2.0 if item.normal else 0.0 for item in priors]), np.array([p.a for p in priors])
 
     def cost(self, x: FloatArray, given: Conditions) -> FloatArray:
-        """Negative log likelihood (rows,) of the measurements, and of the scene's contact time where it counts; inf
-        where the model has no answer.
-        """
+        """The surface (rows,), with the scene's contact time where it counts; inf where the model has no answer."""
+        return self._measured_cost(x, given) + self._held(x)[0]
+
+    def _measured_cost(self, x: FloatArray, given: Conditions) -> FloatArray:
         costs = []
         for some in batches(self.problem, x.shape[0]):
             values = self.problem.to_values(self._coordinates(x[some]))
-            columns, rebound, here = self.problem.all_values(values), self.problem.rebound(values), given.take(some)
-            costs.append(self._cost(columns, rebound, here, self._noise(columns, rebound, here)))
-        return np.concatenate(costs) + self._held(x)[0]
+            rebound, here = self.problem.rebound(values), given.take(some)
+            total = -self._log_likelihood(values, rebound, here)
+            if here.scene:
+                total = total - log_scene_density(self.problem, rebound)
+            costs.append(np.where(rebound.status.any(axis=1) | np.isnan(total), np.inf, total))
+        return np.concatenate(costs)
 
-    def _cost(self, columns: Columns, rebound: Rebound, given: Conditions, sizes: Columns) -> FloatArray:
-        total = np.zeros(rebound.v_x2.shape[0])
-        for observable in self.problem.observables:
-            spread = observable.sds(sizes, rebound)
-            z = self.problem.deviation(columns, observable, rebound) / spread
-            terms = 0.5 * (z * z + LOG_TAU) + np.log(spread)
-            total = total + np.sum(np.where(given.measurements(observable), terms, 0.0), axis=1)
-        if self.problem.force is not None:
-            total = total + force_cost(self.problem, columns)
-        if given.scene:
-            total = total - log_scene_density(self.problem, rebound)
-        return np.where(np.any(rebound.status, axis=1), np.inf, total)
+    def _log_likelihood(self, values: FloatArray, rebound: Rebound, given: Conditions) -> FloatArray:
+        """That (rows,) of the impacts that count, each start of contact at its best where the surface is `closed`."""
+        problem = self.problem
+        if problem.incident is not None and not self.closed:
+            # Mixtures at changes of regime too.
+            terms = np.sum(list(impact_terms(problem, values, rebound).values()), axis=0)
+            total = given.counting(terms, np.arange(len(problem.impacts))).sum(axis=1)
+            columns = problem.all_values(values)
+        else:
+            made = self._cells(values, rebound, given)
+            terms = self._kind.log_density(made.z, made.columns) - made.log_sd
+            total, columns = given.counting(terms, made.impact).sum(axis=1), made.columns
+        if problem.force is not None:
+            total += (
+                -force_cost(problem, columns)
+                if self.closed
+                else force_log_likelihood(problem, problem.force, columns)
+            )
+        return np.asarray(total)
+
+    def _cells(self, values: FloatArray, rebound: Rebound, given: Conditions, moved: Columns | None = None) -> Cells:
+        """See `cells_of`, the noise as held or at its best."""
+        columns = self.problem.all_values(values)
+        return cells_of(self.problem, {**columns, **self._noise(columns, rebound, given)}, rebound, moved=moved)
+
+    @property
+    def _kind(self) -> NoiseKind:
+        """The noise by which deviations are judged."""
+        return NORMAL if self.closed else self.problem.noise
 
     def linearised(self, x: FloatArray, given: Conditions) -> tuple[FloatArray, FloatArray]:
         """The gradient (rows, columns) of the cost, and its expected curvature (rows, columns, columns).
 
         At the best noise the gradient is that for given noise, because the cost is level in the noise there. The
-        curvature is Gauss's and Newton's: products of first derivatives of the residuals.
+        curvature is the information of location and scale: `I m m' + J s s'` with `m` the slope of a prediction in
+        units of its spread, `s` that of the spread's logarithm, and `I` and `J` what one deviation tells of either.
         """
         told = self._measured(x, given)
         gradient, curvature = told.gradient, told.curvature
@@ -193,37 +371,68 @@ class Surface(SearchedColumns):
         return whole
 
     def _linearised(self, x: FloatArray, given: Conditions) -> Linear:
-        coordinates = self._coordinates(x)
-        rebound, slopes = self.problem.differentiated(coordinates)
-        columns = self.problem.all_values(self.problem.to_values(coordinates))
-        sizes = self._noise(columns, rebound, given)
-        chain = self._chain(x)
-        rows, count = x.shape
-        gradient = np.zeros((rows, count))
-        curvature = np.zeros((rows, count, count))
-
-        def gather(z: FloatArray, slope: FloatArray) -> None:
-            nonlocal gradient, curvature
-            gradient = gradient + np.einsum("bm,bmk->bk", z, slope)
-            curvature = curvature + np.einsum("bmk,bml->bkl", slope, slope)
-
-        for observable in self.problem.observables:
-            z, slope, growth = deviation_slopes(self.problem, observable, columns, sizes, rebound, slopes)
-            counted = given.measurements(observable)
-            z = np.where(counted, z, 0.0)
-            gather(z, np.where(counted[..., None], slope[..., self.columns] * chain[:, None, :], 0.0))
-            if growth is not None:
-                turned = np.where(counted[..., None], growth[..., self.columns], 0.0)
-                gradient = gradient - turned.sum(axis=1) * chain
-            if self.penalised and observable.noise in self.problem.free_names:
-                k = self.problem.free_names.index(observable.noise)
-                rate = 1.0 if self.problem.free[k].prior.log else 1.0 / x[:, k]
-                number = counted.sum(axis=1)
-                gradient[:, k] += rate * (number - np.sum(z * z, axis=1))
-                curvature[:, k, k] += 2.0 * rate**2 * number
-        if self.problem.force is not None:
-            z, slope, _shares = force_slopes(self.problem, self.problem.force, coordinates)
-            slope = slope[..., self.columns].reshape(rows, -1, count) * chain[:, None, :]
-            gather(z.reshape(rows, -1), slope)
-        pace = slopes["contact_time"][..., self.columns].mean(axis=1) * chain
+        problem, kind, at, chain = self.problem, self._kind, self._coordinates(x), self._chain(x)
+        (rows, count), values = x.shape, self.problem.to_values(at)
+        rebound, moved = problem.differentiated(at)
+        made = self._cells(values, rebound, given, moved)
+        slope, growth = (
+            given.counting(part[..., self.columns], made.impact) * chain[:, None]
+            for part in (made.slope, made.growth)
+        )
+        centre, scale = (
+            np.broadcast_to(told, (rows,))[:, None, None]
+            for told in (kind.information(made.columns), kind.scale_information(made.columns))
+        )
+        score = kind.residual(made.z, made.columns) * kind.residual_rate(made.z, made.columns)
+        gradient = np.einsum("bm,bmk->bk", 1.0 - score * made.z, growth) - np.einsum("bm,bmk->bk", score, slope)
+        curvature = centre * _squares(slope) + scale * _squares(growth)
+        for parameter in kind.parameters:
+            if parameter.name in problem.free_names:
+                # The squares of the slopes of each log density (Berndt et al. 1974).
+                k = problem.free_names.index(parameter.name)
+                step = STEP * self.width[k]
+                there = problem.all_values(problem.to_values(at + step * chain[:, k, None] * np.eye(count)[k]))
+                change = kind.log_density(made.z, there) - kind.log_density(made.z, made.columns)
+                change = given.counting(change, made.impact) / step
+                gradient[:, k] -= change.sum(axis=1)
+                curvature[:, k, k] += np.sum(change**2, axis=1)
+        if problem.force is not None and self.closed:
+            z, by_record, _shares = force_slopes(problem, problem.force, at)
+            by_record = by_record[..., self.columns].reshape(rows, -1, count) * chain[:, None]
+            gradient += np.einsum("bm,bmk->bk", z.reshape(rows, -1), by_record)
+            curvature += _squares(by_record)
+        elif problem.force is not None:
+            parts = (
+                part.reshape(rows, -1, count) * chain[:, None]
+                for part in force_information_rows(problem, problem.force, at)
+            )
+            curvature += sum(weight * _squares(part) for weight, part in zip((1.0, 2.0), parts, strict=True))
+        if made.turn.size:
+            turn = made.turn if given.counted is None else np.where(given.counted[..., None, None], made.turn, 0.0)
+            curvature += scale * _squares(
+                turn.reshape(rows, -1, problem.dimension)[..., self.columns] * chain[:, None]
+            )
+        if not self.closed and (problem.incident is not None or problem.force is not None):
+            gradient = self._by_differences(x, replace(given, scene=False))
+        pace = made.pace[:, self.columns] * chain
         return Linear(gradient, curvature, rebound.contact_time.mean(axis=1), pace)
+
+    def _by_differences(self, x: FloatArray, given: Conditions) -> FloatArray:
+        """The gradient of what has no exact one: whitening that moves, starts of contact that are searched for."""
+        (rows, count), (_low, high), (a, b) = x.shape, self.limits, self.walls
+        step = np.broadcast_to(STEP * self.width, x.shape)
+        # Away from bounds and walls that are near.
+        outside = x + step > high
+        if b.size:
+            outside |= np.any((x @ a.T)[:, :, None] + a * step[:, None] > b[:, None], axis=1)
+        step = np.where(outside, -step, step)
+        around = np.concatenate([x[:, None], x[:, None] + step[:, :, None] * np.eye(count)], axis=1)
+        there = given.take(np.repeat(np.arange(rows), count + 1))
+        cost = self._measured_cost(around.reshape(-1, count), there).reshape(rows, count + 1)
+        with np.errstate(invalid="ignore"):
+            return np.asarray((cost[:, 1:] - cost[:, :1]) / step)
+
+
+def _squares(rows: FloatArray) -> FloatArray:
+    """Sums (draws, columns, columns) of products of rows (draws, rows, columns)."""
+    return rows.transpose(0, 2, 1) @ rows

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from fitball.inference.likelihood.incident_marginal import UNKNOWN, joint_root
+from fitball.inference.likelihood.cells import UNKNOWN, joint_root, shared_covariance
 from fitball.inference.likelihood.posterior import impact_terms
 from fitball.inference.prediction.curves import CURVE_DRAWS, curves
-from fitball.inference.problem.incident import IncidentErrors
 from fitball.inference.problem.noise import NoiseKind
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
@@ -111,7 +110,7 @@ def measurements(
     if problem.incident is None:
         drawn = iter([with_noise(problem.noise, item, columns, rebound, rng, even=even) for item in everywhere])
     else:
-        drawn = _together(problem, problem.incident, everywhere, columns, rebound, rng, even=even)
+        drawn = _together(problem, everywhere, columns, rebound, rng, even=even)
     for observable, (predicted, spread, data) in zip(everywhere, drawn, strict=True):
         if problem.group_bias is not None:
             data = data + problem.group_bias.offset(columns, observable.name)
@@ -120,7 +119,6 @@ def measurements(
 
 def _together(
     problem: Problem,
-    incident: IncidentErrors,
     observables: Sequence[Observable],
     columns: Mapping[str, FloatArray],
     rebound: Rebound,
@@ -131,7 +129,9 @@ def _together(
     """As `with_noise`, of all columns: the errors of its incident state are common to the columns of an impact."""
     own = np.stack([np.broadcast_to(item.sds(columns, rebound), rebound.v_x2.shape) for item in observables], axis=2)
     stated = ~np.isnan(own)
-    root = joint_root(problem, incident, columns, rebound, np.where(stated, own, UNKNOWN))
+    shared = shared_covariance(problem, columns, rebound, observables)
+    assert shared is not None
+    root = joint_root(shared, np.where(stated, own, UNKNOWN))
     kind, shape = problem.noise, rebound.v_x2.shape
     z = np.stack(
         [evenly(kind, columns, shape, rng) if even else kind.draw(rng, shape, columns) for _ in observables], axis=2

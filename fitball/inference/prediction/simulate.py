@@ -13,7 +13,7 @@ from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.quantiles import BAND_LEVELS, MOST_UNSOLVED
 from fitball.models.history import History
 from fitball.models.model import Model
-from fitball.models.registry import with_history
+from fitball.models.names import FOLLOWED
 from fitball.models.specs import BALL_PARAMETERS
 from fitball.models.types import regime_name
 from fitball.values import FloatArray, Impacts, numbers
@@ -135,6 +135,6 @@ def _drawn(model: Model, parameters: Mapping[str, float], impact: Impacts) -> Hi
 
 def _history(model: Model, parameters: Mapping[str, float], impact: Impacts) -> History:
     if model.no_history:
-        raise ModelError(f"model {model.name} {model.no_history}; models with a history: {', '.join(with_history())}")
+        raise ModelError(f"model {model.name} {model.no_history}; models with a history: {', '.join(FOLLOWED)}")
     contact_time = float(model.rebound(parameters, impact).contact_time[0])
     return model.history(parameters, impact, np.linspace(0.0, 1.0, POINTS) * contact_time)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitball.data.literature import with_published
+from fitball.data.published import with_published
 from fitball.data.scene import NO_CONTACT_TIME, NO_MU, NO_SPIN_SD, NO_VELOCITY_SD, Scene
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError

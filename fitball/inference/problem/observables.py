@@ -77,6 +77,10 @@ class Observable:
         """Which impacts of the problem have a measurement, (measurements,)."""
         return np.arange(impacts) if self.rows is None else self.rows
 
+    def count(self, impacts: int) -> int:
+        """How many of the problem's impacts have a measurement."""
+        return impacts if self.rows is None else int(self.rows.size)
+
     def spread_out(self, array: FloatArray, impacts: int, absent: float) -> FloatArray:
         """Numbers (..., measurements) over all impacts of the problem (..., impacts)."""
         if self.rows is None:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +20,13 @@ from fitball.inference.results.drop_test import DropTest
 from fitball.inference.results.evidence import Identifiability
 from fitball.inference.results.fitted_model import PREDICTING, FittedModel
 from fitball.inference.results.pace_rating import CourtPace
+from fitball.inference.results.source import Counted, NotNegative, Share, Source, Whole
 from fitball.models.types import Rebound
-from fitball.values import FloatArray, Impacts
+from fitball.values import FloatArray, Impacts, same
 
+# Versions 1 to 4 were laid out by hand; 5 is these types as they are.
+SCHEMA_VERSION: Literal[5] = 5
+KIND: Literal["fitball fit"] = "fitball fit"
 TARGET_ESS = 1000.0
 TARGET_R_HAT = 1.01
 
@@ -57,8 +64,7 @@ class LeastSquares:
     """Weighted least squares: no prior but the bounds, noise at its stated or nominal size.
 
     `values` holds every parameter by name in SI; `stderr` a number, or None with the cause in
-    `missing`. `rms` is the root mean square residual of each observable, in its unit. Of a fit that was read back
-    nothing is known of the search: no `starts`, `optima` or `evaluations`.
+    `missing`. `rms` is the root mean square residual of each observable, in its unit.
     """
 
     values: Mapping[str, float]
@@ -105,7 +111,7 @@ class Estimate:
     prior: str
     point: float
     median: float | None
-    sd: float | None
+    sd: NotNegative | None
     q025: float | None
     q05: float | None
     q16: float | None
@@ -154,13 +160,13 @@ class Diagnostics:
     were weighed each step is one proposal, and `pareto_k` tells the tail of the weights.
     """
 
-    ensembles: int
-    walkers: int
-    warm_up: int
-    steps: int
-    kept: int
-    max_steps: int
-    acceptance: tuple[float, ...]
+    ensembles: Counted
+    walkers: Counted
+    warm_up: Whole
+    steps: Counted
+    kept: Counted
+    max_steps: Counted
+    acceptance: tuple[Share, ...]
     min_ess_bulk: float
     min_ess_tail: float
     max_r_hat: float
@@ -271,7 +277,7 @@ class BudgetLine:
 class ErrorBudget:
     """Numerical error beside the others, by column; `reference` says what `impacts` rebounds were compared with."""
 
-    impacts: int
+    impacts: Counted
     reference: str
     lines: Mapping[str, BudgetLine]
 
@@ -293,54 +299,116 @@ class Timing:
     seconds: float
 
 
-@dataclass(frozen=True)
-class Fit:
-    """All that one calibration found. `derived` are quantities that follow from several parameters, those at a
-    measured speed first. `notes` are those of the problem, and what only the fit could tell.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Record:
+    """What `fit.json` holds of a fit, numbers in SI. `derived` are quantities that follow from several parameters,
+    those at a measured speed first. `notes` are those of table and problem, and what only the fit could tell.
+    `covariance` and `correlation` are those of the free parameters, log densities and root mean square residuals by
+    column (`rms`) those at the point estimate, `optima` what its search found, best first.
+    """
+
+    schema_version: Literal[5] = SCHEMA_VERSION
+    kind: Literal["fitball fit"] = KIND
+    status: RunStatus
+    verdict: str
+    source: Source
+    notes: tuple[str, ...]
+    seed: Whole
+    parameters: Mapping[str, Estimate]
+    derived: Mapping[str, Estimate]
+    covariance: FloatArray | None
+    correlation: FloatArray | None
+    log_posterior: float
+    log_likelihood: float
+    rms: Mapping[str, float]
+    optima: tuple[Mapping[str, float], ...]
+    optima_log_posterior: tuple[float, ...]
+    least_squares: LeastSquares
+    diagnostics: Diagnostics | None
+    levels: tuple[LevelEstimate, ...]
+    error_budget: ErrorBudget
+    court_pace: CourtPace | None = None
+    drop_test: DropTest | None = None
+    adequacy: Adequacy | None = None
+    assumptions: Assumptions | None = None
+    golden: Golden
+    identifiability: Identifiability
+    fitted: FittedModel
+    versions: Mapping[str, str]
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """The parameters in order."""
+        return tuple(self.parameters.values())
+
+    @property
+    def free_names(self) -> tuple[str, ...]:
+        """The parameters that were fitted, in order."""
+        return tuple(name for name, item in self.parameters.items() if item.verdict is not Verdict.FIXED)
+
+    @property
+    def at_common(self) -> str:
+        """What is to be said of a bounce without a level, where parameters differ between levels; empty where none
+        does.
+        """
+        pooled = {item.parameter: item.column for item in self.levels}
+        return "; ".join(
+            f"{name} differs between {column}s: taken at the value common to all, which is that of none of them"
+            for name, column in pooled.items()
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Fit(Record):
+    """All that one calibration found: its record, and what lies in files beside `fit.json`.
+
+    A fit that was read back has its `place`, and a function `later` in its dictionary by which it reads those files
+    when something in them is first asked for. Two fits are equal when they say the same to the last digit.
     """
 
     problem: Problem
-    notes: tuple[str, ...]
     balances: Balances
-    least_squares: LeastSquares
     point: PointFit
     posterior: Posterior | None
-    estimates: tuple[Estimate, ...]
-    covariance: FloatArray | None
-    correlation: FloatArray | None
-    diagnostics: Diagnostics | None
     predictive: Predictive | None
-    identifiability: Identifiability
-    fitted: FittedModel
-    golden: Golden
-    error_budget: ErrorBudget
-    levels: tuple[LevelEstimate, ...]
-    status: RunStatus
-    verdict: str
-    seed: int
-    timings: tuple[Timing, ...]
-    court_pace: CourtPace | None = None
-    adequacy: Adequacy | None = None
-    assumptions: Assumptions | None = None
-    drop_test: DropTest | None = None
-    derived: tuple[Estimate, ...] = ()
+    timings: tuple[Timing, ...] = ()
+    place: Path | None = None
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> object:
+            """What is not in memory yet. Raises as `later` does."""
+            if name not in BESIDE or "later" not in self.__dict__:
+                raise AttributeError(f"a fit has no {name!r}")
+            self.__dict__[name] = self.__dict__["later"](self, name)
+            return self.__dict__[name]
 
     @property
-    def parameters(self) -> Mapping[str, Estimate]:
-        """Estimates by parameter name."""
-        return {estimate.name: estimate for estimate in self.estimates}
+    def impacts(self) -> Impacts:
+        """Every impact of the fit: of a long table the record holds those alone that span its range."""
+        known = self.fitted.impacts
+        return known if len(known) == self.source.impacts else self.problem.impacts
 
-    @property
+    @cached_property
     def predicting(self) -> FittedModel:
-        """The fitted model with the draws that predictions are made from."""
-        return predicting(self.fitted, self.posterior)
+        """The fitted model with `PREDICTING` draws, which may be more than its own."""
+        posterior = self.posterior
+        if posterior is None:
+            return self.fitted
+        return self.fitted.with_draws(posterior.names, thinned(posterior, PREDICTING))
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Fit):
+            return NotImplemented
+        names = [item.name for item in fields(Record)]
+        return self is other or all(same(getattr(self, name), getattr(other, name)) for name in [*names, "posterior"])
+
+    def __hash__(self) -> int:
+        return hash((self.verdict, self.seed, tuple(self.parameters)))
 
 
-def predicting(fitted: FittedModel, posterior: Posterior | None) -> FittedModel:
-    """A fitted model with `PREDICTING` draws of its posterior, which may be more than it keeps."""
-    if posterior is None:
-        return fitted
-    return fitted.with_draws(posterior.names, thinned(posterior, PREDICTING))
+# What of a fit is not in its record.
+BESIDE = ("problem", "balances", "point", "posterior", "predictive")
 
 
 def thinned(posterior: Posterior, count: int) -> FloatArray:

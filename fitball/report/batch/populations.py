@@ -16,11 +16,11 @@ from fitball.inference.population.quantity import Quantity, known, prior_of, qua
 from fitball.inference.population.reweighting import Population, population
 from fitball.inference.population.trend import LEAST_TABLES
 from fitball.inference.problem.priors import Prior
-from fitball.inference.results.results import Verdict
+from fitball.inference.results.results import Fit, Verdict
 from fitball.report.batch.grouping import Grouping, Over, grouped
 from fitball.report.batch.rows import DONE, NAME, Row
 from fitball.report.batch.series import Series
-from fitball.report.saved.saved_fit import SavedFit, read_fit
+from fitball.report.saved.fit_file import read_fit
 from fitball.report.saved.structure import damaged
 from fitball.values import FloatArray
 
@@ -91,7 +91,7 @@ def populations(rows: Sequence[Row], folder: Path, names: Sequence[str], over: O
     return tuple(_populated(one, grouping) for one in asked)
 
 
-def _gather(one: _Gathered, name: str, saved: SavedFit) -> None:
+def _gather(one: _Gathered, name: str, saved: Fit) -> None:
     priors: dict[str, Prior | float] = {}
     sizes = []
     for part in one.quantity.parts:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.quantiles import Spread
-from fitball.report.saved.saved_fit import SavedFit
+from fitball.inference.results.results import Fit
 from fitball.report.saved.structure import damaged
 from fitball.visible import unguarded
 
@@ -29,7 +29,7 @@ def failed_row(name: str, reason: str) -> Row:
     return {**dict.fromkeys(HEAD), NAME: name, "outcome": FAILED, "reason": reason}
 
 
-def row_of(name: str, saved: SavedFit, problem: Problem) -> Row:
+def row_of(name: str, saved: Fit, problem: Problem) -> Row:
     """The row of a fit: outcome, adequacy, labels that the whole table has in common or its scene states, each
     parameter, court pace and what a drop test tells.
     """
@@ -41,33 +41,32 @@ def row_of(name: str, saved: SavedFit, problem: Problem) -> Row:
     return {**dict(list(found.items())[: len(HEAD)]), **named, **found}
 
 
-def _found(name: str, saved: SavedFit) -> Row:
+def _found(name: str, saved: Fit) -> Row:
     """What a fit itself says of its row, which is all but the labels."""
-    file = saved.file
     row: Row = {
         NAME: name,
         "outcome": DONE,
         "reason": "",
-        "impacts": file.table.impacts,
-        "model": file.model.name,
+        "impacts": saved.source.impacts,
+        "model": saved.fitted.model_name,
         "status": str(saved.status),
-        "adequacy": None if file.adequacy is None else str(file.adequacy.answer),
-        "described": None if file.adequacy is None else file.adequacy.sentence,
+        "adequacy": None if saved.adequacy is None else str(saved.adequacy.answer),
+        "described": None if saved.adequacy is None else saved.adequacy.sentence,
     }
     for estimate in saved.parameters.values():
         head = f"{estimate.name}{f' [{estimate.unit}]' if estimate.unit else ''}"
         row[head] = estimate.point if estimate.median is None else estimate.median
         row |= {f"{estimate.name}_{kind}": getattr(estimate, kind) for kind in ("sd", "q025", "q975")}
         row[f"{estimate.name}_verdict"] = estimate.verdict_words
-    if file.court_pace is not None and len(file.court_pace.ratings) == 1:
-        row |= _spread("court_pace", file.court_pace.ratings[0].rating)
-    if file.drop_test is not None:
-        for tested in file.drop_test.speeds:
+    if saved.court_pace is not None and len(saved.court_pace.ratings) == 1:
+        row |= _spread("court_pace", saved.court_pace.ratings[0].rating)
+    if saved.drop_test is not None:
+        for tested in saved.drop_test.speeds:
             row |= _spread(f"cor_at_{tested.speed:.3g}_m/s", tested.cor)
     return row
 
 
-def check_row(row: Row, saved: SavedFit, place: Path) -> None:
+def check_row(row: Row, saved: Fit, place: Path) -> None:
     """Raise ResultFolderError where a row that was read at `place` says something else than the fit it is of."""
     found = _found(str(row[NAME]), saved)
     for head, cell in row.items():

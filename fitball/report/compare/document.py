@@ -38,8 +38,8 @@ from fitball.report.form.document import (
 )
 from fitball.report.form.files import csv_text, json_text, write_text
 from fitball.report.form.numbers import fixed, output_scale
-from fitball.report.saved.fit_text import versions_line
 from fitball.values import FloatArray
+from fitball.version import versions_line
 
 JSON_NAME = "compare.json"
 PICTURES = {"ranking": "compare.png", "forest": "forest.png"}

@@ -41,7 +41,7 @@ def _values(fit: Fit, cases: CaseComparison) -> list[tuple[str, ...]]:
     """Parameters in the thesis's units, then in handy multiples of SI where these differ."""
     rows: list[tuple[str, ...]] = []
     thesis = {row.name.rpartition(" = ")[2]: row for row in thesis_rows(fit)}
-    fitted = {item.name: parameter_row(item) for item in (*fit.estimates, *fit.derived)}
+    fitted = {item.name: parameter_row(item) for item in (*fit.estimates, *fit.derived.values())}
     # The algebraic models have one offset at every speed.
     if "offset" in fitted:
         fitted["eps_10"], thesis["eps_10"] = fitted["offset"], thesis["offset"]

@@ -26,7 +26,7 @@ from fitball.report.fit.rows import (
 from fitball.report.form.document import Document, Part, Picture, Section, Table, Words, as_page, on_terminal
 from fitball.report.form.numbers import file_words
 from fitball.report.form.parameters import NOT_TOLD, TOLD, told_line
-from fitball.report.saved.fit_text import versions_line
+from fitball.version import versions_line
 from fitball.wording import speaking_to_command_line
 
 POOLED = (
@@ -52,7 +52,7 @@ def fit_document(
     problem, sampled, table, model = fit.problem, fit.posterior is not None, fit.problem.table, fit.problem.model
     drawn = _pictures(fit, pictures)
     told, untold, fixed = (
-        [told_line(item) for item in (*fit.estimates, *fit.derived) if item.verdict in verdicts]
+        [told_line(item) for item in (*fit.estimates, *fit.derived.values()) if item.verdict in verdicts]
         for verdicts in (TOLD, NOT_TOLD, (Verdict.FIXED,))
     )
     balances, meanings = balance_table(fit.balances)
@@ -105,9 +105,9 @@ def fit_document(
             Table.of("Error budget", budget_rows(fit.error_budget), ["unit"]),
         ], "short"),
         Section("notes", "Notes on table and scene", [
-            Words([*table.remarks, *fit.notes], "list", "page"),
+            Words(fit.notes, "list", "page"),
             # The notes of the problem stood on the terminal before the fit began.
-            Words([note for note in fit.notes if note not in problem.notes], "list", "terminal"),
+            Words([note for note in fit.notes if note not in (*table.remarks, *problem.notes)], "list", "terminal"),
         ]),
         Section("repeat", "How to repeat it", [
             Words(["This page was made from Python (`fitball.calibrate`)."] if command is None else [], only="page"),

@@ -19,11 +19,10 @@ from fitball.report.fit.document import page
 from fitball.report.form.files import OWN_FILES, remove, write_csv, write_text
 from fitball.report.form.folders import clear_leftovers, make_folder
 from fitball.report.form.numbers import listed_places
-from fitball.report.saved.data_file import DATA_NAME, write_data
-from fitball.report.saved.fit_text import fit_text
-from fitball.report.saved.posterior_file import write_netcdf
+from fitball.report.saved.fit_file import fit_text
+from fitball.report.saved.netcdf_files import DATA_NAME, POSTERIOR_NAME, write_data, write_netcdf
 from fitball.report.saved.run_file import RUN_NAME, run_text
-from fitball.report.saved.saved_fit import FIT_NAME, POSTERIOR_NAME
+from fitball.report.saved.structure import FIT_NAME
 from fitball.wording import spoken
 
 CHAIN_NAME = "posterior.h5"
@@ -148,11 +147,11 @@ def render_json(fit: Fit, folder: Path) -> str:
         "table": fit.problem.table.name,
         "folder": str(folder),
         "parameters": {estimate.name: _numbers(estimate) for estimate in fit.estimates},
-        "derived": {estimate.name: _numbers(estimate) for estimate in fit.derived},
+        "derived": {estimate.name: _numbers(estimate) for estimate in fit.derived.values()},
         "rms": dict(fit.point.rms),
         "court_pace": None if fit.court_pace is None else asdict(fit.court_pace),
         "assumptions": None if fit.assumptions is None else asdict(fit.assumptions),
-        "notes": (*fit.problem.table.remarks, *fit.notes),
+        "notes": fit.notes,
         "seconds": {timing.stage: timing.seconds for timing in fit.timings},
     }
     return json.dumps(content, indent=2, allow_nan=False)

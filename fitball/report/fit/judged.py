@@ -298,7 +298,7 @@ def assumption_parts(fit: Fit) -> list[Part]:
 
 
 def _scale(fit: Fit, name: str) -> Scale:
-    unit = next((item.unit for item in (*fit.estimates, *fit.derived) if item.name == name), "")
+    unit = next((item.unit for item in (*fit.estimates, *fit.derived.values()) if item.name == name), "")
     return handy(name, unit)
 
 

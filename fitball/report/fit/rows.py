@@ -32,7 +32,6 @@ from fitball.report.form.numbers import (
     significant,
 )
 from fitball.report.form.parameters import ParameterRow, parameter_row, rounded, verdict_cell
-from fitball.report.saved.fit_file import DiagnosticsPart
 from fitball.wording import spoken
 
 # Sequence of slip and grip that is named without its probability.
@@ -42,7 +41,7 @@ SURE = 0.995
 def parameter_table(fit: Fit) -> list[Row]:
     """Every parameter and what follows from several: value and intervals, prior, verdict."""
     sampled, rows = fit.posterior is not None, []
-    for item in (*fit.estimates, *fit.derived):
+    for item in (*fit.estimates, *fit.derived.values()):
         row = parameter_row(item)
         cells = named(fit, item.name, handy(item.name, item.unit)) | {"meaning": item.meaning}
         cells |= row.numbers(sampled) | {"prior (SI)": item.prior}
@@ -56,7 +55,7 @@ def measured_lines(fit: Fit) -> list[str]:
         return []
     speeds = fit.problem.impacts.v_y1
     lines = []
-    for item in fit.derived:
+    for item in fit.derived.values():
         if " at " in item.name:
             row = parameter_row(item)
             among = f"{significant(float(speeds.min()), 2)} to {significant(float(speeds.max()), 2)} m/s measured"
@@ -209,7 +208,7 @@ def _optima(fit: Fit) -> str:
     return f", {count} optimum{'s' if count != 1 else ''} worth an ensemble" if fit.least_squares.starts else ""
 
 
-def sampler_words(diagnostics: Diagnostics | DiagnosticsPart) -> str:
+def sampler_words(diagnostics: Diagnostics) -> str:
     """How often was drawn by whom."""
     chains, steps = diagnostics.ensembles, diagnostics.steps
     if diagnostics.pareto_k is not None:

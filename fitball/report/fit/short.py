@@ -6,32 +6,31 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from fitball.inference.results.quantiles import SUMMARY
-from fitball.inference.results.results import Estimate, Verdict
+from fitball.inference.results.results import Estimate, Fit, Verdict
 from fitball.report.fit.rows import sampler_words
 from fitball.report.form.document import columns, wrapped
 from fitball.report.form.numbers import listed
 from fitball.report.form.parameters import ParameterRow, parameter_row
-from fitball.report.saved.saved_fit import SavedFit
 
 # Correlations that a report lists.
 WORTH_TELLING = 0.5
 
 
-def _head(saved: SavedFit) -> str:
-    table, free = saved.file.table, len(saved.free_names)
+def _head(saved: Fit) -> str:
+    table, free = saved.source, len(saved.free_names)
     return (
         f"{saved.fitted.model_name} to {table.name}: {table.impacts:,} impacts, {free} free parameter"
         f"{'s' if free != 1 else ''}, {saved.status}"
     )
 
 
-def _rows(saved: SavedFit) -> list[tuple[Estimate, ParameterRow]]:
+def _rows(saved: Fit) -> list[tuple[Estimate, ParameterRow]]:
     return [(item, parameter_row(item)) for item in saved.parameters.values()]
 
 
-def _brief(saved: SavedFit) -> list[str]:
+def _brief(saved: Fit) -> list[str]:
     """Whether the model describes the table, and the parameters that were fitted by what the table says of them."""
-    adequacy, rows = saved.file.adequacy, _rows(saved)
+    adequacy, rows = saved.adequacy, _rows(saved)
     lines = [] if adequacy is None else [f"does the model describe the table: {adequacy.answer}"]
     for verdict in Verdict:
         told = [f"{item.name} = {row.plus_minus}" for item, row in rows if item.verdict is verdict]
@@ -40,12 +39,12 @@ def _brief(saved: SavedFit) -> list[str]:
     return lines
 
 
-def short_text(saved: SavedFit) -> str:
+def short_text(saved: Fit) -> str:
     """What it is and what it found, in a few lines."""
     return "\n".join([f"<Fit of {_head(saved)}>", *wrapped(_brief(saved), "  ", " " * 4)])
 
 
-def html_text(saved: SavedFit) -> str:
+def html_text(saved: Fit) -> str:
     """The same as a table of HTML."""
     heads = ("", "median", "sd", "95 %", "unit", "verdict")
     lines = []
@@ -60,30 +59,29 @@ def html_text(saved: SavedFit) -> str:
     )
 
 
-def report_text(saved: SavedFit) -> str:
+def report_text(saved: Fit) -> str:
     """Outcome, statistics, parameters, correlations and notes."""
-    file = saved.file
-    measured = listed(file.data.measurements)
-    head = f"{saved.fitted.model_name} on {file.table.name}: {file.table.impacts:,} impacts with {measured}"
+    measured = listed(saved.source.measurements)
+    head = f"{saved.fitted.model_name} on {saved.source.name}: {saved.source.impacts:,} impacts with {measured}"
     closures = ", ".join(f"{name} = {value}" for name, value in saved.fitted.options.items())
     lines = ["[[Fit]]", f"    {head}; {len(saved.free_names)} free parameters"]
     lines += [f"    closures: {closures}"] if closures else []
     lines += wrapped([saved.verdict], " " * 4, " " * 4)
     lines += ["[[Statistics]]", *(f"    {name:<24} = {value}" for name, value in _statistics(saved).items())]
     lines += ["[[Parameters]] (median +- sd; 95 % interval; prior in SI)", *_parameter_lines(saved)]
-    lines += [] if file.correlation is None else _correlations(file.correlation.names, file.correlation.values)
-    if file.notes:
-        lines += ["[[Notes]]", *wrapped(file.notes, " " * 4, " " * 6)]
+    lines += [] if saved.correlation is None else _correlations(saved.free_names, saved.correlation.tolist())
+    if saved.notes:
+        lines += ["[[Notes]]", *wrapped(saved.notes, " " * 4, " " * 6)]
     return "\n".join(lines)
 
 
-def _statistics(saved: SavedFit) -> dict[str, str]:
-    scores, sampler = saved.file.scores, saved.file.diagnostics
+def _statistics(saved: Fit) -> dict[str, str]:
+    sampler = saved.diagnostics
     told = {
-        "log posterior": f"{scores.log_posterior:.3f}",
-        "log likelihood": f"{scores.log_likelihood:.3f}",
-        "chi-square": f"{scores.least_squares.chi_square:.3f}",
-        "degrees of freedom": str(scores.least_squares.degrees_of_freedom),
+        "log posterior": f"{saved.log_posterior:.3f}",
+        "log likelihood": f"{saved.log_likelihood:.3f}",
+        "chi-square": f"{saved.least_squares.chi_square:.3f}",
+        "degrees of freedom": str(saved.least_squares.degrees_of_freedom),
     }
     if sampler is not None:
         told |= {
@@ -91,10 +89,10 @@ def _statistics(saved: SavedFit) -> dict[str, str]:
             "effective sample size": f"{min(sampler.min_ess_bulk, sampler.min_ess_tail):.0f}",
             "R-hat": f"{sampler.max_r_hat:.4f}",
         }
-    return told | {"seed": str(saved.file.seed)}
+    return told | {"seed": str(saved.seed)}
 
 
-def _parameter_lines(saved: SavedFit) -> list[str]:
+def _parameter_lines(saved: Fit) -> list[str]:
     cells = []
     for item, row in _rows(saved):
         fixed = item.verdict is Verdict.FIXED
@@ -115,7 +113,7 @@ def _correlations(names: Sequence[str], matrix: Sequence[Sequence[float]]) -> li
     ]
 
 
-def summary_columns(saved: SavedFit) -> Mapping[str, list[object]]:
+def summary_columns(saved: Fit) -> Mapping[str, list[object]]:
     """Columns of a table with one row a parameter, in SI; None where a point fit has no number."""
     known = saved.parameters.values()
     names = ("unit", *SUMMARY, "point", "prior", "contraction", "verdict", "ess_bulk", "ess_tail", "r_hat")

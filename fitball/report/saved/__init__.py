@@ -1,5 +1,5 @@
-"""The files of a result folder, written and read back: fit.json, run.toml, data.nc, posterior.nc.
+"""The files that a fit is kept in: written, and read back as the types that it has in memory.
 
-Offers: `fit_text` and `read_fit` (a `SavedFit`), `run_text` and `read_run`, `restore`.
+Offers: `fit_text`, `read_fit`, `restore`, `run_text`, `read_run`, `write_data`, `write_netcdf`.
 May import: report.form, inference, models, data.
 """

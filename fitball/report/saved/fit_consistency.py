@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields
 from itertools import chain
 
 import numpy as np
@@ -13,16 +14,16 @@ from fitball.inference.problem.priors import parse_prior
 from fitball.inference.qualify import rests_on
 from fitball.inference.results.assumptions import CONTACT_TIME, own_prior
 from fitball.inference.results.quantiles import QUANTILES
-from fitball.inference.results.results import RunStatus, Verdict
-from fitball.models.registry import model, parameter_spec
+from fitball.inference.results.results import Record, RunStatus, Verdict
+from fitball.models.registry import parameter_spec
 from fitball.models.specs import ParameterSpec
 from fitball.models.types import regime_name
-from fitball.report.saved.fit_file import FitFile
-from fitball.report.saved.structure import Part
-from fitball.values import FloatArray
+from fitball.values import FloatArray, Impacts
 
 # A value at a bound is the exponential of a logarithm: rounding may take it this share of the bounds' width beyond.
 ROUNDING = 1e-9
+# Speeds and spins far beyond any that could be measured, and far below where squares overflow.
+FASTEST = 1e6
 
 
 def spec_of(name: str) -> ParameterSpec | None:
@@ -37,117 +38,148 @@ def outside(name: str, values: FloatArray) -> bool:
 
 
 def beyond(spec: ParameterSpec, values: FloatArray) -> bool:
-    """Whether any of the values is beyond the bounds by more than rounding."""
+    """Whether any of the values is beyond the bounds by more than rounding, or no number."""
     slack = ROUNDING * (spec.upper - spec.lower)
-    return bool(np.any((values < spec.lower - slack) | (values > spec.upper + slack)))
+    return not bool(np.all((values >= spec.lower - slack) & (values <= spec.upper + slack)))
 
 
-def checked(file: FitFile) -> str | None:
-    """A sentence on the first two places that contradict each other, or what a model or a prior says of itself; None
-    where all agree.
+def checked(fit: Record) -> str | None:
+    """A sentence on the first place that contradicts another, or what a model or a prior says of itself; None where
+    all agree.
     """
-    parts = (_shapes, _names, _parameters, _model, _adequacy, _assumptions, _golden)
+    parts = (_names, _shapes, _parameters, _profiles, _model, _adequacy, _assumptions, _golden)
     try:
-        return next(chain.from_iterable(part(file) for part in parts), None)
+        return next(chain.from_iterable(part(fit) for part in parts), None)
     except FitballError as error:
         return str(error)
 
 
-def _shapes(file: FitFile) -> Iterator[str]:
-    fitted, data = file.fitted, file.data
-    width = {"fitted.names": len(fitted.names), "fitted.point": len(fitted.point)}
-    yield from _unequal(width | {f"fitted.draws[{k}]": len(row) for k, row in enumerate(fitted.draws)})
-    yield from _unequal(_lengths("fitted.impacts", fitted.impacts))
+def _names(fit: Record) -> Iterator[str]:
+    yield from _other_names("fitted.names", fit.fitted.names, fit.parameters)
+    yield from _other_names("golden.parameters", fit.golden.parameters, fit.parameters)
+    yield from _other_names("identifiability.evidence", fit.identifiability.evidence, fit.free_names)
+    for section, items in (("parameters", fit.parameters), ("derived", fit.derived)):
+        yield from _other_names(f"{section}, names", (item.name for item in items.values()), items)
+    if fit.diagnostics is not None:
+        for look in ("ess_bulk", "ess_tail", "r_hat"):
+            told: Mapping[str, float] = getattr(fit.diagnostics, look)
+            yield from _other_names(f"diagnostics.{look}", sorted(told), sorted(fit.free_names))
     for name in ("incident_columns", "incident_sd", "measurements", "with_sd", "labels"):
-        listed: Sequence[str] = getattr(data, name)
+        listed: Sequence[str] = getattr(fit.source, name)
         if len(set(listed)) < len(listed):
-            yield f"data.{name}: read {_listed(listed)}, where a name comes twice"
-    sampled = file.status is not RunStatus.POINT_ONLY
-    if sampled != (file.diagnostics is not None) or sampled != bool(fitted.draws):
-        yield f"status is '{file.status}', but diagnostics and fitted.draws say otherwise"
-    if file.diagnostics is not None and file.diagnostics.warm_up >= file.diagnostics.steps:
-        yield f"diagnostics: {file.diagnostics.warm_up} steps of warm-up in {file.diagnostics.steps} steps"
+            yield f"source.{name}: read {_listed(listed)}, where a name comes twice"
 
 
-def _names(file: FitFile) -> Iterator[str]:
-    free = tuple(name for name, parameter in file.parameters.items() if parameter.verdict is not Verdict.FIXED)
-    yield from _other_names("fitted.names", file.fitted.names, file.parameters)
-    yield from _other_names("golden.parameters", file.golden.parameters, file.parameters)
-    yield from _other_names("identifiability.evidence", file.identifiability.evidence, free)
-    for what, matrix in (("covariance", file.covariance), ("correlation", file.correlation)):
-        if matrix is None:
-            continue
-        yield from _other_names(f"{what}.names", matrix.names, free)
-        lengths = {f"{what}.names": len(free), f"{what}.values": len(matrix.values)}
-        yield from _unequal(lengths | {f"{what} row {k}": len(row) for k, row in enumerate(matrix.values)})
-    for name, evidence in file.identifiability.evidence.items():
-        for profile in filter(None, (evidence.profile, evidence.alone)):
-            if profile.values.size != profile.drop.size or profile.values.size < 2:
-                yield f"profile of {name}: {profile.values.size} values and {profile.drop.size} drops"
-            elif np.any(np.diff(profile.values) <= 0.0) or np.any(profile.drop < 0.0):
-                yield f"profile of {name}: its values do not rise, or a drop is negative"
-            elif outside(name, profile.values):
-                yield f"profile of {name}: a value lies beyond the bounds of the parameter"
+def _other_names(what: str, names: Iterable[str], expected: Iterable[str]) -> Iterator[str]:
+    one, other = list(names), list(expected)
+    if one != other:
+        yield f"{what}: read {_listed(one)}, expected {_listed(other)}"
 
 
-def _parameters(file: FitFile) -> Iterator[str]:
-    for k, (name, item) in enumerate(file.parameters.items()):
+def _shapes(fit: Record) -> Iterator[str]:
+    fitted, free, draws = fit.fitted, len(fit.free_names), len(fit.fitted.draws)
+    shapes: list[tuple[str, FloatArray | None, tuple[int, ...]]] = [
+        ("fitted.point", fitted.point, (len(fitted.names),)),
+        ("fitted.draws", fitted.draws if draws else None, (draws, len(fitted.names))),
+        ("covariance", fit.covariance, (free, free)),
+        ("correlation", fit.correlation, (free, free)),
+    ]
+    for what, array, shape in shapes:
+        if array is not None and array.shape != shape:
+            yield f"{what}: numbers of shape {array.shape}, expected {shape}"
+        elif array is not None and not np.isfinite(array).all():
+            yield f"{what}: expected finite numbers"
+    yield from _fast("fitted.impacts", fitted.impacts)
+    yield from _fast("golden.impacts", fit.golden.impacts)
+    sampled = fit.status is not RunStatus.POINT_ONLY
+    if sampled != (fit.diagnostics is not None) or sampled != bool(draws):
+        yield f"status is '{fit.status}', but diagnostics and fitted.draws say otherwise"
+    if fit.diagnostics is not None and fit.diagnostics.warm_up >= fit.diagnostics.steps:
+        yield f"diagnostics: {fit.diagnostics.warm_up} steps of warm-up in {fit.diagnostics.steps} steps"
+
+
+def _fast(what: str, impacts: Impacts) -> Iterator[str]:
+    if any(np.any(np.abs(column) > FASTEST) for column in impacts.states()[:3]):
+        yield f"{what}: a speed or spin beyond {FASTEST:g}"
+
+
+def _parameters(fit: Record) -> Iterator[str]:
+    for k, (name, item) in enumerate(fit.parameters.items()):
+        for place, value in (
+            ("fitted.point", fit.fitted.point[k]),
+            ("golden.parameters", fit.golden.parameters[name]),
+        ):
+            if value != item.point:
+                yield f"{place} of {name}: read {float(value)!r}, but its point is {item.point!r}"
         spec = spec_of(name)
         if spec is None:
             continue
         listed = [value for name in ("point", *QUANTILES) if (value := getattr(item, name)) is not None]
-        for what, values in (
-            (f"parameters.{name}", np.array(listed)),
-            (f"golden.parameters.{name}", np.array([file.golden.parameters[name]])),
-            (f"fitted.point of {name}", np.array([file.fitted.point[k]])),
-            (f"fitted.draws of {name}", np.array([row[k] for row in file.fitted.draws])),
-        ):
-            if outside(name, values):
+        draws = fit.fitted.draws[:, k] if len(fit.fitted.draws) else np.empty(0)
+        for what, values in ((f"parameters.{name}", np.array(listed)), (f"fitted.draws of {name}", draws)):
+            if beyond(spec, values):
                 yield f"{what}: outside its bounds [{spec.lower:g}, {spec.upper:g}] {spec.unit}".rstrip()
         if item.unit != spec.unit:
             yield f"parameters.{name}.unit: read {item.unit!r}, expected {spec.unit!r}"
         parse_prior(name, item.prior, spec.lower, spec.upper, spec.unit)
 
 
-def _golden(file: FitFile) -> Iterator[str]:
-    given, made = file.golden.impacts, file.golden.rebound
-    yield from _unequal(_lengths("golden", given) | _lengths("golden", made))
-    for code in made.regime:
+def _profiles(fit: Record) -> Iterator[str]:
+    for name, evidence in fit.identifiability.evidence.items():
+        for profile in filter(None, (evidence.profile, evidence.alone)):
+            values, drop = profile.values, profile.drop
+            if values.ndim != 1 or values.shape != drop.shape or values.size < 2:
+                yield f"profile of {name}: {values.size} values and {drop.size} drops"
+            elif not (np.all(np.diff(values) > 0.0) and np.all(drop >= 0.0)):
+                yield f"profile of {name}: its values do not rise, or a drop is negative"
+            elif outside(name, values):
+                yield f"profile of {name}: a value lies beyond the bounds of the parameter"
+
+
+def _golden(fit: Record) -> Iterator[str]:
+    made, count = fit.golden.rebound, len(fit.golden.impacts)
+    for item in fields(made):
+        column = getattr(made, item.name)
+        unknown = np.isnan(column)
+        if column.shape != (count,):
+            yield f"golden.impacts and golden.rebound.{item.name} differ in number: {count} and {column.size}"
+        elif unknown.any() and not (item.name == "contact_time" and unknown.all()):
+            yield f"golden.rebound.{item.name}: a number is missing"
+    for code in made.regime.tolist():
         try:
             regime_name(code)
         except ParameterError:
             yield f"golden.rebound.regime: {code} is no sequence of phases"
 
 
-def _model(file: FitFile) -> Iterator[str]:
-    composed = model(file.model.name, ball=file.ball.ball(), tangential=file.fitted.tangential, **file.model.closures)
-    missing = [name for name in composed.parameter_names if name not in file.parameters]
+def _model(fit: Record) -> Iterator[str]:
+    missing = [name for name in fit.fitted.model.parameter_names if name not in fit.parameters]
     if missing:
-        yield f"parameters: without {', '.join(missing)}, which model {file.model.name} has"
+        yield f"parameters: without {', '.join(missing)}, which model {fit.fitted.model_name} has"
 
 
-def _assumptions(file: FitFile) -> Iterator[str]:
-    found = {} if file.assumptions is None else file.assumptions.given
-    items = {**file.parameters, **file.derived}
+def _assumptions(fit: Record) -> Iterator[str]:
+    found = {} if fit.assumptions is None else fit.assumptions.given
+    items = {**fit.parameters, **fit.derived}
     for name in found:
         if name not in items:
             yield f"assumptions.parameters: {name} is none of the parameters"
     for name, item in items.items():
-        known = rests_on(name, file.adequacy, file.assumptions)
+        known = rests_on(name, fit.adequacy, fit.assumptions)
         scene = (CONTACT_TIME, own_prior(name))
         rest = tuple(one for one in item.given if one not in scene or one in known)
         if item.verdict is Verdict.GIVEN and rest != known:
             yield f"parameters.{name}.given: read {_listed(item.given)}, but the looks say {_listed(known)}"
 
 
-def _adequacy(file: FitFile) -> Iterator[str]:
-    described = file.adequacy
+def _adequacy(fit: Record) -> Iterator[str]:
+    described = fit.adequacy
     if described is None:
         return
-    beyond_all = [name for name in described.moved if name not in file.parameters]
+    beyond_all = [name for name in described.moved if name not in fit.parameters]
     if beyond_all:
         yield f"adequacy.moved: read {_listed(beyond_all)}, which are no parameters"
-    for name, item in file.parameters.items():
+    for name, item in fit.parameters.items():
         only = described.conditional(name)
         sure = item.verdict in (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.UNEXAMINED)
         if sure if only else item.verdict is Verdict.CONDITIONAL:
@@ -156,25 +188,6 @@ def _adequacy(file: FitFile) -> Iterator[str]:
     for values in (chances, described.unseen.values(), *described.loo_pit.values()):
         if not all(0.0 <= value <= 1.0 + ROUNDING for value in values):
             yield "adequacy: a probability or share lies outside of 0 to 1"
-
-
-def _lengths(where: str, part: Part) -> dict[str, int]:
-    """How many numbers each column of a section has that is there."""
-    columns = {name: getattr(part, name) for name in part.__struct_fields__}
-    return {f"{where}.{name}": len(column) for name, column in columns.items() if column is not None}
-
-
-def _unequal(lengths: dict[str, int]) -> Iterator[str]:
-    (first, count), *rest = lengths.items()
-    for name, other in rest:
-        if other != count:
-            yield f"{first} and {name} differ in number: {count} and {other}"
-
-
-def _other_names(what: str, names: Iterable[str], expected: Iterable[str]) -> Iterator[str]:
-    one, other = list(names), list(expected)
-    if one != other:
-        yield f"{what}: read {_listed(one)}, expected {_listed(other)}"
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -1,279 +1,239 @@
-"""What `fit.json` holds: the structure it is read into. `fit.schema.json` beside this file is made from it."""
+"""`fit.json`: the record of a fit, written and read as the types that it has in memory; what lies in the files beside
+it is read when it is asked for. Nothing is fitted or sampled again.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, get_args
 
 import msgspec
 import numpy as np
 
-from fitball.inference.results.adequacy import Adequacy
-from fitball.inference.results.assumptions import Assumptions
-from fitball.inference.results.drop_test import DropTest
-from fitball.inference.results.evidence import Identifiability
-from fitball.inference.results.pace_rating import CourtPace
-from fitball.inference.results.results import BudgetLine, LevelEstimate, RunStatus, Verdict, verdict_words
-from fitball.report.saved.structure import Counted, Digest, Part, Positive
-from fitball.values import Ball
+from fitball.data.balances import Balances, scene_balances
+from fitball.data.table import ImpactTable
+from fitball.errors import FitballError, ResultFolderError
+from fitball.inference.likelihood.posterior import log_likelihood
+from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
+from fitball.inference.problem.force_records import ForceRecords
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.results import (
+    BESIDE,
+    KIND,
+    SCHEMA_VERSION,
+    Fit,
+    PointFit,
+    Posterior,
+    Predictive,
+    Record,
+    Verdict,
+    thinned,
+)
+from fitball.report.form.files import json_text
+from fitball.report.saved.fit_consistency import beyond, checked, outside
+from fitball.report.saved.netcdf_files import DATA_NAME, POSTERIOR_NAME, read_data, read_draws
+from fitball.report.saved.run_file import RUN_NAME, RunRecord, read_run
+from fitball.report.saved.structure import (
+    FIT_NAME,
+    damaged,
+    place_of,
+    plain,
+    read_json,
+    refuse_foreign,
+    structured,
+)
 
-# Version 1 held the measurements themselves, which lie in `data.nc` now.
-SCHEMA_VERSION: Literal[4] = 4
-KIND: Literal["fitball fit"] = "fitball fit"
-Numbers = tuple[float, ...]
-Texts = tuple[str, ...]
-# Speeds and spins far beyond any that could be measured, and far below where squares overflow.
-Motion = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
-Motions = tuple[Motion, ...]
-Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
-IncidentName = Literal["v_x1", "v_y1", "omega_1"]
-NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
-
-
-class ModelPart(Part, frozen=True):
-    """The model and the closures it is composed of."""
-
-    name: str
-    closures: Mapping[str, str]
-
-
-class BallPart(Part, frozen=True):
-    """The ball: mass [kg], radius [m], moment of inertia [kg m^2]."""
-
-    mass: Positive
-    radius: Positive
-    inertia: Positive
-
-    def __post_init__(self) -> None:
-        """Raise ParameterError for a ball that cannot be."""
-        self.ball()
-
-    def ball(self) -> Ball:
-        """The same as the models know it."""
-        return Ball(self.mass, self.radius, self.inertia)
+# By what share the log likelihood of the point estimate may differ on another machine.
+ROUNDING = 1e-6
 
 
-class TablePart(Part, frozen=True):
-    """The table that was fitted; flipped are columns that were counted the other way round on request, columns those
-    that were named, by our names.
-    """
-
-    name: str
-    file: str
-    sha256: Digest
-    impacts: Annotated[int, msgspec.Meta(ge=2)]
-    flipped: Texts
-    columns: Mapping[str, str] = {}
-
-
-class ThesisNumbers(Part, frozen=True):
-    """A parameter in the unit of the thesis."""
-
-    unit: str
-    point: float | None = None
-    median: float | None = None
-    sd: float | None = None
-    q025: float | None = None
-    q05: float | None = None
-    q16: float | None = None
-    q84: float | None = None
-    q95: float | None = None
-    q975: float | None = None
-
-
-class ParameterPart(Part, frozen=True):
-    """One parameter: its prior, the point estimate, quantiles of its posterior (null without one), in SI; contraction
-    is 1 - posterior variance / prior variance. prior_source is where a prior from the literature was published.
-    """
-
-    unit: str
-    meaning: str
-    point: float
-    median: float | None
-    sd: NotNegative | None
-    q025: float | None
-    q05: float | None
-    q16: float | None
-    q84: float | None
-    q95: float | None
-    q975: float | None
-    prior: str
-    contraction: float | None
-    verdict: Verdict
-    given: Texts
-    reason: str
-    ess_bulk: float | None
-    ess_tail: float | None
-    r_hat: float | None
-    prior_source: str = ""
-    thesis_units: ThesisNumbers | msgspec.UnsetType = msgspec.UNSET
-
-    @property
-    def verdict_words(self) -> str:
-        """The verdict with the assumptions it is given."""
-        return verdict_words(self.verdict, self.given)
-
-
-class Matrix(Part, frozen=True):
-    """A square matrix over the free parameters."""
-
-    names: Texts
-    values: tuple[Numbers, ...]
-
-
-class LeastSquaresPart(Part, frozen=True):
-    """Weighted least squares, no prior but the bounds; errors that do not exist are null, with the cause."""
-
-    chi_square: float
-    degrees_of_freedom: int
-    rms: Mapping[str, float]
-    values: Mapping[str, float]
-    stderr: Mapping[str, float | None]
-    stderr_missing: Mapping[str, str]
-
-
-class Scores(Part, frozen=True):
-    """Log densities at the point estimate, and root mean square residuals by column in SI."""
-
-    log_posterior: float
-    log_likelihood: float
-    rms: Mapping[str, float]
-    least_squares: LeastSquaresPart
-
-
-class DiagnosticsPart(Part, frozen=True):
-    """How the sampler did; kept is the number of steps after the warm-up whose draws were stored; pareto_k is
-    that of the weights where draws were weighed by their density.
-    """
-
-    ensembles: Counted
-    walkers: Counted
-    steps: Counted
-    kept: Counted
-    warm_up: Annotated[int, msgspec.Meta(ge=0)]
-    max_steps: Counted
-    acceptance: tuple[Share, ...]
-    min_ess_bulk: float
-    min_ess_tail: float
-    max_r_hat: float
-    converged: bool
-    complaints: Texts
-    pareto_k: float | None = None
-
-
-class Budget(Part, frozen=True):
-    """Numerical error of the rebounds beside measurement error and posterior width, in SI by column; share is the
-    largest ratio.
-    """
-
-    impacts: Counted
-    reference: str
-    lines: Mapping[str, BudgetLine]
-    share: NotNegative
-
-
-class Incident(Part, frozen=True):
-    """Incident states, columns of equal length in SI; cor is null unless the model takes the measured restitution."""
-
-    v_x1: Motions
-    v_y1: Motions
-    omega_1: Motions
-    cor: Numbers | None = None
-
-
-class GoldenRebound(Part, frozen=True):
-    """Their rebounds in SI at the point estimate; contact_time is null for models without a time axis."""
-
-    v_x2: Numbers
-    v_y2: Numbers
-    omega_2: Numbers
-    contact_time: Numbers | None
-    regime: tuple[int, ...]
-
-
-class GoldenPart(Part, frozen=True):
-    """Impacts with their rebounds to the last digit, for checking a port of the model."""
-
-    parameters: Mapping[str, float]
-    impacts: Incident
-    rebound: GoldenRebound
-
-
-class ForcePart(Part, frozen=True):
-    """Force-time records as the likelihood took them, only where there were any; their means lie in data.nc. start_sd
-    is how well t = 0 is known to be the start of contact.
-    """
-
-    file: str
-    sha256: Digest
-    start_sd: Positive | None
-
-
-class DataPart(Part, frozen=True, omit_defaults=True):
-    """The measurements the fit was made from, which lie in data.nc: names of incident and of measured columns, of
-    those with a stated sd, of label columns; SHA-256 over all columns; contact_time is (value, sd) as known to the
-    scene.
-    """
-
-    incident_columns: tuple[IncidentName, ...]
-    incident_sd: tuple[IncidentName, ...]
-    measurements: Texts
-    with_sd: Texts
-    labels: Texts
-    contact_time: tuple[Positive, Positive] | None
-    sha256: Digest
-    force: ForcePart | None = None
-
-
-class FittedPart(Part, frozen=True):
-    """What prediction needs: names of all parameters, their point estimate, and rows of posterior draws."""
-
-    tangential: bool
-    names: Texts
-    point: Numbers
-    draws: tuple[Numbers, ...]
-    impacts: Incident
-
-
-class FitFile(Part, frozen=True, kw_only=True):
-    """A fitted parameter set. Numbers are in SI units unless a unit stands beside them."""
-
-    schema_version: Literal[4]
-    kind: Literal["fitball fit"]
-    status: RunStatus
-    verdict: str
-    drop_test: DropTest | None = None
-    model: ModelPart
-    ball: BallPart
-    table: TablePart
-    notes: Texts
-    parameters: Mapping[str, ParameterPart]
-    derived: Mapping[str, ParameterPart] = {}
-    covariance: Matrix | None
-    correlation: Matrix | None
-    noise: Mapping[str, Positive]
-    scores: Scores
-    diagnostics: DiagnosticsPart | None
-    versions: Mapping[str, str]
-    seed: Annotated[int, msgspec.Meta(ge=0)]
-    levels: tuple[LevelEstimate, ...]
-    error_budget: Budget
-    court_pace: CourtPace | None = None
-    adequacy: Adequacy | None = None
-    assumptions: Assumptions | None = None
-    golden: GoldenPart
-    identifiability: Identifiability
-    data: DataPart
-    fitted: FittedPart
+def fit_text(fit: Fit) -> str:
+    """`fit.json` as text, all numbers in SI at full precision."""
+    return json_text({item.name: plain(getattr(fit, item.name)) for item in fields(Record)})
 
 
 def fit_schema() -> dict[str, Any]:
-    """The structure as JSON Schema."""
-    made = msgspec.json.schema(FitFile, schema_hook=_column)
+    """The structure as JSON Schema; `fit.schema.json` of the package is made from it."""
+    made = msgspec.json.schema(Record, schema_hook=_array_schema)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": KIND, **made}
 
 
-def _column(kind: type) -> dict[str, Any]:
-    if getattr(kind, "__origin__", kind) is np.ndarray:
-        return {"type": "array", "items": {"type": "number"}}
-    raise TypeError(f"a field of fit.json is of type {kind!r}, which JSON Schema does not know")
+def _array_schema(kind: type) -> dict[str, Any]:
+    if getattr(kind, "__origin__", kind) is not np.ndarray:
+        raise TypeError(f"a field of fit.json is of type {kind!r}, which JSON Schema does not know")
+    whole = get_args(kind) and np.issubdtype(get_args(get_args(kind)[1])[0], np.integer)
+    numbers = {"type": "integer" if whole else ["number", "null"]}
+    return {"type": "array", "items": {"anyOf": [numbers, {"type": "array", "items": numbers}]}}
+
+
+def read_fit(path: Path) -> Fit:
+    """Read `fit.json`, or the one in a folder.
+
+    Raises ResultFolderError for a missing, damaged or foreign file and for another schema version.
+    """
+    place = place_of(path, FIT_NAME)
+    content = read_json(place)
+    refuse_foreign(place, content, KIND, SCHEMA_VERSION)
+    record = structured(place, content, Record)
+    wrong = checked(record)
+    if wrong is not None:
+        raise damaged(place, wrong)
+    return _with_files(record, place)
+
+
+def _with_files(record: Record, place: Path) -> Fit:
+    """A fit of which only the record is in memory."""
+    fitted = record.fitted
+    if not len(fitted.draws):
+        fitted = replace(fitted, draws=np.empty((0, len(fitted.names))))
+    fit = Fit.__new__(Fit)
+    fit.__dict__.update(vars(record), fitted=fitted, place=place, later=_later)
+    return fit
+
+
+def restore(path: Path) -> Fit:
+    """Read a fit as `read_fit`, with the run, the measurements and the draws beside it at once; the table that was
+    fitted need not be there any more.
+
+    Raises ResultFolderError for files that are missing, damaged or foreign, or of different runs.
+    """
+    fit = read_fit(path)
+    load(fit)
+    return fit
+
+
+def load(fit: Fit) -> None:
+    """Read what lies beside a fit, unless it is in memory. Raises ResultFolderError as `restore` does."""
+    for name in BESIDE:
+        getattr(fit, name)
+
+
+def complete(fit: Fit) -> bool:
+    """Whether all that a fit is restored from is in memory, or lies in files beside it."""
+    needed = [DATA_NAME, RUN_NAME, *([] if fit.diagnostics is None else [POSTERIOR_NAME])]
+    in_memory = all(name in vars(fit) for name in BESIDE)
+    return in_memory or (fit.place is not None and all(fit.place.with_name(name).exists() for name in needed))
+
+
+def _later(fit: Fit, name: str) -> object:
+    """What the files beside the `fit.json` of a fit say; `name` is one of BESIDE. Raises ResultFolderError."""
+    assert fit.place is not None
+    makers: Mapping[str, Callable[[Fit, Path], object]] = {
+        "posterior": partial(read_posterior, agreeing=True),
+        "problem": _problem,
+        "balances": _balances,
+        "point": _point,
+        "predictive": _predictive,
+    }
+    return makers[name](fit, fit.place)
+
+
+def read_posterior(fit: Fit, place: Path, *, agreeing: bool) -> Posterior | None:
+    """All draws, from `posterior.nc` beside the `fit.json` at `place`; None for a point fit.
+
+    `fit.json` holds some of the same draws: unless they are equal to the last digit the two files belong to
+    different runs, which is refused if the draws must be `agreeing`. Raises ResultFolderError for that, and for a
+    file that is missing, damaged or foreign.
+    """
+    diagnostics, beside = fit.diagnostics, place.with_name(POSTERIOR_NAME)
+    if diagnostics is None:
+        return None
+    shape = (diagnostics.ensembles, diagnostics.kept, diagnostics.walkers)
+    posterior = read_draws(beside, fit.free_names, shape)
+    for k, name in enumerate(posterior.names):
+        for values in (posterior.values[..., k], posterior.prior_draws[:, k]):
+            if outside(name, values):
+                raise damaged(beside, f"draws of {name} lie outside its bounds")
+    mine = fit.fitted.with_draws(posterior.names, thinned(posterior, fit.fitted.draws.shape[0])).draws
+    if agreeing and not np.array_equal(mine, fit.fitted.draws):
+        raise ResultFolderError(
+            f"{beside}: these draws are of another fit than the fit.json beside them; calibrate again, or put the "
+            "files of one run together"
+        )
+    return posterior
+
+
+def _problem(fit: Fit, place: Path) -> Problem:
+    record = read_run(place)
+    table, force = _measured(fit, place, record)
+    try:
+        problem = record.problem(table, force)
+    except FitballError as error:
+        raise damaged(record.place, str(error)) from None
+    _refuse_other(fit, record, problem)
+    for item in problem.free:
+        # Bounds that only the problem knows: of levels and group biases.
+        if beyond(item.spec, np.array(fit.parameters[item.name].point)):
+            raise damaged(place, f"parameters.{item.name}.point: outside its bounds")
+    return problem
+
+
+def _measured(fit: Fit, place: Path, record: RunRecord) -> tuple[ImpactTable, ForceRecords | None]:
+    """The measurements, with the places of the files that they were read from."""
+    table, force = read_data(fit.source, place.with_name(DATA_NAME))
+    table = replace(table, files=tuple((str(record.place_of(named)), named.sha256) for named in record.tables))
+    if force is not None and record.force is not None:
+        force = replace(force, source=str(record.place_of(record.force)))
+    return table, force
+
+
+def _refuse_other(fit: Fit, record: RunRecord, problem: Problem) -> None:
+    """Raise ResultFolderError unless `run.toml` and `fit.json` speak of the same model and parameters."""
+    fitted, chosen = fit.fitted, problem.model
+    described = {item.name: (item.prior.text, item.fixed) for item in problem.parameters}
+    kept = {
+        name: (item.prior, item.point if item.verdict is Verdict.FIXED else None)
+        for name, item in fit.parameters.items()
+    }
+    pairs = [
+        (record.effort.seed, fit.seed),
+        ((chosen.name, dict(chosen.options), chosen.ball), (fitted.model_name, dict(fitted.options), fitted.ball)),
+        (problem.contact_time, fit.source.contact_time),
+        (list(described.items()), list(kept.items())),
+    ]
+    if any(one != other for one, other in pairs):
+        raise _other(record.place)
+
+
+def _other(place: Path) -> ResultFolderError:
+    return ResultFolderError(
+        f"{place}: this run is another than that of the fit.json beside it; calibrate again, or put the files of one "
+        "run together"
+    )
+
+
+def _balances(fit: Fit, _place: Path) -> Balances:
+    return scene_balances(fit.problem.table, fit.problem.scene)
+
+
+def _point(fit: Fit, place: Path) -> PointFit:
+    """The point estimate of `fit.json`, whose likelihood under the problem must be the one that is noted there."""
+    problem, posterior = fit.problem, fit.posterior
+    for k, item in enumerate(problem.free):
+        if posterior is not None and beyond(item.spec, posterior.values[..., k]):
+            raise damaged(place.with_name(POSTERIOR_NAME), f"draws of {item.name} lie outside its bounds")
+    values = {name: item.point for name, item in fit.parameters.items()}
+    row = np.array([[values[name] for name in problem.free_names]])
+    rebound = problem.rebound(row)
+    again = float(log_likelihood(problem, row, rebound)[0])
+    if not abs(again - fit.log_likelihood) <= ROUNDING * (1.0 + abs(fit.log_likelihood)):
+        raise _other(place.with_name(RUN_NAME))
+    return PointFit(
+        values=values,
+        log_posterior=fit.log_posterior,
+        log_likelihood=fit.log_likelihood,
+        rms=fit.rms,
+        rebound=rebound,
+        optima=fit.optima,
+        optima_log_posterior=fit.optima_log_posterior,
+    )
+
+
+def _predictive(fit: Fit, _place: Path) -> Predictive | None:
+    point, posterior = fit.point, fit.posterior
+    if posterior is None:
+        return None
+    return predictive(fit.problem, point, posterior, predictive_generator(fit.seed))

@@ -6,9 +6,10 @@ import json
 import re
 import reprlib
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 import msgspec
 import numpy as np
@@ -19,9 +20,8 @@ from fitball.report.form.files import read_bounded
 Kept = TypeVar("Kept")
 Section = TypeVar("Section", bound=msgspec.Struct)
 Content = dict[str, Any]
-Positive = Annotated[float, msgspec.Meta(gt=0.0)]
-Counted = Annotated[int, msgspec.Meta(ge=1)]
-Digest = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
+FIT_NAME = "fit.json"
+REPEAT = ", or let `fitball repeat FOLDER --out NEW` make the run of the run.toml beside it again"
 REMEDY = "put back the file that fitball wrote, or run calibrate again"
 # Characters of a message that quotes a file.
 LONGEST_MESSAGE = 500
@@ -32,6 +32,10 @@ _WORDS = {
     "float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "object": "a section",
     "array": "a list",
 }  # fmt: skip
+
+
+class OlderFileError(ResultFolderError):
+    """A file that an older fitball wrote."""
 
 
 class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -74,10 +78,10 @@ def refuse_foreign(place: Path, content: Content, kind: str, version: int) -> No
     version_read = content.get("schema_version")
     if isinstance(version_read, bool) or version_read != version:
         older = isinstance(version_read, int) and version_read < version
-        advice = "run calibrate again" if older else "install the fitball that wrote it"
-        raise ResultFolderError(
-            f"{place}: schema_version {_shown(version_read)}; this fitball reads version {version}: {advice}"
-        )
+        said = f"{place}: schema_version {_shown(version_read)}; this fitball reads version {version}: "
+        if older:
+            raise OlderFileError(f"{said}run calibrate again{REPEAT if place.name == FIT_NAME else ''}")
+        raise ResultFolderError(f"{said}install the fitball that wrote it")
 
 
 def structured(place: Path, content: Content, kind: type[Kept]) -> Kept:
@@ -86,7 +90,7 @@ def structured(place: Path, content: Content, kind: type[Kept]) -> Kept:
     Raises ResultFolderError that says which field is wrong, what was read and what was expected.
     """
     try:
-        return _converted(content, kind)
+        made = _converted(content, kind)
     except msgspec.ValidationError as error:
         words = _QUOTED.sub(_named_kinds, str(error).partition(" - at ")[0])
         wrong, where = _located(content, kind, str(error))
@@ -94,6 +98,27 @@ def structured(place: Path, content: Content, kind: type[Kept]) -> Kept:
         raise damaged(place, f"{where}: {shown}{words[:1].lower()}{words[1:]}" if where else words) from None
     except FitballError as error:
         raise damaged(place, str(error)) from None
+    wrong = next(_other_fields(content, made, ""), None)
+    if wrong is not None:
+        raise damaged(place, wrong)
+    return made
+
+
+def _other_fields(content: object, made: object, at: str) -> Iterator[str]:
+    """Fields that the content has beside those of what was made of it, or lacks: with those of a dataclass msgspec is
+    less strict.
+    """
+    if isinstance(content, dict):
+        if is_dataclass(made):
+            known = [item.name for item in fields(made)]
+            yield from (f"unknown field {at}{name}"[:200] for name in content if name not in known)
+            yield from (f"no field {at}{name}" for name in known if name not in content)
+        for name, inner in content.items():
+            item = made[name] if isinstance(made, Mapping) else getattr(made, name)
+            yield from _other_fields(inner, item, f"{at}{name}.")
+    elif isinstance(content, list) and isinstance(made, tuple) and content and isinstance(content[0], dict):
+        for k, (inner, item) in enumerate(zip(content, made, strict=True)):
+            yield from _other_fields(inner, item, f"{at}{k}.")
 
 
 def part(kind: type[Section], source: object, **others: Any) -> Section:
@@ -108,8 +133,12 @@ def plain(value: object) -> Any:
 
 
 def _unpacked(value: Any) -> Any:
-    """What msgspec does not know: read-only mappings, and arrays and numbers of NumPy."""
-    return dict(value) if isinstance(value, Mapping) else value.tolist()
+    """What msgspec does not know: read-only mappings, and arrays and numbers of NumPy; null stands for NaN."""
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, np.ndarray) and value.dtype.kind == "f" and np.isnan(value).any():
+        return np.where(np.isnan(value), np.array(None), value).tolist()
+    return value.tolist()
 
 
 def _named_kinds(match: re.Match[str]) -> str:
@@ -162,13 +191,20 @@ def _converted(content: object, kind: type[Kept]) -> Kept:
     return msgspec.convert(content, kind, dec_hook=_array)
 
 
-def _array(_kind: type, value: object) -> np.ndarray:
-    """A column of numbers, which msgspec knows as a tuple only."""
+def _array(kind: type, value: object) -> np.ndarray:
+    """Numbers in lists, or in lists of lists, of which msgspec knows no arrays."""
+    dtype = get_args(get_args(kind)[1])[0]
+    number: Any = int if np.issubdtype(dtype, np.integer) else float | None
+    lists = isinstance(value, list) and value and isinstance(value[0], list)
     try:
-        column = np.array(msgspec.convert(value, tuple[float, ...]), dtype=np.float64)
+        column = np.array(
+            msgspec.convert(value, tuple[tuple[number, ...], ...] if lists else tuple[number, ...]), dtype
+        )
     except msgspec.ValidationError as error:
         # As a plain ValueError msgspec says where the column stands.
         raise ValueError(str(error).partition(" - at ")[0]) from None
+    except (ValueError, OverflowError) as error:
+        raise ValueError(f"Expected an array of numbers: {error}") from None
     column.setflags(write=False)
     return column
 

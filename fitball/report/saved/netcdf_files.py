@@ -1,0 +1,275 @@
+"""The netCDF-4 files of a result folder, written variable by variable: xarray would copy them all first, and takes
+half a second to load.
+
+`data.nc` holds the measurements that a fit was made from, one variable per column, and `fit.json` their digest;
+`posterior.nc` draws, diagnostics and data in the layout ArviZ reads.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5netcdf
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.data.columns import SD_SUFFIX
+from fitball.data.hdf5_arrays import array, finite, group, opened, texts
+from fitball.data.table import ImpactTable, Measurement
+from fitball.errors import ParameterError, ResultFolderError
+from fitball.inference.problem.force_records import Averaged, ForceRecords
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.results import Fit, Posterior
+from fitball.inference.results.source import (
+    COUNTS,
+    COVARIANCE,
+    FORCE,
+    INCIDENT,
+    LABEL,
+    NUMBERS,
+    Columns,
+    ForceSource,
+    Source,
+    data_columns,
+    digest,
+)
+from fitball.observables import SI_UNITS
+from fitball.report.form.files import write_bytes
+from fitball.report.form.numbers import listed_places
+from fitball.values import FloatArray, Impacts
+from fitball.version import __version__
+from fitball.wording import option
+
+DATA_NAME, POSTERIOR_NAME = "data.nc", "posterior.nc"
+KIND = "fitball data"
+CHAINS = ("chain", "draw")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """An array of a group, with the names of its dimensions: numbers, or texts as objects."""
+
+    name: str
+    dimensions: tuple[str, ...]
+    values: NDArray[Any]
+    attributes: Mapping[str, str] = field(default_factory=dict)
+
+
+def write_groups(path: Path, groups: Mapping[str, Iterable[Variable]], **attributes: str) -> None:
+    """Write groups (by name, "" for the file itself), whole or not at all; only one variable at a time is in memory
+    beside the file where the groups make them one by one. `attributes` are those of the first group.
+
+    Raises ResultFolderError.
+    """
+    told = {"created_by": f"fitball {__version__}", **attributes}
+    held: list[h5py.Dataset] = []
+    made = io.BytesIO()
+    with h5py.File(made, "w", track_order=True) as below, h5netcdf.File(below, "w") as file:
+        for name, variables in groups.items():
+            group = file.create_group(name) if name else file
+            group.attrs.update(told)
+            told = {}
+            for variable in variables:
+                _write(group, below[group.name], variable, held)
+    write_bytes(path, made.getbuffer())
+
+
+def _write(group: Any, below: h5py.Group, variable: Variable, held: list[h5py.Dataset]) -> None:
+    values = variable.values
+    for name, size in zip(variable.dimensions, values.shape, strict=True):
+        if name not in group.dimensions:
+            group.dimensions[name] = size
+            # The variable of a dimension takes the place of what stood for it, whose room in the file is free once
+            # nobody holds it. A profiler may hold it for a while, as Dask's does: then so do we, always, to the end,
+            # or the same content would give other bytes.
+            held.append(below[name])
+    kind = h5py.string_dtype() if values.dtype.kind == "O" else values.dtype
+    # As xarray marks what is missing.
+    missing = np.nan if values.dtype.kind == "f" else None
+    made = group.create_variable(variable.name, variable.dimensions, kind, data=values, fillvalue=missing)
+    made.attrs.update(variable.attributes)
+
+
+def write_data(problem: Problem, path: Path) -> None:
+    """Write `data.nc`, whole or not at all. Raises ResultFolderError."""
+    names = {f"{LABEL}{k}": name for k, name in enumerate(problem.table.labels)}
+    variables = []
+    for name, column in data_columns(problem.table, problem.force).items():
+        dims = ("record", "node") if name.startswith(FORCE) else ("impact", "state", "other_state")
+        told = {"units": SI_UNITS.get(name.removesuffix(SD_SUFFIX), ""), "long_name": names.get(name, "")}
+        known = {key: word for key, word in told.items() if word}
+        variables.append(Variable(name, dims[: column.ndim], column, known))
+    write_groups(path, {"": variables}, kind=KIND)
+
+
+def read_columns(source: Source, place: Path) -> dict[str, NDArray[Any]]:
+    """The columns of `data.nc` at `place` that `source` names.
+
+    Raises ResultFolderError for a file that is missing, damaged, or not the data of that fit.
+    """
+    sds = [name + SD_SUFFIX for name in source.with_sd]
+    exact = (*INCIDENT, *(name + SD_SUFFIX for name in source.incident_sd))
+    with opened(place, "the measurements that belong to the fit.json beside it") as file:
+        columns = {name: texts(file, name, source.impacts) for name in ("impact", *_labels(source))}
+        columns |= {name: finite(file, name, (source.impacts,)) for name in exact}
+        columns |= {name: finite(file, name, (source.impacts,), gaps=True) for name in (*source.measurements, *sds)}
+        _check_gaps(columns, source)
+        if source.incident_sd:
+            columns[COVARIANCE] = finite(file, COVARIANCE, (source.impacts, 3, 3))
+        if source.force is not None:
+            columns |= _force_columns(file)
+        read = digest(columns)
+    if read != source.digest:
+        raise ResultFolderError(
+            f"{place}: these measurements are not those that the fit.json beside them was made from; "
+            "calibrate again, or put the files of one run together"
+        )
+    return columns
+
+
+def _check_gaps(columns: Columns, source: Source) -> None:
+    """Raise ValueError where a column or an impact has no measurement at all, or one has no sd that states them."""
+    missing = {name: np.isnan(columns[name]) for name in source.measurements}
+    for name, gaps in missing.items():
+        if gaps.all():
+            raise ValueError(f"{name}: not one number")
+        if name in source.with_sd and np.any(np.isnan(columns[name + SD_SUFFIX]) != gaps):
+            raise ValueError(f"{name}{SD_SUFFIX}: expected a number wherever {name} has one")
+    if missing and np.all(list(missing.values()), axis=0).any():
+        raise ValueError("an impact without a measurement")
+
+
+def _labels(source: Source) -> list[str]:
+    return [f"{LABEL}{k}" for k in range(len(source.labels))]
+
+
+def _force_columns(file: h5py.File) -> Columns:
+    means = array(file, FORCE + "means", (None, None))
+    counts = {FORCE + name: array(file, FORCE + name, means.shape[:1], "iu") for name in COUNTS}
+    return (
+        counts
+        | {FORCE + name: finite(file, FORCE + name, means.shape[:1]) for name in NUMBERS}
+        | {FORCE + "means": means}
+    )
+
+
+def read_data(source: Source, place: Path) -> tuple[ImpactTable, ForceRecords | None]:
+    """The table in `data.nc` that `source` describes, with its force records.
+
+    What a table says of its own reading (notices, redundant columns, units) is not kept. Raises ResultFolderError as
+    `read_columns` does.
+    """
+    columns = read_columns(source, place)
+    try:
+        impacts = Impacts(*(columns[name] for name in INCIDENT))
+    except ParameterError as error:
+        raise ResultFolderError(f"{place}: damaged: {error}") from None
+    table = ImpactTable(
+        name=source.name,
+        source=source.file,
+        digest=source.sha256,
+        ids=_texts(columns["impact"]),
+        impacts=impacts,
+        incident_columns=source.incident_columns,
+        incident_sd={name: columns[name + SD_SUFFIX] for name in source.incident_sd},
+        measurements=tuple(
+            Measurement(name, columns[name], columns.get(name + SD_SUFFIX)) for name in source.measurements
+        ),
+        redundant=(),
+        labels={name: _texts(columns[label]) for name, label in zip(source.labels, _labels(source), strict=True)},
+        units={},
+        notices=(),
+        incident_covariance=columns.get(COVARIANCE),
+        flipped=source.flipped,
+    )
+    return table, None if source.force is None else _force(source.force, columns)
+
+
+def _texts(column: NDArray[Any]) -> tuple[str, ...]:
+    return tuple(map(str, column))
+
+
+def _force(part: ForceSource, columns: Columns) -> ForceRecords:
+    records = []
+    for k, means in enumerate(columns[FORCE + "means"]):
+        numbers: dict[str, Any] = {name: columns[FORCE + name][k].item() for name in (*COUNTS, *NUMBERS)}
+        records.append(Averaged(**numbers, means=tuple(means[~np.isnan(means)].tolist())))
+    return ForceRecords(part.file, part.sha256, part.start_sd, tuple(records))
+
+
+def variable(name: str) -> str:
+    """The variable of a parameter: a slash, which a user's label may bring into its name, would open a group."""
+    return name.replace("/", "\u2215")
+
+
+def write_netcdf(fit: Fit, posterior: Posterior, path: Path) -> None:
+    """Write groups posterior and sample_stats (chain = walker of an ensemble, draw = step), prior (all that was
+    known before the table) and observed_data. Raises ResultFolderError.
+    """
+    groups = {
+        "posterior": _draws(fit, posterior),
+        "sample_stats": [Variable("lp", CHAINS, _chains(posterior.log_posterior))],
+        "prior": _prior(posterior),
+        "observed_data": _observed(fit),
+    }
+    write_groups(path, groups, model=fit.problem.model.name)
+
+
+def _chains(values: FloatArray) -> FloatArray:
+    """(ensembles, steps, walkers) as (chains, draws)."""
+    ensembles, steps, walkers = values.shape
+    return values.transpose(0, 2, 1).reshape(ensembles * walkers, steps)
+
+
+def _draws(fit: Fit, posterior: Posterior) -> Iterator[Variable]:
+    ensembles, steps, walkers, _ = posterior.values.shape
+    yield Variable("chain", ("chain",), np.arange(ensembles * walkers))
+    yield Variable("draw", ("draw",), np.arange(steps))
+    yield Variable("ensemble", ("chain",), np.repeat(np.arange(ensembles), walkers))
+    for k, name in enumerate(posterior.names):
+        told = {"units": fit.parameters[name].unit, "coordinates": "ensemble"}
+        yield Variable(variable(name), CHAINS, _chains(posterior.values[..., k]), told)
+
+
+def _prior(posterior: Posterior) -> Iterator[Variable]:
+    yield Variable("chain", ("chain",), np.arange(1))
+    yield Variable("draw", ("draw",), np.arange(len(posterior.prior_draws)))
+    for k, name in enumerate(posterior.names):
+        yield Variable(variable(name), CHAINS, posterior.prior_draws[None, :, k])
+
+
+def _observed(fit: Fit) -> Iterator[Variable]:
+    table = fit.problem.table
+    places = listed_places(len(table))
+    yield Variable("impact", ("impact",), np.array([table.ids[k] for k in places], dtype=object))
+    for observable in fit.problem.observables:
+        yield Variable(observable.name, ("impact",), observable.everywhere(len(table)).observed[places])
+
+
+def read_draws(path: Path, names: Sequence[str], shape: tuple[int, int, int]) -> Posterior:
+    """The draws of `names` that `write_netcdf` wrote, of `shape` (ensembles, steps, walkers).
+
+    Raises ResultFolderError for a file that is missing, damaged or foreign, or of another shape.
+    """
+    ensembles, steps, walkers = shape
+    chains = (ensembles * walkers, steps)
+    what = f"the posterior draws that belong to the fit.json beside it (a batch keeps them with {option('full')})"
+    with opened(path, what) as file:
+        kept, known = group(file, "posterior"), group(file, "prior")
+        owner = array(kept, "ensemble", chains[:1], "iu")
+        if not np.array_equal(owner, np.repeat(np.arange(ensembles), walkers)):
+            raise ValueError(f"/posterior/ensemble: expected {walkers} chains of each of {ensembles} ensembles")
+        draws = np.stack([finite(kept, variable(name), chains) for name in names], axis=-1)
+        scores = finite(group(file, "sample_stats"), "lp", chains)
+        reference = np.stack([finite(known, variable(name), (1, None))[0] for name in names], axis=-1)
+    return Posterior(
+        tuple(names),
+        np.ascontiguousarray(draws.reshape(ensembles, walkers, steps, -1).transpose(0, 2, 1, 3)),
+        np.ascontiguousarray(scores.reshape(ensembles, walkers, steps).transpose(0, 2, 1)),
+        reference,
+    )
