@@ -16,7 +16,7 @@ import fitball
 from fitball import environment
 from fitball.errors import MemoryShortageError
 from fitball.first_compile import tell_nobody, when_compiling
-from fitball.models.kernels import kept
+from fitball.models.kernels import compiled
 from fitball.models.kernels.compiled import KernelFiles
 from fitball.report.figures.canvas import rendered
 
@@ -86,7 +86,7 @@ def test_a_kernel_that_cannot_be_kept_is_used(compiles, tmp_path, monkeypatch):
     def full(_source, _target):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(kept.os, "replace", full)
+    monkeypatch.setattr(compiled.os, "replace", full)
     assert [compiles(), compiles()] == [(6.0, ["toy"])] * 2
     assert not [file for file in tmp_path.rglob("*") if file.suffix in (".nbc", ".tmp")]
 

@@ -93,7 +93,7 @@ def test_layers():
 
 
 def test_other_rooms_ask_a_model_what_it_can_do_and_not_of_what_class_it_is():
-    """What a model can do it says by its face: `models.model` and `models.capabilities`."""
+    """What a model can do it says by its face: `models.model`."""
     asked = re.compile(r"\b(TwoMassModel|GripSlipModel|ImpulseModel)\b|isinstance\([^)]*\w+Model\b")
     for file in sorted((ROOT / "fitball").rglob("*.py")):
         if "models" not in file.relative_to(ROOT / "fitball").parts[:1]:

@@ -61,7 +61,7 @@ class Oracle(Protocol):
 
 # How a kernel of one impact is called, as (arguments) -> (results):
 #   impulse   (row, v_x1, v_y1, omega_1) -> (status, v_x2, v_y2, omega_2, phases)
-#   two-mass  (row, codes, v_x1, v_y1, omega_1, cor, scratch) -> Bounce, see `kernels.quantities`
+#   two-mass  (row, codes, v_x1, v_y1, omega_1, cor, scratch) -> Bounce, see `kernels.bounce`
 #   thesis    (row with its offset, code, cor, v_x1, v_y1, omega_1) -> (..., omega_2, contact_time, phases)
 Convention = Literal["impulse", "two-mass", "thesis"]
 
