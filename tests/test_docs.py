@@ -25,7 +25,7 @@ import fitball
 from fitball.data.columns import HEIGHTS, LABELS, MEASURED
 from fitball.data.scene_file import KEYS
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
-from fitball.inference import weigh
+from fitball.inference import calibrate
 from fitball.inference.adequacy import describe, looks, refit
 from fitball.inference.adequacy import words as adequacy_words
 from fitball.inference.assumptions import ball_constants
@@ -71,8 +71,8 @@ DECIDING = {
     "share of independence proposals": moves.INDEPENDENT,
     "drop of a 68 % profile interval": profile.DROP_68,
     "drop of a 95 % profile interval": round(profile.DROP_95, 2),
-    "rows beyond which draws are weighed": weigh.WEIGHED,
-    "effective draws that a weighed draw is worth, at least": weigh.LEAST_WORTH,
+    "rows beyond which draws are weighed": calibrate.WEIGHED,
+    "effective weighed draws, at least": calibrate.LEAST_WEIGHED,
     "rows profiled unasked": PROFILED,
     "contraction that is next to nothing": identifiability.NEGLIGIBLE,
     "contraction without the scene that is not enough": identifiability.NOT_ALONE,

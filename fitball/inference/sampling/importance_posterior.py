@@ -18,8 +18,8 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.moves import StudentProposal
 from fitball.values import FloatArray
 
-# Draws of a round, and rounds at most.
-ROUND, ROUNDS = 500, 16
+# Draws of a round; rounds at most, and how many times as many draws as are asked for they may make.
+ROUND, ROUNDS, LAVISH = 500, 16, 5.0
 # Effective draws that end the rounds, and those below which nothing is said.
 ENOUGH, LEAST = 400.0, 100.0
 # Effective draws a parameter from which the next proposal is fitted; where there are fewer the weights are flattened.
@@ -30,12 +30,13 @@ FLATTER, FLATTEST = 0.8, 0.05
 @dataclass(frozen=True)
 class WeightedDraws:
     """Draws of a posterior: `values` (draws, free) in SI with `log_weights` (draws,) that add up to one, and how many
-    independent draws they are worth.
+    independent draws they are worth; their log density `score` (draws,), where they were drawn for it.
     """
 
     values: FloatArray
     log_weights: FloatArray
     effective: float
+    score: FloatArray | None = None
 
     @property
     def settled(self) -> bool:
@@ -76,7 +77,7 @@ def importance_posterior(
     coordinates, score = np.empty((0, problem.dimension)), np.empty(0)
     # Log densities (proposals, draws): those of a round's draws and proposals join those of the rounds before.
     drawn_from = np.empty((0, 0))
-    for _ in range(ROUNDS):
+    for _ in range(max(ROUNDS, round(LAVISH * enough / ROUND))):
         known = len(coordinates)
         added = [proposal.draw(rng, ROUND // len(fitted)) for proposal in fitted]
         drawn = np.concatenate(added)
@@ -100,7 +101,7 @@ def importance_posterior(
         following = fitted_to(coordinates, log_weights)
         fitted = fitted if following is None else [following]
     possible = np.isfinite(log_weights)
-    return WeightedDraws(problem.to_values(coordinates[possible]), log_weights[possible], effective)
+    return WeightedDraws(problem.to_values(coordinates[possible]), log_weights[possible], effective, score[possible])
 
 
 def _log_densities(proposals: Sequence[tuple[int, StudentProposal]], coordinates: FloatArray) -> FloatArray:
