@@ -41,14 +41,13 @@ from fitball.inference.population.draws import SMOOTH
 from fitball.inference.population.trend import LEAST_TABLES
 from fitball.inference.prediction.extrapolation import SLACK
 from fitball.inference.problem import force_records, measurement_noise
-from fitball.inference.problem import group_bias as offsets
 from fitball.inference.problem import pooling as levels
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results import adequacy, fitted_model, score_difference
 from fitball.inference.results import assumptions as assumption_values
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT, RunStatus, Verdict
 from fitball.inference.sampling import ensembles as sampling
-from fitball.inference.sampling import importance_posterior, moves
+from fitball.inference.sampling import importance, moves
 from fitball.models.registry import MODELS
 from fitball.models.specs import SPECS
 from fitball.models.types import PHASE_SYMBOL, Closures, ThesisClosures
@@ -89,12 +88,12 @@ DECIDING = {
     "means of a force record": force_records.NODES,
     "correlation length of the misfit": force_records.ALIKE,
     "expected spread between levels": levels.EXPECTED_SPREAD,
-    "expected group offset in noises": offsets.EXPECTED,
+    "expected group offset in noises": levels.EXPECTED,
     "Pareto k": loo.K_TRUSTED,
     "sure difference in standard errors": score_difference.SURE_ERRORS,
     "sure difference": score_difference.SURE_SIZE,
-    "effective draws of a quick fit": importance_posterior.ENOUGH,
-    "effective draws of a quick fit, at least": importance_posterior.LEAST,
+    "effective draws of a quick fit": importance.ENOUGH,
+    "effective draws of a quick fit, at least": importance.LEAST,
     "impacts up to which alternatives are drawn": assumptions_look.ROWS,
     "free parameters up to which alternatives are drawn": assumptions_look.DIMENSIONS,
     "sds by which a value moves that rests on a choice": assumption_values.MOVED,

@@ -25,7 +25,7 @@ from fitball.errors import ResultFolderError
 from fitball.inference.calibrate import fingerprint
 from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices, build_problem
-from fitball.inference.sampling.monte_carlo_error import standard_errors, summaries
+from fitball.inference.sampling.convergence import standard_errors, summaries
 from fitball.repeat.compare import Outcome, compared
 from fitball.repeat.kept import read_kept, write_numbers
 from fitball.report.saved.data_file import digest

@@ -16,7 +16,7 @@ from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.point.point_fit import point_fit
 from fitball.inference.prediction.posterior_predictive import evenly
 from fitball.inference.problem.noise import KINDS
-from fitball.inference.sampling.importance_posterior import importance_posterior
+from fitball.inference.sampling.importance import importance_posterior
 from fitball.inference.sampling.moves import DEGREES_OF_FREEDOM, StudentProposal
 from fitball.report.fit.document import page
 from fitball.report.saved.fit_text import fit_text

@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 from fitball.data.table import ImpactTable
 from fitball.data.written import check_source, in_memory
 from fitball.errors import ParameterError
-from fitball.inference.problem.choices import Choices
 from fitball.inference.problem.priors import FAMILIES
+from fitball.inference.problem.problem import Choices
 
 T = TypeVar("T")
 

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from fitball.inference.calibrate import fingerprint
 from fitball.inference.effort import Effort
-from fitball.inference.problem.choices import Choices
-from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.problem import Choices, Problem
 
 # What marks a folder as that of a batch.
 RECORD_NAME = "batch.json"

@@ -9,7 +9,7 @@ from fitball.cli.options import add_cores, add_reading, add_structure, count, pa
 
 if TYPE_CHECKING:
     from fitball.inference.effort import Effort
-    from fitball.inference.problem.choices import Choices
+    from fitball.inference.problem.problem import Choices
 
 
 def add_fitting(parser: argparse.ArgumentParser) -> None:
@@ -42,7 +42,7 @@ def add_fitting(parser: argparse.ArgumentParser) -> None:
 
 def choices_of(args: argparse.Namespace) -> Choices:
     """The choices that the options ask for. Raises ParameterError."""
-    from fitball.inference.problem.choices import Choices
+    from fitball.inference.problem.problem import Choices
 
     return Choices(
         model=args.model,

@@ -27,8 +27,7 @@ from fitball.inference.results.results import Fit, LeastSquares, PointFit, Poste
 from fitball.inference.sampling.chain_file import ChainFile
 from fitball.inference.sampling.convergence import convergence
 from fitball.inference.sampling.ensembles import ENSEMBLES, Progress, Sampled, Settings, sample
-from fitball.inference.sampling.importance import K_TRUSTED, smoothed
-from fitball.inference.sampling.importance_posterior import importance_posterior
+from fitball.inference.sampling.importance import K_TRUSTED, importance_posterior, smoothed
 from fitball.inference.sampling.stragglers import left_behind_words
 from fitball.inference.second_search import search_again
 from fitball.scheduling.engine import engine

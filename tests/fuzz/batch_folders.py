@@ -14,7 +14,7 @@ from fitball.batch.plan import ROW_NAME, Plan
 from fitball.batch.run import KIND
 from fitball.data.bundled import bundled_folder
 from fitball.inference.effort import Effort
-from fitball.inference.problem.choices import Choices
+from fitball.inference.problem.problem import Choices
 from fitball.report.batch.rows import row_of
 from fitball.report.form.files import csv_text, json_text
 from fitball.report.saved.saved_fit import read_fit

@@ -13,7 +13,7 @@ from fitball.api.calibrating import pose
 from fitball.inference.population.draws import TableDraws
 from fitball.inference.population.quantity import prior_of, quantity
 from fitball.inference.population.reweighting import Population, population
-from fitball.inference.problem.choices import Choices
+from fitball.inference.problem.problem import Choices
 from fitball.scheduling.engine import Engine, in_order
 from fitball.values import FloatArray
 from fitball.version import __version__

@@ -11,7 +11,7 @@ from fitball.api.calibrating import pose
 from fitball.inference.population.draws import TableDraws
 from fitball.inference.population.quantity import default_prior, quantity
 from fitball.inference.population.reweighting import population
-from fitball.inference.problem.choices import Choices
+from fitball.inference.problem.problem import Choices
 from fitball.inference.sampling.ensembles import Schedule
 from validation.population.tables import (
     MODEL,

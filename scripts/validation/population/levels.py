@@ -11,7 +11,7 @@ import numpy as np
 from fitball.api.calibrating import pose
 from fitball.inference.population.hyper import Known
 from fitball.inference.population.levels import population_over
-from fitball.inference.problem.choices import Choices
+from fitball.inference.problem.problem import Choices
 from fitball.scheduling.engine import Engine
 from fitball.values import FloatArray
 from validation.population.coverage import CONTROL, ROWS, grown, table_draws

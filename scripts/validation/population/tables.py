@@ -10,12 +10,11 @@ import numpy as np
 from fitball.api.calibrating import pose
 from fitball.data.table import ImpactTable
 from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.point.starts import STARTS, starting_points
+from fitball.inference.point.point_fit import STARTS, starting_points
 from fitball.inference.population.hyper import Before
 from fitball.inference.population.quantity import prior_of, quantity
-from fitball.inference.problem.choices import Choices
 from fitball.inference.problem.parameters import NOISE_SPECS
-from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.problem import Choices, Problem
 from fitball.inference.results.results import Posterior, thinned
 from fitball.inference.sampling.ensembles import ENSEMBLES, Schedule, Settings, default_walkers, sample
 from fitball.models.registry import model

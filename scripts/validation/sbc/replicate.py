@@ -26,7 +26,7 @@ from fitball.data.table import Measurement
 from fitball.errors import FitError
 from fitball.inference.likelihood.posterior import log_likelihood
 from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.point.starts import STARTS, starting_points
+from fitball.inference.point.point_fit import STARTS, starting_points
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
