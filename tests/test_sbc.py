@@ -13,7 +13,7 @@ from validation.command import Counter, main
 from validation.harness import run
 from validation.ranks import Bounces, complaints, judge, quantities, rank_figure, ranks_among
 
-from fitball.cli.progress import ProgressLine
+from fitball.cli.terminal import ProgressLine
 from fitball.errors import ResultFolderError
 from fitball.inference.likelihood.posterior import densities
 from fitball.scheduling.engine import engine
