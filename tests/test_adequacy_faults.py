@@ -19,9 +19,9 @@ from fitball.inference.adequacy.describe import adequacy
 from fitball.inference.adequacy.directions import directions
 from fitball.inference.adequacy.looks import farthest, spreads, uneven
 from fitball.inference.adequacy.refit import refit
+from fitball.inference.assemble import qualified
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.problem.build import Choices, build_problem
-from fitball.inference.qualify import qualified
 from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.assumptions import Alternative, Assumptions
 from fitball.inference.results.results import Verdict

@@ -23,7 +23,7 @@ from fitball.inference.effort import Effort
 from fitball.inference.likelihood.residuals import Weighting
 from fitball.inference.point.lmfit_minimiser import Minimiser
 from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.point.starts import starting_points
+from fitball.inference.point.point_fit import starting_points
 from fitball.inference.prediction.outputs import root_mean_square
 from fitball.inference.results.results import RunStatus
 from fitball.inference.sampling.ensembles import Schedule

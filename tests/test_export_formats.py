@@ -16,9 +16,8 @@ import pytest
 import xarray as xr
 
 import fitball
-from fitball.cli.export import FORMAT_NAMES
 from fitball.cli.main import main
-from fitball.exports import OWNERS
+from fitball.exports import FORMAT_NAMES, OWNERS
 from fitball.exports.formats import TEXT_FORMATS
 from fitball.exports.parameters import latex_table, paper_markdown, paper_rows, parameter_content
 from fitball.report.form.numbers import decimals, fixed

@@ -22,7 +22,7 @@ from scipy.stats import beta
 from fitball.errors import FitError, ResultFolderError
 from fitball.files import refusal
 from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.point.starts import STARTS, starting_points
+from fitball.inference.point.point_fit import STARTS, starting_points
 from fitball.inference.prediction.posterior_predictive import with_noise
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import PointFit

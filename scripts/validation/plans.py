@@ -23,7 +23,7 @@ from fitball.inference.identifiability.fisher import about
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit
-from fitball.inference.sampling.importance_posterior import importance_posterior
+from fitball.inference.sampling.importance import importance_posterior
 from fitball.inference.sampling.moves import StudentProposal
 from fitball.report.form.document import columns
 from fitball.values import FloatArray, Impacts

@@ -18,9 +18,8 @@ from fitball.inference.population.hyper import Before, Known
 from fitball.inference.population.levels import population_over
 from fitball.inference.population.quantity import default_prior, prior_of, quantity
 from fitball.inference.population.reweighting import population
-from fitball.inference.problem.choices import Choices
 from fitball.inference.problem.parameters import NOISE_SPECS
-from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.problem import Choices, Problem
 from fitball.inference.results.results import Posterior, thinned
 from fitball.inference.sampling.ensembles import Schedule
 from fitball.models.registry import model

@@ -13,12 +13,12 @@ import numpy as np
 
 from fitball.errors import FitballError, FitError
 from fitball.inference.adequacy.describe import adequacy
+from fitball.inference.assemble import qualified
 from fitball.inference.assumptions.look import look
 from fitball.inference.identifiability.examine import examine, profile_all
 from fitball.inference.point.point_fit import point_fit
 from fitball.inference.prediction.posterior_predictive import regime_shares
 from fitball.inference.problem.problem import Problem
-from fitball.inference.qualify import qualified
 from fitball.inference.results.adequacy import FALSE_EXCEPT, FALSE_FAILS, Adequacy, Answer
 from fitball.inference.results.results import Posterior, thinned
 from fitball.inference.results.results import Verdict as Said
