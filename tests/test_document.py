@@ -18,6 +18,7 @@ from fitball.report.form.document import (
     as_markdown,
     as_page,
     judged,
+    markdown_table,
     on_terminal,
     term,
 )
@@ -75,6 +76,7 @@ def test_a_page_is_typeset_escaped_and_whole():
 def test_markdown_has_the_tables_of_the_page():
     text = as_markdown(DOCUMENT)
     assert text.startswith("# A & B\n\nGood") and "## Second\n\n- mu: one & two\n- plain\n\nhere\n" in text
+    assert markdown_table([["a"], ["x|y\n z"]]) == "| a |\n|---|\n| x\\|y z |"
     assert "| name | | value | verdict |\n|---|---|---|---|\n| mu | | 0.55 +- 0.02 | given |" in text
 
 
