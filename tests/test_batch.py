@@ -16,11 +16,8 @@ import pytest
 from samples import HANG
 
 import fitball
-from fitball.batch.names import OWN_NAMES, fault_of
-from fitball.batch.one import fit_one
-from fitball.batch.plan import Plan
-from fitball.batch.run import run_tasks
-from fitball.batch.task import tasks_of
+from fitball.batch.run import Plan, fit_one, run_tasks
+from fitball.batch.tables import OWN_NAMES, fault_of, tasks_of
 from fitball.cli.main import main
 from fitball.errors import FitballError
 from fitball.inference.effort import Effort
@@ -202,7 +199,7 @@ def test_a_fault_of_ours_in_one_table_is_a_row_too(courts, tmp_path, monkeypatch
     def broken(*_given):
         raise ZeroDivisionError("one over nothing")
 
-    monkeypatch.setattr("fitball.batch.one.row_of", broken)
+    monkeypatch.setattr("fitball.batch.run.row_of", broken)
     rows = run_tasks(tasks_of(f"{courts}/court_[03].csv"), quick(tmp_path / "out"), Here())
     assert [row["outcome"] for row in rows] == ["failed", "failed"]
     assert "ZeroDivisionError: one over nothing" in rows[0]["reason"]
@@ -227,7 +224,7 @@ def test_what_is_finished_is_not_fitted_again_and_other_settings_are_refused(cou
         fitted.append(place.name)
         write(fit, place, full)
 
-    from fitball.batch import one
+    from fitball.batch import run as one
 
     write = one._write
     monkeypatch.setattr(one, "_write", note)

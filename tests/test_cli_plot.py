@@ -12,7 +12,7 @@ from samples import same_values, save_without_figures
 
 import fitball
 from fitball.cli.main import main
-from fitball.cli.plot import FORMATS
+from fitball.cli.using import FORMATS
 from fitball.inference.results.evidence import (
     ActiveImpacts,
     Eigendirections,

@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 from test_house import HEAVY
 
-from fitball.cli.completion import SHELLS
-from fitball.cli.main import main
+from fitball.cli.main import SHELLS, main
 
 BIN = Path(sys.executable).parent
 ASK = """source <(fitball completion bash)

@@ -13,7 +13,7 @@ from validation.command import Counter, main
 from validation.harness import run
 from validation.ranks import Bounces, complaints, judge, quantities, rank_figure, ranks_among
 
-from fitball.cli.progress import ProgressLine
+from fitball.cli.terminal import ProgressLine
 from fitball.errors import ResultFolderError
 from fitball.inference.likelihood.posterior import densities
 from fitball.scheduling.engine import engine
@@ -61,6 +61,13 @@ def test_a_wrong_sigma_fails(told):
 def test_a_posterior_blind_to_the_data_is_caught_by_the_likelihood_alone():
     (mean, score), _complained = found_of(made(Toy(blind=True)))
     assert mean.holds and not score.holds
+
+
+def test_a_slant_that_no_bin_shows_is_seen_by_the_empirical_distribution():
+    slanted = (200 * ((np.arange(300) + 0.5) / 300) ** 1.35).astype(int).tolist()
+    (found,) = quantities({"toy": [{"ranks": {"mean": rank}, "converged": True, "failed": ""} for rank in slanted]})
+    assert found.chi_square_p > 0.01 > found.ecdf_p
+    assert not found.holds
 
 
 def test_too_few_and_unconverged_replicates_prove_nothing():

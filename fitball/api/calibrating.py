@@ -6,15 +6,13 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, Unpack
+from typing import TYPE_CHECKING, Unpack
 
-from fitball.api.asked import checked_choices, flips, given, sources_of
 from fitball.api.fit import Fit
 from fitball.api.progress import Report, Wanted, reporting, silent
+from fitball.api.reading import PathLike, Reading, Table, checked_choices, given, read
 from fitball.data.force_file import find_force
-from fitball.data.join import trusted_table
-from fitball.data.scene import Scene, likely_scene, load_scene
-from fitball.data.table import ImpactTable
+from fitball.data.scene import Scene
 from fitball.inference.calibrate import fingerprint, run
 from fitball.inference.effort import MAX_STEPS, Effort
 from fitball.inference.problem.build import Choices, build_problem
@@ -23,14 +21,9 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.chain_file import ChainFile
 from fitball.kinds import checked
 from fitball.report.fit.folder import CHAIN_NAME, prepare_folder
-from fitball.report.saved.fit_file import read_fit
 
 if TYPE_CHECKING:
-    import pandas as pd
-
-PathLike = str | os.PathLike[str]
-# A table: read already, a path or bundled name, a data frame, or columns by name.
-Table: TypeAlias = "ImpactTable | PathLike | pd.DataFrame | Mapping[str, Sequence[Any]]"
+    pass
 
 
 @dataclass(frozen=True)
@@ -47,43 +40,6 @@ class Run:
     def fit(self, report: Report = silent) -> Fit:
         """Fit. Raises as `inference.calibrate.run` does, on Ctrl-C with the chain kept."""
         return Fit.of(run(self.problem, self.effort, self.chain, self.resumes, report, assumptions=True))
-
-
-class Reading(TypedDict, total=False):
-    """How a table is to be read: the arguments of `read` beside the table."""
-
-    scene: Scene | None
-    config: PathLike | None
-    flip: str | Sequence[str]
-    columns: Mapping[str, str] | None
-    as_read: bool
-    units: Mapping[str, str] | None
-
-
-def read(
-    data: Table | Sequence[Table],
-    *,
-    scene: Scene | None = None,
-    config: PathLike | None = None,
-    flip: str | Sequence[str] = (),
-    columns: Mapping[str, str] | None = None,
-    as_read: bool = False,
-    units: Mapping[str, str] | None = None,
-) -> tuple[ImpactTable, Scene, tuple[str, ...], tuple[str, ...]]:
-    """A table, or one joined of several, with its scene, what is to be said of it, and the files it was read from.
-
-    The scene is `scene`, or the file `config`, or the TOML file beside the first table. Raises as reading and
-    `trusted_table` do.
-    """
-    sources, files = sources_of(data)
-    if scene is None:
-        known = load_scene(files[0] if files else None, config, as_read)
-    else:
-        known = likely_scene(scene, as_read)
-    table, doubts = trusted_table(sources, known, flips(flip), as_read, columns, units)
-    if len(sources) > 1 and scene is None and known.source is not None:
-        doubts = (*doubts, f"the scene of {config or (files[0] if files else 'no file')} is taken for all tables")
-    return table, known, doubts, files
 
 
 def pose(
@@ -181,16 +137,3 @@ def calibrate(
     )
     with reporting(progress) as report:
         return Run(asked, effort).fit(report)
-
-
-@checked
-def load_fit(path: PathLike) -> Fit:
-    """Read a fit back from its folder, or its `fit.json`; the other files of the folder are read when asked for.
-
-    Raises ResultFolderError for what is missing, damaged or foreign.
-
-    >>> fit = fitball.load_fit(folder)
-    >>> fit.status
-    <RunStatus.NOT_CONVERGED: 'not converged'>
-    """
-    return Fit.of(read_fit(Path(path)))

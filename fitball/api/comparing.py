@@ -8,9 +8,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
-from fitball.api.calibrating import PathLike, Reading, Table, read
 from fitball.api.fit import Fit
 from fitball.api.progress import Wanted, reporting
+from fitball.api.reading import PathLike, Reading, Table, read
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.inference.comparison import results

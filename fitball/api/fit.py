@@ -1,34 +1,188 @@
-"""A fit for a caller of Python: one type, whether it was just made or read back from its folder."""
+"""A fit for a caller of Python: one type, whether it was just made or read back from its folder, with all that can be
+made of it; and the verbs that begin from a fit, as functions.
+"""
 
 from __future__ import annotations
 
+import inspect
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
-from fitball.api.exporting import Exported, exported
 from fitball.api.planning import Plan, Span, parsed, planned
-from fitball.api.plotting import Plots
-from fitball.api.predicting import foretell
+from fitball.api.predicting import Course, course_of_fit, course_of_model, foretell
 from fitball.api.progress import Wanted
-from fitball.api.simulating import Course, course_of_fit
+from fitball.api.reading import PathLike
 from fitball.data.table import ImpactTable
-from fitball.errors import ParameterError, ResultFolderError
+from fitball.errors import ParameterError, ResultFolderError, suggestion
+from fitball.exports import FORMAT_NAMES, KINDS, OWNERS
 from fitball.inference.design.make_plan import Asked
+from fitball.inference.identifiability.examine import with_profiles
 from fitball.inference.prediction.new_impacts import NewPrediction, predict_new
 from fitball.inference.problem.observables import Observable
 from fitball.inference.results import results
+from fitball.inference.results.evidence import LEFT_OUT
 from fitball.kinds import checked
+from fitball.report.figures.registry import FIGURES
 from fitball.report.fit.folder import prepare_folder, write_all
 from fitball.report.fit.short import html_text, report_text, short_text, summary_columns
+from fitball.report.form.files import refuse_existing, write_bytes, write_text
 from fitball.report.form.folders import held
-from fitball.report.saved.fit_file import complete, load
+from fitball.report.saved.fit_file import complete, load, read_fit
+from fitball.scheduling.engine import engine
 from fitball.values import FloatArray, Impacts
+from fitball.wording import spoken
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+
+    from fitball.report.figures.canvas import Figure
+
+NETCDF = "netcdf"
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A fit in another form: `stem` of its files by default, `texts` by ending, a `note` on what one should know at
+    once; `tree` is what has no text.
+    """
+
+    stem: str
+    texts: Mapping[str, str]
+    note: str = ""
+    tree: xr.DataTree | None = None
+
+    def write(self, out: Path, overwrite: bool = False) -> tuple[Path, ...]:
+        """Write the files, each whole or not at all: in a folder under the name of the form, else as named; of
+        several, the endings follow the stem of what was named. Raises ResultFolderError, for files that exist too
+        unless they may be replaced.
+        """
+        endings = [*self.texts] if self.tree is None else [".nc"]
+        if out.is_dir():
+            places = tuple(out / f"{self.stem}{ending}" for ending in endings)
+        else:
+            # `speed-1.5` has no ending of its own.
+            stem = out.stem if out.suffix in endings else out.name
+            places = (out,) if len(endings) == 1 else tuple(out.with_name(f"{stem}{ending}") for ending in endings)
+        for place in places:
+            refuse_existing(place, overwrite)
+        for ending, place in zip(endings, places, strict=True):
+            if self.tree is None:
+                write_text(place, self.texts[ending], named=True)
+            else:
+                write_bytes(place, self.tree.to_netcdf(engine="h5netcdf"), named=True)
+        return places
+
+
+def exported(
+    saved: Fit, to: str, options: Mapping[str, Any], tree: Callable[[], tuple[xr.DataTree, str]]
+) -> Exported:
+    """A fit in the form called `to`; `tree` makes what netCDF holds, with a note. Raises ParameterError for an
+    unknown form, or an option that it does not have.
+    """
+    if to not in FORMAT_NAMES:
+        raise ParameterError(f"unknown format '{to}': {suggestion(to, FORMAT_NAMES)}")
+    given = {name: value for name, value in options.items() if value is not None and value is not False}
+    for name in given:
+        if name not in OWNERS:
+            raise ParameterError(f"unknown option '{name}': {suggestion(name, OWNERS)}")
+        if to not in OWNERS[name]:
+            owners = " and ".join(filter(None, (", ".join(OWNERS[name][:-1]), OWNERS[name][-1])))
+            raise ParameterError(
+                spoken(
+                    f"--{name.replace('_', '-')} belongs to --to {owners}, not to --to {to}",
+                    f"{name} belongs to the format {owners}, not to {to}",
+                )
+            )
+        kind, words = KINDS[name]
+        if not isinstance(given[name], kind):
+            raise ParameterError(f"{name} = {given[name]!r}: expected {words}")
+    if to == NETCDF:
+        whole, note = tree()
+        return Exported("arviz", {}, note, whole)
+    # Formats load what fits and verbs have no need of.
+    from fitball.exports.formats import TEXT_FORMATS, Options
+
+    chosen = TEXT_FORMATS[to]
+    json_alone = given.pop("json", False)
+    texts = chosen.make(saved, Options(**given))
+    notes = (chosen.note(texts), saved.at_common if chosen.bounces else "")
+    return Exported(chosen.stem, {".json": texts[".json"]} if json_alone else texts, "; ".join(filter(None, notes)))
+
+
+class Plots:
+    """Figures of a fit: `fit.plot.corner()` or `fit.plot("corner")` gives a matplotlib Figure, whose panels are its
+    `axes`. None is known to pyplot: nothing has to be closed, and a notebook shows the one that a cell ends with.
+    """
+
+    def __init__(self, fit: Fit) -> None:
+        self._fit = fit
+
+    @checked
+    def __call__(self, kind: str) -> Figure:
+        """A figure by name. Raises ParameterError for a name that is none, ResultFolderError where the fit has not
+        what it shows.
+        """
+        from fitball.report.figures.registry import draw
+
+        if kind not in FIGURES:
+            raise ParameterError(f"unknown figure '{kind}': {suggestion(kind, FIGURES)}")
+        return draw(kind, profiled(self._fit) if kind == "profiles" else self._fit)
+
+    @checked
+    def corner(self, package: str = "fitball") -> Figure:
+        """All pairs of parameters, drawn at once in one Axes; with `package="corner"` by the package of that name, in
+        the same units, each pair in an Axes of its own. Raises ParameterError for another package, ResultFolderError
+        for a point fit.
+        """
+        if package == "fitball":
+            return self("corner")
+        if package != "corner":
+            raise ParameterError(f"package={package!r}: expected 'fitball' or 'corner'")
+        from fitball.report.figures.corner import package_corner_figure
+
+        return package_corner_figure(self._fit)
+
+    def __getattr__(self, kind: str) -> Callable[[], Figure]:
+        if kind not in FIGURES:
+            raise AttributeError(f"there is no figure '{kind}': {suggestion(kind, FIGURES)}")
+        return lambda: self(kind)
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of the figures that this fit can show."""
+        from fitball.report.figures.registry import drawable_kinds
+
+        return iter(drawable_kinds(self._fit))
+
+    def __dir__(self) -> list[str]:
+        return sorted(FIGURES)
+
+    def __repr__(self) -> str:
+        width = max(map(len, FIGURES))
+        return "\n".join(["figures, as in fit.plot.corner():", *(
+            f"  {name:{width}}  {text.summary}" for name, text in FIGURES.items()
+        )])  # fmt: skip
+
+
+def lacks_profiles(fit: Fit) -> bool:
+    """Whether there are no profiles that could be computed."""
+    from fitball.report.figures.profiles import has_profiles
+
+    return not has_profiles(fit) and fit.identifiability.profiles_missing in ("", LEFT_OUT)
+
+
+def profiled(fit: Fit, cores: int | None = None, scheduler: str | None = None) -> Fit:
+    """The fit with its profiles, computed now where it has none and does not say why, by so many processes (default:
+    all cores) or on the Dask cluster whose `scheduler` is at that address.
+    """
+    if not lacks_profiles(fit):
+        return fit
+    workers = engine(cores, scheduler)
+    return replace(fit, identifiability=with_profiles(fit.problem, fit.point, fit.identifiability, workers))
 
 
 class Fit(results.Fit):
@@ -236,3 +390,83 @@ class Fit(results.Fit):
         if complete(self):
             load(self)
         return dict(vars(self))
+
+
+@checked
+def load_fit(path: PathLike) -> Fit:
+    """Read a fit back from its folder, or its `fit.json`; the other files of the folder are read when asked for.
+
+    Raises ResultFolderError for what is missing, damaged or foreign.
+
+    >>> fit = fitball.load_fit(folder)
+    >>> fit.status
+    <RunStatus.NOT_CONVERGED: 'not converged'>
+    """
+    return Fit.of(read_fit(Path(path)))
+
+
+FitOrFolder = Fit | str | os.PathLike[str]
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def fit_of(fit: FitOrFolder) -> Fit:
+    """A fit, read from its folder where a path was given. Raises ResultFolderError."""
+    return fit if isinstance(fit, Fit) else load_fit(fit)
+
+
+def _of_fit(method: Callable[Concatenate[Fit, P], T]) -> Callable[Concatenate[FitOrFolder, P], T]:
+    """A method of fits as a function, documented as that is, of a fit or the folder of one."""
+
+    @wraps(method)
+    def verb(fit: FitOrFolder, *args: P.args, **named: P.kwargs) -> T:
+        return method(fit_of(fit), *args, **named)
+
+    own = inspect.signature(method)
+    fit, *others = own.parameters.values()
+    first = fit.replace(name="fit", annotation="FitOrFolder")
+    verb.__signature__ = own.replace(parameters=[first, *others])  # type: ignore[attr-defined]
+    # More than the type says: the fit may be given by name too.
+    return verb  # type: ignore[return-value]
+
+
+predict = _of_fit(Fit.predict)
+plan = _of_fit(Fit.plan)
+export = _of_fit(Fit.export)
+
+
+@checked
+def plot(fit: FitOrFolder, kind: str) -> Figure:
+    """A figure of a fit by name, as the verb `plot` draws it: a matplotlib Figure, its panels in `axes`.
+
+    Kinds are `predictive`, `residuals`, `corner` and what `dir(fit.plot)` lists. Raises ParameterError for an unknown
+    one, ResultFolderError where the fit has not what it shows.
+
+    >>> len(fitball.plot(fit, "residuals").axes) > 0
+    True
+    """
+    return fit_of(fit).plot(kind)
+
+
+@checked
+def simulate(
+    impact: Impacts | str,
+    *,
+    fit: FitOrFolder | None = None,
+    model: str | None = None,
+    values: Mapping[str, Any] | None = None,
+    draws: int = 200,
+) -> Course:
+    """One impact through time, as the verb `simulate` follows it: from a fit, with bands from `draws` of its
+    posterior, or from a model at round defaults with some `values` [SI] set.
+
+    `impact` is a text or `fitball.impacts(...)` of one impact. Raises ParameterError, ModelError.
+
+    >>> fitball.simulate("v=17, theta=18, spin=100").to_frame().shape[0]
+    401
+    """
+    if fit is None:
+        return course_of_model(impact, model, values or {})
+    if model is not None or values:
+        raise ParameterError("a fit brings its own model and parameters: leave out model and values")
+    return fit_of(fit).simulate(impact, draws=draws)

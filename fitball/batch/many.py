@@ -9,12 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitball.api import Fit, load_fit
-from fitball.api.asked import checked_choices, flips, given
-from fitball.api.calibrating import PathLike, Table
-from fitball.batch.names import fault_of
-from fitball.batch.plan import Plan
-from fitball.batch.run import Going, run_tasks
-from fitball.batch.task import tasks_of
+from fitball.api.reading import PathLike, Table, checked_choices, flips, given
+from fitball.batch.run import Going, Plan, run_tasks
+from fitball.batch.tables import fault_of, tasks_of
 from fitball.errors import ResultFolderError, suggestion
 from fitball.inference.effort import MAX_STEPS, Effort
 from fitball.inference.problem.choices import Choices

@@ -9,45 +9,12 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from fitball.cli.options import add_columns, add_flip, add_reading, add_verb, reading_of
+from fitball.cli.options import COLUMNS, FLIP, READING, Option, Verb, option, reading_of, switch
 from fitball.visible import one_line
 
 if TYPE_CHECKING:
     from fitball.data.scene import Scene
     from fitball.data.table import ImpactTable, Notice
-
-HELP = "list, show and check impact tables; list priors from the literature"
-DESCRIPTION = "List the tables that come with fitball, show one, or check a file and name every fault."
-EXAMPLE = """examples:
-  fitball datasets list
-  fitball datasets show wang_zero_spin.csv
-  fitball datasets check my_impacts.csv
-  fitball datasets check my_impacts.csv --json
-  fitball datasets priors
-"""
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add what the verb may be asked."""
-    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-
-    def action(name: str, text: str, example: str) -> argparse.ArgumentParser:
-        made = add_verb(actions, name, run, help=text, epilog=f"example:\n  fitball datasets {example}\n")
-        made.add_argument("--json", action="store_true", help="print JSON for other programs")
-        return made
-
-    action("list", "names of the bundled tables", "list")
-    show = action("show", "a table as it was read, and what is known about it", "show wang_all")
-    show.add_argument("data", metavar="NAME", help="a path, or the name of a bundled table")
-    add_flip(show)
-    add_columns(show)
-    check = action("check", "every fault of a table, of its scene and of its force records", "check my_impacts.csv")
-    check.add_argument("data", metavar="FILE", help="a path, or the name of a bundled table")
-    check.add_argument("--config", metavar="FILE.toml", help="the scene, instead of the TOML file beside the table")
-    check.add_argument("--force", metavar="FILE", help="force records, instead of those beside the table")
-    add_reading(check)
-    check.add_argument("--quiet", action="store_true", help="print faults only")
-    action("priors", "priors from the literature, for --prior NAME=literature:KEY, with their sources", "priors")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -205,3 +172,41 @@ def _as_json(table: ImpactTable, scene: Scene) -> dict[str, Any]:
 
 def _print_json(content: object) -> None:
     print(json.dumps(content, indent=2, ensure_ascii=False))
+
+
+def _action(name: str, help: str, example: str, *options: Option) -> Verb:
+    told = (switch("--json", "print JSON for other programs"), *options)
+    return Verb(name, help, told, run, f"example:\n  fitball datasets {example}\n")
+
+
+DATASETS = Verb(
+    "datasets",
+    "list, show and check impact tables; list priors from the literature",
+    (),
+    run,
+    """examples:
+  fitball datasets list
+  fitball datasets show wang_zero_spin.csv
+  fitball datasets check my_impacts.csv
+  fitball datasets check my_impacts.csv --json
+  fitball datasets priors
+""",
+    description="List the tables that come with fitball, show one, or check a file and name every fault.",
+    actions=(
+        _action("list", "names of the bundled tables", "list"),
+        _action(
+            "show", "a table as it was read, and what is known about it", "show wang_all",
+            option("data", "NAME", "a path, or the name of a bundled table"), FLIP, COLUMNS,
+        ),
+        _action(
+            "check", "every fault of a table, of its scene and of its force records", "check my_impacts.csv",
+            option("data", "FILE", "a path, or the name of a bundled table"),
+            option("--config", "FILE.toml", "the scene, instead of the TOML file beside the table"),
+            option("--force", "FILE", "force records, instead of those beside the table"),
+            *READING, switch("--quiet", "print faults only"),
+        ),
+        _action(
+            "priors", "priors from the literature, for --prior NAME=literature:KEY, with their sources", "priors"
+        ),
+    ),
+)  # fmt: skip

@@ -1,6 +1,6 @@
-"""The entry of the command line: which verb, and what its end means.
+"""The entry of the command line: its parser, its completion by a shell, which verb, and what its end means.
 
-Exit codes: 0 done; 1 the run finished but its own checks failed; 2 bad input or usage; 130 interrupted. Verb modules
+Exit codes: 0 done; 1 the run finished but its own checks failed; 2 bad input or usage; 130 interrupted. Verbs
 import what is heavy inside functions, so that `fitball --help` is quick.
 """
 
@@ -8,34 +8,22 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import shlex
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any, NoReturn
 
-from fitball.cli import (
-    batch,
-    bench,
-    calibrate,
-    compare,
-    completion,
-    datasets,
-    export,
-    plan,
-    plot,
-    population,
-    predict,
-    rederive,
-    repeat,
-    simulate,
-    verify,
-)
-from fitball.cli.options import add_verb
-from fitball.cli.parser import Parser
-from fitball.cli.progress import told_of_compiling
-from fitball.cli.visible_stream import visible_streams
+from fitball.cli.datasets import DATASETS
+from fitball.cli.fitting import BATCH, CALIBRATE, COMPARE, POPULATION, REPEAT
+from fitball.cli.options import Verb, option
+from fitball.cli.simulate import SIMULATE
+from fitball.cli.studies import BENCH, REDERIVE
+from fitball.cli.terminal import told_of_compiling, visible_streams
+from fitball.cli.using import EXPORT, PLAN, PLOT, PREDICT, VERIFY
 from fitball.environment import check_environment
-from fitball.errors import FitballError, enough_memory
+from fitball.errors import FitballError, ParameterError, enough_memory, suggestion
 from fitball.version import __version__
 from fitball.visible import one_line
 from fitball.wording import speaking_to_command_line
@@ -45,12 +33,101 @@ EPILOG = """examples:
   fitball calibrate wang_zero_spin.csv     fit the two-mass ball to a bundled table
   fitball datasets check my_balls.csv      every fault of a table, with row and column
   fitball VERB --help                      what a verb does, with an example"""
+SHELLS = ("bash", "zsh", "fish")
+# Set by the script when the shell asks.
+ASKED = "_ARGCOMPLETE"
 
 
-# Each says what it is (HELP, EXAMPLE, and DESCRIPTION where that is more), what it may be asked, and how it runs.
+class Parser(argparse.ArgumentParser):
+    """As argparse's, with mistakes told in the words of fitball, exit code 2.
+
+    Abbreviations are refused: `--over` would be `--overwrite` today and something else after the next version.
+    """
+
+    def __init__(self, *positional: Any, **named: Any) -> None:
+        super().__init__(*positional, **{"allow_abbrev": False, **named})
+        # As argparse has it, but for ranges and units behind the number: `--spin -300:300`.
+        self._negative_number_matcher = re.compile(r"^-\.?\d")
+
+    # The signature of argparse is wider than what it ever passes.
+    def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> tuple[Any, list[str]]:  # type: ignore[override]
+        """As argparse's, but a word it does not know is an error of the verb that it stands behind."""
+        words = list(sys.argv[1:] if args is None else args)
+        self._refuse_unknown(words)
+        parsed, rest = super().parse_known_args(words, namespace)
+        if rest:
+            self._refuse(rest[0])
+        return parsed, []
+
+    def error(self, message: str) -> NoReturn:
+        """Tell a mistake of the command line, and where to read on."""
+        self.exit(2, f"fitball: {one_line(message)}\nsee {self.prog} --help\n")
+
+    def _refuse_unknown(self, words: Sequence[str]) -> None:
+        """Name the first unknown option, or verb, before argparse misses what stands behind it."""
+        verbs = next((a for a in self._actions if isinstance(a, argparse._SubParsersAction)), None)
+        for word in words:
+            if word == "--":
+                return
+            if verbs is not None and not word.startswith("-"):
+                if word not in verbs.choices:
+                    kind = str(verbs.metavar).lower()
+                    self.error(f"unknown {kind} '{word}': {suggestion(word, verbs.choices)}")
+                return
+            if word.startswith("--") and word.partition("=")[0] not in self._option_string_actions:
+                self._refuse(word)
+
+    def _refuse(self, word: str) -> NoReturn:
+        verb = self.prog.partition(" ")[2]
+        if not word.startswith("-") or word == "-":
+            self.error(f"read '{word}', one word more than {verb or self.prog} takes")
+        name = word.partition("=")[0]
+        if not verb:
+            self.error(f"unknown option '{name}' before a verb; options of a verb stand behind it")
+        options = [option for option in self._option_string_actions if option.startswith("--")]
+        begun = [option for option in options if option.startswith(name)]
+        hint = f"did you mean {' or '.join(map(repr, begun))}?" if begun else suggestion(name, options)
+        self.error(f"unknown option '{name}' of {verb}: {hint}")
+
+
+def run_completion(args: argparse.Namespace) -> int:
+    """Print the script."""
+    if args.shell not in SHELLS:
+        raise ParameterError(f"unknown shell '{args.shell}': {suggestion(args.shell, SHELLS)}")
+    from argcomplete.shell_integration import shellcode
+
+    print(shellcode(["fitball"], shell=args.shell).strip())
+    return 0
+
+
+COMPLETION = Verb(
+    "completion", "a script that completes the command line with Tab (bash, zsh, fish)",
+    (
+        option("shell", "SHELL", f"{', '.join(SHELLS[:-1])} or {SHELLS[-1]}"),
+    ),
+    run_completion,
+    """examples:
+  eval "$(fitball completion bash)"                                        in ~/.bashrc
+  eval "$(fitball completion zsh)"                                         in ~/.zshrc, after compinit
+  fitball completion fish > ~/.config/fish/completions/fitball.fish
+
+Then Tab completes verbs, options and files.""",
+    description="Print a script with which a shell completes the command line.",
+)  # fmt: skip
+
+
+def complete(parser: argparse.ArgumentParser) -> None:
+    """Answer the shell and leave, if it is the shell that asks; else do nothing."""
+    if ASKED not in os.environ:
+        return
+    import argcomplete
+
+    argcomplete.autocomplete(parser, always_complete_options="long", exit_method=sys.exit)
+
+
 VERBS = (
-    calibrate, plot, predict, simulate, compare, batch, population, plan, export, verify, repeat, datasets, rederive,
-    bench, completion,
+    CALIBRATE, PLOT, PREDICT, SIMULATE, COMPARE, BATCH, POPULATION, PLAN, EXPORT, VERIFY, REPEAT, DATASETS, REDERIVE,
+    BENCH, COMPLETION,
 )  # fmt: skip
 
 
@@ -62,10 +139,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"fitball {__version__}")
     subparsers = parser.add_subparsers(dest="verb", metavar="VERB", title="verbs")
     for verb in VERBS:
-        name = verb.__name__.rpartition(".")[2]
-        verb.add_options(
-            add_verb(subparsers, name, verb.run, verb.HELP, verb.EXAMPLE, getattr(verb, "DESCRIPTION", None))
-        )
+        verb.add(subparsers)
     return parser
 
 
@@ -93,7 +167,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(words: list[str]) -> int:
     try:
         parser = make_parser()
-        completion.complete(parser)
+        complete(parser)
         args = parser.parse_args(words)
         args.command = shlex.join(["fitball", *words])
         if args.verb is None:

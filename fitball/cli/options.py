@@ -1,23 +1,77 @@
-"""Options that several verbs share."""
+"""What verbs are made of: a verb is data, and so are its options; those that several verbs share stand here once."""
 
 from __future__ import annotations
 
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from fitball.errors import ParameterError
-from fitball.models.names import DEFAULT_MODEL
+from fitball.models.names import DEFAULT_MODEL, RANKED
 from fitball.visible import one_line
 
 if TYPE_CHECKING:
-    from fitball.api.calibrating import Reading
+    from fitball.api.reading import Reading
+    from fitball.inference.effort import Effort
+    from fitball.inference.problem.choices import Choices
 
 T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Option:
+    """An option, or an operand, as argparse has it: its name, a line of help, and what else is told."""
+
+    flag: str
+    help: str
+    more: Mapping[str, Any] = field(default_factory=dict)
+
+
+def option(flag: str, metavar: str, help: str, **more: Any) -> Option:
+    """An option with a value, or an operand; `more` is what argparse is told besides."""
+    return Option(flag, help, {"metavar": metavar, **more})
+
+
+def switch(flag: str, help: str) -> Option:
+    """An option without a value."""
+    return Option(flag, help, {"action": "store_true"})
+
+
+@dataclass(frozen=True)
+class Verb:
+    """A verb: a line of help, what it may be asked, what runs it and returns the exit code, and what its help ends
+    with. The description is the line of help unless there is more to say. A verb of verbs has `actions`.
+    """
+
+    name: str
+    help: str
+    options: Sequence[Option]
+    run: Callable[[argparse.Namespace], int]
+    epilog: str
+    description: str = ""
+    actions: Sequence[Verb] = ()
+
+    def add(self, subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+        """Make it known to the command line."""
+        parser = subparsers.add_parser(
+            self.name,
+            help=self.help,
+            description=self.description or self.help[0].upper() + self.help[1:] + ".",
+            epilog=self.epilog,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        for item in self.options:
+            parser.add_argument(item.flag, help=item.help, **item.more)
+        parser.set_defaults(run=self.run)
+        if self.actions:
+            inner = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+            for action in self.actions:
+                action.add(inner)
 
 
 def either(names: Sequence[str]) -> str:
@@ -89,106 +143,6 @@ def pairs(
     return values
 
 
-def add_verb(
-    subparsers: argparse._SubParsersAction[argparse.ArgumentParser],
-    name: str,
-    run: Callable[[argparse.Namespace], int],
-    help: str,
-    epilog: str,
-    description: str | None = None,
-) -> argparse.ArgumentParser:
-    """Add a verb whose work is `run`, which returns the exit code; without a `description` it is the help."""
-    parser = subparsers.add_parser(
-        name,
-        help=help,
-        description=description or help[0].upper() + help[1:] + ".",
-        epilog=epilog,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.set_defaults(run=run)
-    return parser
-
-
-def add_cores(parser: argparse.ArgumentParser) -> None:
-    """Add `--cores`; without it all the machine has."""
-    parser.add_argument(
-        "--cores", type=count, metavar="N", default=os.cpu_count() or 1, help="threads (default: all)"
-    )
-
-
-def add_scheduler(parser: argparse.ArgumentParser) -> None:
-    """Add `--scheduler`, where processes need not be those of this machine."""
-    parser.add_argument(
-        "--scheduler", metavar="ADDRESS",
-        help="run on the Dask cluster there, e.g. tls://head:8786 or scheduler.json; by tcp:// whoever "
-        "reaches it can run programs as you",
-    )  # fmt: skip
-
-
-def add_structure(parser: argparse.ArgumentParser) -> None:
-    """Add what a likelihood may have beyond independent normal noise."""
-    parser.add_argument("--noise", metavar="KIND", help="normal (default), or student-t, which allows outliers")
-    parser.add_argument(
-        "--velocity-noise", metavar="KIND",
-        help="tied (one velocity_sd for all columns of the rebound velocity) or separate (v_x_sd and v_y_sd, or "
-        "speed_sd and angle_sd); by default separate where the table has rows enough to tell them apart",
-    )  # fmt: skip
-    parser.add_argument(
-        "--pool", metavar="NAME=COLUMN", action="append", default=[],
-        help="let a parameter differ between surfaces, balls or tables, pooled in part, e.g. mu=surface",
-    )  # fmt: skip
-    parser.add_argument(
-        "--offsets", metavar="COLUMN", help="fit a bias of each measured column to each group, e.g. group"
-    )
-    parser.add_argument(
-        "--exact-incidence", action="store_true", help="take the incident state as exact even where its sd is stated"
-    )
-
-
-def add_flip(parser: argparse.ArgumentParser) -> None:
-    """Add `--flip`."""
-    parser.add_argument(
-        "--flip", metavar="A,B,...", type=_names, action="extend", default=[],
-        help="columns that count the other way round, e.g. omega_1,omega_2: spins and velocities of the other sign, "
-        "angles measured from the normal (TABLE:COLUMN for one of several tables)",
-    )  # fmt: skip
-
-
-def add_columns(parser: argparse.ArgumentParser) -> None:
-    """Add `--columns`."""
-    parser.add_argument(
-        "--columns", metavar="OURS=THEIRS,...", type=_naming, action=_Naming, default={},
-        help='what columns are called here, e.g. "v_1=Vin, theta_1=angle_in [deg]" (also [columns] in the scene)',
-    )  # fmt: skip
-
-
-class _Naming(argparse.Action):
-    """Gathers `--columns` given more than once."""
-
-    def __call__(
-        self, _parser: object, namespace: argparse.Namespace, values: object, _option: object = None
-    ) -> None:
-        """See argparse.Action."""
-        assert isinstance(values, dict)
-        setattr(namespace, self.dest, {**getattr(namespace, self.dest), **values})
-
-
-def add_reading(parser: argparse.ArgumentParser) -> None:
-    """Add what says how a table is to be read."""
-    add_flip(parser)
-    add_columns(parser)
-    parser.add_argument(
-        "--as-read", action="store_true",
-        help="the table and the scene are right, though another reading explains the table much better or the ball "
-        "is unlike any of a game",
-    )  # fmt: skip
-
-
-def reading_of(args: argparse.Namespace) -> Reading:
-    """What was said of how a table is to be read, by `--config` and those of `add_reading`."""
-    return {"config": args.config, "flip": args.flip, "columns": args.columns, "as_read": args.as_read}
-
-
 def _names(text: str) -> list[str]:
     names = [part.strip() for part in text.split(",")]
     if not all(names):
@@ -209,12 +163,116 @@ def _naming(text: str) -> dict[str, str]:
     return names
 
 
-def add_study(parser: argparse.ArgumentParser, folder: Path) -> None:
-    """Add what every study takes: where to write (by default `folder`), cores, how to print."""
-    parser.add_argument("--out", type=place, metavar="DIR", help=f"where to write (default: {folder})")
-    add_cores(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON for other programs")
-    parser.add_argument("--quiet", action="store_true", help="no progress")
+class _Naming(argparse.Action):
+    """Gathers `--columns` given more than once."""
+
+    def __call__(
+        self, _parser: object, namespace: argparse.Namespace, values: object, _option: object = None
+    ) -> None:
+        """See argparse.Action."""
+        assert isinstance(values, dict)
+        setattr(namespace, self.dest, {**getattr(namespace, self.dest), **values})
+
+
+CORES = option("--cores", "N", "threads (default: all)", type=count, default=os.cpu_count() or 1)
+# Where processes need not be those of this machine.
+SCHEDULER = option(
+    "--scheduler", "ADDRESS",
+    "run on the Dask cluster there, e.g. tls://head:8786 or scheduler.json; by tcp:// whoever reaches it can run "
+    "programs as you",
+)  # fmt: skip
+FLIP = option(
+    "--flip", "A,B,...",
+    "columns that count the other way round, e.g. omega_1,omega_2: spins and velocities of the other sign, angles "
+    "measured from the normal (TABLE:COLUMN for one of several tables)",
+    type=_names, action="extend", default=[],
+)  # fmt: skip
+COLUMNS = option(
+    "--columns", "OURS=THEIRS,...",
+    'what columns are called here, e.g. "v_1=Vin, theta_1=angle_in [deg]" (also [columns] in the scene)',
+    type=_naming, action=_Naming, default={},
+)  # fmt: skip
+AS_READ = switch(
+    "--as-read",
+    "the table and the scene are right, though another reading explains the table much better or the ball is unlike "
+    "any of a game",
+)
+# How a table is to be read.
+READING = (FLIP, COLUMNS, AS_READ)
+CONFIG = option("--config", "FILE.toml", "scene file (default: the .toml beside DATA)")
+SEED = option("--seed", "N", "seed of all random numbers (default 1)", type=whole, default=1)
+# Model, priors, structure of the likelihood, effort.
+FITTING = (
+    option("--model", "NAME", either(marked(RANKED))),
+    option("--closure", "NAME=OPTION", "replace a closure, e.g. normal=total", action="append", default=[]),
+    CONFIG,
+    option("--fix", "NAME=VALUE", "hold a parameter (SI units)", action="append", default=[]),
+    option(
+        "--prior", "NAME=DIST(...)",
+        'e.g. "mu=normal(0.6, 0.1)", or one from the literature: mu=literature:clay (fitball datasets priors)',
+        action="append", default=[],
+    ),
+    option("--noise", "KIND", "normal (default), or student-t, which allows outliers"),
+    option(
+        "--velocity-noise", "KIND",
+        "tied (one velocity_sd for all columns of the rebound velocity) or separate (v_x_sd and v_y_sd, or speed_sd "
+        "and angle_sd); by default separate where the table has rows enough to tell them apart",
+    ),
+    option(
+        "--pool", "NAME=COLUMN",
+        "let a parameter differ between surfaces, balls or tables, pooled in part, e.g. mu=surface",
+        action="append", default=[],
+    ),
+    option("--offsets", "COLUMN", "fit a bias of each measured column to each group, e.g. group"),
+    switch("--exact-incidence", "take the incident state as exact even where its sd is stated"),
+    *READING,
+    switch("--point-only", "no posterior: the best values only"),
+    SEED,
+    option("--max-steps", "N", "steps of each ensemble at most (default 20000)", type=count),
+    option("--walkers", "N", "walkers of each ensemble (default 4 per parameter)", type=count),
+    CORES,
+)  # fmt: skip
+
+
+def study(folder: Path) -> tuple[Option, ...]:
+    """What every study takes: where to write (by default `folder`), cores, how to print."""
+    out = option("--out", "DIR", f"where to write (default: {folder})", type=place)
+    return out, CORES, switch("--json", "print JSON for other programs"), switch("--quiet", "no progress")
+
+
+def reading_of(args: argparse.Namespace) -> Reading:
+    """What was said of how a table is to be read, by `--config` and those of `add_reading`."""
+    return {"config": args.config, "flip": args.flip, "columns": args.columns, "as_read": args.as_read}
+
+
+def choices_of(args: argparse.Namespace) -> Choices:
+    """The choices that the options ask for. Raises ParameterError."""
+    from fitball.inference.problem.choices import Choices
+
+    return Choices(
+        model=args.model,
+        closures=pairs("--closure", args.closure, str),
+        priors=pairs("--prior", args.prior, str),
+        fix=pairs("--fix", args.fix, float),
+        noise=args.noise,
+        pool=pairs("--pool", args.pool, str),
+        offsets=args.offsets,
+        incident_errors=not args.exact_incidence,
+        velocity_noise=args.velocity_noise,
+    )
+
+
+def make_effort(args: argparse.Namespace, cores: int) -> Effort:
+    """The effort the options ask for, with so many threads."""
+    from fitball.inference.effort import MAX_STEPS, Effort
+
+    return Effort(
+        seed=args.seed,
+        point_only=args.point_only,
+        walkers=args.walkers,
+        max_steps=MAX_STEPS if args.max_steps is None else args.max_steps,
+        cores=cores,
+    )
 
 
 def tell_notes(notes: Iterable[object]) -> None:

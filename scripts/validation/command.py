@@ -15,9 +15,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fitball.cli.options import add_scheduler, place, whole
-from fitball.cli.progress import ProgressLine, time_left
-from fitball.cli.visible_stream import visible_streams
+from fitball.cli.options import SCHEDULER, place, whole
+from fitball.cli.terminal import ProgressLine, time_left, visible_streams
 from fitball.errors import FitballError, ParameterError, suggestion
 from fitball.scheduling.engine import Engine, engine
 from fitball.wording import speaking_to_command_line
@@ -89,7 +88,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--table", default="wang_all.csv", metavar="DATA", help="whose incident conditions to use")
     parser.add_argument("--seed", type=whole, default=1, metavar="N", help="seed of all random numbers (default 1)")
     parser.add_argument("--cores", type=whole, metavar="N", help="processes (default: all cores)")
-    add_scheduler(parser)
+    parser.add_argument(SCHEDULER.flag, help=SCHEDULER.help, **SCHEDULER.more)
     parser.add_argument("--out", type=place, metavar="DIR", help=f"where to write (default {DEFAULT_FOLDER})")
     parser.add_argument(
         "--wrong-sigma", type=float, metavar="F", help="tell the fit F times the true noise: a control that must fail"
