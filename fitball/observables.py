@@ -58,7 +58,7 @@ class ReboundColumn:
     and `symbol` (mathtext) head figures. `positive` says what it counts where it has no sign. `tangential` columns
     are nothing without motion along the court, `timed` ones need a model with a time axis, and what shows the
     `restitution` is no prediction of a model that takes the measured one. `velocity`: it is a component, the speed or
-    the angle, of which at most two count (`data.redundancy`) and which may share one noise.
+    the angle, of which at most two count (`data.kinematics`) and which may share one noise.
     `function` is None for what a model gives itself.
     """
 

@@ -142,7 +142,9 @@ class Impacts:
         return hash((self.v_x1.tobytes(), self.v_y1.tobytes(), self.omega_1.tobytes()))
 
     @staticmethod
-    def polar(speed: FloatArray, angle: FloatArray, omega_1: FloatArray, cor: FloatArray | None = None) -> Impacts:
+    def polar(
+        speed: FloatArray | float, angle: FloatArray, omega_1: FloatArray, cor: FloatArray | None = None
+    ) -> Impacts:
         """Impacts at a speed [m/s] and an angle to the court [rad], above pi/2 against the direction of x."""
         return Impacts(speed * np.cos(angle), speed * np.sin(angle), omega_1, cor)
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from fitball.data.balances import Balances, balances, scene_balances
-from fitball.data.kinematics import Uncertain
+from fitball.data.kinematics import Uncertain, velocity
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.errors import ParameterError
-from fitball.values import Ball
+from fitball.values import Ball, Impacts
 
 # Jafri (2004), Table 7: time-averaged coefficient of friction, as printed.
 TABLE_7 = {
@@ -245,3 +245,23 @@ def test_an_input_used_twice_is_one_input() -> None:
     np.testing.assert_allclose((x * x).sd, 0.6)
     np.testing.assert_allclose((x + y).sd, np.hypot(0.1, 0.2))
     np.testing.assert_allclose((x * x + y * y).sqrt().sd, np.hypot(3 * 0.1, 4 * 0.2) / 5)
+
+
+def test_speed_and_angle_and_components_say_the_same_with_the_same_deviations() -> None:
+    """There and back, over all four quarters but the court itself: numbers, and sds where both are propagated."""
+    speed, angle = np.array([3.0, 20.0, 55.0]), np.array([0.3, 1.7, 2.9])
+    known = {
+        "v_2": Uncertain.measured("v_2", speed, np.full(3, 0.2)),
+        "theta_2": Uncertain.measured("theta_2", angle, np.full(3, 0.01)),
+    }
+    there = velocity(known, "2").columns("2")
+    impacts = Impacts.polar(speed, angle, np.zeros(3))
+    np.testing.assert_allclose(there["v_x2"].value, impacts.v_x1, rtol=1e-15)
+    np.testing.assert_allclose((impacts.speed, impacts.angle), (speed, angle), rtol=1e-14)
+    back = velocity({name: there[name] for name in ("v_x2", "v_y2")}, "2").columns("2")
+    for name, item in known.items():
+        np.testing.assert_allclose(back[name].value, item.value, rtol=1e-14)
+        np.testing.assert_allclose(back[name].sd, item.sd, rtol=1e-12)
+    # At worst roundings add up, in size.
+    wanted = 0.2 * np.abs(np.cos(angle)) + 0.01 * np.abs(speed * np.sin(angle))
+    np.testing.assert_allclose(there["v_x2"].reach, wanted, rtol=1e-14)

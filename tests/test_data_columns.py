@@ -12,6 +12,8 @@ from written import assert_same, read
 
 import fitball
 from fitball.cli.main import main
+from fitball.data.columns import FLIPPABLE
+from fitball.data.misreading import flipped
 from fitball.data.names import end_of, guess_of
 from fitball.data.read import load_table
 from fitball.errors import ParameterError, SceneError, TableError
@@ -156,3 +158,13 @@ def test_new_impacts_may_be_named_as_those_of_the_fit() -> None:
     plainly = fit.predict(new.set_axis(["v_x1", "v_y1"], axis="columns"))
     pandas.testing.assert_frame_equal(found, plainly, check_names=False)
     assert not any("named as in" in note for note in plainly.attrs["notes"])
+
+
+def test_the_other_way_in_which_a_column_is_counted() -> None:
+    """Written out, not asked of the table of columns: speeds and times have none, angles another zero."""
+    given = np.array([0.3])
+    other = {"v_x1": -0.3, "v_y1": -0.3, "theta_1": np.pi / 2 - 0.3, "omega_1": -0.3}
+    other |= {"v_x2": -0.3, "v_y2": -0.3, "theta_2": np.pi / 2 - 0.3, "omega_2": -0.3}
+    assert set(FLIPPABLE) == set(other)
+    for name, wanted in other.items():
+        np.testing.assert_allclose(flipped(name, given), wanted)

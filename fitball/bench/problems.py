@@ -49,7 +49,7 @@ class Scene:
     def speed(self) -> FloatArray:
         """Incident speed of the ball's surface, at most, (impacts,): what errors are relative to."""
         spin = default_model().ball.radius * np.abs(self.impacts.omega_1)
-        return np.asarray(np.hypot(self.impacts.v_x1, self.impacts.v_y1) + spin)
+        return np.asarray(self.impacts.speed + spin)
 
 
 def default_model() -> Model:

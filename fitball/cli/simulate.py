@@ -249,8 +249,8 @@ def _window(asked: dict[str, tuple[float, float]], impacts: Impacts | None) -> W
 
     speed, angle, spin = SPEED, ANGLE, SPIN
     if impacts is not None:
-        speed = float(np.median(np.hypot(impacts.v_x1, impacts.v_y1)))
-        angles = np.arctan2(impacts.v_y1, impacts.v_x1)
+        speed = float(np.median(impacts.speed))
+        angles = impacts.angle
         angle = (min(angle[0], float(0.9 * angles.min())), max(angle[1], min(float(1.1 * angles.max()), math.pi)))
         spin = max(spin, 1.1 * float(np.max(np.abs(impacts.omega_1))))
     return Window(

@@ -19,7 +19,7 @@ from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable, Measurement, frozen
 from fitball.errors import ParameterError
 from fitball.observables import NOISE_OF
-from fitball.values import Ball, FloatArray
+from fitball.values import Ball, FloatArray, quotient
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def balances(
     `velocity_sd` [m/s] and `spin_sd` [rad/s] stand in for sds that the table does not state; an angle
     without one gets `velocity_sd` across the direction of flight. Before them goes what is `known` of a column's own
     noise, by name of the column in its SI unit. Incident quantities are exact unless
-    the table states their sd. Deviations propagate linearly (see `propagation`) and do not include
+    the table states their sd. Deviations propagate linearly (see `kinematics`) and do not include
     those of the ball. Raises ParameterError for an sd that is not positive and finite.
     """
     for name, sd in (("velocity_sd", velocity_sd), ("spin_sd", spin_sd)):
@@ -130,21 +130,11 @@ def _default_sd(table: ImpactTable, measurement: Measurement, velocity_sd: float
     if measurement.name == "omega_2":
         return np.full(len(table), spin_sd)
     if measurement.name == "theta_2":
-        with np.errstate(divide="ignore"):  # v_x2 = 0 beside an angle: no finite sd, marked absent later
-            return velocity_sd / _rebound_speed(table)
+        beside = {item.name: Uncertain.exact(item.values) for item in table.measurements}
+        speed = velocity(beside, "2").columns("2").get("v_2")
+        # NaN where nothing tells the speed; of a ball that stands no sd is finite, which is marked absent later.
+        return quotient(velocity_sd, np.full(len(table), np.nan) if speed is None else speed.value)
     return np.full(len(table), velocity_sd)
-
-
-def _rebound_speed(table: ImpactTable) -> FloatArray:
-    """Speed [m/s] behind a measured angle: v_2, or from the one component beside it; NaN with neither."""
-    beside = {measurement.name: measurement.values for measurement in table.measurements}
-    if "v_2" in beside:
-        return beside["v_2"]
-    for name, part_of in (("v_x2", np.cos), ("v_y2", np.sin)):
-        if name in beside:
-            speed: FloatArray = np.abs(beside[name] / part_of(beside["theta_2"]))
-            return speed
-    return np.full(len(table), np.nan)
 
 
 # unit and meaning of each balance

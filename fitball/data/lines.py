@@ -238,7 +238,6 @@ def parse_window(text: str) -> dict[str, tuple[float, float]]:
     return window
 
 
-_NUMBER = rf"[+-]?{SIZE}"
 _RANGE = re.compile(
     rf"^\s*(?P<low>{_NUMBER})\s*(?::\s*(?P<high>{_NUMBER}))?\s*(?::\s*(?P<count>\d{{1,3}}))?\s*(?P<unit>[^:]*?)\s*$"
 )

@@ -178,7 +178,7 @@ def load_table(
 
     A path that exists wins over a bundled name. Units convert here, once, to m/s, rad/s, rad and s. With
     `rebound=False` the rebound columns may be missing and one row is enough: impacts to predict, not to fit.
-    A rebound cell that says that nothing was measured is NaN in its `Measurement`; see `gaps`.
+    A rebound cell that says that nothing was measured is NaN in its `Measurement`; see `rows`.
     `scene` says with what ball and what noise a rebound may seem to gain energy; without it that is the scene beside
     the table. The columns named in `flip` are counted the other way round (see `misreading.flipped`). `columns` gives
     names that are not ours by our name, `{"v_1": "Vin", "theta_1": "angle_in [deg]"}`, before those of the scene;

@@ -85,7 +85,7 @@ class Scene:
     `normal(0.55, 0.05)` by parameter. `distribution` is that of the noise; `pool` maps parameters to the label column
     over whose levels they differ, `columns` names of columns in the table that are not ours, by our name;
     `offsets` is the label column whose groups may be biased. `force_file` holds force records, named relative to the
-    scene file; `ball_type` is a type of the ITF (see `ball_types`), `ball_temperature` and its sd are in degrees
+    scene file; `ball_type` is a type of the ITF (see `heights`), `ball_temperature` and its sd are in degrees
     Celsius. `force_sd` [N] is the known noise of a sample, `force_start_sd` [s] how well t = 0 is known to be the
     start of contact (None: it is found from the record). `assumed` says in sentences what was taken because
     nothing was said.

@@ -96,8 +96,8 @@ def covariates(problem: Problem) -> dict[str, FloatArray]:
     known = {"v_y1": impacts.v_y1}
     if problem.model.tangential:
         known = {
-            "theta_1": np.arctan2(impacts.v_y1, impacts.v_x1),
-            "v_1": np.hypot(impacts.v_x1, impacts.v_y1),
+            "theta_1": impacts.angle,
+            "v_1": impacts.speed,
             "omega_1": impacts.omega_1,
         }
     return {name: column for name, column in known.items() if np.ptp(column) > 1e-9 * np.abs(column).max()}

@@ -149,16 +149,16 @@ def _alike(known: IncidentErrors, measured: Impacts, planned: Impacts) -> Incide
     """Errors of planned incident states: median sds of speed, direction and spin of those that were measured."""
     turned = _turn(measured)
     sds = np.sqrt(np.diagonal(turned @ known.covariance @ turned.transpose(0, 2, 1), axis1=1, axis2=2).clip(0.0))
-    sds[:, 1] /= np.hypot(measured.v_x1, measured.v_y1)
+    sds[:, 1] /= measured.speed
     typical = np.tile(np.median(sds, axis=0), (len(planned), 1))
-    typical[:, 1] *= np.hypot(planned.v_x1, planned.v_y1)
+    typical[:, 1] *= planned.speed
     back = _turn(planned).transpose(0, 2, 1)
     return IncidentErrors(np.asarray((back * typical[:, None, :] ** 2) @ back.transpose(0, 2, 1)))
 
 
 def _turn(impacts: Impacts) -> FloatArray:
     """Rotations (impacts, 3, 3) of `(v_x1, v_y1, omega_1)` to speed, across the path, and spin."""
-    speed = np.hypot(impacts.v_x1, impacts.v_y1)
+    speed = impacts.speed
     cosine, sine = impacts.v_x1 / speed, impacts.v_y1 / speed
     turn = np.zeros((len(impacts), 3, 3))
     turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = cosine, sine, -sine, cosine, 1.0

@@ -89,7 +89,7 @@ def build_settings(problem: Problem, speed: Range | None, angle: Range | None, s
     assumed = []
     axes = []
     measured = (
-        ("speed", speed, np.hypot(impacts.v_x1, impacts.v_y1), SPEEDS),
+        ("speed", speed, impacts.speed, SPEEDS),
         ("angle", angle, np.minimum(np.arctan2(impacts.v_y1, np.abs(impacts.v_x1)), np.pi / 2.0), ANGLES),
         ("spin", spin, impacts.omega_1, SPINS),
     )

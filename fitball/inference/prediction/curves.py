@@ -91,7 +91,7 @@ def _crowds(
 def _crowd(problem: Problem, rows: NDArray[np.int64]) -> tuple[float, float, NDArray[np.int64]]:
     """A round speed and spin with as many of `rows` near them as at any of those tried."""
     impacts, radius = problem.impacts, problem.model.ball.radius
-    speed = np.hypot(impacts.v_x1, impacts.v_y1)
+    speed = impacts.speed
     tried = rows[np.unique(np.linspace(0, rows.size - 1, TRIED).round().astype(np.int64))]
     near = max((_near(problem, rows, speed[k], impacts.omega_1[k]) for k in tried), key=len)
     middle = float(np.median(speed[near]))
@@ -107,12 +107,12 @@ def _over_angle(
 ) -> Curve:
     """The curve over all angles of the table."""
     speed, spin, near = crowd
-    angles = np.arctan2(problem.impacts.v_y1, problem.impacts.v_x1)
+    angles = problem.impacts.angle
     low, high = float(angles.min()), float(angles.max())
     room = max(0.0, 0.5 * (NARROWEST - (high - low)))
     along = np.linspace(max(low - room, LOWEST), min(high + room, math.pi - LOWEST), CURVE_POINTS)
     cor = _typical_cor(problem, near)
-    impacts = Impacts(speed * np.cos(along), speed * np.sin(along), np.full_like(along, spin), cor)
+    impacts = Impacts.polar(speed, along, np.full_like(along, spin), cor)
     return Curve(label, speed, spin, near, along, impacts, _bands(problem, values, impacts, near))
 
 

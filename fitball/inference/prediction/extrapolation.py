@@ -78,7 +78,7 @@ def calibrated_range(
         beyond[name] = _beyond(_quantity(new, name), *limits[name])
     if not tangential:
         return CalibratedRange(limits, beyond, None, 0.0, lines)
-    speed = float(np.median(np.hypot(calibrated.v_x1, calibrated.v_y1)))
+    speed = float(np.median(calibrated.speed))
     distance = hull_distances(_velocities(calibrated, radius), _velocities(new, radius))
     return CalibratedRange(limits, beyond, distance, SLACK * speed, lines)
 
@@ -93,7 +93,7 @@ def spanning_impacts(impacts: Impacts, radius: float) -> Impacts:
     if count <= SPANNING:
         return impacts
     points = _velocities(impacts, radius)
-    speed, angle = np.hypot(impacts.v_x1, impacts.v_y1), _quantity(impacts, "theta_1")
+    speed, angle = impacts.speed, _quantity(impacts, "theta_1")
     spread = points - points.mean(axis=0)
     scale = spread.std(axis=0)
     # One direction after the other: of many impacts each is large.
@@ -115,7 +115,7 @@ def _directions(count: int) -> FloatArray:
 
 def _quantity(impacts: Impacts, name: str) -> FloatArray:
     if name == "theta_1":
-        angle: FloatArray = np.arctan2(impacts.v_y1, impacts.v_x1)
+        angle: FloatArray = impacts.angle
         return angle
     column: FloatArray = getattr(impacts, name)
     return column

@@ -64,8 +64,8 @@ def default_axes(fitted: FittedModel) -> tuple[Axis, ...]:
     columns = {"v_y1": given.v_y1}
     if fitted.tangential:
         columns = {
-            "v_1": np.hypot(given.v_x1, given.v_y1),
-            "theta_1": np.arctan2(given.v_y1, given.v_x1),
+            "v_1": given.speed,
+            "theta_1": given.angle,
             "omega_1": given.omega_1,
         }
     axes = []

@@ -47,7 +47,7 @@ def measured_pace(table: ImpactTable, scene: Scene, rng: np.random.Generator) ->
         return None
     impacts = table.impacts
     v_x2, v_y2 = _rebound(table)
-    speed, angle = np.hypot(impacts.v_x1, impacts.v_y1), np.arctan2(impacts.v_y1, impacts.v_x1)
+    speed, angle = impacts.speed, impacts.angle
     valid = (
         (np.abs(speed - TEST_SPEED) <= SPEED_TOLERANCE)
         & (np.abs(angle - TEST_ANGLE) <= TOLERANCE["theta_1"])

@@ -33,7 +33,7 @@ class Window:
 
     def impacts(self, angle: FloatArray, spin: FloatArray) -> Impacts:
         """Impacts at this speed, of the shape (impacts,) of both."""
-        return Impacts(self.speed * np.cos(angle), self.speed * np.sin(angle), spin)
+        return Impacts.polar(self.speed, angle, spin)
 
     def grid(self, angles: int, spins: int) -> tuple[FloatArray, FloatArray]:
         """The middles of equal cells, angles (angles,) [rad] and spins (spins,) [rad/s]."""

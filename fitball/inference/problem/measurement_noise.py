@@ -101,7 +101,7 @@ def expected_sizes(scene: Scene, table: ImpactTable) -> Mapping[str, float]:
     """The size of each noise that is expected before a measurement, in SI: what the scene expects, its typical size
     where that expects nothing; an angle is turned by the noise of a velocity at the median incident speed.
     """
-    speed = float(np.median(np.hypot(table.impacts.v_x1, table.impacts.v_y1)))
+    speed = float(np.median(table.impacts.speed))
     by_unit = {
         "m/s": scene.nominal_velocity_sd,
         "rad": float(f"{np.arctan2(scene.nominal_velocity_sd, speed):.2g}"),

@@ -36,7 +36,7 @@ def thinned_rows(problem: Problem, rows: int) -> NDArray[np.int64]:
     count = len(problem.impacts)
     if count <= rows:
         return np.arange(count)
-    order = np.argsort(np.arctan2(problem.impacts.v_y1, problem.impacts.v_x1), kind="stable")
+    order = np.argsort(problem.impacts.angle, kind="stable")
     chosen = np.sort(order[np.linspace(0, count - 1, rows).round().astype(np.int64)])
     rare = [] if problem.force is None else [problem.force.rows]
     rare += [

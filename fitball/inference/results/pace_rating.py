@@ -149,7 +149,7 @@ class CourtPace:
 def itf_impact() -> Impacts:
     """The test impact, (1,)."""
     speed, angle = TEST_SPEED, TEST_ANGLE
-    return Impacts(np.array([speed * np.cos(angle)]), np.array([speed * np.sin(angle)]), np.zeros(1))
+    return Impacts.polar(speed, np.array([angle]), np.zeros(1))
 
 
 def apparent_friction(v_x1: FloatArray, v_y1: FloatArray, v_x2: FloatArray, v_y2: FloatArray) -> FloatArray:

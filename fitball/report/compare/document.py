@@ -222,7 +222,7 @@ def held_out(comparison: Comparison) -> list[Words | Table]:
         return []
     measured, table = measured_outputs(comparison.table), comparison.table
     impacts, both = table.impacts, len(chosen) > 1
-    angle, speed = np.degrees(np.arctan2(impacts.v_y1, impacts.v_x1)), np.hypot(impacts.v_x1, impacts.v_y1)
+    angle, speed = np.degrees(impacts.angle), impacts.speed
     columns = {"impact": list(table.ids)}
     columns |= {"angle [deg]": [f"{it:.1f}" for it in angle]} if table.has_tangential else {}
     columns["speed [m/s]"] = [f"{it:.1f}" for it in speed]

@@ -53,7 +53,7 @@ def impacts_along(fit: Fit) -> FloatArray:
     """Where impacts stand on the axis of the curves (impacts,)."""
     impacts = fit.problem.impacts
     if fit.problem.table.has_tangential:
-        return np.degrees(np.arctan2(impacts.v_y1, impacts.v_x1))
+        return np.degrees(impacts.angle)
     return impacts.v_y1
 
 

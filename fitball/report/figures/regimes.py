@@ -40,7 +40,7 @@ class RegimeBars:
 def regime_bars(fit: Fit, predictive: Predictive) -> RegimeBars:
     """What the figure shows; of many impacts MOST_BARS, evenly spread."""
     impacts = fit.problem.impacts
-    angle = np.degrees(np.arctan2(impacts.v_y1, impacts.v_x1))
+    angle = np.degrees(impacts.angle)
     groups = group_of(fit)
     along = angle if fit.problem.table.has_tangential else impacts.v_y1
     place = {group: k for k, group in enumerate(dict.fromkeys(groups))}

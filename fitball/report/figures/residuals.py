@@ -80,8 +80,8 @@ def incident_quantities(fit: Fit) -> Mapping[str, Incident]:
     everything = {
         "v_x1": Incident(r"$v_{x1}$ [m/s]", impacts.v_x1),
         "v_y1": Incident(r"$v_{y1}$ [m/s]", impacts.v_y1),
-        "v_1": Incident(r"speed $v_1$ [m/s]", np.hypot(impacts.v_x1, impacts.v_y1)),
-        "theta_1": Incident(r"angle $\theta_1$ [deg]", np.degrees(np.arctan2(impacts.v_y1, impacts.v_x1))),
+        "v_1": Incident(r"speed $v_1$ [m/s]", impacts.speed),
+        "theta_1": Incident(r"angle $\theta_1$ [deg]", np.degrees(impacts.angle)),
         "omega_1": Incident(r"spin $\omega_1$ [rad/s]", impacts.omega_1),
     }
     if not fit.problem.table.has_tangential:

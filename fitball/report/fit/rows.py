@@ -110,8 +110,8 @@ def prediction_table(fit: Fit) -> list[Row]:
     problem = fit.problem
     impacts = problem.impacts
     shown = range(len(impacts))[:MOST_ROWS]
-    theta = np.degrees(np.arctan2(impacts.v_y1, impacts.v_x1))
-    speed = np.hypot(impacts.v_x1, impacts.v_y1)
+    theta = np.degrees(impacts.angle)
+    speed = impacts.speed
     columns: dict[str, list[str]] = {}
     for observable in (item.everywhere(len(impacts)) for item in problem.observables):
         scale = output_scale(observable.name)

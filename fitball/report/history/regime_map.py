@@ -172,8 +172,8 @@ def _draw_names(axis: Axes, found: RegimeMap, marked: Areas) -> list[Text]:
 
 
 def _draw_impacts(axis: Axes, found: RegimeMap, impacts: Impacts, source: str) -> list[Line2D]:
-    speed = np.hypot(impacts.v_x1, impacts.v_y1)
-    angle = np.degrees(np.arctan2(impacts.v_y1, impacts.v_x1))
+    speed = impacts.speed
+    angle = np.degrees(impacts.angle)
     near = np.abs(speed / found.window.speed - 1.0) < NEAR
     handles = []
     for chosen, face, words in (

@@ -75,7 +75,7 @@ def _panel(axis: Axes, plan: Plan, gains: FloatArray, place: int, norm: Normaliz
     known = plan.measured
     near = np.argmin(np.abs(known.omega_1[:, None] - found.spins[None, :]), axis=1) == place
     axis.plot(
-        np.degrees(np.arctan2(known.v_y1, known.v_x1))[near], np.hypot(known.v_x1, known.v_y1)[near], "o",
+        np.degrees(known.angle)[near], known.speed[near], "o",
         color=MEASURED, markersize=3.0, alpha=0.7,
     )  # fmt: skip
     numbers: dict[tuple[float, float], list[str]] = {}
