@@ -141,6 +141,21 @@ class Impacts:
     def __hash__(self) -> int:
         return hash((self.v_x1.tobytes(), self.v_y1.tobytes(), self.omega_1.tobytes()))
 
+    @staticmethod
+    def polar(speed: FloatArray, angle: FloatArray, omega_1: FloatArray, cor: FloatArray | None = None) -> Impacts:
+        """Impacts at a speed [m/s] and an angle to the court [rad], above pi/2 against the direction of x."""
+        return Impacts(speed * np.cos(angle), speed * np.sin(angle), omega_1, cor)
+
+    @property
+    def speed(self) -> FloatArray:
+        """Speed of flight [m/s], (impacts,)."""
+        return np.asarray(np.hypot(self.v_x1, self.v_y1))
+
+    @property
+    def angle(self) -> FloatArray:
+        """Between the velocity and the court [rad], 0 to pi, (impacts,)."""
+        return np.asarray(np.arctan2(self.v_y1, self.v_x1))
+
     def take(self, rows: NDArray[np.int64]) -> Impacts:
         """The impacts with these row numbers."""
         cor = None if self.cor is None else self.cor[rows]

@@ -12,7 +12,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 # Growth is a decision: who raises one of these says in the commit what for, see CONTRIBUTING.
 CEILINGS: Mapping[str, int] = {
-    "lines of fitball": 59_800, "modules of fitball": 490, "lines of scripts": 5_100, "lines of tests": 31_800,
+    "lines of fitball": 59_700, "modules of fitball": 482, "lines of scripts": 4_400, "lines of tests": 31_700,
 }  # fmt: skip
 KINDS = ("code", "imports", "docstrings", "comments", "blank")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import fitball
-from fitball.data.reading.flip import flipped
+from fitball.data.misreading import flipped
 from fitball.values import Ball
 
 TENNIS = Ball()

@@ -10,7 +10,7 @@ from samples import GRIP_SLIP, TWO_MASS
 from scipy.optimize import minimize_scalar
 from scipy.special import comb
 from scipy.stats import beta, f, norm
-from validation.trust.foreign import INERTIA_RATIO, MASS, RADIUS, foreign_text, rebound
+from validation.foreign import INERTIA_RATIO, MASS, RADIUS, foreign_text, rebound
 
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
@@ -19,9 +19,9 @@ from fitball.inference.adequacy.describe import adequacy
 from fitball.inference.adequacy.directions import directions
 from fitball.inference.adequacy.looks import farthest, spreads, uneven
 from fitball.inference.adequacy.refit import refit
+from fitball.inference.assemble import qualified
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.problem.build import Choices, build_problem
-from fitball.inference.qualify import qualified
 from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.assumptions import Alternative, Assumptions
 from fitball.inference.results.results import Verdict

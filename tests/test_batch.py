@@ -21,7 +21,7 @@ from fitball.batch.tables import OWN_NAMES, fault_of, tasks_of
 from fitball.cli.main import main
 from fitball.errors import FitballError
 from fitball.inference.effort import Effort
-from fitball.inference.problem.choices import Choices
+from fitball.inference.problem.problem import Choices
 from fitball.report.batch.document import centre_rows, told
 from fitball.report.batch.figure import batch_figure
 from fitball.report.batch.rows import HEAD, NAME, read_rows, row_of

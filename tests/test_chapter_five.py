@@ -14,7 +14,7 @@ from uncertainties import ufloat
 
 import fitball
 from fitball.cli.main import main
-from fitball.data.thesis_tables import thesis_table
+from fitball.data.published import thesis_table
 from fitball.errors import TableError
 from fitball.inference.effort import Effort
 from fitball.inference.thesis import inputs as thesis_inputs

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from samples import drop_table, linear_problem, problem_of, search_briefly
-from validation.shared.simulated import SCHEDULE
+from validation.harness import SCHEDULE
 
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
@@ -23,7 +23,7 @@ from fitball.inference.effort import Effort
 from fitball.inference.likelihood.residuals import Weighting
 from fitball.inference.point.lmfit_minimiser import Minimiser
 from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.point.starts import starting_points
+from fitball.inference.point.point_fit import starting_points
 from fitball.inference.prediction.outputs import root_mean_square
 from fitball.inference.results.results import RunStatus
 from fitball.inference.sampling.ensembles import Schedule

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fitball.data.balances import Balances, balances, scene_balances
-from fitball.data.propagation import Uncertain
+from fitball.data.kinematics import Uncertain
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.errors import ParameterError

@@ -12,7 +12,7 @@ from written import assert_same, read
 
 import fitball
 from fitball.cli.main import main
-from fitball.data.dialect.guess import end_of, guess_of
+from fitball.data.names import end_of, guess_of
 from fitball.data.read import load_table
 from fitball.errors import ParameterError, SceneError, TableError
 

@@ -19,7 +19,7 @@ from fitball.data.scene import load_scene
 from fitball.data.table import ImpactTable
 from fitball.errors import TableError
 from fitball.inference.problem.build import build_problem
-from fitball.inference.problem.choices import Choices
+from fitball.inference.problem.problem import Choices
 from fitball.report.saved.run_file import find_tables, read_run, record_problem, run_text
 
 Rows = list[list[str]]

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from written import only
 
-from fitball.data.grid_text import parse_grid
-from fitball.data.impact_text import parse_impact
-from fitball.data.limits import beyond_limit
+from fitball.data.lines import parse_grid, parse_impact
+from fitball.data.numbers import beyond_limit
 from fitball.data.read import load_table
 from fitball.errors import ParameterError
 

@@ -17,8 +17,7 @@ from fitball.data.bundled import bundled_names, bundled_tables
 from fitball.data.force_file import find_force
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
-from fitball.data.scene_file import KEYS, Kind
-from fitball.data.scene_limits import range_fault
+from fitball.data.scene_keys import KEYS, Kind, range_fault
 from fitball.errors import SceneError, TableError
 from fitball.inference.problem.build import Choices, build_problem
 
@@ -208,34 +207,24 @@ def test_scenes_of_wang(name: str) -> None:
     assert "Wang" in scene.citation and "Texas A&M" in scene.citation
 
 
-def keys_of(known: Mapping[str, Any]) -> dict[str, Any]:
-    """KEYS as nested names; a section of free names is `None`."""
-    return {
-        name: keys_of(kind) if isinstance(kind, Mapping) else (None if kind.name.startswith("FREE") else kind)
-        for name, kind in known.items()
-    }
-
-
-def schema_keys(node: Mapping[str, Any]) -> dict[str, Any]:
+def schema_keys(node: Mapping[str, Any], section: str = "") -> dict[str, Kind | None]:
+    """The keys of the schema by dotted name; of free names the kind of section is not told (None)."""
     kinds = {f"#/$defs/{kind.name.lower()}": kind for kind in Kind}
-    names: dict[str, Any] = {}
+    names: dict[str, Kind | None] = {}
     for name, child in node["properties"].items():
-        if "$ref" in child:
-            names[name] = kinds[child["$ref"]]
-        elif "enum" in child:
-            names[name] = Kind.TEXT
-        elif isinstance(child["additionalProperties"], Mapping):
-            names[name] = None
-        else:
+        if "properties" in child:
             assert child["additionalProperties"] is False
-            names[name] = schema_keys(child)
+            names |= schema_keys(child, f"{name}.")
+        else:
+            names[section + name] = Kind.TEXT if "enum" in child else kinds.get(child.get("$ref"))
     return names
 
 
 def test_schema_and_reader_know_the_same_keys() -> None:
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
     assert SCHEMA["additionalProperties"] is False
-    assert schema_keys(SCHEMA) == keys_of(KEYS)
+    free = (Kind.FREE_TEXTS, Kind.FREE_NUMBERS, Kind.FREE_PRIORS)
+    assert schema_keys(SCHEMA) == {name: None if key.kind in free else key.kind for name, key in KEYS.items()}
 
 
 def test_schema_and_reader_refuse_the_same_files(tmp_path: Path) -> None:

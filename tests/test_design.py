@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from nested_monte_carlo import Planned, nested_gain
 
-from fitball.data.range_text import Range
+from fitball.data.lines import Range
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.inference.design.force_plate import plate_rows, with_plate

@@ -17,15 +17,14 @@ from made import pages
 from samples import TWO_MASS, coordinates_of, problem_of
 from scipy.stats import norm
 from scipy.stats import t as student
-from validation.sbc.replicate import RANKED
-from validation.sbc.summary import FAMILY_ERROR
-from validation.trust.pinned import PINNED
+from validation.pinned import PINNED
+from validation.ranks import FAMILY_ERROR, RANKED
 
 import fitball
 from fitball.data.columns import HEIGHTS, LABELS, MEASURED
-from fitball.data.scene_file import KEYS
+from fitball.data.scene_keys import KEYS
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
-from fitball.inference import weigh
+from fitball.inference import calibrate
 from fitball.inference.adequacy import describe, looks, refit
 from fitball.inference.adequacy import words as adequacy_words
 from fitball.inference.assumptions import ball_constants
@@ -41,7 +40,6 @@ from fitball.inference.population.draws import SMOOTH
 from fitball.inference.population.trend import LEAST_TABLES
 from fitball.inference.prediction.extrapolation import SLACK
 from fitball.inference.problem import force_records, measurement_noise
-from fitball.inference.problem import group_bias as offsets
 from fitball.inference.problem import pooling as levels
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results import adequacy, fitted_model, score_difference
@@ -49,7 +47,7 @@ from fitball.inference.results import assumptions as assumption_values
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT, RunStatus, Verdict
 from fitball.inference.results.source import COUNTS, NUMBERS
 from fitball.inference.sampling import ensembles as sampling
-from fitball.inference.sampling import importance_posterior, moves
+from fitball.inference.sampling import importance, moves
 from fitball.models.registry import MODELS
 from fitball.models.specs import SPECS
 from fitball.models.types import PHASE_SYMBOL, Closures, ThesisClosures
@@ -71,8 +69,8 @@ DECIDING = {
     "share of independence proposals": moves.INDEPENDENT,
     "drop of a 68 % profile interval": profile.DROP_68,
     "drop of a 95 % profile interval": round(profile.DROP_95, 2),
-    "rows beyond which draws are weighed": weigh.WEIGHED,
-    "effective draws that a weighed draw is worth, at least": weigh.LEAST_WORTH,
+    "rows beyond which draws are weighed": calibrate.WEIGHED,
+    "effective weighed draws, at least": calibrate.LEAST_WEIGHED,
     "rows profiled unasked": PROFILED,
     "contraction that is next to nothing": identifiability.NEGLIGIBLE,
     "contraction without the scene that is not enough": identifiability.NOT_ALONE,
@@ -89,12 +87,12 @@ DECIDING = {
     "means of a force record": force_records.NODES,
     "correlation length of the misfit": force_records.ALIKE,
     "expected spread between levels": levels.EXPECTED_SPREAD,
-    "expected group offset in noises": offsets.EXPECTED,
+    "expected group offset in noises": levels.EXPECTED,
     "Pareto k": loo.K_TRUSTED,
     "sure difference in standard errors": score_difference.SURE_ERRORS,
     "sure difference": score_difference.SURE_SIZE,
-    "effective draws of a quick fit": importance_posterior.ENOUGH,
-    "effective draws of a quick fit, at least": importance_posterior.LEAST,
+    "effective draws of a quick fit": importance.ENOUGH,
+    "effective draws of a quick fit, at least": importance.LEAST,
     "impacts up to which alternatives are drawn": assumptions_look.ROWS,
     "free parameters up to which alternatives are drawn": assumptions_look.DIMENSIONS,
     "sds by which a value moves that rests on a choice": assumption_values.MOVED,
@@ -199,9 +197,7 @@ def test_columns_units_and_keys_of_a_scene():
     assert units == {item.value: symbols(item) for item in Dimension}
     for name, _, default in table(FORMATS, "dimension", "units", "without a bracket"):
         assert default.strip("`") == DEFAULT_UNIT[Dimension(name)].symbol
-    keys = {f"{section}.{key}" for section, kind in KEYS.items() if isinstance(kind, dict) for key in kind}
-    keys |= {section for section, kind in KEYS.items() if not isinstance(kind, dict)}
-    assert column(FORMATS, "key", "holds") == keys
+    assert column(FORMATS, "key", "holds") == set(KEYS)
 
 
 def test_result_folder(tmp_path, brief):

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.stats import chi2, norm
 from scipy.stats import t as student
 
-from fitball.data.ball_types import BALL_TYPES
+from fitball.data.heights import BALL_TYPES
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.data.table import Measurement

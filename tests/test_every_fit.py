@@ -83,7 +83,7 @@ def quick():
     """Few starts; figures of few dots that nobody lays out, and none on the pages: they are those beside them."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("fitball.inference.point.point_fit.STARTS", 3)
-        patch.setattr("fitball.inference.point.starts.SCREENED", 100)
+        patch.setattr("fitball.inference.point.point_fit.SCREENED", 100)
         patch.setattr("fitball.inference.sampling.ensembles.POOL", 300)
         patch.setattr("fitball.report.figures.canvas.save_figure.__defaults__", ("png", 30))
         patch.setattr("matplotlib.layout_engine.do_constrained_layout", lambda *_, **__: None)

@@ -19,7 +19,7 @@ import fitball
 from fitball.cli.main import main
 from fitball.exports import FORMAT_NAMES, OWNERS
 from fitball.exports.formats import TEXT_FORMATS
-from fitball.exports.parameters import latex_table, markdown_table, paper_rows, parameter_content
+from fitball.exports.parameters import latex_table, paper_markdown, paper_rows, parameter_content
 from fitball.report.form.numbers import decimals, fixed
 
 
@@ -184,12 +184,12 @@ def test_a_number_the_prior_decides_is_marked(small_fit, tmp_path):
     content |= {"covariance": None, "correlation": None}
     (tmp_path / "fit.json").write_text(json.dumps(content), encoding="utf-8")
     marked = fitball.load_fit(tmp_path)
-    for text in (markdown_table(marked), latex_table(marked)):
+    for text in (paper_markdown(marked), latex_table(marked)):
         assert "set by what was assumed beforehand rather than by the impacts" in text
     (mu,) = (row for row in paper_rows(marked) if row.name == "mu")
     assert mu.sd == ""
     assert float(mu.value) == pytest.approx(marked.parameters["mu"].point, rel=1e-3)
-    assert "assumed beforehand" not in markdown_table(fitball.load_fit(small_fit))
+    assert "assumed beforehand" not in paper_markdown(fitball.load_fit(small_fit))
 
 
 def test_a_number_is_rounded_in_the_unit_it_is_shown_in(saved):
@@ -203,7 +203,7 @@ def test_a_number_is_rounded_in_the_unit_it_is_shown_in(saved):
 
 
 def test_markdown_has_one_row_a_parameter(saved):
-    lines = markdown_table(saved).splitlines()
+    lines = paper_markdown(saved).splitlines()
     rows = [line for line in lines if line.startswith("| `")]
     assert len(rows) == len(saved.parameters)
     assert all(line.count("|") == 6 for line in rows)
@@ -212,7 +212,7 @@ def test_markdown_has_one_row_a_parameter(saved):
 def test_labels_of_a_user_keep_tables_whole(saved):
     odd = replace(saved.parameters["mu"], name="mu_place[a|b <c>]", meaning="of a|b\n<c>")
     shown = replace(saved, parameters={odd.name: odd})
-    assert "\n| `mu_place[a\\|b <c>]` | of a\\|b <c> |" in markdown_table(shown)
+    assert "\n| `mu_place[a\\|b <c>]` | of a\\|b <c> |" in paper_markdown(shown)
     assert r"mu\_place[a\textbar{}b \textless{}c\textgreater{}] & \raggedright of a\textbar{}b" in latex_table(shown)
 
 

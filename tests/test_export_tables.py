@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import fitball
 from fitball.cli.main import main
-from fitball.data.grid_text import parse_grid
+from fitball.data.lines import parse_grid
 from fitball.errors import ModelError, ParameterError
 from fitball.exports.engine_settings import mujoco
 from fitball.inference.prediction.engine_fit import fit_engine, middle_impact

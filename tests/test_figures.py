@@ -16,9 +16,9 @@ from fitball.data.scene import Scene
 from fitball.errors import ParameterError
 from fitball.inference.prediction.curves import NEAR, curves
 from fitball.inference.problem.build import build_problem
-from fitball.inference.problem.choices import Choices
-from fitball.inference.problem.group_bias import build_group_bias
 from fitball.inference.problem.noise import KINDS
+from fitball.inference.problem.pooling import build_group_bias
+from fitball.inference.problem.problem import Choices
 from fitball.models.registry import model
 from fitball.observables import OBSERVABLES
 from fitball.report.figures.corner import LEVELS, corner_data, pair_density

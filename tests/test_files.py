@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from validation.shared.growing_csv import GrowingCsv
+from validation.harness import Study, run
 
 import fitball
 from fitball import files
@@ -23,6 +23,7 @@ from fitball.inference.sampling.chain_file import ChainFile, EnsembleChain, read
 from fitball.report.form import folders
 from fitball.report.form.files import refuse_existing, remove, write_csv, write_text
 from fitball.report.form.folders import LOCK_NAME, held
+from fitball.scheduling.engine import engine
 
 ROOT = Path(__file__).resolve().parent.parent
 POSIX = pytest.mark.skipif(os.name != "posix", reason="pipes, links and limits of a POSIX system")
@@ -419,9 +420,10 @@ def test_other_files_on_a_full_disk(small_fit, tmp_path, disk, capsys):
     with pytest.raises(ResultFolderError, match="the disk is full"):
         write_csv(tmp_path / "long.csv", ({"a": k, "b": "x" * 50} for k in range(5000)))
     disk(None)
-    grown = GrowingCsv(tmp_path / "grown.csv", ["a"], {}, "numbers")
-    assert grown.open() == 0
-    assert names(tmp_path) == ["grown.csv"]
+    assert run(Study("grown", lambda _seed, number: [{"a": number}], {}), 1, 2, tmp_path, engine(1)) == [
+        [{"a": 0}], [{"a": 1}]
+    ]  # fmt: skip
+    assert names(tmp_path) == ["grown.jsonl"]
 
 
 LIMITED = (

@@ -21,8 +21,7 @@ from fuzz.user_files import hand_written
 from fuzz.workbooks import workbooks
 
 from fitball.cli.main import main
-from fitball.data.grid_text import parse_grid
-from fitball.data.impact_text import parse_uncertain_impact
+from fitball.data.lines import parse_grid, parse_uncertain_impact
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.inference.problem.priors import parse_prior

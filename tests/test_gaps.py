@@ -9,8 +9,8 @@ import numpy as np
 import pandas
 import pytest
 
+from fitball.data.misreading import doubt_of
 from fitball.data.read import load_table
-from fitball.data.reading.doubt import doubt_of
 from fitball.data.table import ImpactTable
 from fitball.errors import TableError
 

@@ -16,7 +16,7 @@ from test_court_pace import sliding_rows
 import fitball
 from fitball.api import pose
 from fitball.cli.main import main
-from fitball.data.literature import published_priors, with_published
+from fitball.data.published import published_priors, with_published
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitballError, ParameterError

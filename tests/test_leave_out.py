@@ -120,7 +120,7 @@ def test_refits_and_smoothed_importance_sampling_agree_where_k_is_good(monkeypat
     assert sorted(again.refitted) == sorted(best)
     assert not again.unsettled
     np.testing.assert_allclose(again.elpd[best], found.elpd[best], atol=0.1)
-    monkeypatch.setattr("fitball.inference.sampling.left_out.MEETING", np.inf)
+    monkeypatch.setattr("fitball.inference.sampling.importance.MEETING", np.inf)
     row = again.refitted[0]
     optimum = problem.to_coordinates(np.array([[fit.point.values[name] for name in problem.free_names]]))[0]
     draws = fit.posterior.draws

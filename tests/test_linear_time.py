@@ -12,18 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitball.data.columns import read_header, split_cell
-from fitball.data.dialect.cells import RawRow
-from fitball.data.dialect.delimited import DELIMITERS
-from fitball.data.dialect.guess import _WORDS, _cut, end_of, guess_of
-from fitball.data.dialect.layout import _bare, is_number
-from fitball.data.dialect.numbers import explained, plain_numbers, split_deviations
-from fitball.data.findings import Findings
-from fitball.data.grid_text import parse_grid, parse_window
-from fitball.data.impact_text import parse_impact
-from fitball.data.number_column import NumberColumn, read_column
-from fitball.data.range_text import parse_range
-from fitball.data.scene_file import _PRIOR
+from fitball.data.findings import Findings, RawRow
+from fitball.data.header import read_header, split_cell
+from fitball.data.layout import _bare, is_number
+from fitball.data.lines import parse_grid, parse_impact, parse_range, parse_window
+from fitball.data.names import _WORDS, _cut, end_of, guess_of
+from fitball.data.numbers import NumberColumn, explained, plain_numbers, read_column, split_deviations
+from fitball.data.scene_keys import _PRIOR
+from fitball.data.text import DELIMITERS
 from fitball.data.units import unit_of
 from fitball.errors import FitballError
 

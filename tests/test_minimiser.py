@@ -17,7 +17,7 @@ from fitball.inference.point import lmfit_minimiser as lmfit_side
 from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.lmfit_minimiser import Minimiser
 from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.point.starts import starting_points
+from fitball.inference.point.point_fit import starting_points
 from fitball.inference.problem.build import Choices, build_problem
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from samples import GRIP_SLIP, coordinates_of, drop_table, problem_of, same_values, synthetic
 from scipy import stats
-from validation.sbc.replicate import BounceExperiment
+from validation.ranks import Bounces
 
 import fitball
 from fitball.data.balances import scene_balances
@@ -351,7 +351,7 @@ def test_a_simulated_table_has_the_same_gaps(tmp_path):
         "v_x1,v_y1,omega_1,v_x2,v_y2,v_y2_sd,omega_2\n15,5,0,11,4,0.1,\n14,7,0,9,,,290\n13,9,0,8,7,0.2,260\n"
     )
     table = load_table(place)
-    made = BounceExperiment(str(place), "grip-slip").simulated(
+    made = Bounces(str(place), "grip-slip").simulated(
         values_of(problem_of(table, "grip-slip"))[0], np.random.default_rng(2)
     )
     for one, other in zip(table.measurements, made.table.measurements, strict=True):

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from samples import GRIP_SLIP, TWO_MASS, drop_table, linear_problem, problem_of
-from validation.trust import pinned as module
-from validation.trust.pinned import pinned
+from validation.pinned import BEYOND, PINNED, pinned
 
 LINE = {"cor_10": 0.76, "cor_slope": -0.014, "velocity_sd": 0.05}
 
@@ -65,4 +64,4 @@ def test_a_table_is_asked_without_its_own_noise():
         problem, observables=tuple(replace(one, observed=0.0 * one.observed) for one in problem.observables)
     )
     assert pinned(problem, LINE) == pinned(wild, LINE)
-    assert module.PINNED > module.BEYOND
+    assert PINNED > BEYOND

@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 from validation import command as validate
-from validation.plan import run
-from validation.plan.cases import CASES, Case
-from validation.plan.findings import finding
-from validation.plan.replicate import AGAIN, PLANNED, Narrowed, extended, planned_from, replicate
+from validation import plans
+from validation.plans import AGAIN, CASES, PLANNED, Case, extended, finding, planned_from, replicate
 
 from fitball.errors import FitError
 from fitball.inference.design.sensor import PlannedColumn
@@ -24,7 +22,7 @@ CASE = Case(
 
 @pytest.fixture(scope="module")
 def ready(grip_slip_fit):
-    return planned_from(CASE, grip_slip_fit, 1)
+    return planned_from("friction", CASE, grip_slip_fit, 1)
 
 
 def test_new_impacts_enter_the_density_beside_those_of_the_table(ready):
@@ -56,10 +54,9 @@ def test_a_new_column_has_the_sd_of_its_sensor_and_no_column_two_noises(ready):
 
 
 def test_refits_narrow_as_promised_and_repeat_bit_for_bit(ready):
-    made = [replicate(ready, 3, number) for number in range(6)]
-    again = replicate(ready, 3, 2)
-    assert again[PLANNED].nats == made[2][PLANNED].nats
-    found = finding("friction", ready, {name: [one[name] for one in made] for name in ready.designs})
+    made = [row for number in range(6) for row in replicate(ready, 3, number)]
+    assert replicate(ready, 3, 2) == [made[2]]
+    found = finding(ready, made)
     assert found.replicates == 6 and found.lost == 0
     for line in found.lines:
         assert abs(line.off) < 0.25, line
@@ -67,26 +64,30 @@ def test_refits_narrow_as_promised_and_repeat_bit_for_bit(ready):
 
 
 def test_a_broken_promise_and_a_plan_that_is_no_better_are_told(ready):
-    plan = ready.designs[PLANNED]
-    kept = [Narrowed(1.0, plan.sds * (1.0 + 0.01 * k), 1500.0) for k in (-1, 0, 1)]
-    table = [Narrowed(0.2, ready.designs[AGAIN].sds * (1.0 + 0.01 * k), 1500.0) for k in (-1, 0, 1)]
-    assert finding("x", ready, {PLANNED: kept, AGAIN: table}).holds
-    wide = [replace(one, sds=1.3 * one.sds) for one in kept]
-    assert not finding("x", ready, {PLANNED: wide, AGAIN: table}).kept
-    assert not finding("x", ready, {PLANNED: [replace(one, nats=0.2 + 0.1 * k) for k, one in enumerate(kept, -1)],
-                                    AGAIN: table}).better  # fmt: skip
-    lost = finding("x", ready, {PLANNED: [*kept, None], AGAIN: [*table, table[0]]})
+    def made(planned=1.0, factor=1.0, step=0.0):
+        """Three refits each, within a hundredth of what is promised times a `factor`."""
+        designs = {PLANNED: (planned, factor, step), AGAIN: (0.2, 1.0, 0.0)}
+        return [
+            {name: {"nats": nats + k * each, "sds": (times * (1.0 + 0.01 * k) * ready.designs[name].sds).tolist()}
+             for name, (nats, times, each) in designs.items()}
+            for k in (-1, 0, 1)
+        ]  # fmt: skip
+
+    assert finding(ready, made()).holds
+    assert not finding(ready, made(factor=1.3)).kept
+    assert not finding(ready, made(planned=0.2, step=0.1)).better
+    lost = finding(ready, [*made(), {PLANNED: None, AGAIN: made()[0][AGAIN]}])
     assert lost.lost == 1 and lost.replicates == 3
 
 
 def test_the_command_goes_on_where_it_stopped(ready, monkeypatch, tmp_path, capsys):
     monkeypatch.setitem(CASES, "friction", CASE)
-    monkeypatch.setattr(run, "prepared", lambda name, seed: ready)
+    monkeypatch.setattr(plans, "prepared", lambda name, seed: ready)
     words = ["--plan", "--cases", "friction", "--out", str(tmp_path), "--quiet", "--replicates"]
     validate.main([*words, "2"])
-    begun = (tmp_path / "friction.csv").read_bytes()
+    begun = (tmp_path / "friction.jsonl").read_bytes()
     assert validate.main([*words, "4"]) in (0, 1)
-    assert (tmp_path / "friction.csv").read_bytes().startswith(begun)
+    assert (tmp_path / "friction.jsonl").read_bytes().startswith(begun)
     out = capsys.readouterr().out
     assert "4 simulated tables, 0 without a refit" in out
     assert (tmp_path / "sds.csv").read_text(encoding="utf-8").startswith("case,design,part,promised,found,se,off\n")

@@ -14,7 +14,7 @@ from test_design import first_order, posterior_from
 
 import fitball
 from fitball.data.join import joined
-from fitball.data.range_text import Range, parse_range
+from fitball.data.lines import Range, parse_range
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitError, ParameterError

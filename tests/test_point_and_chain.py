@@ -25,8 +25,7 @@ from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.point.gauss_newton import Reached
 from fitball.inference.point.least_squares import deeper, least_squares
 from fitball.inference.point.maximum_posterior import higher_maximum, maximum_posterior
-from fitball.inference.point.point_fit import point_fit
-from fitball.inference.point.starts import _moved, other_regimes, starting_points
+from fitball.inference.point.point_fit import _moved, other_regimes, point_fit, starting_points
 from fitball.inference.results.results import RunStatus
 from fitball.inference.sampling.ensembles import Sampled
 from fitball.inference.second_search import search_again

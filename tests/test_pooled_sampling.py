@@ -16,6 +16,7 @@ from fitball.inference.problem.pooling import Pooling
 from fitball.inference.problem.priors import JointPrior, parse_prior
 from fitball.inference.sampling import ensemble as walking
 from fitball.inference.sampling import ensembles as sampling
+from fitball.inference.sampling.convergence import standard_errors, summaries
 from fitball.inference.sampling.ensembles import Schedule, Settings, sample
 from fitball.inference.sampling.level_coordinates import (
     LevelCoordinates,
@@ -23,7 +24,6 @@ from fitball.inference.sampling.level_coordinates import (
     straight_coordinates,
     taught_level,
 )
-from fitball.inference.sampling.monte_carlo_error import standard_errors, summaries
 
 MU = "lognormal(0.6, 0.3)"
 LIKE = {"far apart": ([-0.38, -0.70], [0.014, 0.015]), "alike": ([-0.51, -0.50], [0.011, 0.016]),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fitball
-from fitball.data.impact_text import parse_impact
+from fitball.data.lines import parse_impact
 from fitball.errors import ModelError, ParameterError
 from fitball.inference.prediction.extrapolation import calibrated_range, hull_distances
 from fitball.inference.prediction.holdout_scores import impacts_seen, scores

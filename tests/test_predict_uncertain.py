@@ -13,7 +13,7 @@ from test_predict import LEVELS, bounce, fitted_grip_slip
 
 import fitball
 from fitball.cli.main import main
-from fitball.data.impact_text import parse_impact, parse_uncertain_impact
+from fitball.data.lines import parse_impact, parse_uncertain_impact
 from fitball.errors import ParameterError
 from fitball.inference.prediction.new_impacts import predict_new
 from fitball.models.types import STATUS_REASON, Status

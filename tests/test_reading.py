@@ -17,12 +17,8 @@ import fitball
 from fitball.api import pose
 from fitball.cli.main import main
 from fitball.data.bundled import bundled_names
-from fitball.data.reading.doubt import doubt_of, doubt_of_table
-from fitball.data.reading.flip import FLIPPABLE, flipped
-from fitball.data.reading.hypotheses import hypotheses
-from fitball.data.reading.impulse_laws import misfit
-from fitball.data.reading.motion import motion_of
-from fitball.data.reading.spins import missing_above
+from fitball.data.laws import misfit, missing_above, motion_of
+from fitball.data.misreading import FLIPPABLE, doubt_of, doubt_of_table, flipped, hypotheses
 from fitball.data.scene import Scene, load_scene
 from fitball.data.units import UNITS
 from fitball.errors import ParameterError, ReadingError, TableError

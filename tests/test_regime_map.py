@@ -11,7 +11,7 @@ import pytest
 
 import fitball
 from fitball.cli.main import main
-from fitball.data.grid_text import parse_window
+from fitball.data.lines import parse_window
 from fitball.errors import ModelError, ParameterError
 from fitball.inference.prediction.regime_map import NONE, Window, regime_map
 from fitball.inference.results.fitted_model import at_values

@@ -26,7 +26,7 @@ from fitball.inference.calibrate import fingerprint
 from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.source import digest
-from fitball.inference.sampling.monte_carlo_error import standard_errors, summaries
+from fitball.inference.sampling.convergence import standard_errors, summaries
 from fitball.repeat.compare import Outcome, compared
 from fitball.repeat.kept import read_kept, write_numbers
 from fitball.report.saved.run_file import find_tables, read_run, record_problem, run_text

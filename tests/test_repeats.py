@@ -13,7 +13,7 @@ import fitball
 from fitball.api import check
 from fitball.data.bundled import bundled_names
 from fitball.data.join import trusted_table
-from fitball.data.reading.repeats import repeats_of
+from fitball.data.repeats import repeats_of
 from fitball.data.scene import Scene
 from fitball.errors import ReadingError
 

@@ -26,7 +26,7 @@ BREAKS = {
     ),
     "Models: kernels, faces, registry": ("fitball.models.types", "fitball.models.registry"),
     "Only figures draw": ("fitball.inference.results.results", "matplotlib"),
-    "Only the minimiser knows lmfit": ("fitball.inference.point.starts", "lmfit"),
+    "Only the minimiser knows lmfit": ("fitball.inference.point.point_fit", "lmfit"),
     "Only sampling knows emcee": ("fitball.inference.point.point_fit", "emcee"),
     "Only scheduling starts processes, by joblib or Dask": ("fitball.report.batch.document", "joblib"),
     "Models need numpy and numba only, their oracle scipy and mpmath too": ("fitball.models.model", "pandas"),

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import io
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from toy_experiment import Toy
+from validation import ranks
 from validation.command import Counter, main
-from validation.sbc import run as sbc_run
-from validation.sbc.figure import rank_figure
-from validation.sbc.replicate import BounceExperiment, Ranked, ranks_among, run_replicate
-from validation.sbc.run import run_replicates
-from validation.sbc.summary import summarise, summary_json, summary_rows
+from validation.harness import run
+from validation.ranks import Bounces, complaints, judge, quantities, rank_figure, ranks_among
 
 from fitball.cli.terminal import ProgressLine
 from fitball.errors import ResultFolderError
@@ -22,8 +19,15 @@ from fitball.inference.likelihood.posterior import densities
 from fitball.scheduling.engine import engine
 
 
-def findings(toy, count=200, seed=1):
-    return summarise({"toy": (toy.names, [run_replicate(toy, seed, k) for k in range(count)])})
+def made(toy, count=200, seed=1):
+    """Records of the toy's replicates."""
+    return [row for k in range(count) for row in toy.replicate(seed, k)]
+
+
+def found_of(rows):
+    """The quantities and what is complained of."""
+    found = quantities({"toy": rows})
+    return found, complaints(rows, found)
 
 
 def test_the_rank_is_the_number_of_draws_below():
@@ -32,85 +36,90 @@ def test_the_rank_is_the_number_of_draws_below():
 
 
 def test_an_exact_posterior_passes():
-    (found,) = findings(Toy())
-    assert found.complaints == ()
-    assert [item.name for item in found.quantities] == ["mean", "log_likelihood"]
-    for item in found.quantities:
-        for part in item.coverages:
-            assert part.low <= part.nominal <= part.high
-    assert summary_json((found,), 1)["holds"]
+    rows = made(Toy())
+    found, complained = found_of(rows)
+    assert complained == []
+    assert [item.name for item in found] == ["mean", "log_likelihood"]
+    for item in found:
+        for nominal, part in item.coverages.items():
+            assert part.low <= nominal <= part.high
+    assert judge({"toy": rows}, 1).content["holds"]
 
 
 @pytest.mark.parametrize("told", [0.5, 3.0])
 def test_a_wrong_sigma_fails(told):
-    (found,) = findings(Toy(told))
-    mean, score = found.quantities
+    (mean, score), complained = found_of(made(Toy(told)))
     # A fit that believes in too little noise is too sure of the mean. One that believes in far too much returns the
     # prior, which covers: the likelihood tells.
     if told < 1.0:
-        assert mean.coverages[1].high < 0.8
+        assert mean.coverages[0.8].high < 0.8
         assert not mean.holds
     assert not score.holds
-    assert found.complaints
+    assert complained
 
 
 def test_a_posterior_blind_to_the_data_is_caught_by_the_likelihood_alone():
-    (found,) = findings(Toy(blind=True))
-    assert found.quantities[0].holds
-    assert not found.quantities[1].holds
+    (mean, score), _complained = found_of(made(Toy(blind=True)))
+    assert mean.holds and not score.holds
+
+
+def test_a_slant_that_no_bin_shows_is_seen_by_the_empirical_distribution():
+    slanted = (200 * ((np.arange(300) + 0.5) / 300) ** 1.35).astype(int).tolist()
+    (found,) = quantities({"toy": [{"ranks": {"mean": rank}, "converged": True, "failed": ""} for rank in slanted]})
+    assert found.chi_square_p > 0.01 > found.ecdf_p
+    assert not found.holds
 
 
 def test_too_few_and_unconverged_replicates_prove_nothing():
-    toy = Toy()
-    ranked = [run_replicate(toy, 1, k) for k in range(40)]
-    assert "prove nothing" in summarise({"t": (toy.names, ranked[:19])})[0].complaints[0]
-    spoilt = [replace(item, converged=k > 2) for k, item in enumerate(ranked)]
-    (found,) = summarise({"t": (toy.names, spoilt)})
-    assert found.unconverged == 3
-    assert "3 of 40 replicates did not converge" in found.complaints[0]
+    ranked = made(Toy(), 40)
+    assert "prove nothing" in found_of(ranked[:19])[1][0]
+    found, complained = found_of([{**row, "converged": k > 2} for k, row in enumerate(ranked)])
+    assert "3 of 40 replicates did not converge" in complained[0]
     # They are ranked all the same.
-    assert found.quantities[0].ranks.size == 40
-    failed = [*ranked[3:], *[Ranked({}, False, 0, 0.0, float("nan"), "no start")] * 3]
-    (found,) = summarise({"t": (toy.names, failed)})
-    assert (found.failed, found.quantities[0].ranks.size) == (3, 37)
-    assert len(found.complaints) == 1
+    assert found[0].ranks.size == 40
+    found, complained = found_of([*ranked[3:], *[{"ranks": {}, "converged": False, "failed": "no start"}] * 3])
+    assert found[0].ranks.size == 37
+    assert len(complained) == 1 and "3 had no fit" in complained[0]
 
 
 def test_an_interrupted_run_goes_on_to_the_same_bytes(tmp_path):
-    whole, cut = tmp_path / "whole.csv", tmp_path / "cut.csv"
-    run_replicates(Toy(), 3, 9, whole, engine(1))
+    def place(name):
+        return tmp_path / name / "ranks_toy.jsonl"
+
+    whole = run(Toy().study, 3, 9, tmp_path / "whole", engine(1))
     with pytest.raises(KeyboardInterrupt):
-        run_replicates(Toy(fails_at=5), 3, 9, cut, engine(1))
-    assert cut.read_bytes() == whole.read_bytes()[: cut.stat().st_size]
+        run(Toy(fails_at=5).study, 3, 9, tmp_path / "cut", engine(1))
+    assert place("whole").read_bytes().startswith(place("cut").read_bytes())
     # A line that was being written when the power failed.
-    cut.write_bytes(cut.read_bytes()[:-7])
+    place("cut").write_bytes(place("cut").read_bytes()[:-7])
     seen = []
-    ranked = run_replicates(Toy(), 3, 9, cut, engine(1), seen.append)
+    assert run(Toy().study, 3, 9, tmp_path / "cut", engine(1), seen.append) == whole
     assert seen == [4, 5, 6, 7, 8, 9]
-    assert cut.read_bytes() == whole.read_bytes()
-    assert ranked == [run_replicate(Toy(), 3, k) for k in range(9)]
-    assert run_replicates(Toy(), 3, 2, whole, engine(1)) == ranked[:2]
-    other = tmp_path / "other.csv"
-    run_replicates(Toy(), 4, 9, other, engine(1))
-    assert other.read_bytes().splitlines()[2:] != whole.read_bytes().splitlines()[2:]
+    assert place("cut").read_bytes() == place("whole").read_bytes()
+    assert whole == [Toy().replicate(3, k) for k in range(9)]
+    assert run(Toy().study, 3, 2, tmp_path / "whole", engine(1)) == whole[:2]
+    assert run(Toy().study, 4, 9, tmp_path / "other", engine(1)) != whole
 
 
-def test_ranks_of_another_run_and_damaged_ones_are_refused(tmp_path):
-    place = tmp_path / "ranks.csv"
-    run_replicates(Toy(), 3, 2, place, engine(1))
+def test_replicates_of_another_run_and_damaged_ones_are_refused(tmp_path):
+    run(Toy().study, 3, 2, tmp_path, engine(1))
     for toy, seed in ((Toy(0.5), 3), (Toy(), 4)):
-        with pytest.raises(ResultFolderError, match="ranks of another run"):
-            run_replicates(toy, seed, 4, place, engine(1))
+        with pytest.raises(ResultFolderError, match="replicates of another run"):
+            run(toy.study, seed, 4, tmp_path, engine(1))
+    place = tmp_path / "ranks_toy.jsonl"
     lines = place.read_text(encoding="utf-8").splitlines(keepends=True)
-    for broken in (lines[3].replace("1,", "7,", 1), "1,x,2,1,1,5.0,1.0,\n", "1,2\n"):
-        place.write_text("".join([*lines[:3], broken]), encoding="utf-8")
-        with pytest.raises(ResultFolderError, match="line 4 is damaged"):
-            run_replicates(Toy(), 3, 2, place, engine(1))
+    for broken in (lines[2].replace("}", "", 1), "[1, 2]\n", "{}\n", "\n"):
+        place.write_text("".join([*lines[:2], broken]), encoding="utf-8")
+        with pytest.raises(ResultFolderError, match="line 3 is damaged"):
+            run(Toy().study, 3, 2, tmp_path, engine(1))
+    place.write_bytes(b"\xff")
+    with pytest.raises(ResultFolderError, match="cannot be read"):
+        run(Toy().study, 3, 2, tmp_path, engine(1))
 
 
 def test_the_truth_is_drawn_from_all_that_is_known_before_the_table():
     """Against importance sampling: prior draws weighted with the reference density over the prior."""
-    experiment = BounceExperiment("wang_all.csv", "two-mass")
+    experiment = Bounces("wang_all.csv", "two-mass")
     problem = experiment.problem
     truths = np.array([experiment.truth(np.random.default_rng([5, k])) for k in range(120)])
     assert np.all(densities(problem, truths, measured=False).possible)
@@ -130,7 +139,7 @@ def test_the_truth_is_drawn_from_all_that_is_known_before_the_table():
 
 
 def test_simulated_tables_scatter_as_the_noise_says():
-    experiment = BounceExperiment("wang_all.csv", "grip-slip")
+    experiment = Bounces("wang_all.csv", "grip-slip")
     values = experiment.truth(np.random.default_rng(1))
     rebound = experiment.problem.rebound(values[None, :])
     named = dict(zip(experiment.problem.free_names, values, strict=True))
@@ -139,7 +148,7 @@ def test_simulated_tables_scatter_as_the_noise_says():
     z = np.concatenate([(item.observed - item.predict(rebound)[0]) / named[item.noise] for item in observables])
     assert abs(z.mean()) < 3.5 / np.sqrt(z.size)
     assert z.std() == pytest.approx(1.0, abs=3.5 / np.sqrt(2 * z.size))
-    wrong = BounceExperiment("wang_all.csv", "grip-slip", 0.5)
+    wrong = Bounces("wang_all.csv", "grip-slip", 0.5)
     told = {item.name: item.fixed for item in wrong.simulated(values, np.random.default_rng(0)).parameters}
     assert told["v_x_sd"] == pytest.approx(0.5 * named["v_x_sd"])
     assert "v_x_sd" not in wrong.names
@@ -151,20 +160,18 @@ def test_the_command_end_to_end(tmp_path, capsys):
     out, err = capsys.readouterr()
     assert "2 replicates prove nothing" in out
     assert "grip-slip: 2 of 2 replicates" in err
-    names = ["ranks_grip-slip.csv", "ranks_grip-slip.png", "summary.csv", "summary.json"]
+    names = ["ranks_grip-slip.jsonl", "ranks_grip-slip.png", "summary.csv", "summary.json"]
     assert sorted(item.name for item in (tmp_path / "v").iterdir()) == names
     assert sum(item.stat().st_size for item in (tmp_path / "v").iterdir()) < 500_000
-    before = (tmp_path / "v" / "ranks_grip-slip.csv").read_bytes()
+    before = (tmp_path / "v" / "ranks_grip-slip.jsonl").read_bytes()
     assert main([*command, "--quiet", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["models"]["grip-slip"]["unconverged"] == 0
-    assert (tmp_path / "v" / "ranks_grip-slip.csv").read_bytes() == before
+    assert (tmp_path / "v" / "ranks_grip-slip.jsonl").read_bytes() == before
 
 
 def test_the_commands_verdict_and_exit_codes(tmp_path, capsys, monkeypatch):
-    import validation.sbc.replicate as sbc
-
     for told, code in ((1.0, 0), (0.5, 1)):
-        monkeypatch.setattr(sbc, "BounceExperiment", lambda _table, _model, _wrong, told=told: Toy(told))
+        monkeypatch.setattr(ranks, "Bounces", lambda _table, _model, _wrong, told=told: Toy(told))
         assert (
             main(["--models", "toy", "--replicates", "60", "--cores", "1", "--out", str(tmp_path / str(told))])
             == code
@@ -173,10 +180,7 @@ def test_the_commands_verdict_and_exit_codes(tmp_path, capsys, monkeypatch):
     assert "The truth ranks uniformly" in out
     assert "Validation FAILED" in out
 
-    def stop(*_args):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(sbc_run, "run_replicate", stop)
+    monkeypatch.setattr(ranks, "Bounces", lambda *_given: Toy(fails_at=0))
     assert main(["--models", "toy", "--cores", "1", "--out", str(tmp_path / "c")]) == 130
     assert "the same command goes on" in capsys.readouterr().err
     for words, said in (
@@ -190,12 +194,11 @@ def test_the_commands_verdict_and_exit_codes(tmp_path, capsys, monkeypatch):
 
 
 def test_the_figure_shows_every_quantity():
-    (found,) = findings(Toy(0.5), 60)
-    figure = rank_figure(found)
+    found = quantities({"toy": made(Toy(0.5), 60)})
+    figure = rank_figure("toy", found)
     titles = [axis.get_title() for axis in figure.axes if axis.get_visible()]
     assert len(titles) == 4
     assert titles[0] == "mean: NOT uniform"
-    assert len(summary_rows((found,))) == 2
 
 
 def test_the_time_left_is_told_from_what_this_run_made():

@@ -13,13 +13,13 @@ import pytest
 from door_tasks import blamed, dies_at_first, elsewhere, folder_elsewhere, slow_to_fast
 from samples import HANG, drop_table, problem_of
 from toy_experiment import Toy
-from validation.sbc.run import run_replicates
+from validation.harness import run
 
 import fitball
 from fitball.errors import FitError, ParameterError
 from fitball.inference.identifiability.profile import profiles
 from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.point.starts import starting_points
+from fitball.inference.point.point_fit import starting_points
 from fitball.report.form.files import json_text
 from fitball.scheduling.engine import engine, in_order
 from fitball.wording import speaking_to_command_line
@@ -171,8 +171,9 @@ def test_compare_is_the_same_on_one_core_two_and_a_cluster(cluster):
 def test_validation_is_the_same_on_one_core_two_and_a_cluster(cluster, tmp_path):
     engines = {"one": engine(1), "two": engine(2), "cluster": engine(scheduler=cluster)}
     for name, workers in engines.items():
-        run_replicates(Toy(), 3, 6, tmp_path / name, workers)
-    assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes() == (tmp_path / "cluster").read_bytes()
+        run(Toy().study, 3, 6, tmp_path / name, workers)
+    one, two, many = ((tmp_path / name / "ranks_toy.jsonl").read_bytes() for name in engines)
+    assert one == two == many
 
 
 def test_profiles_are_the_same_on_one_core_two_a_cluster_and_together(cluster):

@@ -18,7 +18,7 @@ from fitball.inference.likelihood.residuals import (
     residuals,
 )
 from fitball.inference.point.lmfit_minimiser import Minimiser
-from fitball.inference.point.starts import starting_points
+from fitball.inference.point.point_fit import starting_points
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.noise import KINDS, NoiseKind
 from fitball.models.types import OUTPUTS

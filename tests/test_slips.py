@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitball.data.thesis_tables import thesis_table
+from fitball.data.published import thesis_table
 from fitball.errors import TableError
 from fitball.inference.thesis.inputs import C1, C2, INCH, INERTIA, case_parameters, printed_model
 from fitball.thesis import appendix_c, slips

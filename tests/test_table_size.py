@@ -11,9 +11,9 @@ import openpyxl
 import pandas
 import pytest
 
-from fitball.data.dialect import size
-from fitball.data.dialect.size import _BinarySheet, check_shape, check_workbook, most_cells
+from fitball.data import workbooks
 from fitball.data.read import load_table
+from fitball.data.workbooks import _BinarySheet, check_shape, check_workbook, most_cells
 from fitball.errors import TableError
 
 ROWS = [("v_y1", "v_y2"), (5.0, 4.0), (6.0, 5.0)]
@@ -76,7 +76,7 @@ def test_places_are_those_of_cells_whatever_is_declared(tmp_path: Path, body: st
 
 def test_what_unpacks_to_more_than_its_cells_take_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever size the archive declares."""
-    monkeypatch.setattr(size, "SLACK", 1_000_000)
+    monkeypatch.setattr(workbooks, "SLACK", 1_000_000)
     place = with_sheet(tmp_path / "t.xlsx", '<row><c t="inlineStr"><is><t>' + "x" * 3_000_000 + "</t></is></c></row>")
     data = place.read_bytes()
     assert len(data) < 100_000

@@ -8,11 +8,10 @@ from samples import problem_of
 from scipy.optimize import brentq
 
 import fitball
-from fitball.data.thesis_tables import fraction, thesis_table
-from fitball.data.wang import SPINS
+from fitball.data.published import SPINS, fraction, thesis_table
 from fitball.errors import ModelError, ParameterError
 from fitball.inference.point.least_squares import least_squares
-from fitball.inference.point.starts import starting_points
+from fitball.inference.point.point_fit import starting_points
 from fitball.inference.thesis.inputs import INERTIA_OF, case_parameters, printed_model
 from fitball.inference.thesis.published_cases import predictions
 from fitball.models.thesis import Pair, first_sign_change

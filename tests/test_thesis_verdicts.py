@@ -7,8 +7,7 @@ import pandas as pd
 import pytest
 
 import fitball
-from fitball.data.thesis_tables import thesis_table
-from fitball.data.wang import measured
+from fitball.data.published import measured, thesis_table
 from fitball.inference.thesis.inputs import case_parameters
 from fitball.models.oracle.oracle import oracle_rebound
 from fitball.thesis import appendix_c, printed_tables, ranking

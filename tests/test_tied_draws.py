@@ -17,9 +17,8 @@ from fitball.inference.comparison.psis_loo import LeaveOneOut, smoothed_elpd
 from fitball.inference.identifiability.power_scaling import POWERS, power_evidence, sensitivities
 from fitball.inference.likelihood.posterior import log_likelihood
 from fitball.inference.results.results import Posterior, thinned
-from fitball.inference.sampling.convergence import convergence
+from fitball.inference.sampling.convergence import convergence, standard_errors
 from fitball.inference.sampling.importance import smoothed
-from fitball.inference.sampling.monte_carlo_error import standard_errors
 
 
 def stuck(rng, count, share):

@@ -9,23 +9,19 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 from validation.command import main
-from validation.shared.rate import Rate
-from validation.trust.designs import DESIGNS
-from validation.trust.findings import finding, findings, findings_text, wanted
-from validation.trust.foreign import FAULTS, foreign_text
-from validation.trust.replicate import REFUSED, Said, Told
-from validation.trust.run import run_scenario
-from validation.trust.scenarios import SCENARIOS, TRUTH
+from validation.foreign import FAULTS, foreign_text
+from validation.harness import Rate
+from validation.scenarios import DESIGNS, SCENARIOS, TRUTH
+from validation.trust import REFUSED, finding, findings, replicate, text, wanted
 
-from fitball.errors import ResultFolderError
 from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.results import Verdict
-from fitball.scheduling.engine import engine
 
 
 def told(answer=Answer.DESCRIBES, verdict=Verdict.IDENTIFIED, truth=0.5, pinned=None):
     """One table of one parameter."""
-    return Told(str(answer), 0.3, {"mu": Said(verdict, 0.4, 0.6, truth, pinned)}, True)
+    said = {"verdict": str(verdict), "low": 0.4, "high": 0.6, "truth": truth, "pinned": pinned}
+    return {"answer": str(answer), "p": 0.3, "said": {"mu": said}, "converged": True, "failed": ""}
 
 
 @pytest.mark.parametrize(("count", "of"), [(0, 20), (3, 60), (20, 20)])
@@ -36,18 +32,18 @@ def test_a_rate_has_the_interval_of_clopper_and_pearson(count, of):
 
 def test_right_fits_meet_no_complaint_and_wrong_ones_do():
     right = [told(truth=0.5 if k % 20 else 0.7) for k in range(60)]
-    assert finding("wang", "", True, right).complaints == ()
-    assert "objected to" in finding("wang", "", True, [told(Answer.EXCEPT)] * 12 + right).complaints[0]
-    assert "not described" in finding("wang", "", True, [told(Answer.FAILS)] * 9 + right).complaints[-1]
-    assert "hold in 0 %" in finding("wang", "", True, [told(truth=0.7)] * 60).complaints[0]
+    assert finding("wang", "", "yes", right).complaints == ()
+    assert "objected to" in finding("wang", "", "yes", [told(Answer.EXCEPT)] * 12 + right).complaints[0]
+    assert "not described" in finding("wang", "", "yes", [told(Answer.FAILS)] * 9 + right).complaints[-1]
+    assert "0 % [0, 6] of the 95 % intervals" in finding("wang", "", "yes", [told(truth=0.7)] * 60).complaints[0]
     # Nobody promised coverage, or no objection, where the model did not make the table.
-    assert finding("brody", "", False, [told(Answer.FAILS, truth=0.7)] * 60).complaints == ()
+    assert finding("brody", "", "no", [told(Answer.FAILS, truth=0.7)] * 60).complaints == ()
     blind = [told(verdict=Verdict.PRIOR_DOMINATED, pinned=True)] * 20 + [told(pinned=True)] * 20
-    found = finding("wang", "", True, blind)
+    found = finding("wang", "", "yes", blind)
     assert found.blind == Rate(20, 40)
     assert "pinned parameters are called prior-dominated" in found.complaints[0]
     # What is conditional is not relied on.
-    assert finding("wang", "", True, [told(verdict=Verdict.CONDITIONAL, truth=0.7)] * 60).relied == Rate(0, 0)
+    assert finding("wang", "", "yes", [told(verdict=Verdict.CONDITIONAL, truth=0.7)] * 60).relied == Rate(0, 0)
 
 
 def test_scenarios_are_put_together_by_who_made_their_tables():
@@ -56,11 +52,11 @@ def test_scenarios_are_put_together_by_who_made_their_tables():
         ("wang", 3, 0), ("drop", 1, 0), ("negated", 2, 2), ("all made by the model", 4, 0),
         ("all not made by it", 2, 2),
     ]  # fmt: skip
-    text = findings_text(found)
+    said = text(found)
     assert (
-        "| not made by it, negated: both spins of the other sign | 2 | 0 | 0 | 2 | 0 | 0 | 100 % [16, 100] |" in text
+        "| not made by it, negated: both spins of the other sign | 2 | 0 | 0 | 2 | 0 | 0 | 100 % [16, 100] |" in said
     )
-    assert "| all made by the model | identified | 4 | 100 % [40, 100] | - |" in text
+    assert "| all made by the model | identified | 4 | 100 % [40, 100] | - |" in said
 
 
 @pytest.mark.parametrize("name", [name for name, scenario in SCENARIOS.items() if scenario.fault is None])
@@ -106,23 +102,23 @@ def rows_of(text):
 
 def test_faults_that_are_missed_and_good_tables_that_are_not_described_are_complained_of():
     good, bad = [told()] * 20, [told(Answer.EXCEPT)] * 20
-    unread = [Told(REFUSED, 0.0, {}, True)] * 20
-    assert not finding("bias-grip-slip", "", False, bad, wanted=True).complaints
-    assert not finding("copies-grip-slip", "", False, unread, wanted=True).complaints
-    assert finding("copies-grip-slip", "", False, unread, wanted=True).objected == Rate(20, 20)
-    assert "only 0 %" in finding("bias-grip-slip", "", False, good, wanted=True).complaints[0]
-    assert "good tables" in finding("clean-grip-slip", "", False, bad, wanted=False).complaints[0]
-    assert not finding("clean-grip-slip", "", False, good, wanted=False).complaints
+    unread = [{**told(), "answer": REFUSED, "said": {}}] * 20
+    assert not finding("bias-grip-slip", "", "other code", bad, wanted=True).complaints
+    assert not finding("copies-grip-slip", "", "other code", unread, wanted=True).complaints
+    assert finding("copies-grip-slip", "", "other code", unread, wanted=True).objected == Rate(20, 20)
+    assert "only 0 %" in finding("bias-grip-slip", "", "other code", good, wanted=True).complaints[0]
+    assert "good tables" in finding("clean-grip-slip", "", "other code", bad, wanted=False).complaints[0]
+    assert not finding("clean-grip-slip", "", "other code", good, wanted=False).complaints
     assert [wanted(SCENARIOS[name]) for name in ("clean-two-mass", "bias-two-mass", "bias-50-two-mass", "wang")] == [
         False, True, None, None,
     ]  # fmt: skip
 
 
-def test_a_table_of_copies_is_refused_and_a_bias_found(tmp_path):
-    for name, answers in (("copies-grip-slip", {REFUSED}), ("bias-grip-slip", {"does not describe"})):
-        said = run_scenario(name, 3, 2, tmp_path / f"{name}.csv", engine(1))
-        assert {one.answer for one in said} == answers
-        assert not said[0].parameters
+def test_a_table_of_copies_is_refused_and_a_bias_found():
+    for name, answer in (("copies-grip-slip", REFUSED), ("bias-grip-slip", "does not describe")):
+        for number in range(2):
+            (said,) = replicate(name, 3, number)
+            assert (said["answer"], said["said"]) == (answer, {})
 
 
 def test_the_broad_design_has_both_kinds_of_contact_under_the_one_truth():
@@ -133,20 +129,13 @@ def test_the_broad_design_has_both_kinds_of_contact_under_the_one_truth():
     assert all(design.rows <= 40 for design in DESIGNS.values())
 
 
-def test_an_interrupted_study_goes_on_to_the_same_bytes(tmp_path, monkeypatch):
-    whole, cut = tmp_path / "whole.csv", tmp_path / "cut.csv"
-    said = run_scenario("drop", 3, 2, whole, engine(1))
-    assert [one.failed for one in said] == ["", ""]
-    assert {*said[0].parameters} == {"cor_10", "cor_slope", "velocity_sd"}
-    cut.write_bytes(whole.read_bytes()[:-9])
-    assert run_scenario("drop", 3, 2, cut, engine(1)) == said
-    assert cut.read_bytes() == whole.read_bytes()
-    with pytest.raises(ResultFolderError, match="fits of another run"):
-        run_scenario("drop", 4, 2, whole, engine(1))
-    lines = whole.read_text(encoding="utf-8").splitlines(keepends=True)
-    whole.write_text("".join([*lines[:2], lines[2].replace("identified", "guessed")]), encoding="utf-8")
-    with pytest.raises(ResultFolderError, match="line 3 is damaged"):
-        run_scenario("drop", 3, 1, whole, engine(1))
+def test_a_replicate_says_of_each_parameter_what_it_found_and_what_is_true():
+    (row,) = replicate("drop", 3, 1)
+    assert row["failed"] == "" and {*row["said"]} == {"cor_10", "cor_slope", "velocity_sd"}
+    assert json.loads(json.dumps(row)) == row
+    for said in row["said"].values():
+        assert said["low"] < said["high"] and said["truth"] is not None and said["pinned"] in (True, False, None)
+        assert said["verdict"] in [*Verdict]
 
 
 def test_the_command_writes_rates_and_confusions(tmp_path, capsys):
@@ -157,6 +146,7 @@ def test_the_command_writes_rates_and_confusions(tmp_path, capsys):
     assert (tmp_path / "trust.md").read_text(encoding="utf-8") in out
     content = json.loads((tmp_path / "trust.json").read_text(encoding="utf-8"))
     assert content["scenarios"]["drop"]["tables"] == 1
+    assert (tmp_path / "confusions.csv").read_text(encoding="utf-8").startswith("scenario,verdict,parameters")
     assert (tmp_path / "rates.csv").read_text(encoding="utf-8").startswith("scenario,made_by_the_model,tables")
     assert main(["--trust", "--scenarios", "wnag"]) == 2
     assert "wang" in capsys.readouterr().err

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.stats import binom, binomtest, chisquare, kstest
-from validation.sbc.uniformity import bins_for, chi_square, coverage, holm, null_distribution
+from validation.uniformity import bins_for, chi_square, coverage, holm, null_distribution
 
 
 def exact_probability_within(low, high, count, values):
@@ -66,10 +66,10 @@ def test_coverage_against_scipy():
     for nominal, held in hits.items():
         found = coverage(ranks, 200, nominal)
         exact = binomtest(held, ranks.size).proportion_ci(0.95, method="exact")
-        assert found.observed == pytest.approx(held / 12)
+        assert found.value == pytest.approx(held / 12)
         assert (found.low, found.high) == pytest.approx((exact.low, exact.high))
     everything = coverage(np.arange(200), 200, 0.95)
-    assert everything.observed == 0.95
+    assert everything.value == 0.95
     assert coverage(np.full(5, 100), 200, 0.5).high == 1.0
     assert coverage(np.full(5, 0), 200, 0.5).low == 0.0
     with pytest.raises(ValueError, match="no central interval"):

@@ -5,16 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from samples import problem_of
+from scipy.special import logsumexp
 from scipy.stats import multivariate_t, norm, t
 
 from fitball.bench.problems import enlarged
 from fitball.data.read import load_table
-from fitball.inference import calibrate, weigh
+from fitball.inference import calibrate
 from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.point.point_fit import point_fit
 from fitball.inference.prediction.posterior_predictive import evenly
 from fitball.inference.problem.noise import KINDS
+from fitball.inference.sampling.importance import importance_posterior
 from fitball.inference.sampling.moves import DEGREES_OF_FREEDOM, StudentProposal
 from fitball.report.fit.document import page
 from fitball.report.saved.fit_file import fit_text, read_fit
@@ -41,7 +43,7 @@ def test_weighed_draws_are_those_of_the_posterior():
     assert problem.free_names == ("mu", "velocity_sd")
     _, point = point_fit(problem, np.random.default_rng(1))
     optima = problem.to_coordinates(np.array([[point.values[name] for name in problem.free_names]]))
-    sampled, words = weigh.weigh(problem, optima, Effort(ess=4000.0).settings(problem), lambda _progress: None)
+    sampled, words = calibrate.weigh(problem, optima, Effort(ess=4000.0).settings(problem), lambda _progress: None)
     assert sampled is not None and sampled.converged and "weighed by its density on all 5 rows" in words
     draws = sampled.kept.reshape(-1, 2)
     low, high = draws.min(axis=0), draws.max(axis=0)
@@ -64,22 +66,15 @@ def test_weights_are_the_posterior_over_what_was_drawn_from():
     problem = long_problem(5, fix=HELD, velocity_noise="tied")
     factor = np.array([[0.1, 0.0], [0.05, 0.2]])
     centre = problem.to_coordinates(np.array([[0.55, 0.4]]))[0]
-    streams = np.random.default_rng(2).spawn(2)
-    made = weigh._made(problem, weigh.Mixture([StudentProposal(centre, factor)]), streams, 50)
-    drawn = made.coordinates.reshape(-1, 2)
-    outside = multivariate_t(centre, factor @ factor.T, df=DEGREES_OF_FREEDOM).logpdf(drawn)
-    expected = log_posterior(problem, drawn) - outside
-    found = made.log_weights.ravel()
-    np.testing.assert_allclose(found - found[0], expected - expected[0], atol=1e-9)
-
-
-def test_a_chain_of_weighed_proposals_is_the_target():
-    """Proposals twice too wide and one sd off a standard normal distribution."""
-    rng = np.random.default_rng(3)
-    drawn = rng.normal(1.0, 2.0, 20_000)
-    weights = norm.logpdf(drawn) - norm.logpdf(drawn, 1.0, 2.0)
-    chain = drawn[weigh._walk(weights, np.log(rng.uniform(size=drawn.size)))]
-    assert abs(chain.mean()) < 0.05 and abs(chain.std() - 1.0) < 0.04
+    proposals = [StudentProposal(centre, factor), StudentProposal(centre + 0.3, 2.0 * factor)]
+    drawn = importance_posterior(problem, proposals, np.random.default_rng(2), enough=1.0)
+    at = problem.to_coordinates(drawn.values)
+    outside = [
+        multivariate_t(one.centre, one.factor @ one.factor.T, df=DEGREES_OF_FREEDOM).logpdf(at) for one in proposals
+    ]
+    np.testing.assert_allclose(drawn.score, log_posterior(problem, at), rtol=1e-12)
+    expected = drawn.score - logsumexp(outside, axis=0)
+    np.testing.assert_allclose(drawn.log_weights, expected - logsumexp(expected), atol=1e-9)
 
 
 def test_long_tables_are_weighed_and_short_ones_walked(fits):
@@ -87,9 +82,9 @@ def test_long_tables_are_weighed_and_short_ones_walked(fits):
     assert diagnostics is not None and diagnostics.converged and diagnostics.walkers == 1
     assert diagnostics.pareto_k is not None and diagnostics.pareto_k < 0.7
     assert diagnostics.evaluations < 20_000
-    assert not calibrate.weighs(long_problem(weigh.WEIGHED), Effort())
-    assert calibrate.weighs(long_problem(weigh.WEIGHED + 1), Effort())
-    assert not calibrate.weighs(long_problem(weigh.WEIGHED + 1), Effort(walkers=40))
+    assert not calibrate.weighs(long_problem(calibrate.WEIGHED), Effort())
+    assert calibrate.weighs(long_problem(calibrate.WEIGHED + 1), Effort())
+    assert not calibrate.weighs(long_problem(calibrate.WEIGHED + 1), Effort(walkers=40))
 
 
 def test_threads_change_no_draw(fits):
@@ -113,23 +108,10 @@ def test_weighed_fits_say_so_and_are_read_back(fits, tmp_path):
 
 def test_where_no_distribution_comes_near_walkers_go(monkeypatch):
     monkeypatch.setattr(calibrate, "WEIGHED", 4)
-    monkeypatch.setattr(weigh, "LEAST_WORTH", 1.1)
-    monkeypatch.setattr(weigh, "TRIALS", 2)
+    monkeypatch.setattr(calibrate, "K_TRUSTED", -10.0)
     fit = calibrate.run(long_problem(5, fix=HELD), Effort(max_steps=100, cores=1))
     assert fit.diagnostics is not None and fit.diagnostics.walkers > 1 and fit.diagnostics.pareto_k is None
     assert any("did not settle" in note and "sampled by ensembles of walkers" in note for note in fit.notes)
-
-
-def test_a_mixture_is_as_dense_as_its_parts():
-    """Two parts far apart have half of a part's density each; the same part twice has its own."""
-    near, far = (StudentProposal(np.array([at]), np.array([[scale]])) for at, scale in ((0.0, 1.0), (50.0, 2.0)))
-    at = np.array([[0.3], [50.7]])
-    mixed, twice = weigh.Mixture([near, far]), weigh.Mixture([near, near])
-    np.testing.assert_allclose(twice.log_density(at), near.log_density(at), atol=1e-12)
-    own = np.array([near.log_density(at[:1])[0], far.log_density(at[1:])[0] - np.log(2.0)])
-    np.testing.assert_allclose(mixed.log_density(at), own - np.log(2.0), atol=1e-4)
-    drawn = mixed.draw(np.random.default_rng(1), 4000)[:, 0]
-    assert np.mean(drawn > 25.0) == pytest.approx(0.5, abs=0.04)
 
 
 def test_few_draws_give_intervals_of_new_measurements_all_the_same():

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import norm
-from validation.sbc.replicate import RANKED, Ranked, ranks_among
+from validation.harness import Study
+from validation.ranks import RANKED, ranks_among
 
 
 @dataclass(frozen=True)
@@ -20,17 +21,14 @@ class Toy:
     blind: bool = False
     fails_at: int = -1
 
-    names = ("mean", "log_likelihood")
-
     @property
-    def settings(self):
-        return {"toy": self.told, "blind": self.blind}
+    def study(self):
+        return Study("ranks_toy", self.replicate, {"toy": self.told, "blind": self.blind}, "toy")
 
-    def replicate(self, seeds):
-        number = seeds.spawn_key[0]
+    def replicate(self, seed, number):
         if number == self.fails_at:
             raise KeyboardInterrupt
-        rng = np.random.default_rng(seeds)
+        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
         truth, sigma, count = rng.standard_normal(), 1.5, 6
         data = truth + sigma * rng.standard_normal(count)
         believed = self.told * sigma
@@ -42,4 +40,5 @@ class Toy:
         score = norm.logpdf(data, means[:, None], believed).sum(axis=1)
         both = np.column_stack([means, score])
         ranks = ranks_among(both[0], both[1:])
-        return Ranked(dict(zip(self.names, ranks, strict=True)), True, 1, float(RANKED), 1.0)
+        named = dict(zip(("mean", "log_likelihood"), ranks, strict=True))
+        return [{"ranks": named, "converged": True, "steps": 1, "ess": float(RANKED), "r_hat": 1.0, "failed": ""}]

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitball.api.progress import Wanted, reporting
-from fitball.data.range_text import Range, checked_range, parse_range
+from fitball.data.lines import Range, checked_range, parse_range
 from fitball.errors import ParameterError
 from fitball.inference.design import results
 from fitball.inference.design.make_plan import Asked, make_plan

@@ -12,13 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fitball.api.reading import flips
-from fitball.data.columns import split_cell
-from fitball.data.impact_text import parse_impact, parse_uncertain_impact
-from fitball.data.naming import naming
-from fitball.data.read import load_table
+from fitball.data.header import naming, split_cell
+from fitball.data.lines import parse_impact, parse_uncertain_impact
+from fitball.data.read import framed, in_memory, load_table, written_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable
-from fitball.data.written import framed, in_memory, written_table
 from fitball.errors import ParameterError, check_whole
 from fitball.inference.comparison.candidates import parse_name
 from fitball.inference.prediction.holdout_scores import ObservableScore, scores

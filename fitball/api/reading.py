@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, TypeVar
 
 from fitball.data.force_file import find_force
 from fitball.data.join import trusted_table
-from fitball.data.read import load_table
+from fitball.data.read import check_source, in_memory, load_table
 from fitball.data.scene import Scene, likely_scene, load_scene
 from fitball.data.table import ImpactTable, Notice
-from fitball.data.written import check_source, in_memory
 from fitball.errors import Fault, FitballError, ParameterError, ReadingError, SceneError, TableError
-from fitball.inference.problem.choices import Choices
 from fitball.inference.problem.priors import FAMILIES
+from fitball.inference.problem.problem import Choices
 from fitball.kinds import checked
 from fitball.visible import one_line
 

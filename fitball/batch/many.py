@@ -14,7 +14,7 @@ from fitball.batch.run import Going, Plan, run_tasks
 from fitball.batch.tables import fault_of, tasks_of
 from fitball.errors import ResultFolderError, suggestion
 from fitball.inference.effort import MAX_STEPS, Effort
-from fitball.inference.problem.choices import Choices
+from fitball.inference.problem.problem import Choices
 from fitball.kinds import checked
 from fitball.report.batch.document import Shown, render, write_results
 from fitball.report.batch.grouping import Over

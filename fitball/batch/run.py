@@ -17,8 +17,7 @@ from fitball.errors import FitballError, ParameterError, ResultFolderError
 from fitball.files import all_or_none
 from fitball.inference.calibrate import fingerprint
 from fitball.inference.effort import Effort
-from fitball.inference.problem.choices import Choices
-from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.problem import Choices, Problem
 from fitball.inference.results.results import Fit
 from fitball.inference.results.source import Digest
 from fitball.report.batch.rows import CSV_NAME, FAILED, HEAD, NAME, Row, check_row, failed_row, row_of

@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from fitball.api.reading import PathLike, Table
-from fitball.data.written import in_memory
+from fitball.data.read import in_memory
 from fitball.errors import ParameterError
 from fitball.report.batch import document as files_of_all
 from fitball.report.batch import population_files

@@ -14,6 +14,7 @@ from fitball.bench.measure import Bench
 from fitball.bench.problems import HARD
 from fitball.bench.ratios import RATIO, TOLERATED, WORK
 from fitball.report.figures.canvas import new_figure, own_style, save_figure
+from fitball.report.form.document import markdown_table
 from fitball.report.form.files import write_text
 from fitball.report.form.palette import SERIES
 
@@ -66,9 +67,8 @@ def verdict(compared: pd.DataFrame) -> tuple[list[str], bool]:
 
 def markdown(frame: pd.DataFrame) -> list[str]:
     """A table as lines of Markdown."""
-    lines = ["| " + " | ".join(frame.columns) + " |", "|" + "---|" * len(frame.columns)]
-    lines += ["| " + " | ".join(map(_cell, values)) + " |" for values in frame.itertuples(index=False)]
-    return lines
+    rows = [list(map(_cell, values)) for values in frame.itertuples(index=False)]
+    return markdown_table([list(frame.columns), *rows]).splitlines()
 
 
 def _cell(value: object) -> str:

@@ -37,7 +37,7 @@ def _list(args: argparse.Namespace) -> int:
 
 
 def _priors(args: argparse.Namespace) -> int:
-    from fitball.data.literature import PREFIX, published_priors
+    from fitball.data.published import PREFIX, published_priors
     from fitball.report.form.document import WIDTH
 
     rows = published_priors()
@@ -54,8 +54,8 @@ def _priors(args: argparse.Namespace) -> int:
 
 def _show(args: argparse.Namespace) -> int:
     from fitball.data.balances import scene_balances
+    from fitball.data.misreading import doubt_of_table
     from fitball.data.read import load_table
-    from fitball.data.reading.doubt import doubt_of_table
     from fitball.data.scene import load_scene
     from fitball.report.fit.rows import balance_table
     from fitball.report.form.document import MOST_LINES, columns, more

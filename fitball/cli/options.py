@@ -18,7 +18,7 @@ from fitball.visible import one_line
 if TYPE_CHECKING:
     from fitball.api.reading import Reading
     from fitball.inference.effort import Effort
-    from fitball.inference.problem.choices import Choices
+    from fitball.inference.problem.problem import Choices
 
 T = TypeVar("T")
 
@@ -247,7 +247,7 @@ def reading_of(args: argparse.Namespace) -> Reading:
 
 def choices_of(args: argparse.Namespace) -> Choices:
     """The choices that the options ask for. Raises ParameterError."""
-    from fitball.inference.problem.choices import Choices
+    from fitball.inference.problem.problem import Choices
 
     return Choices(
         model=args.model,

@@ -86,7 +86,7 @@ def _check_together(args: argparse.Namespace) -> None:
 def _one(args: argparse.Namespace) -> tuple[Course, dict[str, Any], str, str]:
     """The impact that was asked for: its course, what its file says besides, its text, and a name for its folder."""
     from fitball.api import simulate
-    from fitball.data.impact_text import parse_impact
+    from fitball.data.lines import parse_impact
 
     impact = parse_impact(args.impact)
     course = simulate(impact, fit=args.fit, model=args.model, values=args.values, draws=args.draws)
@@ -189,7 +189,7 @@ CONTOURS = "theta_2"
 
 def run_map(args: argparse.Namespace) -> int:
     """Compute the map, write figure, table and record, and print it in words."""
-    from fitball.data.grid_text import parse_window
+    from fitball.data.lines import parse_window
     from fitball.files import all_or_none
     from fitball.inference.prediction.regime_map import regime_map
     from fitball.report.figures.canvas import save_figure
@@ -260,7 +260,7 @@ def _window(asked: dict[str, tuple[float, float]], impacts: Impacts | None) -> W
 
 def write_page(args: argparse.Namespace) -> int:
     """Write the page of the fit or model that was asked for. Raises ParameterError."""
-    from fitball.data.impact_text import parse_impact
+    from fitball.data.lines import parse_impact
     from fitball.exports.interactive import interactive_page, round_impact
     from fitball.files import is_stream
     from fitball.report.form.files import refuse_existing, write_text

@@ -27,7 +27,7 @@ from fitball.exports import FORMAT_NAMES, OWNERS
 from fitball.report.figures.registry import FIGURES
 
 if TYPE_CHECKING:
-    from fitball.data.port_file import PortFile
+    from fitball.data.read import PortFile
     from fitball.inference.results.results import Golden
     from fitball.values import FloatArray
 
@@ -323,7 +323,7 @@ def run_verify(args: argparse.Namespace) -> int:
     """Compare the port and print where it deviates; 0 where it agrees, else 1."""
     if not (math.isfinite(args.tolerance) and args.tolerance > 0.0):
         raise ParameterError(f"--tolerance {args.tolerance:g}: expected a positive number")
-    from fitball.data.port_file import read_port
+    from fitball.data.read import read_port
     from fitball.exports.golden import golden_ids, port_json, port_text
     from fitball.inference.prediction.port_check import check_port
     from fitball.observables import OBSERVABLES

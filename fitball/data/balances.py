@@ -14,11 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.data.frozen import frozen
-from fitball.data.propagation import Uncertain
+from fitball.data.kinematics import Uncertain, velocity
 from fitball.data.scene import Scene
-from fitball.data.table import ImpactTable, Measurement
-from fitball.data.velocity import velocity
+from fitball.data.table import ImpactTable, Measurement, frozen
 from fitball.errors import ParameterError
 from fitball.observables import NOISE_OF
 from fitball.values import Ball, FloatArray

@@ -9,14 +9,12 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.data.checks import knows_incident
 from fitball.data.columns import SD_SUFFIX
-from fitball.data.completeness import knows_incident
 from fitball.data.findings import Findings
-from fitball.data.number_column import NumberColumn
-from fitball.data.propagation import Uncertain
-from fitball.data.redundancy import independent
+from fitball.data.kinematics import Uncertain, independent, velocity
+from fitball.data.numbers import NumberColumn
 from fitball.data.scene import Scene
-from fitball.data.velocity import velocity
 from fitball.observables import NOISE_OF
 from fitball.values import FloatArray, quotient
 

@@ -9,9 +9,12 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from fitball.data.dialect.frames import SHEET_MARK, WORKBOOKS
 from fitball.errors import Fault, TableError, suggestion
 
+PARQUET_SUFFIXES = (".parquet", ".pq")
+WORKBOOKS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
+# What divides a workbook from the sheet that is meant: `book.xlsx#clay`.
+SHEET_MARK = "#"
 # Force records of `<table>.csv` lie beside it as `<table>_force.csv`.
 FORCE_ENDING = "_force"
 _OF_BOOK = re.compile(

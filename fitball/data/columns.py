@@ -1,203 +1,113 @@
-"""What the columns of a table may be called, and what a given header means."""
+"""The table of columns: whatever is true of one column of a table of impacts, once.
+
+What a rebound column is for a fit (its noise, its title, whether it has a sign) stands in `observables`; here stands
+what reading it takes: which end of the bounce it is of, what it measures, its limits, its other way of counting.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
-from functools import cache
+from math import inf, pi
 
-from fitball.data.dialect import header_cell
-from fitball.data.dialect.cells import RawRow, Vocabulary
-from fitball.data.dialect.guess import HEIGHTS as HEIGHT_OF
-from fitball.data.dialect.guess import bare, end_of, guess_of
-from fitball.data.findings import Findings
-from fitball.data.naming import Naming
-from fitball.data.units import UNITS, Dimension, Unit, parse_unit, unit_of
-from fitball.errors import UnitError
+from fitball.data.units import UNITS, Dimension
 from fitball.observables import OBSERVABLES
-from fitball.visible import some, unguarded
-from fitball.wording import spoken
 
-INCIDENT: Mapping[str, Dimension] = {
-    "v_x1": Dimension.SPEED,
-    "v_y1": Dimension.SPEED,
-    "v_1": Dimension.SPEED,
-    "theta_1": Dimension.ANGLE,
-    "omega_1": Dimension.SPIN,
-}
-REBOUND: Mapping[str, Dimension] = {name: UNITS[item.unit].dimension for name, item in OBSERVABLES.items()}
-MEASURED: Mapping[str, Dimension] = {**INCIDENT, **REBOUND}
 LABELS = ("id", "surface", "ball", "group", "location")
-# What labs write instead of v_y1 and v_y2 of a drop test (`data.heights`).
-HEIGHTS: Mapping[str, Dimension] = dict.fromkeys(HEIGHT_OF.values(), Dimension.LENGTH)
 SD_SUFFIX = "_sd"
-_QUANTITIES = {**MEASURED, **HEIGHTS}
-NUMBERS: Mapping[str, Dimension] = {**_QUANTITIES, **{name + SD_SUFFIX: _QUANTITIES[name] for name in _QUANTITIES}}
-
-# High enough to pass over words that only share a few letters ("case", "temperature"), low enough
-# to catch one wrong, missing or swapped character in names as short as "v_y1" (difflib ratio 0.75 and up).
-_NEAR = 0.75
-_BY_BARE = {bare(name): name for name in (*NUMBERS, *LABELS)}
-# What people call the column that names the impacts.
-_IDS = ("id", "no", "nr", "#", "number", "impactid", "impactno")
-# How no name begins (an empty cell among them).
-_NO_NAME = ("", *"0123456789+-.,\u2212")
-# What a name that is probably meant counts for where a header is looked for.
-_GUESSED = 0.5
+NEGATED, FROM_NORMAL = "with the other sign", "from the normal"
 
 
 @dataclass(frozen=True)
-class Column:
-    """One column: its place in the file, its `name`, its `unit` (None for text, or when not understood)."""
+class Limit:
+    """A quantity is `least` to `most` [SI] in size; `words` say so in units that people use."""
 
-    index: int
+    least: float
+    most: float
+    words: str
+
+
+# Ten times the fastest serve and the fastest spins of any ball game, and more; contacts last from a fifth of a
+# millisecond (hard spheres of some centimetres) to some tens (soft balls); higher up a ball falls at its terminal
+# speed; too large an angle is no matter of units alone, and the check of ranges tells.
+_LIMITS: Mapping[Dimension, Limit] = {
+    Dimension.SPEED: Limit(0.0, 1000.0, "at most 1000 m/s"),
+    Dimension.SPIN: Limit(0.0, 1.0e5, "at most 1e5 rad/s"),
+    Dimension.ANGLE: Limit(0.0, inf, ""),
+    Dimension.TIME: Limit(1.0e-4, 0.1, "0.1 to 100 ms"),
+    Dimension.LENGTH: Limit(1.0e-3, 50.0, "1 mm to 50 m"),
+}
+# Of standard deviations: no instrument is as good as the least.
+_SD_LIMITS: Mapping[Dimension, Limit] = {
+    Dimension.SPEED: Limit(1.0e-9, 1000.0, "1e-9 to 1000 m/s"),
+    Dimension.SPIN: Limit(1.0e-9, 1.0e5, "1e-9 to 1e5 rad/s"),
+    Dimension.ANGLE: Limit(1.0e-9, pi, "1e-9 rad to 180 deg"),
+    Dimension.TIME: Limit(1.0e-12, 0.1, "1e-12 s to 100 ms"),
+    Dimension.LENGTH: Limit(1.0e-9, 50.0, "1e-9 to 50 m"),
+}
+# A ball that does not come says nothing of a bounce.
+_COMING, _RISING = Limit(1.0e-3, 1000.0, "0.001 to 1000 m/s"), Limit(1.0e-4, inf, "at least 0.006 deg")
+
+
+@dataclass(frozen=True)
+class TableColumn:
+    """One column: the `end` of the bounce it is of ("1" incident, "2" rebound), its `dimension`; `positive` says what
+    it counts where it has no sign, `flip` its other way of counting, "" where there is none. Tables that count along
+    one fixed axis print a `turned` one negative throughout. `said` is what it is called in a line, besides its name;
+    `own_limit` goes before that of its dimension.
+    """
+
     name: str
-    unit: Unit | None
+    end: str
+    dimension: Dimension
+    positive: str = ""
+    flip: str = ""
+    turned: bool = False
+    said: tuple[str, ...] = ()
+    own_limit: Limit | None = None
 
 
-@dataclass(frozen=True)
-class Header:
-    """The columns of a table: `numbers` by name, and `texts` (labels and ignored `extras`) by name."""
-
-    numbers: Mapping[str, Column]
-    texts: Mapping[str, Column]
-    extras: tuple[str, ...]
-
-    def cells(self, name: str, rows: Iterable[RawRow]) -> tuple[str, ...]:
-        """What stands in a column of texts, as it was before a file of ours guarded it."""
-        index = self.texts[name].index
-        return unguarded([row.cells[index] for row in rows])
-
-
-def vocabulary(naming: Naming) -> Vocabulary:
-    """What a header of impacts is told by, where `naming` gives some columns names of their own."""
-
-    @cache
-    def worth(cell: str) -> float:
-        # Most cells are numbers; no name begins as one, nor is any so long.
-        if cell[:1] in _NO_NAME or len(cell) > header_cell.LONGEST:
-            return 0.0
-        name, _ = split_cell(cell, naming)
-        if naming.ours(cell, name) is not None or _same(name) is not None:
-            return 1.0
-        guess = guess_of(name)
-        return _GUESSED if guess is not None and guess.sure in NUMBERS else 0.0
-
-    return Vocabulary(worth, is_unit)
-
-
-def is_unit(text: str) -> bool:
-    """Whether a text spells a unit that is known."""
-    return unit_of(text) is not None
-
-
-def split_cell(cell: str, naming: Naming | None = None, found: Findings | None = None) -> tuple[str, str | None]:
-    """Name and unit (None where there is none) of a header cell; a fault where its brackets do not match."""
-
-    def known(name: str) -> bool:
-        return _same(name) is not None or (naming is not None and naming.ours(name) is not None)
-
-    name, unit, fault = header_cell.split_cell(cell, known, is_unit)
-    if fault and found is not None:
-        found.header_fault(fault, cell)
-    return name, unit
-
-
-def _same(name: str) -> str | None:
-    """Our name of which `name` differs in case, blanks and underscores only."""
-    if name in NUMBERS or name in LABELS:
-        return name
-    plain = bare(name)
-    return "id" if plain in _IDS or name.strip() == "#" else _BY_BARE.get(plain)
-
-
-def read_header(cells: tuple[str, ...], found: Findings, naming: Naming | None = None) -> Header:
-    """Find out what each column is.
-
-    A name that differs from ours in case or blanks only is read as ours, with a note. A misspelt column is a fault
-    and is then read as the column it resembles, so that the faults of its values come out in the same run; a name
-    that probably means one of ours is an extra column until `--columns` says so.
-    """
-    naming, cells = naming or Naming(), unguarded(cells)
-    parsed = [split_cell(cell, naming, found) for cell in cells]
-    asked = [naming.ours(cell, name) for cell, (name, _) in zip(cells, parsed, strict=True)]
-    names = [name for name, _ in parsed]
-    taken = {*filter(None, asked), *names}
-    numbers: dict[str, Column] = {}
-    texts: dict[str, Column] = {}
-    extras: list[str] = []
-    spelled: list[str] = []
-    for index, ((name, unit), named) in enumerate(zip(parsed, asked, strict=True)):
-        ours = named if named is not None else _same(name)
-        if named is not None:
-            unit = naming.unit(named, unit, found)
-        elif ours == "id" != name and "id" in names:
-            ours = None
-        elif ours is None and name:
-            ours = _misspelt(name, taken, found)
-        elif ours is not None and ours != name:
-            spelled.append(f"'{name}' as {ours}")
-        meant = ours or name
-        taken.add(meant)
-        if not name:
-            extras.append(f"(column {index + 1}, without a name)")
-        elif meant in numbers or meant in texts:
-            message = f"read '{cells[index]}', but another column is '{meant}' already; keep one of them"
-            found.header_fault(message, meant)
-        elif meant in NUMBERS:
-            numbers[meant] = Column(index, meant, _unit(meant, unit, found))
-        else:
-            texts[meant] = Column(index, meant, None)
-            extras += [name] if ours is None else []
-    if spelled:
-        found.notice(f"columns read under other spellings: {some(spelled)}")
-    naming.check_absent({*numbers, *texts}, names, found)
-    return Header(numbers, texts, tuple(extras))
-
-
-def _unit(name: str, text: str | None, found: Findings) -> Unit | None:
-    try:
-        return parse_unit(text, NUMBERS[name])
-    except UnitError as error:
-        found.header_fault(str(error), name)
-        return None
-
-
-def _misspelt(name: str, taken: Iterable[str], found: Findings) -> str | None:
-    """The known column that an unknown name misspells, with a fault; None for a column of the user's own."""
-    guess = guess_of(name)
-    if guess is not None and guess.sure:
-        return None
-    near = _nearest(name, taken)
-    if len(near) > 1:
-        how = spoken("--columns", "columns=")
-        found.header_fault(
-            f"unknown column; did you mean '{near[0]}' or '{near[1]}'? Rename it, or say which by {how}", name
+def _rebound() -> tuple[TableColumn, ...]:
+    """A component or a spin has another sign, an angle another zero; a speed and a time have neither."""
+    return tuple(
+        TableColumn(
+            name, "2", UNITS[item.unit].dimension, item.positive,
+            flip=FROM_NORMAL if item.angle else NEGATED if name == "v_y2" or not item.positive else "",
+            turned=item.angle or name == "v_y2",
         )
-        return None
-    if near:
-        found.header_fault(
-            f"unknown column; did you mean '{near[0]}'? Rename it (a column of your own needs another name)", name
-        )
-        return near[0]
+        for name, item in OBSERVABLES.items()
+    )  # fmt: skip
+
+
+_ALL = (
+    TableColumn("v_x1", "1", Dimension.SPEED, flip=NEGATED, said=("v_x",)),
+    TableColumn(
+        "v_y1", "1", Dimension.SPEED, "a positive speed towards the court", NEGATED, said=("v_y",), own_limit=_COMING
+    ),
+    TableColumn("v_1", "1", Dimension.SPEED, "a positive speed", said=("v",), own_limit=_COMING),
+    TableColumn("theta_1", "1", Dimension.ANGLE, flip=FROM_NORMAL, turned=True, said=("theta",), own_limit=_RISING),
+    TableColumn("omega_1", "1", Dimension.SPIN, flip=NEGATED, said=("omega", "spin")),
+    *_rebound(),
+    # What labs write instead of v_y1 and v_y2 of a drop test (`data.heights`).
+    TableColumn("drop_height", "1", Dimension.LENGTH),
+    TableColumn("rebound_height", "2", Dimension.LENGTH),
+)
+COLUMNS: Mapping[str, TableColumn] = {item.name: item for item in _ALL}
+HEIGHTS = tuple(name for name, item in COLUMNS.items() if item.dimension is Dimension.LENGTH)
+MEASURED = tuple(name for name in COLUMNS if name not in HEIGHTS)
+INCIDENT = tuple(name for name in MEASURED if COLUMNS[name].end == "1")
+REBOUND = tuple(name for name in MEASURED if COLUMNS[name].end == "2")
+# Every column of numbers, those of standard deviations among them.
+NUMBERS: Mapping[str, Dimension] = {
+    name + suffix: item.dimension for suffix in ("", SD_SUFFIX) for name, item in COLUMNS.items()
+}
+ANGLES = tuple(name for name in MEASURED if COLUMNS[name].dimension is Dimension.ANGLE)
+# Angles last.
+FLIPPABLE = tuple(sorted((name for name in MEASURED if COLUMNS[name].flip), key=lambda name: name in ANGLES))
+
+
+def limit_of(name: str) -> Limit:
+    """Between what numbers a column of `NUMBERS` is."""
     if name.endswith(SD_SUFFIX):
-        base, known = name.removesuffix(SD_SUFFIX), ", ".join(MEASURED)
-        found.header_fault(f"'{base}' is no column that can have a standard deviation; known: {known}", name)
-    return None
-
-
-def _nearest(name: str, taken: Iterable[str]) -> list[str]:
-    """The known name, not `taken` yet, that `name` misspells, or none. Where `name` does not say which end of the
-    bounce it means, and both are free, both.
-
-    A name that merely looks similar is one only while the name it resembles is absent, since `theta_3` beside
-    `theta_1` is a column of its own.
-    """
-    gone, end = set(taken), end_of(name)
-    free = [item for item in NUMBERS if item not in gone and (end is None or end_of(item) in (None, end))]
-    near = get_close_matches(name.lower(), free, n=1, cutoff=_NEAR)
-    if not near or end is not None:
-        return near
-    pairs = str.maketrans("12", "21")
-    return sorted({*near, *(other for other in free if other == near[0].translate(pairs))})
+        return _SD_LIMITS[NUMBERS[name]]
+    return COLUMNS[name].own_limit or _LIMITS[NUMBERS[name]]

@@ -13,17 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from fitball.data.bundled import FORCE_ENDING, resolve_table
-from fitball.data.columns import Column, is_unit, split_cell
-from fitball.data.dialect.cells import RawTable, Vocabulary
-from fitball.data.dialect.files import read_raw
-from fitball.data.dialect.frames import PARQUET_SUFFIXES
-from fitball.data.dialect.numbers import plain_numbers
-from fitball.data.findings import Findings
-from fitball.data.ids import repeated
-from fitball.data.number_column import NumberColumn, read_column
+from fitball.data.bundled import FORCE_ENDING, PARQUET_SUFFIXES, resolve_table
+from fitball.data.findings import Findings, RawTable, Vocabulary
+from fitball.data.header import Column, is_unit, split_cell
+from fitball.data.numbers import NumberColumn, plain_numbers, read_column
+from fitball.data.rows import repeated
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
+from fitball.data.text import read_raw
 from fitball.data.units import DEFAULT_UNIT, Dimension, parse_unit
 from fitball.errors import SceneError, TableError, UnitError, suggestion
 from fitball.values import FloatArray

@@ -1,21 +1,27 @@
-"""Drop tests as labs write them: the height a ball is dropped from, and the height it rebounds to.
+"""Drop tests as labs write them: the height a ball is dropped from, the height it rebounds to, and how high the ITF's
+types of ball may rebound from 254 cm (100 inches) off smooth granite.
 
 A ball at rest at a height h above the court arrives with v_y = sqrt(2 g h), one that leaves with v_y rises as high:
-energy without air. Heights are those of the bottom of the ball, as ITF rules have it (100 inches).
+energy without air. Heights are those of the bottom of the ball, as ITF rules have it.
+
+International Tennis Federation, *ITF Approved Tennis Balls, Classified Surfaces & Recognised Courts: a guide to
+products and test methods* (ITF Technical Booklet; test method ITF TB 04/01), and *Rules of Tennis*, Appendices I and
+VI. Limits of 2019 and later; until then those of type 1 were 135 to 147 cm, as those of type 2.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitball.data.columns import HEIGHTS, SD_SUFFIX
+from fitball.data.checks import GROSS
+from fitball.data.columns import COLUMNS, HEIGHTS, SD_SUFFIX
 from fitball.data.findings import Findings
-from fitball.data.number_column import NumberColumn
-from fitball.data.redundancy import GROSS
+from fitball.data.numbers import NumberColumn
 from fitball.data.units import DEFAULT_UNIT, Dimension
+from fitball.values import Ball
 
 # Standard gravity [m/s^2].
 GRAVITY = 9.80665
@@ -26,7 +32,7 @@ AIR_DENSITY = 1.204
 DRAG_COEFFICIENT = 0.507
 # Deceleration of a tennis ball by air over its speed squared [1/m]: only to tell how much is left out.
 DRAG = AIR_DENSITY * DRAG_COEFFICIENT * np.pi * 0.033**2 / (2.0 * 0.0577)
-SPEED_OF: Mapping[str, str] = dict(zip(HEIGHTS, ("v_y1", "v_y2"), strict=True))
+SPEED_OF: Mapping[str, str] = {name: f"v_y{COLUMNS[name].end}" for name in HEIGHTS}
 
 
 def speeds_of_heights(columns: Mapping[str, NumberColumn], found: Findings) -> dict[str, NumberColumn]:
@@ -97,3 +103,43 @@ def _compare(height: NumberColumn, made: NumberColumn, speed: NumberColumn, foun
             f"{speed.values[k]:.4g} m/s; expected agreement: check the units and the row",
             height.name, k,
         )  # fmt: skip
+
+
+SOURCE = "ITF Approved Tennis Balls, Classified Surfaces & Recognised Courts, test method ITF TB 04/01"
+DROP_HEIGHT = 2.54
+DEFAULT_TYPE = "type-2"
+# What the booklet asks of the room in which balls lie for 24 hours and are tested [degrees Celsius].
+TEST_TEMPERATURE = 20.0
+# Mass [kg] and radius [m] of tennis balls of all types, those of foam among them (Appendix I), with room for wear and
+# for a gauge that is off.
+MASSES, RADII = (0.024, 0.062), (0.0295, 0.0455)
+# Tolerances of mass [kg] and radius [m] of a ball of types 1 and 2 (Appendix I: 56.0 to 59.4 g, 6.54 to 6.86 cm).
+ITF_LIMITS: Mapping[str, tuple[float, float]] = {"mass": (0.0560, 0.0594), "radius": (0.0327, 0.0343)}
+
+
+@dataclass(frozen=True)
+class BallType:
+    """A type of ball: `words` as people call it, lowest and highest rebound from `DROP_HEIGHT` [m]."""
+
+    name: str
+    words: str
+    lowest: float
+    highest: float
+
+
+_ALL = (
+    BallType("type-1", "type 1 (fast)", 1.38, 1.51),
+    BallType("type-2", "type 2 (medium)", 1.35, 1.47),
+    BallType("type-3", "type 3 (slow)", 1.35, 1.47),
+    BallType("high-altitude", "high altitude", 1.22, 1.35),
+    BallType("stage-1", "stage 1 (green)", 1.20, 1.35),
+    BallType("stage-2", "stage 2 (orange)", 1.05, 1.20),
+    BallType("stage-3", "stage 3 (red)", 0.90, 1.05),
+    BallType("stage-3-foam", "stage 3 (red, foam)", 0.85, 1.05),
+)
+BALL_TYPES: Mapping[str, BallType] = {item.name: item for item in _ALL}
+
+
+def like_tennis(ball: Ball) -> bool:
+    """Whether a ball is one that the ITF's tests are made for, by its mass and size."""
+    return MASSES[0] <= ball.mass <= MASSES[1] and RADII[0] <= ball.radius <= RADII[1]

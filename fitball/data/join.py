@@ -9,15 +9,12 @@ from hashlib import sha256
 
 import numpy as np
 
-from fitball.data.frozen import FrozenMapping, frozen
-from fitball.data.read import load_table
-from fitball.data.reading.doubt import doubt_of_table, gaps_of_table
-from fitball.data.reading.flip import check_flips
-from fitball.data.reading.repeats import repeats_of
-from fitball.data.redundancy import independent
+from fitball.data.kinematics import independent
+from fitball.data.misreading import check_flips, doubt_of_table, gaps_of_table
+from fitball.data.read import Source, framed, load_table, name_of
+from fitball.data.repeats import repeats_of
 from fitball.data.scene import Scene
-from fitball.data.table import ImpactTable, Measurement, Notice
-from fitball.data.written import Source, framed, name_of
+from fitball.data.table import FrozenMapping, ImpactTable, Measurement, Notice, frozen
 from fitball.errors import Fault, ParameterError, ReadingError, TableError
 from fitball.observables import INCIDENT_UNITS, OBSERVABLES, VELOCITIES
 from fitball.values import FloatArray, Impacts

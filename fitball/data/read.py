@@ -1,36 +1,162 @@
-"""Reading an impact table: from a file to a checked, frozen `ImpactTable` in SI units."""
+"""Reading an impact table: from a file to a checked, frozen `ImpactTable` in SI units. Rebounds that another program
+computed are read as they stand: units convert, nothing is mended.
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from fitball.data.bounds import check_bounds, normal_speed
-from fitball.data.checks import check_directions, check_pairs, check_ranges, one_sign
-from fitball.data.columns import LABELS, MEASURED, NUMBERS, REBOUND, SD_SUFFIX, Header
-from fitball.data.completeness import check_columns, knows_incident
-from fitball.data.findings import Findings
-from fitball.data.frozen import FrozenMapping, frozen
-from fitball.data.gaps import without_empty, without_gaps
+from fitball.data.bundled import SHEET_MARK, resolve_table, split_sheet
+from fitball.data.checks import (
+    check_columns,
+    check_directions,
+    check_pairs,
+    check_ranges,
+    check_redundant,
+    knows_incident,
+    one_sign,
+)
+from fitball.data.columns import INCIDENT, LABELS, MEASURED, NUMBERS, REBOUND, SD_SUFFIX
+from fitball.data.findings import Findings, RawTable
+from fitball.data.header import (
+    Column,
+    Header,
+    Naming,
+    naming,
+    read_header,
+    vocabulary,
+    with_units,
+)
 from fitball.data.heights import speeds_of_heights
-from fitball.data.ids import unique_ids
-from fitball.data.limits import within_limits
-from fitball.data.naming import naming, with_units
-from fitball.data.number_column import NumberColumn, read_column
-from fitball.data.propagation import Uncertain, covariance_matrix
-from fitball.data.reading.doubt import doubt_of
-from fitball.data.reading.flip import flip_columns, flips_of
-from fitball.data.redundancy import check_redundant, independent
+from fitball.data.kinematics import Uncertain, covariance_matrix, independent, velocity
+from fitball.data.misreading import doubt_of, flip_columns, flips_of
+from fitball.data.numbers import NumberColumn, plain_numbers, read_column, split_deviations, within_limits
+from fitball.data.rows import unique_ids, without_empty, without_gaps
 from fitball.data.scene import Scene, load_scene
-from fitball.data.table import ImpactTable, Measurement
-from fitball.data.velocity import velocity
-from fitball.data.written import PATHS, Source, Written, framed, written_table
-from fitball.errors import Fault
+from fitball.data.table import FrozenMapping, ImpactTable, Measurement, frozen
+from fitball.data.text import frame_table, read_raw
+from fitball.errors import Fault, ParameterError
 from fitball.kinds import checked
 from fitball.observables import OBSERVABLES, VELOCITIES
 from fitball.values import FloatArray, Impacts
+
+if TYPE_CHECKING:
+    import pandas
+
+
+# What a table may be read from: a path or bundled name, a DataFrame, or columns by name.
+Source: TypeAlias = "str | os.PathLike[str] | pandas.DataFrame | Mapping[str, Sequence[Any]]"
+
+# What a DataFrame is called in reports and messages, unless its `attrs["name"]` says.
+FRAME = "DataFrame"
+# What names a file; any other source is a DataFrame.
+PATHS = (str, os.PathLike)
+
+
+@dataclass(frozen=True)
+class Written:
+    """A table before its numbers are looked at: `name`, where it is from, the SHA-256 of its bytes, what was read,
+    and what was found so far; `files` are those it came from, none for a DataFrame.
+    """
+
+    name: str
+    source: str
+    digest: str
+    files: tuple[tuple[str, str], ...]
+    raw: RawTable
+    header: Header
+    found: Findings
+
+
+def in_memory(source: object) -> bool:
+    """Whether a source is a DataFrame or a mapping of columns, and no file."""
+    return isinstance(source, Mapping) or (hasattr(source, "iloc") and hasattr(source, "columns"))
+
+
+def check_source(source: object) -> None:
+    """Raise ParameterError for what is no source of a table."""
+    if not (isinstance(source, PATHS) or in_memory(source)):
+        raise ParameterError(
+            f"read a table of type {type(source).__name__}, expected a data frame, a path, the name of a bundled "
+            "table, or columns by name"
+        )
+
+
+def framed(source: Any) -> str | os.PathLike[str] | pandas.DataFrame:
+    """A source, columns by name as a DataFrame. Raises ParameterError for columns of unequal length, and as
+    `check_source` does.
+    """
+    check_source(source)
+    if not isinstance(source, Mapping):
+        return source  # type: ignore[no-any-return]
+    import pandas
+
+    try:
+        return pandas.DataFrame(source)
+    except ValueError as error:
+        raise ParameterError(f"these columns make no table: {error}") from None
+
+
+def name_of(source: str | os.PathLike[str] | pandas.DataFrame) -> str:
+    """What the table of a source is called. Raises TableError where there is no such file."""
+    if not isinstance(source, PATHS):
+        return str(source.attrs.get("name", FRAME))
+    sheet = split_sheet(source)[1]
+    return resolve_table(source).stem + ("" if sheet is None else f"-{sheet}")
+
+
+def written_table(source: str | os.PathLike[str] | pandas.DataFrame, naming: Naming) -> Written:
+    """Header and rows of a table, its numbers with decimal points, deviations in columns of their own.
+
+    Raises TableError where it cannot be taken apart at all.
+    """
+    known = vocabulary(naming)
+    files: tuple[tuple[str, str], ...] = ()
+    if isinstance(source, PATHS):
+        path = resolve_table(source)
+        sheet = split_sheet(source)[1]
+        raw = read_raw(path, known, sheet)
+        of_it = "" if sheet is None else SHEET_MARK + sheet
+        place, files = f"{path}{of_it}", ((f"{path.resolve()}{of_it}", sha256(raw.data).hexdigest()),)
+    else:
+        place = name_of(source)
+        raw = frame_table(place, source, known, source.to_csv().encode("utf-8", "backslashreplace"))
+    found = Findings.of(raw)
+    header = _plain(read_header(raw.header, found, naming), found)
+    return Written(name_of(source), place, sha256(raw.data).hexdigest(), files, raw, header, found)
+
+
+def _plain(header: Header, found: Findings) -> Header:
+    """The header, with a column `<name>_sd` for each whose cells state their deviations; the rows that were found get
+    plain numbers.
+    """
+    names = {column.index: name for name, column in header.numbers.items()}
+    rows, notes = plain_numbers(found.rows, tuple(names))
+    found.rows, added = split_deviations(rows, tuple(names))
+    numbers, taken = dict(header.numbers), list[str]()
+    for place, index in added.items():
+        name, sd = names[place], names[place] + SD_SUFFIX
+        if name.endswith(SD_SUFFIX) or sd in numbers:
+            found.header_fault(
+                f"states deviations (±) in its cells, and {sd} is a column too; expected them once", name
+            )
+            continue
+        numbers[sd] = Column(index, sd, numbers[name].unit)
+        taken.append(name)
+    if taken:
+        notes = (*notes, f"what stands behind ± in {', '.join(taken)} is taken as one standard deviation")
+    for note in notes:
+        found.notice(note)
+    return replace(header, numbers=numbers)
+
 
 LEAST_IMPACTS = 2
 LONGEST_LABEL = 200
@@ -54,7 +180,7 @@ def load_table(
     `rebound=False` the rebound columns may be missing and one row is enough: impacts to predict, not to fit.
     A rebound cell that says that nothing was measured is NaN in its `Measurement`; see `gaps`.
     `scene` says with what ball and what noise a rebound may seem to gain energy; without it that is the scene beside
-    the table. The columns named in `flip` are counted the other way round (see `reading.flip`). `columns` gives
+    the table. The columns named in `flip` are counted the other way round (see `misreading.flipped`). `columns` gives
     names that are not ours by our name, `{"v_1": "Vin", "theta_1": "angle_in [deg]"}`, before those of the scene;
     `units` the units of columns by either name. Raises TableError
     with every fault of the file: its row, line, column, what was read and what was expected, and what may be meant
@@ -193,3 +319,49 @@ def _tell_of_sds(columns: Mapping[str, NumberColumn], found: Findings) -> None:
         for name in (f"v_x{end}", f"v_y{end}", f"v_{end}", f"theta_{end}"):
             if name not in counted and name + SD_SUFFIX in columns:
                 found.notice(f"{name}{SD_SUFFIX} is not used: {' and '.join(counted)} are", name + SD_SUFFIX)
+
+
+# What a program writes for an output it does not have.
+_EMPTY = ("", "nan", "none", "null", "-", "na", "n/a")
+
+
+@dataclass(frozen=True)
+class PortFile:
+    """Columns in SI by name, each (rows,): incident ones repeated in the file, and outputs.
+
+    `ids` and `regimes` are the texts of columns `id` and `regime`, None where there are none.
+    """
+
+    source: str
+    count: int
+    incident: Mapping[str, FloatArray]
+    outputs: Mapping[str, FloatArray]
+    ids: tuple[str, ...] | None
+    regimes: tuple[str, ...] | None
+
+
+def read_port(path: Path) -> PortFile:
+    """Read the outputs of a port. Raises TableError with every fault: row, column, what was read and expected."""
+    raw = read_raw(path, vocabulary(Naming()))
+    found = Findings.of(raw)
+    header = read_header(raw.header, found)
+    if not raw.rows and not found.faults:
+        found.fault("read a header and no rows; expected one row for each golden impact")
+    present = [name for name in (*INCIDENT, *REBOUND) if name in header.numbers and not _empty(header, raw, name)]
+    if not any(name in REBOUND for name in present):
+        found.header_fault(f"no column of a rebound; expected one or more of {', '.join(REBOUND)}")
+    columns = {name: read_column(header.numbers[name], found).values for name in present}
+    found.refuse(str(path))
+    return PortFile(
+        source=str(path),
+        count=len(raw.rows),
+        incident={name: values for name, values in columns.items() if name in INCIDENT},
+        outputs={name: values for name, values in columns.items() if name in REBOUND},
+        ids=header.cells("id", raw.rows) if "id" in header.texts else None,
+        regimes=header.cells("regime", raw.rows) if "regime" in header.texts else None,
+    )
+
+
+def _empty(header: Header, raw: RawTable, name: str) -> bool:
+    index = header.numbers[name].index
+    return all(row.cells[index].lower() in _EMPTY for row in raw.rows)

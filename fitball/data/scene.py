@@ -3,20 +3,36 @@
 from __future__ import annotations
 
 import os
+import re
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from fitball.data.ball_types import BALL_TYPES, like_tennis
 from fitball.data.bundled import resolve_table
-from fitball.data.frozen import FrozenMapping
-from fitball.data.scene_file import Quantity, read_scene_file
-from fitball.data.scene_limits import density_fault, meant_inertia, range_fault, unlikely, unlikely_density
+from fitball.data.heights import BALL_TYPES, like_tennis
+from fitball.data.scene_keys import (
+    EXCLUSIVE,
+    KEYS,
+    PRIOR,
+    SECTIONS,
+    TOGETHER,
+    Kind,
+    density_fault,
+    keys_of,
+    meant_inertia,
+    range_fault,
+    unlikely,
+    unlikely_density,
+)
+from fitball.data.table import FrozenMapping
 from fitball.errors import ParameterError, SceneError, fault_list, suggestion
 from fitball.kinds import checked
-from fitball.observables import NOISE_OF, SHARED_SD
+from fitball.observables import SHARED_SD
 from fitball.values import WANG_INERTIA_RATIO, WANG_MASS, WANG_RADIUS, Ball
+from fitball.visible import folded, kind_of
 from fitball.wording import option
 
 NOMINAL_VELOCITY_SD = 0.25
@@ -36,6 +52,25 @@ NO_VELOCITY_SD = (
     f"the noise of the velocities is not known: it is fitted, and expected around {NOMINAL_VELOCITY_SD:g} m/s"
 )
 NO_SPIN_SD = f"the noise of the spins is not known: it is fitted, and expected around {NOMINAL_SPIN_SD:g} rad/s"
+
+
+# How an entry of a free section is written (None: a number), and in words.
+_FREE = {
+    Kind.FREE_TEXTS: (re.compile(r".*\S.*", re.DOTALL), "a text in quotes"),
+    Kind.FREE_NUMBERS: (None, "a finite number"),
+    Kind.FREE_PRIORS: (
+        re.compile(PRIOR),
+        'a word and numbers in brackets, such as "normal(0.55, 0.05)", or "literature:KEY"',
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number with its standard deviation, when one was stated; SI units."""
+
+    value: float
+    sd: float | None = None
 
 
 @dataclass(frozen=True)
@@ -143,10 +178,8 @@ def _doubts(scene: Scene) -> list[str]:
     stated = {
         "ball.mass": ball.mass, "ball.radius": ball.radius, "ball.inertia_ratio": ball.inertia_ratio,
         "surface.mu": scene.mu[0] if scene.mu else None, "contact_time.value": time, "contact_time.sd": time_sd,
-        "force.sd": scene.force_sd, "force.start_sd": scene.force_start_sd,
+        **{name: getattr(scene, key.field) for name, key in KEYS.items() if key.size and key.field},
     }  # fmt: skip
-    noises = (SHARED_SD, *NOISE_OF.values(), "nominal_velocity_sd", "nominal_spin_sd")
-    stated |= {f"measurement.{name}": getattr(scene, name) for name in noises}
     doubts = [unlikely(key, value) for key, value in stated.items() if value is not None]
     return [doubt for doubt in (*doubts, unlikely_density(ball)) if doubt is not None]
 
@@ -158,9 +191,6 @@ def _read_scene(path: Path) -> Scene:
 def _make_scene(source: str | None, known: Mapping[str, Any]) -> Scene:
     ball, ball_sd = _ball(source, known)
     mu, time, warmth = (known.get(key) for key in ("surface.mu", "contact_time.value", "ball.temperature"))
-    sds: dict[str, Any] = {name: known.get(f"measurement.{name}") for name in (SHARED_SD, *NOISE_OF.values())}
-    nominal_velocity, nominal_spin = (known.get(f"measurement.nominal_{name}_sd") for name in ("velocity", "spin"))
-    free: dict[str, Any] = {name: FrozenMapping(known.get(name)) for name in ("priors", "fix", "pool", "columns")}
     told = known.keys() | ({"ball.inertia_ratio"} if "ball.inertia" in known else set())
     kind = known.get("ball.type")
     if kind is not None and kind not in BALL_TYPES:
@@ -170,34 +200,19 @@ def _make_scene(source: str | None, known: Mapping[str, Any]) -> Scene:
         **{f"assumed {words}": f"ball.{name}" not in told for name, words in _BALL_WORDS.items()},
         NO_MU: mu is None,
         NO_CONTACT_TIME: time is None,
-        NO_VELOCITY_SD: sds[SHARED_SD] is None and nominal_velocity is None,
-        NO_SPIN_SD: sds["spin_sd"] is None and nominal_spin is None,
+        NO_VELOCITY_SD: not {f"measurement.{SHARED_SD}", "measurement.nominal_velocity_sd"} & told,
+        NO_SPIN_SD: not {"measurement.spin_sd", "measurement.nominal_spin_sd"} & told,
     }
     return Scene(
         source=source,
         ball=ball,
         ball_sd=FrozenMapping(ball_sd),
-        ball_type=kind,
         ball_temperature=None if warmth is None else warmth.value,
         ball_temperature_sd=None if warmth is None else warmth.sd,
-        surface=known.get("surface.name"),
         mu=None if mu is None else (mu.value, mu.sd),
         contact_time=None if time is None else (time, known["contact_time.sd"]),
-        nominal_velocity_sd=nominal_velocity or NOMINAL_VELOCITY_SD,
-        nominal_spin_sd=nominal_spin or NOMINAL_SPIN_SD,
-        model=known.get("model.name", DEFAULT_MODEL),
-        closures=FrozenMapping(known.get("model.closures")),
-        velocity_noise=known.get("measurement.velocity_noise"),
-        distribution=known.get("measurement.distribution", "normal"),
-        offsets=known.get("measurement.offsets"),
-        force_file=known.get("force.file"),
-        force_sd=known.get("force.sd"),
-        force_start_sd=known.get("force.start_sd"),
         assumed=tuple(sentence for sentence, silent in silences.items() if silent),
-        description=known.get("source.description", ""),
-        citation=known.get("source.citation", ""),
-        **sds,
-        **free,
+        **{KEYS[name].field: value for name, value in known.items() if KEYS[name].field},
     )
 
 
@@ -224,3 +239,113 @@ def _ball(source: str | None, known: Mapping[str, Any]) -> tuple[Ball, dict[str,
         raise SceneError(f"{source}: [ball]: inertia {moment:g} kg m^2 makes {fault}{meant}")
     stated = {"mass": mass.sd, "radius": radius.sd, "inertia_ratio": ratio.sd}
     return ball, {name: sd for name, sd in stated.items() if sd is not None}
+
+
+def read_scene_file(path: Path) -> Mapping[str, Any]:
+    """The checked content of a scene file by dotted key, such as `ball.mass`: texts, numbers, `Quantity`, and what is
+    in the free sections. Raises SceneError that lists every fault.
+    """
+    try:
+        tree = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise SceneError(f"{path}: cannot be opened: {reason}; expected a scene file (TOML)") from None
+    except UnicodeDecodeError as error:
+        raise SceneError(f"{path}: byte {error.start} is not UTF-8; expected TOML, which is UTF-8") from None
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError, an integer of thousands of digits, deep nesting
+        raise SceneError(f"{path}: not TOML: {error}; mend that place") from None
+    faults: list[str] = []
+    values: dict[str, Any] = {}
+    for section, content in tree.items():
+        names = keys_of(section)
+        if section in KEYS:
+            _read(section, content, values, faults)
+        elif not names:
+            faults.append(f"[{section}]: unknown key; {suggestion(section, SECTIONS)}")
+        elif not isinstance(content, dict):
+            faults.append(f"{section} = {content!r}: expected a section [{section}] with keys {', '.join(names)}")
+        else:
+            for name, value in content.items():
+                if name in names:
+                    _read(f"{section}.{name}", value, values, faults)
+                else:
+                    faults.append(f"{section}.{name}: unknown key; {suggestion(name, names)}")
+    faults += [
+        f"{one} and {other} are both given; expected one of them, since they say the same"
+        for one, other in EXCLUSIVE
+        if one in values and other in values
+    ]
+    for one, other in TOGETHER:
+        section, _, first = one.partition(".")
+        second, content = other.partition(".")[2], tree.get(section)
+        if isinstance(content, dict) and (first in content) != (second in content):
+            faults.append(f"[{section}]: expected both {first} and {second}")
+    if faults:
+        raise SceneError(fault_list(str(path), len(faults), folded((kind_of(fault), fault) for fault in faults)))
+    return values
+
+
+def _read(key: str, content: object, values: dict[str, Any], faults: list[str]) -> None:
+    """Add the value of a key, or what is wrong with it."""
+    kind = KEYS[key].kind
+    value = _free(key, content, kind, faults) if kind in _FREE else _checked(content, kind)
+    if value is None:
+        faults.append(f"{key} = {_shown(content)}: expected {kind.value}")
+        return
+    if isinstance(value, float | Quantity):
+        number, sd = (value.value, value.sd) if isinstance(value, Quantity) else (value, None)
+        fault = range_fault(key, number, sd)
+        faults += [fault] if fault is not None else []
+    values[key] = value
+
+
+def _free(key: str, content: object, kind: Kind, faults: list[str]) -> FrozenMapping[str | float] | None:
+    """The entries of a free section, each if it is of its kind; None where it is no section."""
+    if not isinstance(content, dict):
+        return None
+    form, expected = _FREE[kind]
+    entries: dict[str, str | float] = {}
+    for name, value in content.items():
+        number = _number(value)
+        if form is None and number is not None:
+            entries[name] = number
+        elif form is not None and isinstance(value, str) and form.fullmatch(value):
+            entries[name] = value
+        else:
+            faults.append(f"{key}.{name} = {_shown(value)}: expected {expected}")
+    return FrozenMapping(entries)
+
+
+def _checked(content: object, kind: Kind) -> str | float | Quantity | None:
+    """The value when it is of its kind, else None."""
+    if kind is Kind.TEXT:
+        return content if isinstance(content, str) and content.strip() else None
+    number, sd = _number(content), None
+    if kind is not Kind.POSITIVE and isinstance(content, dict) and set(content) == {"value", "sd"}:
+        number, sd = _number(content["value"]), _number(content["sd"])
+        if sd is None or sd <= 0.0:
+            return None
+    if number is None or (number <= 0.0 and kind is not Kind.DEGREES):
+        return None
+    return number if kind is Kind.POSITIVE else Quantity(number, sd)
+
+
+def _number(content: object) -> float | None:
+    if isinstance(content, bool) or not isinstance(content, int | float):
+        return None
+    try:
+        number = float(content)
+    except OverflowError:  # TOML integers have no upper bound
+        return None
+    return number if isfinite(number) else None
+
+
+def _shown(content: object) -> str:
+    """A TOML value as it could stand in the file."""
+    if isinstance(content, bool):
+        return "true" if content else "false"
+    if isinstance(content, str):
+        return f'"{content}"'
+    if isinstance(content, dict):
+        return "{ " + ", ".join(f"{name} = {_shown(value)}" for name, value in content.items()) + " }"
+    return str(content)

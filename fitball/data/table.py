@@ -2,21 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from fitball.data.frozen import FrozenMapping
 from fitball.observables import OBSERVABLES, SI_UNITS
 from fitball.values import FloatArray, Impacts, same
 from fitball.visible import some
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+Value = TypeVar("Value")
+
+
+class FrozenMapping(Mapping[str, Value]):
+    """An unchangeable mapping from names to values; keeps the order in which it was given."""
+
+    __slots__ = ("_items",)
+
+    def __init__(self, items: Mapping[str, Value] | None = None) -> None:
+        self._items = dict(items or {})
+
+    def __getitem__(self, key: str) -> Value:
+        return self._items[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __repr__(self) -> str:
+        return f"FrozenMapping({self._items!r})"
+
+
+def frozen(values: ArrayLike) -> FloatArray:
+    """A copy of numbers that cannot change."""
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
 
 # Notices of one kind that are told one by one.
 NOTICES_TOLD = 3

@@ -6,13 +6,14 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from fitball.data.impact_text import parse_impact
+from fitball.data.lines import parse_impact
 from fitball.errors import ParameterError
 from fitball.inference.prediction.engine_fit import EngineFit, EngineSettings, fit_engine, middle_impact
 from fitball.inference.prediction.extrapolation import calibrated_range
 from fitball.inference.results.results import Fit
 from fitball.models.kernels.vertical import zero_force_release
 from fitball.observables import COMPARED
+from fitball.report.form.document import Document, Part, Section, Table, Words, as_markdown
 from fitball.report.form.files import json_text
 from fitball.report.form.numbers import output_scale
 
@@ -106,42 +107,40 @@ def _page(saved: Fit, engine: EngineFit) -> str:
     speed = math.hypot(point.v_x1[0], point.v_y1[0])
     angle = math.degrees(math.atan2(point.v_y1[0], point.v_x1[0]))
     best, wide = engine.at_point, engine.over_range
-    lines = [
-        f"# Engine settings for {saved.fitted.model_name} on {saved.source.name}",
-        "",
+    inertia = saved.fitted.ball.inertia_ratio
+    state = (
         f"Operating point: {speed:.4g} m/s at {angle:.4g} deg, spin {point.omega_1[0]:.4g} rad/s (topspin positive). "
         f"Ball: mass {saved.fitted.ball.mass * 1e3:.4g} g, radius {saved.fitted.ball.radius * 1e3:.4g} mm, "
-        f"inertia {engine.inertia_ratio:.3g} M R^2 in the engine, {saved.fitted.ball.inertia_ratio:.3g} in the fit.",
-        "",
-        *_warning(saved, engine),
-        "| | restitution e | friction mu |",
-        "|---|---|---|",
-        f"| best at the operating point | {best.e:.4f} | {_mu(best.mu)} |",
-        f"| best over the calibrated range | {wide.e:.4f} | {_mu(wide.mu)} |",
-        "",
+        f"inertia {engine.inertia_ratio:.3g} M R^2 in the engine, {inertia:.3g} in the fit."
+    )
+    settings = [
+        ["", "restitution e", "friction mu"],
+        ["best at the operating point", f"{best.e:.4f}", _mu(best.mu)],
+        ["best over the calibrated range", f"{wide.e:.4f}", _mu(wide.mu)],
     ]
+    said = []
     if best.mu_from is not None:
-        lines += [
+        said.append(
             f"At the operating point the engine's ball grips: any mu from {best.mu_from:.4f} on predicts the same "
-            "there. The mu given is the one of these that errs least over the calibrated range.",
-            "",
-        ]
+            "there. The mu given is the one of these that errs least over the calibrated range."
+        )
     if best.mu is None:
-        lines += ["The fit is of drop tests: it says nothing of friction.", ""]
-    lines += [
-        "What is lost: such a ball has one restitution for every speed, no tangential rebound (no twist of the",
+        said.append("The fit is of drop tests: it says nothing of friction.")
+    said.append(
+        "What is lost: such a ball has one restitution for every speed, no tangential rebound (no twist of the "
         "cover, no shift of the normal force), and the engine's moment of inertia. Where an engine lets it be set, "
-        f"give it the ball's own: `engine_inertia = {saved.fitted.ball.inertia_ratio:.3g}`.",
-        "",
-        "| output | fitted ball | engine | error there | RMS error over the range | RMS, best over the range |",
-        "|---|---|---|---|---|---|",
-        *(_row(name, engine) for name in COMPARED),
-        "",
-        "The range: mixtures of the calibrated impacts. Best: least kinetic energy of the difference.",
-        "",
-        *_advice(engine),
+        f"give it the ball's own: `engine_inertia = {inertia:.3g}`."
+    )
+    errors = [
+        ["output", "fitted ball", "engine", "error there", "RMS error over the range", "RMS, best over the range"]
     ]
-    return "\n".join(lines) + "\n"
+    errors += [_row(name, engine) for name in COMPARED]
+    lead: list[Part] = [
+        Words([state, *_warning(saved, engine)]), Table("Settings", settings), Words(said), Table("Errors", errors),
+        Words(["The range: mixtures of the calibrated impacts. Best: least kinetic energy of the difference."]),
+    ]  # fmt: skip
+    title = f"Engine settings for {saved.fitted.model_name} on {saved.source.name}"
+    return as_markdown(Document(title, lead, [Section("set", "How to set them", [Words(_advice(engine))])]))
 
 
 def _outside(saved: Fit, engine: EngineFit) -> bool:
@@ -166,19 +165,19 @@ def _warning(saved: Fit, engine: EngineFit) -> list[str]:
         said.append(
             f"{engine.unsolved} mixtures of calibrated impacts have no rebound and are left out of the range."
         )
-    return [line for text in said for line in (text, "")]
+    return said
 
 
 def _mu(value: float | None) -> str:
     return "-" if value is None else f"{value:.4f}"
 
 
-def _row(name: str, found: EngineFit) -> str:
+def _row(name: str, found: EngineFit) -> list[str]:
     scale, near, wide = output_scale(name), found.at_point, found.over_range
     values = (found.fitted[name], found.engine[name], near.errors[name], near.rms[name], wide.rms[name])
     fitted, engine, error, near_rms, wide_rms = (value * scale.factor for value in values)
-    numbers = f"{fitted:.3f} | {engine:.3f} | {error:+.3f} | {near_rms:.3f} | {wide_rms:.3f}"
-    return f"| {name} [{scale.unit}] | {numbers} |"
+    numbers = f"{fitted:.3f}", f"{engine:.3f}", f"{error:+.3f}", f"{near_rms:.3f}", f"{wide_rms:.3f}"
+    return [f"{name} [{scale.unit}]", *numbers]
 
 
 def _advice(engine: EngineFit) -> list[str]:
@@ -187,25 +186,19 @@ def _advice(engine: EngineFit) -> list[str]:
     stiffness, damping = soft["solref"]
     known = "" if soft["contact_time_known"] else " (assumed: this model has none)"
     return [
-        "## How to set them",
-        "",
-        f"**Unity.** Material of the ball: bounciness {e}, dynamic and static friction {mu}; of the court: 1 and 1;",
-        "both combine modes Multiply on both (of two different modes the later in Average, Minimum, Multiply,",
-        "Maximum is used). Lower the bounce threshold of the physics settings below the slowest `v_y1`, raise",
+        f"**Unity.** Material of the ball: bounciness {e}, dynamic and static friction {mu}; of the court: 1 and 1; "
+        "both combine modes Multiply on both (of two different modes the later in Average, Minimum, Multiply, "
+        "Maximum is used). Lower the bounce threshold of the physics settings below the slowest `v_y1`, raise "
         "`Rigidbody.maxAngularVelocity` above the spins, and set `Rigidbody.inertiaTensor` if it is not solid.",
-        "",
-        f"**Godot.** `PhysicsMaterial` of the ball: bounce {e}, friction {mu}, rough off; of the court: bounce 0,",
-        f"friction at least {mu}, rough and absorbent off. Bounces add, and the lower friction counts. `inertia` of",
+        f"**Godot.** `PhysicsMaterial` of the ball: bounce {e}, friction {mu}, rough off; of the court: bounce 0, "
+        f"friction at least {mu}, rough and absorbent off. Bounces add, and the lower friction counts. `inertia` of "
         "the body sets the moment of inertia; set linear and angular damp to 0.",
-        "",
-        f"**Bullet.** Ball: `setRestitution({e})`, `setFriction({mu})`; court: 1 and 1, for both are multiplied.",
+        f"**Bullet.** Ball: `setRestitution({e})`, `setFriction({mu})`; court: 1 and 1, for both are multiplied. "
         "Rolling and spinning friction 0. The moment of inertia is an argument of the body.",
-        "",
-        "**MuJoCo** has no restitution: a contact is a spring and damper, so the following approximates it. Ball:",
-        f'`solref="{stiffness:.6g} {damping:.6g}"`, `solimp="0.99 0.99 0.001 0.5 2"`, `condim="3"`,',
-        f'`friction="{mu} 0 0"`, `priority="1"` (else the larger friction of the two counts);',
-        f"a contact then lasts {soft['contact_time'] * 1e3:.3g} ms{known}, so take a timestep of "
-        f"{soft['timestep_at_most'] * 1e3:.2g} ms or less, and",
-        '`cone="elliptic"` with a larger `impratio` against creep. Drop a ball, measure its rebound, and correct the',
-        "second number of solref.",
+        "**MuJoCo** has no restitution: a contact is a spring and damper, so the following approximates it. Ball: "
+        f'`solref="{stiffness:.6g} {damping:.6g}"`, `solimp="0.99 0.99 0.001 0.5 2"`, `condim="3"`, '
+        f'`friction="{mu} 0 0"`, `priority="1"` (else the larger friction of the two counts); a contact then lasts '
+        f"{soft['contact_time'] * 1e3:.3g} ms{known}, so take a timestep of {soft['timestep_at_most'] * 1e3:.2g} ms "
+        'or less, and `cone="elliptic"` with a larger `impratio` against creep. Drop a ball, measure its rebound, '
+        "and correct the second number of solref.",
     ]

@@ -10,7 +10,7 @@ from fitball.exports.certificate import certificate
 from fitball.exports.engine_settings import engine_texts
 from fitball.exports.golden import golden_table
 from fitball.exports.lookup_table import lookup_note, lookup_texts
-from fitball.exports.parameters import latex_table, markdown_table, parameter_content
+from fitball.exports.parameters import latex_table, paper_markdown, parameter_content
 from fitball.exports.port.languages import c_port, csharp_port, javascript_texts
 from fitball.exports.port.port import Port, make_port, python_port
 from fitball.inference.results.results import Fit
@@ -74,7 +74,7 @@ TEXT_FORMATS: Mapping[str, TextFormat] = {
     "engine": TextFormat("engine", lambda saved, options: engine_texts(saved, options.at, options.engine_inertia)),
     "json": _parameters(".json", lambda saved: json_text(parameter_content(saved))),
     "latex": _parameters(".tex", latex_table),
-    "markdown": _parameters(".md", markdown_table),
+    "markdown": _parameters(".md", paper_markdown),
     "certificate": TextFormat("certificate", lambda saved, _options: {".html": certificate(saved)}, bounces=False),
     "golden": TextFormat(
         "golden", lambda saved, options: {".csv": golden_table(saved.fitted, saved.golden, options.inputs_only)}

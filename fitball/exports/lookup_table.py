@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from fitball.data.grid_text import parse_grid
+from fitball.data.lines import parse_grid
 from fitball.inference.prediction.lookup import SEED, Lookup, default_axes, make_lookup
 from fitball.inference.results.results import Fit
 from fitball.models.types import regime_name

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,8 @@ from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Estimate, Fit, LevelEstimate, RunStatus, Verdict
 from fitball.models.registry import parameter_spec
 from fitball.models.types import OUTPUTS
-from fitball.report.form.numbers import decimals, fixed, handy, interval, significant
+from fitball.report.form.document import markdown_table
+from fitball.report.form.parameters import parameter_row
 from fitball.report.saved.structure import plain
 from fitball.version import __version__
 
@@ -128,16 +129,14 @@ def paper_rows(saved: Fit) -> tuple[PaperRow, ...]:
 
 
 def _row(parameter: Estimate) -> PaperRow:
-    scale = handy(parameter.name, parameter.unit)
+    row = parameter_row(parameter)
     spec = parameter_spec(parameter.name) or NOISE_SPECS.get(parameter.name)
-    label = spec.label if spec is not None else ""
-    head = (parameter.name, label, parameter.meaning, scale.unit)
-    if parameter.median is None or parameter.sd is None or parameter.verdict is Verdict.FIXED:
-        return PaperRow(*head, significant(parameter.point * scale.factor, 4))
-    places = decimals(parameter.sd * scale.factor)
-    low, high = (None if end is None else end * scale.factor for end in (parameter.q025, parameter.q975))
-    value, sd = (fixed(number * scale.factor, places) for number in (parameter.median, parameter.sd))
-    return PaperRow(*head, value, sd, interval(low, high, places), MARKS.get(parameter.verdict, ""))
+    paper = PaperRow(row.name, spec.label if spec is not None else "", parameter.meaning, row.unit, row.point)
+    if row.median == "-" or parameter.verdict is Verdict.FIXED:
+        return paper
+    return replace(
+        paper, value=row.median, sd=row.sd, interval_95=row.interval_95, mark=MARKS.get(parameter.verdict, "")
+    )
 
 
 def _caption(saved: Fit) -> str:
@@ -201,15 +200,12 @@ def _unit(unit: str) -> str:
     return rf"$\mathrm{{{text}}}$"
 
 
-def markdown_table(saved: Fit) -> str:
+def paper_markdown(saved: Fit) -> str:
     """The same as a Markdown table."""
-    lines = [_caption(saved), "", "| parameter | meaning | value | 95 % interval | unit |", "|---|---|---|---|---|"]
+    rows = [["parameter", "meaning", "value", "95 % interval", "unit"]]
     for row in paper_rows(saved):
         superscript = f" ({row.mark})" if row.mark else ""
         value = f"{row.value} ± {row.sd}{superscript}" if row.sd else row.value
-        cells = (f"`{row.name}`", row.meaning, value, row.interval_95, row.unit)
-        # A label may hold what divides cells, or a line break.
-        plain = (" ".join(cell.split()).replace("|", r"\|") for cell in cells)
-        lines.append("|" + "".join(f" {cell} |" if cell else " |" for cell in plain))
+        rows.append([f"`{row.name}`", row.meaning, value, row.interval_95, row.unit])
     notes = [f"({mark}) {note}." for mark, note in _notes(saved)]
-    return "\n".join([*lines, *([""] if notes else []), *notes]) + "\n"
+    return "\n".join([_caption(saved), "", markdown_table(rows), *([""] if notes else []), *notes]) + "\n"

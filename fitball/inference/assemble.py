@@ -1,4 +1,9 @@
-"""From what the stages of a fit gave to the one frozen result: estimates, verdicts, predictions, a sentence."""
+"""From what the stages of a fit gave to the one frozen result: estimates, verdicts, predictions, a sentence.
+
+What a table tells of a parameter within a model is not yet what may be said of it: a model that fails identifies
+nothing, a value that moves with an assumption is known only given that assumption, and where assumptions could not be
+examined the verdict says so.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +28,6 @@ from fitball.inference.prediction.one_way import lab_generator
 from fitball.inference.prediction.port_check import golden
 from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
 from fitball.inference.problem.problem import Problem
-from fitball.inference.qualify import qualified
 from fitball.inference.results.adequacy import Adequacy
 from fitball.inference.results.assumptions import Assumptions
 from fitball.inference.results.evidence import Profiles
@@ -42,8 +46,8 @@ from fitball.inference.results.results import (
     thinned,
 )
 from fitball.inference.results.source import source_of
+from fitball.inference.sampling.convergence import summaries
 from fitball.inference.sampling.ensembles import Sampled
-from fitball.inference.sampling.monte_carlo_error import summaries
 from fitball.values import FloatArray
 from fitball.version import package_versions
 
@@ -275,3 +279,29 @@ def _sentence(
         if names:
             parts.append(f"{words} {', '.join(names)}.")
     return " ".join([head, *([several] if several else []), *parts])
+
+
+def qualified(
+    name: str,
+    judged: Judgement,
+    adequacy: Adequacy | None,
+    assumptions: Assumptions | None,
+    parts: Sequence[str] = (),
+) -> tuple[Verdict, tuple[str, ...]]:
+    """The verdict on one parameter, or on a quantity that follows from the parameters called `parts`, and the
+    assumptions it is given; None for what was not looked at.
+    """
+    if judged.verdict is not Verdict.IDENTIFIED:
+        return judged.verdict, ()
+    if adequacy is not None and any(adequacy.conditional(one) for one in (name, *parts)):
+        return Verdict.CONDITIONAL, ()
+    given = (*judged.given, *rests_on(name, adequacy, assumptions))
+    if given or assumptions is None or assumptions.examined:
+        return (Verdict.GIVEN if given else Verdict.IDENTIFIED), given
+    return Verdict.UNEXAMINED, ()
+
+
+def rests_on(name: str, adequacy: Adequacy | None, assumptions: Assumptions | None) -> tuple[str, ...]:
+    """The choices that the value of a parameter is given."""
+    known = [found.given.get(name, ()) for found in (adequacy, assumptions) if found is not None]
+    return tuple(dict.fromkeys(choice for choices in known for choice in choices))

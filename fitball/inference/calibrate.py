@@ -18,19 +18,27 @@ from fitball.inference.assumptions.known_before import known_before
 from fitball.inference.assumptions.look import assumptions_generator, look
 from fitball.inference.effort import Effort, Stopwatch
 from fitball.inference.identifiability.examine import profile_all
+from fitball.inference.identifiability.fisher import DRAWN_ABOUT, about
 from fitball.inference.point.point_fit import point_fit
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.assumptions import Assumptions
 from fitball.inference.results.evidence import Profiles
 from fitball.inference.results.results import Fit, LeastSquares, PointFit, Posterior
 from fitball.inference.sampling.chain_file import ChainFile
-from fitball.inference.sampling.ensembles import Progress, Sampled, Settings, sample
+from fitball.inference.sampling.convergence import convergence
+from fitball.inference.sampling.ensembles import ENSEMBLES, Progress, Sampled, Settings, sample
+from fitball.inference.sampling.importance import K_TRUSTED, importance_posterior, smoothed
 from fitball.inference.sampling.stragglers import left_behind_words
 from fitball.inference.second_search import search_again
-from fitball.inference.weigh import WEIGHED, weigh
 from fitball.scheduling.engine import engine
+from fitball.values import FloatArray
 from fitball.version import __version__
 
+# Rows beyond which a posterior is weighed: below, ensembles cost seconds, and find what no mode tells of.
+WEIGHED = 3000
+# Effective draws that are made for each that is asked for, and at least: chains that are dealt out of fewer may
+# disagree by chance.
+SPARE, LEAST_WEIGHED = 1.5, 1500.0
 # Is told the stage and, while sampling, the progress.
 Tell: TypeAlias = Callable[[str, Progress | None], None]
 
@@ -197,6 +205,53 @@ def draw(
 def weighs(problem: Problem, effort: Effort) -> bool:
     """Whether the draws of a posterior are weighed; a number of `walkers` that is asked for asks for ensembles."""
     return len(problem.impacts) > WEIGHED and effort.walkers is None
+
+
+def weigh(
+    problem: Problem, optima: FloatArray, settings: Settings, report: Callable[[Progress], None]
+) -> tuple[Sampled | None, str]:
+    """Draws of the posterior about its `optima` (optima, free), in coordinates, each weighed by its density on all
+    rows and dealt out to as many chains as there are ensembles; in words what came of it. None where no Student
+    distribution comes near the posterior.
+
+    With rows a posterior becomes normal, and a density as dear as there are rows: walkers that feel their way cost a
+    hundred times what weighing costs. How heavy the tail of the weights is Pareto's k tells (Vehtari et al. 2024,
+    JMLR 25, 72).
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=(11,)))
+    rows, plan = f"{len(problem.impacts):,} rows", settings.schedule
+    proposals = [about(problem, optimum) for optimum in optima[:DRAWN_ABOUT]]
+    drawn = importance_posterior(problem, proposals, rng, max(SPARE * plan.target_ess, LEAST_WEIGHED))
+    k = smoothed(drawn.log_weights, 1.0)[1] if drawn.effective > 1.0 else np.inf
+    if drawn.score is None or drawn.effective < plan.target_ess or k > K_TRUSTED:
+        found = f"Pareto k {k:.2f}, {drawn.effective:.0f} effective draws of {len(drawn.values):,}"
+        return None, f"weights of draws on all {rows} did not settle ({found}): sampled by ensembles of walkers"
+    # Each as often as it weighs, in no order.
+    shares, steps = np.cumsum(np.exp(drawn.log_weights)), len(drawn.values) // ENSEMBLES
+    places = (np.arange(ENSEMBLES * steps) + rng.uniform()) / (ENSEMBLES * steps)
+    dealt = rng.permutation(np.searchsorted(shares / shares[-1], places)).reshape(ENSEMBLES, steps)
+    chains = problem.to_coordinates(drawn.values)[dealt][:, :, None]
+    worth = dict.fromkeys(problem.free_names, drawn.effective)
+    mixing = replace(convergence(problem.free_names, chains), ess_bulk=worth, ess_tail=worth)
+    report(Progress(steps, steps, mixing))
+    sampled = Sampled(
+        chains,
+        drawn.score[dealt][:, :, None],
+        (drawn.effective / len(drawn.values),) * ENSEMBLES,
+        steps,
+        warm_up=0,
+        first=0,
+        convergence=mixing,
+        converged=mixing.meets(plan.target_ess, plan.target_r_hat),
+        moved=np.zeros((ENSEMBLES, 1), dtype=bool),
+        pareto_k=k,
+    )
+    words = (
+        f"the posterior was drawn by weights, not by walkers: each of {len(drawn.values):,} draws from Student "
+        f"distributions about the mode was weighed by its density on all {rows} (Pareto k of the weights {k:.2f}, to "
+        f"be trusted below {K_TRUSTED:g})"
+    )
+    return sampled, words
 
 
 def _generator(effort: Effort, stage: int) -> np.random.Generator:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fitball.inference.sampling.monte_carlo_error import summaries
+from fitball.inference.sampling.convergence import summaries
 from fitball.repeat.kept import Kept
 
 # Shares by which rounding may differ: of a summary of many draws, and of one draw (an exponential).

@@ -16,7 +16,7 @@ from scipy.special import ndtri
 
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.quantiles import QUANTILES
-from fitball.inference.sampling.monte_carlo_error import standard_errors
+from fitball.inference.sampling.convergence import standard_errors
 from fitball.repeat.bits import differing_leaves, same_bytes
 from fitball.repeat.checks import contradictions
 from fitball.repeat.kept import Kept

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from fitball.data.thesis_tables import fraction
+from fitball.data.published import fraction
 from fitball.inference.thesis import inputs as thesis_inputs
 from fitball.inference.thesis.inputs import DAMPING, INCH, INERTIA, STIFFNESS
 from fitball.models.thesis import Pair, ThesisContact, ThesisMotion, stray_impulse, thesis_motion

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from fitball.data.thesis_tables import thesis_table
+from fitball.data.published import thesis_table
 from fitball.inference.thesis.inputs import printed_model, relative_error, row_parameters
 from fitball.values import FloatArray, impacts
 

@@ -10,8 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from fitball.data.thesis_tables import thesis_table
-from fitball.data.wang import measured
+from fitball.data.published import measured, thesis_table
 from fitball.values import FloatArray
 
 # Chapter V's cases 1 to 3 are cases 5, 6 and 1 of Appendix C.

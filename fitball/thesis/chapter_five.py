@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from uncertainties.core import Variable
 
-from fitball.data.thesis_tables import thesis_table
+from fitball.data.published import thesis_table
 from fitball.inference.effort import Effort
 from fitball.inference.thesis.inputs import INCH, INERTIA_OF
 from fitball.report.form.numbers import listed

@@ -13,15 +13,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from fitball.data.published import SPINS, fraction, measured, thesis_table
 from fitball.data.scene import load_scene
-from fitball.data.thesis_tables import fraction, thesis_table
-from fitball.data.wang import SPINS, measured
 from fitball.files import all_or_none
 from fitball.inference.thesis.inputs import C1, C2, INCH, STIFFNESS, TORSION, case_parameters, printed_model
 from fitball.models.specs import SPECS
 from fitball.models.thesis import ThesisCourse
 from fitball.report.figures.canvas import log_scale, new_figure, own_style, save_figure
-from fitball.report.figures.embed import embed
+from fitball.report.form.document import figure_html
 from fitball.report.form.files import write_text
 from fitball.report.form.folders import make_folder
 from fitball.report.form.palette import MARKERS, SERIES
@@ -52,7 +51,7 @@ def page(chapter: ChapterFive, images: Mapping[str, bytes]) -> str:
         "fitball.thesis",
         "chapter_five.html.j2",
         found=chapter,
-        figures={name: embed(images[name], said, said) for name, said in CAPTIONS.items() if name in images},
+        figures={name: figure_html(images[name], said, said) for name, said in CAPTIONS.items() if name in images},
         tables=chapter.tables,
         text=_text,
         brief=ranking.in_brief(chapter.rankings),

@@ -14,8 +14,7 @@ import pandas as pd
 from uncertainties import ufloat
 from uncertainties.core import Variable
 
-from fitball.data.thesis_tables import fraction, thesis_table
-from fitball.data.wang import SPINS, measured
+from fitball.data.published import SPINS, fraction, measured, thesis_table
 from fitball.inference.thesis.inputs import (
     BALL_MASS_ROUNDED,
     DAMPING,

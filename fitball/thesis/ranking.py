@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from fitball.data.thesis_tables import thesis_table
-from fitball.data.wang import SPINS, measured
+from fitball.data.published import SPINS, measured, thesis_table
 from fitball.inference.thesis.inputs import case_parameters, printed_model
 from fitball.inference.thesis.published_cases import set_name
 from fitball.models.model import Model

@@ -12,9 +12,9 @@ import pandas as pd
 from scipy.stats import gaussian_kde
 
 from fitball.data.balances import Balance, scene_balances
+from fitball.data.published import fraction, thesis_table
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
-from fitball.data.thesis_tables import fraction, thesis_table
 from fitball.inference.assemble import diagnose
 from fitball.inference.calibrate import Drawn, draw, search
 from fitball.inference.effort import Effort, Stopwatch

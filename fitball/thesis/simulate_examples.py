@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fitball.data.thesis_tables import thesis_rows
+from fitball.data.published import thesis_rows
 from fitball.inference.thesis.inputs import INCH
 
 Impact = tuple[float, float, float]

@@ -22,8 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from fitball.data.thesis_tables import fraction, thesis_table
-from fitball.data.wang import SPINS, measured
+from fitball.data.published import SPINS, fraction, measured, thesis_table
 from fitball.errors import Fault, TableError
 from fitball.inference.prediction.outputs import root_mean_square
 from fitball.inference.thesis.inputs import BALL_RADIUS, INCH, INERTIA, INERTIA_OF, printed_model, row_parameters

@@ -10,10 +10,10 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fitball.cli.options import SCHEDULER, place, whole
 from fitball.cli.terminal import ProgressLine, time_left, visible_streams
@@ -22,7 +22,7 @@ from fitball.scheduling.engine import Engine, engine
 from fitball.wording import speaking_to_command_line
 
 if TYPE_CHECKING:
-    from validation.sbc.summary import ModelFinding
+    from validation.harness import Row, Study, Verdict
 
 DEFAULT_FOLDER = Path("fits") / "validation"
 MODELS = "two-mass,grip-slip"
@@ -106,7 +106,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             args.line = ProgressLine(args.quiet)
             if args.population:
                 return _population(args)
-            return _plan(args) if args.plan else _trust(args) if args.trust else _run(args)
+            return _plan(args) if args.plan else _trust(args) if args.trust else _ranks(args)
     except FitballError as error:
         print(f"fitball: {error}", file=sys.stderr)
         return 2
@@ -115,96 +115,73 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 130
 
 
-def _run(args: argparse.Namespace) -> int:
+def _ranks(args: argparse.Namespace) -> int:
     """Rank truths among draws; 1 where they do not rank uniformly."""
     models = _checked(args, 300)
-    from fitball.report.figures.canvas import save_figure
-    from validation.sbc.figure import rank_figure
-    from validation.sbc.replicate import BounceExperiment
-    from validation.sbc.run import run_replicates
-    from validation.sbc.summary import summarise, summary_json, summary_rows
+    from validation.ranks import Bounces, judge
 
     folder, workers = _place_and_workers(args, "")
-    ranked_by_model = {}
+    made = {}
     for model in models:
-        experiment = BounceExperiment(args.table, model, args.wrong_sigma)
-        place, counter = folder / f"ranks_{model}.csv", Counter(args.line, model, args.replicates)
-        ranked = run_replicates(experiment, args.seed, args.replicates, place, workers, counter)
-        ranked_by_model[model] = (experiment.names, ranked)
-    findings = summarise(ranked_by_model)
-    for finding in findings:
-        if finding.quantities:
-            save_figure(rank_figure(finding), folder / f"ranks_{finding.model}.png")
-    rows = summary_rows(findings)
-    tables = {"summary": rows} if rows else {}
-    return _end(args, folder / "summary.json", summary_json(findings, args.seed), tables, render(findings))
+        study = Bounces(args.table, model, args.wrong_sigma).study
+        made[model] = [row for rows in _made(args, study, folder, workers) for row in rows]
+    return _end(args, folder / "summary.json", judge(made, args.seed))
 
 
 def _trust(args: argparse.Namespace) -> int:
     """Fit simulated tables and count; 1 where what fits say of themselves is not true."""
     _checked(args, 60)
     from fitball.report.form.files import write_text
-    from validation.trust.findings import findings, findings_json, findings_text, rate_rows
-    from validation.trust.run import run_scenario
-    from validation.trust.scenarios import SCENARIOS
+    from validation.scenarios import SCENARIOS
+    from validation.trust import judge, study
 
     folder, workers = _place_and_workers(args, "trust")
     told = {}
     for name in _named("scenarios", args.scenarios, SCENARIOS):
-        counter = Counter(args.line, name, args.replicates, "tables")
-        told[name] = run_scenario(name, args.seed, args.replicates, folder / f"{name}.csv", workers, counter)
-    found = findings(told)
-    text = findings_text(found)
-    write_text(folder / "trust.md", text)
-    return _end(args, folder / "trust.json", findings_json(found, args.seed), {"rates": rate_rows(found)}, text)
+        told[name] = [row for rows in _made(args, study(name), folder, workers) for row in rows]
+    found = judge(told, args.seed)
+    write_text(folder / "trust.md", found.text)
+    return _end(args, folder / "trust.json", found)
 
 
 def _plan(args: argparse.Namespace) -> int:
     """Refit tables at planned impacts; 1 where a promise is not kept."""
     _checked(args, 40)
     from fitball.report.form.files import write_text
-    from validation.plan.cases import CASES
-    from validation.plan.findings import findings_json, findings_text, gain_rows, sd_rows
-    from validation.plan.run import run_case
+    from validation import plans
 
     folder, workers = _place_and_workers(args, "plan")
     found = []
-    for name in _named("cases", args.cases, CASES):
-        counter = Counter(args.line, name, args.replicates, "refits")
-        found.append(run_case(name, args.seed, args.replicates, folder / f"{name}.csv", workers, counter))
-    text = findings_text(found)
-    write_text(folder / "plan.md", f"```text\n{text}```\n")
-    tables = {"gains": gain_rows(found), "sds": sd_rows(found)}
-    return _end(args, folder / "plan.json", findings_json(found, args.seed), tables, text)
+    for name in _named("cases", args.cases, plans.CASES):
+        ready = plans.prepared(name, args.seed)
+        made = _made(args, plans.study(ready, args.seed), folder, workers)
+        found.append(plans.finding(ready, [row for rows in made for row in rows]))
+    verdict = plans.judge(found, args.seed)
+    write_text(folder / "plan.md", f"```text\n{verdict.text}```\n")
+    return _end(args, folder / "plan.json", verdict)
 
 
 def _population(args: argparse.Namespace) -> int:
     """Fit tables of known populations, weight their draws, and count; 1 where intervals do not hold."""
     _checked(args, 50)
-    from fitball.report.form.document import columns
-    from validation.population.coverage import run_populations
-    from validation.population.findings import (
-        Coverage,
-        coverages,
-        findings_json,
-        findings_text,
-        level_coverages,
-    )
-    from validation.population.joint import against_joint_fit
-    from validation.population.levels import run_levels
+    from validation.populations import judge, studies
 
     folder, workers = _place_and_workers(args, "population")
-    sets = max(1, args.replicates // 10)
-    joint = against_joint_fit(args.seed, sets, Counter(args.line, "joint fits", sets, "sets of ten tables"))
-    counter = Counter(args.line, "populations", args.replicates, "populations")
-    rows = run_populations(args.seed, args.replicates, folder / "populations.csv", workers, counter)
-    few = -(-4 * args.replicates // 5)
-    counter = Counter(args.line, "levels", few, "populations on levels")
-    levels = run_levels(args.seed, few, folder / "levels.csv", workers, counter)
-    found = [*coverages(rows), *level_coverages(levels)]
-    text = "\n".join(columns(findings_text(found), 3)) + "\n"
-    tables = {"joint": joint, "coverage": map(Coverage.row, found)}
-    return _end(args, folder / "population.json", findings_json(rows, joint, levels, args.seed), tables, text)
+    counts = (args.replicates, -(-4 * args.replicates // 5), max(1, args.replicates // 10))
+    both = zip(studies(), counts, strict=True)
+    made = {study.name: _made(args, study, folder, workers, count) for study, count in both}
+    return _end(args, folder / "population.json", judge(made, args.seed))
+
+
+def _made(
+    args: argparse.Namespace, study: Study, folder: Path, workers: Engine, count: int | None = None
+) -> list[list[Row]]:
+    """The records of the replicates of a study, told on the progress line as they are made."""
+    from validation.harness import run
+
+    count = args.replicates if count is None else count
+    counter = Counter(args.line, study.title, count, study.unit)
+    return run(study, args.seed, count, folder, workers, counter)
 
 
 def _place_and_workers(args: argparse.Namespace, study: str) -> tuple[Path, Engine]:
@@ -225,23 +202,21 @@ def _named(option: str, text: str | None, known: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def _end(
-    args: argparse.Namespace,
-    record: Path,
-    content: Mapping[str, object],
-    tables: Mapping[str, Iterable[Mapping[str, Any]]],
-    text: str,
-) -> int:
-    """Write the `tables` beside the `record`, print its content or the `text`; 0 where all holds."""
+def _end(args: argparse.Namespace, record: Path, found: Verdict) -> int:
+    """Write tables and figures beside the `record`, print what it holds or the text; 0 where all holds."""
+    from fitball.report.figures.canvas import save_figure
     from fitball.report.form.files import csv_text, write_text
 
-    for name, rows in tables.items():
-        write_text(record.with_name(f"{name}.csv"), csv_text(rows))
-    whole = json.dumps(content, indent=1)
+    for name, rows in found.tables.items():
+        if rows:
+            write_text(record.with_name(f"{name}.csv"), csv_text(rows))
+    for name, figure in found.figures.items():
+        save_figure(figure, record.with_name(f"{name}.png"))
+    whole = json.dumps(found.content, indent=1)
     write_text(record, whole + "\n")
     args.line.finish()
-    print(whole if args.json else f"{text}\nResults: {record.parent}")
-    return 0 if content["holds"] else 1
+    print(whole if args.json else f"{found.text}\nResults: {record.parent}")
+    return 0 if found.content["holds"] else 1
 
 
 def _checked(args: argparse.Namespace, replicates: int) -> tuple[str, ...]:
@@ -256,29 +231,6 @@ def _checked(args: argparse.Namespace, replicates: int) -> tuple[str, ...]:
     if not models:
         raise ParameterError("models: expected at least one name")
     return models
-
-
-def render(findings: Sequence[ModelFinding]) -> str:
-    """The verdict as a person reads it."""
-    from fitball.report.form.document import columns
-
-    parts = []
-    for finding in findings:
-        head = (
-            f"{finding.model}: {finding.replicates} replicates, {finding.unconverged} not converged, "
-            f"{finding.failed} without a fit"
-        )
-        rows = [["quantity", "p chi-square", "p ecdf", "adjusted p", "in 50 %", "in 80 %", "in 95 %", ""]]
-        for quantity in finding.quantities:
-            shares = [f"{100 * c.observed:.0f} [{100 * c.low:.0f}, {100 * c.high:.0f}]" for c in quantity.coverages]
-            adjusted = min(quantity.chi_square_adjusted, quantity.ecdf_adjusted)
-            words = [f"{quantity.chi_square_p:.2g}", f"{quantity.ecdf_p:.2g}", f"{adjusted:.2g}"]
-            rows.append([quantity.name, *words, *shares, "holds" if quantity.holds else "FAILS"])
-        parts += [head, "", *columns(rows), ""]
-        parts += [f"FAILS: {text}" for text in finding.complaints]
-    good = not any(finding.complaints for finding in findings)
-    verdict = "The truth ranks uniformly: intervals mean what they say." if good else "Validation FAILED."
-    return "\n".join([*parts, verdict])
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from fitball.batch.run import KIND, Plan
 from fitball.batch.tables import ROW_NAME
 from fitball.data.bundled import bundled_folder
 from fitball.inference.effort import Effort
-from fitball.inference.problem.choices import Choices
+from fitball.inference.problem.problem import Choices
 from fitball.report.batch.rows import row_of
 from fitball.report.form.files import csv_text, json_text
 from fitball.report.saved.fit_file import read_fit

@@ -9,9 +9,7 @@ from fitball.inference.prediction.posterior_predictive import measurements
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import impacts_in_parts, part_of
 from fitball.inference.results.results import Posterior, thinned
-from fitball.inference.sampling.importance import K_TRUSTED, smoothed
-from fitball.inference.sampling.importance_posterior import equal_draws
-from fitball.inference.sampling.left_out import refitted
+from fitball.inference.sampling.importance import K_TRUSTED, equal_draws, refitted, smoothed
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
 

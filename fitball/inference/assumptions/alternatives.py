@@ -11,9 +11,8 @@ import numpy as np
 from fitball.errors import FitballError
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.problem.build import build_problem, reduction
-from fitball.inference.problem.choices import Choices
 from fitball.inference.problem.noise import KINDS
-from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.problem import Choices, Problem
 from fitball.models.model import Model
 from fitball.models.registry import closure_options, model
 from fitball.values import FloatArray

@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitball.data.ball_types import ITF_LIMITS
+from fitball.data.heights import ITF_LIMITS
 from fitball.inference.identifiability.derived import quantities
-from fitball.inference.identifiability.first_order import first_order_draws
+from fitball.inference.identifiability.fisher import first_order_draws
 from fitball.inference.likelihood.posterior import densities
 from fitball.inference.prediction.court_pace import pace_by_surface
 from fitball.inference.problem.problem import Problem

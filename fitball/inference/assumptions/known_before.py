@@ -10,7 +10,7 @@ from fitball.inference.identifiability.scene_share import scene_words
 from fitball.inference.likelihood.posterior import densities
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import spanning_part
-from fitball.inference.sampling.importance_posterior import importance_posterior
+from fitball.inference.sampling.importance import importance_posterior
 from fitball.inference.sampling.moves import StudentProposal
 from fitball.inference.sampling.prior_draws import LOOKED_AT, prior_draws
 from fitball.values import FloatArray

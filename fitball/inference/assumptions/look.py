@@ -21,9 +21,14 @@ from fitball.inference.problem.subsample import thinned_problem
 from fitball.inference.results.assumptions import Alternative, Assumptions, Span, Summary, span
 from fitball.inference.results.results import PointFit, Posterior, thinned
 from fitball.inference.results.score_difference import FEW, elpd_difference
-from fitball.inference.sampling.importance import K_TRUSTED, smoothed_elpd
-from fitball.inference.sampling.importance_posterior import WeightedDraws, equal_draws, importance_posterior
-from fitball.inference.sampling.left_out import refitted
+from fitball.inference.sampling.importance import (
+    K_TRUSTED,
+    WeightedDraws,
+    equal_draws,
+    importance_posterior,
+    refitted,
+    smoothed_elpd,
+)
 from fitball.inference.sampling.moves import StudentProposal
 from fitball.values import FloatArray
 

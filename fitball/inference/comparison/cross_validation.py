@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError
 from fitball.inference.comparison.held_maxima import free_values, held_maxima
-from fitball.inference.point.starts import starting_points
+from fitball.inference.point.point_fit import starting_points
 from fitball.inference.prediction.outputs import measured_outputs, output_errors, predicted_outputs
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import withheld

@@ -16,9 +16,7 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import withheld
 from fitball.inference.results.results import TARGET_ESS, Fit, Posterior, thinned
 from fitball.inference.sampling.ensembles import Settings, sample
-from fitball.inference.sampling.importance import K_TRUSTED, smoothed_elpd
-from fitball.inference.sampling.importance_posterior import equal_draws
-from fitball.inference.sampling.left_out import refitted
+from fitball.inference.sampling.importance import K_TRUSTED, equal_draws, refitted, smoothed_elpd
 from fitball.values import FloatArray
 
 # Draws used, fewer on large tables so that draws times impacts fit into memory.

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from fitball.data.published import SPINS, thesis_table
 from fitball.data.table import ImpactTable
-from fitball.data.thesis_tables import thesis_table
-from fitball.data.wang import SPINS
 from fitball.inference.comparison.results import FixedPrediction
 from fitball.inference.prediction.outputs import measured_outputs, output_errors
 from fitball.inference.thesis.published_cases import case_errors, set_name, wang_rows

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.errors import FitError
-from fitball.inference.problem.group_bias import GroupBias
-from fitball.inference.problem.incident import IncidentErrors
 from fitball.inference.problem.parameters import Parameter
-from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.pooling import GroupBias
+from fitball.inference.problem.problem import IncidentErrors, Problem
 from fitball.inference.results.results import Posterior, thinned
 from fitball.models.types import Rebound
 from fitball.values import FloatArray, Impacts

@@ -8,7 +8,7 @@ from numbers import Integral
 
 import numpy as np
 
-from fitball.data.range_text import Range
+from fitball.data.lines import Range
 from fitball.errors import ParameterError, check_whole
 from fitball.inference.design.force_plate import with_plate
 from fitball.inference.design.gain import Left, over_draws

@@ -15,7 +15,7 @@ import numpy as np
 
 from fitball.data.columns import NUMBERS
 from fitball.data.heights import GRAVITY
-from fitball.data.limits import refuse_beyond
+from fitball.data.numbers import refuse_beyond
 from fitball.data.units import Dimension, parse_unit
 from fitball.errors import ParameterError, UnitError, suggestion
 from fitball.inference.problem.noise import Sizes

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.data.range_text import Range
+from fitball.data.lines import Range
 from fitball.errors import ParameterError
 from fitball.inference.design.target import first_rows, surfaces
 from fitball.inference.problem.problem import Problem

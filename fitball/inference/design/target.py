@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitball.data.impact_text import parse_impact
+from fitball.data.lines import parse_impact
 from fitball.errors import FitError, ParameterError, suggestion
 from fitball.inference.design.knowledge import Knowledge
 from fitball.inference.problem.problem import Problem

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.inference.identifiability.first_order import first_order_draws
+from fitball.inference.identifiability.fisher import first_order_draws
 from fitball.inference.identifiability.posterior_verdict import Judgement, judged_draws
 from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.priors import parse_prior

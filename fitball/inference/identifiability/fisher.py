@@ -1,4 +1,6 @@
-"""Fisher information of the table at the point estimate: what its measurements alone say, to first order."""
+"""Fisher information of the table at the point estimate: what its measurements alone say, to first order; draws
+of a posterior by it, where there are none of a sampler.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +12,7 @@ from fitball.inference.likelihood.force import force_information
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import LOOKED_AT, thinned_problem
 from fitball.inference.results.evidence import InformationEvidence
+from fitball.inference.results.results import PointFit
 from fitball.inference.sampling.moves import StudentProposal
 from fitball.values import FloatArray
 
@@ -141,3 +144,15 @@ def about(problem: Problem, optimum: FloatArray) -> StudentProposal:
     width = problem.prior.width * prior_sds(problem)
     covariance = inverse(information, 1.0) * np.outer(width, width)
     return StudentProposal(optimum, np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
+
+
+def first_order_draws(problem: Problem, point: PointFit, count: int, rng: np.random.Generator) -> FloatArray:
+    """Free values (count, free) in SI of the normal distribution about a point that the information of table, scene
+    and priors promises, within the bounds.
+    """
+    at = problem.to_coordinates(np.array([[point.values[name] for name in problem.free_names]]))[0]
+    width = problem.prior.width * prior_sds(problem)
+    information = np.nan_to_num(fisher_information(problem, at, scene=True))
+    factor = np.linalg.cholesky(inverse(information, 1.0)) * width[:, None]
+    draws = at + rng.standard_normal((count, at.size)) @ factor.T
+    return problem.to_values(np.clip(draws, *problem.prior.limits))

@@ -151,7 +151,8 @@ def shared_covariance(
     problem: Problem, columns: Columns, rebound: Rebound, measured: Sequence[Observable] | None = None
 ) -> FloatArray | None:
     """Covariance (draws, impacts, columns, columns) that the columns of an impact have beside the own spread of each;
-    None where they have none. It is that of errors of the incident state, to first order.
+    None where they have none. It is that of errors of the incident state, to first order: with `J` the exact Jacobian
+    of the bounce and `S` their covariance, `J S J^T` (Fuller 1987, section 3.1).
     """
     if problem.incident is None:
         return None

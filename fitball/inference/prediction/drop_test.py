@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.data.ball_types import BALL_TYPES, DEFAULT_TYPE, DROP_HEIGHT
 from fitball.data.columns import HEIGHTS
+from fitball.data.heights import BALL_TYPES, DEFAULT_TYPE, DROP_HEIGHT
 from fitball.inference.prediction.extrapolation import calibrated_range
 from fitball.inference.prediction.one_way import OneWay, one_way
 from fitball.inference.prediction.posterior_predictive import with_noise

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 
-from fitball.data.grid_text import Axis, grid_impacts
+from fitball.data.lines import Axis, grid_impacts
 from fitball.data.units import DEFAULT_UNIT, Dimension
 from fitball.errors import ParameterError
 from fitball.inference.prediction.engine_fit import refuse_told

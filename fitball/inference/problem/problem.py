@@ -7,6 +7,7 @@ SI for the others.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -15,21 +16,52 @@ from numpy.typing import NDArray
 
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
-from fitball.inference.problem.choices import Choices
 from fitball.inference.problem.force_records import ForceRecords
-from fitball.inference.problem.group_bias import GroupBias
-from fitball.inference.problem.incident import IncidentErrors
 from fitball.inference.problem.noise import NORMAL, NoiseKind
 from fitball.inference.problem.observables import Observable
-from fitball.inference.problem.parallel import LARGE_BATCH, evaluate_in_parts
 from fitball.inference.problem.parameters import Parameter
-from fitball.inference.problem.pooling import Pooling
+from fitball.inference.problem.pooling import GroupBias, Pooling
 from fitball.inference.problem.priors import JointPrior
 from fitball.models.kernels.dual import STEP, NumberArray
 from fitball.models.model import LinearConstraint, Model, by_output
 from fitball.models.specs import BALL_PARAMETERS
 from fitball.models.types import OUTPUTS, Rebound, Status
 from fitball.values import FloatArray, Impacts, OwnImpacts
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What the user asked for beyond the scene; everything here wins over it.
+
+    `noise` is one of `noise.KINDS`, `pool` maps parameters to the label column over whose levels they
+    differ, `offsets` names the label column whose groups may be biased. Without `incident_errors` the incident state
+    counts as exact even where its sd is stated. `velocity_noise` is "tied", "separate" or None, see
+    `measurement_noise.noise_by_column`.
+    """
+
+    model: str | None = None
+    closures: Mapping[str, str] = field(default_factory=dict)
+    priors: Mapping[str, str] = field(default_factory=dict)
+    fix: Mapping[str, float] = field(default_factory=dict)
+    noise: str | None = None
+    pool: Mapping[str, str] = field(default_factory=dict)
+    offsets: str | None = None
+    incident_errors: bool = True
+    velocity_noise: str | None = None
+
+
+@dataclass(frozen=True)
+class IncidentErrors:
+    """Errors of the incident state, which was measured too: `covariance` (impacts, 3, 3) of `(v_x1, v_y1, omega_1)`
+    in
+    SI. The true state is marginalised with a flat prior.
+    """
+
+    covariance: FloatArray
+
+    def take(self, rows: NDArray[np.int64]) -> IncidentErrors:
+        """The same for some of the impacts."""
+        return IncidentErrors(self.covariance[rows])
 
 
 @dataclass(frozen=True)
@@ -303,3 +335,25 @@ class Problem:
             return gap
         bias = self.group_bias.offset(columns, observable.name)
         return gap - (bias if observable.rows is None else bias[:, observable.rows])
+
+
+# Impacts times draws above which splitting pays for the threads.
+LARGE_BATCH = 100_000
+
+
+def evaluate_in_parts(
+    model: Model, names: Sequence[str], rows: FloatArray, impacts: Impacts | OwnImpacts, threads: int
+) -> Rebound:
+    """`model.evaluate`, the work shared among threads; the same numbers whatever their count."""
+    if threads == 1:
+        return model.evaluate(names, rows, impacts)
+    if rows.shape[0] >= threads:
+        split = np.array_split(np.arange(rows.shape[0]), min(rows.shape[0], 4 * threads))
+        parts = [(rows[part], impacts if isinstance(impacts, Impacts) else impacts.of_draws(part)) for part in split]
+        axis = 0
+    else:
+        parts = [(rows, impacts.take(part)) for part in np.array_split(np.arange(len(impacts)), 4 * threads)]
+        axis = 1
+    with ThreadPoolExecutor(threads) as pool:
+        rebounds = list(pool.map(lambda part: model.evaluate(names, *part), parts))
+    return Rebound.joined(rebounds, axis)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from fitball.data.frozen import FrozenMapping
+from fitball.data.table import FrozenMapping
 
 # Chances that a table which the model made is said to be described only with an exception, or not at all.
 FALSE_EXCEPT, FALSE_FAILS = 0.05, 0.01

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.data.ball_types import BALL_TYPES
-from fitball.data.heights import AIR_DENSITY, DRAG_COEFFICIENT, GRAVITY
+from fitball.data.heights import AIR_DENSITY, BALL_TYPES, DRAG_COEFFICIENT, GRAVITY
 from fitball.inference.results.quantiles import Spread
 from fitball.values import Ball, FloatArray
 

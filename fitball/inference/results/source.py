@@ -13,8 +13,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from fitball.data.columns import SD_SUFFIX
-from fitball.data.frozen import FrozenMapping
-from fitball.data.table import ImpactTable
+from fitball.data.table import FrozenMapping, ImpactTable
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.problem import Problem
 

@@ -1,4 +1,7 @@
-"""Convergence of several ensembles, by ArviZ's statistics."""
+"""Convergence of several ensembles, by ArviZ's statistics, and how far a number of a posterior may move when it is
+sampled
+anew.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from fitball.errors import FitError
+from fitball.inference.results.quantiles import QUANTILES, quantiles
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT
 from fitball.values import FloatArray
 from fitball.wording import spoken
@@ -89,3 +93,25 @@ def normal_scores(draws: FloatArray) -> FloatArray:
     scores = np.empty(flat.size)
     scores[order] = np.repeat(ndtri((0.5 * (first + 1 + ends) - 0.375) / (flat.size + 0.25)), ends - first)
     return scores.reshape(draws.shape)
+
+
+def summaries(draws: FloatArray) -> dict[str, float]:
+    """Standard deviation and `QUANTILES` of the draws of one parameter, any shape."""
+    flat = draws.ravel()
+    return {"sd": float(np.std(flat, ddof=1)), **quantiles(flat)}
+
+
+def standard_errors(chains: FloatArray) -> dict[str, float]:
+    """Monte Carlo standard errors of `summaries`, for chains (ensembles, steps, walkers) of one parameter.
+
+    From effective sample sizes, that of each quantile its own (Vehtari et al. 2021), walkers being the chains as in
+    `diagnostics`.
+    """
+    from fitball.inference.sampling.array_stats import array_stats
+
+    ensembles, steps, walkers = chains.shape
+    column = np.ascontiguousarray(chains.transpose(0, 2, 1).reshape(ensembles * walkers, steps))
+    errors = {"sd": float(array_stats.mcse(column, chain_axis=0, draw_axis=1, method="sd"))}
+    for name, level in QUANTILES.items():
+        errors[name] = float(array_stats.mcse(column, chain_axis=0, draw_axis=1, method="quantile", prob=level))
+    return errors

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fitball.data.thesis_tables import fraction
+from fitball.data.published import fraction
 from fitball.models.thesis import ThesisModel, compose_thesis
 from fitball.models.types import ThesisClosures
 from fitball.values import Ball

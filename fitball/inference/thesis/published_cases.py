@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.bundled import bundled_folder
+from fitball.data.published import thesis_rows
 from fitball.data.read import load_table
 from fitball.data.table import ImpactTable
-from fitball.data.thesis_tables import thesis_rows
 from fitball.inference.prediction.outputs import measured_outputs, output_errors, predicted_outputs, root_mean_square
 from fitball.inference.thesis.inputs import case_parameters
 from fitball.models.types import Rebound

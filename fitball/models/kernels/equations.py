@@ -26,7 +26,7 @@ from __future__ import annotations
 import math
 from typing import Generic, NamedTuple
 
-from fitball.models.kernels.compiled import inner
+from fitball.models.kernels.compiled import inlined, inner
 from fitball.models.kernels.contact import Contact
 from fitball.models.kernels.dual import Number, NumberArray
 from fitball.models.kernels.oscillator import (
@@ -143,7 +143,7 @@ def load_of(vertical: VerticalMotion[Number], y: Number, y_rate: Number) -> Load
     )
 
 
-@inner
+@inlined
 def drive_of(contact: Contact[Number], coupling: Coupling[Number], phase: int) -> Drive[Number]:
     """What the normal force does in a phase."""
     nothing = 0.0 * contact.eps
@@ -173,7 +173,7 @@ def series_for(oscillators: Oscillators[float], span: float, careful: bool) -> S
     return Series(series_length(pole * length), length)
 
 
-@inner
+@inlined
 def solve_twist(
     drive: Drive[Number],
     oscillators: Oscillators[Number],
@@ -195,7 +195,7 @@ def solve_twist(
         forced_response(oscillators, drive.kappa, load.force, force_s, state.angle, state.rate, twist)
 
 
-@inner
+@inlined
 def advance(
     contact: Contact[Number],
     coupling: Coupling[Number],
@@ -209,18 +209,17 @@ def advance(
     """
     core = contact.joint.core
     impulse = load.momentum - contact.vertical.riding_mass * moved.y_rate
-    v_x = start.v_x - drive.braking * impulse
-    spin_sum = start.spin_sum + drive.spinning_up * impulse
     if drive.resting:
         # About the contact point, and with the momentum of `v_x`: slip of zero that carries something stops too.
         total = start.spin_sum + contact.mass * contact.radius * start.v_x - drive.eps * impulse
         omega_2 = (total - core * moved.rate) / (core + coupling.gyration)
-        v_x = contact.radius * omega_2
-        spin_sum = coupling.inertia * omega_2 + core * moved.rate
+        v_x, spin_sum = contact.radius * omega_2, coupling.inertia * omega_2 + core * moved.rate
+    else:
+        v_x, spin_sum = start.v_x - drive.braking * impulse, start.spin_sum + drive.spinning_up * impulse
     return State(moved.time, moved.y, moved.y_rate, moved.angle, moved.rate, v_x, spin_sum)
 
 
-@inner
+@inlined
 def swung_to(
     oscillators: Oscillators[Number],
     series: Series,

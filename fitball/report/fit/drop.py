@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from fitball.data.ball_types import BALL_TYPES, DROP_HEIGHT, SOURCE, TEST_TEMPERATURE
-from fitball.data.heights import DRAG_COEFFICIENT
+from fitball.data.heights import BALL_TYPES, DRAG_COEFFICIENT, DROP_HEIGHT, SOURCE, TEST_TEMPERATURE
 from fitball.inference.results.drop_test import BallRebound, DropTest, StandardRebound, TestedSpeed
 from fitball.inference.results.quantiles import Spread
 from fitball.report.form.document import Part, Row, Table, Words

@@ -164,12 +164,6 @@ def columns(rows: Sequence[Sequence[str]], left: int | Sequence[bool] = 1) -> li
     return lines
 
 
-def listed_rows(rows: Sequence[Row], left: int = 1, without: str | None = None) -> list[str]:
-    """Rows under their heads, as lines; one column may be left out."""
-    heads = [head for head in rows[0] if head != without]
-    return columns([heads, *([row[head] for head in heads] for row in rows)], left)
-
-
 def wrapped(texts: Iterable[str], first: str = "", others: str = "") -> list[str]:
     """Texts as lines of `WIDTH`, the first line of each indented by `first`, its others by `others`."""
     return [

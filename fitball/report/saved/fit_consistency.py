@@ -9,9 +9,9 @@ from itertools import chain
 import numpy as np
 
 from fitball.errors import FitballError, ParameterError
+from fitball.inference.assemble import rests_on
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.priors import parse_prior
-from fitball.inference.qualify import rests_on
 from fitball.inference.results.assumptions import CONTACT_TIME, own_prior
 from fitball.inference.results.quantiles import QUANTILES
 from fitball.inference.results.results import Record, RunStatus, Verdict

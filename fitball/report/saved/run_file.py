@@ -14,10 +14,9 @@ import tomli_w
 
 from fitball.data.bundled import bundled_folder, split_sheet
 from fitball.data.force_file import load_force
-from fitball.data.frozen import FrozenMapping
 from fitball.data.join import load_tables
 from fitball.data.scene import Scene
-from fitball.data.table import ImpactTable
+from fitball.data.table import FrozenMapping, ImpactTable
 from fitball.errors import ResultFolderError
 from fitball.inference.effort import Effort
 from fitball.inference.problem.build import NOT_POOLED, Choices, build_problem

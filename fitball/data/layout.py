@@ -1,0 +1,221 @@
+"""Which record is the header, what stands above it, whether units stand beneath it, which rows follow, and which of
+these sum up the others.
+"""
+
+from __future__ import annotations
+
+import re
+import statistics
+from collections.abc import Callable, Mapping, Sequence
+from math import isfinite, nan
+
+from fitball.data.findings import RawRow, RawTable, Record, Vocabulary, refusal
+from fitball.errors import Fault
+
+# Records among which the header is looked for.
+_REACH = 60
+# What a name that is probably meant must be worth to make a header of a record.
+_LEAST = 0.5
+_NUMBER = re.compile(r"[+\-\u2212\u2013]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?")
+_BLANKS = ("", "-", "--", "—", "1", "[-]", "(-)", "[]", "()")
+_SHOWN = 60
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell looks like a number, whatever its decimal sign."""
+    return _NUMBER.fullmatch(cell) is not None
+
+
+def find_header(records: Sequence[Record], vocabulary: Vocabulary) -> tuple[int, float]:
+    """The place of the first record whose names are worth most, and what they are; the first of all, worth nothing,
+    where no record has any.
+    """
+    worths = [sum(map(vocabulary.worth, cells)) for _, cells in records[:_REACH]]
+    best = max(worths, default=0.0)
+    return (worths.index(best), best) if best >= _LEAST else (0, 0.0)
+
+
+def laid_out(
+    source: str, records: Sequence[Record], vocabulary: Vocabulary, data: bytes, notes: Sequence[str] = ()
+) -> RawTable:
+    """Header and rows of records; rows of another shape than the header's become faults, what is passed over notes.
+
+    Raises TableError where numbers stand above the header.
+    """
+    at, _worth = find_header(records, vocabulary)
+    line, header = records[at]
+    told = [*notes, *_above(source, records[:at], len(header))]
+    rest, first = list(records[at + 1 :]), 1
+    faults: list[Fault] = []
+    if rest and _is_units(rest[0][1], header, vocabulary):
+        header = _with_units(header, rest.pop(0), vocabulary, faults)
+        told.append("the units were read from the row beneath the header")
+        # In a DataFrame, which has no lines, they are a row as any other.
+        first += line is None
+    width = _width(header, rest)
+    header = header[:width]
+    rows, empty, again = [], 0, list[str]()
+    summed = summaries([cells for _, cells in rest])
+    for number, (place, cells) in enumerate(rest, start=first):
+        fitted = _fitted(cells, width)
+        if not any(cells):
+            empty += 1
+        elif cells == records[at][1]:
+            again.append(f"in row {number}" if place is None else f"in line {place}")
+        elif number - first in summed:
+            word = summed[number - first]
+            message = f"begins with '{word}', as a row below a table that sums it up; expected impacts: delete it"
+            faults.append(Fault(message, row=number, line=place))
+        elif len(fitted) != width:
+            hint = "; decimal commas between commas? write decimal points" if len(fitted) > width else ""
+            if len(fitted) == width + 1:
+                hint += "; is the first the index of a data frame? write 'id' above it"
+            message = f"read {len(fitted)} cells, expected {width} as in the header{hint}"
+            faults.append(Fault(message, row=number, line=place))
+        else:
+            rows.append(RawRow(number, place, fitted))
+    if again:
+        more = f" and {len(again) - 1} more times" if len(again) > 1 else ""
+        told.append(f"the header stands again {again[0]}{more} and was passed over")
+    if empty:
+        told.append(f"{empty} empty row{'s were' if empty > 1 else ' was'} passed over")
+    return RawTable(header, line, tuple(rows), data, tuple(faults), tuple(told))
+
+
+def _width(header: tuple[str, ...], rest: Sequence[Record]) -> int:
+    """Columns, those at the right end left out that have neither name nor cell."""
+    width = len(header)
+    while width > 1 and not header[width - 1] and not any(any(cells[width - 1 :]) for _, cells in rest):
+        width -= 1
+    return width
+
+
+def _fitted(cells: tuple[str, ...], width: int) -> tuple[str, ...]:
+    """Cells without empty ones beyond the header."""
+    count = len(cells)
+    while count > width and not cells[count - 1]:
+        count -= 1
+    return cells[:count]
+
+
+def _above(source: str, records: Sequence[Record], width: int) -> list[str]:
+    """A note on the lines above the header. Raises TableError where one looks like a row of the table."""
+    told = []
+    for line, cells in records:
+        numbers = sum(map(is_number, cells))
+        if numbers >= 2 and 2 * numbers > width:
+            raise refusal(
+                source,
+                f"read a row of {numbers} numbers above the header; expected the header first: is it in its place, "
+                "and is every row one of this table?",
+                line,
+            )
+        text = " ".join(cell for cell in cells if cell)
+        if text and not text.lower().startswith("sep="):
+            told.append(f"'{text[:_SHOWN]}{'...' if len(text) > _SHOWN else ''}'")
+    if not told:
+        return []
+    more = f" and {len(told) - 3} more" if len(told) > 3 else ""
+    return [f"passed over above the header: {', '.join(told[:3])}{more}"]
+
+
+def _is_units(cells: Sequence[str], header: Sequence[str], vocabulary: Vocabulary) -> bool:
+    """Whether a row holds units: no number, units for at least half of what is filled in, one under a name."""
+    filled = [cell for cell in cells if cell not in _BLANKS]
+    if not filled or any(is_number(cell) for cell in filled):
+        return False
+    named = [cell for cell, name in zip(cells, header, strict=False) if vocabulary.worth(name) > 0.0]
+    units = [cell for cell in filled if vocabulary.is_unit(_bare(cell))]
+    return 2 * len(units) >= len(filled) and any(cell in units for cell in named)
+
+
+def _bare(cell: str) -> str:
+    """A unit without its brackets."""
+    return cell[1:-1].strip() if cell[:1] in "[({" and cell[-1:] in "])}" and len(cell) > 1 else cell
+
+
+def _with_units(
+    header: tuple[str, ...], record: Record, vocabulary: Vocabulary, faults: list[Fault]
+) -> tuple[str, ...]:
+    """The header with the units of the row beneath it. A unit that stands in both places, once, is enough."""
+    line, units = record
+    cells = list(header)
+    for index, (name, unit) in enumerate(zip(header, units, strict=False)):
+        if unit in _BLANKS or vocabulary.worth(name) == 0.0:
+            continue
+        if "[" not in name and "(" not in name:
+            cells[index] = f"{name} [{_bare(unit)}]"
+        elif _bare(unit) not in name:
+            message = f"read the unit '{unit}' beneath '{name}'; expected one unit a column: delete one of them"
+            faults.append(Fault(message, line=line, column=name))
+    return tuple(cells)
+
+
+# How rows begin that sum up a table, in English, German and French, and what their numbers are.
+_STATISTICS: Mapping[str, Callable[[Sequence[float]], float]] = {
+    r"mean|average|avg|mittel(?:wert)?|durchschnitt|moyenne": statistics.fmean,
+    r"median": statistics.median,
+    r"std\.? ?dev\.?|stdev|std|sd|standardabweichung|[ée]cart[ -]type": statistics.stdev,
+    r"sum|total|summe": sum,
+    r"min|minimum": min,
+    r"max|maximum": max,
+    r"count|n": len,
+}
+# Words that name people, balls and runs too: such a row is one of the table unless its numbers are the statistic.
+_NAMES = re.compile(r"(?:min|max|n|sum|sd|std)[.:]?", re.IGNORECASE)
+
+Numbers = Sequence[tuple[float, float]]
+
+
+def summaries(rows: Sequence[Sequence[str]]) -> dict[int, str]:
+    """Places of the rows that sum up the others, and the word by which each begins.
+
+    Where that word may be a name, most numbers of the row are the statistic of their columns to the printed digits.
+    """
+    begun = {place: word for place, cells in enumerate(rows) if _statistic(word := next(filter(None, cells), ""))}
+    if not any(map(_NAMES.fullmatch, begun.values())):
+        return begun
+    others = [cells for place, cells in enumerate(rows) if place not in begun]
+    columns = [
+        [number for cells in others if k < len(cells) and (number := _number(cells[k])) is not None]
+        for k in range(max((len(rows[place]) for place in begun), default=0))
+    ]
+    values = {word.casefold(): [_value(word, column) for column in columns] for word in set(begun.values())}
+    return {
+        place: word
+        for place, word in begun.items()
+        if not _NAMES.fullmatch(word) or _agrees(rows[place], values[word.casefold()])
+    }
+
+
+def _statistic(word: str) -> Callable[[Sequence[float]], float] | None:
+    if len(word) > len("standardabweichung:"):
+        return None
+    return next((how for words, how in _STATISTICS.items() if re.fullmatch(f"(?:{words})[.:]?", word, re.I)), None)
+
+
+def _value(word: str, column: Numbers) -> tuple[float, float]:
+    """The statistic of a column, and by how much rounding moves it at most."""
+    statistic = _statistic(word)
+    if statistic is None or len(column) < 2:
+        return nan, 0.0
+    numbers = [number for number, _half in column]
+    terms = len(numbers) if statistic is sum else 1
+    return statistic(numbers), terms * max(half for _number, half in column)
+
+
+def _agrees(cells: Sequence[str], values: Numbers) -> bool:
+    found = [(number, value) for cell, value in zip(cells, values, strict=False) if (number := _number(cell))]
+    agree = sum(abs(number[0] - value[0]) <= number[1] + value[1] for number, value in found)
+    return 2 * agree > len(found)
+
+
+def _number(cell: str) -> tuple[float, float] | None:
+    """A number with a decimal point or comma, and half a unit of its last digit; None for other text."""
+    mantissa, _e, power = cell.replace(",", ".").replace("\u2212", "-").lower().partition("e")
+    try:
+        number = float(f"{mantissa}e{power or 0}")
+        half = 0.5 * float(f"1e{int(power or 0) - len(mantissa.partition('.')[2])}")
+    except ValueError:
+        return None
+    return (number, half) if isfinite(number) else None

@@ -1,0 +1,227 @@
+"""Every key that a scene file (TOML) may have: what it holds, which numbers no ball, court or instrument has, or one
+would doubt (a wrong unit, which no prior should hide), and the field of `Scene` that takes it.
+
+`scene.schema.json` beside this file says the same to editors and other programs, with what each key is about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from math import log, pi
+
+from fitball.observables import OBSERVABLES, SHARED_NOISE, ColumnNoise
+from fitball.values import Ball
+
+# What people write where SI is meant: units by their factors, most usual first.
+_MASSES = {"g": 1e-3, "mg": 1e-6, "oz": 0.028349523125, "lb": 0.45359237}
+_LENGTHS = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254}
+_INERTIAS = {"g cm^2": 1e-7, "g mm^2": 1e-9, "kg cm^2": 1e-4, "kg mm^2": 1e-6, "g m^2": 1e-3}
+_TIMES = {"ms": 1e-3, "us": 1e-6}
+_SPEEDS = {"mm/s": 1e-3, "cm/s": 1e-2, "km/h": 1.0 / 3.6}
+_SPINS = {"rpm": pi / 30.0}
+_ANGLES = {"deg": pi / 180.0, "mrad": 1e-3}
+
+
+@dataclass(frozen=True)
+class Range:
+    """A quantity is `least` to `most` [SI]; `words` say so in units that people use, and which unit the file has.
+
+    Between the ends of `likely` nobody is asked. `units` may have been meant, each with its factor to SI; of these
+    the one that makes the quantity most `typical`.
+    """
+
+    least: float
+    most: float
+    words: str
+    likely: tuple[float, float]
+    typical: float
+    units: Mapping[str, float]
+
+    def meant(self, value: float) -> str:
+        """A question, where another unit makes the value likely."""
+        low, high = self.likely
+        return _question(value, {s: f for s, f in self.units.items() if low <= value * f <= high}, self.typical)
+
+
+def _question(value: float, units: Mapping[str, float], typical: float) -> str:
+    """Whether the unit was meant that brings `value` nearest to what is typical; "" without any."""
+    if not units:
+        return ""
+    symbol, factor = min(units.items(), key=lambda item: abs(log(value * item[1] / typical)))
+    return f"; did you mean {value:g} {symbol} ({value * factor:.4g})?"
+
+
+_LIKELY_SDS: Mapping[str, tuple[tuple[float, float], Mapping[str, float], float]] = {
+    "m/s": ((1e-6, 4.0), _SPEEDS, 1e-9),
+    "rad": ((1e-6, 0.2), _ANGLES, 1e-9),
+    "rad/s": ((1e-6, 300.0), _SPINS, 1e-9),
+    "s": ((1e-9, 5e-3), _TIMES, 1e-12),
+}
+
+
+class Kind(Enum):
+    """What a key may hold, in the words of a fault message."""
+
+    TEXT = "a text in quotes"
+    POSITIVE = "a positive number"
+    QUANTITY = "a positive number, or { value = ..., sd = ... } with both positive"
+    DEGREES = "a number of degrees Celsius, or { value = ..., sd = ... } with a positive sd"
+    FREE_TEXTS = "a section of names and texts"
+    FREE_NUMBERS = "a section of names and numbers"
+    FREE_PRIORS = 'a section of names and priors such as "normal(0.55, 0.05)"'
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key: its `kind`, the `size` of its number, the `field` of `Scene` that takes it as it is ("": what is made
+    of it, see `scene`).
+    """
+
+    kind: Kind
+    size: Range | None = None
+    field: str = ""
+
+
+def _noise(noise: ColumnNoise, unit: str, name: str = "") -> tuple[str, Key]:
+    """The key of a known noise, or of a nominal one called `name`: from far better instruments to far worse than any;
+    as large as its parameter may be.
+    """
+    likely, units, least = _LIKELY_SDS[unit]
+    words = f"{least:g} to {noise.upper:g} {unit}"
+    size = Range(least, noise.upper, words, likely, float(noise.typical), units)
+    return f"measurement.{name or noise.name}", Key(Kind.POSITIVE, size, name or noise.name)
+
+
+_RATIOS = Range(0.01, 1.0, "0.01 to 1", (0.2, 0.7), 0.5, {})
+_DEGREES = Range(-40.0, 80.0, "-40 to 80 degrees Celsius", (-40.0, 80.0), 20.0, {})
+# Sections are what stands before the dot; those of the kinds FREE_* take any name. Balls from a grain of shot to the
+# largest that people throw; likely are those of games, and of laboratories.
+KEYS: Mapping[str, Key] = {
+    "source.description": Key(Kind.TEXT, field="description"),
+    "source.citation": Key(Kind.TEXT, field="citation"),
+    "ball.mass": Key(Kind.QUANTITY, Range(1e-6, 20.0, "1 mg to 20 kg, in kg", (1e-5, 8.0), 0.05, _MASSES)),
+    "ball.radius": Key(Kind.QUANTITY, Range(1e-4, 0.5, "0.1 mm to 0.5 m, in m", (5e-4, 0.25), 0.03, _LENGTHS)),
+    "ball.inertia": Key(Kind.QUANTITY),
+    "ball.inertia_ratio": Key(Kind.QUANTITY, _RATIOS),
+    "ball.temperature": Key(Kind.DEGREES, _DEGREES),
+    "ball.type": Key(Kind.TEXT, field="ball_type"),
+    "surface.name": Key(Kind.TEXT, field="surface"),
+    "surface.mu": Key(Kind.QUANTITY, Range(1e-6, 100.0, "1e-6 to 100", (0.005, 3.0), 0.5, {"%": 1e-2})),
+    "contact_time.value": Key(Kind.POSITIVE, Range(1e-6, 0.1, "1 us to 100 ms, in s", (5e-6, 0.05), 5e-3, _TIMES)),
+    "contact_time.sd": Key(Kind.POSITIVE, Range(1e-12, 0.1, "1e-12 to 0.1 s, in s", (1e-9, 0.05), 5e-4, _TIMES)),
+    **dict([_noise(SHARED_NOISE, "m/s"), *(_noise(item.noise, item.unit) for item in OBSERVABLES.values())]),
+    **dict([_noise(SHARED_NOISE, "m/s", "nominal_velocity_sd")]),
+    **dict([_noise(OBSERVABLES["omega_2"].noise, "rad/s", "nominal_spin_sd")]),
+    "measurement.velocity_noise": Key(Kind.TEXT, field="velocity_noise"),
+    "measurement.distribution": Key(Kind.TEXT, field="distribution"),
+    "measurement.offsets": Key(Kind.TEXT, field="offsets"),
+    "force.file": Key(Kind.TEXT, field="force_file"),
+    "force.sd": Key(Kind.POSITIVE, Range(1e-9, 1e6, "1e-9 to 1e6 N", (1e-6, 1e4), 10.0, {"mN": 1e-3}), "force_sd"),
+    "force.start_sd": Key(
+        Kind.POSITIVE, Range(1e-12, 0.1, "1e-12 to 0.1 s, in s", (1e-9, 0.01), 1e-4, _TIMES), "force_start_sd"
+    ),
+    "model.name": Key(Kind.TEXT, field="model"),
+    "model.closures": Key(Kind.FREE_TEXTS, field="closures"),
+    "priors": Key(Kind.FREE_PRIORS, field="priors"),
+    "fix": Key(Kind.FREE_NUMBERS, field="fix"),
+    "pool": Key(Kind.FREE_TEXTS, field="pool"),
+    "columns": Key(Kind.FREE_TEXTS, field="columns"),
+}
+SECTIONS = tuple(dict.fromkeys(name.partition(".")[0] for name in KEYS))
+# Pairs that say the same thing twice, and pairs that say something only together.
+EXCLUSIVE = (
+    ("ball.inertia", "ball.inertia_ratio"),
+    ("measurement.velocity_sd", "measurement.nominal_velocity_sd"),
+    ("measurement.spin_sd", "measurement.nominal_spin_sd"),
+)
+TOGETHER = (("contact_time.value", "contact_time.sd"),)
+
+
+def keys_of(section: str) -> tuple[str, ...]:
+    """The keys of a section; none of one that takes any name."""
+    return tuple(name.partition(".")[2] for name in KEYS if name.startswith(f"{section}."))
+
+
+# A standard deviation this many times smaller than its quantity is no measurement.
+LEAST_SHARE = 1e-9
+# Density [kg/m^3]: no matter is denser than osmium, and what is lighter than air does not come down; balls of games
+# reach from a beach ball's few kilograms to a golf ball's 1,130, those of laboratories to tungsten's 19,300.
+DENSEST, LIGHTEST, LIKELY_LIGHTEST = 22_600.0, 1.2, 12.0
+
+
+def range_fault(key: str, value: float, sd: float | None) -> str | None:
+    """What is wrong with the size of a positive number and its standard deviation, or None."""
+    allowed = KEYS[key].size
+    if allowed is None:
+        return None
+    if not allowed.least <= value <= allowed.most:
+        return f"{key} = {value:g}: expected {allowed.words}{allowed.meant(value)}"
+    if sd is not None and not LEAST_SHARE * abs(value) <= sd <= allowed.most:
+        return f"{key}: sd = {sd:g}: expected 1e-9 times the value to {allowed.most:g}"
+    if sd is not None and key not in ("surface.mu", "ball.temperature") and sd > value:
+        return (
+            f"{key}: sd = {sd:g}: expected less than the value, {value:g}, in its unit{_meant_sd(allowed, sd, value)}"
+        )
+    return None
+
+
+def _meant_sd(allowed: Range, sd: float, value: float) -> str:
+    return _question(sd, {s: f for s, f in allowed.units.items() if sd * f <= 0.2 * value}, 0.02 * value)
+
+
+def unlikely(key: str, value: float) -> str | None:
+    """What to ask about a number that can be but that no ball, court or instrument of a bounce has, or None."""
+    allowed = KEYS[key].size
+    assert allowed is not None
+    low, high = allowed.likely
+    if low <= value <= high:
+        return None
+    return f"{key} = {value:g} is far from any: {low:g} to {high:g} are usual{allowed.meant(value)}"
+
+
+def density_fault(ball: Ball) -> str | None:
+    """What is wrong with a mass that a ball of this size cannot have, or None."""
+    density = _density(ball)
+    if LIGHTEST <= density <= DENSEST:
+        return None
+    than = "denser than any metal" if density > DENSEST else "lighter than air"
+    mass = f"a mass of {ball.mass:g} kg in a ball of radius {ball.radius:g} m"
+    return f"{mass} is {than} ({density:.3g} kg/m^3){_meant_ball(ball)}"
+
+
+def unlikely_density(ball: Ball) -> str | None:
+    """What to ask about a ball that is lighter for its size than any of a game, or None."""
+    density = _density(ball)
+    if density >= LIKELY_LIGHTEST:
+        return None
+    return (
+        f"a mass of {ball.mass:g} kg in a ball of radius {ball.radius:g} m ({density:.3g} kg/m^3) is less than a "
+        f"ball of a game has: state both mass and radius{_meant_ball(ball)}"
+    )
+
+
+def meant_inertia(ratio: float, moment: float) -> str:
+    """A question about a moment of inertia whose `ratio` to `M R^2` no ball has, where another unit would do."""
+    low, high = _RATIOS.likely
+    units = {symbol: factor for symbol, factor in _INERTIAS.items() if low <= ratio * factor <= high}
+    return _question(moment, units, 0.5 * moment / ratio)
+
+
+def _density(ball: Ball) -> float:
+    return ball.mass / (4.0 / 3.0 * pi * ball.radius**3)
+
+
+def _meant_ball(ball: Ball) -> str:
+    """A question, where another unit of mass or of length makes the ball one of a game."""
+    for name, value, units in (("mass", ball.mass, _MASSES), ("radius", ball.radius, _LENGTHS)):
+        for symbol, factor in units.items():
+            mass, radius = (factor * value, ball.radius) if name == "mass" else (ball.mass, factor * value)
+            if LIKELY_LIGHTEST <= mass / (4.0 / 3.0 * pi * radius**3) <= DENSEST:
+                return f"; did you mean a {name} of {value:g} {symbol} ({value * factor:.4g})?"
+    return ""
+
+
+_NUMBER = r"[+-]?([0-9]+(?:\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?"
+PRIOR = rf"\s*([A-Za-z_][A-Za-z0-9_]*\s*\(\s*{_NUMBER}\s*(,\s*{_NUMBER}\s*)*\)|literature:\s*[A-Za-z0-9_-]+)\s*"

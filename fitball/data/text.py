@@ -1,0 +1,355 @@
+"""From the bytes of any file to the cells of a table: `read_raw` is the one door. Encodings (UTF-8, UTF-16, and
+Windows-1252 where nothing else explains the bytes) and the ways in which cells can be divided are told here.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import io
+import re
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import accumulate
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fitball.data.bundled import PARQUET_SUFFIXES, WORKBOOKS
+from fitball.data.findings import FORMULA_ERROR, RawTable, Record, Vocabulary, refusal
+from fitball.data.layout import find_header, is_number, laid_out
+from fitball.data.workbooks import (
+    MOST_COLUMNS,
+    check_shape,
+    check_text,
+    frame_records,
+    most_cells,
+    parquet_frame,
+    workbook_records,
+)
+
+if TYPE_CHECKING:
+    import pandas
+
+
+# Signs and letters of Windows-1252 (and of Latin-1, its part) that stand in tables.
+_WESTERN = frozenset(
+    "\u00a0§°±²³µ·¹×–—‘’“”ŠšŽžŒœŸÀÁÂÃÄÅÆÇÈÉÊËÌÍÎÏÐÑÒÓÔÕÖØÙÚÛÜÝÞßàáâãäåæçèéêëìíîïðñòóôõöøùúûüýþÿ".encode("cp1252")
+)
+_UTF8_LETTER = re.compile(rb"[\xc3-\xf4][\x80-\xbf]|\xc2[\x80-\xbf]")
+# Share of zero bytes at even or odd places above which text is UTF-16: of ASCII every second byte is zero.
+_ZEROS = 0.4
+
+
+def decode(source: str, data: bytes) -> tuple[str, tuple[str, ...]]:
+    """The text of a file, and a note where its encoding was guessed.
+
+    Raises TableError where bytes are left that no encoding explains.
+    """
+    wide = _utf_16(data)
+    if wide is not None:
+        try:
+            text = data.decode(wide).removeprefix("\ufeff")
+        except UnicodeDecodeError as error:
+            raise refusal(
+                source,
+                f"the bytes at offset {error.start} are not UTF-16, which this file looks like; "
+                "expected text: save the file as 'CSV UTF-8'",
+            ) from None
+        return _without_zeros(source, text), ("the file was read as UTF-16",)
+    try:
+        return _without_zeros(source, data.decode("utf-8-sig")), ()
+    except UnicodeDecodeError as error:
+        # A byte order mark is stripped before decoding, so the position counts from behind it.
+        place = error.start + (3 if data.startswith(codecs.BOM_UTF8) else 0)
+    odd = {byte for byte in data if byte > 0x7F}
+    line = data[:place].count(b"\n") + 1
+    if odd <= _WESTERN and not _UTF8_LETTER.search(data) and not data.startswith(codecs.BOM_UTF8):
+        text = data.decode("cp1252")
+        told = f"bytes that are not UTF-8 were read as Windows-1252, first '{text[place]}' in line {line}"
+        return _without_zeros(source, text), (told,)
+    raise refusal(
+        source,
+        f"read byte 0x{data[place]:02x} at offset {place}, which is not UTF-8; "
+        "expected UTF-8 text: save the file as 'CSV UTF-8'",
+        line,
+    )
+
+
+def _utf_16(data: bytes) -> str | None:
+    """The codec of UTF-16 text, with a byte order mark or known by its zero bytes; None for other text."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    half = len(data) // 2
+    if half == 0:
+        return None
+    if data[1::2].count(0) > _ZEROS * half and data[::2].count(0) == 0:
+        return "utf-16-le"
+    if data[::2].count(0) > _ZEROS * half and data[1::2].count(0) == 0:
+        return "utf-16-be"
+    return None
+
+
+def _without_zeros(source: str, text: str) -> str:
+    if "\0" in text:
+        line = text[: text.index("\0")].count("\n") + 1
+        raise refusal(source, "read a zero byte (not text at all?); expected text: save it as 'CSV UTF-8'", line)
+    return text
+
+
+# Lines by which a delimiter is told.
+SAMPLE, SAMPLE_SIZE = 200, 1_000_000
+# A letter for private use: no text has it, and no pattern takes it for a space.
+_JOINED = "\ue000"
+# A run of blanks is looked at once, from its start: a line may be all blanks.
+_BLANKS = r"(?<![ \t])[ \t]"
+_BRACKET = re.compile(_BLANKS + r"*+([\[({][^\[\](){}]*[\])}])")
+_SLASH = re.compile(_BLANKS + r"++/[ \t]+")
+_PLUS_MINUS = re.compile(_BLANKS + r"*+(±|\+/-|\+-)[ \t]*")
+
+
+@dataclass(frozen=True)
+class Delimiter:
+    """One way to divide cells: its `name`, and `records` of lines (raises QuoteError, if strict)."""
+
+    name: str
+    records: Callable[[Iterable[str], bool], Iterator[Record]]
+
+
+def is_comment(line: str) -> bool:
+    """Whether a line is a comment: behind `#`, unless that begins the error of a formula."""
+    text = line.lstrip()
+    return text.startswith("#") and not FORMULA_ERROR.match(text)
+
+
+class QuoteError(Exception):
+    """Quotes that do not pair, in the record that starts on `line`."""
+
+    def __init__(self, line: int, reason: str) -> None:
+        super().__init__(reason)
+        self.line = line
+
+
+@dataclass
+class _LineFeed:
+    """Hands lines to the csv reader, leaves out blank and comment lines between records, counts them all."""
+
+    lines: Iterator[str]
+    count: int = 0
+    record_start: int = 0
+    between_records: bool = field(default=True)
+
+    def __iter__(self) -> Iterator[str]:
+        for line in self.lines:
+            self.count += 1
+            if self.between_records:
+                if not line.strip() or is_comment(line):
+                    continue
+                self.record_start = self.count
+                self.between_records = False
+            yield line
+
+
+def _by_sign(sign: str) -> Callable[[Iterable[str], bool], Iterator[Record]]:
+    def records(lines: Iterable[str], strict: bool) -> Iterator[Record]:
+        feed = _LineFeed(iter(lines))
+        try:
+            for record in csv.reader(feed, strict=strict, skipinitialspace=True, delimiter=sign):
+                yield feed.record_start, tuple(cell.strip() for cell in record)
+                feed.between_records = True
+        except csv.Error as error:
+            raise QuoteError(feed.record_start, str(error)) from None
+
+    return records
+
+
+def _by_spaces(gap: re.Pattern[str]) -> Callable[[Iterable[str], bool], Iterator[Record]]:
+    """A unit in brackets stays with its name, a deviation with its number."""
+
+    def records(lines: Iterable[str], _strict: bool) -> Iterator[Record]:
+        for number, line in enumerate(lines, start=1):
+            text = line.strip()
+            if not text or is_comment(text):
+                continue
+            text = _PLUS_MINUS.sub(_JOINED + r"\1" + _JOINED, _SLASH.sub(f"{_JOINED}/{_JOINED}", text))
+            text = _BRACKET.sub(lambda found: _JOINED + found[1].replace(" ", _JOINED), text)
+            cells = (cell.replace(_JOINED, " ").strip().strip('"') for cell in gap.split(text))
+            yield number, tuple(cells)
+
+    return records
+
+
+# In the order in which they are preferred where two divide a header equally well.
+DELIMITERS = (
+    Delimiter("commas", _by_sign(",")),
+    Delimiter("semicolons", _by_sign(";")),
+    Delimiter("tabs", _by_sign("\t")),
+    Delimiter("vertical bars", _by_sign("|")),
+    Delimiter("runs of spaces", _by_spaces(re.compile(r"\s{2,}|\t"))),
+    Delimiter("spaces", _by_spaces(re.compile(r"\s+"))),
+)
+# A row of these may begin with the index of a data frame that was printed.
+SPACES = DELIMITERS[4:]
+
+
+def lines_of(text: str) -> list[str]:
+    """The lines of a text, their ends kept as they are (a quoted cell may go over several)."""
+    return list(io.StringIO(text, newline=""))
+
+
+def sample(delimiter: Delimiter, lines: list[str]) -> list[Record]:
+    """Records of the first lines; none where they cannot be divided so."""
+    try:
+        # Long lines are many cells in few of them; the first counts in any case.
+        sizes = accumulate(map(len, lines[:SAMPLE]))
+        return list(delimiter.records(lines[: max(1, sum(size <= SAMPLE_SIZE for size in sizes))], False))
+    except QuoteError:
+        return []
+
+
+def all_records(source: str, delimiter: Delimiter, lines: list[str]) -> list[Record]:
+    """The records of a file. Raises TableError for quotes that do not pair."""
+    records, cells = list[Record](), 0
+    try:
+        for record in delimiter.records(lines, True):
+            cells += len(record[1])
+            if len(record[1]) > MOST_COLUMNS or cells > most_cells(len(lines)):
+                check_shape(source, max(len(lines), 1), max(len(record[1]), -(-cells // len(lines))))
+            records.append(record)
+    except QuoteError as error:
+        raise refusal(
+            source,
+            f"the record that starts here is not CSV ({error}); expected double quotes in pairs, around whole cells",
+            error.line,
+        ) from None
+    return records
+
+
+def comments(lines: list[str]) -> list[str]:
+    """The comment lines above the first other line, without their marks; a blank line for each other."""
+    found = []
+    for line in lines[:SAMPLE]:
+        if line.strip() and not is_comment(line):
+            break
+        found.append(line.strip().lstrip("#").strip())
+    return found
+
+
+# How pandas marks lines that go on further down, and rows or columns that it left out.
+_CUT = frozenset(("\\", "..", "..."))
+# Names that make a header of a comment.
+_COMMENTED = 2.0
+
+
+def read_raw(path: Path, vocabulary: Vocabulary, sheet: str | None = None) -> RawTable:
+    """The cells of a text file (CSV and its like), of a workbook (its `sheet`) or a Parquet file.
+
+    Raises TableError when the file cannot be opened or taken apart at all; faults that leave the rest
+    readable are returned in `faults`.
+    """
+    source, suffix = str(path), path.suffix.lower()
+    if any("\ud800" <= letter <= "\udfff" for letter in str(path.resolve())):
+        raise refusal(source, "the name of this file or its folder is no UTF-8, and result files name it: rename it")
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise refusal(source, f"cannot be opened: {reason}; expected a readable table") from None
+    if not data.strip():
+        raise refusal(source, "the file is empty; expected a header line and at least two rows")
+    if suffix in PARQUET_SUFFIXES:
+        return frame_table(source, parquet_frame(path, data), vocabulary, data)
+    if suffix in WORKBOOKS:
+        records, notes = workbook_records(source, data, suffix, vocabulary, sheet)
+        return laid_out(source, [record for record in records if any(record[1])], vocabulary, data, notes)
+    check_text(source, data)
+    text, notes = decode(source, data)
+    return _text_table(source, text, vocabulary, data, notes)
+
+
+def frame_table(source: str, frame: pandas.DataFrame, vocabulary: Vocabulary, data: bytes) -> RawTable:
+    """The cells of a DataFrame, of which `data` are the bytes. Raises TableError where it has no columns or is
+    too large.
+    """
+    check_shape(source, *frame.shape)
+    records = frame_records(frame)
+    if not records[0][1]:
+        raise refusal(source, "the table has no columns; expected a header and at least two rows")
+    return laid_out(source, records, vocabulary, data)
+
+
+def _text_table(source: str, text: str, vocabulary: Vocabulary, data: bytes, notes: tuple[str, ...]) -> RawTable:
+    lines = lines_of(text)
+    delimiter, commented = _delimiter(lines, vocabulary), None
+    if delimiter is None:
+        delimiter, commented = _commented_header(lines, vocabulary) or (_most_cells(lines), None)
+    records = all_records(source, delimiter, lines)
+    if not records:
+        raise refusal(source, "only blank and comment lines were read; expected a header line and at least two rows")
+    if delimiter in SPACES:
+        for number, cells in records[:SAMPLE]:
+            for mark in filter(_CUT.__contains__, cells):
+                words = f"read '{mark}', as of a data frame printed in parts; expected all of it: df.to_csv(FILE)"
+                raise refusal(source, words, number)
+        records, told = _indexed(records, vocabulary)
+        notes = (*notes, *told)
+    if delimiter is not DELIMITERS[0]:
+        notes = (*notes, f"cells are divided by {delimiter.name}")
+    if commented is not None:
+        records = [commented, *records]
+        notes = (*notes, f"the header was read from the comment in line {commented[0]}")
+    return laid_out(source, records, vocabulary, data, notes)
+
+
+def _delimiter(lines: list[str], vocabulary: Vocabulary) -> Delimiter | None:
+    """What divides the cells: that by which a header has most names that are known, and most rows a cell for each of
+    them; None where there is no header.
+    """
+
+    def worth(delimiter: Delimiter) -> tuple[float, float]:
+        records = sample(delimiter, lines)
+        at, names = find_header(records, vocabulary)
+        widths = [len(cells) - len(records[at][1]) for _, cells in records[at + 1 :]]
+        return names, max(map(widths.count, (0, 1))) / max(len(widths), 1)
+
+    worths = {item: worth(item) for item in DELIMITERS}
+    best = max(DELIMITERS, key=lambda item: worths[item])
+    return best if worths[best][0] > 0.0 else None
+
+
+def _indexed(records: list[Record], vocabulary: Vocabulary) -> tuple[list[Record], tuple[str, ...]]:
+    """Records with a name above the first column, and a note, where a data frame was printed with its index: each row
+    has a cell more than the header, the first of which counts rows or is a name. The index's own name, if it has one,
+    stands alone beneath the header.
+    """
+    at, _worth = find_header(records, vocabulary)
+    line, header = records[at]
+    rest, name = records[at + 1 :], "index" if "id" in header else "id"
+    if rest and len(rest[0][1]) == 1 and not is_number(rest[0][1][0]):
+        name, rest = rest[0][1][0], rest[1:]
+    firsts = [cells[0] for _, cells in rest]
+    if not rest or any(len(cells) != len(header) + 1 for _, cells in rest):
+        return records, ()
+    # pandas counts from 0, R from 1.
+    counted = any(firsts == [str(k + start) for k in range(len(rest))] for start in (0, 1))
+    if any(map(is_number, firsts)) and not counted:
+        return records, ()
+    note = f"the first cell of each row, above which there is no name, was read as {name}"
+    return [*records[:at], (line, (name, *header)), *rest], (note,)
+
+
+def _commented_header(lines: list[str], vocabulary: Vocabulary) -> tuple[Delimiter, Record] | None:
+    """A header behind a comment mark, as NumPy writes it, and what divides it."""
+    best: tuple[float, Delimiter, Record] | None = None
+    for delimiter in DELIMITERS:
+        for number, text in enumerate(comments(lines), start=1):
+            for _, cells in sample(delimiter, [text]):
+                worth = sum(map(vocabulary.worth, cells))
+                if worth >= _COMMENTED and (best is None or worth > best[0]):
+                    best = worth, delimiter, (number, cells)
+    return None if best is None else best[1:]
+
+
+def _most_cells(lines: list[str]) -> Delimiter:
+    """What divides the first line into most cells."""
+    firsts = {item: sample(item, lines)[:1] for item in DELIMITERS[:4]}
+    return max(DELIMITERS[:4], key=lambda item: len(firsts[item][0][1]) if firsts[item] else 0)

@@ -1,0 +1,315 @@
+"""Simulation-based calibration of the calibration (Talts et al. 2018; Modrak et al. 2023).
+
+A truth is drawn from everything a fit takes as known before the table, a table is simulated from it, and the table
+is fitted. If the fits are right, the rank of the truth among posterior draws is uniform.
+
+What is known before the table is the posterior's own reference density: the priors, truncated to parameters the
+model can evaluate at every impact, times the scene's knowledge of the mean contact time. That knowledge is the same
+in every replicate, as it is for a user, so it belongs to the prior here and is not simulated anew.
+
+Beside the parameters the log likelihood is ranked: without a quantity that depends on the data, a sampler that
+returned the prior would pass (Modrak et al. 2023).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy.stats import binom
+
+from fitball.data.read import load_table
+from fitball.data.scene import load_scene
+from fitball.data.table import Measurement
+from fitball.errors import FitError
+from fitball.inference.likelihood.posterior import log_likelihood
+from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.problem.problem import Problem
+from fitball.inference.sampling.ensembles import Sampled
+from fitball.models.registry import parameter_spec
+from fitball.report.figures.canvas import new_figure, own_style
+from fitball.report.form.document import columns
+from fitball.report.form.palette import MODEL, POOR
+from fitball.values import FloatArray
+from validation.harness import (
+    CHAIN,
+    LEVEL,
+    Rate,
+    Row,
+    Study,
+    Verdict,
+    drawn_truth,
+    maximum,
+    short_chain,
+    simulated_columns,
+)
+from validation.uniformity import (
+    IntArray,
+    NullDistribution,
+    bins_for,
+    chi_square,
+    coverage,
+    empirical,
+    holm,
+    null_distribution,
+)
+
+# Posterior draws among which a truth is ranked: 200 values have central intervals of exactly 50, 80 and 95 %.
+RANKED = 199
+VALUES = RANKED + 1
+COVERAGES = (0.5, 0.8, 0.95)
+LOG_LIKELIHOOD = "log_likelihood"
+# Probability that correct fits fail: of any test on any quantity of any model, by Holm's adjustment.
+FAMILY_ERROR = 0.01
+# Share of replicates without a trustworthy chain above which the ranks prove nothing.
+MOST_UNCONVERGED = 0.05
+# Below this even grossly wrong intervals may pass.
+FEWEST = 20
+# Quantities in a row of the figure.
+PAIRS = 2
+
+
+def ranks_among(truth: FloatArray, draws: FloatArray) -> list[int]:
+    """Rank of each truth (quantities,) among its draws (draws, quantities)."""
+    return [int(below) for below in np.count_nonzero(draws < truth, axis=0)]
+
+
+@cache
+def _problem(table: str, model: str) -> Problem:
+    return build_problem(load_table(table), load_scene(table), Choices(model=model))
+
+
+@dataclass(frozen=True)
+class Bounces:
+    """Fits of `model` to rebounds simulated at the incident conditions of `table`.
+
+    With `wrong_sigma` the fit is told that the noise is known, and that many times what it is: a control that must
+    fail.
+    """
+
+    table: str
+    model: str
+    wrong_sigma: float | None = None
+
+    @property
+    def problem(self) -> Problem:
+        """The problem whose table is replaced by simulated ones."""
+        return _problem(self.table, self.model)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Free parameters of the fit, and the log likelihood."""
+        free = self.problem.free_names
+        kept = free if self.wrong_sigma is None else tuple(name for name in free if name not in NOISE_SPECS)
+        return (*kept, LOG_LIKELIHOOD)
+
+    @property
+    def study(self) -> Study:
+        """Its replicates."""
+        settings = {
+            "table": self.problem.table.digest, "model": self.model, "wrong_sigma": self.wrong_sigma,
+            "ranked": RANKED, "contact_time": self.problem.contact_time, **CHAIN,
+            "parameters": [[item.name, item.prior.text, item.fixed] for item in self.problem.parameters],
+        }  # fmt: skip
+        return Study(f"ranks_{self.model}", self.replicate, settings, self.model)
+
+    def replicate(self, seed: int, number: int) -> list[Row]:
+        """One record: the rank of each truth among RANKED draws, and how the sampler ended; no ranks, and why, where
+        there was no fit.
+        """
+        roots = np.random.SeedSequence(seed, spawn_key=(number,)).spawn(4)
+        values = self.truth(np.random.default_rng(roots[0]))
+        problem = self.simulated(values, np.random.default_rng(roots[1]))
+        try:
+            # The real road to a posterior: starts, maxima, ensembles.
+            sampled = short_chain(problem, maximum(problem, roots[2]), int(roots[3].generate_state(1)[0]))
+        except FitError as error:
+            return [{"ranks": {}, "converged": False, "failed": str(error)}]
+        found, rng = sampled.convergence, np.random.default_rng(roots[3])
+        ending = {"steps": sampled.steps, "ess": found.min_ess, "r_hat": found.max_r_hat, "failed": ""}
+        return [{"ranks": self._ranks(values, problem, sampled, rng), "converged": sampled.converged, **ending}]
+
+    def truth(self, rng: np.random.Generator) -> FloatArray:
+        """One draw (free,) of all that is known before the table. Raises FitError when there is none to be had."""
+        return drawn_truth(self.problem, rng, f"model {self.model}")
+
+    def simulated(self, values: FloatArray, rng: np.random.Generator) -> Problem:
+        """The problem of a table simulated from true values (free,), with the gaps of the one there is."""
+        known, count, row = self.problem, len(self.problem.impacts), values[None, :]
+        made, columns = simulated_columns(known, row, rng), known.all_values(row)
+        measured = tuple(
+            Measurement(observable.name, made[observable.name], observable.everywhere(count).sd)
+            for observable in known.observables
+        )
+        fix = {}
+        if self.wrong_sigma is not None:
+            fix = {name: self.wrong_sigma * float(columns[name][0]) for name in columns if name in NOISE_SPECS}
+        table = replace(known.table, measurements=measured, redundant=())
+        return build_problem(table, known.scene, Choices(model=self.model, fix=fix))
+
+    def _ranks(
+        self, values: FloatArray, problem: Problem, sampled: Sampled, rng: np.random.Generator
+    ) -> dict[str, int]:
+        kept = sampled.kept.reshape(-1, problem.dimension)
+        draws = problem.to_values(kept[rng.choice(len(kept), RANKED, replace=False)])
+        named = dict(zip(self.problem.free_names, values, strict=True))
+        truth = np.array([[named[name] for name in problem.free_names]])
+        together = np.concatenate([truth, draws])
+        score = log_likelihood(problem, together, problem.rebound(together))
+        quantities = np.column_stack([together, score])
+        return dict(zip(self.names, ranks_among(quantities[0], quantities[1:]), strict=True))
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Ranks of one quantity: chi-square and its probability for correct fits, that of the empirical distribution, and
+    the lesser of both adjusted for all tests of the run.
+    """
+
+    model: str
+    name: str
+    ranks: IntArray
+    chi_square: float
+    chi_square_p: float
+    ecdf_p: float
+    adjusted: float
+
+    @property
+    def coverages(self) -> Mapping[float, Rate]:
+        """How often central intervals of some probabilities held the truth."""
+        return {nominal: coverage(self.ranks, VALUES, nominal) for nominal in COVERAGES}
+
+    @property
+    def holds(self) -> bool:
+        """Whether the ranks look uniform."""
+        return self.adjusted >= FAMILY_ERROR
+
+    def row(self) -> dict[str, object]:
+        """As a row of the summary."""
+        row: dict[str, object] = {
+            "model": self.model, "quantity": self.name, "replicates": self.ranks.size,
+            "chi_square": round(self.chi_square, 3), "chi_square_p": float(f"{self.chi_square_p:.4g}"),
+            "ecdf_p": float(f"{self.ecdf_p:.4g}"), "adjusted_p": float(f"{self.adjusted:.4g}"),
+        }  # fmt: skip
+        for nominal, part in self.coverages.items():
+            numbers = {"": part.value or 0.0, "_low": part.low, "_high": part.high}
+            row |= {f"within_{100 * nominal:.0f}{end}": round(number, 4) for end, number in numbers.items()}
+        return row | {"holds": "yes" if self.holds else "no"}
+
+
+def quantities(made: Mapping[str, Sequence[Row]]) -> list[Quantity]:
+    """What the ranks of the replicates of each model say, quantity by quantity.
+
+    Replicates that did not converge are ranked like the others: leaving them out would hide what they miss.
+    """
+    raw = []
+    for model, rows in made.items():
+        fitted = [row["ranks"] for row in rows if not row["failed"]]
+        for name in fitted[0] if fitted else ():
+            ranks = np.array([item[name] for item in fitted], dtype=np.int64)
+            raw.append((model, name, ranks, *chi_square(ranks, VALUES)))
+    nulls = {count: null_distribution(count, VALUES) for count in {item[2].size for item in raw}}
+    ecdf = [nulls[item[2].size].p_value(item[2]) for item in raw]
+    adjusted = holm([item[4] for item in raw] + ecdf)
+    return [Quantity(*item, ecdf[k], min(adjusted[k], adjusted[len(raw) + k])) for k, item in enumerate(raw)]
+
+
+def complaints(rows: Sequence[Row], found: Sequence[Quantity]) -> list[str]:
+    """What speaks against the fits of a model, in words; empty when nothing does."""
+    failed = sum(bool(row["failed"]) for row in rows)
+    unconverged = sum(not row["converged"] and not row["failed"] for row in rows)
+    faults = []
+    if len(rows) < FEWEST:
+        faults.append(f"{len(rows)} replicates prove nothing: at least {FEWEST} are needed")
+    if unconverged + failed > MOST_UNCONVERGED * len(rows):
+        faults.append(f"{unconverged} of {len(rows)} replicates did not converge and {failed} had no fit")
+    return faults + [
+        f"{one.name}: ranks are not uniform (adjusted p = {one.adjusted:.2g})" for one in found if not one.holds
+    ]
+
+
+def judge(made: Mapping[str, Sequence[Row]], seed: int) -> Verdict:
+    """Do the truths of all models rank uniformly?"""
+    found, models, figures, parts = quantities(made), {}, {}, []
+    for model, rows in made.items():
+        mine = [one for one in found if one.model == model]
+        told: Row = {
+            "replicates": len(rows), "failed": sum(bool(row["failed"]) for row in rows),
+            "unconverged": sum(not row["converged"] and not row["failed"] for row in rows),
+            "complaints": complaints(rows, mine),
+        }  # fmt: skip
+        models[model] = told
+        if mine:
+            figures[f"ranks_{model}"] = rank_figure(model, mine)
+        table = [["quantity", "p chi-square", "p ecdf", "adjusted p", "in 50 %", "in 80 %", "in 95 %", ""]]
+        for one in mine:
+            words = [f"{p:.2g}" for p in (one.chi_square_p, one.ecdf_p, one.adjusted)]
+            shares = [str(part).replace(" % ", " ") for part in one.coverages.values()]
+            table.append([one.name, *words, *shares, "holds" if one.holds else "FAILS"])
+        head = f"{told['replicates']} replicates, {told['unconverged']} not converged, {told['failed']} without a fit"
+        parts += [f"{model}: {head}", "", *columns(table), "", *(f"FAILS: {one}" for one in told["complaints"])]
+    good = not any(told["complaints"] for told in models.values())
+    parts.append("The truth ranks uniformly: intervals mean what they say." if good else "Validation FAILED.")
+    content = {"holds": good, "seed": seed, "family_error": FAMILY_ERROR, "ranked_draws": RANKED, "models": models}
+    return Verdict(content, {"summary": [one.row() for one in found]}, "\n".join(parts), figures)
+
+
+@own_style()
+def rank_figure(model: str, items: Sequence[Quantity]) -> Figure:
+    """Two quantities a row: histogram with the 95 % range of a bin, empirical minus uniform distribution."""
+    rows = (len(items) + PAIRS - 1) // PAIRS
+    figure = new_figure(11.0, 1.3 + 1.75 * rows)
+    grid = np.atleast_2d(figure.subplots(rows, 2 * PAIRS, sharex=True))
+    cells = grid.reshape(-1, 2)
+    null = null_distribution(items[0].ranks.size, VALUES)
+    for pair, item in zip(cells, items, strict=False):
+        _histogram(pair[0], item)
+        _difference(pair[1], item, null)
+    for pair in cells[len(items) :]:
+        for axis in pair:
+            axis.set_visible(False)
+    for axis in cells[-PAIRS:].ravel():
+        axis.set_xlabel("rank of the truth / 200")
+    for pair in cells[len(items) - PAIRS : len(items)]:
+        for axis in pair:
+            axis.tick_params(labelbottom=True)
+            axis.set_xlabel("rank of the truth / 200")
+    figure.suptitle(
+        f"{model}: {items[0].ranks.size} simulated tables. Left: ranks, 95 % range of each bin;\n"
+        "right: empirical minus uniform distribution, simultaneous 95 % band",
+        fontsize=11,
+    )
+    return figure
+
+
+def _symbol(name: str) -> str:
+    spec = parameter_spec(name) or NOISE_SPECS.get(name)
+    return spec.label if spec is not None else name.replace("_", " ")
+
+
+def _histogram(axis: Axes, quantity: Quantity) -> None:
+    bins = bins_for(quantity.ranks.size, VALUES)
+    counts = np.bincount(quantity.ranks * bins // VALUES, minlength=bins)
+    low, high = (float(binom.ppf(level, quantity.ranks.size, 1.0 / bins)) for level in (0.025, 0.975))
+    axis.axhspan(low, high, color="0.85", linewidth=0)
+    axis.axhline(quantity.ranks.size / bins, color="0.5", linewidth=0.8)
+    axis.stairs(counts, np.linspace(0.0, 1.0, bins + 1), fill=True, color=MODEL, alpha=0.7)
+    axis.set_ylim(0.0, 1.15 * max(float(counts.max()), high))
+    axis.set_ylabel("replicates", fontsize=9)
+    axis.set_title(_symbol(quantity.name) + ("" if quantity.holds else ": NOT uniform"), fontsize=10)
+
+
+def _difference(axis: Axes, quantity: Quantity, null: NullDistribution) -> None:
+    place = np.arange(1, VALUES) / VALUES
+    low, high = null.band(LEVEL)
+    axis.fill_between(place, low - place, high - place, color="0.85", linewidth=0)
+    axis.axhline(0.0, color="0.5", linewidth=0.8)
+    distribution = empirical(quantity.ranks[None, :], VALUES)[0] / quantity.ranks.size
+    axis.plot(place, distribution - place, color=MODEL if quantity.holds else POOR.light, linewidth=1.2)
+    axis.set_title(f"{_symbol(quantity.name)}: p = {quantity.ecdf_p:.2g}", fontsize=10)
+    axis.set_ylabel("difference", fontsize=9)

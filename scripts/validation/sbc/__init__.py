@@ -1,1 +1,0 @@
-"""Simulation-based calibration: draw parameters, simulate their data, fit these, look whether ranks are uniform."""

@@ -1,0 +1,304 @@
+"""Is what a fit says of itself true? Tables that the model made and tables that it did not are simulated and fitted;
+counted is how often a fit says that it describes them, and how often what it calls identified holds the truth.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from fitball.errors import FitballError, FitError
+from fitball.inference.adequacy.describe import adequacy
+from fitball.inference.assemble import qualified
+from fitball.inference.assumptions.look import look
+from fitball.inference.identifiability.examine import examine, profile_all
+from fitball.inference.point.point_fit import point_fit
+from fitball.inference.prediction.posterior_predictive import regime_shares
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.adequacy import FALSE_EXCEPT, FALSE_FAILS, Adequacy, Answer
+from fitball.inference.results.results import Posterior, thinned
+from fitball.inference.results.results import Verdict as Said
+from fitball.inference.sampling.prior_draws import prior_draws
+from fitball.inference.second_search import search_again
+from validation.foreign import FAULTS, foreign_problem
+from validation.harness import CHAIN, Rate, Row, Study, Verdict, drawn_values, rate, short_chain
+from validation.pinned import pinned
+from validation.scenarios import SCENARIOS, Scenario
+
+LEVELS = (0.025, 0.975)
+# What is said of a table that is not read.
+REFUSED = "refused"
+# Verdicts that stand for an interval to be relied on, within the model or given what is named.
+RELIED_ON = (Said.IDENTIFIED, Said.GIVEN, Said.UNEXAMINED)
+# The share of 95 % intervals that may hold, and of pinned parameters that may be called prior-dominated.
+HOLD = (0.92, 0.98)
+MOST_BLIND = 0.05
+# The share of tables with a fault that may be taken for good: three of twenty.
+MISSED = 0.15
+
+
+def study(name: str) -> Study:
+    """The tables of the scenario called `name`."""
+    scenario = SCENARIOS[name]
+    known = scenario.problem
+    settings = {
+        "scenario": name, "model": scenario.model, "words": scenario.words, "rows": len(known.impacts),
+        "parameters": [[item.name, item.prior.text, item.fixed] for item in known.parameters], **CHAIN,
+    }  # fmt: skip
+    return Study(name, partial(replicate, name), settings, name, "tables")
+
+
+def replicate(name: str, seed: int, number: int) -> list[Row]:
+    """One record, of table `number` of a scenario: the answer (`REFUSED` where it is not read), the least probability
+    of any check, of each parameter what is `said`: verdict, ends of the 95 % interval, the truth (None where there is
+    none), and whether the likelihood pins it (see `pinned`); `converged`, and `failed` why there is no fit.
+    """
+    scenario = SCENARIOS[name]
+    if scenario.fault is not None:
+        return [_described(scenario, seed, number)]
+    # The scenario counts too: with the same numbers in each, scenarios would be no independent draws.
+    roots = np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()), number)).spawn(3)
+    values = scenario.truth(np.random.default_rng(roots[0]))
+    problem = scenario.simulated(values, np.random.default_rng(roots[1]))
+    truth = dict(zip(scenario.problem.free_names, values.tolist(), strict=True))
+    try:
+        return [_fitted(scenario, problem, truth, roots[2])]
+    except FitError as error:
+        return [_told("", failed=str(error))]
+
+
+def _told(answer: str, p: float = 0.0, said: Row | None = None, converged: bool = True, failed: str = "") -> Row:
+    return {"answer": answer, "p": p, "said": said or {}, "converged": converged, "failed": failed}
+
+
+def _described(scenario: Scenario, seed: int, number: int) -> Row:
+    """The answer alone, as a point fit gives it; the same tables for each model."""
+    fault, name = FAULTS[str(scenario.fault)], f"{scenario.fault} {scenario.size:g}"
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()), number)))
+    try:
+        problem = foreign_problem(str(scenario.fault), scenario.size, scenario.model, rng)
+    except FitballError:
+        return _told(REFUSED)
+    try:
+        _squares, point = point_fit(problem, rng)
+        looked = look(problem, point, None, rng) if fault.looked else None
+        described = adequacy(problem, point, None, seed, looked)
+    except FitError as error:
+        return _told("", failed=str(error))
+    return _told(str(described.answer), _least(described))
+
+
+def _least(described: Adequacy) -> float:
+    checks = (*(check.p for check in described.checks), *(check.adjusted for check in described.noise))
+    return min(checks, default=1.0)
+
+
+def _fitted(scenario: Scenario, problem: Problem, truth: Mapping[str, float], root: np.random.SeedSequence) -> Row:
+    """The road of `calibrate` with a shorter chain, up to verdicts."""
+    rng = np.random.default_rng(root)
+    seed = int(root.generate_state(1)[0])
+    squares, point = point_fit(problem, rng)
+    sampled = short_chain(problem, point, seed)
+    values, scores = drawn_values(problem, sampled), sampled.log_posterior[:, sampled.warm_up :]
+    posterior = Posterior(problem.free_names, values, scores, prior_draws(problem, rng))
+    squares, point, _said = search_again(problem, squares, point, sampled)
+    profiled = profile_all(problem, point, [*point.optima, *squares.optima])
+    described = adequacy(problem, point, posterior, seed)
+    regimes = regime_shares(problem.rebound(thinned(posterior, 400)))
+    correlation = np.atleast_2d(np.corrcoef(posterior.draws, rowvar=False))
+    _evidence, judged = examine(problem, point, profiled, posterior, correlation, regimes)
+    verdicts = {name: qualified(name, judged[name], described, None)[0] for name in problem.free_names}
+    pins = pinned(problem, truth) if scenario.made else {}
+    ends = np.quantile(posterior.draws, LEVELS, axis=0).T.tolist()
+    said = {
+        name: {"verdict": str(verdicts[name]), "low": low, "high": high, "pinned": pins.get(name),
+               "truth": truth[name] if scenario.knows(name) else None}
+        for name, (low, high) in zip(posterior.names, ends, strict=True)
+    }  # fmt: skip
+    return _told(str(described.answer), _least(described), said, sampled.converged)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One scenario, or several together: tables by answer, tables with any objection and with the worst, intervals
+    that are relied on and hold, pinned parameters that are called prior-dominated, and by verdict how many parameters
+    have it, how often their interval holds the truth, and how often the likelihood pinned them after all.
+
+    `maker` is `yes` of tables that the model made, `no`, or `other code`; `wanted` says whether tables that no model
+    made are to be objected to, None where nobody can say.
+    """
+
+    name: str
+    words: str
+    maker: str
+    tables: int
+    unconverged: int
+    failed: int
+    answers: Mapping[Answer, int]
+    objected: Rate
+    refused: Rate
+    relied: Rate
+    blind: Rate
+    confusions: Mapping[Said, tuple[Rate, Rate, Rate]]
+    wanted: bool | None = None
+
+    @property
+    def unread(self) -> int:
+        """Tables that are refused."""
+        return self.tables - self.failed - sum(self.answers.values())
+
+    @property
+    def complaints(self) -> tuple[str, ...]:
+        """What speaks against the program, in words; of tables that the model did not make, only what is said of
+        those that are good, or are wrong by as much as has to be found.
+        """
+        if self.wanted and not self.objected.agrees(1.0 - MISSED, 1.0):
+            return (f"{self.name}: only {self.objected} of the tables are objected to",)
+        if self.wanted is False and not self.objected.agrees(0.0, FALSE_EXCEPT):
+            return (f"{self.name}: {self.objected} of good tables are objected to",)
+        if self.maker != "yes":
+            return ()
+        asked = (
+            (self.objected, (0.0, FALSE_EXCEPT), "of tables that the model made are objected to"),
+            (self.refused, (0.0, FALSE_FAILS), "of tables that the model made are called not described"),
+            (self.relied, HOLD, "of the 95 % intervals of identified parameters hold"),
+            (self.blind, (0.0, MOST_BLIND), "of pinned parameters are called prior-dominated"),
+        )
+        return tuple(f"{self.name}: {found} {what}" for found, limits, what in asked if not found.agrees(*limits))
+
+    def row(self) -> dict[str, object]:
+        """As a row of the table of rates."""
+        row: dict[str, object] = {
+            "scenario": self.name, "made_by_the_model": self.maker, "tables": self.tables,
+            "not_converged": self.unconverged, "without_fit": self.failed,
+        }  # fmt: skip
+        row |= {str(answer).replace(" ", "_"): count for answer, count in self.answers.items()}
+        for what, found in (
+            ("objected", self.objected), ("not_described", self.refused), ("identified_holds", self.relied),
+            ("pinned_called_prior_dominated", self.blind),
+        ):  # fmt: skip
+            ends = [round(end, 4) if found.of else "" for end in (found.value or 0.0, found.low, found.high)]
+            heads = (what, f"{what}_of", f"{what}_low", f"{what}_high")
+            row |= zip(heads, (ends[0], found.of, *ends[1:]), strict=True)
+        return row | {"refused": self.unread, "words": self.words}
+
+
+def finding(name: str, words: str, maker: str, told: Sequence[Row], wanted: bool | None = None) -> Finding:
+    """What the tables of one scenario, or of several together, add up to."""
+    fitted = [row for row in told if not row["failed"]]
+    said = [one for row in fitted for one in row["said"].values()]
+    answers = {answer: sum(row["answer"] == answer for row in fitted) for answer in Answer}
+    bad = (Answer.EXCEPT, Answer.FAILS, REFUSED)
+    verdicts = {verdict: [one for one in said if one["verdict"] == verdict] for verdict in Said}
+    return Finding(
+        name=name,
+        words=words,
+        maker=maker,
+        tables=len(told),
+        unconverged=sum(not row["converged"] for row in fitted),
+        failed=len(told) - len(fitted),
+        answers=answers,
+        objected=rate(row["answer"] in bad for row in fitted),
+        refused=Rate(answers[Answer.FAILS], len(fitted)),
+        relied=rate(holds(one) for one in said if one["verdict"] in RELIED_ON),
+        blind=rate(one["verdict"] == Said.PRIOR_DOMINATED for one in said if one["pinned"]),
+        confusions={
+            verdict: (Rate(len(mine), len(said)), rate(map(holds, mine)), rate(one["pinned"] for one in mine))
+            for verdict, mine in verdicts.items()
+            if mine
+        },
+        wanted=wanted,
+    )
+
+
+def holds(said: Row) -> bool | None:
+    """Whether the interval of a parameter holds the truth; None where there is none."""
+    return None if said["truth"] is None else bool(said["low"] <= said["truth"] <= said["high"])
+
+
+def wanted(scenario: Scenario) -> bool | None:
+    """Whether such tables are to be objected to; smaller faults than the usual ones show how small they may be."""
+    if scenario.fault is None:
+        return None
+    return False if scenario.fault == "clean" else True if scenario.size >= 1.0 else None
+
+
+def findings(told: Mapping[str, Sequence[Row]]) -> list[Finding]:
+    """Findings of each scenario, and of all together that the model made or did not make."""
+    known = {name: SCENARIOS[name] for name in told}
+    makers = {
+        name: "other code" if one.fault is not None else "yes" if one.made else "no" for name, one in known.items()
+    }
+    each = [finding(name, known[name].words, makers[name], some, wanted(known[name])) for name, some in told.items()]
+    for maker, name in (("yes", "all made by the model"), ("no", "all not made by it")):
+        some = [row for key, many in told.items() if makers[key] == maker for row in many]
+        if some:
+            each.append(finding(name, name, maker, some))
+    return each
+
+
+def judge(told: Mapping[str, Sequence[Row]], seed: int) -> Verdict:
+    """Is what fits say of themselves true?"""
+    found = findings(told)
+    content = {
+        "holds": not any(one.complaints for one in found),
+        "seed": seed,
+        "stated": {"objected": FALSE_EXCEPT, "not described": FALSE_FAILS, "hold": HOLD, "blind": MOST_BLIND},
+        "scenarios": {one.name: one.row() | {"complaints": list(one.complaints)} for one in found},
+    }
+    return Verdict(content, {"rates": [one.row() for one in found], "confusions": _confusions(found)}, text(found))
+
+
+def _confusions(found: Iterable[Finding]) -> list[dict[str, object]]:
+    """A row a scenario and verdict."""
+    return [
+        {"scenario": one.name, "verdict": str(verdict), "parameters": said.count, "of": said.of,
+         "holds": held.count, "holds_of": held.of, "pinned": pins.count, "pinned_of": pins.of}
+        for one in found for verdict, (said, held, pins) in one.confusions.items()
+    ]  # fmt: skip
+
+
+def text(found: Sequence[Finding]) -> str:
+    """Both tables as Markdown."""
+    lines = [
+        "# Are fits right about themselves?", "",
+        "Made by `scripts/validate --trust`: tables simulated with a known truth, fitted, and what each fit says of "
+        "itself. In brackets 95 % intervals of the rates (Clopper and Pearson).", "",
+        "## Does the model describe the table?", "",
+        "An objection is `describes except` or `does not describe`. Of tables that the model made "
+        f"{100 * FALSE_EXCEPT:.0f} % may meet one, {100 * FALSE_FAILS:.0f} % the second.", "",
+        "| scenario | tables | describes | except | does not | cannot be told | not read | objected |",
+        "|---|---|---|---|---|---|---|---|",
+    ]  # fmt: skip
+    for one in found:
+        order = (Answer.DESCRIBES, Answer.EXCEPT, Answer.FAILS, Answer.UNTOLD)
+        counts = " | ".join(str(one.answers[answer]) for answer in order)
+        lines.append(f"| {_title(one)} | {one.tables} | {counts} | {one.unread} | {one.objected} |")
+    lines += [
+        "", "## Are verdicts true?", "",
+        f"Wanted where the model made the table: {100 * HOLD[0]:.0f} to {100 * HOLD[1]:.0f} % of the 95 % intervals "
+        f"of identified parameters hold the truth, and under {100 * MOST_BLIND:.0f} % of the parameters that the "
+        "likelihood pins are called prior-dominated.", "",
+        "| scenario | identified | hold the truth | pinned, called prior-dominated |", "|---|---|---|---|",
+        *(f"| {_title(one)} | {one.relied.of} | {one.relied} | {one.blind} |" for one in found if one.confusions),
+        "", "| tables | verdict | parameters | 95 % interval holds the truth | pinned |", "|---|---|---|---|---|",
+    ]  # fmt: skip
+    for one in (one for one in found if one.name not in SCENARIOS):
+        lines += [
+            f"| {one.name} | {verdict} | {said.count} | {held} | {pins} |"
+            for verdict, (said, held, pins) in one.confusions.items()
+        ]
+    faults = [fault for one in found for fault in one.complaints]
+    lines += ["", *(f"- FAILS: {fault}" for fault in faults)] if faults else ["", "Nothing speaks against the fits."]
+    return "\n".join(lines) + "\n"
+
+
+def _title(one: Finding) -> str:
+    if one.name not in SCENARIOS:
+        return f"**{one.name}**"
+    made = {"yes": "", "no": "not made by it, ", "other code": "made by other code, "}[one.maker]
+    return f"{made}{one.name}: {one.words}"
