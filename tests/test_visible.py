@@ -154,7 +154,7 @@ def test_whatever_a_verb_prints_passes_through_one_place(
         sys.stdout.write(HOSTILE)
         return 0
 
-    monkeypatch.setattr(datasets, "run", say)
+    monkeypatch.setattr(datasets, "_list", say)
     assert printed(capsys, 0, "datasets", "list").count("\\u001b") == 3
 
 

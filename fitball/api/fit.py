@@ -122,6 +122,11 @@ class Plots:
     def __init__(self, fit: Fit) -> None:
         self._fit = fit
 
+    def _whole(self) -> Fit:
+        """The fit with all its files: those of different runs are refused before anything is drawn."""
+        load(self._fit)
+        return self._fit
+
     @checked
     def __call__(self, kind: str) -> Figure:
         """A figure by name. Raises ParameterError for a name that is none, ResultFolderError where the fit has not
@@ -131,7 +136,8 @@ class Plots:
 
         if kind not in FIGURES:
             raise ParameterError(f"unknown figure '{kind}': {suggestion(kind, FIGURES)}")
-        return draw(kind, profiled(self._fit) if kind == "profiles" else self._fit)
+        fit = self._whole()
+        return draw(kind, profiled(fit) if kind == "profiles" else fit)
 
     @checked
     def corner(self, package: str = "fitball") -> Figure:
@@ -145,7 +151,7 @@ class Plots:
             raise ParameterError(f"package={package!r}: expected 'fitball' or 'corner'")
         from fitball.report.figures.corner import package_corner_figure
 
-        return package_corner_figure(self._fit)
+        return package_corner_figure(self._whole())
 
     def __getattr__(self, kind: str) -> Callable[[], Figure]:
         if kind not in FIGURES:
@@ -156,7 +162,7 @@ class Plots:
         """The names of the figures that this fit can show."""
         from fitball.report.figures.registry import drawable_kinds
 
-        return iter(drawable_kinds(self._fit))
+        return iter(drawable_kinds(self._whole()))
 
     def __dir__(self) -> list[str]:
         return sorted(FIGURES)

@@ -51,6 +51,7 @@ class Plan:
 
         return pd.DataFrame(plan_rows(self.result, self._problem)).set_index("id")
 
+    @checked
     def report(self, folder: Path | None = None) -> str:
         """All of it as text, with the `folder` that it was saved in."""
         return render(self.result, self._problem, folder)

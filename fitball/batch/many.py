@@ -71,16 +71,7 @@ class Batch(Mapping[str, Fit]):
         `population`.
         """
         with held(self.folder):
-            return self._summarise(quantities, command, over)
-
-    def _summarise(
-        self,
-        quantities: Sequence[str] = (),
-        command: str | None = None,
-        over: Over = None,
-    ) -> tuple[Populated, ...]:
-        """The same in a folder that is held already."""
-        self._shown = write_results(self.rows, self.folder, command, quantities, over)
+            self._shown = write_results(self.rows, self.folder, command, quantities, over)
         return self._shown.populated
 
     @checked
@@ -219,18 +210,9 @@ def calibrate_many(
         velocity_noise,
     )
     checked_choices(choices)
-    plan = Plan(
-        Path(out),
-        choices,
-        Effort(seed=seed, point_only=point_only, walkers=walkers, max_steps=max_steps, cores=1),
-        None if config is None else os.fspath(config),
-        flips(flip),
-        columns or {},
-        units or {},
-        as_read,
-        full,
-        overwrite,
-    )
+    effort = Effort(seed=seed, point_only=point_only, walkers=walkers, max_steps=max_steps, cores=1)
+    scene = None if config is None else os.fspath(config)
+    plan = Plan(Path(out), choices, effort, scene, flips(flip), columns or {}, units or {}, as_read, full, overwrite)
     return batch_of(tables, plan, cores, scheduler, (lambda _going: None) if progress is None else progress)
 
 
@@ -247,5 +229,5 @@ def batch_of(
     tasks = tasks_of(tables, plan.folder)
     with held(plan.folder):
         batch = Batch(plan.folder, run_tasks(tasks, plan, workers, report))
-        batch._summarise((), command)
+        batch._shown = write_results(batch.rows, plan.folder, command, (), None)
     return batch
