@@ -5,6 +5,7 @@ Exponential and quadratic searches do not end within the bound (some seconds of 
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -18,7 +19,7 @@ from fitball.data.layout import _bare, is_number
 from fitball.data.lines import parse_grid, parse_impact, parse_range, parse_window
 from fitball.data.names import _WORDS, _cut, end_of, guess_of
 from fitball.data.numbers import NumberColumn, explained, plain_numbers, read_column, split_deviations
-from fitball.data.scene_keys import _PRIOR
+from fitball.data.scene_keys import PRIOR
 from fitball.data.text import DELIMITERS
 from fitball.data.units import unit_of
 from fitball.errors import FitballError
@@ -43,7 +44,7 @@ def look_at(text: str) -> None:
     assert isinstance(read_column(header.numbers["v_x1"], Findings((RawRow(1, 1, ("1", text)),), 1)), NumberColumn)
     for delimiter in DELIMITERS[4:]:
         list(delimiter.records([text], False))
-    _PRIOR.fullmatch(f"normal({text}")
+    re.fullmatch(PRIOR, f"normal({text}")
     for parse in (parse_impact, parse_grid, parse_window, lambda said: parse_range("speed", said)):
         for said in (text, f"v=1{text}"):
             try:
