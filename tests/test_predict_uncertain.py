@@ -189,7 +189,7 @@ def test_at_the_command_line(small_fit, tmp_path, capsys):
     assert (
         main(["predict", str(small_fit), "--impact", "v=38±1 mph, theta=18", "--impact", "v=38 mph, theta=18"]) == 0
     )
-    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  v_x2 [m/s]")]
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("v_x2 [m/s]")]
     assert len(lines) == 4
     assert float(lines[1].split()[-2]) > 0.1
     assert float(lines[3].split()[-2]) == 0.0

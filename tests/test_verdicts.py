@@ -93,7 +93,7 @@ def test_stiffnesses_rest_on_the_contact_time_and_without_one_on_priors():
         assert told.parameters[name].verdict is Verdict.GIVEN
         assert told.parameters[name].given[0] == "contact_time"
         assert untold.parameters[name].verdict is Verdict.PRIOR_DOMINATED
-    ratio = next(item for item in untold.derived if item.name == "k_theta/k_y")
+    ratio = untold.derived["k_theta/k_y"]
     assert ratio.verdict in (Verdict.IDENTIFIED, Verdict.GIVEN)
     assert ratio.point == pytest.approx(untold.parameters["k_theta"].point / untold.parameters["k_y"].point)
 
@@ -131,7 +131,7 @@ def test_an_anchor_that_was_not_measured_is_extrapolated():
     assert fit.parameters["cor_10"].verdict is Verdict.EXTRAPOLATED
     assert fit.parameters["cor_slope"].verdict is not Verdict.EXTRAPOLATED
     assert "COR at 1.75 m/s" in fit.verdict
-    cor = next(item for item in fit.derived if item.name == "COR at 1.75 m/s")
+    cor = fit.derived["COR at 1.75 m/s"]
     assert cor.verdict is Verdict.IDENTIFIED
     at_10, slope = fit.parameters["cor_10"].point, fit.parameters["cor_slope"].point
     assert cor.point == pytest.approx(at_10 + slope * (1.75 - 10.0))

@@ -40,6 +40,7 @@ from fitball.report.form.files import csv_text, json_text, write_text
 from fitball.report.form.numbers import fixed, output_scale
 from fitball.values import FloatArray
 from fitball.version import versions_line
+from fitball.wording import option
 
 JSON_NAME = "compare.json"
 PICTURES = {"ranking": "compare.png", "forest": "forest.png"}
@@ -98,7 +99,7 @@ def compare_document(
         "forest": Picture("forest", FOREST, f"Each quantity under each model. By the best model: {moved}."),
     }
     done = f"{comparison.seconds:.0f} s"
-    quick = "; --quick: no exact refits of influential impacts" * comparison.quick
+    quick = f"; {option('quick')}: no exact refits of influential impacts" * comparison.quick
     sections = [
         Section("ranking", "Which model predicts best", [
             *[drawn[name] for name in pictures if name == "ranking"],

@@ -16,12 +16,12 @@ import numpy as np
 
 from fitball.errors import FitballError, ResultFolderError
 from fitball.report.form.files import read_bounded
+from fitball.wording import spoken
 
 Kept = TypeVar("Kept")
 Section = TypeVar("Section", bound=msgspec.Struct)
 Content = dict[str, Any]
 FIT_NAME = "fit.json"
-REPEAT = ", or let `fitball repeat FOLDER --out NEW` make the run of the run.toml beside it again"
 REMEDY = "put back the file that fitball wrote, or run calibrate again"
 # Characters of a message that quotes a file.
 LONGEST_MESSAGE = 500
@@ -80,8 +80,13 @@ def refuse_foreign(place: Path, content: Content, kind: str, version: int) -> No
         older = isinstance(version_read, int) and version_read < version
         said = f"{place}: schema_version {_shown(version_read)}; this fitball reads version {version}: "
         if older:
-            raise OlderFileError(f"{said}run calibrate again{REPEAT if place.name == FIT_NAME else ''}")
+            raise OlderFileError(f"{said}run calibrate again{_repeat() if place.name == FIT_NAME else ''}")
         raise ResultFolderError(f"{said}install the fitball that wrote it")
+
+
+def _repeat() -> str:
+    again = spoken("`fitball repeat FOLDER --out NEW`", "the verb repeat of the command line")
+    return f", or let {again} make the run of the run.toml beside it again"
 
 
 def structured(place: Path, content: Content, kind: type[Kept]) -> Kept:
