@@ -24,7 +24,7 @@ from fitball.errors import ResultFolderError
 from fitball.report.fit.document import render
 from fitball.report.fit.folder import prepare_folder, render_json, write_all
 from fitball.report.fit.rows import balance_table, prediction_table, thesis_rows
-from fitball.report.form.numbers import HANDY, THESIS, decimals, fixed
+from fitball.report.form.numbers import HANDY, THESIS, decimals, fixed, significant
 from fitball.report.form.parameters import parameter_row
 from fitball.report.saved.fit_file import fit_text
 
@@ -207,6 +207,11 @@ def test_the_offset_line_is_quoted_at_zero_too(two_mass):
 )
 def test_rounding_follows_the_particle_data_group(value, sd, text):
     assert fixed(value, decimals(sd)) == text
+
+
+@pytest.mark.parametrize(("value", "text"), [(-0.0, "0"), (0.0, "0"), (-0.00083, "-0.00083"), (None, "-")])
+def test_a_zero_has_no_sign(value, text):
+    assert significant(value, 2) == text
 
 
 def test_no_number_is_longer_than_it_deserves(fit, two_mass, tmp_path):

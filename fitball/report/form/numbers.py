@@ -88,7 +88,8 @@ def significant(value: float | None, digits: int = 3) -> str:
     """A number without uncertainty to a few significant digits."""
     if value is None or not math.isfinite(value):
         return "-"
-    return f"{value:.{digits}g}"
+    # A zero has no sign.
+    return f"{value + 0.0:.{digits}g}"
 
 
 INCH = 0.0254
