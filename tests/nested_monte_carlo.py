@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.design.information import differentiated
 from fitball.inference.design.knowledge import Knowledge, solved
+from fitball.inference.design.search import differentiated
 from fitball.inference.design.sensor import PlannedColumn, Sensor
 from fitball.inference.design.target import Target
 from fitball.inference.likelihood.cells import joint_root, shared_covariance

@@ -13,8 +13,7 @@ import fitball
 from fitball.data.read import load_table
 from fitball.inference.adequacy.loo_pit import loo_pit
 from fitball.inference.assemble import qualified
-from fitball.inference.assumptions.alternatives import alternatives
-from fitball.inference.assumptions.look import ROWS, Compared, Fitted, assumptions_generator, look
+from fitball.inference.assumptions.look import ROWS, Compared, Fitted, alternatives, assumptions_generator, look
 from fitball.inference.identifiability.fisher import about
 from fitball.inference.identifiability.posterior_verdict import Judgement
 from fitball.inference.likelihood.posterior import pointwise

@@ -16,9 +16,9 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.inference.design.force_plate import plate_rows, with_plate
 from fitball.inference.design.gain import nothing_measured, over_draws
-from fitball.inference.design.information import differentiated, information_rows
 from fitball.inference.design.knowledge import Knowledge
 from fitball.inference.design.make_plan import Asked, make_plan
+from fitball.inference.design.search import differentiated, information_rows
 from fitball.inference.design.sensor import PlannedColumn, Sensor, as_before
 from fitball.inference.design.target import of_parameters
 from fitball.inference.problem.build import Choices, build_problem

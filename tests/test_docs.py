@@ -31,8 +31,8 @@ from fitball.inference.assumptions import ball_constants
 from fitball.inference.assumptions import look as assumptions_look
 from fitball.inference.comparison import cross_validation as leave_out
 from fitball.inference.comparison import psis_loo as loo
+from fitball.inference.identifiability import examine, power_scaling, profile, profile_ends, verdict
 from fitball.inference.identifiability import posterior_verdict as identifiability
-from fitball.inference.identifiability import power_scaling, profile, profile_ends, several_fits, traded, verdict
 from fitball.inference.identifiability.examine import PROFILED
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.likelihood.posterior import log_posterior
@@ -98,9 +98,9 @@ DECIDING = {
     "sds by which a value moves that rests on a choice": assumption_values.MOVED,
     "sds by which a value moves that rests on a constant": ball_constants.MOVED,
     "sds of a constant to each side": ball_constants.REACH,
-    "share of its information that a parameter keeps without priors of others": traded.VANISHED,
+    "share of its information that a parameter keeps without priors of others": examine.VANISHED,
     "degrees of freedom of a noise that is not told": verdict.LEAST_FREEDOM,
-    "standard errors between several fits": several_fits.APART,
+    "standard errors between several fits": examine.APART,
     "chance of a false exception": adequacy.FALSE_EXCEPT,
     'chance of a false "does not describe"': adequacy.FALSE_FAILS,
     "pattern that is too small, in noises": describe.SMALL,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fitball
-from fitball.inference.prediction.error_budget import error_budget
+from fitball.inference.assemble import error_budget
 from fitball.report.fit.rows import budget_sentence
 
 

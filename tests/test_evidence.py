@@ -12,9 +12,8 @@ from scipy.stats import norm
 
 from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
-from fitball.inference.identifiability.active_impacts import active_impacts
 from fitball.inference.identifiability.eigendirections import combination, eigendirections, product, relative
-from fitball.inference.identifiability.examine import examine, profile_all
+from fitball.inference.identifiability.examine import active_impacts, examine, profile_all
 from fitball.inference.identifiability.fisher import fisher_information, information_evidence
 from fitball.inference.identifiability.posterior_verdict import Judgement
 from fitball.inference.identifiability.power_scaling import CONFLICT

@@ -18,6 +18,7 @@ from fitball.data.force_file import load_force
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitError
+from fitball.inference.assemble import force_notes
 from fitball.inference.identifiability.fisher import fisher_information, information_evidence
 from fitball.inference.likelihood.force import (
     aligned,
@@ -31,7 +32,6 @@ from fitball.inference.likelihood.force import (
 )
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
 from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.prediction.force_notes import force_notes
 from fitball.inference.problem.priors import parse_prior
 from fitball.inference.problem.subsample import thinned_problem, withheld
 from fitball.models.kernels.dual import STEP

@@ -14,10 +14,11 @@ from fitball.bench.problems import enlarged, spread_draws
 from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
+from fitball.inference.assumptions.known_before import prior_draws
 from fitball.inference.calibrate import run as calibrate_problem
 from fitball.inference.effort import Effort
 from fitball.inference.identifiability import fisher as information
-from fitball.inference.identifiability.active_impacts import active_impacts
+from fitball.inference.identifiability.examine import active_impacts
 from fitball.inference.likelihood.posterior import densities, log_posterior
 from fitball.inference.likelihood.residuals import IMPOSSIBLE
 from fitball.inference.point import lmfit_minimiser
@@ -34,7 +35,6 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import thinned_problem
 from fitball.inference.results.results import Posterior
 from fitball.inference.results.source import source_of
-from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.report.figures import canvas
 from fitball.report.figures.registry import draw
 from fitball.report.fit.document import page, render

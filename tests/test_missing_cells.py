@@ -22,7 +22,7 @@ from fitball.inference.adequacy.describe import largest_misfits
 from fitball.inference.adequacy.looks import distributions, links
 from fitball.inference.adequacy.refit import refit
 from fitball.inference.comparison.information_criteria import criteria
-from fitball.inference.identifiability.active_impacts import active_impacts
+from fitball.inference.identifiability.examine import active_impacts
 from fitball.inference.identifiability.fisher import fisher_information
 from fitball.inference.identifiability.profile import coverage
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior, pointwise

@@ -19,10 +19,10 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitError, ParameterError
 from fitball.inference.design.gain import nothing_measured, over_draws
-from fitball.inference.design.information import differentiated, information_rows
 from fitball.inference.design.knowledge import NEXT, Knowledge, knowledge
 from fitball.inference.design.make_plan import Asked, make_plan
 from fitball.inference.design.results import Chosen
+from fitball.inference.design.search import differentiated, information_rows
 from fitball.inference.design.sensor import as_before, parse_sensor, usual_sensors
 from fitball.inference.design.settings import build_settings
 from fitball.inference.design.target import Part, parse_target

@@ -19,7 +19,7 @@ from samples import (
 
 from fitball.errors import FitError
 from fitball.inference import calibrate
-from fitball.inference.calibrate import run
+from fitball.inference.calibrate import run, search_again
 from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.point.gauss_newton import Reached
@@ -28,7 +28,6 @@ from fitball.inference.point.maximum_posterior import higher_maximum, maximum_po
 from fitball.inference.point.point_fit import _moved, other_regimes, point_fit, starting_points
 from fitball.inference.results.results import RunStatus
 from fitball.inference.sampling.ensembles import Sampled
-from fitball.inference.second_search import search_again
 
 SHARP = {"velocity_sd": 0.05, "spin_sd": 2.0}
 # Where every impact grips, on the plateau that was once published.

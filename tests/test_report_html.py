@@ -22,8 +22,7 @@ from fitball.inference.results.results import BudgetLine, ErrorBudget, Verdict
 from fitball.inference.thesis.published_cases import case_errors, compare_cases
 from fitball.report.figures.canvas import PNG_COLOURS, few_colours, new_figure, save_figure
 from fitball.report.figures.registry import FIGURES, alt_text
-from fitball.report.fit.cases import case_parts
-from fitball.report.fit.document import page
+from fitball.report.fit.document import case_parts, page
 from fitball.report.fit.folder import write_all
 from fitball.report.fit.rows import budget_rows, budget_sentence
 from fitball.report.form.document import DPI

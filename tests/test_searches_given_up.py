@@ -10,15 +10,14 @@ from samples import problem_of
 
 from fitball.data.scene import Scene
 from fitball.errors import FitError
-from fitball.inference.assumptions.known_before import known_before
+from fitball.inference.assumptions import known_before as prior_draws_module
+from fitball.inference.assumptions.known_before import known_before, prior_draws
 from fitball.inference.point import least_squares as least_squares_module
 from fitball.inference.point.gauss_newton import Searches, descend
 from fitball.inference.point.least_squares import deeper
 from fitball.inference.point.point_fit import starting_points
 from fitball.inference.point.surface import surface_of
 from fitball.inference.results.results import LeastSquares
-from fitball.inference.sampling import prior_draws as prior_draws_module
-from fitball.inference.sampling.prior_draws import prior_draws
 
 RIVALS = 12.0
 

@@ -11,9 +11,8 @@ import fitball
 from fitball.inference.calibrate import search
 from fitball.inference.effort import Effort, Stopwatch
 from fitball.inference.identifiability.derived import extrapolated
+from fitball.inference.identifiability.examine import _joined, several_fits, traded
 from fitball.inference.identifiability.profile import degrees_of_freedom, profiles
-from fitball.inference.identifiability.several_fits import _joined, several_fits
-from fitball.inference.identifiability.traded import traded
 from fitball.inference.likelihood.posterior import densities
 from fitball.inference.point.surface import surface_of
 from fitball.inference.problem.build import Choices, build_problem

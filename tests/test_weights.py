@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitball.inference.comparison.model_weights import stacking_weights
+from fitball.inference.comparison.compare import stacking_weights
 
 
 def brute_force(elpd, steps=100):

@@ -7,7 +7,9 @@ examined the verdict says so.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,12 +20,10 @@ from fitball.inference.effort import Effort, Stopwatch
 from fitball.inference.identifiability.derived import Derived, derived
 from fitball.inference.identifiability.examine import examine
 from fitball.inference.identifiability.posterior_verdict import Judgement
+from fitball.inference.likelihood.force import MISFIT, SD, aligned, mean_forces, rotated
 from fitball.inference.prediction.court_pace import court_pace
 from fitball.inference.prediction.drop_test import drop_test
-from fitball.inference.prediction.error_budget import error_budget
 from fitball.inference.prediction.extrapolation import spanning_impacts
-from fitball.inference.prediction.force_notes import force_notes
-from fitball.inference.prediction.group_estimates import group_estimates
 from fitball.inference.prediction.one_way import lab_generator
 from fitball.inference.prediction.port_check import golden
 from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
@@ -32,15 +32,20 @@ from fitball.inference.results.adequacy import Adequacy
 from fitball.inference.results.assumptions import Assumptions
 from fitball.inference.results.evidence import Profiles
 from fitball.inference.results.fitted_model import FittedModel
-from fitball.inference.results.quantiles import SUMMARY
+from fitball.inference.results.quantiles import MEDIAN_FIRST, SUMMARY, quantiles
 from fitball.inference.results.results import (
     TARGET_R_HAT,
+    BudgetLine,
     Diagnostics,
+    ErrorBudget,
     Estimate,
     Fit,
+    Golden,
     LeastSquares,
+    LevelEstimate,
     PointFit,
     Posterior,
+    Predictive,
     RunStatus,
     Verdict,
     thinned,
@@ -48,8 +53,152 @@ from fitball.inference.results.results import (
 from fitball.inference.results.source import source_of
 from fitball.inference.sampling.convergence import summaries
 from fitball.inference.sampling.ensembles import Sampled
-from fitball.values import FloatArray
+from fitball.models.types import Rebound
+from fitball.observables import OBSERVABLES
+from fitball.values import FloatArray, Impacts
 from fitball.version import package_versions
+
+# How large the numerical error of the rebounds is, beside the measurement error and the posterior width.
+
+INDEPENDENT = "an independent integration (matrix exponentials, events by bisection)"
+ROUNDED = "the same closed form with every input rounded the other way"
+STIFF = f"{ROUNDED} (shell and core swing too fast for {INDEPENDENT})"
+# Steps an impact, of some microseconds, up to which the independent integration is worth its time.
+AFFORDED = 1e5
+
+
+def error_budget(
+    problem: Problem, fitted: FittedModel, point: PointFit, prediction: Predictive | None, golden: Golden
+) -> ErrorBudget:
+    """The budget of every measured column, at the golden impacts and the point estimate.
+
+    A model with an oracle is compared with that independent integration of the same motion, unless it would take
+    forever. The others are algebraic, and only rounding moves them: there the change is taken when each input moves
+    by one unit in the last place.
+    """
+    oracle = fitted.model.oracle
+    if oracle is not None and oracle.steps(golden.parameters, golden.impacts) <= AFFORDED:
+        exact = oracle.rebound(golden.parameters, golden.impacts)
+        error, reference = _differences(golden.rebound, exact), INDEPENDENT
+    else:
+        error, reference = _by_rounding(fitted, golden), ROUNDED if oracle is None else STIFF
+    widths = (
+        {}
+        if prediction is None
+        else {predicted.name: predicted.mean_q84 - predicted.mean_q16 for predicted in prediction.observables}
+    )
+    lines = {}
+    for observable in problem.observables:
+        sd = observable.sds(point.values, point.rebound)
+        lines[observable.name] = BudgetLine(
+            numerical=float(np.max(error[observable.name], initial=0.0)),
+            measurement=float(np.median(sd)),
+            posterior=0.5 * float(np.median(widths[observable.name])) if observable.name in widths else None,
+        )
+    return ErrorBudget(len(golden.impacts), reference, lines)
+
+
+def _by_rounding(fitted: FittedModel, golden: Golden) -> Mapping[str, FloatArray]:
+    given = golden.impacts
+    base = fitted.rebound(given)
+    values = np.repeat(fitted.point[None, :], fitted.point.size, axis=0)
+    np.fill_diagonal(values, np.nextafter(fitted.point, np.inf))
+    moved = [_differences(fitted.rebound(given, row[None, :]), base) for row in values]
+    for name in ("v_x1", "v_y1", "omega_1"):
+        other: Impacts = replace(given, **{name: np.nextafter(getattr(given, name), np.inf)})
+        moved.append(_differences(fitted.rebound(other), base))
+    return {name: np.sum([differences[name] for differences in moved], axis=0) for name in moved[0]}
+
+
+def _differences(one: Rebound, other: Rebound) -> Mapping[str, FloatArray]:
+    """Absolute differences of every column that can be measured; zero where one is beyond a bound, not known."""
+    gaps = {name: np.abs(column.predict(one) - column.predict(other)) for name, column in OBSERVABLES.items()}
+    return {name: np.where(np.isfinite(gap), gap, 0.0) for name, gap in gaps.items()}
+
+
+# What a fit with force records has to say of them: how much they count, and where they contradict the model.
+
+# Misfit, as a share of the peak, from which it is no detail any more: over three times what its prior expects.
+LARGE = 0.1
+# Mean square of a standardised deviation that says the stated noise is wrong, and ratios of impulses that do.
+EXCESS = 2.0
+OFF = 0.25
+
+
+def force_notes(problem: Problem, point: PointFit) -> tuple[str, ...]:
+    """Sentences about the records at the point estimate; none without records."""
+    records = problem.force
+    if records is None:
+        return ()
+    columns = {name: np.array([value]) for name, value in point.values.items()}
+    alignment = aligned(problem, records, columns)
+    sd, misfit = point.values[SD], point.values[MISFIT]
+    # How much the height of the pulse is known by the record, against as many independent samples of its noise.
+    first = records.first - (alignment.start + alignment.move)
+    force, _rate = mean_forces(problem, columns, records.rows, first, records.spacing, records.nodes)
+    seen = np.where(records.mask, force, 0.0)
+    information = np.sum((rotated(records, seen) / alignment.spread) ** 2)
+    blocks = np.array([record.block for record in records.records])
+    alone = np.sum(seen**2 * blocks[:, None] / (sd**2 + (misfit * records.peak[:, None]) ** 2))
+    samples = int(np.median([record.samples for record in records.records]))
+    worth = samples * information / alone
+    notes = [
+        f"force records: sensor noise {sd:.3g} N a sample, misfit of the model's force {100.0 * misfit:.2g} % of the "
+        f"peak; {samples} samples of a record count like {worth:.2g} independent ones. The misfit is taken as "
+        "independent from impact to impact: one that all share is not averaged away by more of them"
+    ]
+    rows = alignment.rows(records)[0, :, :-1]
+    excess = math.sqrt(float(np.sum(rows**2)) / max(1, int(records.mask.sum()) - len(records.records)))
+    ratios = np.array(
+        [
+            # Tiny where the record has none.
+            max(float(np.sum(record.means) * record.spacing), 1e-12) / float(np.sum(course) * record.spacing)
+            for record, course in zip(records.records, seen[0], strict=True)
+        ]
+    )
+    typical = float(np.median(ratios))
+    if misfit > LARGE:
+        notes.append(
+            f"MISFIT: the model's force misses the records by {100.0 * misfit:.0f} % of their peak: check units, the "
+            "calibration of the sensor and the ball's mass before k_y is trusted"
+        )
+    if excess > EXCESS:
+        notes.append(
+            f"MISFIT: force records scatter {excess:.1f} times as far about the model as their stated noise allows"
+        )
+    if abs(math.log(typical)) > OFF:
+        notes.append(
+            f"MISFIT: the impulse of the force records is {typical:.2f} times the model's: check the unit of F, the "
+            "calibration of the sensor and the ball's mass"
+        )
+    return tuple(notes)
+
+
+# What each surface, ball or table has of a parameter that differs between them.
+
+
+def group_estimates(problem: Problem, point: PointFit, posterior: Posterior | None) -> tuple[LevelEstimate, ...]:
+    """The value at every level, at the point estimate and, with a posterior, its quantiles."""
+    at_point = {name: np.array([value]) for name, value in point.values.items()}
+    columns = None if posterior is None else problem.all_values(posterior.draws)
+    estimates = []
+    for pooling in problem.pooling:
+        for place, label in enumerate(pooling.labels):
+            draws: FloatArray | None = None if columns is None else pooling.value(columns, label)
+            estimates.append(
+                LevelEstimate(
+                    pooling.parameter,
+                    pooling.column,
+                    label,
+                    problem.model.specs[pooling.parameter].unit,
+                    int(np.count_nonzero(pooling.index == place)),
+                    float(pooling.value(at_point, label)[0]),
+                    sd=None if draws is None else float(np.std(draws, ddof=1)),
+                    **(dict.fromkeys(MEDIAN_FIRST) if draws is None else quantiles(draws, MEDIAN_FIRST)),
+                )
+            )
+    return tuple(estimates)
+
 
 # Draws that fit.json holds: enough to look at, and to know the posterior beside it again; predictions take more.
 KEPT_DRAWS = 400

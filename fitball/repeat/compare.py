@@ -6,20 +6,119 @@ rebounds by rounding; verdicts and the status not at all.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtri
 
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.quantiles import QUANTILES
-from fitball.inference.sampling.convergence import standard_errors
-from fitball.repeat.bits import differing_leaves, same_bytes
-from fitball.repeat.checks import contradictions
+from fitball.inference.sampling.convergence import standard_errors, summaries
 from fitball.repeat.kept import Kept
+
+# Whether the files of one result agree with each other: a number changed by hand shows even where a repetition has
+# other draws.
+
+# Shares by which rounding may differ: of a summary of many draws, and of one draw (an exponential).
+SUMMARY, DRAW = 1e-9, 1e-12
+
+Contradiction = tuple[str, float, float, str]
+
+
+def contradictions(kept: Kept) -> Iterator[Contradiction]:
+    """What is said, the number there, the number that follows from the other file, and which file that is."""
+    yield from _summaries(kept)
+    yield from _draws(kept)
+
+
+def _summaries(kept: Kept) -> Iterator[Contradiction]:
+    if kept.posterior is None:
+        return
+    for k, name in enumerate(kept.posterior.names):
+        item = kept.content["parameters"].get(name)
+        if item is None:
+            continue
+        recomputed = summaries(kept.posterior.values[..., k])
+        for number, value in recomputed.items():
+            if item[number] is None or not abs(item[number] - value) <= SUMMARY * (abs(value) + recomputed["sd"]):
+                yield f"{name} {number}", item[number], value, "what its own draws in posterior.nc give"
+
+
+def _draws(kept: Kept) -> Iterator[Contradiction]:
+    """Draws of `posterior.nc` that are not those of `posterior.h5`: the first of each parameter."""
+    if kept.posterior is None or kept.chains is None:
+        return
+    warm_up, steps = (kept.content["diagnostics"][name] for name in ("warm_up", "steps"))
+    parts = [ensemble.chain[warm_up:steps] for ensemble in kept.chains]
+    ensembles, *shape = kept.posterior.values.shape
+    if [list(part.shape) for part in parts] != [shape] * ensembles:
+        size = sum(part.size for part in parts)
+        yield "number of draws", float(kept.posterior.values.size), float(size), "posterior.h5"
+        return
+    chains = np.stack(parts)
+    for k, name in enumerate(kept.posterior.names):
+        log = kept.saved.parameters[name].prior.lower().startswith("log")
+        chain = np.exp(chains[..., k]) if log else chains[..., k]
+        values = kept.posterior.values[..., k]
+        apart = np.argwhere(~(np.abs(values - chain) <= DRAW * np.abs(chain)))
+        if apart.size:
+            at = tuple(int(i) for i in apart[0])
+            what = f"{name} draw (ensemble {at[0]}, step {at[1] + warm_up}, walker {at[2]})"
+            yield what, float(values[at]), float(chain[at]), f"posterior.h5, {len(apart)} draws in all"
+
+
+# Whether two results are the same bytes, and where they are not.
+
+# What says where and with what a fit was made, not what it found.
+IGNORED = ("versions", "source.name", "source.file", "source.force.file")
+
+
+def differing_leaves(one: Any, other: Any, at: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Every number or text of two JSON trees that is not the same to the last digit: its dotted place, and both."""
+    if at in IGNORED:
+        return
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        for key in dict.fromkeys([*one, *other]):
+            place = f"{at}.{key}" if at else key
+            yield from differing_leaves(one.get(key), other.get(key), place)
+    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        for k, (a, b) in enumerate(zip(one, other, strict=True)):
+            yield from differing_leaves(a, b, f"{at}[{k}]")
+    # As text, so that minus zero is not zero and true is not one.
+    elif json.dumps(one) != json.dumps(other):
+        yield at, one, other
+
+
+def same_bytes(original: Kept, repeated: Kept) -> dict[str, bool]:
+    """Which parts of two results are equal bit for bit; parts that only one of them has are left out."""
+    equal = {"fit.json": next(differing_leaves(original.content, repeated.content), None) is None}
+    one, other = original.posterior, repeated.posterior
+    if one is not None and other is not None:
+        parts = [(getattr(one, part), getattr(other, part)) for part in ("values", "log_posterior", "prior_draws")]
+        same = all(a.shape == b.shape and a.tobytes() == b.tobytes() for a, b in parts)
+        equal["draws"] = one.names == other.names and same
+    elif one is not None or other is not None:
+        equal["draws"] = False
+    if original.chains is not None and repeated.chains is not None:
+        equal["chain"] = _same_chains(original, repeated)
+    return equal
+
+
+def _same_chains(original: Kept, repeated: Kept) -> bool:
+    """Whether the steps that both results used are equal; a resumed run may have made some more."""
+    one, other = original.chains or (), repeated.chains or ()
+    steps = min(int(kept.content["diagnostics"]["steps"]) for kept in (original, repeated))
+    return len(one) == len(other) and all(
+        np.array_equal(a.chain[:steps], b.chain[:steps])
+        and np.array_equal(a.log_posterior[:steps], b.log_posterior[:steps])
+        for a, b in zip(one, other, strict=True)
+    )
+
 
 # Chance that any one of all numbers of a true repetition lies farther off than its limit.
 FALSE_ALARM = 1e-3

@@ -21,13 +21,13 @@ from scipy.stats import beta
 
 from fitball.errors import FitError, ResultFolderError
 from fitball.files import refusal
+from fitball.inference.assumptions.known_before import prior_draws
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.point_fit import STARTS, starting_points
 from fitball.inference.prediction.posterior_predictive import with_noise
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import PointFit
 from fitball.inference.sampling.ensembles import ENSEMBLES, Sampled, Schedule, Settings, default_walkers, sample
-from fitball.inference.sampling.prior_draws import prior_draws
 from fitball.models.types import Rebound
 from fitball.report.form.files import write_text
 from fitball.scheduling.engine import Engine, in_order

@@ -14,7 +14,9 @@ import numpy as np
 from fitball.errors import FitballError, FitError
 from fitball.inference.adequacy.describe import adequacy
 from fitball.inference.assemble import qualified
+from fitball.inference.assumptions.known_before import prior_draws
 from fitball.inference.assumptions.look import look
+from fitball.inference.calibrate import search_again
 from fitball.inference.identifiability.examine import examine, profile_all
 from fitball.inference.point.point_fit import point_fit
 from fitball.inference.prediction.posterior_predictive import regime_shares
@@ -22,8 +24,6 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.results.adequacy import FALSE_EXCEPT, FALSE_FAILS, Adequacy, Answer
 from fitball.inference.results.results import Posterior, thinned
 from fitball.inference.results.results import Verdict as Said
-from fitball.inference.sampling.prior_draws import prior_draws
-from fitball.inference.second_search import search_again
 from validation.foreign import FAULTS, foreign_problem
 from validation.harness import CHAIN, Rate, Row, Study, Verdict, drawn_values, rate, short_chain
 from validation.pinned import pinned

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,15 +13,204 @@ from fitball.data.table import ImpactTable
 from fitball.errors import FitError
 from fitball.inference.comparison.candidates import Candidates
 from fitball.inference.comparison.cross_validation import make_folds
-from fitball.inference.comparison.model_weights import stacking_weights
-from fitball.inference.comparison.nesting import alarm_words, overtaken, settled_words
-from fitball.inference.comparison.over_models import over_models
 from fitball.inference.comparison.results import Comparison, FixedPrediction, ModelScore
 from fitball.inference.comparison.scoring import Task, scored
 from fitball.inference.effort import Effort
-from fitball.inference.results.results import RunStatus
-from fitball.inference.results.score_difference import FEW
+from fitball.inference.likelihood.posterior import log_posterior
+from fitball.inference.prediction.court_pace import pace_by_surface
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.assumptions import PACE, Quantity, Summary, span
+from fitball.inference.results.results import RunStatus, thinned
+from fitball.inference.results.score_difference import FEW, elpd_difference
+from fitball.models.kernels.contact import tied_inertia_split
 from fitball.scheduling.engine import Engine
+from fitball.values import FloatArray
+
+# Which model contains which: one that does can fit no table worse, and if it seems to, its search has failed.
+
+# Log density that a search may leave unfound and be settled all the same.
+SETTLED = 0.05
+Values = Mapping[str, float]
+# Closure, the option that contains and the one contained: the values that make the first into the second.
+CLOSURES: Mapping[tuple[str, str, str], Callable[[Values], Values]] = {
+    ("cor", "line", "mean"): lambda _values: {"cor_slope": 0.0},
+    ("cor", "saturating", "mean"): lambda _values: {"cor_slope": 0.0},
+    ("inertia", "table", "tied"): lambda values: {"inertia_split": float(tied_inertia_split(values["mass_ratio"]))},
+}
+
+
+def as_container(container: Problem, contained: Problem, values: Values) -> Values | None:
+    """The `values` (all parameters by name) of the contained problem as values of the container, which then predicts
+    the same; None where the one does not contain the other.
+    """
+    added = _added(container, contained, values)
+    if added is None:
+        return None
+    complete = {**values, **added}
+    free = {parameter.name: parameter for parameter in container.parameters}
+    if not complete.keys() >= free.keys():
+        return None
+    for name, parameter in free.items():
+        value, prior = complete[name], parameter.prior
+        if parameter.fixed is not None and not math.isclose(parameter.fixed, value, rel_tol=1e-9):
+            return None
+        low, high = prior.support
+        place = float(prior.coordinate(np.array(max(value, 0.0) if prior.log else value)))
+        if parameter.free and not low <= place <= high:
+            return None
+    return {name: complete[name] for name in free}
+
+
+def _added(container: Problem, contained: Problem, values: Values) -> Values | None:
+    wide, narrow = container.model, contained.model
+    more = set(wide.parameter_names) - set(narrow.parameter_names)
+    if wide.absent_is_zero and narrow.absent_is_zero:
+        alike = type(wide) is type(narrow) and wide.options == narrow.options
+        contains = alike and set(narrow.parameter_names) < set(wide.parameter_names)
+        return dict.fromkeys(more, 0.0) if contains else None
+    if wide.options.keys() != narrow.options.keys() or not wide.options:
+        return None
+    added: dict[str, float] = {}
+    for closure, option in wide.options.items():
+        if option == narrow.options[closure]:
+            continue
+        known = CLOSURES.get((closure, option, narrow.options[closure]))
+        if known is None:
+            return None
+        if closure == "inertia" and "mass_ratio" not in values:
+            return None
+        added |= known(values)
+    return added
+
+
+def settled_words(score: ModelScore, others: Sequence[str]) -> str:
+    """That a model was searched again from what those it contains had found."""
+    return (
+        f"{score.name} contains {' and '.join(others)} and had fitted worse, which no maximum can: it was searched "
+        f"again from theirs, and its log posterior is {score.fit.point.log_posterior:.2f} now"
+    )
+
+
+def alarm_words(name: str, others: Sequence[str]) -> str:
+    """That a model fits worse than what it contains even so."""
+    return (
+        f"ALARM: {name} contains {' and '.join(others)} and fits worse even so: its maximum was not found, and "
+        "nothing said of it here holds"
+    )
+
+
+def overtaken(score: ModelScore, others: Sequence[ModelScore]) -> dict[str, list[Values]]:
+    """Models of `others` that `score`'s model contains and that fit better all the same, with the values from which
+    its search has to begin anew.
+
+    Either its maximum of the posterior lies below its own density at what they found, or its likelihood without
+    priors has a lower maximum than theirs.
+    """
+    problem = score.fit.problem
+    better = {}
+    for other in others:
+        fits = (other.fit.point.values, other.fit.least_squares.values)
+        starts = [start for values in fits if (start := as_container(problem, other.fit.problem, values)) is not None]
+        if other is not score and starts and _loses(score, other, starts):
+            better[other.name] = starts
+    return better
+
+
+def _loses(score: ModelScore, other: ModelScore, starts: Sequence[Values]) -> bool:
+    problem = score.fit.problem
+    rows = np.array([[start[name] for name in problem.free_names] for start in starts])
+    density = log_posterior(problem, problem.to_coordinates(rows))
+    if np.any(density > score.fit.point.log_posterior + SETTLED):
+        return True
+    mine, theirs = score.criteria, other.criteria
+    return mine is not None and theirs is not None and mine.log_likelihood < theirs.log_likelihood - SETTLED
+
+
+# What each model of a comparison says of a parameter, beside the mixture of them by stacking weights. The draws are
+# those that the comparison has already; nothing is fitted.
+
+# Draws of each model.
+DRAWS = 4000
+# Share of a model's draws that must give a quantity for it to be told.
+TOLD = 0.9
+LEVELS = np.array([0.025, 0.5, 0.975])
+
+
+def over_models(models: Sequence[ModelScore], stacking: Mapping[str, float]) -> dict[str, Quantity]:
+    """Every quantity that at least two of the models, best first, have."""
+    drawn: dict[str, dict[str, FloatArray]] = {}
+    units: dict[str, str] = {}
+    for score in models:
+        units |= {estimate.name: estimate.unit for estimate in score.fit.estimates}
+        for name, column in _quantities(score).items():
+            drawn.setdefault(name, {})[score.name] = column
+    best = models[0].loo.elpd
+    as_good = [score.name for score in models if not elpd_difference(best, score.loo.elpd).sure]
+    return {
+        name: _quantity(columns, units.get(name, ""), stacking, as_good)
+        for name, columns in drawn.items()
+        if len(columns) > 1
+    }
+
+
+def _quantities(score: ModelScore) -> dict[str, FloatArray]:
+    """Draws (draws,) of each quantity of a model."""
+    assert score.fit.posterior is not None
+    problem, values = score.fit.problem, thinned(score.fit.posterior, DRAWS)
+    columns = dict(zip(problem.free_names, values.T, strict=True))
+    for surface, rating in pace_by_surface(problem, values).items():
+        known = rating[np.isfinite(rating)]
+        if known.size >= TOLD * rating.size:
+            columns[f"{PACE} of {surface}" if surface else PACE] = known
+    return columns
+
+
+def _quantity(
+    columns: Mapping[str, FloatArray], unit: str, weights: Mapping[str, float], as_good: list[str]
+) -> Quantity:
+    by_model = {name: _summary(column, np.ones(column.size)) for name, column in columns.items()}
+    weight = sum(weights[name] for name in columns)
+    stacked = None
+    if weight > 0.0:
+        shares = [np.full(column.size, weights[name] / column.size) for name, column in columns.items()]
+        stacked = _summary(np.concatenate(list(columns.values())), np.concatenate(shares))
+    good = [name for name in columns if name in as_good]
+    over = span(by_model[good[0]], [(name, name, by_model[name]) for name in good[1:]]) if good else None
+    return Quantity(unit, by_model, stacked, min(weight, 1.0), tuple(good), over)
+
+
+def _summary(column: FloatArray, weights: FloatArray) -> Summary:
+    """Of draws (draws,) that count by `weights`."""
+    low, median, high = np.quantile(column, LEVELS, weights=weights, method="inverted_cdf").tolist()
+    mean = np.average(column, weights=weights)
+    return Summary(median, float(np.sqrt(np.average((column - mean) ** 2, weights=weights))), low, high)
+
+
+# Weights of several models from their pointwise predictive densities (Yao, Vehtari, Simpson and Gelman 2018).
+
+# Largest gain in mean log score an impact that any other mixture could still bring; far below what matters.
+GAP = 1e-5
+# The score comes within ln(models)/steps of the best (Cover 1984).
+STEPS = 300_000
+
+
+def stacking_weights(elpd: FloatArray) -> FloatArray:
+    """Weights (models,) on the simplex that maximise the mean log score of the mixture.
+
+    `elpd` is (impacts, models): log predictive density of each left-out impact. Cover's (1984) multiplicative steps
+    raise the score each time. It is concave, so the largest mean ratio of a model's density to the mixture's, less 1,
+    bounds what is left to gain. Raises FitError when that bound does not come down.
+    """
+    # Scaled by the best model of each impact: the weights do not change, and nothing overflows.
+    density = np.exp(elpd - elpd.max(axis=1, keepdims=True))
+    weights: FloatArray = np.full(elpd.shape[1], 1.0 / elpd.shape[1])
+    for _ in range(STEPS):
+        ratio = (density / (density @ weights)[:, None]).mean(axis=0)
+        if float(ratio.max()) - 1.0 < GAP:
+            return weights
+        weights = weights * ratio
+    raise FitError(f"stacking weights did not settle (a gain of {ratio.max() - 1.0:.1g} an impact is left)")
+
 
 # Fewer impacts than this leave nothing to compare: one left out of two is a fit to a single bounce.
 LEAST_IMPACTS = 3
