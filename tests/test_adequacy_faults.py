@@ -23,9 +23,8 @@ from fitball.inference.assemble import qualified
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.adequacy import Answer
-from fitball.inference.results.assumptions import Alternative, Assumptions
+from fitball.inference.results.assumptions import Alternative, Assumptions, ElpdDifference
 from fitball.inference.results.results import Verdict
-from fitball.inference.results.score_difference import ElpdDifference
 from fitball.models.registry import model
 from fitball.values import Ball, Impacts
 

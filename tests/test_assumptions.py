@@ -11,7 +11,7 @@ from scipy.stats import norm
 
 import fitball
 from fitball.data.read import load_table
-from fitball.inference.adequacy.loo_pit import loo_pit
+from fitball.inference.adequacy.made_tables import loo_pit
 from fitball.inference.assemble import qualified
 from fitball.inference.assumptions.look import ROWS, Compared, Fitted, alternatives, assumptions_generator, look
 from fitball.inference.identifiability.fisher import about
@@ -20,10 +20,9 @@ from fitball.inference.likelihood.posterior import pointwise
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.prediction.new_impacts import predict_new
 from fitball.inference.prediction.over_assumptions import with_assumptions
-from fitball.inference.results.assumptions import MOVED, Summary, reach, span
+from fitball.inference.results.assumptions import MOVED, Summary, elpd_difference, reach, span
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Posterior, Verdict
-from fitball.inference.results.score_difference import elpd_difference
 from fitball.inference.sampling.importance import equal_draws, importance_posterior, smoothed_elpd
 
 GRIPS_OFF_CENTRE = {**TWO_MASS, "mu": 0.53, "eps_10": 5.5e-3}

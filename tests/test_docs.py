@@ -42,7 +42,7 @@ from fitball.inference.prediction.extrapolation import SLACK
 from fitball.inference.problem import force_records, measurement_noise
 from fitball.inference.problem import pooling as levels
 from fitball.inference.problem.parameters import NOISE_SPECS
-from fitball.inference.results import adequacy, fitted_model, score_difference
+from fitball.inference.results import adequacy, fitted_model
 from fitball.inference.results import assumptions as assumption_values
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT, RunStatus, Verdict
 from fitball.inference.results.source import COUNTS, NUMBERS
@@ -89,8 +89,8 @@ DECIDING = {
     "expected spread between levels": levels.EXPECTED_SPREAD,
     "expected group offset in noises": levels.EXPECTED,
     "Pareto k": loo.K_TRUSTED,
-    "sure difference in standard errors": score_difference.SURE_ERRORS,
-    "sure difference": score_difference.SURE_SIZE,
+    "sure difference in standard errors": assumption_values.SURE_ERRORS,
+    "sure difference": assumption_values.SURE_SIZE,
     "effective draws of a quick fit": importance.ENOUGH,
     "effective draws of a quick fit, at least": importance.LEAST,
     "impacts up to which alternatives are drawn": assumptions_look.ROWS,

@@ -14,8 +14,8 @@ from fitball.data.scene import load_scene
 from fitball.errors import FitError
 from fitball.inference.calibrate import run
 from fitball.inference.comparison.cross_validation import IMPACTS, leave_out, make_folds
-from fitball.inference.comparison.information_criteria import criteria
 from fitball.inference.comparison.psis_loo import leave_one_out, refitted_elpd, smoothed_elpd
+from fitball.inference.comparison.results import criteria
 from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import impact_terms, log_posterior, pointwise
 from fitball.inference.point.point_fit import point_fit

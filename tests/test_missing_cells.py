@@ -21,7 +21,7 @@ from fitball.errors import FitError, ResultFolderError
 from fitball.inference.adequacy.describe import largest_misfits
 from fitball.inference.adequacy.looks import distributions, links
 from fitball.inference.adequacy.refit import refit
-from fitball.inference.comparison.information_criteria import criteria
+from fitball.inference.comparison.results import criteria
 from fitball.inference.identifiability.examine import active_impacts
 from fitball.inference.identifiability.fisher import fisher_information
 from fitball.inference.identifiability.profile import coverage

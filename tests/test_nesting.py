@@ -14,7 +14,7 @@ from fitball.data.scene import load_scene
 from fitball.inference import calibrate
 from fitball.inference.comparison.candidates import build_candidates
 from fitball.inference.comparison.compare import _status, as_container, compare, overtaken
-from fitball.inference.comparison.information_criteria import Criteria
+from fitball.inference.comparison.results import Criteria
 from fitball.inference.effort import Effort
 from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.maximum_posterior import maximum_posterior

@@ -12,9 +12,8 @@ from scipy.special import chdtrc, chdtri, ndtr, ndtri, stdtr, stdtrit
 
 from fitball.data.scene import NO_SPIN_SD, NO_VELOCITY_SD
 from fitball.inference.adequacy.directions import Direction, directions
-from fitball.inference.adequacy.loo_pit import LEFT_OUT
 from fitball.inference.adequacy.looks import Look, family, farthest, spanned, standardised
-from fitball.inference.adequacy.made_tables import look_at
+from fitball.inference.adequacy.made_tables import LEFT_OUT, look_at
 from fitball.inference.adequacy.refit import EVERY, Refit, influence, refit
 from fitball.inference.adequacy.words import (
     ALL,
@@ -40,9 +39,8 @@ from fitball.inference.results.adequacy import (
     Misfit,
     NoiseCheck,
 )
-from fitball.inference.results.assumptions import Alternative, Assumptions
+from fitball.inference.results.assumptions import SURE_ERRORS, Alternative, Assumptions
 from fitball.inference.results.results import PointFit, Posterior
-from fitball.inference.results.score_difference import SURE_ERRORS
 from fitball.values import FloatArray
 
 # How large is the noise that the residuals show, against what was stated, or what was expected?

@@ -20,9 +20,8 @@ from fitball.inference.problem.noise import KINDS, NoiseKind
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Choices, Problem
 from fitball.inference.problem.subsample import thinned_problem
-from fitball.inference.results.assumptions import Alternative, Assumptions, Span, Summary, span
+from fitball.inference.results.assumptions import FEW, Alternative, Assumptions, Span, Summary, elpd_difference, span
 from fitball.inference.results.results import PointFit, Posterior, thinned
-from fitball.inference.results.score_difference import FEW, elpd_difference
 from fitball.inference.sampling.importance import (
     K_TRUSTED,
     WeightedDraws,

@@ -19,9 +19,8 @@ from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.prediction.court_pace import pace_by_surface
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.assumptions import PACE, Quantity, Summary, span
+from fitball.inference.results.assumptions import FEW, PACE, Quantity, Summary, elpd_difference, span
 from fitball.inference.results.results import RunStatus, thinned
-from fitball.inference.results.score_difference import FEW, elpd_difference
 from fitball.models.kernels.contact import tied_inertia_split
 from fitball.scheduling.engine import Engine
 from fitball.values import FloatArray

@@ -11,9 +11,8 @@ import numpy as np
 from fitball.inference.calibrate import run
 from fitball.inference.comparison.candidates import Candidate
 from fitball.inference.comparison.cross_validation import FOLLOWED, Fold, leave_out
-from fitball.inference.comparison.information_criteria import criteria
 from fitball.inference.comparison.psis_loo import leave_one_out
-from fitball.inference.comparison.results import ModelScore
+from fitball.inference.comparison.results import ModelScore, criteria
 from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.scheduling.engine import Engine
