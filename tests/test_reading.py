@@ -403,3 +403,16 @@ def test_a_scene_made_in_python_is_asked_about_too(spins):
     heavy = replace(load_scene("wang_zero_spin"), ball=misread.sphere(15.0, 0.12, 0.4))
     with pytest.raises(fitball.FitballError, match=r"ball.mass = 15 is far from any"):
         fitball.calibrate(table, model="grip-slip", scene=heavy, point_only=True)
+
+
+@pytest.mark.filterwarnings("error")
+def test_quotients_of_speeds_of_next_to_nothing_are_no_warning(tmp_path):
+    """They are infinite, of both signs where a reading turns one of them."""
+    table = tmp_path / "t.csv"
+    table.write_text(
+        "v_1 [mph],theta_1 [deg],v_2 [mph],theta_2 [deg]\n"
+        "5e-324,18.2,28.0,20.1\n5e-324,22.9,29.1,25.0\n5e-324,,x,37.4\n",
+        encoding="utf-8",
+    )
+    with pytest.raises(TableError, match="read 0 mph"):
+        fitball.load_table(table)

@@ -401,7 +401,9 @@ def columns_of(table: ImpactTable) -> dict[str, FloatArray]:
 def _restitution(motion: Motion) -> float | None:
     if motion.v_y1 is None or motion.v_y2 is None:
         return None
-    return float(np.median(quotient(motion.v_y2, motion.v_y1)))
+    # Quotients by next to nothing are infinite, of both signs: their median is no number, and nothing plausible.
+    with np.errstate(invalid="ignore"):
+        return float(np.median(quotient(motion.v_y2, motion.v_y1)))
 
 
 def _plausible(columns: Columns, motion: Motion) -> bool:
