@@ -103,3 +103,13 @@ def test_rows_that_are_nearly_the_same_are_a_note() -> None:
     copies, near = said(again)
     assert copies is None and near is not None and "are they the same impacts?" in near
     assert check(again).ok
+
+
+@pytest.mark.filterwarnings("error")
+def test_digits_that_no_double_has_are_no_step(tmp_path: Path) -> None:
+    """A cell of 400 digits: its last one is below the smallest number there is."""
+    long = f"0.75{'1' * 400}"
+    rows = [f"{2.0 + 0.1 * k:.1f},{long if k == 3 else f'{1.2 + 0.06 * k:.2f}'}" for k in range(8)]
+    place = tmp_path / "drops.csv"
+    place.write_text("\n".join(("drop_height,rebound_height", *rows)) + "\n", encoding="utf-8")
+    assert repeats_of(fitball.load_table(place), fitball.Ball()) == (None, None)

@@ -84,7 +84,9 @@ def _rows(table: ImpactTable, places: NDArray[np.int64]) -> str:
 
 def _step(values: FloatArray, step: float | None) -> FloatArray:
     """Which step each value is, or the value itself; a gap is a step of its own."""
-    return np.nan_to_num(values if step is None else np.rint(values / step), nan=np.inf)
+    # Digits beyond those of a double tell no more than its value.
+    least = np.finfo(np.float64).eps * np.max(np.abs(np.nan_to_num(values)), initial=0.0)
+    return np.nan_to_num(values if step is None or step < least else np.rint(values / step), nan=np.inf)
 
 
 def _chance(columns: Mapping[str, FloatArray], steps: Mapping[str, float], ball: Ball) -> float:
