@@ -23,7 +23,7 @@ from fitball.inference.adequacy.looks import distributions, links
 from fitball.inference.adequacy.refit import refit
 from fitball.inference.comparison.results import criteria
 from fitball.inference.identifiability.examine import active_impacts
-from fitball.inference.identifiability.fisher import fisher_information
+from fitball.inference.identifiability.information import fisher_information
 from fitball.inference.identifiability.profile import coverage
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior, pointwise
 from fitball.inference.likelihood.residuals import Weighting, default_noise, residual_slopes, residuals

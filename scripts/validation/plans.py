@@ -19,7 +19,7 @@ from fitball.inference.design.make_plan import Asked, make_plan
 from fitball.inference.design.results import Plan
 from fitball.inference.design.sensor import Sensor, as_before, parse_sensor
 from fitball.inference.design.target import Target, parse_target
-from fitball.inference.identifiability.fisher import about
+from fitball.inference.identifiability.information import about
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit
