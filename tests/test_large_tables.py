@@ -17,7 +17,7 @@ from fitball.data.scene import load_scene
 from fitball.inference.assumptions.known_before import prior_draws
 from fitball.inference.calibrate import run as calibrate_problem
 from fitball.inference.effort import Effort
-from fitball.inference.identifiability import fisher as information
+from fitball.inference.identifiability import information
 from fitball.inference.identifiability.examine import active_impacts
 from fitball.inference.likelihood.posterior import densities, log_posterior
 from fitball.inference.likelihood.residuals import IMPOSSIBLE
