@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from fitball.inference.prediction.curves import curves
+from fitball.inference.prediction.posterior_predictive import curves
 from fitball.inference.results.results import Curve, Fit
 from fitball.report.figures.canvas import (
     MOST_NAMED,
