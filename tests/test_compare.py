@@ -18,7 +18,7 @@ from fitball.errors import FitError, ModelError
 from fitball.inference.calibrate import run
 from fitball.inference.comparison.candidates import build_candidates, default_names, parse_name
 from fitball.inference.comparison.compare import compare
-from fitball.inference.comparison.published_sets import published_sets
+from fitball.inference.comparison.results import published_sets
 from fitball.inference.effort import Effort
 from fitball.inference.likelihood.residuals import Weighting
 from fitball.inference.point.lmfit_minimiser import Minimiser
@@ -55,7 +55,7 @@ def duel(monkeypatch):
     """A function that compares models by densities alone: the refits without some impacts have tests of their own."""
     search_briefly(monkeypatch)
     monkeypatch.setattr("fitball.inference.comparison.compare.make_folds", lambda _table, _rng: ((), []))
-    monkeypatch.setattr("fitball.inference.comparison.scoring.criteria", lambda _problem, _starts: None)
+    monkeypatch.setattr("fitball.inference.comparison.compare.criteria", lambda _problem, _starts: None)
     return compared
 
 
@@ -252,7 +252,7 @@ def test_a_pareto_k_without_a_number_is_null_in_json(brief):
 def test_words_of_a_duel(monkeypatch, brief):
     """The paragraph on Wang's zero-spin impacts, from chains too short to converge: signs, units, counts."""
     table, scene = load_table("wang_zero_spin.csv"), load_scene("wang_zero_spin.csv")
-    monkeypatch.setattr("fitball.inference.comparison.scoring.criteria", lambda _problem, _starts: None)
+    monkeypatch.setattr("fitball.inference.comparison.compare.criteria", lambda _problem, _starts: None)
     effort = Effort(seed=1, max_steps=150, ensembles=2, cores=1)
     found = compare(
         table, build_candidates(table, scene, ("brody", "two-mass+torsion=rigid")), effort, engine(1), quick=True
