@@ -119,8 +119,8 @@ def _lines(plan: Plan, gains: FloatArray, title: str) -> Figure:
     axis.set_xlabel("speed [m/s]" if over_speed else f"angle [deg], at {found.speeds[0]:.4g} m/s")
     axis.set_ylabel("gain of one impact [nats]")
     axis.set_ylim(bottom=0.0)
-    axis.grid(alpha=0.3)
+    axis.grid()
     if found.spins.size > 1:
-        axis.legend(fontsize=9)
-    figure.suptitle(verbatim(title), fontsize=12)
+        axis.legend()
+    figure.suptitle(verbatim(title))
     return figure
