@@ -24,8 +24,7 @@ from fitball.errors import ResultFolderError
 from fitball.report.fit.document import render
 from fitball.report.fit.folder import prepare_folder, render_json, write_all
 from fitball.report.fit.rows import balance_table, prediction_table, thesis_rows
-from fitball.report.form.numbers import HANDY, THESIS, decimals, fixed, significant
-from fitball.report.form.parameters import parameter_row
+from fitball.report.form.numbers import HANDY, THESIS, decimals, fixed, parameter_row, significant
 from fitball.report.saved.fit_file import fit_text
 
 

@@ -22,7 +22,7 @@ from fitball.report.fit.pace import (
     surface_words,
 )
 from fitball.report.form.document import Row
-from fitball.report.form.parameters import parameter_row
+from fitball.report.form.numbers import parameter_row
 from fitball.report.form.template import render_template
 
 # Rows of a table that one page has room for, in two halves; and lines of remarks.

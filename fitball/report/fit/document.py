@@ -25,8 +25,18 @@ from fitball.report.fit.rows import (
     thesis_rows,
 )
 from fitball.report.form.document import Document, Part, Picture, Section, Table, Words, as_page, on_terminal
-from fitball.report.form.numbers import THESIS, Scale, digits, file_words, handy, output_scale
-from fitball.report.form.parameters import NOT_TOLD, TOLD, parameter_row, told_line
+from fitball.report.form.numbers import (
+    NOT_TOLD,
+    THESIS,
+    TOLD,
+    Scale,
+    digits,
+    file_words,
+    handy,
+    output_scale,
+    parameter_row,
+    told_line,
+)
 from fitball.version import versions_line
 from fitball.wording import speaking_to_command_line
 

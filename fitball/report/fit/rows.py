@@ -21,6 +21,7 @@ from fitball.report.fit.judged import named
 from fitball.report.form.document import MOST_ROWS, Row, Table, columns, term, wrapped
 from fitball.report.form.numbers import (
     THESIS,
+    ParameterRow,
     Scale,
     decimals,
     digits,
@@ -29,11 +30,13 @@ from fitball.report.form.numbers import (
     handy,
     listed,
     output_scale,
+    parameter_row,
     percent,
     plus_minus,
+    rounded,
     significant,
+    verdict_cell,
 )
-from fitball.report.form.parameters import ParameterRow, parameter_row, rounded, verdict_cell
 from fitball.wording import spoken
 
 # Sequence of slip and grip that is named without its probability.
