@@ -10,14 +10,17 @@ from dataclasses import dataclass
 from fitball.inference.results.drop_test import DropTest
 from fitball.inference.results.pace_rating import CourtPace
 from fitball.inference.results.results import Fit, Verdict
-from fitball.report.fit.drop import ball_rows, drop_lead, drop_remarks, speed_rows
-from fitball.report.fit.pace import (
+from fitball.report.fit.itf_tests import (
+    ball_rows,
     category_words,
     court_lines,
+    drop_lead,
+    drop_remarks,
     pace_remarks,
     place_rows,
     rating_words,
     rests,
+    speed_rows,
     surface_rows,
     surface_words,
 )

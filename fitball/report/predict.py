@@ -46,7 +46,14 @@ def predict_document(
     title = "Measured against predicted: validation on unseen impacts"
     if seen:
         title = f"Measured against predicted: no validation, {seen} of {count} impacts are among those of the fit"
-    return Document("", parts, [*sections, Section("scores", title, score_parts(scores))])
+    rows = [["output", "impacts", "mean residual", "rms residual", "rms z", "within 68 %", "within 95 %"]]
+    for score in scores:
+        scale = output_scale(score.output)
+        sizes = (score.bias * scale.factor, score.rms * scale.factor, score.rms_z)
+        shares = ["-" if share is None else percent(share) for share in (score.within_68, score.within_95)]
+        rows.append([f"{score.output} [{scale.unit}]", str(score.impacts), *map(significant, sizes), *shares])
+    scored = Section("scores", title, [Table("Measured against predicted", rows)])
+    return Document("", parts, [*sections, scored])
 
 
 def _all() -> str:
@@ -183,17 +190,6 @@ def remarks_on(prediction: NewPrediction, row: int) -> list[str]:
             f"{percent(prediction.unsolved[row], fine=True)} of the draws cannot be solved there ({reasons}); {rest}."
         )
     return remarks
-
-
-def score_parts(scores: Sequence[ObservableScore]) -> list[Part]:
-    """Residuals and coverage of the measured columns."""
-    rows = [["output", "impacts", "mean residual", "rms residual", "rms z", "within 68 %", "within 95 %"]]
-    for score in scores:
-        scale = output_scale(score.output)
-        sizes = (score.bias * scale.factor, score.rms * scale.factor, score.rms_z)
-        shares = ["-" if share is None else percent(share) for share in (score.within_68, score.within_95)]
-        rows.append([f"{score.output} [{scale.unit}]", str(score.impacts), *map(significant, sizes), *shares])
-    return [Table("Measured against predicted", rows)]
 
 
 def _columns(output: OutputPrediction) -> dict[str, FloatArray]:

@@ -9,9 +9,8 @@ from fitball.inference.results.results import Fit, Verdict
 from fitball.inference.thesis.published_cases import CaseComparison, PublishedCase, compare_cases
 from fitball.observables import COMPARED, OBSERVABLES
 from fitball.report.figures.registry import FIGURES
-from fitball.report.fit.drop import drop_parts, lead_lines
+from fitball.report.fit.itf_tests import drop_parts, lead_lines, pace_parts
 from fitball.report.fit.judged import adequacy_parts, assumption_parts, evidence_parts
-from fitball.report.fit.pace import pace_parts
 from fitball.report.fit.rows import (
     balance_table,
     budget_rows,
