@@ -20,8 +20,7 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitballError, ParameterError
 from fitball.exports.certificate import certificate
-from fitball.inference.prediction.court_pace import court_pace
-from fitball.inference.prediction.measured_pace import measured_pace
+from fitball.inference.prediction.court_pace import court_pace, measured_pace
 from fitball.inference.problem.build import Choices
 from fitball.inference.problem.priors import parse_prior
 from fitball.inference.results.drop_test import BallRebound
