@@ -24,9 +24,8 @@ from fitball.report.fit.itf_tests import (
     surface_rows,
     surface_words,
 )
-from fitball.report.form.document import Row
+from fitball.report.form.document import Row, render_template
 from fitball.report.form.numbers import parameter_row
-from fitball.report.form.template import render_template
 
 # Rows of a table that one page has room for, in two halves; and lines of remarks.
 MOST_ROWS, MOST_PLACES, MOST_REMARKS = 24, 12, 9
