@@ -112,7 +112,7 @@ from dataclasses import replace
 from fitball.inference.calibrate import compile_ahead
 from fitball.models.kernels import bounce, derivative
 from fitball.models.kernels.compiled import on_disk
-from fitball.first_compile import when_compiling
+from fitball.environment import when_compiling
 from fitball.bench.problems import posed
 told = []
 when_compiling(lambda compiling: told.append(compiling.kernel) if compiling else None)

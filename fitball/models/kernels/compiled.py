@@ -33,7 +33,7 @@ from numba.core.serialize import dumps
 from numba.core.typing.templates import Signature as Kinds
 from numba.extending import intrinsic
 
-from fitball import first_compile
+from fitball import environment
 from fitball.values import FloatArray
 
 IDLE = (
@@ -357,14 +357,14 @@ class _Compilations(event.Listener):
             self.collected = gc.isenabled()
             gc.disable()
             folder = dispatcher.stats.cache_path
-            first_compile.tell(first_compile.Compiling(dispatcher.py_func.__name__, folder))
+            environment.tell(environment.Compiling(dispatcher.py_func.__name__, folder))
 
     def on_end(self, event: Any) -> None:  # noqa: ARG002 - numba's face
         """It is compiled, or failed."""
         if self.kernels.pop():
             if self.collected:
                 gc.enable()
-            first_compile.tell(None)
+            environment.tell(None)
 
 
 event.register("numba:compile", _Compilations())
