@@ -26,7 +26,7 @@ from fitball.inference.results.drop_test import (
     share_within,
 )
 from fitball.inference.results.results import PointFit, Posterior
-from fitball.report.fit.drop import ball_rows, drop_lead, drop_remarks, speed_rows, type_rows
+from fitball.report.fit.itf_tests import ball_rows, drop_lead, drop_remarks, speed_rows, type_rows
 from fitball.values import Ball, Impacts
 
 V0 = 7.058171
