@@ -190,6 +190,17 @@ def test_a_point_fit_in_the_cold_is_rated_once(grip_slip_fit):
     assert len(met) > 1
 
 
+def test_the_error_of_the_thermometer_is_one_of_the_rating(grip_slip_fit):
+    """0.45 points a degree, ITF CS 01/02."""
+    widths = []
+    for sd in (0.0, 10.0):
+        scene = replace(grip_slip_fit.problem.scene, ball_temperature=23.0, ball_temperature_sd=sd)
+        problem = replace(grip_slip_fit.problem, scene=scene)
+        found = court_pace(problem, grip_slip_fit.point, grip_slip_fit.posterior, np.random.default_rng(1))
+        widths.append((found.ratings[0].rating.q84 - found.ratings[0].rating.q16) / 2.0)
+    assert widths[1] == pytest.approx(np.hypot(widths[0], 4.5), rel=0.1)
+
+
 def oblique(mu, speeds, tmp_path):
     """A brody fit to impacts of a ball without spin that slides or rolls, at these speeds and 16 to 40 degrees."""
     rows = []
