@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from fitball.data.bundled import bundled_names, bundled_tables
-from fitball.data.force_file import find_force
+from fitball.data.force import find_force
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.scene_keys import KEYS, Kind, range_fault

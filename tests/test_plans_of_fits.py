@@ -13,9 +13,8 @@ from nested_monte_carlo import Planned, nested_gain
 from test_design import first_order, posterior_from
 
 import fitball
-from fitball.data.join import joined
 from fitball.data.lines import Range, parse_range
-from fitball.data.read import load_table
+from fitball.data.read import joined, load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitError, ParameterError
 from fitball.inference.design.gain import nothing_measured, over_draws

@@ -16,7 +16,7 @@ from samples import problem_of
 
 import fitball
 from fitball.cli.main import main
-from fitball.data.join import load_tables
+from fitball.data.read import load_tables
 from fitball.data.scene import Scene
 from fitball.errors import ParameterError, ResultFolderError
 from fitball.inference.calibrate import run

@@ -16,8 +16,8 @@ from math import comb, log
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.data.cells import Findings
 from fitball.data.columns import ANGLES, COLUMNS, FLIPPABLE, FROM_NORMAL, REBOUND, SD_SUFFIX
-from fitball.data.findings import Findings
 from fitball.data.laws import Columns, Misfit, Motion, chosen_rows, misfit, missing_above, motion_of, signed, unsigned
 from fitball.data.numbers import NumberColumn
 from fitball.data.scene import Scene

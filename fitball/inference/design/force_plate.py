@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.data.force_file import ForceRecord
+from fitball.data.force import ForceRecord
 from fitball.inference.design.knowledge import Knowledge
 from fitball.inference.likelihood.force import force_information_rows, mean_forces
 from fitball.inference.problem.force_records import ForceRecords, averaged
