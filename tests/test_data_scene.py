@@ -4,7 +4,6 @@ import dataclasses
 import json
 import pickle
 import tomllib
-from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from fitball.data.bundled import bundled_names, bundled_tables
 from fitball.data.force import find_force
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
-from fitball.data.scene_keys import KEYS, Kind, range_fault
+from fitball.data.scene_keys import KINDS, SIZES, Kind, range_fault
 from fitball.errors import SceneError, TableError
 from fitball.inference.problem.build import Choices, build_problem
 
@@ -207,24 +206,16 @@ def test_scenes_of_wang(name: str) -> None:
     assert "Wang" in scene.citation and "Texas A&M" in scene.citation
 
 
-def schema_keys(node: Mapping[str, Any], section: str = "") -> dict[str, Kind | None]:
-    """The keys of the schema by dotted name; of free names the kind of section is not told (None)."""
-    kinds = {f"#/$defs/{kind.name.lower()}": kind for kind in Kind}
-    names: dict[str, Kind | None] = {}
-    for name, child in node["properties"].items():
-        if "properties" in child:
-            assert child["additionalProperties"] is False
-            names |= schema_keys(child, f"{name}.")
-        else:
-            names[section + name] = Kind.TEXT if "enum" in child else kinds.get(child.get("$ref"))
-    return names
-
-
-def test_schema_and_reader_know_the_same_keys() -> None:
+def test_the_schema_is_one_and_a_field_or_the_reader_takes_each_key() -> None:
+    """The reader's keys are the schema's; what no field takes is made into one."""
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
     assert SCHEMA["additionalProperties"] is False
-    free = (Kind.FREE_TEXTS, Kind.FREE_NUMBERS, Kind.FREE_PRIORS)
-    assert schema_keys(SCHEMA) == {name: None if key.kind in free else key.kind for name, key in KEYS.items()}
+    assert all(node.get("additionalProperties") is not None for node in SCHEMA["properties"].values())
+    made = {"ball.mass", "ball.radius", "ball.inertia", "ball.inertia_ratio", "ball.temperature", "surface.mu"}
+    made |= {"contact_time.value", "contact_time.sd"}
+    named = {item.metadata["key"] for item in dataclasses.fields(Scene) if item.metadata}
+    assert named | made == set(KINDS) and not named & made and set(SIZES) <= set(KINDS)
+    assert (KINDS["surface.mu"], KINDS["fix"], KINDS["pool"]) == (Kind.QUANTITY, Kind.NUMBERS, Kind.TEXTS)
 
 
 def test_schema_and_reader_refuse_the_same_files(tmp_path: Path) -> None:

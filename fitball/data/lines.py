@@ -95,13 +95,12 @@ def _value(name: str, text: str, form: str) -> _Value:
             raise ParameterError(f"read '{text}', expected either a sign or a word for the sense of the spin")
         sense = _SENSES[words.pop().lower()]
     unit = parse_unit(" ".join(words) or None, dimension)
-    low, high, sd = (
-        None if matched[part] is None else unit.to_si(float(matched[part])) for part in ("low", "high", "sd")
-    )
-    ends = np.array([end for end in (low, high) if end is not None])
-    if low is None or not np.isfinite(ends).all():
+    numbers = {part: float(matched[part]) for part in ("low", "high", "sd") if matched[part] is not None}
+    if not all(map(isfinite, (numbers["low"], numbers.get("high", 0.0)))):
         raise ParameterError(f"read '{text}', expected a finite number")
-    refuse_beyond(name, ends)
+    low, high, sd = (unit.to_si(numbers[part]) if part in numbers else None for part in ("low", "high", "sd"))
+    assert low is not None
+    refuse_beyond(name, np.array([low if high is None else high, low]))
     if sd is not None:
         if not (isfinite(sd) and sd > 0.0):
             raise ParameterError(f"read '{text}', expected a positive standard deviation behind the sign")
@@ -224,7 +223,7 @@ def parse_window(text: str) -> dict[str, tuple[float, float]]:
             high = value.low if value.high is None else value.high
             ranged = value.high is not None
             if ranged == (name == "v_1") or (ranged and high <= value.low) or (value.count and not ranged):
-                wanted = "one speed" if name == "v_1" else "a rising range such as theta=10..80"
+                wanted = "one speed" if name == "v_1" else "a range that rises, such as theta=10..80"
                 raise ParameterError(f"{key}={written}: expected {wanted}")
             window[name] = value.low, high
         # Where one of the two is not named, any that can be stands for it.
