@@ -20,7 +20,7 @@ from fitball.data.heights import GROSS
 from fitball.data.kinematics import Uncertain, independent, velocity
 from fitball.data.numbers import Columns, NumberColumn
 from fitball.data.scene import Scene
-from fitball.observables import NOISE_OF, OBSERVABLES
+from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, quotient
 from fitball.visible import some
 from fitball.wording import option, spoken
@@ -353,25 +353,15 @@ def _reach(count: int) -> float:
 
 def _known(columns: Columns, scene: Scene) -> dict[str, Uncertain]:
     """The columns that count, each with its noise: as stated, or else as the scene expects it of the rebound."""
-    velocity_sd = scene.nominal_velocity_sd if scene.velocity_sd is None else scene.velocity_sd
     quantities = {}
     for name in (*independent(columns, "1"), *independent(columns, "2"), "omega_1", "omega_2"):
         if name not in columns:
             continue
-        values = columns[name].values
-        sd = np.zeros_like(values)
-        if name + SD_SUFFIX in columns:
-            sd = columns[name + SD_SUFFIX].values
-        elif name in NOISE_OF and (own := getattr(scene, NOISE_OF[name])) is not None:
-            sd = np.full_like(values, own)
-        elif name == "omega_2":
-            sd = np.full_like(values, scene.nominal_spin_sd)
-        elif name == "theta_2" and "v_2" in columns:
-            # The noise across the flight; none is finite of a ball that stands, which is a fault of its own.
-            sd = quotient(velocity_sd, np.abs(columns["v_2"].values))
-        elif name.endswith("2"):
-            sd = np.full_like(values, velocity_sd)
-        quantities[name] = Uncertain.measured(name, values, sd)
+        values, sd = columns[name].values, columns.get(name + SD_SUFFIX)
+        # Of an angle without its speed the noise is that of a velocity, in number.
+        speed = columns["v_2"].values if "v_2" in columns else np.ones_like(values)
+        expected = scene.noise_of(name, speed) if name.endswith("2") else np.zeros_like(values)
+        quantities[name] = Uncertain.measured(name, values, expected if sd is None else sd.values)
     return quantities
 
 

@@ -18,7 +18,18 @@ from numpy.typing import NDArray
 
 from fitball.data.cells import Findings
 from fitball.data.columns import ANGLES, COLUMNS, FLIPPABLE, FROM_NORMAL, REBOUND, SD_SUFFIX
-from fitball.data.laws import Columns, Misfit, Motion, chosen_rows, misfit, missing_above, motion_of, signed, unsigned
+from fitball.data.laws import (
+    Columns,
+    Misfit,
+    Motion,
+    chosen_rows,
+    columns_of,
+    misfit,
+    missing_above,
+    motion_of,
+    signed,
+    unsigned,
+)
 from fitball.data.numbers import NumberColumn
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
@@ -383,19 +394,6 @@ def gaps_of_table(table: ImpactTable, ball: Ball) -> str | None:
 def doubt_of_table(table: ImpactTable, ball: Ball) -> Doubt | None:
     """`doubt_of` a table that has been read."""
     return doubt_of(columns_of(table), table.units, ball)
-
-
-def columns_of(table: ImpactTable) -> dict[str, FloatArray]:
-    """The columns of a table; of the incident ones those that it was read from."""
-    impacts = table.impacts
-    state = {
-        "v_x1": impacts.v_x1, "v_y1": impacts.v_y1, "omega_1": impacts.omega_1,
-        "v_1": impacts.speed, "theta_1": impacts.angle,
-    }  # fmt: skip
-    if {"v_x1", "v_y1"} <= table.units.keys():
-        state = {name: state[name] for name in ("v_x1", "v_y1", "omega_1")}
-    found = {name: values for name, values in state.items() if name in table.units}
-    return found | {item.name: item.values for item in (*table.measurements, *table.redundant)}
 
 
 def _restitution(motion: Motion) -> float | None:

@@ -1,7 +1,6 @@
-"""Reading impact tables: from files to one checked, frozen `ImpactTable` in SI units; several are joined, rows one
-below the other, each labelled with the table it came from. A table that comes to a fit is refused while another
-reading explains it much better. Rebounds that another program computed are read as they stand: units convert, nothing
-is mended.
+"""Reading impact tables: from files to one checked, frozen `ImpactTable` in SI units. A table that comes to a fit is
+refused while another reading explains it much better. Rebounds that another program computed are read as they stand:
+units convert, nothing is mended.
 """
 
 from __future__ import annotations
@@ -32,6 +31,7 @@ from fitball.data.columns import INCIDENT, LABELS, MEASURED, NUMBERS, REBOUND, S
 from fitball.data.header import Naming, naming, read_header, vocabulary, with_units
 from fitball.data.heights import speeds_of_heights
 from fitball.data.kinematics import Uncertain, covariance_matrix, independent, velocity
+from fitball.data.laws import repeats_of
 from fitball.data.misreading import check_flips, doubt_of, doubt_of_table, flip_columns, flips_of, gaps_of_table
 from fitball.data.numbers import (
     Columns,
@@ -43,14 +43,13 @@ from fitball.data.numbers import (
     without_empty,
     without_gaps,
 )
-from fitball.data.repeats import repeats_of
 from fitball.data.scene import Scene, load_scene
-from fitball.data.table import FrozenMapping, ImpactTable, Measurement, Notice, frozen
+from fitball.data.table import FrozenMapping, ImpactTable, Measurement, frozen, joined
 from fitball.data.text import frame_table, read_raw
 from fitball.data.units import Unit
-from fitball.errors import Fault, ParameterError, ReadingError, TableError
+from fitball.errors import Fault, ParameterError, ReadingError
 from fitball.kinds import checked
-from fitball.observables import INCIDENT_UNITS, OBSERVABLES, VELOCITIES
+from fitball.observables import OBSERVABLES, VELOCITIES
 from fitball.values import FloatArray, Impacts
 from fitball.visible import unguarded
 
@@ -67,8 +66,6 @@ FRAME = "DataFrame"
 PATHS = (str, os.PathLike)
 LEAST_IMPACTS = 2
 LONGEST_LABEL = 200
-# The label of the table that a row of several came from.
-ORIGIN = "table"
 
 
 @dataclass(frozen=True)
@@ -403,123 +400,6 @@ def _read_each(
         return load_table(source, scene=scene, flip=flip, columns=columns, units=units)
 
     return [read(source) for source in sources]
-
-
-def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
-    """The rows of all tables, with a label column `table` (names of files) when there are several.
-
-    Label columns that not all have are left empty where they are missing; a rebound column that some have is missing
-    in the others, and a notice tells. Raises TableError when incident columns or stated sds differ, or velocities are
-    told as components here and as speed and angle there.
-    """
-    if len(tables) == 1:
-        return tables[0]
-    first = tables[0]
-    faults = [fault for other in tables[1:] for fault in _differences(first, other)] + _rebound_faults(tables)
-    names = [table.name for table in tables]
-    faults += [f"table {name} is given twice" for name in sorted({n for n in names if names.count(n) > 1})]
-    if faults:
-        raise TableError(" + ".join(table.source for table in tables), map(Fault, faults))
-
-    labels = {
-        name: tuple(text for table in tables for text in table.labels.get(name, ("",) * len(table)))
-        for name in dict.fromkeys(name for table in tables for name in table.labels)
-    }
-    labels[ORIGIN] = tuple(table.name for table in tables for _ in range(len(table)))
-    v_x, v_y, omega = (np.concatenate([getattr(table.impacts, name) for table in tables]) for name in INCIDENT_UNITS)
-    sds = {name: frozen(np.concatenate([table.incident_sd[name] for table in tables])) for name in first.incident_sd}
-    return ImpactTable(
-        name="+".join(names),
-        source=" + ".join(table.source for table in tables),
-        digest=sha256("".join(table.digest for table in tables).encode()).hexdigest(),
-        ids=tuple(f"{table.name}:{name}" for table in tables for name in table.ids),
-        impacts=Impacts(v_x, v_y, omega, _stacked([table.impacts.cor for table in tables])),
-        incident_columns=first.incident_columns,
-        incident_sd=FrozenMapping(sds),
-        measurements=tuple(_stacked_measurement(name, tables) for name in _measured_columns(tables)),
-        redundant=(),
-        labels=FrozenMapping(labels),
-        units=first.units,
-        incident_covariance=_stacked([table.incident_covariance for table in tables]),
-        notices=(
-            *(Notice(f"{table.name}: {remark}") for table in tables for remark in table.remarks),
-            *_absent_columns(tables),
-        ),
-        flipped=tuple(f"{table.name}:{name}" for table in tables for name in table.flipped),
-        columns=first.columns,
-        files=tuple(place for table in tables for place in table.files),
-    )
-
-
-def _measured_columns(tables: Sequence[ImpactTable]) -> list[str]:
-    """Rebound columns that at least one table counts, in the order of all that there are."""
-    return [name for name in OBSERVABLES if any(table.measurement(name) for table in tables)]
-
-
-def _absent_columns(tables: Sequence[ImpactTable]) -> list[Notice]:
-    lacking = {name: [table.name for table in tables if table.measurement(name) is None]
-               for name in _measured_columns(tables)}  # fmt: skip
-    return [
-        Notice(f"{name} was not measured in {', '.join(names)}: what else was measured there counts", columns=(name,))
-        for name, names in lacking.items()
-        if names
-    ]
-
-
-def _stacked(columns: Sequence[FloatArray | None]) -> FloatArray | None:
-    """Columns one below the other; None unless all tables have it."""
-    present = [column for column in columns if column is not None]
-    return frozen(np.concatenate(present)) if len(present) == len(columns) else None
-
-
-def _stacked_measurement(name: str, tables: Sequence[ImpactTable]) -> Measurement:
-    """One column of all tables, NaN where one has it not."""
-    columns = [table.measurement(name) for table in tables]
-    nothing = [np.full(len(table), np.nan) for table in tables]
-    values = [gap if item is None else item.values for item, gap in zip(columns, nothing, strict=True)]
-    sds = [gap if item is None or item.sd is None else item.sd for item, gap in zip(columns, nothing, strict=True)]
-    stated = any(item is not None and item.sd is not None for item in columns)
-    return Measurement(name, frozen(np.concatenate(values)), frozen(np.concatenate(sds)) if stated else None)
-
-
-def _rebound_faults(tables: Sequence[ImpactTable]) -> list[str]:
-    """What keeps rebound columns of tables from being one column."""
-    faults = []
-    velocities = [name for name in _measured_columns(tables) if name in VELOCITIES]
-    if set(independent(velocities, "2")) != set(velocities):
-        told = "; ".join(
-            f"{', '.join(item.name for item in table.measurements if item.name in VELOCITIES) or 'none'} in "
-            f"{table.source}"
-            for table in tables
-        )
-        faults.append(
-            f"rebound velocities are told in different ways: {told}; expected the same columns, or some of them, in "
-            "all tables that are fitted together"
-        )
-    for name in _measured_columns(tables):
-        having = [(table, item) for table in tables if (item := table.measurement(name)) is not None]
-        stated = [table.source for table, item in having if item.sd is not None]
-        bare = [table.source for table, item in having if item.sd is None]
-        if stated and bare:
-            faults.append(
-                f"{name} has a stated sd in {stated[0]} and none in {bare[0]}; expected one in all tables that are "
-                "fitted together, or in none"
-            )
-    return faults
-
-
-def _differences(one: ImpactTable, other: ImpactTable) -> list[str]:
-    """What keeps incident columns of two tables from being the same columns."""
-    compared = (
-        ("incident columns", one.incident_columns, other.incident_columns),
-        ("stated sds of incident columns", tuple(one.incident_sd), tuple(other.incident_sd)),
-    )
-    return [
-        f"{what} differ: {', '.join(columns) or 'none'} in {one.source}, {', '.join(others) or 'none'} in "
-        f"{other.source}; expected the same in all tables that are fitted together"
-        for what, columns, others in compared
-        if columns != others
-    ]
 
 
 # What a program writes for an output it does not have.

@@ -11,6 +11,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fitball.data.bundled import resolve_table
 from fitball.data.heights import BALL_TYPES, like_tennis
 from fitball.data.scene_keys import (
@@ -29,8 +31,8 @@ from fitball.data.scene_keys import (
 from fitball.data.table import FrozenMapping
 from fitball.errors import ParameterError, SceneError, fault_list, suggestion
 from fitball.kinds import checked
-from fitball.observables import SHARED_SD
-from fitball.values import WANG_INERTIA_RATIO, WANG_MASS, WANG_RADIUS, Ball
+from fitball.observables import NOISE_OF, SHARED_SD
+from fitball.values import WANG_INERTIA_RATIO, WANG_MASS, WANG_RADIUS, Ball, FloatArray, quotient
 from fitball.visible import folded, kind_of
 from fitball.wording import option
 
@@ -133,6 +135,18 @@ class Scene:
     def tennis(self) -> bool:
         """Whether its ball is a tennis ball, by what is stated or by mass and size: the ITF's tests are of these."""
         return self.ball_type is not None or like_tennis(self.ball)
+
+    def noise_of(self, name: str, speed: FloatArray) -> FloatArray:
+        """One sd (impacts,) of a rebound column that no table states, as known or else expected: that of the column,
+        of the spin, or of a velocity, for an angle across the flight at this `speed` [m/s] (NaN where that is not
+        known, infinite of a ball that stands).
+        """
+        velocity = self.nominal_velocity_sd if self.velocity_sd is None else self.velocity_sd
+        own = getattr(self, NOISE_OF[name])
+        if own is None and name == "theta_2":
+            return quotient(velocity, np.abs(speed))
+        expected = self.nominal_spin_sd if name == "omega_2" else velocity
+        return np.full(len(speed), expected if own is None else own)
 
     @property
     def states_ball(self) -> bool:
