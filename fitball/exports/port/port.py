@@ -30,7 +30,7 @@ from fitball.exports.port.face import (
 )
 from fitball.exports.port.kernel_source import Constant, KernelSource, UnportableError, free_names, kernel_source
 from fitball.exports.port.translate import program_of, translated
-from fitball.inference.prediction.valid_range import GRAZING, TINY, ValidRange, restitution_range, valid_range
+from fitball.inference.prediction.reach import GRAZING, TINY, ValidRange, restitution_range, valid_range
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Golden
 from fitball.models.kernels.oscillator import SERIES_LENGTH
@@ -45,7 +45,7 @@ from fitball.version import __version__
 # which the search for transitions amplifies a hundredfold or so.
 SELF_TEST_TOLERANCE = 1e-12
 
-# Length of the first three arrays of the two-mass kernel's scratch; see `two_mass.make_scratch`.
+# Length of the first three arrays of the two-mass kernel's scratch; see `bounce.scratch_in`.
 SERIES_SIZE = max(SERIES_LENGTH, SIZE)
 
 WIDTH = 110
