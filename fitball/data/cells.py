@@ -276,6 +276,8 @@ _STATISTICS: Mapping[str, Callable[[Sequence[float]], float]] = {
     r"max|maximum": max,
     r"count|n": len,
 }
+# A group for each.
+_STATISTIC = re.compile(f"(?:{'|'.join(f'({words})' for words in _STATISTICS)})[.:]?", re.IGNORECASE)
 # Words that name people, balls and runs too: such a row is one of the table unless its numbers are the statistic.
 _NAMES = re.compile(r"(?:min|max|n|sum|sd|std)[.:]?", re.IGNORECASE)
 
@@ -304,9 +306,8 @@ def summaries(rows: Sequence[Sequence[str]]) -> dict[int, str]:
 
 
 def _statistic(word: str) -> Callable[[Sequence[float]], float] | None:
-    if len(word) > len("standardabweichung:"):
-        return None
-    return next((how for words, how in _STATISTICS.items() if re.fullmatch(f"(?:{words})[.:]?", word, re.I)), None)
+    found = _STATISTIC.fullmatch(word) if len(word) <= len("standardabweichung:") else None
+    return None if found is None or found.lastindex is None else [*_STATISTICS.values()][found.lastindex - 1]
 
 
 def _value(word: str, column: Numbers) -> tuple[float, float]:
