@@ -13,8 +13,7 @@ from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.quantiles import BAND_LEVELS, MOST_UNSOLVED
 from fitball.models.history import History
 from fitball.models.model import Model
-from fitball.models.names import FOLLOWED
-from fitball.models.specs import BALL_PARAMETERS
+from fitball.models.specs import BALL_PARAMETERS, FOLLOWED
 from fitball.models.types import regime_name
 from fitball.values import FloatArray, Impacts, numbers
 

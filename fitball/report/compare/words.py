@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from fitball.inference.comparison.cross_validation import GROUPS, IMPACTS
 from fitball.inference.comparison.results import Comparison, ModelScore
 from fitball.inference.prediction.outputs import OUTPUTS
-from fitball.models.names import DEFAULT_MODEL
+from fitball.models.specs import DEFAULT_MODEL
 from fitball.report.compare.rows import in_unit, schemes, scored_outputs
 from fitball.report.form.numbers import fixed, output_scale
 

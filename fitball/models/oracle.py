@@ -18,7 +18,7 @@ from typing import Protocol
 import numpy as np
 
 from fitball.errors import ParameterError
-from fitball.models.oracle.march import (
+from fitball.models.march import (
     DOUBLE,
     STEPS_PER_POLE_TIME,
     Arithmetic,
